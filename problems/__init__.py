@@ -1,0 +1,1 @@
+"""The plants and the named problems: one folder a plant."""

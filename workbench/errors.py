@@ -1,0 +1,43 @@
+"""The bench's own small family of errors.
+
+Every message says what was given, what is needed and, where there is something to do, what to do.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class WorkbenchError(Exception):
+    """Root of every error the workbench raises on purpose."""
+
+
+class InputError(WorkbenchError, ValueError):
+    """Data or parameters that a task cannot take."""
+
+
+class UnknownNameError(WorkbenchError, LookupError):
+    """A name that is not registered; the message suggests the nearest ones."""
+
+    def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
+        known = sorted(known)
+        near = difflib.get_close_matches(name, known, n=3, cutoff=0.5)
+        hint = f"did you mean {' or '.join(near)}?" if near else f"known: {', '.join(known) or '-'}"
+        super().__init__(f"no {kind} is called {name!r}; {hint}")
+
+
+class RegistryError(WorkbenchError):
+    """Problem files that contradict each other: duplicate names, cyclic needs, no literal name."""
+
+
+class SolverError(WorkbenchError):
+    """A method that gave no answer; the message carries the solver's own words."""
+
+
+class TimeLimitError(WorkbenchError):
+    """A method that was stopped at its time limit."""
+
+
+class ResultError(WorkbenchError):
+    """A results folder that cannot be read or that does not hold what it should."""
