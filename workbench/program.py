@@ -1,0 +1,361 @@
+"""The one idea.
+
+A `Program` is one family of optimisation problems: its data and a check of any answer.
+A *method* is anything that answers a Program; it is never believed.
+A `Certificate` says what was checked from the data alone, and by how much it holds.
+A `Study` is what has no method to choose: arrays, metrics and figures with checks of its own.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+import traceback
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from workbench.errors import InputError, TimeLimitError, UnknownNameError
+from workbench.executor import Context
+from workbench.solvers import ConicSolver, Options, Outcome, conic_solvers
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
+
+
+# --- certificates -----------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Check:
+    """One statement that must hold: a measured value that may not exceed a limit.
+
+    ``where`` names the place of the worst value, for instance a frequency.
+    """
+
+    name: str
+    statement: str
+    value: float
+    limit: float
+    where: str = ""
+
+    @property
+    def margin(self) -> float:
+        """By how much it holds; negative where it does not, NaN where the value is."""
+        return self.limit - self.value
+
+    @property
+    def holds(self) -> bool:
+        return self.value <= self.limit  # false for NaN
+
+
+@dataclass(frozen=True)
+class Gap:
+    """How far an answer may be from the best one, by a bound that no method supplied."""
+
+    statement: str
+    value: float
+    tolerance: float
+    required: bool
+
+    @property
+    def closed(self) -> bool:
+        return self.value <= self.tolerance
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """Validity checks, which must hold, and where there is one the optimality gap."""
+
+    checks: tuple[Check, ...]
+    gap: Gap | None = None
+
+    @property
+    def valid(self) -> bool:
+        return all(check.holds for check in self.checks)
+
+    @property
+    def holds(self) -> bool:
+        """Valid, and as good as the method claims."""
+        return self.valid and (self.gap is None or not self.gap.required or self.gap.closed)
+
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """A sentence for each thing that does not hold."""
+        failed = [
+            f"{check.name}: {check.value:.6g} exceeds {check.limit:.6g}"
+            + (f" {check.where}" if check.where else "")
+            for check in self.checks
+            if not check.holds
+        ]
+        if self.gap is not None and self.gap.required and not self.gap.closed:
+            failed.append(f"optimality gap: {self.gap.value:.3g} exceeds {self.gap.tolerance:.3g}")
+        return tuple(failed)
+
+    def to_json(self) -> dict[str, Any]:
+        checks = [asdict(check) | {"holds": check.holds} for check in self.checks]
+        gap = None if self.gap is None else asdict(self.gap) | {"closed": self.gap.closed}
+        return {"holds": self.holds, "valid": self.valid, "checks": checks, "gap": gap}
+
+    @classmethod
+    def from_json(cls, stored: Mapping[str, Any]) -> Certificate:
+        checks = (
+            Check(**{k: _number(v) for k, v in check.items() if k != "holds"})
+            for check in stored["checks"]
+        )
+        gap = stored["gap"]
+        return cls(
+            tuple(checks),
+            gap and Gap(**{k: _number(v) for k, v in gap.items() if k != "closed"}),
+        )
+
+
+def _number(value: Any) -> Any:
+    """JSON has no NaN or infinity; they are stored as their names."""
+    return float(value) if value in ("nan", "inf", "-inf") else value
+
+
+# --- programs and studies ---------------------------------------------------------------------
+
+
+class Task(ABC):
+    """What programs and studies share: an answer that can be checked, stored and shown."""
+
+    headline: ClassVar[str] = ""
+    """The metric that stands for the task in tables."""
+
+    @abstractmethod
+    def checks(self, answer: Any, tolerance: float) -> Sequence[Check]:
+        """Validity checks of an answer from the data alone, sharing no code with any method."""
+
+    def gap(self, answer: Any) -> tuple[str, float] | None:
+        """Relative optimality gap by an independent bound, and what it says; None without one."""
+        return None
+
+    @abstractmethod
+    def metrics(self, answer: Any) -> dict[str, float]:
+        """The numbers people quote."""
+
+    @abstractmethod
+    def figures(self, answer: Any) -> dict[str, Figure]:
+        """Figures by file stem; returned, never written."""
+
+    @abstractmethod
+    def to_dataset(self, answer: Any) -> xr.Dataset:
+        """Every array of question and answer, labelled, with units."""
+
+    @abstractmethod
+    def from_dataset(self, data: xr.Dataset) -> Any:
+        """The answer, read back."""
+
+    def certify(self, answer: Any, tolerance: float, *, optimal: bool = False) -> Certificate:
+        """Certificate of an answer; ``optimal`` when whoever gave it claims it is the best."""
+        gap = self.gap(answer)
+        return Certificate(
+            tuple(self.checks(answer, tolerance)),
+            gap and Gap(gap[0], gap[1], tolerance, required=optimal),
+        )
+
+
+class Program(Task):
+    """One family of optimisation problems. Subclasses are frozen dataclasses of its data."""
+
+    default_method: ClassVar[str]
+
+
+class Study(Task):
+    """Arrays, metrics and figures computed without a choice of method; its answer is a dataset."""
+
+    @abstractmethod
+    def compute(self, context: Context) -> xr.Dataset:
+        """The arrays."""
+
+    def to_dataset(self, answer: xr.Dataset) -> xr.Dataset:
+        return answer
+
+    def from_dataset(self, data: xr.Dataset) -> xr.Dataset:
+        return data
+
+
+# --- methods ----------------------------------------------------------------------------------
+
+Claim = tuple[Any, Outcome, str]
+"""What a method returns: an answer or None, what it says of it, and the solver's own words."""
+
+
+@dataclass(frozen=True)
+class Method:
+    """Anything that answers a Program.
+
+    ``optimal`` says that it claims the best answer; ``unfit`` returns the reason why it cannot
+    take a program, or None.
+    """
+
+    name: str
+    answer: Callable[[Any, Context], Claim]
+    optimal: bool
+    unfit: Callable[[Any], str | None]
+    help: str
+
+
+_METHODS: dict[type[Program], dict[str, Method]] = {}
+
+
+def _always_fit(program: Program) -> None:
+    return None
+
+
+def method(
+    program: type[Program],
+    name: str,
+    *,
+    optimal: bool,
+    unfit: Callable[[Any], str | None] = _always_fit,
+) -> Callable[[Callable[[Any, Context], Claim]], Callable[[Any, Context], Claim]]:
+    """Register ``function(program, context)`` as a method; its docstring is the method's help."""
+
+    def register(function: Callable[[Any, Context], Claim]) -> Callable[[Any, Context], Claim]:
+        text = (function.__doc__ or "").strip().partition("\n")[0]
+        _METHODS.setdefault(program, {})[name] = Method(name, function, optimal, unfit, text)
+        return function
+
+    return register
+
+
+def conic_method(
+    program: type[Program], *, unfit: Callable[[Any], str | None] = _always_fit
+) -> Callable[..., Any]:
+    """Register ``function(program, context, solver)`` once for every installed conic solver."""
+
+    def register(
+        function: Callable[[Any, Context, ConicSolver], Claim],
+    ) -> Callable[[Any, Context, ConicSolver], Claim]:
+        for solver in conic_solvers():
+
+            def with_solver(program: Any, context: Context, solver: ConicSolver = solver) -> Claim:
+                return function(program, context, solver)
+
+            with_solver.__doc__ = function.__doc__
+            method(program, solver.name, optimal=True, unfit=unfit)(with_solver)
+        return function
+
+    return register
+
+
+def methods(program: Program | type[Program]) -> dict[str, Method]:
+    """The methods registered on a Program, by name."""
+    cls = program if isinstance(program, type) else type(program)
+    return {
+        name: entry
+        for base in reversed(cls.__mro__)
+        for name, entry in _METHODS.get(base, {}).items()
+    }
+
+
+def find_method(program: Program, name: str | None) -> Method:
+    """The method of that name (None: the default), fit for this program.
+
+    Raises
+    ------
+    UnknownNameError
+        No method of that name is registered on the Program.
+    InputError
+        The method cannot take this program; the message says why.
+    """
+    known = methods(program)
+    name = name or program.default_method
+    if name not in known:
+        raise UnknownNameError(f"method of {type(program).__name__}", name, known)
+    reason = known[name].unfit(program)
+    if reason:
+        raise InputError(f"method {name!r} cannot take this {type(program).__name__}: {reason}")
+    return known[name]
+
+
+# --- the verb ---------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Solution:
+    """An answer, what its method claimed, and what the certificate says."""
+
+    answer: Any
+    claim: Outcome
+    message: str
+    certificate: Certificate | None
+    seconds: Mapping[str, float] = field(default_factory=dict)
+    trace: str = ""
+
+    @property
+    def outcome(self) -> Outcome:
+        """Set by the certificate, whatever the method said."""
+        if self.certificate is None:
+            return Outcome.FAILED if self.claim is Outcome.SOLVED else self.claim
+        if self.certificate.holds:
+            return Outcome.SOLVED
+        return Outcome.INACCURATE if self.certificate.valid else Outcome.FAILED
+
+
+def solve(
+    task: Task,
+    method: str | None = None,
+    options: Options | None = None,
+    context: Context | None = None,
+) -> Solution:
+    """Answer a Program by a method (or compute a Study) and certify the answer.
+
+    Foreign exceptions do not leak: a method that raises one has failed, with its words as message.
+
+    Raises
+    ------
+    UnknownNameError, InputError
+        As `find_method`; or a method was named for a Study, which has none.
+    """
+    context = context or Context(options or Options())
+    if isinstance(task, Program):
+        chosen = find_method(task, method)
+        respond, optimal = chosen.answer, chosen.optimal
+    elif isinstance(task, Study):
+        if method is not None:
+            raise InputError(f"{type(task).__name__} is a study: it has no method {method!r}")
+        respond, optimal = _compute, False
+    else:
+        raise InputError(f"a Program or a Study is needed, not {type(task).__name__}")
+
+    trace = ""
+    start = time.perf_counter()
+    try:
+        answer, claim, message = respond(task, context)
+    except TimeLimitError as error:
+        answer, claim, message = None, Outcome.TIME_LIMIT, str(error)
+    except Exception as error:
+        answer, claim, message = None, Outcome.FAILED, f"{type(error).__name__}: {error}"
+        trace = traceback.format_exc()
+    total = time.perf_counter() - start
+    # Whatever was not booked as statement is solve: a method without a statement books nothing.
+    stated = context.statement_seconds
+    seconds = {"statement": stated, "solve": total - stated}
+    if answer is None:
+        return Solution(None, claim, message, None, seconds, trace)
+
+    start = time.perf_counter()
+    certificate = task.certify(answer, context.options.accuracy, optimal=optimal)
+    seconds["check"] = time.perf_counter() - start
+    return Solution(answer, claim, message, certificate, seconds)
+
+
+def _compute(study: Study, context: Context) -> Claim:
+    return study.compute(context), Outcome.SOLVED, ""
+
+
+def worst(values: Any, labels: Callable[[tuple[int, ...]], str]) -> tuple[float, str]:
+    """The largest of an array of values (NaN counts as largest) and the label of its place."""
+    import numpy as np
+
+    values = np.atleast_1d(np.asarray(values, dtype=float))
+    place = np.unravel_index(
+        int(np.argmax(np.where(np.isnan(values), math.inf, values))), values.shape
+    )
+    return float(values[place]), labels(tuple(int(i) for i in place))

@@ -1,0 +1,230 @@
+"""Solvers by name, with one vocabulary of outcomes and options for all of them.
+
+A conic solver is described by data: how CVXPY calls it, how the accuracy asked for is told to it.
+Nothing here imports a solver before it is used.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any, Protocol
+
+from workbench.errors import InputError
+
+ACCURACY: Mapping[str, float] = {"low": 1e-3, "middle": 1e-6, "high": 1e-9}
+"""Accuracy levels: the relative optimality gap that a method which claims optimality must meet."""
+
+# Solvers stop on residuals of their own scaling; the gap we measure is larger by a small factor.
+_HEADROOM = 0.1
+
+
+class Outcome(StrEnum):
+    """What came of a question, in the same words for every solver."""
+
+    SOLVED = "solved"
+    INACCURATE = "inaccurate"
+    INFEASIBLE = "infeasible"
+    UNBOUNDED = "unbounded"
+    TIME_LIMIT = "time limit"
+    FAILED = "failed"
+
+    @property
+    def advice(self) -> str:
+        """One sentence on what to do."""
+        return _ADVICE[self]
+
+
+_ADVICE = {
+    Outcome.SOLVED: "The answer meets every check at the accuracy asked for.",
+    Outcome.INACCURATE: "The answer is valid but not as good as claimed: "
+    "ask for a lower accuracy or try another method.",
+    Outcome.INFEASIBLE: "No answer exists: relax a constraint or check the data.",
+    Outcome.UNBOUNDED: "The objective has no limit: a constraint or a bound is missing.",
+    Outcome.TIME_LIMIT: "Stopped by the clock: raise the time limit or try a faster method.",
+    Outcome.FAILED: "There is no valid answer: read the message, try another method.",
+}
+
+
+@dataclass(frozen=True)
+class Options:
+    """What may be asked of any method.
+
+    Parameters
+    ----------
+    tolerance
+        Relative accuracy, or the name of a level: "low" (1e-3), "middle" (1e-6), "high" (1e-9).
+    time_limit
+        Seconds; None for no limit.
+    verbose
+        Let the solver print.
+    seed
+        Seed of the one random generator.
+    """
+
+    tolerance: float | str = "middle"
+    time_limit: float | None = None
+    verbose: bool = False
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        tolerance = self.tolerance
+        if isinstance(tolerance, str):
+            try:
+                tolerance = ACCURACY[tolerance] if tolerance in ACCURACY else float(tolerance)
+            except ValueError:
+                raise InputError(
+                    f"tolerance {tolerance!r} is neither a number nor one of {', '.join(ACCURACY)}"
+                ) from None
+        if not 0 < tolerance < 1:
+            raise InputError(f"tolerance must lie between 0 and 1, not {tolerance}")
+        if self.time_limit is not None and not self.time_limit > 0:
+            raise InputError(f"time_limit must be positive [s], not {self.time_limit}")
+        if self.seed < 0:
+            raise InputError(f"seed must not be negative, it is {self.seed}")
+        object.__setattr__(self, "tolerance", float(tolerance))
+
+    @property
+    def accuracy(self) -> float:
+        """The tolerance as a number."""
+        return float(self.tolerance)
+
+
+class Stopwatch(Protocol):
+    """Where a solver call books the time of its statement, apart from that of its solve."""
+
+    def stating(self) -> AbstractContextManager[None]: ...
+
+
+@dataclass(frozen=True)
+class ConicSolver:
+    """A conic solver as CVXPY knows it, and how our options are told to it."""
+
+    name: str
+    module: str
+    settings: Callable[[Options], dict[str, Any]]
+
+    @property
+    def installed(self) -> bool:
+        return importlib.util.find_spec(self.module) is not None
+
+
+def _clarabel(options: Options) -> dict[str, Any]:
+    tolerance = _HEADROOM * options.accuracy
+    settings = dict.fromkeys(("tol_gap_abs", "tol_gap_rel", "tol_feas"), tolerance)
+    return settings | ({"time_limit": options.time_limit} if options.time_limit else {})
+
+
+def _scs(options: Options) -> dict[str, Any]:
+    tolerance = _HEADROOM * options.accuracy
+    settings = {"eps_abs": tolerance, "eps_rel": tolerance, "max_iters": 100_000}
+    return settings | ({"time_limit_secs": options.time_limit} if options.time_limit else {})
+
+
+def _cvxopt(options: Options) -> dict[str, Any]:
+    tolerance = _HEADROOM * options.accuracy
+    # The default KKT solver fails on control LMIs; this one is dense but right.
+    return {"abstol": tolerance, "reltol": tolerance, "feastol": tolerance, "kktsolver": "ldl"}
+
+
+_CONIC = (
+    ConicSolver("clarabel", "clarabel", _clarabel),
+    ConicSolver("scs", "scs", _scs),
+    ConicSolver("cvxopt", "cvxopt", _cvxopt),
+)
+
+
+def conic_solvers() -> tuple[ConicSolver, ...]:
+    """The installed conic solvers."""
+    return tuple(solver for solver in _CONIC if solver.installed)
+
+
+def solve_conic(
+    problem: Any, solver: ConicSolver, options: Options, stopwatch: Stopwatch
+) -> tuple[Outcome, str]:
+    """Solve a CVXPY problem in place; return its outcome and the solver's own status.
+
+    Compilation is booked as statement. Whatever the solver raises, a panic included, becomes
+    ``Outcome.FAILED`` with its words.
+    """
+    name = solver.name.upper()
+    try:
+        with stopwatch.stating():
+            data, chain, inverse = problem.get_problem_data(name)
+        raw = chain.solve_via_data(
+            problem,
+            data,
+            warm_start=False,
+            verbose=options.verbose,
+            solver_opts=solver.settings(options),
+        )
+        problem.unpack_results(raw, chain, inverse)
+    except (KeyboardInterrupt, SystemExit):
+        raise
+    except BaseException as error:  # a Rust panic is no Exception
+        return Outcome.FAILED, f"{type(error).__name__}: {error}"
+    return _CVXPY_STATUS.get(problem.status, Outcome.FAILED), f"{solver.name}: {problem.status}"
+
+
+_CVXPY_STATUS = {
+    "optimal": Outcome.SOLVED,
+    "optimal_inaccurate": Outcome.INACCURATE,
+    "infeasible": Outcome.INFEASIBLE,
+    "infeasible_inaccurate": Outcome.INFEASIBLE,
+    "infeasible_or_unbounded": Outcome.INFEASIBLE,
+    "unbounded": Outcome.UNBOUNDED,
+    "unbounded_inaccurate": Outcome.UNBOUNDED,
+    "user_limit": Outcome.TIME_LIMIT,
+}
+
+
+def ipopt(name: str, statement: Mapping[str, Any], options: Options) -> Any:
+    """A CasADi function that solves the nonlinear program ``{x, f, g, p}`` with IPOPT."""
+    import casadi
+
+    settings: dict[str, Any] = {
+        "ipopt.tol": _HEADROOM * options.accuracy,
+        "ipopt.print_level": 5 if options.verbose else 0,
+        "ipopt.sb": "yes",
+        "print_time": False,
+        # A failed solve is an outcome, reported by `ipopt_outcome`, not an exception.
+        "error_on_fail": False,
+    }
+    if options.time_limit is not None:
+        settings["ipopt.max_wall_time"] = options.time_limit
+    return casadi.nlpsol(name, "ipopt", dict(statement), settings)
+
+
+def ipopt_outcome(solver: Any) -> tuple[Outcome, str]:
+    """Outcome and own status of the last call of a function made by `ipopt`."""
+    status = solver.stats()["return_status"]
+    return _IPOPT_STATUS.get(status, Outcome.FAILED), f"ipopt: {status}"
+
+
+_IPOPT_STATUS = {
+    "Solve_Succeeded": Outcome.SOLVED,
+    "Solved_To_Acceptable_Level": Outcome.INACCURATE,
+    "Feasible_Point_Found": Outcome.INACCURATE,
+    "Search_Direction_Becomes_Too_Small": Outcome.INACCURATE,
+    "Maximum_Iterations_Exceeded": Outcome.FAILED,
+    "Infeasible_Problem_Detected": Outcome.INFEASIBLE,
+    "Diverging_Iterates": Outcome.UNBOUNDED,
+    "Maximum_CpuTime_Exceeded": Outcome.TIME_LIMIT,
+    "Maximum_WallTime_Exceeded": Outcome.TIME_LIMIT,
+}
+
+
+def versions() -> dict[str, str]:
+    """Versions of the solvers and numerical libraries that can change an answer."""
+    from importlib.metadata import PackageNotFoundError, version
+
+    found = {}
+    for package in ("casadi", "clarabel", "control", "cvxopt", "cvxpy", "numba", "numpy", "scipy"):
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            continue
+    return found
