@@ -1,0 +1,79 @@
+"""A research workbench for optimisation-centric robust control.
+
+Named problems, any solver, every answer certified from the data alone, every run a results folder.
+Nothing heavy is imported until it is used.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+__version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from workbench.api import compare, load, problems, results, run, verify
+    from workbench.bench.project import add_problems
+    from workbench.bench.registry import problem, ref
+    from workbench.bench.report import report
+    from workbench.bench.results import Run, open_run
+    from workbench.geometry import narrowest_stadium, smallest_circle
+    from workbench.program import Certificate, Check, Program, Solution, Study, method, solve
+    from workbench.solvers import Options, Outcome
+
+_HOME = {
+    "workbench.api": ("compare", "load", "problems", "results", "run", "verify"),
+    "workbench.bench.project": ("add_problems",),
+    "workbench.bench.registry": ("problem", "ref"),
+    "workbench.bench.report": ("report",),
+    "workbench.bench.results": ("Run", "open_run"),
+    "workbench.geometry": ("narrowest_stadium", "smallest_circle"),
+    "workbench.program": (
+        "Certificate",
+        "Check",
+        "Program",
+        "Solution",
+        "Study",
+        "method",
+        "solve",
+    ),
+    "workbench.solvers": ("Options", "Outcome"),
+}
+_MODULE = {name: module for module, names in _HOME.items() for name in names}
+
+__all__ = [
+    "Certificate",
+    "Check",
+    "Options",
+    "Outcome",
+    "Program",
+    "Run",
+    "Solution",
+    "Study",
+    "__version__",
+    "add_problems",
+    "compare",
+    "load",
+    "method",
+    "narrowest_stadium",
+    "open_run",
+    "problem",
+    "problems",
+    "ref",
+    "report",
+    "results",
+    "run",
+    "smallest_circle",
+    "solve",
+    "verify",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _MODULE:
+        raise AttributeError(f"module 'workbench' has no attribute {name!r}")
+    return getattr(importlib.import_module(_MODULE[name]), name)
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -1,0 +1,103 @@
+"""Find named problems without importing them: names, axes and help are read from the source."""
+
+from __future__ import annotations
+
+import ast
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from workbench.errors import RegistryError
+
+DECORATOR = "problem"
+SETTINGS = frozenset({"needs", "data", "slow"})
+"""Keywords of the decorator that are not axes of the name."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One registered name, as its source file states it."""
+
+    name: str
+    axes: dict[str, str]
+    help: str
+    slow: bool
+    root: Path
+    file: Path
+    function: str
+
+    @property
+    def summary(self) -> str:
+        """The first line of the help."""
+        return self.help.partition("\n")[0]
+
+    @property
+    def place(self) -> str:
+        return f"{self.file}:{self.function}"
+
+
+def scan(root: Path) -> Iterator[Entry]:
+    """Entries of every ``@problem`` function in the Python files below a folder.
+
+    Raises
+    ------
+    RegistryError
+        The folder does not exist, a file cannot be parsed, or a name or axis is not a literal.
+    """
+    if not root.is_dir():
+        raise RegistryError(f"problem folder {root} does not exist")
+    for file in sorted(root.rglob("*.py")):
+        source = file.read_text(encoding="utf-8")
+        if f"{DECORATOR}(" not in source:
+            continue
+        try:
+            tree = ast.parse(source, filename=str(file))
+        except SyntaxError as error:
+            raise RegistryError(f"problem file {file}:{error.lineno}: {error.msg}") from None
+        for node in tree.body:
+            if isinstance(node, ast.FunctionDef):
+                yield from _entries(node, root, file)
+
+
+def _entries(function: ast.FunctionDef, root: Path, file: Path) -> Iterator[Entry]:
+    for call in function.decorator_list:
+        if not (isinstance(call, ast.Call) and _name(call.func) == DECORATOR):
+            continue
+        where = f"{file}:{call.lineno}"
+        if len(call.args) != 1:
+            raise RegistryError(f"{where}: @problem takes one name, here {len(call.args)}")
+        template = _literal(call.args[0], where, "the name")
+        keywords = {word.arg: word.value for word in call.keywords if word.arg}
+        slow = _literal(keywords["slow"], where, "slow") if "slow" in keywords else False
+        axes = {
+            axis: _literal(value, where, f"axis {axis}")
+            for axis, value in keywords.items()
+            if axis not in SETTINGS
+        }
+        text = ast.get_docstring(function) or ""
+        for values in itertools.product(*axes.values()):
+            place = dict(zip(axes, values, strict=True))
+            try:
+                name = template.format(**place)
+            except (KeyError, IndexError) as error:
+                raise RegistryError(
+                    f"{where}: the name {template!r} needs an axis for {error}"
+                ) from None
+            yield Entry(name, place, text, slow, root, file, function.name)
+
+
+def _name(node: ast.expr) -> str:
+    if isinstance(node, ast.Attribute):
+        return node.attr
+    return node.id if isinstance(node, ast.Name) else ""
+
+
+def _literal(node: ast.expr, where: str, what: str) -> Any:
+    try:
+        return ast.literal_eval(node)
+    except ValueError:
+        raise RegistryError(
+            f"{where}: {what} must be a literal, it is read without importing the file"
+        ) from None

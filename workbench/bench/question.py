@@ -1,0 +1,88 @@
+"""The question a run answers, and its key.
+
+The key is a hash of the question, never of versions: the same question finds the same folder
+everywhere. The code that answered is hashed apart, to tell whether a stored answer may be reused.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import workbench
+from workbench.solvers import Options, versions
+
+Keys = Mapping[str, str | list[str]]
+
+
+@dataclass(frozen=True)
+class Question:
+    """What is asked: everything that may change the answer, the code apart."""
+
+    problem: str
+    parameters: Mapping[str, Any]
+    data: Mapping[str, str]
+    needs: Keys
+    method: str | None
+    options: Mapping[str, Any]
+
+    @property
+    def key(self) -> str:
+        """Eight hexadecimal digits."""
+        return digest(canonical(asdict(self)))[:8]
+
+
+def asked(options: Options) -> dict[str, Any]:
+    """The options that may change an answer."""
+    return {
+        "tolerance": options.accuracy,
+        "time_limit": options.time_limit,
+        "seed": options.seed,
+    }
+
+
+def canonical(value: Any) -> str:
+    """One text for one value: sorted keys, no spaces."""
+    return json.dumps(plain(value), sort_keys=True, separators=(",", ":"), allow_nan=False)
+
+
+def plain(value: Any) -> Any:
+    """A value as JSON has it: NumPy scalars as numbers, NaN and infinities as their names."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(entry) for entry in value]
+    if hasattr(value, "item"):
+        value = value.item()
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)
+    return value
+
+
+def digest(text: str | bytes) -> str:
+    return hashlib.sha256(text.encode() if isinstance(text, str) else text).hexdigest()
+
+
+def code_hash(problem_folder: Path) -> str:
+    """Hash of what may change an answer besides the question: sources and solver versions."""
+    return digest(
+        _sources(Path(workbench.__file__).parent) + _sources(problem_folder) + canonical(versions())
+    )[:16]
+
+
+@cache
+def _sources(folder: Path) -> str:
+    files = sorted(folder.rglob("*.py"), key=lambda file: file.relative_to(folder).parts)
+    problems = folder / "problems"  # inside a wheel; a problem's own folder is hashed by itself
+    lines = (
+        f"{file.relative_to(folder).as_posix()} {digest(file.read_bytes())}\n"
+        for file in files
+        if problems not in file.parents
+    )
+    return "".join(lines)

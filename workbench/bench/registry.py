@@ -1,0 +1,264 @@
+"""The registry: problems by name, with parameters validated and needs resolved.
+
+A problem is a function whose signature is the problem's parameters and whose docstring is its
+help::
+
+    @problem("cd/{axis}/circles", axis=("focus", "radial"), data="data/drives.csv")
+    def circles(axis: str, frequencies: int = 400):
+        "First set of circles."
+        return SmallestCircle(points=...)
+"""
+
+from __future__ import annotations
+
+import fnmatch
+import hashlib
+import importlib
+import inspect
+import sys
+import types
+import typing
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from workbench.bench.discovery import Entry, scan
+from workbench.errors import InputError, RegistryError, UnknownNameError
+
+PLACEMENT = "__workbench_problem__"
+
+
+@dataclass(frozen=True)
+class Ref:
+    """A reference to the result of a problem: its name, method (None: default), parameters."""
+
+    name: str
+    method: str | None = None
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+
+
+def ref(name: str, method: str | None = None, **parameters: Any) -> Ref:
+    """A reference for ``needs``."""
+    return Ref(name, method, parameters)
+
+
+Needs = Mapping[str, Ref | list[Ref]]
+
+
+@dataclass(frozen=True)
+class Settings:
+    needs: Needs | Callable[..., Needs]
+    data: tuple[str, ...]
+
+
+def problem(
+    name: str,
+    *,
+    needs: Needs | Callable[..., Needs] | None = None,
+    data: str | tuple[str, ...] = (),
+    slow: bool = False,
+    **axes: tuple[str, ...],
+) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Register a function as a named problem.
+
+    Parameters
+    ----------
+    name
+        Name, or a template over the axes, like ``"cd/{axis}/circles"``. Must be a literal.
+    needs
+        Verified results of other problems, by argument name: `ref` or a list of them, or a
+        function of the parameters that returns such a mapping.
+    data
+        Data files that the problem reads, relative to its source file; they enter its key.
+    slow
+        Left out of ``make reproduce``.
+    axes
+        The values that each axis of the name may take; they are passed as parameters.
+    """
+
+    def register(function: Callable[..., Any]) -> Callable[..., Any]:
+        files = (data,) if isinstance(data, str) else data
+        setattr(function, PLACEMENT, Settings(needs or {}, files))
+        return function
+
+    return register
+
+
+class Problem:
+    """A registered function, imported: its parameters, needs and data files."""
+
+    def __init__(self, entry: Entry) -> None:
+        self.entry = entry
+        self.name = entry.name
+        self.function = getattr(_import(entry), entry.function)
+        self.settings: Settings = getattr(self.function, PLACEMENT)
+        self.signature = inspect.signature(self.function)
+        missing = entry.axes.keys() - self.signature.parameters.keys()
+        if missing:
+            raise RegistryError(
+                f"{entry.place}: the function takes no parameter for axis {', '.join(missing)}"
+            )
+
+    @cached_property
+    def parameters(self) -> dict[str, inspect.Parameter]:
+        """The parameters a user may set: neither an axis of the name nor a need."""
+        fixed = set(self.entry.axes)
+        if not callable(self.settings.needs):
+            fixed |= set(self.settings.needs)
+        else:  # only known once parameters are bound: whatever has no type and no default
+            fixed |= {
+                name
+                for name, parameter in self.signature.parameters.items()
+                if parameter.annotation is inspect.Parameter.empty
+                and parameter.default is inspect.Parameter.empty
+            }
+        return {n: p for n, p in self.signature.parameters.items() if n not in fixed}
+
+    def bind(self, given: Mapping[str, Any]) -> dict[str, Any]:
+        """Every parameter validated and converted, defaults filled in, axes included.
+
+        Raises
+        ------
+        UnknownNameError, InputError
+            An unknown parameter; a missing one or a value that does not fit, named.
+        """
+        for name in given:
+            if name not in self.parameters:
+                raise UnknownNameError(f"parameter of {self.name}", name, self.parameters)
+        bound: dict[str, Any] = dict(self.entry.axes)
+        for name, parameter in self.parameters.items():
+            if name in given:
+                bound[name] = self._convert(name, given[name])
+            elif parameter.default is not inspect.Parameter.empty:
+                bound[name] = parameter.default
+            else:
+                raise InputError(f"{self.name} needs a value for its parameter {name!r}")
+        return bound
+
+    def needs(self, bound: Mapping[str, Any]) -> Needs:
+        """References to the results that the problem is fed with."""
+        needs = self.settings.needs
+        return needs(**bound) if callable(needs) else _fill(needs, self.entry.axes)
+
+    def data_hashes(self) -> dict[str, str]:
+        """SHA-256 of every data file that the problem declares."""
+        folder = self.entry.file.parent
+        hashes = {}
+        for name in self.settings.data:
+            try:
+                hashes[name] = hashlib.sha256((folder / name).read_bytes()).hexdigest()
+            except OSError as error:
+                raise InputError(
+                    f"{self.name}: data file {folder / name} cannot be read: {error.strerror}"
+                ) from None
+        return hashes
+
+    def to_json(self, bound: Mapping[str, Any]) -> dict[str, Any]:
+        """Bound parameters as plain JSON values."""
+        from pydantic import TypeAdapter
+
+        return {
+            name: TypeAdapter(self._hint(name)).dump_python(value, mode="json")
+            for name, value in bound.items()
+        }
+
+    def _convert(self, name: str, value: Any) -> Any:
+        from pydantic import TypeAdapter, ValidationError
+
+        adapter = TypeAdapter(self._hint(name))
+        try:
+            return adapter.validate_python(value)
+        except ValidationError as error:
+            reason = error.errors()[0]["msg"]
+        if isinstance(value, str):  # from a command line: lists and the like are written as JSON
+            try:
+                return adapter.validate_json(value)
+            except ValidationError:
+                pass
+        raise InputError(f"{self.name}: {name}={value!r} does not fit: {reason}")
+
+    def _hint(self, name: str) -> Any:
+        return self._hints.get(name, Any)
+
+    @cached_property
+    def _hints(self) -> dict[str, Any]:
+        return typing.get_type_hints(self.function, include_extras=True)
+
+
+def _fill(needs: Needs, axes: Mapping[str, str]) -> Needs:
+    """Names of references may use the axes of the problem's own name."""
+
+    def fill(reference: Ref) -> Ref:
+        return Ref(reference.name.format(**axes), reference.method, reference.parameters)
+
+    return {
+        key: [fill(one) for one in value] if isinstance(value, list) else fill(value)
+        for key, value in needs.items()
+    }
+
+
+class Registry:
+    """The problems of several folders, under one set of names."""
+
+    def __init__(self, roots: list[Path]) -> None:
+        self.roots = roots
+        self._problems: dict[str, Problem] = {}
+
+    @cached_property
+    def entries(self) -> dict[str, Entry]:
+        """Every entry by name, sorted.
+
+        Raises
+        ------
+        RegistryError
+            Two functions claim one name.
+        """
+        found: dict[str, Entry] = {}
+        for root in self.roots:
+            for entry in scan(root):
+                twin = found.setdefault(entry.name, entry)
+                if twin is not entry:
+                    raise RegistryError(
+                        f"two problems are called {entry.name!r}: {twin.place} and {entry.place}"
+                    )
+        return dict(sorted(found.items()))
+
+    def match(self, pattern: str) -> list[Entry]:
+        """Entries whose name fits a shell pattern.
+
+        Raises
+        ------
+        UnknownNameError
+            None does.
+        """
+        found = [e for name, e in self.entries.items() if fnmatch.fnmatchcase(name, pattern)]
+        if not found:
+            raise UnknownNameError("problem", pattern, self.entries)
+        return found
+
+    def find(self, name: str) -> Problem:
+        """The problem of that name, imported."""
+        if name not in self.entries:
+            raise UnknownNameError("problem", name, self.entries)
+        if name not in self._problems:
+            self._problems[name] = Problem(self.entries[name])
+        return self._problems[name]
+
+
+def _import(entry: Entry) -> types.ModuleType:
+    """Import a problem file under a package name of its root's own, so that roots never clash."""
+    digest = hashlib.sha256(str(entry.root).encode()).hexdigest()[:8]
+    package = f"workbench_problems_{digest}"
+    if package not in sys.modules:
+        module = types.ModuleType(package)
+        module.__path__ = [str(entry.root)]
+        sys.modules[package] = module
+    parts = entry.file.relative_to(entry.root).with_suffix("").parts
+    try:
+        return importlib.import_module(".".join((package, *parts)))
+    except Exception as error:
+        raise RegistryError(
+            f"problem file {entry.file} cannot be imported: {type(error).__name__}: {error}"
+        ) from error

@@ -1,0 +1,231 @@
+"""Run a named problem: feed its needs, answer it, certify the answer, leave a results folder."""
+
+from __future__ import annotations
+
+import datetime
+import platform
+import sys
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import workbench
+from workbench.bench import netcdf
+from workbench.bench.crate import write_crate
+from workbench.bench.project import registry, results_root
+from workbench.bench.question import Question, asked, code_hash
+from workbench.bench.registry import Problem, Ref
+from workbench.bench.results import FORMAT, Run, write_figures, write_json
+from workbench.bench.store import FAILED, Store, Writer, damage
+from workbench.errors import InputError, RegistryError, ResultError
+from workbench.executor import Context, Progress, silent
+from workbench.program import Program, Solution, Study, Task, find_method, solve
+from workbench.solvers import Options, Outcome, versions
+
+
+@dataclass(frozen=True)
+class Bench:
+    """Where results go, how runs show themselves, whether stored answers may be reused."""
+
+    store: Store
+    options: Options
+    progress: Progress = silent
+    fresh: bool = False
+
+    def load(self, name: str, parameters: Mapping[str, Any]) -> Bound:
+        """A problem with its data bound, its needs run first where they are missing."""
+        return self._load(Ref(name, None, parameters), ())
+
+    def run(self, name: str, method: str | None, parameters: Mapping[str, Any]) -> Run:
+        """The run that answers a question, computed or found."""
+        return self._run(Ref(name, method, parameters), ())
+
+    def _load(self, asked_for: Ref, path: tuple[str, ...]) -> Bound:
+        problem = registry().find(asked_for.name)
+        parameters = problem.bind(asked_for.parameters)
+        stored = problem.to_json(parameters)
+        step = f"{problem.name} {stored}"
+        if step in path:
+            chain = " -> ".join(one.partition(" ")[0] for one in (*path, step))
+            raise RegistryError(f"cyclic needs: {chain}")
+        # What a problem is fed with is made by its own method, not at this run's accuracy.
+        upstream = replace(self, options=Options(seed=self.options.seed), fresh=False)
+        fed: dict[str, Any] = {}
+        for name, need in problem.needs(parameters).items():
+            fed[name] = (
+                [upstream._feed(one, problem, (*path, step)) for one in need]
+                if isinstance(need, list)
+                else upstream._feed(need, problem, (*path, step))
+            )
+        task = problem.function(**parameters, **fed)
+        if not isinstance(task, Task):
+            raise RegistryError(
+                f"{problem.entry.place} returned {type(task).__name__}, not a Program or a Study"
+            )
+        return Bound(problem, stored, fed, task)
+
+    def _feed(self, need: Ref, problem: Problem, path: tuple[str, ...]) -> Run:
+        run = self._run(need, path)
+        if not run.holds:
+            raise ResultError(
+                f"{problem.name} needs {need.name}, whose certificate does not hold: see {run.path}"
+            )
+        return run
+
+    def _run(self, asked_for: Ref, path: tuple[str, ...]) -> Run:
+        bound = self._load(asked_for, path)
+        question = bound.question(asked_for.method, self.options)
+        code = code_hash(bound.folder)
+        with self.store.writing(question.problem, question.key) as writer:
+            earlier = _earlier(writer.final, question)
+            if earlier and earlier.info["code"] == code and not self.fresh:
+                return replace(earlier, reused=True)
+            return self._compute(bound, question, code, writer, earlier)
+
+    def _compute(
+        self, bound: Bound, question: Question, code: str, writer: Writer, earlier: Run | None
+    ) -> Run:
+        started = datetime.datetime.now(datetime.UTC)
+        clock = time.perf_counter()
+        context = Context(self.options, self.progress)
+        solution = solve(bound.task, question.method, context=context)
+        if solution.certificate is not None and isinstance(bound.task, Study):
+            solution = replace(solution, certificate=bound.inherited(solution))
+
+        folder = writer.start()
+        task, note = bound.task, ""
+        if solution.answer is not None and solution.certificate is not None:
+            data = task.to_dataset(solution.answer)
+            netcdf.write(data, folder / "data.nc")
+            write_json(folder / "certificate.json", solution.certificate.to_json())
+            write_json(folder / "metrics.json", task.metrics(solution.answer))
+            write_figures(folder / "figures", task.figures(solution.answer))
+            note = _compared(earlier, data, self.options)
+        info = {
+            "format": FORMAT,
+            **{name: getattr(question, name) for name in question.__dataclass_fields__},
+            "key": question.key,
+            "kind": "study" if isinstance(task, Study) else "program",
+            "headline": task.headline,
+            "claim": solution.claim,
+            "outcome": solution.outcome,
+            "message": solution.message,
+            "started": started.isoformat(timespec="seconds"),
+            "finished": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+            "seconds": dict(solution.seconds) | {"total": time.perf_counter() - clock},
+            "code": code,
+            "versions": {"workbench": workbench.__version__, "python": platform.python_version()}
+            | versions(),
+            "platform": f"{platform.system()} {platform.machine()}",
+        }
+        write_json(folder / "run.json", info)
+        (folder / "log.txt").write_text(_log(info, solution, note), encoding="utf-8")
+        write_crate(folder, info, bound.problem.entry.help)
+        path = writer.publish(failed=solution.outcome is not Outcome.SOLVED)
+        return Run(path, note=note)
+
+
+@dataclass(frozen=True)
+class Bound:
+    """A problem with its parameters and needs: the task, and what identifies it."""
+
+    problem: Problem
+    parameters: Mapping[str, Any]
+    needs: Mapping[str, Run | list[Run]]
+    task: Task
+
+    @property
+    def folder(self) -> Path:
+        """The plant's folder, whose sources can change the answer."""
+        entry = self.problem.entry
+        first = entry.file.relative_to(entry.root).parts[0]
+        return entry.root / first if (entry.root / first).is_dir() else entry.root
+
+    def question(self, method: str | None, options: Options) -> Question:
+        """The question with the default method filled in."""
+        if isinstance(self.task, Program):
+            method = find_method(self.task, method).name
+        elif method is not None:
+            raise InputError(f"{self.problem.name} is a study: it has no method {method!r}")
+        return Question(
+            self.problem.name,
+            self.parameters,
+            self.problem.data_hashes(),
+            {
+                name: [run.key for run in need] if isinstance(need, list) else need.key
+                for name, need in self.needs.items()
+            },
+            method,
+            asked(options),
+        )
+
+    def inherited(self, solution: Solution) -> Any:
+        """A study's certificate: those of its needs and its own checks."""
+        assert solution.certificate is not None
+        checks = []
+        for name, need in self.needs.items():
+            for run in need if isinstance(need, list) else [need]:
+                assert run.certificate is not None
+                checks += [
+                    replace(check, name=f"{name}: {check.name}") for check in run.certificate.checks
+                ]
+        return replace(solution.certificate, checks=(*checks, *solution.certificate.checks))
+
+
+def _earlier(folder: Path, question: Question) -> Run | None:
+    """The stored run of a question, if it is whole."""
+    if not folder.exists() or damage(folder):
+        return None
+    run = Run(folder)
+    if run.info["problem"] != question.problem or run.info["key"] != question.key:
+        raise ResultError(f"{folder} holds the answer to another question")
+    return run
+
+
+def _compared(earlier: Run | None, data: Any, options: Options) -> str:
+    if earlier is None:
+        return ""
+    found = netcdf.differences(earlier.data, data, options.accuracy)
+    if not found:
+        return f"recomputed; agrees with the earlier answer within {options.accuracy:g}"
+    return "recomputed; differs from the earlier answer: " + "; ".join(found)
+
+
+def _log(info: Mapping[str, Any], solution: Solution, note: str) -> str:
+    lines = [
+        f"{info['problem']} {info['parameters']}",
+        f"method {info['method'] or '-'}, options {info['options']}",
+        f"claim: {solution.claim}. {solution.message}",
+        f"outcome: {solution.outcome}. {solution.outcome.advice}",
+    ]
+    if solution.certificate is not None:
+        lines += [
+            f"  {'holds' if check.holds else 'FAILS'}  {check.name}: "
+            f"{check.value:.3g} <= {check.limit:.3g} {check.where}".rstrip()
+            for check in solution.certificate.checks
+        ]
+        gap = solution.certificate.gap
+        if gap is not None:
+            lines.append(f"  gap {gap.value:.3g} ({gap.statement})")
+    if note:
+        lines.append(note)
+    if solution.trace:
+        lines.append(solution.trace)
+    return "\n".join(lines) + "\n"
+
+
+def default_bench(
+    options: Options | None = None, progress: Progress = silent, *, fresh: bool = False
+) -> Bench:
+    """The bench over the project's results folder."""
+    return Bench(Store(results_root()), options or Options(), progress, fresh)
+
+
+def terminal_progress() -> bool:
+    """Whether somebody watches standard error."""
+    return sys.stderr.isatty()
+
+
+__all__ = ["FAILED", "Bench", "Bound", "default_bench"]

@@ -1,0 +1,159 @@
+"""Results folders that appear whole or not at all.
+
+A folder is written beside its place, below ``.partial``, and renamed in; an older one is renamed
+aside first. One lock per question serialises processes that ask the same; the operating system
+frees it when its holder dies. Whatever a dead holder left is mended under its lock.
+
+    <root>/.partial/<slug>.lock      the lock of one question
+    <root>/.partial/<slug>/new       a folder being written
+    <root>/.partial/<slug>/old       an earlier result while it is being replaced
+"""
+
+from __future__ import annotations
+
+import hashlib
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from workbench.errors import ResultError
+
+CHECKSUMS = "SHA256SUMS"
+FAILED = ".failed"
+PARTIAL = ".partial"
+REFERENCE = "reference"
+"""The committed reference results: listed and verified when asked for by path, never written."""
+
+
+class Store:
+    """The results folders below one root."""
+
+    def __init__(self, root: str | Path) -> None:
+        self.root = Path(root)
+
+    def folder(self, problem: str, key: str) -> Path:
+        """Where the result of a question stands."""
+        return self.root / problem / key
+
+    def folders(self) -> list[Path]:
+        """Every finished result, failures left out, sorted by problem and key."""
+        self.mend()
+        found = {file.parent for file in self.root.rglob(CHECKSUMS)}
+        aside = {self.root / PARTIAL, self.root / REFERENCE}
+        return sorted(
+            folder
+            for folder in found
+            if folder.suffix != FAILED and not aside.intersection(folder.parents)
+        )
+
+    @contextmanager
+    def writing(self, problem: str, key: str) -> Iterator[Writer]:
+        """Hold the lock of a question; what the writer publishes appears whole."""
+        from filelock import FileLock
+
+        writer = Writer(self, problem, key)
+        try:
+            writer.space.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise ResultError(f"cannot write results below {self.root}: {error.strerror}") from None
+        with FileLock(writer.lock):
+            writer.mend()
+            try:
+                yield writer
+            finally:
+                writer.mend()
+
+    def mend(self) -> None:
+        """Undo what killed processes left; running ones are not disturbed."""
+        from filelock import FileLock, Timeout
+
+        for lock in sorted((self.root / PARTIAL).glob("*.lock")):
+            name = lock.with_suffix("").name
+            problem, key = name.rsplit("-", 1)
+            writer = Writer(self, problem.replace("+", "/"), key)
+            if not writer.space.exists():
+                continue
+            try:
+                with FileLock(lock, blocking=False):
+                    writer.mend()
+            except Timeout:  # its process is alive
+                continue
+
+
+class Writer:
+    """The one process that may write the result of a question."""
+
+    def __init__(self, store: Store, problem: str, key: str) -> None:
+        self.final = store.folder(problem, key)
+        self.space = store.root / PARTIAL / f"{problem.replace('/', '+')}-{key}"
+        self.lock = self.space.with_name(self.space.name + ".lock")
+        self.new = self.space / "new"
+        self.old = self.space / "old"
+
+    def start(self) -> Path:
+        """An empty folder to write the result in."""
+        self.new.mkdir(parents=True)
+        return self.new
+
+    def publish(self, *, failed: bool = False) -> Path:
+        """Seal the new folder and move it to its place; a failure goes beside it."""
+        seal(self.new)
+        final = self.final.with_name(self.final.name + FAILED) if failed else self.final
+        final.parent.mkdir(parents=True, exist_ok=True)
+        if failed:
+            shutil.rmtree(final, ignore_errors=True)
+        elif final.exists():
+            final.rename(self.old)
+        self.new.rename(final)
+        if not failed:  # an earlier failure of the same question has been answered
+            shutil.rmtree(final.with_name(final.name + FAILED), ignore_errors=True)
+        return final
+
+    def mend(self) -> None:
+        """Drop a half-written folder; put an earlier result back where its swap was cut short."""
+        if self.old.exists() and not self.final.exists():
+            self.old.rename(self.final)
+        shutil.rmtree(self.space, ignore_errors=True)
+
+
+def seal(folder: Path) -> None:
+    """Write the checksums of every file of a folder, last."""
+    lines = [f"{file_hash(folder / name)}  {name}\n" for name in files(folder)]
+    (folder / CHECKSUMS).write_text("".join(lines), encoding="utf-8")
+
+
+def files(folder: Path) -> list[str]:
+    """Names of the files of a results folder, its checksums left out."""
+    names = (p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file())
+    return sorted(name for name in names if name != CHECKSUMS)
+
+
+def file_hash(file: Path) -> str:
+    with file.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def damage(folder: Path) -> list[str]:
+    """What differs from the folder's checksums, a sentence per file."""
+    sums = folder / CHECKSUMS
+    if not sums.is_file():
+        return [f"{CHECKSUMS} is missing: the folder is not a finished result"]
+    expected = {}
+    for number, line in enumerate(sums.read_text(encoding="utf-8").splitlines(), start=1):
+        digest, gap, name = line.partition("  ")
+        if not gap or len(digest) != 64:
+            return [f"{CHECKSUMS} line {number} is not a checksum: {line[:40]!r}"]
+        expected[name] = digest
+    present = set(files(folder))
+    found = [f"{name} is missing" for name in sorted(expected.keys() - present)]
+    found += [f"{name} is not in {CHECKSUMS}" for name in sorted(present - expected.keys())]
+    for name in sorted(expected.keys() & present):
+        actual = file_hash(folder / name)
+        if actual != expected[name]:
+            size = (folder / name).stat().st_size
+            found.append(
+                f"{name} was changed: SHA-256 {actual[:12]}, not {expected[name][:12]} "
+                f"({size} bytes now)"
+            )
+    return found
