@@ -1,0 +1,265 @@
+"""The positioning loops of the twelve CD drives as they stand in the laboratory (section 3.7).
+
+From the controller's output u [V] to the normalised error f_en [units], equation 3.18:
+
+    f_en / u = K_total * num / den * w_a / (s + w_a),    K_total = K_at K_amp K_optn.
+
+As printed, without the sign of eq. 3.16: the loop is closed with negative feedback.
+Equation numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+from functools import cache
+from typing import TYPE_CHECKING, Literal, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.optimize import brentq, linprog
+
+from workbench.errors import InputError
+
+from .actuator import Complex, Real, checked_frequency, specific_model, stack
+from .tables import ActuatorParameters, Axis, Uncertain, Values, check_axis, drives, nominal_table
+
+if TYPE_CHECKING:
+    from control import StateSpace, TransferFunction
+
+Gain = Literal["own", "equal", "agc"]
+
+ATTENUATION = 10 ** (-54 / 20)
+"""K_at: attenuator between the computer and the drive (section 3.6)."""
+AMPLIFICATION = 10 ** (40 / 20)
+"""K_amp: amplifier of the control signals (section 3.6)."""
+ANTIALIASING = 2 * math.pi * 8000.0
+"""w_a [rad/s]: corner of the first-order anti-aliasing filter (section 3.6)."""
+
+
+def nominal_parameters(axis: Axis) -> ActuatorParameters:
+    """The nominal actuator: the printed values of Table 5.2."""
+    table = nominal_table(axis)
+    return ActuatorParameters(**{name: table[name].nominal for name in table if name != "K_total"})
+
+
+def total_gain(axis: Axis) -> float:
+    """K_total [units/V]: the DC_gain of Table 5.2, which multiplies num/den of Table 3.2."""
+    return nominal_table(axis)["K_total"].nominal
+
+
+def plant(parameters: ActuatorParameters, K_total: float, antialiasing: bool = True) -> StateSpace:
+    """Equation 3.18: u [V] -> f_en [units], with or without the anti-aliasing filter."""
+    import control
+
+    system = K_total * specific_model(parameters).state_space()
+    if antialiasing:
+        system = control.ss(-ANTIALIASING, ANTIALIASING, 1.0, 0.0) * system
+    return control.ss(system, inputs="u", outputs="f_en")
+
+
+def responses(
+    axis: Axis,
+    frequency: ArrayLike,
+    gain: Gain = "own",
+    values: Values = "printed",
+    antialiasing: bool = True,
+) -> Complex:
+    """f_en/u [units/V] of the twelve drives (eq. 3.18) at `frequency` [Hz] (F,): (12, F).
+
+    gain    "own": K_total in proportion to each drive's K_optn, the midrange having the nominal's;
+            "equal": the nominal K_total for all;
+            "agc": as the automatic gain control leaves it, all drives having the nominal plant's
+            magnitude at the nominal loop's crossover (section 4.4).
+    values  "printed" or "corrected" entries of Tables A.1-A.2.
+
+    Raises InputError for unknown choices and for frequencies that are not positive, finite and 1-D.
+    """
+    if gain not in get_args(Gain):
+        raise InputError(f'gain is {gain!r}; it must be "own", "equal" or "agc"')
+    twelve = drives(axis, values)
+    actuators = stack([specific_model(drive) for drive in twelve])
+    K_total = np.full(len(twelve), total_gain(axis))
+    if gain == "own":
+        K_optn = np.array([drive.K_optn for drive in twelve])
+        K_total *= K_optn / _midrange(K_optn).nominal
+    elif gain == "agc":
+        at = [crossover(axis)]
+        nominal_actuator = specific_model(nominal_parameters(axis))
+        K_total *= (abs(nominal_actuator.response(at)) / abs(actuators.response(at)))[:, 0]
+    return K_total[:, None] * actuators.response(frequency) * _filter(frequency, antialiasing)
+
+
+def nominal_response(axis: Axis, frequency: ArrayLike, antialiasing: bool = True) -> Complex:
+    """f_en/u [units/V] of the nominal plant of Table 5.2 at `frequency` [Hz] (F,): (F,)."""
+    actuator = specific_model(nominal_parameters(axis)).response(frequency)
+    return total_gain(axis) * actuator * _filter(frequency, antialiasing)
+
+
+def controller(axis: Axis) -> TransferFunction:
+    """The reference controller f_en [units] -> u [V]: mu-PID of eq. 6.12, and a radial variant.
+
+    Equation 6.12 in zero-pole-gain form, frequencies times 2 pi; its printed time-constant form is
+    unstable. The thesis gives no radial controller: this one has the same form, with its own gain
+    and integral zero.
+    """
+    import control
+
+    zeros, poles, gain = _controller(axis)
+    return control.zpk(zeros, poles, gain, inputs="f_en", outputs="u")
+
+
+def loop_response(axis: Axis, frequency: ArrayLike) -> Complex:
+    """Reference controller times nominal plant at `frequency` [Hz] (F,): (F,), continuous time."""
+    s = 2j * np.pi * checked_frequency(frequency)[:, None]
+    zeros, poles, gain = _controller(axis)
+    response: Complex = (s - zeros).prod(axis=1) / (s - poles).prod(axis=1)
+    return gain * response * nominal_response(axis, frequency)
+
+
+@cache
+def crossover(axis: Axis) -> float:
+    """Frequency [Hz] at which the magnitude of the nominal loop passes 1."""
+    check_axis(axis)
+
+    def level(decades: float) -> float:
+        return math.log(abs(loop_response(axis, [10**decades])[0]))
+
+    return 10 ** float(brentq(level, 0.0, 5.0, xtol=1e-14))  # it does so once, see the tests
+
+
+def phase_margin(axis: Axis) -> float:
+    """Phase margin [deg] of the nominal loop, without delay or sampling."""
+    return 180.0 + float(np.angle(loop_response(axis, [crossover(axis)])[0], deg=True))
+
+
+def nominal(axis: Axis, values: Values = "printed") -> dict[str, Uncertain]:
+    """Table 5.2 recomputed: midrange and half-range of Tables A.1-A.3 over the twelve drives.
+
+    The rows of `nominal_table`; K_total [units/V] is K_at K_amp K_optn (eq. 3.18).
+    """
+    twelve = drives(axis, values)
+    rows = {"K_total": [ATTENUATION * AMPLIFICATION * drive.K_optn for drive in twelve]}
+    for field in fields(ActuatorParameters):
+        rows[field.name] = [getattr(drive, field.name) for drive in twelve]
+    return {name: _midrange(np.array(row)) for name, row in rows.items()}
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """One entry of Table 5.2, printed and computed; nominals in SI units, tolerances relative.
+
+    follows says whether drives that round to Tables A.1-A.3 exist whose midrange and half-range
+    round to the printed entry; note says what else there is to say.
+    """
+
+    parameter: str
+    printed_nominal: float
+    computed_nominal: float
+    printed_tolerance: float
+    computed_tolerance: float
+    follows: bool
+    note: str
+
+
+def compare_nominal(axis: Axis, values: Values = "printed") -> list[Comparison]:
+    """Table 5.2 against `nominal`: which entries follow from the tables, which not, and why."""
+    computed = nominal(axis, values)
+    rows = []
+    for name, printed in nominal_table(axis).items():
+        own = computed[name]
+        table_step, nominal_step = _STEPS[name]
+        tolerance_step = _TOLERANCE_STEPS.get((axis, name), 0.001)
+        exact = _rounds_to(own, 0.0, printed, nominal_step, tolerance_step)
+        follows = exact or _rounds_to(own, table_step, printed, nominal_step, tolerance_step)
+        if exact:
+            note = ""
+        elif follows:
+            note = "only through the rounding of Tables A.1 and A.2"
+        else:
+            note = _REASONS[axis, name]
+        rows.append(
+            Comparison(
+                parameter=name,
+                printed_nominal=printed.nominal,
+                computed_nominal=own.nominal,
+                printed_tolerance=printed.tolerance,
+                computed_tolerance=own.tolerance,
+                follows=follows,
+                note=note,
+            )
+        )
+    return rows
+
+
+# Last printed digits: of Tables A.1-A.3, and of the nominal values of Table 5.2.
+_STEPS = {
+    "K_total": (0.2, 1000.0),
+    "R": (0.1, 0.1),
+    "Bl": (0.01, 0.01),
+    "k1": (0.1, 0.1),
+    "k2": (0.1, 0.1),
+    "b1": (0.05e-3, 0.1e-3),
+    "b2": (0.05e-3, 0.01e-3),
+    "m1": (1e-6, 1e-6),
+    "m2": (1e-6, 1e-6),
+}
+_TOLERANCE_STEPS = {("radial", "K_total"): 0.01, ("radial", "m1"): 0.0001}
+
+_GAIN = (
+    "K_at K_amp K_optn falls short by {}: eq. 3.18 lacks the power driver's gain K_pd of "
+    "eq. 3.11; the printed tolerance is not that of K_optn either"
+)
+_REASONS = {
+    ("focus", "K_total"): _GAIN.format("a quarter"),
+    ("radial", "K_total"): _GAIN.format("a third"),
+    ("focus", "b2"): "b2 is 5 % of b by convention, 0.38e-3 and 9.2 %; the table cuts the b2 of "
+    "CD4 to one digit",
+    ("radial", "k1"): "the minimum is CD9's 51.8; with 58.1 the entry follows",
+    ("radial", "m1"): "a digit too many: 0.5 % instead of 0.05 % would follow",
+}
+
+
+def _rounds_to(
+    own: Uncertain,
+    table_step: float,
+    printed: Uncertain,
+    nominal_step: float,
+    tolerance_step: float,
+) -> bool:
+    """Whether extremes within half a table step of `own`'s give what rounds to `printed`."""
+    low, high = printed.nominal - nominal_step / 2, printed.nominal + nominal_step / 2
+    least, most = printed.tolerance - tolerance_step / 2, printed.tolerance + tolerance_step / 2
+    extremes = own.nominal * np.array([1 + own.tolerance, 1 - own.tolerance])
+    # Unknowns: the unrounded maximum and minimum, in units of the printed nominal value.
+    found = linprog(
+        c=[0.0, 0.0],
+        A_ub=[[0.5, 0.5], [-0.5, -0.5], [1 - most, -1 - most], [least - 1, least + 1]],
+        b_ub=[high / printed.nominal, -low / printed.nominal, 0.0, 0.0],
+        bounds=[
+            ((x - table_step / 2) / printed.nominal, (x + table_step / 2) / printed.nominal)
+            for x in extremes
+        ],
+    )
+    return bool(found.success)
+
+
+def _midrange(values: Real) -> Uncertain:
+    low, high = float(values.min()), float(values.max())
+    return Uncertain((high + low) / 2, (high - low) / (high + low))
+
+
+def _controller(axis: Axis) -> tuple[Real, Real, float]:
+    """Zeros and poles [rad/s] and gain of the reference controller."""
+    check_axis(axis)
+    gain, integral_zero = (12.9e6, 31.0) if axis == "focus" else (4.0e6, 50.0)
+    zeros = -2 * np.pi * np.array([integral_zero, 230.0])
+    poles = -2 * np.pi * np.array([1.6e-4, 9820.0, 14130.0])
+    return zeros, poles, gain
+
+
+def _filter(frequency: ArrayLike, antialiasing: bool) -> Complex:
+    s = 2j * np.pi * checked_frequency(frequency)
+    corner = ANTIALIASING if antialiasing else math.inf
+    response: Complex = np.reciprocal(1 + s / corner)
+    return response
