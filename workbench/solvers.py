@@ -7,6 +7,7 @@ Nothing here imports a solver before it is used.
 from __future__ import annotations
 
 import importlib.util
+import warnings
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
@@ -125,7 +126,8 @@ def _scs(options: Options) -> dict[str, Any]:
 
 
 def _cvxopt(options: Options) -> dict[str, Any]:
-    tolerance = _HEADROOM * options.accuracy
+    # Below 1e-8 CVXOPT ends without an answer; the certificate judges the one it gives there.
+    tolerance = max(_HEADROOM * options.accuracy, 1e-8)
     # The default KKT solver fails on control LMIs; this one is dense but right.
     return {"abstol": tolerance, "reltol": tolerance, "feastol": tolerance, "kktsolver": "ldl"}
 
@@ -150,18 +152,18 @@ def solve_conic(
     Compilation is booked as statement. Whatever the solver raises, a panic included, becomes
     ``Outcome.FAILED`` with its words.
     """
-    name = solver.name.upper()
+    settings = solver.settings(options)
     try:
         with stopwatch.stating():
-            data, chain, inverse = problem.get_problem_data(name)
+            data, chain, inverse = problem.get_problem_data(
+                solver.name.upper(), solver_opts=settings
+            )
         raw = chain.solve_via_data(
-            problem,
-            data,
-            warm_start=False,
-            verbose=options.verbose,
-            solver_opts=solver.settings(options),
+            problem, data, warm_start=False, verbose=options.verbose, solver_opts=settings
         )
-        problem.unpack_results(raw, chain, inverse)
+        with warnings.catch_warnings():  # an inaccurate answer is an outcome, not a warning
+            warnings.simplefilter("ignore", UserWarning)
+            problem.unpack_results(raw, chain, inverse)
     except (KeyboardInterrupt, SystemExit):
         raise
     except BaseException as error:  # a Rust panic is no Exception
@@ -187,6 +189,8 @@ def ipopt(name: str, statement: Mapping[str, Any], options: Options) -> Any:
 
     settings: dict[str, Any] = {
         "ipopt.tol": _HEADROOM * options.accuracy,
+        # IPOPT widens every bound by 1e-8 unless told less.
+        "ipopt.bound_relax_factor": min(1e-8, _HEADROOM * options.accuracy),
         "ipopt.print_level": 5 if options.verbose else 0,
         "ipopt.sb": "yes",
         "print_time": False,

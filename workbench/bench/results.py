@@ -10,6 +10,7 @@ log.txt  SHA256SUMS
 
 from __future__ import annotations
 
+import fnmatch
 import html
 import json
 from collections.abc import Mapping
@@ -19,6 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from workbench.bench.question import plain
+from workbench.bench.store import Store
 from workbench.errors import ResultError
 from workbench.program import Certificate
 from workbench.solvers import Outcome
@@ -183,3 +185,9 @@ def write_figures(folder: Path, figures: Mapping[str, Figure]) -> None:
         for name, figure in figures.items():
             figure.savefig(folder / f"{name}.svg", metadata={"Date": None})
             figure.savefig(folder / f"{name}.png", dpi=120, metadata={"Software": None})
+
+
+def stored_runs(root: Path, pattern: str = "*") -> list[Run]:
+    """The finished runs below a results folder whose problem fits a shell pattern."""
+    runs = (Run(folder) for folder in Store(root).folders())
+    return [run for run in runs if fnmatch.fnmatchcase(run.problem, pattern)]

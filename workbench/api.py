@@ -1,0 +1,138 @@
+"""The Python face: problems, load, run, compare, results, verify."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from workbench.bench.project import registry, results_root
+from workbench.executor import Progress, silent
+from workbench.solvers import Options
+
+if TYPE_CHECKING:
+    from workbench.bench.discovery import Entry
+    from workbench.bench.results import Run
+    from workbench.bench.verify import Verification
+    from workbench.program import Task
+
+
+@dataclass(frozen=True)
+class Catalogue(Sequence["Entry"]):
+    """Registered problems; prints as a table."""
+
+    entries: tuple[Entry, ...]
+
+    def __getitem__(self, index: Any) -> Any:
+        return self.entries[index]
+
+    def __len__(self) -> int:
+        return len(self.entries)
+
+    def __repr__(self) -> str:
+        width = max((len(entry.name) for entry in self.entries), default=0)
+        return "\n".join(f"{entry.name:<{width}}  {entry.summary}" for entry in self.entries)
+
+
+def problems(pattern: str = "*") -> Catalogue:
+    """The registered problems whose name fits a shell pattern, without importing them."""
+    return Catalogue(tuple(registry().match(pattern)))
+
+
+def load(name: str, **parameters: Any) -> Task:
+    """A named problem with its data bound: a Program or a Study.
+
+    Its needs are run first where their results are missing.
+
+    Raises
+    ------
+    UnknownNameError, InputError
+        No such problem or parameter; a value that does not fit.
+    """
+    from workbench.bench.run import default_bench
+
+    return default_bench().load(name, parameters).task
+
+
+def run(
+    name: str,
+    method: str | None = None,
+    *,
+    tolerance: float | str = "middle",
+    time_limit: float | None = None,
+    verbose: bool = False,
+    seed: int = 0,
+    fresh: bool = False,
+    progress: Progress = silent,
+    **parameters: Any,
+) -> Run:
+    """Run a named problem, or find its stored answer.
+
+    Parameters
+    ----------
+    name
+        A registered name.
+    method
+        A method of its Program; None: the default one.
+    tolerance, time_limit, verbose, seed
+        As in `Options`.
+    fresh
+        Compute anew even where the answer is stored.
+    parameters
+        Parameters of the problem.
+
+    Returns
+    -------
+    Run
+        Its ``holds`` tells whether the certificate does; a failure is a Run too, whose
+        ``outcome`` and ``certificate`` say why.
+    """
+    from workbench.bench.run import default_bench
+
+    options = Options(tolerance, time_limit, verbose, seed)
+    return default_bench(options, progress, fresh=fresh).run(name, method, parameters)
+
+
+def compare(
+    pattern: str,
+    methods: Sequence[str],
+    *,
+    accuracies: Sequence[str] = ("low", "middle", "high"),
+    time_limit: float | None = None,
+    seed: int = 0,
+    executor: Executor | None = None,
+    progress: Progress = silent,
+    **parameters: Any,
+) -> Run:
+    """Every problem that fits a pattern, by every method, at every accuracy level.
+
+    Returns
+    -------
+    Run
+        Its ``data`` has dims (problem, method, accuracy): wall time of statement and solve,
+        optimality gap, success (the certificate holds), correctness (the method's claim agrees).
+    """
+    from workbench.bench.compare import run_comparison
+
+    return run_comparison(
+        pattern, methods, accuracies, parameters, time_limit, seed, executor, progress
+    )
+
+
+def results(pattern: str = "*") -> list[Run]:
+    """The finished runs of the project whose problem fits a shell pattern."""
+    from workbench.bench.results import stored_runs
+
+    return stored_runs(results_root(), pattern)
+
+
+def verify(path: str | Path, *, rerun: bool = False) -> Verification:
+    """Verify a results folder: checksums, key, and the certificate from the stored arrays alone.
+
+    With ``rerun`` the question is also answered anew and the arrays compared.
+    """
+    from workbench.bench.verify import verify_folder
+
+    return verify_folder(Path(path), rerun=rerun)

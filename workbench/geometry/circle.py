@@ -1,0 +1,126 @@
+"""The smallest circle around a point set."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from workbench.errors import SolverError
+from workbench.executor import Context
+from workbench.geometry.bounds import circle_radius_bound
+from workbench.geometry.cover import Cover
+from workbench.geometry.exact_circle import exact_circle
+from workbench.geometry.thesis import thesis_circle
+from workbench.program import Claim, find_method, method
+from workbench.solvers import Options, Outcome
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+@dataclass(frozen=True)
+class Circle:
+    """Circles: complex ``center`` and real ``radius``, arrays over the sets."""
+
+    center: np.ndarray
+    radius: np.ndarray
+
+    @property
+    def half_length(self) -> np.ndarray:
+        """0: a circle is a stadium without a straight part."""
+        return np.zeros_like(self.radius)
+
+    @property
+    def angle(self) -> np.ndarray:
+        return np.zeros_like(self.radius)
+
+
+@dataclass(frozen=True, eq=False)
+class SmallestCircle(Cover):
+    """The circle of least radius that contains every point of a set.
+
+    The optimum is unique. It is certified by containment and, for its radius, by weak duality:
+    for weights lambda >= 0 of sum 1, r^2 >= sum lambda |p|^2 - |sum lambda p|^2.
+    """
+
+    answer_names: ClassVar[dict[str, str]] = {
+        "center": "centre of the circle",
+        "radius": "radius of the circle",
+    }
+
+    def gap(self, answer: Circle) -> tuple[str, float]:
+        radius = np.asarray(answer.radius, dtype=np.longdouble)
+        bound = circle_radius_bound(self.points, answer.center, answer.radius)
+        value = float(np.max(self.relative(radius - bound, radius)))
+        return "radius above its bound from the dual of the support points, relative", value
+
+    def metrics(self, answer: Circle) -> dict[str, float]:
+        distance = np.abs(answer.center)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            relative = np.asarray(answer.radius / distance)
+        return {
+            "radius_peak": float(np.max(answer.radius)),
+            "radius_relative_peak": float(np.max(relative)),
+            "sets": int(np.prod(self.batch)),
+            "points": self.points.shape[-1],
+        }
+
+    def from_dataset(self, data: xr.Dataset) -> Circle:
+        return Circle(data["center"].values, data["radius"].values)
+
+
+def smallest_circle(
+    points: ArrayLike, method: str = "exact", options: Options | None = None
+) -> Circle:
+    """Smallest circle around each set of points.
+
+    Parameters
+    ----------
+    points
+        Complex, shape (..., N), N >= 1, finite.
+    method
+        ``"exact"`` (globally optimal), ``"thesis"``, ``"ipopt"`` or the name of a conic solver.
+
+    Returns
+    -------
+    Circle
+        ``center`` (complex) and ``radius``, of shape (...). The radius is rounded outward, so
+        that every point is inside. For a certificate ask ``solve(SmallestCircle(points))``.
+
+    Raises
+    ------
+    InputError
+        Empty or non-finite points, or real-valued pairs.
+    SolverError
+        The method gave no answer.
+    """
+    program = SmallestCircle(np.asarray(points))
+    return answered(program, method, options)
+
+
+def answered(program: Cover, name: str, options: Options | None) -> Any:
+    """The bare answer of a method, uncertified; an error where there is none."""
+    chosen = find_method(program, name)
+    answer, outcome, message = chosen.answer(program, Context(options or Options()))
+    if answer is None or not np.all(np.isfinite(answer.radius)):
+        raise SolverError(f"{name}: {outcome}. {message}")
+    return answer
+
+
+@method(SmallestCircle, "exact", optimal=True)
+def _exact(program: SmallestCircle, context: Context) -> Claim:
+    """Welzl's circle on the convex hull; globally optimal, no tolerance."""
+    return Circle(*exact_circle(program.points)), Outcome.SOLVED, ""
+
+
+@method(SmallestCircle, "thesis", optimal=False)
+def _thesis(program: SmallestCircle, context: Context) -> Claim:
+    """The shrinking circle of the thesis, section 5.3.1, as printed."""
+    circle = Circle(*thesis_circle(program.points))
+    lost = int(np.sum(~np.isfinite(circle.radius)))
+    if lost:
+        return circle, Outcome.FAILED, f"the procedure did not end for {lost} of the sets"
+    return circle, Outcome.SOLVED, ""

@@ -1,0 +1,188 @@
+"""What circles and stadiums around point sets share: data, labels, containment, datasets.
+
+A circle is a stadium of half-length 0, so one containment check and one way of drawing serve both.
+The checks share no code with the methods: they work in extended precision from the points alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+
+import numpy as np
+
+from workbench.errors import InputError
+from workbench.geometry.points import as_points
+from workbench.program import Check, Program, worst
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
+
+EPS = float(np.finfo(float).eps)
+CONTAINMENT = 1e-9
+"""Excess of a point over the radius, relative to the radius, that a certificate lets pass."""
+
+
+class Shape(Protocol):
+    """Arrays over the sets; of a circle ``half_length`` and ``angle`` are 0."""
+
+    @property
+    def center(self) -> np.ndarray: ...
+    @property
+    def radius(self) -> np.ndarray: ...
+    @property
+    def half_length(self) -> np.ndarray: ...
+    @property
+    def angle(self) -> np.ndarray: ...
+
+
+@dataclass(frozen=True, eq=False)
+class Cover(Program):
+    """Shapes around point sets.
+
+    Parameters
+    ----------
+    points
+        Complex, shape (..., N): a set per leading index. An `xarray.DataArray` lends its names
+        and coordinates to the results.
+    windows
+        Ranges of the first axis's coordinate to show enlarged, by caption.
+    """
+
+    points: np.ndarray
+    windows: Mapping[str, tuple[float, float]] = field(default_factory=dict, kw_only=True)
+    labels: xr.DataArray | None = field(default=None, init=False, repr=False)
+
+    default_method: ClassVar[str] = "exact"
+    headline: ClassVar[str] = "radius_peak"
+    answer_names: ClassVar[Mapping[str, str]]
+    """Arrays of an answer, with their long names."""
+
+    def __post_init__(self) -> None:
+        labelled = hasattr(self.points, "dims")
+        object.__setattr__(self, "labels", self.points if labelled else None)
+        values = self.points.values if labelled else self.points  # type: ignore[attr-defined]
+        object.__setattr__(self, "points", as_points(values))
+
+    @property
+    def batch(self) -> tuple[int, ...]:
+        """Shape of the sets."""
+        return self.points.shape[:-1]
+
+    def place(self, index: tuple[int, ...]) -> str:
+        """The name of a set, for messages."""
+        parts = []
+        for dim, i in zip(self._labelled().dims, index, strict=False):
+            coordinate = self._labelled().coords.get(dim)
+            if coordinate is None:
+                parts.append(f"{dim} {i}")
+            else:
+                unit = coordinate.attrs.get("units", "")
+                value = coordinate.values[i]
+                text = f"{value:.6g}" if isinstance(value, float) else str(value)
+                parts.append(f"{dim} {text} {unit}".rstrip())
+        return "at " + ", ".join(parts) if parts else ""
+
+    # --- checks -------------------------------------------------------------------------------
+
+    def checks(self, answer: Any, tolerance: float) -> Sequence[Check]:
+        center, radius = np.asarray(answer.center), np.asarray(answer.radius)
+        half_length, angle = np.asarray(answer.half_length), np.asarray(answer.angle)
+        shapes = {a.shape for a in (center, radius, half_length, angle)}
+        if shapes != {self.batch}:
+            raise InputError(f"arrays of shape {self.batch} are needed, not {sorted(shapes)}")
+        proper = (
+            np.isfinite(center)
+            & np.isfinite(radius)
+            & np.isfinite(half_length)
+            & np.isfinite(angle)
+            & (radius >= 0)
+            & (half_length >= 0)
+        )
+        improper, where = worst(~proper, self.place)
+        properness = Check(
+            "proper",
+            "centre, radius, half-length and angle are finite, no size is negative",
+            improper,
+            0.0,
+            where if improper else "",
+        )
+        excess, where = worst(self.excess(answer), self.place)
+        containment = Check(
+            "containment",
+            "largest distance of a point beyond its shape, less 8 eps of the largest |p|, "
+            "relative to the radius",
+            excess,
+            CONTAINMENT,
+            where,
+        )
+        return [properness, containment]
+
+    def distance(self, answer: Shape) -> np.ndarray:
+        """Distance of every point from its segment, in extended precision."""
+        t, h = self.coordinates(answer)
+        length = np.asarray(answer.half_length, dtype=np.longdouble)[..., None]
+        return np.hypot(t - np.clip(t, -length, length), h)
+
+    def coordinates(self, answer: Shape) -> tuple[np.ndarray, np.ndarray]:
+        """Every point along and across its segment, from the centre, in extended precision."""
+        angle = np.asarray(answer.angle, dtype=np.longdouble)[..., None]
+        away = self.points.astype(np.clongdouble) - np.asarray(answer.center)[..., None]
+        cos, sin = np.cos(angle), np.sin(angle)
+        return away.real * cos + away.imag * sin, away.imag * cos - away.real * sin
+
+    def excess(self, answer: Shape) -> np.ndarray:
+        """Largest distance beyond each shape, less the rounding allowed, relative to its radius."""
+        radius = np.asarray(answer.radius, dtype=np.longdouble)
+        return self.relative(self.distance(answer).max(axis=-1) - radius, radius)
+
+    def relative(self, difference: np.ndarray, radius: np.ndarray) -> np.ndarray:
+        """A length, less 8 eps of the largest |p|, relative to a radius that may be zero."""
+        beyond = np.maximum(difference - 8 * EPS * self.reach, 0)
+        beyond = np.where(np.isnan(difference), np.nan, beyond)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(beyond == 0, 0.0, beyond / np.abs(radius)).astype(float)
+
+    @property
+    def reach(self) -> np.ndarray:
+        """Largest |p| of every set, in extended precision (|p| itself may overflow)."""
+        return np.abs(self.points.astype(np.clongdouble)).max(axis=-1)
+
+    # --- datasets and figures -----------------------------------------------------------------
+
+    def to_dataset(self, answer: Any) -> xr.Dataset:
+        import xarray as xr
+
+        points = self._labelled()
+        dims = points.dims[:-1]
+        unit = {"units": points.attrs.get("units", "1")}
+        touching = self.distance(answer) >= np.asarray(answer.radius)[..., None] * (1 - CONTAINMENT)
+        variables = {
+            "points": (points.dims, self.points, unit | {"long_name": "points to cover"}),
+            "support": (
+                points.dims,
+                touching.astype("int8"),
+                {"units": "1", "long_name": "1 where the point lies on the boundary"},
+            ),
+        }
+        for name, long_name in self.answer_names.items():
+            units = {"units": "rad"} if name == "angle" else unit
+            values = np.asarray(getattr(answer, name))
+            variables[name] = (dims, values, units | {"long_name": long_name})
+        return xr.Dataset(variables, coords=points.coords)
+
+    def figures(self, answer: Any) -> dict[str, Figure]:
+        from workbench.geometry.figures import cover_figures
+
+        return cover_figures(self._labelled(), answer, self.windows)
+
+    def _labelled(self) -> xr.DataArray:
+        import xarray as xr
+
+        if self.labels is not None:
+            return self.labels
+        count = len(self.batch)
+        names = [f"set_{axis}" for axis in range(count)] if count > 1 else ["set"] * count
+        return xr.DataArray(self.points, dims=[*names, "point"], attrs={"units": "1"})

@@ -1,0 +1,152 @@
+"""Figures of covers: shapes around their points in the plane, sizes along the first axis."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from workbench import figures
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
+
+    from workbench.geometry.cover import Shape
+
+CORNERS = 24
+"""Corners that each round end is drawn with."""
+
+
+def cover_figures(
+    points: xr.DataArray, answer: Shape, windows: Mapping[str, tuple[float, float]]
+) -> dict[str, Figure]:
+    """The plane whole, the plane enlarged for each window, and sizes over the first axis.
+
+    Parameters
+    ----------
+    points
+        Complex, dims (axis, ..., point); only a first axis with a coordinate is drawn along.
+    windows
+        Ranges of the first axis's coordinate, by caption.
+    """
+    if points.ndim != 2 or points.dims[0] not in points.coords:
+        return {"plane": plane(points, answer, "all sets")}
+    axis = points.coords[points.dims[0]]
+    drawn = {"plane": plane(points, answer, "whole")}
+    for caption, (low, high) in windows.items():
+        chosen = np.flatnonzero((axis.values >= low) & (axis.values <= high))
+        name = "plane-" + "-".join(caption.lower().split())
+        drawn[name] = plane(points, answer, caption, chosen)
+    drawn["sizes"] = sizes(axis, answer)
+    return drawn
+
+
+def plane(
+    points: xr.DataArray, answer: Shape, title: str, chosen: np.ndarray | None = None
+) -> Figure:
+    """Points and shapes of some sets (default: all) in the complex plane, coloured by the axis."""
+    from matplotlib.collections import LineCollection
+    from matplotlib.colors import LogNorm, Normalize
+
+    values = points.values.reshape(-1, points.shape[-1])
+    outlines = outline(answer)
+    chosen = np.arange(len(values)) if chosen is None else chosen
+    figure, (axes,) = figures.axes(size=(7.0, 5.6))
+    axis = points.coords.get(points.dims[0]) if points.ndim == 2 else None
+    along = np.arange(len(values)) if axis is None else axis.values.astype(float)
+    logarithmic = axis is not None and _is_logarithmic(axis)
+    norm = (LogNorm if logarithmic else Normalize)(along.min(), along.max())
+    if len(chosen):
+        norm = (LogNorm if logarithmic else Normalize)(along[chosen].min(), along[chosen].max())
+    shapes = LineCollection(
+        [np.column_stack([outlines[i].real, outlines[i].imag]) for i in chosen],
+        array=along[chosen],
+        norm=norm,
+        cmap="viridis",
+        linewidths=0.8,
+    )
+    axes.add_collection(shapes)
+    axes.scatter(
+        values[chosen].real.ravel(),
+        values[chosen].imag.ravel(),
+        s=7 if len(chosen) < 60 else 2,
+        c=np.repeat(along[chosen], values.shape[1]),
+        norm=norm,
+        cmap="viridis",
+        linewidths=0,
+        rasterized=True,
+        zorder=3,
+    )
+    axes.autoscale()
+    axes.set_aspect("equal", adjustable="datalim")
+    quantity = points.attrs.get("long_name", "points")
+    unit = points.attrs.get("units", "1")
+    axes.set_xlabel(f"real part of {quantity} [{unit}]")
+    axes.set_ylabel(f"imaginary part [{unit}]")
+    axes.set_title(title)
+    if axis is not None:
+        bar = figure.colorbar(shapes, ax=axes, label=_label(axis))
+        _plain_ticks(bar.ax.yaxis, float(norm.vmin or 0), float(norm.vmax or 0))
+    return figure
+
+
+def sizes(axis: xr.DataArray, answer: Shape) -> Figure:
+    """Radius, half-length and, of stadiums, orientation over the axis."""
+    stadium = bool(np.any(np.nan_to_num(answer.half_length) > 0))
+    figure, panels = figures.axes(
+        2 if stadium else 1, 1, size=(7.0, 6.0 if stadium else 4.2), sharex=True
+    )
+    top = panels[0]
+    top.plot(axis, answer.radius, color=figures.BLUE, label="radius")
+    if stadium:
+        straight = np.where(np.asarray(answer.half_length) > 0, answer.half_length, np.nan)
+        top.plot(axis, straight, color=figures.ORANGE, label="half-length")
+    positive = np.asarray(answer.radius)[np.asarray(answer.radius) > 0]
+    if positive.size:
+        top.set_yscale("log")
+    top.set_ylabel("size")
+    figures.legend_below(figure, top)
+    if stadium:
+        panels[1].plot(
+            axis, np.degrees(answer.angle), ".", color=figures.GREEN, markersize=3, label="angle"
+        )
+        panels[1].set_ylabel("orientation [deg]")
+        panels[1].set_ylim(0, 180)
+        panels[1].set_yticks([0, 45, 90, 135, 180])
+    for panel in panels:
+        if _is_logarithmic(axis):
+            panel.set_xscale("log")
+    panels[-1].set_xlabel(_label(axis))
+    return figure
+
+
+def outline(answer: Shape) -> np.ndarray:
+    """Corner points of every shape, complex, shape (sets, 2 * CORNERS + 1), closed."""
+    half = np.linspace(-np.pi / 2, np.pi / 2, CORNERS)
+    center, radius = np.ravel(answer.center)[:, None], np.ravel(answer.radius)[:, None]
+    length, angle = np.ravel(answer.half_length)[:, None], np.ravel(answer.angle)[:, None]
+    ahead = length + radius * np.exp(1j * half)
+    corners = np.concatenate([ahead, -ahead, ahead[:, :1]], axis=1)
+    return center + corners * np.exp(1j * angle)
+
+
+def _is_logarithmic(axis: xr.DataArray) -> bool:
+    values = axis.values
+    return bool(np.all(values > 0) and values.max() >= 20 * values.min())
+
+
+def _label(axis: xr.DataArray) -> str:
+    return f"{axis.attrs.get('long_name', axis.name)} [{axis.attrs.get('units', '1')}]"
+
+
+def _plain_ticks(scale: object, low: float, high: float) -> None:
+    """Plain numbers on a logarithmic scale that spans less than a decade."""
+    from matplotlib.ticker import MaxNLocator, NullFormatter, ScalarFormatter
+
+    if not 0 < high < 10 * low:
+        return
+    scale.set_major_locator(MaxNLocator(6))  # type: ignore[attr-defined]
+    scale.set_major_formatter(ScalarFormatter())  # type: ignore[attr-defined]
+    scale.set_minor_formatter(NullFormatter())  # type: ignore[attr-defined]

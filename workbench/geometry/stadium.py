@@ -1,0 +1,222 @@
+"""The narrowest stadium around a point set.
+
+A stadium is the set of points within ``radius`` of a segment. Narrowest means: of least radius,
+and among those of least half-length.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from workbench.errors import InputError
+from workbench.executor import Context
+from workbench.geometry.bounds import least_half_width
+from workbench.geometry.circle import answered
+from workbench.geometry.cover import Cover
+from workbench.geometry.exact_stadium import exact_stadium
+from workbench.geometry.thesis import thesis_stadium
+from workbench.program import Check, Claim, method, worst
+from workbench.solvers import Options, Outcome
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+@dataclass(frozen=True)
+class Stadium:
+    """Stadiums: complex ``center``, real ``radius``, ``half_length`` and ``angle`` in [0, pi)."""
+
+    center: np.ndarray
+    radius: np.ndarray
+    half_length: np.ndarray
+    angle: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class NarrowestStadium(Cover):
+    """The narrowest stadium that contains every point of a set.
+
+    Parameters
+    ----------
+    points
+        Complex, shape (..., N).
+    center
+        Complex, broadcast against the sets; None: free.
+    angle
+        Direction of the segment [rad], modulo pi, broadcast against the sets; None: free.
+
+    The least radius is half the least width of the set, of the set made symmetric about the
+    centre when that is given. It is certified by containment, by a lower bound on the width over
+    all angles, and for the half-length by points that the round ends touch.
+    """
+
+    center: np.ndarray | None = field(default=None)
+    angle: np.ndarray | None = field(default=None)
+
+    answer_names: ClassVar[dict[str, str]] = {
+        "center": "centre of the stadium",
+        "radius": "radius of the stadium, half its width",
+        "half_length": "half the length of its segment",
+        "angle": "direction of its segment",
+    }
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name, kind in (("center", complex), ("angle", float)):
+            given = getattr(self, name)
+            if given is None:
+                continue
+            try:
+                value = np.broadcast_to(np.asarray(given, dtype=kind), self.batch)
+            except (TypeError, ValueError) as error:
+                raise InputError(
+                    f"{name} of shape {np.shape(given)} does not fit sets of shape {self.batch}: "
+                    f"{error}"
+                ) from None
+            if not np.all(np.isfinite(value)):
+                raise InputError(f"{name} must be finite")
+            object.__setattr__(self, name, value)
+
+    def checks(self, answer: Stadium, tolerance: float) -> list[Check]:
+        checks = list(super().checks(answer, tolerance))
+        if self.center is not None:
+            away = np.abs(answer.center - self.center) / np.maximum(np.abs(self.center), self.reach)
+            value, where = worst(np.nan_to_num(away, nan=np.inf), self.place)
+            checks.append(
+                Check("centre given", "distance from the centre asked for", value, CLOSE, where)
+            )
+        if self.angle is not None:
+            turn = np.mod(answer.angle - self.angle + np.pi / 2, np.pi) - np.pi / 2
+            value, where = worst(np.abs(turn), self.place)
+            checks.append(
+                Check("angle given", "distance from the angle asked for [rad]", value, CLOSE, where)
+            )
+        return checks
+
+    def gap(self, answer: Stadium) -> tuple[str, float]:
+        radius = np.asarray(answer.radius, dtype=np.longdouble)
+        width = self.relative(radius - self.radius_bound(answer), radius)
+        value = float(np.max([np.max(width), np.max(self.slack(answer))]))
+        return (
+            "radius above its lower bound over all allowed angles, or distance between a round "
+            "end and the nearest point, relative to the radius"
+        ), value
+
+    def radius_bound(self, answer: Stadium) -> np.ndarray:
+        """Lower bound on the radius of every stadium allowed, shape (...)."""
+        if self.angle is not None:
+            _, across = self.coordinates(answer)
+            if self.center is not None:
+                return np.abs(across).max(axis=-1)
+            return (across.max(axis=-1) - across.min(axis=-1)) / 2
+        about = np.asarray(answer.center if self.center is None else self.center)
+        away = (self.points.astype(np.clongdouble) - about[..., None]).reshape(-1, self.size)
+        scale = np.maximum(np.abs(away).max(axis=-1, keepdims=True), np.finfo(np.longdouble).tiny)
+        away = (away / scale).astype(complex)
+        if self.center is not None:
+            away = np.concatenate([away, -away], axis=-1)
+        return (least_half_width(away) * scale[:, 0]).reshape(self.batch)
+
+    def slack(self, answer: Stadium) -> np.ndarray:
+        """How far the round ends are from the points they should touch, relative to the radius.
+
+        A point beyond the segment's end touches when it is a radius away from the end, one on
+        the side when it is level with it; what is missing of either counts. Of a free centre both
+        ends must touch a point, of a given one either. A stadium without a straight part has no
+        slack.
+        """
+        radius, length = np.asarray(answer.radius), np.asarray(answer.half_length)
+        along, across = self.coordinates(answer)
+        ends = []
+        for toward in (along, -along):
+            beyond = toward - length[..., None]
+            room = radius[..., None] - np.hypot(np.maximum(beyond, 0), across)
+            ends.append((room + np.maximum(-beyond, 0)).min(axis=-1))
+        room = np.maximum(*ends) if self.center is None else np.minimum(*ends)
+        return np.where(length == 0, 0.0, self.relative(room, radius))
+
+    @property
+    def size(self) -> int:
+        return self.points.shape[-1]
+
+    def metrics(self, answer: Stadium) -> dict[str, float]:
+        distance = np.abs(answer.center)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            relative = np.asarray(answer.radius / distance)
+        return {
+            "radius_peak": float(np.max(answer.radius)),
+            "radius_relative_peak": float(np.max(relative)),
+            "half_length_peak": float(np.max(answer.half_length)),
+            "sets": int(np.prod(self.batch)),
+            "points": self.size,
+        }
+
+    def from_dataset(self, data: xr.Dataset) -> Stadium:
+        return Stadium(*(data[name].values for name in self.answer_names))
+
+
+CLOSE = 1e-12
+"""Relative or angular distance at which a given centre or angle counts as kept."""
+
+
+def narrowest_stadium(
+    points: ArrayLike,
+    center: ArrayLike | None = None,
+    angle: ArrayLike | None = None,
+    method: str = "exact",
+    options: Options | None = None,
+) -> Stadium:
+    """Narrowest stadium around each set of points: of least radius, then of least half-length.
+
+    Parameters
+    ----------
+    points
+        Complex, shape (..., N), N >= 1, finite.
+    center
+        Complex, broadcast against the leading axes of ``points``; None: free.
+    angle
+        Direction of the segment [rad], modulo pi, broadcast likewise; None: free.
+    method
+        ``"exact"`` (globally optimal), ``"thesis"``, ``"ipopt"``, or with a given angle the name
+        of a conic solver.
+
+    Returns
+    -------
+    Stadium
+        ``center`` (complex), ``radius``, ``half_length`` and ``angle`` in [0, pi), of shape (...).
+        The radius is rounded outward. For a certificate ask ``solve(NarrowestStadium(...))``.
+
+    Raises
+    ------
+    InputError
+        Empty or non-finite points, real-valued pairs, a centre or angle that does not broadcast.
+    SolverError
+        The method gave no answer.
+    """
+    program = NarrowestStadium(np.asarray(points), _array(center), _array(angle))
+    return answered(program, method, options)
+
+
+def _array(given: ArrayLike | None) -> np.ndarray | None:
+    return None if given is None else np.asarray(given)
+
+
+@method(NarrowestStadium, "exact", optimal=True)
+def _exact(program: NarrowestStadium, context: Context) -> Claim:
+    """Convex hull, rotating calipers and critical angles; globally optimal, no tolerance."""
+    answer = exact_stadium(program.points, program.center, program.angle)
+    return Stadium(*answer), Outcome.SOLVED, ""
+
+
+@method(NarrowestStadium, "thesis", optimal=False)
+def _thesis(program: NarrowestStadium, context: Context) -> Claim:
+    """The candidates of the thesis, sections 5.4.1 and 5.4.2, as printed."""
+    stadium = Stadium(*thesis_stadium(program.points, program.center, program.angle))
+    lost = int(np.sum(~np.isfinite(stadium.radius)))
+    if lost:
+        return stadium, Outcome.FAILED, f"the procedure has no candidate for {lost} of the sets"
+    return stadium, Outcome.SOLVED, ""
