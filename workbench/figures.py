@@ -24,7 +24,6 @@ STYLE: Any = {
     "grid.alpha": 0.25,
     "grid.linewidth": 0.6,
     "legend.fontsize": 9,
-    "legend.frameon": False,
     "lines.linewidth": 1.3,
     "svg.fonttype": "none",
 }
@@ -47,4 +46,4 @@ def axes(
 def legend_below(figure: Figure, source: Axes, columns: int = 4) -> None:
     """A legend under the axes, where it covers no data."""
     handles, labels = source.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=columns)
+    figure.legend(handles, labels, loc="outside lower center", ncols=columns, frameon=False)

@@ -142,6 +142,10 @@ class Task(ABC):
     def figures(self, answer: Any) -> dict[str, Figure]:
         """Figures by file stem; returned, never written."""
 
+    def tables(self, answer: Any) -> dict[str, str]:
+        """Tables in Markdown by file stem."""
+        return {}
+
     @abstractmethod
     def to_dataset(self, answer: Any) -> xr.Dataset:
         """Every array of question and answer, labelled, with units."""

@@ -64,6 +64,11 @@ def add_problems(folder: str | Path) -> None:
         _added.append(path)
 
 
+def added_problems() -> tuple[Path, ...]:
+    """The folders added so far."""
+    return tuple(_added)
+
+
 def registry() -> Registry:
     """The registry over the built-in, the project's and the added folders."""
     roots = [built_in(), *Project.around(Path.cwd()).problems, *_added]
@@ -75,7 +80,15 @@ def _registry(roots: tuple[Path, ...]) -> Registry:
     return Registry(list(roots))
 
 
+RESULTS = "WORKBENCH_RESULTS"
+
+
+def use_results(folder: str | Path) -> None:
+    """Keep results in this folder, for the rest of this process and those it starts."""
+    os.environ[RESULTS] = str(Path(folder).resolve())
+
+
 def results_root() -> Path:
     """The results folder: the environment's WORKBENCH_RESULTS, else the project's."""
-    override = os.environ.get("WORKBENCH_RESULTS")
+    override = os.environ.get(RESULTS)
     return Path(override) if override else Project.around(Path.cwd()).results

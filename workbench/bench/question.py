@@ -69,11 +69,13 @@ def digest(text: str | bytes) -> str:
     return hashlib.sha256(text.encode() if isinstance(text, str) else text).hexdigest()
 
 
-def code_hash(problem_folder: Path) -> str:
-    """Hash of what may change an answer besides the question: sources and solver versions."""
-    return digest(
-        _sources(Path(workbench.__file__).parent) + _sources(problem_folder) + canonical(versions())
-    )[:16]
+def code_hash(*folders: Path) -> str:
+    """Hash of what may change an answer besides the question.
+
+    The workbench's sources, those of the plants' ``folders``, and the solvers' versions.
+    """
+    sources = [_sources(folder) for folder in (Path(workbench.__file__).parent, *sorted(folders))]
+    return digest("".join(sources) + canonical(versions()))[:16]
 
 
 @cache

@@ -116,6 +116,13 @@ class Problem:
             }
         return {n: p for n, p in self.signature.parameters.items() if n not in fixed}
 
+    @property
+    def folder(self) -> Path:
+        """The plant's folder, whose sources can change an answer."""
+        entry = self.entry
+        first = entry.root / entry.file.relative_to(entry.root).parts[0]
+        return first if first.is_dir() else entry.root
+
     def bind(self, given: Mapping[str, Any]) -> dict[str, Any]:
         """Every parameter validated and converted, defaults filled in, axes included.
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import datetime
 import platform
-import sys
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -18,10 +17,10 @@ from workbench.bench.project import registry, results_root
 from workbench.bench.question import Question, asked, code_hash
 from workbench.bench.registry import Problem, Ref
 from workbench.bench.results import FORMAT, Run, write_figures, write_json
-from workbench.bench.store import FAILED, Store, Writer, damage
+from workbench.bench.store import Store, Writer, damage
 from workbench.errors import InputError, RegistryError, ResultError
 from workbench.executor import Context, Progress, silent
-from workbench.program import Program, Solution, Study, Task, find_method, solve
+from workbench.program import Certificate, Program, Solution, Study, Task, find_method, solve
 from workbench.solvers import Options, Outcome, versions
 
 
@@ -77,30 +76,37 @@ class Bench:
     def _run(self, asked_for: Ref, path: tuple[str, ...]) -> Run:
         bound = self._load(asked_for, path)
         question = bound.question(asked_for.method, self.options)
-        code = code_hash(bound.folder)
+        code = code_hash(registry().find(question.problem).folder)
         with self.store.writing(question.problem, question.key) as writer:
             earlier = _earlier(writer.final, question)
             if earlier and earlier.info["code"] == code and not self.fresh:
                 return replace(earlier, reused=True)
-            return self._compute(bound, question, code, writer, earlier)
+            return self.answer(bound, question, code, writer, earlier)
 
-    def _compute(
-        self, bound: Bound, question: Question, code: str, writer: Writer, earlier: Run | None
+    def answer(
+        self,
+        bound: Bound,
+        question: Question,
+        code: str,
+        writer: Writer,
+        earlier: Run | None = None,
     ) -> Run:
+        """Answer a question, certify the answer and publish the folder."""
         started = datetime.datetime.now(datetime.UTC)
         clock = time.perf_counter()
-        context = Context(self.options, self.progress)
-        solution = solve(bound.task, question.method, context=context)
-        if solution.certificate is not None and isinstance(bound.task, Study):
-            solution = replace(solution, certificate=bound.inherited(solution))
+        task, note = bound.task, ""
+        solution = solve(task, question.method, context=Context(self.options, self.progress))
+        if solution.certificate is not None and isinstance(task, Study):
+            solution = replace(solution, certificate=bound.inherit(solution.certificate))
 
         folder = writer.start()
-        task, note = bound.task, ""
-        if solution.answer is not None and solution.certificate is not None:
+        if solution.certificate is not None:
             data = task.to_dataset(solution.answer)
             netcdf.write(data, folder / "data.nc")
             write_json(folder / "certificate.json", solution.certificate.to_json())
             write_json(folder / "metrics.json", task.metrics(solution.answer))
+            for name, table in task.tables(solution.answer).items():
+                (folder / f"{name}.md").write_text(table, encoding="utf-8")
             write_figures(folder / "figures", task.figures(solution.answer))
             note = _compared(earlier, data, self.options)
         info = {
@@ -116,35 +122,35 @@ class Bench:
             "finished": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
             "seconds": dict(solution.seconds) | {"total": time.perf_counter() - clock},
             "code": code,
-            "versions": {"workbench": workbench.__version__, "python": platform.python_version()}
-            | versions(),
+            "versions": environment(),
             "platform": f"{platform.system()} {platform.machine()}",
         }
         write_json(folder / "run.json", info)
         (folder / "log.txt").write_text(_log(info, solution, note), encoding="utf-8")
-        write_crate(folder, info, bound.problem.entry.help)
+        write_crate(folder, info, bound.help)
         path = writer.publish(failed=solution.outcome is not Outcome.SOLVED)
         return Run(path, note=note)
 
 
 @dataclass(frozen=True)
 class Bound:
-    """A problem with its parameters and needs: the task, and what identifies it."""
+    """A problem with its parameters and needs: the task, and what identifies it.
 
-    problem: Problem
+    A task of the bench's own, a comparison, has no problem.
+    """
+
+    problem: Problem | None
     parameters: Mapping[str, Any]
     needs: Mapping[str, Run | list[Run]]
     task: Task
 
     @property
-    def folder(self) -> Path:
-        """The plant's folder, whose sources can change the answer."""
-        entry = self.problem.entry
-        first = entry.file.relative_to(entry.root).parts[0]
-        return entry.root / first if (entry.root / first).is_dir() else entry.root
+    def help(self) -> str:
+        return self.problem.entry.help if self.problem else type(self.task).__doc__ or ""
 
     def question(self, method: str | None, options: Options) -> Question:
         """The question with the default method filled in."""
+        assert self.problem is not None
         if isinstance(self.task, Program):
             method = find_method(self.task, method).name
         elif method is not None:
@@ -161,17 +167,22 @@ class Bound:
             asked(options),
         )
 
-    def inherited(self, solution: Solution) -> Any:
-        """A study's certificate: those of its needs and its own checks."""
-        assert solution.certificate is not None
-        checks = []
-        for name, need in self.needs.items():
-            for run in need if isinstance(need, list) else [need]:
-                assert run.certificate is not None
-                checks += [
-                    replace(check, name=f"{name}: {check.name}") for check in run.certificate.checks
-                ]
-        return replace(solution.certificate, checks=(*checks, *solution.certificate.checks))
+    def inherit(self, own: Certificate) -> Certificate:
+        """A study's certificate: those of its needs, and its own checks."""
+        checks = [
+            replace(check, name=f"{name}: {check.name}")
+            for name, need in self.needs.items()
+            for run in (need if isinstance(need, list) else [need])
+            if run.certificate is not None
+            for check in run.certificate.checks
+        ]
+        return replace(own, checks=(*checks, *own.checks))
+
+
+def environment() -> dict[str, str]:
+    """Versions of what can change an answer."""
+    own = {"workbench": workbench.__version__, "python": platform.python_version()}
+    return own | versions()
 
 
 def _earlier(folder: Path, question: Question) -> Run | None:
@@ -221,11 +232,3 @@ def default_bench(
 ) -> Bench:
     """The bench over the project's results folder."""
     return Bench(Store(results_root()), options or Options(), progress, fresh)
-
-
-def terminal_progress() -> bool:
-    """Whether somebody watches standard error."""
-    return sys.stderr.isatty()
-
-
-__all__ = ["FAILED", "Bench", "Bound", "default_bench"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,8 +15,10 @@ if TYPE_CHECKING:
 
     from workbench.geometry.cover import Shape
 
-CORNERS = 24
+CORNERS = 48
 """Corners that each round end is drawn with."""
+FEW = 60
+"""Shapes up to which they are filled and their points drawn large."""
 
 
 def cover_figures(
@@ -39,7 +41,7 @@ def cover_figures(
         chosen = np.flatnonzero((axis.values >= low) & (axis.values <= high))
         name = "plane-" + "-".join(caption.lower().split())
         drawn[name] = plane(points, answer, caption, chosen)
-    drawn["sizes"] = sizes(axis, answer)
+    drawn["sizes"] = sizes(axis, answer, points.attrs.get("units", "1"))
     return drawn
 
 
@@ -47,7 +49,7 @@ def plane(
     points: xr.DataArray, answer: Shape, title: str, chosen: np.ndarray | None = None
 ) -> Figure:
     """Points and shapes of some sets (default: all) in the complex plane, coloured by the axis."""
-    from matplotlib.collections import LineCollection
+    from matplotlib.collections import LineCollection, PolyCollection
     from matplotlib.colors import LogNorm, Normalize
 
     values = points.values.reshape(-1, points.shape[-1])
@@ -57,21 +59,21 @@ def plane(
     axis = points.coords.get(points.dims[0]) if points.ndim == 2 else None
     along = np.arange(len(values)) if axis is None else axis.values.astype(float)
     logarithmic = axis is not None and _is_logarithmic(axis)
-    norm = (LogNorm if logarithmic else Normalize)(along.min(), along.max())
-    if len(chosen):
-        norm = (LogNorm if logarithmic else Normalize)(along[chosen].min(), along[chosen].max())
-    shapes = LineCollection(
-        [np.column_stack([outlines[i].real, outlines[i].imag]) for i in chosen],
-        array=along[chosen],
-        norm=norm,
-        cmap="viridis",
-        linewidths=0.8,
-    )
+    shown = along[chosen] if len(chosen) else along
+    norm = (LogNorm if logarithmic else Normalize)(shown.min(), shown.max())
+    corners = [np.column_stack([outlines[i].real, outlines[i].imag]) for i in chosen]
+    coloured: Any = {"array": along[chosen], "norm": norm, "cmap": "viridis"}
+    shapes = LineCollection(corners, linewidths=0.8, **coloured)
     axes.add_collection(shapes)
+    if len(chosen) < FEW:
+        axes.add_collection(PolyCollection(corners, linewidths=0, alpha=0.06, **coloured))
+    if axis is not None:  # the path of each member through the sets
+        members = values[chosen]
+        axes.plot(members.real, members.imag, color="0.6", linewidth=0.5, zorder=1)
     axes.scatter(
         values[chosen].real.ravel(),
         values[chosen].imag.ravel(),
-        s=7 if len(chosen) < 60 else 2,
+        s=9 if len(chosen) < FEW else 2,
         c=np.repeat(along[chosen], values.shape[1]),
         norm=norm,
         cmap="viridis",
@@ -92,7 +94,7 @@ def plane(
     return figure
 
 
-def sizes(axis: xr.DataArray, answer: Shape) -> Figure:
+def sizes(axis: xr.DataArray, answer: Shape, unit: str) -> Figure:
     """Radius, half-length and, of stadiums, orientation over the axis."""
     stadium = bool(np.any(np.nan_to_num(answer.half_length) > 0))
     figure, panels = figures.axes(
@@ -106,14 +108,14 @@ def sizes(axis: xr.DataArray, answer: Shape) -> Figure:
     positive = np.asarray(answer.radius)[np.asarray(answer.radius) > 0]
     if positive.size:
         top.set_yscale("log")
-    top.set_ylabel("size")
+    top.set_ylabel(f"size [{unit}]")
     figures.legend_below(figure, top)
     if stadium:
         panels[1].plot(
             axis, np.degrees(answer.angle), ".", color=figures.GREEN, markersize=3, label="angle"
         )
         panels[1].set_ylabel("orientation [deg]")
-        panels[1].set_ylim(0, 180)
+        panels[1].set_ylim(-6, 186)
         panels[1].set_yticks([0, 45, 90, 135, 180])
     for panel in panels:
         if _is_logarithmic(axis):

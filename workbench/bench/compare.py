@@ -1,0 +1,276 @@
+"""Every problem by every method at every accuracy level, in a results folder of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor, Future
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from workbench import figures
+from workbench.bench.project import add_problems, added_problems, registry, results_root
+from workbench.bench.question import Question, asked, code_hash
+from workbench.bench.results import Run
+from workbench.bench.run import Bench, Bound, default_bench
+from workbench.bench.store import Store
+from workbench.errors import InputError, TimeLimitError, WorkbenchError
+from workbench.executor import Context, InProcess, Progress, silent
+from workbench.program import Check, Program, Study, methods, solve
+from workbench.solvers import ACCURACY, Options, Outcome
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
+
+WARM = 2.0
+"""A solve faster than this [s] is timed a second time: its first call may have compiled."""
+UNFIT = "unfit"
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One problem by one method at one accuracy level."""
+
+    outcome: str
+    claim: str
+    message: str
+    statement: float = np.nan
+    solve: float = np.nan
+    gap: float = np.nan
+
+    @property
+    def success(self) -> bool:
+        """The certificate holds."""
+        return self.outcome == Outcome.SOLVED
+
+    @property
+    def correct(self) -> bool:
+        """The method's claim agrees with the certificate."""
+        return (self.claim == Outcome.SOLVED) == self.success
+
+
+def run_cell(
+    name: str,
+    method: str,
+    parameters: Mapping[str, Any],
+    options: Options,
+    folders: Sequence[Path],
+    results: Path,
+) -> Cell:
+    """Answer one cell; whatever goes wrong is in the cell."""
+    for folder in folders:
+        add_problems(folder)
+    task = Bench(Store(results), Options(seed=options.seed)).load(name, parameters).task
+    if not isinstance(task, Program):
+        return Cell(UNFIT, "", f"{name} is a study: it has no methods")
+    chosen = methods(task).get(method)
+    reason = chosen.unfit(task) if chosen else f"{type(task).__name__} has no method {method!r}"
+    if reason:
+        return Cell(UNFIT, "", reason)
+    solution = solve(task, method, options)
+    if solution.seconds["solve"] < WARM:
+        solution = solve(task, method, options)
+    gap = solution.certificate.gap if solution.certificate else None
+    return Cell(
+        solution.outcome,
+        solution.claim,
+        solution.message,
+        solution.seconds["statement"],
+        solution.seconds["solve"],
+        gap.value if gap else np.nan,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison(Study):
+    """The cells of a comparison. Its dataset has dims (problem, method, accuracy)."""
+
+    problems: tuple[str, ...]
+    methods: tuple[str, ...]
+    accuracies: tuple[str, ...]
+    parameters: Mapping[str, Any]
+    results: Path
+    executor: Executor
+
+    headline = "success_rate"
+
+    def compute(self, context: Context) -> xr.Dataset:
+        import xarray as xr
+
+        shape = (len(self.problems), len(self.methods), len(self.accuracies))
+        options = context.options
+        futures = [
+            self.executor.submit(
+                run_cell,
+                self.problems[i],
+                self.methods[j],
+                self.parameters,
+                Options(self.accuracies[k], options.time_limit, seed=options.seed),
+                added_problems(),
+                self.results,
+            )
+            for i, j, k in np.ndindex(*shape)
+        ]
+        # The time limit is each cell's, not the comparison's.
+        watched = Context(Options(), context.progress)
+        cells = [_result(future) for future in watched.track(futures, "cells")]
+        dims = ("problem", "method", "accuracy")
+
+        def table(values: list[Any], dtype: Any = float) -> tuple[Any, ...]:
+            return dims, np.array(values, dtype=dtype).reshape(shape)
+
+        return xr.Dataset(
+            {
+                "statement": (*table([cell.statement for cell in cells]), {"units": "s"}),
+                "solve": (*table([cell.solve for cell in cells]), {"units": "s"}),
+                "gap": (*table([cell.gap for cell in cells]), {"units": "1"}),
+                "success": table([cell.success for cell in cells], "int8"),
+                "correct": table([cell.correct for cell in cells], "int8"),
+                "outcome": table([cell.outcome for cell in cells], str),
+                "claim": table([cell.claim for cell in cells], str),
+                "message": table([cell.message for cell in cells], str),
+            },
+            coords={
+                "problem": list(self.problems),
+                "method": list(self.methods),
+                "accuracy": list(self.accuracies),
+                "tolerance": ("accuracy", [ACCURACY[name] for name in self.accuracies]),
+            },
+        )
+
+    def checks(self, answer: xr.Dataset, tolerance: float) -> list[Check]:
+        missing = int(np.sum(answer["outcome"].values == ""))
+        return [Check("complete", "cells without an outcome", missing, 0)]
+
+    def metrics(self, answer: xr.Dataset) -> dict[str, float]:
+        tried = answer["outcome"].values != UNFIT
+        count = max(int(tried.sum()), 1)
+        return {
+            "success_rate": float(answer["success"].values[tried].sum() / count),
+            "correctness_rate": float(answer["correct"].values[tried].sum() / count),
+            "cells": int(tried.sum()),
+            "unfit": int((~tried).sum()),
+        }
+
+    def tables(self, answer: xr.Dataset) -> dict[str, str]:
+        head = (
+            "| problem | method | accuracy | outcome | claim | success | correct | gap "
+            "| statement [s] | solve [s] |\n"
+            "| --- | --- | --- | --- | --- | --- | --- | ---: | ---: | ---: |\n"
+        )
+        return {"comparison": head + "".join(f"| {' | '.join(r)} |\n" for r in rows(answer))}
+
+    def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
+        return {"accuracy-against-time": accuracy_against_time(answer)}
+
+
+def rows(data: xr.Dataset) -> list[list[str]]:
+    """A comparison's cells as text, a row each."""
+    table = []
+    for i, j, k in np.ndindex(*data["outcome"].shape):
+        cell = {name: data[name].values[i, j, k] for name in data.data_vars}
+        unfit = cell["outcome"] == UNFIT
+        labels = (data["problem"].values[i], data["method"].values[j], data["accuracy"].values[k])
+        table.append(
+            [
+                *map(str, labels),
+                str(cell["outcome"]),
+                "-" if unfit else str(cell["claim"]),
+                "-" if unfit else ("yes" if cell["success"] else "no"),
+                "-" if unfit else ("yes" if cell["correct"] else "no"),
+                "-" if np.isnan(cell["gap"]) else f"{cell['gap']:.1e}",
+                "-" if np.isnan(cell["statement"]) else f"{cell['statement']:.4f}",
+                "-" if np.isnan(cell["solve"]) else f"{cell['solve']:.4f}",
+            ]
+        )
+    return table
+
+
+def accuracy_against_time(data: xr.Dataset) -> Figure:
+    """Certified gap over wall time, a panel per problem; hollow where no certificate holds."""
+    names = data["problem"].values
+    columns = min(2, len(names))
+    lines = -(-len(names) // columns)
+    figure, panels = figures.axes(
+        lines, columns, size=(3.6 + 3.4 * columns, 0.8 + 3.2 * lines), sharex=True, sharey=True
+    )
+    floor = 1e-17  # an exact answer has no gap, a logarithmic axis no zero
+    markers = dict(zip(ACCURACY, "osD", strict=True))
+    for i, (panel, name) in enumerate(zip(panels, names, strict=False)):
+        for j, method in enumerate(data["method"].values):
+            colour = figures.CYCLE[j % len(figures.CYCLE)]
+            seconds = (data["statement"] + data["solve"]).values[i, j]
+            gap = np.maximum(data["gap"].values[i, j], floor)
+            panel.plot(seconds, gap, color=colour, linewidth=0.7, alpha=0.6)
+            for k, level in enumerate(data["accuracy"].values):
+                held = bool(data["success"].values[i, j, k])
+                panel.plot(
+                    seconds[k],
+                    gap[k],
+                    markers[str(level)],
+                    color=colour,
+                    markerfacecolor=colour if held else "none",
+                    label=str(method) if k == 0 else None,
+                )
+        panel.set_xscale("log")
+        panel.set_yscale("log")
+        panel.set_title(str(name))
+        panel.set_xlabel("statement and solve [s]")
+        panel.set_ylabel("certified gap [relative]")
+    for panel in panels[len(names) :]:
+        panel.set_visible(False)
+    figures.legend_below(figure, panels[0], columns=6)
+    return figure
+
+
+def run_comparison(
+    pattern: str,
+    methods: Sequence[str],
+    accuracies: Sequence[str],
+    parameters: Mapping[str, Any],
+    time_limit: float | None,
+    seed: int,
+    executor: Executor | None,
+    progress: Progress = silent,
+) -> Run:
+    """See `workbench.compare`."""
+    unknown = [name for name in accuracies if name not in ACCURACY]
+    if unknown or not accuracies:
+        raise InputError(f"accuracy levels are {', '.join(ACCURACY)}, not {unknown or 'none'}")
+    if not methods:
+        raise InputError("a comparison needs at least one method")
+    names = tuple(entry.name for entry in registry().match(pattern))
+    options = Options(time_limit=time_limit, seed=seed)
+    bench = default_bench(options, progress)
+    comparison = Comparison(
+        names,
+        tuple(methods),
+        tuple(accuracies),
+        dict(parameters),
+        results_root(),
+        executor or InProcess(),
+    )
+    stored = {
+        "pattern": pattern,
+        "problems": list(names),
+        "methods": list(methods),
+        "accuracies": list(accuracies),
+        "parameters": dict(parameters),
+    }
+    question = Question("compare", stored, {}, {}, None, asked(options))
+    bound = Bound(None, stored, {}, comparison)
+    code = code_hash(*{registry().find(name).folder for name in names})
+    with bench.store.writing(question.problem, question.key) as writer:
+        return bench.answer(bound, question, code, writer)
+
+
+def _result(future: Future[Cell]) -> Cell:
+    try:
+        return future.result()
+    except TimeLimitError as error:
+        return Cell(Outcome.TIME_LIMIT, "", str(error))
+    except WorkbenchError as error:
+        return Cell(Outcome.FAILED, "", str(error))

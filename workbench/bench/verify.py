@@ -1,0 +1,234 @@
+"""Verify a results folder from its stored arrays alone: no solver runs, nothing stored executes.
+
+In order: checksums; the key, from the question in run.json; the problem rebuilt through the
+registry; its arrays and derived files against the stored ones; the certificate recomputed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from workbench.bench import netcdf
+from workbench.bench.project import registry, results_root
+from workbench.bench.question import Question, code_hash, plain
+from workbench.bench.results import Run, open_run, read_json
+from workbench.bench.run import Bench, Bound, environment
+from workbench.bench.store import FAILED, REFERENCE, Store, damage
+from workbench.errors import ResultError, WorkbenchError
+from workbench.program import Certificate, Program, Study, find_method
+from workbench.solvers import Options
+
+SAME = 1e-9
+"""Relative difference at which recomputed numbers count as the stored ones."""
+
+
+@dataclass(frozen=True)
+class Verification:
+    """What verifying a folder found.
+
+    ``problems`` are what is wrong, ``notes`` what is worth knowing; ``certificate`` is the one
+    recomputed here, None where it could not be.
+    """
+
+    path: Path
+    problems: tuple[str, ...]
+    notes: tuple[str, ...]
+    certificate: Certificate | None
+
+    @property
+    def holds(self) -> bool:
+        return not self.problems
+
+    def __repr__(self) -> str:
+        lines = [f"{self.path}: {'verified' if self.holds else 'NOT verified'}"]
+        lines += [f"  {problem}" for problem in self.problems]
+        lines += [f"  note: {note}" for note in self.notes]
+        return "\n".join(lines)
+
+
+def verify_folder(path: Path, *, rerun: bool = False) -> Verification:
+    """Verify one results folder.
+
+    Raises
+    ------
+    ResultError
+        The folder holds no run.json at all.
+    """
+    run = open_run(path)
+    found: list[str] = damage(path)
+    notes: list[str] = []
+    certificate = None
+    try:
+        found += _misplaced(run)
+        if run.problem not in registry().entries:
+            notes.append(f"problem {run.problem!r} is not registered: checksums and key only")
+        else:
+            bound = _rebuild(run)
+            notes += _other_code(run, bound)
+            certificate, wrong = _recheck(run, bound)
+            found += wrong
+            if rerun:
+                found += _rerun(run, notes)
+    except WorkbenchError as error:
+        found.append(str(error))
+    except (KeyError, TypeError, ValueError) as error:
+        found.append(f"run.json cannot be read as a run: {type(error).__name__}: {error}")
+    return Verification(path, tuple(found), tuple(notes), certificate)
+
+
+def _misplaced(run: Run) -> list[str]:
+    """The key recomputed from the question must be the stored one and the folder's name."""
+    question = Question(**{name: run.info[name] for name in Question.__dataclass_fields__})
+    found = []
+    if question.key != run.key:
+        found.append(f"run.json: its question has key {question.key}, not {run.key} as it says")
+    if run.path.resolve().name.removesuffix(FAILED) != question.key:
+        found.append(f"run.json: its question has key {question.key}, unlike the folder's name")
+    return found
+
+
+def _rebuild(run: Run) -> Bound:
+    """The problem with the stored parameters, fed from stored results only."""
+    info = run.info
+    store = Store(_root(run))
+    problem = registry().find(run.problem)
+    given = {
+        name: value for name, value in info["parameters"].items() if name in problem.parameters
+    }
+    parameters = problem.bind(given)
+    if plain(problem.to_json(parameters)) != info["parameters"]:
+        raise ResultError(
+            f"the problem takes other parameters now: {problem.to_json(parameters)} "
+            f"instead of {info['parameters']}"
+        )
+    fed: dict[str, Any] = {}
+    for name, need in problem.needs(parameters).items():
+        keys = info["needs"][name]
+        if isinstance(need, list):
+            fed[name] = [
+                _upstream(store, one.name, key) for one, key in zip(need, keys, strict=True)
+            ]
+        else:
+            fed[name] = _upstream(store, need.name, keys)
+    task = problem.function(**parameters, **fed)
+    return Bound(problem, info["parameters"], fed, task)
+
+
+def _root(run: Run) -> Path:
+    """The results root that a folder stands in: needs are found there."""
+    depth = len(run.problem.split("/"))
+    parents = run.path.resolve().parents
+    return parents[depth] if len(parents) > depth else results_root()
+
+
+def _upstream(store: Store, problem: str, key: str) -> Run:
+    folder = store.folder(problem, key)
+    if not folder.exists():
+        raise ResultError(f"its need {problem}/{key} is not here: run {problem} first")
+    wrong = damage(folder)
+    if wrong:
+        raise ResultError(f"its need {problem}/{key} is damaged: {'; '.join(wrong)}")
+    return Run(folder)
+
+
+def _other_code(run: Run, bound: Bound) -> list[str]:
+    notes = []
+    if run.info["code"] != code_hash(registry().find(run.problem).folder):
+        notes.append("answered by other code than this")
+    stored, here = run.info["versions"], environment()
+    notes += [
+        f"{name} {stored.get(name, 'absent')} then, {here.get(name, 'absent')} now"
+        for name in sorted(stored.keys() | here.keys())
+        if stored.get(name) != here.get(name)
+    ]
+    hashes = registry().find(run.problem).data_hashes()
+    if hashes != run.info["data"]:
+        changed = [name for name in hashes if hashes[name] != run.info["data"].get(name)]
+        raise ResultError(f"the problem's data has changed since: {', '.join(changed)}")
+    return notes
+
+
+def _recheck(run: Run, bound: Bound) -> tuple[Certificate | None, list[str]]:
+    """The certificate from the stored arrays, and where stored files disagree with them."""
+    if not (run.path / "data.nc").exists():
+        return None, ["data.nc is missing: there is no answer to check"]
+    task = bound.task
+    answer = task.from_dataset(run.data)
+    rebuilt = task.to_dataset(answer)
+    wrong = [f"data.nc: {text}" for text in netcdf.differences(run.data, rebuilt, SAME)]
+    optimal = isinstance(task, Program) and find_method(task, run.method).optimal
+    certificate = task.certify(answer, float(run.info["options"]["tolerance"]), optimal=optimal)
+    if isinstance(task, Study):
+        certificate = bound.inherit(certificate)
+    wrong += [f"certificate: {text}" for text in certificate.failures]
+    stored, fresh = read_json(run.path / "certificate.json"), plain(certificate.to_json())
+    # What is checked is near zero, rounding errors that differ between machines.
+    wrong += [f"certificate.json: {text}" for text in _apart(stored, fresh, floor=1.0)]
+    stored, fresh = read_json(run.path / "metrics.json"), plain(task.metrics(answer))
+    wrong += [f"metrics.json: {text}" for text in _apart(stored, fresh)]
+    return certificate, wrong
+
+
+def _apart(stored: Any, fresh: Any, path: str = "", floor: float = 0.0) -> list[str]:
+    """Where two JSON values differ, numbers by more than ``SAME`` of them or of the floor."""
+    if isinstance(stored, Mapping) and isinstance(fresh, Mapping):
+        return [
+            text
+            for key in sorted(stored.keys() | fresh.keys())
+            for text in _apart(stored.get(key), fresh.get(key), f"{path}.{key}".lstrip("."), floor)
+        ]
+    if isinstance(stored, list) and isinstance(fresh, list) and len(stored) == len(fresh):
+        return [
+            text
+            for i, pair in enumerate(zip(stored, fresh, strict=True))
+            for text in _apart(*pair, f"{path}[{i}]", floor)
+        ]
+    if isinstance(stored, float | int) and isinstance(fresh, float | int):
+        same = abs(stored - fresh) <= SAME * max(floor, abs(fresh))
+        return [] if same else [f"{path} says {stored:.12g}, recomputed {fresh:.12g}"]
+    if path.endswith("where"):  # the place of the worst of equal values is arbitrary
+        return []
+    return [] if stored == fresh else [f"{path} says {stored!r}, recomputed {fresh!r}"]
+
+
+def _rerun(run: Run, notes: list[str]) -> list[str]:
+    """Answer the question again, apart from the project's results, and compare the arrays."""
+    import tempfile
+
+    info = run.info
+    options = Options(**info["options"])
+    problem = registry().find(run.problem)
+    given = {
+        name: value for name, value in info["parameters"].items() if name in problem.parameters
+    }
+    with tempfile.TemporaryDirectory() as folder:
+        again = Bench(Store(folder), options).run(run.problem, run.method, given)
+        if again.path.name.endswith(FAILED):
+            return [f"re-run: {again.outcome}. {again.info['message']}"]
+        found = netcdf.differences(run.data, again.data, options.accuracy)
+        ratio = again.seconds["total"] / run.seconds["total"]
+    notes.append(f"re-run within {options.accuracy:g}; it took {ratio:.2g} times as long")
+    return [f"re-run: {text}" for text in found]
+
+
+def finished(path: Path) -> list[Path]:
+    """The results folders at or below a path, failures left out.
+
+    Raises
+    ------
+    ResultError
+        There is none.
+    """
+    if (path / "run.json").is_file():
+        return [path]
+    folders = Store(path).folders() if path.name != REFERENCE else _below(path)
+    if not folders:
+        raise ResultError(f"no results folder at or below {path}")
+    return folders
+
+
+def _below(path: Path) -> list[Path]:
+    return sorted(file.parent for file in path.rglob("run.json"))

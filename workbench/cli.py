@@ -1,0 +1,352 @@
+"""The command line. Exit status 0: every certificate holds; 1: one does not; 2: an error."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+import workbench
+from workbench.bench.project import add_problems, registry, results_root, use_results
+from workbench.errors import WorkbenchError
+
+if TYPE_CHECKING:
+    from workbench.bench.results import Run
+    from workbench.executor import Progress
+
+AS_JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON for a script.")
+
+
+class Commands(click.Group):
+    """Errors of the workbench end with their message, not with a traceback."""
+
+    def invoke(self, ctx: click.Context) -> Any:
+        try:
+            return super().invoke(ctx)
+        except WorkbenchError as error:
+            click.echo(f"workbench: {error}", err=True)
+            sys.exit(2)
+        except KeyboardInterrupt:
+            click.echo("workbench: interrupted; finished results are kept", err=True)
+            sys.exit(130)
+
+
+@click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(workbench.__version__)
+@click.option(
+    "--problems", multiple=True, metavar="DIR", help="Discover problems in this folder too."
+)
+@click.option("--results", metavar="DIR", help="Keep results here [default: the project's].")
+def main(problems: tuple[str, ...], results: str | None) -> None:
+    """Named problems of robust control: any solver, every answer certified."""
+    for folder in problems:
+        add_problems(folder)
+    if results:
+        use_results(results)
+
+
+@main.command("list")
+@click.argument("pattern", default="*")
+@AS_JSON
+def list_(pattern: str, as_json: bool) -> None:
+    """Names of the problems that fit PATTERN, one line each."""
+    entries = registry().match(pattern)
+    if as_json:
+        rows = [{"name": e.name, "summary": e.summary, "slow": e.slow} for e in entries]
+        click.echo(json.dumps(rows, indent=2))
+        return
+    width = max(len(entry.name) for entry in entries)
+    for entry in entries:
+        slow = " (slow)" if entry.slow else ""
+        click.echo(f"{entry.name:<{width}}  {entry.summary}{slow}")
+
+
+@main.command()
+@click.argument("name")
+@AS_JSON
+def show(name: str, as_json: bool) -> None:
+    """Help, parameters and methods of a problem."""
+    from workbench.bench.describe import describe
+
+    described = describe(registry().find(name))
+    click.echo(json.dumps(described.to_json(), indent=2) if as_json else described.text)
+
+
+@main.command()
+@click.argument("patterns", nargs=-1, required=True)
+@click.option("--method", help="Method [default: the problem's own].")
+@click.option(
+    "--set", "settings", multiple=True, metavar="KEY=VALUE", help="A parameter of the problem."
+)
+@click.option("--tolerance", default="middle", help="low, middle, high, or a number.")
+@click.option("--time-limit", type=float, help="Seconds for each solve.")
+@click.option("--seed", type=int, default=0, help="Seed of the random generator.")
+@click.option("--verbose", is_flag=True, help="Let the solver print.")
+@click.option("--fresh", is_flag=True, help="Compute anew even where the answer is stored.")
+@click.option("--slow", is_flag=True, help="Run problems marked slow too.")
+@AS_JSON
+def run(
+    patterns: tuple[str, ...],
+    method: str | None,
+    settings: tuple[str, ...],
+    tolerance: str,
+    time_limit: float | None,
+    seed: int,
+    verbose: bool,
+    fresh: bool,
+    slow: bool,
+    as_json: bool,
+) -> None:
+    """Run every problem that fits one of PATTERNS, and leave a results folder for each."""
+    parameters = dict(_setting(text) for text in settings)
+    entries = {e.name: e for pattern in patterns for e in registry().match(pattern)}
+    chosen = [e.name for e in entries.values() if slow or not e.slow or e.name in patterns]
+    runs: list[Run] = []
+    failed = False
+    for position, name in enumerate(chosen, start=1):
+        try:
+            with _progress(f"[{position}/{len(chosen)}] {name}") as progress:
+                done = workbench.run(
+                    name,
+                    method,
+                    tolerance=tolerance,
+                    time_limit=time_limit,
+                    seed=seed,
+                    verbose=verbose,
+                    fresh=fresh,
+                    progress=progress,
+                    **parameters,
+                )
+        except WorkbenchError as error:
+            click.echo(f"workbench: {error}", err=True)
+            failed = True
+            continue
+        runs.append(done)
+        if not as_json and len(chosen) > 1:
+            click.echo(f"[{position}/{len(chosen)}] {name}: {_verdict(done)}", err=True)
+    if as_json:
+        click.echo(json.dumps([_row(one) for one in runs], indent=2))
+    elif runs:
+        _print_runs(runs)
+        if len(runs) == 1:
+            _print_details(runs[0])
+    if failed:
+        sys.exit(2)
+    sys.exit(0 if all(one.holds for one in runs) else 1)
+
+
+@main.command()
+@click.argument("pattern")
+@click.option("--methods", required=True, metavar="A,B,C", help="Methods to compare.")
+@click.option("--accuracy", default="low,middle,high", help="Accuracy levels.")
+@click.option("--set", "settings", multiple=True, metavar="KEY=VALUE")
+@click.option("--time-limit", type=float, help="Seconds for each cell; it is killed beyond.")
+@click.option("--jobs", type=int, help="Run cells in this many processes.")
+@click.option("--seed", type=int, default=0)
+@AS_JSON
+def compare(
+    pattern: str,
+    methods: str,
+    accuracy: str,
+    settings: tuple[str, ...],
+    time_limit: float | None,
+    jobs: int | None,
+    seed: int,
+    as_json: bool,
+) -> None:
+    """Every problem that fits PATTERN by every method at every accuracy level."""
+    from workbench.bench.compare import rows
+    from workbench.executor import InProcess, Processes
+
+    # Only a process can be killed when its solver does not listen.
+    processes = bool(jobs or time_limit)
+    executor = Processes(jobs or 1, time_limit) if processes else InProcess()
+    with executor, _progress(f"compare {pattern}") as progress:
+        done = workbench.compare(
+            pattern,
+            methods.split(","),
+            accuracies=accuracy.split(","),
+            time_limit=time_limit,
+            seed=seed,
+            executor=executor,
+            progress=progress,
+            **dict(_setting(text) for text in settings),
+        )
+    if as_json:
+        click.echo(json.dumps(_row(done) | {"cells": rows(done.data)}, indent=2))
+        return
+    head = ["problem", "method", "accuracy", "outcome", "claim", "success", "correct", "gap"]
+    _print_table([*head, "statement [s]", "solve [s]"], rows(done.data), right=3)
+    click.echo(done.path)
+
+
+@main.command()
+@click.argument("paths", nargs=-1, type=click.Path(path_type=Path))
+@click.option("--rerun", is_flag=True, help="Answer anew as well, and compare the arrays.")
+@AS_JSON
+def verify(paths: tuple[Path, ...], rerun: bool, as_json: bool) -> None:
+    """Verify results folders at or below PATHS [default: the project's results]."""
+    from workbench.bench.verify import finished, verify_folder
+
+    found = []
+    for path in paths or (results_root(),):
+        for folder in finished(path):
+            found.append(verify_folder(folder, rerun=rerun))
+            if not as_json:
+                click.echo(repr(found[-1]))
+    if as_json:
+        rows = [
+            {
+                "path": str(one.path),
+                "holds": one.holds,
+                "problems": list(one.problems),
+                "notes": list(one.notes),
+            }
+            for one in found
+        ]
+        click.echo(json.dumps(rows, indent=2))
+    else:
+        click.echo(f"{sum(one.holds for one in found)} of {len(found)} verified")
+    sys.exit(0 if all(one.holds for one in found) else 1)
+
+
+@main.command()
+@click.argument("pattern", default="*")
+@AS_JSON
+def results(pattern: str, as_json: bool) -> None:
+    """The stored results of the problems that fit PATTERN."""
+    runs = workbench.results(pattern)
+    if as_json:
+        click.echo(json.dumps([_row(one) for one in runs], indent=2))
+    elif runs:
+        _print_runs(runs)
+    else:
+        click.echo(f"no results of {pattern} in {results_root()}; try: workbench run '{pattern}'")
+
+
+@main.command()
+@click.argument("root", required=False, type=click.Path(path_type=Path))
+@click.option("--output", type=click.Path(path_type=Path), help="The page [ROOT/index.html].")
+@click.option("--open", "open_", is_flag=True, help="Open it in a browser.")
+def report(root: Path | None, output: Path | None, open_: bool) -> None:
+    """One self-contained HTML page over the results below ROOT."""
+    page = workbench.report(root, output)
+    click.echo(page)
+    if open_:
+        click.launch(str(page))
+
+
+def _setting(text: str) -> tuple[str, str]:
+    key, equals, value = text.partition("=")
+    if not equals or not key:
+        raise click.UsageError(f"--set needs KEY=VALUE, not {text!r}")
+    return key.strip(), value
+
+
+def _verdict(one: Run) -> str:
+    verdict = "certificate holds" if one.holds else f"{one.outcome}: {_reason(one)}"
+    return verdict + (" (stored)" if one.reused else "")
+
+
+def _reason(one: Run) -> str:
+    if one.certificate is None or not one.certificate.failures:
+        return str(one.info["message"])
+    return "; ".join(one.certificate.failures)
+
+
+def _row(one: Run) -> dict[str, Any]:
+    return {
+        "problem": one.problem,
+        "method": one.method,
+        "key": one.key,
+        "outcome": one.outcome,
+        "holds": one.holds,
+        "reused": one.reused,
+        "metrics": one.metrics,
+        "seconds": one.seconds,
+        "path": str(one.path),
+    }
+
+
+def _print_runs(runs: Sequence[Run]) -> None:
+    rows = [
+        [
+            one.problem,
+            one.method or "-",
+            one.headline,
+            "holds" if one.holds else f"FAILS ({one.outcome})",
+            f"{one.seconds['total']:.2f}",
+            "stored" if one.reused else "",
+        ]
+        for one in runs
+    ]
+    _print_table(
+        ["problem", "method", "key metric", "certificate", "seconds", ""], rows, right=1, last=1
+    )
+
+
+def _print_details(one: Run) -> None:
+    if one.certificate is not None:
+        for check in one.certificate.checks:
+            sign = "holds" if check.holds else "FAILS"
+            click.echo(f"  {sign}  {check.name}: {check.value:.3g} <= {check.limit:.3g}")
+        gap = one.certificate.gap
+        if gap is not None:
+            wanted = f" <= {gap.tolerance:.3g}" if gap.required else ""
+            click.echo(f"  optimality gap {gap.value:.3g}{wanted}")
+    else:
+        click.echo(f"  {one.info['message']}")
+    if not one.holds:
+        click.echo(f"  {one.outcome.advice}")
+    if one.reused:
+        click.echo("  found among the results; --fresh computes it anew")
+    if one.note:
+        click.echo(f"  {one.note}")
+    click.echo(one.path)
+
+
+def _print_table(
+    head: Sequence[str], rows: Sequence[Sequence[str]], *, right: int = 0, last: int = 0
+) -> None:
+    """A plain aligned table; the ``right`` columns before the ``last`` ones are numbers."""
+    columns = list(zip(head, *rows, strict=True))
+    widths = [max(map(len, column)) for column in columns]
+    numbers = range(len(head) - last - right, len(head) - last)
+    for line in (head, *rows):
+        cells = (
+            cell.rjust(width) if i in numbers else cell.ljust(width)
+            for i, (cell, width) in enumerate(zip(line, widths, strict=True))
+        )
+        click.echo("  ".join(cells).rstrip())
+
+
+@contextmanager
+def _progress(title: str) -> Iterator[Progress]:
+    """A progress bar on standard error, where somebody watches."""
+    from workbench.executor import silent
+
+    if not sys.stderr.isatty():
+        yield silent
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    with Progress(
+        TextColumn(title),
+        BarColumn(),
+        TextColumn("{task.description} {task.completed:.0f}/{task.total:.0f}"),
+        TimeRemainingColumn(),
+        console=Console(stderr=True),
+        transient=True,
+    ) as bars:
+        task = bars.add_task("working", total=1)
+
+        def show(description: str, done: int, total: int) -> None:
+            bars.update(task, description=description, completed=done, total=total or 1)
+
+        yield show

@@ -1,0 +1,189 @@
+"""The narrowest stadium around every set of points, exact up to rounding.
+
+A stadium is all points within `radius` of a segment with the given centre, half-length and
+direction. Narrowest is least radius, and among those least half-length. In coordinates t along
+and h across the direction:
+
+* the radius is half the width of the set across the direction, with the axis in the middle; with
+  a given centre it is the largest |h - h_c|, half the width of the set and its mirror image in
+  the centre together;
+* the least width over all directions is attained with an edge of the convex hull along the
+  stadium, so the edges are all there is to try;
+* a point at h asks the segment [a, b] for a <= t + s and b >= t - s, s = sqrt(radius^2 - h^2).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from workbench.compiled import compiled
+from workbench.geometry.exact_circle import circle_radius, outward
+from workbench.geometry.hull import cross, hull_indices
+from workbench.geometry.points import (
+    EPS,
+    as_batch,
+    find_frame,
+    length_from_frame,
+    length_to_frame,
+    point_from_frame,
+    to_frame,
+)
+
+# Edges whose widths agree this well (relative) are compared by half-length ...
+TIE = 64.0 * EPS
+# ... as long as that takes no more than this many point visits (but always for EDGES_TRIED).
+MOST_VISITS = 2**22
+EDGES_TRIED = 4
+
+
+def exact_stadium(
+    points: ArrayLike, center: ArrayLike | None = None, angle: ArrayLike | None = None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Centre, radius, half-length and angle [rad], each (...), of the narrowest stadiums.
+
+    The sets are (..., N); a given centre or angle broadcasts with the leading axes. Angles are in
+    [0, pi), and 0 for a set of coincident points if none is given.
+    """
+    batch = as_batch(points, center, angle)
+    answers = _stadiums(
+        batch.sets, batch.which, center is not None, batch.center, angle is not None, batch.angle
+    )
+    found = tuple(answer.reshape(batch.shape) for answer in answers)
+    return found[0], found[1], found[2], found[3]
+
+
+@compiled
+def _stadiums(
+    sets: np.ndarray,
+    which: np.ndarray,
+    centered: bool,
+    given_center: np.ndarray,
+    directed: bool,
+    given_angle: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    center = given_center.copy()
+    angle = given_angle.copy()
+    radius, half_length = np.empty(which.size), np.empty(which.size)
+    for i, chosen in enumerate(which):
+        points = sets[chosen]
+        frame = find_frame(points, centered, center[i])
+        x, y = to_frame(points, frame)
+        if not directed:
+            vertices = hull_indices(x, y)
+            x, y = x[vertices], y[vertices]
+            angle[i] = _narrowest_angle(x, y, centered)
+        along, across, _, half = _narrowest(x, y, angle[i], centered)
+        if not centered:
+            c, s = math.cos(angle[i]), math.sin(angle[i])
+            center[i] = point_from_frame(frame, c * along - s * across, s * along + c * across)
+        half_length[i] = length_from_frame(frame, half)
+        radius[i] = stadium_radius(points, center[i], half_length[i], angle[i])
+    return center, radius, half_length, angle
+
+
+@compiled
+def stadium_radius(points: np.ndarray, center: complex, half_length: float, angle: float) -> float:
+    """The largest distance of a set (N,) from the segment, rounded outward.
+
+    The rotation into t and h rounds by at most 2.5 eps of its terms: differences and products
+    are good to eps / 2, sine and cosine to eps.
+    """
+    if half_length == 0.0:
+        return circle_radius(points, center)
+    frame = find_frame(points, True, center)
+    half = length_to_frame(frame, half_length)
+    c, s = math.cos(angle), math.sin(angle)
+    square = 0.0
+    for p in points:
+        x = (p.real * frame.shrink - frame.x) * frame.zoom
+        y = (p.imag * frame.shrink - frame.y) * frame.zoom
+        beyond = abs(c * x + s * y) + 2.5 * EPS * (abs(c * x) + abs(s * y)) - half
+        aside = abs(c * y - s * x) + 2.5 * EPS * (abs(c * y) + abs(s * x))
+        square = max(square, aside * aside + max(beyond, 0.0) ** 2)
+    return outward(length_from_frame(frame, math.sqrt(square) * (1.0 + 4.0 * EPS)))
+
+
+@compiled
+def _narrowest(
+    x: np.ndarray, y: np.ndarray, angle: float, centered: bool
+) -> tuple[float, float, float, float]:
+    """Centre along and across, radius and half-length of the narrowest stadium at an angle.
+
+    With `centered` the centre is the origin.
+    """
+    c, s = math.cos(angle), math.sin(angle)
+    low, high = np.inf, -np.inf
+    for i in range(x.size):
+        h = c * y[i] - s * x[i]
+        low, high = min(low, h), max(high, h)
+    across = 0.0 if centered else 0.5 * (low + high)
+    radius = max(high - across, across - low)
+    start, end = np.inf, -np.inf
+    for i in range(x.size):
+        t, h = c * x[i] + s * y[i], c * y[i] - s * x[i] - across
+        slack = math.sqrt(max((radius - h) * (radius + h), 0.0))
+        start, end = min(start, t + slack), max(end, t - slack)
+    if centered:
+        return 0.0, 0.0, radius, max(0.0, max(end, -start))
+    return 0.5 * (start + end), across, radius, max(0.0, 0.5 * (end - start))
+
+
+@compiled
+def _narrowest_angle(x: np.ndarray, y: np.ndarray, centered: bool) -> float:
+    """The angle of the narrowest stadium around a hull (M,), (M,), counter-clockwise.
+
+    Where several edges give the least width, the one with the least half-length is taken.
+    """
+    if centered:
+        mirrored_x, mirrored_y = np.concatenate((x, -x)), np.concatenate((y, -y))
+        vertices = hull_indices(mirrored_x, mirrored_y)
+        edges_x, edges_y = mirrored_x[vertices], mirrored_y[vertices]
+    else:
+        edges_x, edges_y = x, y
+    if edges_x.size == 1:
+        return 0.0
+    width = _widths(edges_x, edges_y)
+    limit = (1.0 + TIE) * width.min()
+    left_to_try = max(EDGES_TRIED, MOST_VISITS // x.size)
+    angle, shortest = 0.0, np.inf
+    for i in range(width.size):
+        if width[i] <= limit and left_to_try > 0:
+            left_to_try -= 1
+            j = (i + 1) % width.size
+            tried = _direction(edges_x[j] - edges_x[i], edges_y[j] - edges_y[i])
+            half_length = _narrowest(x, y, tried, centered)[3]
+            if half_length < shortest:
+                angle, shortest = tried, half_length
+    return angle
+
+
+@compiled
+def _widths(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """The width (M,) of a hull (M,), (M,), M >= 2, across each of its edges: rotating calipers.
+
+    (Shamos, "Computational geometry", 1978.)
+    """
+    width = np.empty(x.size)
+    far = 1
+    for i in range(x.size):
+        j = (i + 1) % x.size
+        # the opposite vertex goes on as long as that leads away from the edge
+        for _ in range(x.size):
+            k = (far + 1) % x.size
+            if cross(x, y, i, j, far, k) <= 0.0:
+                break
+            far = k
+        width[i] = cross(x, y, i, j, i, far) / math.hypot(x[j] - x[i], y[j] - y[i])
+    return width
+
+
+@compiled
+def _direction(x: float, y: float) -> float:
+    """The angle of a line in [0, pi)."""
+    angle = math.atan2(y, x)
+    if angle < 0.0:
+        angle += math.pi
+    return angle if angle < math.pi else 0.0

@@ -1,0 +1,157 @@
+"""The convex hull of one set of points: Andrew's monotone chain, O(N log N).
+
+Orientation is decided in double arithmetic where that is certain by its error bound (Shewchuk,
+"Adaptive precision floating-point arithmetic and fast robust geometric predicates", 1997) and in
+doubled precision where it is not. What a hull can still lose to rounding is a vertex within a few
+ulp of an edge: that changes a width by a few ulp, and containment does not rest on the hull, since
+every radius is at last taken over all points.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from workbench.compiled import compiled
+from workbench.errors import InputError
+from workbench.geometry.points import EPS, as_points, find_frame, to_frame
+
+# Larger sets are thinned by their octagon before they are sorted.
+THINNED_ABOVE = 200
+SPLITTER = 134217729.0  # 2^27 + 1 (Dekker)
+
+
+def convex_hull(points: ArrayLike) -> np.ndarray:
+    """The vertices (M,) of the convex hull of one set (N,), strictly convex, counter-clockwise."""
+    values = as_points(points)
+    if values.ndim != 1:
+        raise InputError(f"points of shape {values.shape}: a hull is of one set (N,)")
+    return values[hull_indices(*to_frame(values, find_frame(values, False, 0j)))]
+
+
+@compiled
+def hull_indices(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Indices (M,) of the hull's vertices, counter-clockwise from the leftmost lowest one.
+
+    The coordinates (N,), (N,) are of a frame (unit size). Points that coincide have one vertex.
+    """
+    kept = _outside_octagon(x, y) if x.size > THINNED_ABOVE else np.arange(x.size)
+    # merge sort: numba's quick sort takes O(N^2) on some orders
+    order = kept[np.argsort(x[kept], kind="mergesort")]
+    # of points on one vertical only the lowest and the highest can be vertices
+    lowest, highest = np.empty_like(order), np.empty_like(order)
+    columns = 0
+    for i in order:
+        if columns and x[i] == x[lowest[columns - 1]]:
+            if y[i] < y[lowest[columns - 1]]:
+                lowest[columns - 1] = i
+            if y[i] > y[highest[columns - 1]]:
+                highest[columns - 1] = i
+        else:
+            lowest[columns] = highest[columns] = i
+            columns += 1
+    lower = _chain(x, y, lowest[:columns])
+    upper = _chain(x, y, highest[:columns][::-1])
+    # the chains meet in a point, or in a vertical edge, at the left and at the right
+    last = lower.size - (lower[-1] == upper[0])
+    first = upper.size - (upper[-1] == lower[0])
+    return np.concatenate((lower[: max(last, 1)], upper[:first]))
+
+
+@compiled
+def _chain(x: np.ndarray, y: np.ndarray, order: np.ndarray) -> np.ndarray:
+    """The part of a sequence of points, strictly monotone in x, that turns left throughout."""
+    chain = np.empty_like(order)
+    size = 0
+    for i in order:
+        while size > 1:
+            a, b = chain[size - 2], chain[size - 1]
+            if cross(x, y, a, b, a, i) > 0.0:
+                break
+            size -= 1
+        chain[size] = i
+        size += 1
+    return chain[:size]
+
+
+@compiled
+def _outside_octagon(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Indices of the points not well inside the octagon of the extremes in eight directions.
+
+    (Akl and Toussaint, "A fast convex hull algorithm", 1978, with four more directions.)
+    """
+    corner = np.zeros(9, dtype=np.int64)
+    value = np.full(8, -np.inf)
+    for i in range(x.size):
+        a, b = x[i], y[i]
+        plus, minus = a + b, a - b
+        if a > value[0]:
+            value[0], corner[0] = a, i
+        if plus > value[1]:
+            value[1], corner[1] = plus, i
+        if b > value[2]:
+            value[2], corner[2] = b, i
+        if -minus > value[3]:
+            value[3], corner[3] = -minus, i
+        if -a > value[4]:
+            value[4], corner[4] = -a, i
+        if -plus > value[5]:
+            value[5], corner[5] = -plus, i
+        if -b > value[6]:
+            value[6], corner[6] = -b, i
+        if minus > value[7]:
+            value[7], corner[7] = minus, i
+    corner[8] = corner[0]
+    # inside: normal . p < offset for all edges, less a margin for rounding (|p| <= sqrt 2)
+    normal_x, normal_y, offset = np.zeros(8), np.zeros(8), np.ones(8)
+    for k in range(8):
+        i, j = corner[k], corner[k + 1]
+        if i != j:
+            normal_x[k], normal_y[k] = y[j] - y[i], x[i] - x[j]
+            margin = 8.0 * EPS * (abs(normal_x[k]) + abs(normal_y[k]))
+            offset[k] = normal_x[k] * x[i] + normal_y[k] * y[i] - margin
+    kept = np.empty(x.size, dtype=np.int64)
+    size = 0
+    for i in range(x.size):
+        for k in range(8):
+            if normal_x[k] * x[i] + normal_y[k] * y[i] >= offset[k]:
+                kept[size] = i
+                size += 1
+                break
+    if size == 0:  # all points coincide: the octagon has no edge
+        kept[0], size = corner[0], 1
+    return kept[:size]
+
+
+@compiled
+def cross(x: np.ndarray, y: np.ndarray, a: int, b: int, c: int, d: int) -> float:
+    """The cross product (b - a) x (d - c) of four of the points, with a sign to rely on."""
+    ux, uy, vx, vy = x[b] - x[a], y[b] - y[a], x[d] - x[c], y[d] - y[c]
+    left, right = ux * vy, uy * vx
+    if abs(left - right) > 2.0 * EPS * (abs(left) + abs(right)):
+        return left - right
+    high, low = _product(ux, vy)
+    other_high, other_low = _product(uy, vx)
+    tails = (ux * _lost(y[d], y[c]) + vy * _lost(x[b], x[a])) - (
+        uy * _lost(x[d], x[c]) + vx * _lost(y[b], y[a])
+    )
+    return (high - other_high) + ((low - other_low) + tails)
+
+
+@compiled
+def _lost(a: float, b: float) -> float:
+    """What the rounding of a - b lost (Knuth)."""
+    difference = a - b
+    part = a - difference
+    return (a - (difference + part)) + (part - b)
+
+
+@compiled
+def _product(a: float, b: float) -> tuple[float, float]:
+    """a b as its rounded value and what the rounding lost (Dekker)."""
+    value = a * b
+    c, d = SPLITTER * a, SPLITTER * b
+    a_high, b_high = c - (c - a), d - (d - b)
+    a_low, b_low = a - a_high, b - b_high
+    lost = a_low * b_low - (((value - a_high * b_high) - a_low * b_high) - a_high * b_low)
+    return value, lost
