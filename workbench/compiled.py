@@ -18,7 +18,7 @@ def compiled(function: Callable[..., Any]) -> Any:
     """
     from numba import njit
 
-    dispatcher = njit(cache=True)(function)
+    dispatcher: Any = njit(cache=True)(function)
     dispatcher._cache._cache_file._source_stamp = _stamp(Path(inspect.getfile(function)).parent)
     return dispatcher
 

@@ -51,7 +51,7 @@ class Cover(Program):
         Ranges of the first axis's coordinate to show enlarged, by caption.
     """
 
-    points: np.ndarray
+    points: Any  # an ndarray from here on
     windows: Mapping[str, tuple[float, float]] = field(default_factory=dict, kw_only=True)
     labels: xr.DataArray | None = field(default=None, init=False, repr=False)
 
@@ -63,7 +63,7 @@ class Cover(Program):
     def __post_init__(self) -> None:
         labelled = hasattr(self.points, "dims")
         object.__setattr__(self, "labels", self.points if labelled else None)
-        values = self.points.values if labelled else self.points  # type: ignore[attr-defined]
+        values = self.points.values if labelled else self.points
         object.__setattr__(self, "points", as_points(values))
 
     @property
