@@ -21,6 +21,9 @@ import numpy as np
 from workbench.errors import TimeLimitError, WorkbenchError
 from workbench.solvers import Options
 
+WALL_TIME = {"wall_time": 1}
+"""Attribute of stored arrays that no re-run reproduces."""
+
 T = TypeVar("T")
 Progress = Callable[[str, int, int], None]
 """Called with what is being done, how much of it is done, and of how much."""

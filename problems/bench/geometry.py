@@ -12,7 +12,7 @@ from pydantic import Field
 
 from workbench import Check, Options, Study, figures, problem, solve
 from workbench.errors import InputError
-from workbench.executor import Context
+from workbench.executor import WALL_TIME, Context
 from workbench.geometry import (
     NarrowestStadium,
     SmallestCircle,
@@ -111,7 +111,7 @@ class GeometrySpeed(Study):
         }
         return xr.Dataset(
             {
-                "seconds": (("task",), [seconds[task] for task in tasks], {"units": "s"}),
+                "seconds": (("task",), [seconds[t] for t in tasks], {"units": "s"} | WALL_TIME),
                 "disagreement": (
                     ("pair",),
                     list(worst.values()),
@@ -167,7 +167,11 @@ class GeometrySpeed(Study):
         panel.plot(wanted, place, "|", color=figures.ORANGE, markersize=22, label="asked for")
         for y, value in zip(place, ratios.values(), strict=True):
             panel.annotate(
-                f"{value:.3g}", (value, y), (4, 0), textcoords="offset points", va="center"
+                f"{value:,.0f}" if value >= 100 else f"{value:.3g}",
+                (value, y),
+                (4, 0),
+                textcoords="offset points",
+                va="center",
             )
         panel.set_yticks(place, labels)
         panel.invert_yaxis()

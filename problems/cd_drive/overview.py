@@ -13,7 +13,7 @@ from workbench.executor import Context
 from .actuator import general_model, resonances, stack, transfer_coefficients
 from .drives import ANTIALIASING, crossover, nominal_response, responses
 from .nominal import compare_nominal
-from .sets import TABLES, Frequencies
+from .sets import TABLES, WINDOWS, Frequencies
 from .tables import ActuatorParameters, Axis, Drive, Values, drives
 
 if TYPE_CHECKING:
@@ -37,17 +37,20 @@ AROUND = 0.15
 
 
 @problem("cd/drives", data=TABLES)
-def overview(frequencies: Frequencies = 600, values: Values = "printed") -> Drives:
+def overview(frequencies: Frequencies = 300, values: Values = "printed") -> Drives:
     """Bode and Nyquist plots and parameters of the twelve measured drives (Tables A.1-A.3, 5.2).
 
     All 24 responses (focus and radial) from control voltage to normalised error, with the optical
     gain of each drive and with the gain spread removed as the automatic gain control does; the
     resonances of each; the parameter table; Table 5.2 recomputed.
 
-    frequencies: how many, logarithmically spaced from 5 Hz to 20 kHz. values: tables "printed" or
-    "corrected".
+    frequencies: how many, logarithmically spaced from 5 Hz to 20 kHz; around each resonance there
+    are 80 more. values: tables "printed" or "corrected".
     """
-    return Drives(np.geomspace(5.0, 20e3, frequencies), values)
+    bands = [band for axis in AXES for band in WINDOWS[axis].values()]
+    dense = [np.linspace(low, high, 80) for low, high in bands]
+    grid = np.unique(np.concatenate([np.geomspace(5.0, 20e3, frequencies), *dense]))
+    return Drives(grid, values)
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,18 +69,16 @@ class Drives(Study):
         unit = {"units": "units/V"}
         twelve = {axis: drives(axis, self.values) for axis in AXES}
 
-        def response(gain: Any) -> np.ndarray:
-            return np.stack([responses(a, self.frequency, gain, self.values) for a in AXES])
-
+        own = np.stack([responses(axis, self.frequency, "own", self.values) for axis in AXES])
         found = [[resonances(drive) for drive in twelve[axis]] for axis in AXES]
         general = [stack([general_model(d) for d in twelve[axis]]) for axis in AXES]
         return xr.Dataset(
             {
-                "response": (grid, response("own"), unit | {"long_name": "own optical gain"}),
-                "response_agc": (
-                    grid,
-                    response("agc"),
-                    unit | {"long_name": "gains equalised at crossover"},
+                "response": (grid, own, unit | {"long_name": "u to normalised error"}),
+                "agc_gain": (
+                    ("axis", "drive"),
+                    np.stack([_agc_gain(axis, self.values) for axis in AXES]),
+                    {"units": "1", "long_name": "gain of the automatic gain control"},
                 ),
                 "actuator_general": (
                     grid,
@@ -133,7 +134,7 @@ class Drives(Study):
     def _near(self, answer: xr.Dataset, axis: Axis, kind: int) -> Check:
         expected = EXPECTED[axis][0 if kind == 0 else 1]
         found = answer["resonance"].sel(axis=axis).isel(kind=kind)
-        off = np.abs(found / expected - 1)
+        off = abs(found / expected - 1)
         worst = str(answer["drive"].values[int(np.argmax(off.values))])
         return Check(
             f"{axis} {'first' if kind == 0 else 'parasitic'} resonance",
@@ -164,10 +165,19 @@ class Drives(Study):
 
     def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
         return {
-            "bode": _bode(answer, "response"),
-            "bode-agc": _bode(answer, "response_agc"),
+            "bode": _bode(answer, answer["response"], "own optical gain"),
+            "bode-agc": _bode(
+                answer, answer["response"] * answer["agc_gain"], "gain equalised at crossover"
+            ),
             "nyquist": _nyquist(answer),
         }
+
+
+def _agc_gain(axis: Axis, values: Values) -> np.ndarray:
+    """What the automatic gain control multiplies each drive's own gain by, shape (12,)."""
+    at = [crossover(axis)]
+    wanted, own = (responses(axis, at, gain, values) for gain in ("agc", "own"))
+    return (wanted / own)[:, 0].real
 
 
 def _from_table_3_2(data: xr.Dataset) -> xr.DataArray:
@@ -188,25 +198,25 @@ def _from_table_3_2(data: xr.Dataset) -> xr.DataArray:
 def _spread_at_crossover(data: xr.Dataset) -> float:
     spreads = []
     for axis in AXES:
-        magnitude = np.abs(data["response_agc"].sel(axis=axis))
-        at = magnitude.sel(frequency=float(data["crossover"].sel(axis=axis)), method="nearest")
+        gained = abs(data["response"] * data["agc_gain"]).sel(axis=axis)
+        at = gained.sel(frequency=float(data["crossover"].sel(axis=axis)), method="nearest")
         spreads.append(float((at.max() - at.min()) / (at.max() + at.min())))
     return max(spreads)
 
 
-def _bode(data: xr.Dataset, name: str) -> Figure:
+def _bode(data: xr.Dataset, response: xr.DataArray, gain: str) -> Figure:
     figure, panels = figures.axes(2, 2, size=(9.0, 6.2), sharex=True)
     for column, axis in enumerate(AXES):
         magnitude, phase = panels[column], panels[2 + column]
         for i, drive in enumerate(data["drive"].values):
-            _bode_line(magnitude, phase, data, data[name].sel(axis=axis, drive=drive), i)
+            _bode_line(magnitude, phase, data, response.sel(axis=axis, drive=drive), i)
         nominal = data["nominal"].sel(axis=axis)
         _bode_line(magnitude, phase, data, nominal, None)
-        magnitude.set_title(f"{axis}, {data[name].attrs['long_name']}")
+        magnitude.set_title(f"{axis}, {gain}")
         magnitude.set_yscale("log")
         phase.set_xscale("log")
         phase.set_xlabel("frequency [Hz]")
-        phase.set_yticks([-360, -270, -180, -90, 0])
+        phase.set_yticks([-270, -180, -90, 0])
     panels[0].set_ylabel("magnitude [units/V]")
     panels[2].set_ylabel("phase [deg]")
     figures.legend_below(figure, panels[0], columns=7)
@@ -217,7 +227,7 @@ def _bode_line(
     magnitude: Axes, phase: Axes, data: xr.Dataset, response: xr.DataArray, drive: int | None
 ) -> None:
     line = _line(data, drive)
-    magnitude.plot(data["frequency"], np.abs(response), **line)
+    magnitude.plot(data["frequency"], abs(response), **line)
     phase.plot(data["frequency"], np.degrees(np.unwrap(np.angle(response))), **line)
 
 
@@ -234,10 +244,10 @@ def _line(data: xr.Dataset, drive: int | None) -> dict[str, Any]:
 def _nyquist(data: xr.Dataset) -> Figure:
     figure, panels = figures.axes(2, 2, size=(9.0, 8.4))
     for column, axis in enumerate(AXES):
-        high = 0.6 * EXPECTED[axis][1]
-        for row, band in enumerate((slice(None, high), slice(high, 2.5 * high))):
+        low, high = WINDOWS[axis]["parasitic resonance"]
+        for row, band in enumerate(((0.0, low / 2), (0.9 * low, 1.1 * high))):
             panel = panels[2 * row + column]
-            part = data.sel(axis=axis, frequency=band)
+            part = data.sel(axis=axis, frequency=slice(*band))
             for i in range(part.sizes["drive"]):
                 response = part["response"].isel(drive=i)
                 panel.plot(response.real, response.imag, **_line(data, i))
@@ -246,6 +256,7 @@ def _nyquist(data: xr.Dataset) -> Figure:
             frequency = part["frequency"].values
             panel.set_title(f"{axis}, {frequency[0]:.0f} to {frequency[-1]:.0f} Hz")
             panel.set_xlabel("real part [units/V]")
+            panel.locator_params(axis="x", nbins=6)
         panels[column].set_ylabel("imaginary part [units/V]")
         panels[2 + column].set_ylabel("imaginary part [units/V]")
     figures.legend_below(figure, panels[0], columns=7)

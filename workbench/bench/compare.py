@@ -17,7 +17,7 @@ from workbench.bench.results import Run
 from workbench.bench.run import Bench, Bound, default_bench
 from workbench.bench.store import Store
 from workbench.errors import InputError, TimeLimitError, WorkbenchError
-from workbench.executor import Context, InProcess, Progress, silent
+from workbench.executor import WALL_TIME, Context, InProcess, Progress, silent
 from workbench.program import Check, Program, Study, methods, solve
 from workbench.solvers import ACCURACY, Options, Outcome
 
@@ -124,8 +124,11 @@ class Comparison(Study):
 
         return xr.Dataset(
             {
-                "statement": (*table([cell.statement for cell in cells]), {"units": "s"}),
-                "solve": (*table([cell.solve for cell in cells]), {"units": "s"}),
+                "statement": (
+                    *table([cell.statement for cell in cells]),
+                    {"units": "s"} | WALL_TIME,
+                ),
+                "solve": (*table([cell.solve for cell in cells]), {"units": "s"} | WALL_TIME),
                 "gap": (*table([cell.gap for cell in cells]), {"units": "1"}),
                 "success": table([cell.success for cell in cells], "int8"),
                 "correct": table([cell.correct for cell in cells], "int8"),

@@ -16,7 +16,7 @@ from workbench.bench.project import registry, results_root
 from workbench.bench.question import Question, code_hash, plain
 from workbench.bench.results import Run, open_run, read_json
 from workbench.bench.run import Bench, Bound, environment
-from workbench.bench.store import FAILED, REFERENCE, Store, damage
+from workbench.bench.store import FAILED, Store, damage
 from workbench.errors import ResultError, WorkbenchError
 from workbench.program import Certificate, Program, Study, find_method
 from workbench.solvers import Options
@@ -224,11 +224,8 @@ def finished(path: Path) -> list[Path]:
     """
     if (path / "run.json").is_file():
         return [path]
-    folders = Store(path).folders() if path.name != REFERENCE else _below(path)
+    folders = Store(path).folders()
     if not folders:
         raise ResultError(f"no results folder at or below {path}")
     return folders
 
-
-def _below(path: Path) -> list[Path]:
-    return sorted(file.parent for file in path.rglob("run.json"))

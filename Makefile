@@ -1,0 +1,45 @@
+# `make reproduce` and `make test` are all a user needs; both set up what they run in.
+
+PYTHON ?= python3
+BIN := .venv/bin
+READY := .venv/.ready
+WORKBENCH := $(BIN)/workbench
+
+.DELETE_ON_ERROR:
+.PHONY: reproduce reproduce-all test test-all lint reference clean
+
+# Run every named problem, print the table, write the HTML index.
+reproduce: $(READY)
+	@status=0; $(WORKBENCH) run '*' || status=$$?; $(WORKBENCH) report; exit $$status
+
+# The same, with the problems marked slow.
+reproduce-all: $(READY)
+	@status=0; $(WORKBENCH) run '*' --slow || status=$$?; $(WORKBENCH) report; exit $$status
+
+test: lint
+	$(BIN)/python -m pytest -n 2 -m "not slow"
+
+test-all: lint
+	$(BIN)/python -m pytest -n 2
+
+lint: $(READY)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+# Make the committed reference results anew, at a size that a repository can carry.
+reference: $(READY)
+	rm -rf results/reference
+	$(WORKBENCH) --results results/reference run 'cd/*' --set frequencies=40
+	$(WORKBENCH) --results results/reference run 'bench/*'
+	rm -rf results/reference/.partial
+
+$(READY): requirements.txt pyproject.toml
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --requirement requirements.txt
+	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation --editable .
+	touch $@
+
+clean:
+	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .hypothesis dist
+	find workbench problems tests -name __pycache__ -prune -exec rm -rf {} +
