@@ -160,7 +160,7 @@ def compare(
     as_json: bool,
 ) -> None:
     """Every problem that fits PATTERN by every method at every accuracy level."""
-    from workbench.bench.compare import rows
+    from workbench.bench.compare import rows, unfit
     from workbench.executor import InProcess, Processes
 
     # Only a process can be killed when its solver does not listen.
@@ -182,6 +182,8 @@ def compare(
         return
     head = ["problem", "method", "accuracy", "outcome", "claim", "success", "correct", "gap"]
     _print_table([*head, "statement [s]", "solve [s]"], rows(done.data), right=3)
+    for text in unfit(done.data):
+        click.echo(f"  unfit: {text}")
     click.echo(done.path)
 
 

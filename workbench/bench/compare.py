@@ -164,7 +164,9 @@ class Comparison(Study):
             "| statement [s] | solve [s] |\n"
             "| --- | --- | --- | --- | --- | --- | --- | ---: | ---: | ---: |\n"
         )
-        return {"comparison": head + "".join(f"| {' | '.join(r)} |\n" for r in rows(answer))}
+        body = "".join(f"| {' | '.join(row)} |\n" for row in rows(answer))
+        reasons = "".join(f"\nUnfit: {text}\n" for text in unfit(answer))
+        return {"comparison": head + body + reasons}
 
     def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
         return {"accuracy-against-time": accuracy_against_time(answer)}
@@ -190,6 +192,16 @@ def rows(data: xr.Dataset) -> list[list[str]]:
             ]
         )
     return table
+
+
+def unfit(data: xr.Dataset) -> list[str]:
+    """Why some methods cannot take some of the problems, a sentence each."""
+    found = {}
+    for i, j, k in np.ndindex(*data["outcome"].shape):
+        if data["outcome"].values[i, j, k] == UNFIT:
+            pair = f"{data['problem'].values[i]} by {data['method'].values[j]}"
+            found[pair] = f"{pair}: {data['message'].values[i, j, k]}"
+    return list(found.values())
 
 
 def accuracy_against_time(data: xr.Dataset) -> Figure:

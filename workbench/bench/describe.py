@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import typing
 from dataclasses import dataclass
 from typing import Any
 
@@ -39,8 +38,10 @@ class Description:
 
 def describe(problem: Problem) -> Description:
     """Description of an imported problem; its methods are known from its return annotation."""
-    parameters = {name: _described(one) for name, one in problem.parameters.items()}
-    kind = typing.get_type_hints(problem.function).get("return")
+    parameters = {
+        name: _described(one, problem.hint(name)) for name, one in problem.parameters.items()
+    }
+    kind = problem.hint("return")
     listed = {}
     if inspect.isclass(kind) and issubclass(kind, Program):
         for name, entry in methods(kind).items():
@@ -57,9 +58,27 @@ def describe(problem: Problem) -> Description:
     )
 
 
-def _described(parameter: inspect.Parameter) -> str:
-    kind = parameter.annotation
-    text = kind if isinstance(kind, str) else getattr(kind, "__name__", str(kind))
+def _described(parameter: inspect.Parameter, hint: Any) -> str:
+    from pydantic import TypeAdapter
+
+    kind = _kind(TypeAdapter(hint).json_schema())
     if parameter.default is inspect.Parameter.empty:
-        return f"{text}, required"
-    return f"{text} = {parameter.default!r}"
+        return f"{kind}, required"
+    return f"{kind} = {parameter.default!r}"
+
+
+_NAMES = {"number": "number", "integer": "integer", "null": "None", "boolean": "true or false"}
+_BOUNDS = {"minimum": ">=", "exclusiveMinimum": ">", "maximum": "<=", "exclusiveMaximum": "<"}
+
+
+def _kind(schema: dict[str, Any]) -> str:
+    """A JSON schema in words."""
+    if "enum" in schema:
+        return " | ".join(repr(choice) for choice in schema["enum"])
+    if "anyOf" in schema:
+        return " | ".join(_kind(one) for one in schema["anyOf"])
+    if "items" in schema:
+        return f"list of {_kind(schema['items'])}"
+    text = _NAMES.get(schema.get("type", "any"), schema.get("type", "any"))
+    bounds = [f"{sign} {schema[key]:g}" for key, sign in _BOUNDS.items() if key in schema]
+    return " ".join([text, ", ".join(bounds)]).strip()

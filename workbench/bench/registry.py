@@ -167,14 +167,14 @@ class Problem:
         from pydantic import TypeAdapter
 
         return {
-            name: TypeAdapter(self._hint(name)).dump_python(value, mode="json")
+            name: TypeAdapter(self.hint(name)).dump_python(value, mode="json")
             for name, value in bound.items()
         }
 
     def _convert(self, name: str, value: Any) -> Any:
         from pydantic import TypeAdapter, ValidationError
 
-        adapter = TypeAdapter(self._hint(name))
+        adapter = TypeAdapter(self.hint(name))
         try:
             return adapter.validate_python(value)
         except ValidationError as error:
@@ -186,7 +186,8 @@ class Problem:
                 pass
         raise InputError(f"{self.name}: {name}={value!r} does not fit: {reason}")
 
-    def _hint(self, name: str) -> Any:
+    def hint(self, name: str) -> Any:
+        """The annotation of a parameter, or of what is returned, evaluated."""
         return self._hints.get(name, Any)
 
     @cached_property

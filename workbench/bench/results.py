@@ -83,7 +83,8 @@ class Run:
     def metrics(self) -> dict[str, float]:
         """The numbers people quote."""
         file = self.path / "metrics.json"
-        return read_json(file) if file.exists() else {}
+        stored = read_json(file) if file.exists() else {}
+        return {name: float(value) for name, value in stored.items()}  # "nan" is a number too
 
     @property
     def headline(self) -> str:
@@ -121,7 +122,7 @@ class Run:
         return f"<Run {self.problem}{method}: {self.outcome}, {self.headline}, {self.path}>"
 
     def _repr_html_(self) -> str:
-        rows = [("outcome", self.outcome), ("method", self.method or "-")]
+        rows: list[tuple[str, str]] = [("outcome", self.outcome), ("method", self.method or "-")]
         rows += [(name, f"{value:.6g}") for name, value in self.metrics.items()]
         if self.certificate is not None:
             rows += [

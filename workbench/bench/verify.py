@@ -228,4 +228,3 @@ def finished(path: Path) -> list[Path]:
     if not folders:
         raise ResultError(f"no results folder at or below {path}")
     return folders
-

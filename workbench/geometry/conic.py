@@ -6,7 +6,7 @@ import numpy as np
 
 from workbench.executor import Context
 from workbench.geometry.circle import Circle, SmallestCircle
-from workbench.geometry.each_set import Unit, accept, each_set
+from workbench.geometry.each_set import Unit, accept, each_set, segment_frame
 from workbench.geometry.stadium import NarrowestStadium, Stadium
 from workbench.program import Claim, conic_method
 from workbench.solvers import ConicSolver, solve_conic
@@ -47,40 +47,37 @@ def _stadium(program: NarrowestStadium, context: Context, solver: ConicSolver) -
     centers = None if program.center is None else program.center.ravel()
     count = program.points.shape[-1]
     with context.stating():
-        along, across = cp.Parameter(count), cp.Parameter(count)
-        given_along, given_across = cp.Parameter(), cp.Parameter()
-        axis, width = cp.Variable(), cp.Variable()
+        across, axis, width = cp.Parameter(count), cp.Variable(), cp.Variable()
         strip = [cp.abs(across - axis) <= width]
-        beside, radius = cp.Parameter(count), cp.Parameter(nonneg=True)
-        middle, half_length, nearest = cp.Variable(), cp.Variable(), cp.Variable(count)
+        ahead, behind, beside = cp.Parameter(count), cp.Parameter(count), cp.Parameter((1, count))
+        middle, half_length, shift = cp.Variable(), cp.Variable(), cp.Variable((1, count))
         inside = [
-            cp.norm(cp.vstack([along - nearest, beside]), axis=0) <= radius,
-            cp.abs(nearest - middle) <= half_length,
+            cp.norm(cp.vstack([shift, beside]), axis=0) <= 1,
+            ahead + shift[0] - middle <= half_length,
+            behind - shift[0] + middle <= half_length,
         ]
         if centers is not None:
-            strip.append(axis == given_across)
-            inside.append(middle == given_along)
+            strip.append(axis == 0)
+            inside.append(middle == 0)
         narrow = cp.Problem(cp.Minimize(width), strip)
         short = cp.Problem(cp.Minimize(half_length), inside)
 
     def answer(unit: Unit, index: int) -> tuple[complex, float, float]:
-        turn = np.exp(1j * angles[index])
-        local = unit.points / turn
-        along.value, across.value = local.real, local.imag
-        if centers is not None:
-            center = unit.inward(centers[index]) / turn
-            given_along.value, given_across.value = center.real, center.imag
+        center = 0j if centers is None else unit.inward(centers[index])
+        points = unit.points - center
+        local = (points / np.exp(1j * angles[index])).imag
+        scale = np.abs(local - local[0] if centers is None else local).max() or 1.0
+        across.value = local / scale
         accept(solve_conic(narrow, solver, context.options, context))
-        found = given_across.value if centers is not None else axis.value
-        beside.value = local.imag - found
-        # At exactly the least radius the points on the sides leave the second program no
-        # interior; half the accuracy asked for gives it one.
-        least = np.abs(beside.value).max()
-        radius.value = least + context.options.accuracy / 2 * max(least, context.options.accuracy)
+        found = 0.0 if centers is not None else float(axis.value) * scale
+        frame = segment_frame(
+            points, angles[index], found, centers is not None, context.options.accuracy
+        )
+        ahead.value, behind.value, beside.value = frame.ahead, frame.behind, frame.beside[None]
         accept(solve_conic(short, solver, context.options, context))
-        if centers is not None:
-            return unit.inward(centers[index]), half_length.value.item(), angles[index]
-        return complex(middle.value, found) * turn, half_length.value.item(), angles[index]
+        shift_of_center = 0.0 if centers is not None else float(middle.value)
+        at, length = frame.segment(shift_of_center, float(half_length.value))
+        return center + at, length, angles[index]
 
     shapes, outcome, message = each_set(program, context, answer)
     return Stadium(*shapes), outcome, message

@@ -7,6 +7,7 @@ and its distance from the optimum then shows in the certificate's gap.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -49,6 +50,56 @@ class Unit:
 
     def outward(self, point: complex) -> complex:
         return self.origin + point * self.scale
+
+
+@dataclass(frozen=True)
+class SegmentFrame:
+    """The second step of a stadium, angle and axis known: all lengths in units of its radius.
+
+    The nearest point of the segment to point i is moved from level with it by ``shift`` (N,), so
+    that the program reads: least half-length l over middle m and shifts s with
+
+        s^2 + beside^2 <= 1,  ahead + s - m <= l,  behind - s + m <= l.
+
+    m and l count from those of the shortest segment level with every point.
+    """
+
+    ahead: np.ndarray
+    behind: np.ndarray
+    beside: np.ndarray
+    radius: float
+    reach: float
+    origin: complex
+    direction: complex
+
+    def segment(self, middle: float, half_length: float) -> tuple[complex, float]:
+        """Centre and half-length in the frame of the points."""
+        center = self.origin + middle * self.radius * self.direction
+        return center, self.reach + half_length * self.radius
+
+
+def segment_frame(
+    points: np.ndarray, angle: float, axis: float, centred: bool, accuracy: float
+) -> SegmentFrame:
+    """The frame of the shortest segment on a line at an angle, ``axis`` to the left of 0."""
+    direction = complex(np.exp(1j * angle))
+    local = points / direction
+    along, beside = local.real, local.imag - axis
+    middle = 0.0 if centred else 0.5 * (along.min() + along.max())
+    reach = float(np.abs(along - middle).max())
+    # At exactly the least radius the points on the sides leave the program no interior; half the
+    # accuracy asked for gives it one.
+    least = np.abs(beside).max()
+    radius = float(least + accuracy / 2 * max(least, accuracy))
+    return SegmentFrame(
+        (along - middle - reach) / radius,
+        (middle - along - reach) / radius,
+        beside / radius,
+        radius,
+        reach,
+        complex(middle, axis) * direction,
+        direction,
+    )
 
 
 Answer = Callable[[Unit, int], tuple[complex, float, float]]

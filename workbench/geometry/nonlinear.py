@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from workbench.executor import Context
 from workbench.geometry.circle import Circle, SmallestCircle
-from workbench.geometry.each_set import RefusedError, Unit, accept, each_set
+from workbench.geometry.each_set import RefusedError, Unit, accept, each_set, segment_frame
 from workbench.geometry.stadium import NarrowestStadium, Stadium
 from workbench.program import Claim, method
 from workbench.solvers import Outcome, ipopt, ipopt_outcome
@@ -47,106 +48,121 @@ def _stadium(program: NarrowestStadium, context: Context) -> Claim:
     """Nonlinear programs: least radius from many starting angles, then least half-length."""
     centers = None if program.center is None else program.center.ravel()
     angles = None if program.angle is None else program.angle.ravel()
+    count = program.points.shape[-1]
     with context.stating():
-        narrow = _strip(program.points.shape[-1], context)
-        short = _segment(program.points.shape[-1], context)
+        narrow, short = _strip(count, context), _segment(count, context)
 
     def answer(unit: Unit, index: int) -> tuple[complex, float, float]:
-        center = None if centers is None else unit.inward(centers[index])
+        center = 0j if centers is None else unit.inward(centers[index])
+        points = unit.points - center
         if angles is None:
             starts = np.pi * (np.arange(STARTS) + context.rng.uniform(size=STARTS)) / STARTS
         else:
             starts = angles[index : index + 1]
-        angle, axis = _best_strip(narrow, unit, center, starts, fixed=angles is not None)
-        turn = np.exp(1j * angle)
-        local = unit.points / turn - 1j * axis
-        along = None
-        if center is not None:  # exactly, not to the solver's feasibility tolerance
-            local = (unit.points - center) / turn
-            along = 0.0
-        middle, half_length = _shortest(short, local.real, local.imag, along, context)
-        if center is None:
-            center = complex(middle, axis) * turn
-        return center, half_length, angle
+        strip = Strip(narrow, points, free=angles is None, centred=centers is not None)
+        angle, axis = strip.narrowest(starts)
+        frame = segment_frame(points, angle, axis, centers is not None, context.options.accuracy)
+        bound = np.full(count + 2, np.inf)
+        lower, upper = -bound, bound
+        lower[1] = -frame.reach / frame.radius
+        if centers is not None:
+            lower[0] = upper[0] = 0.0
+        p = np.concatenate([frame.ahead, frame.behind, frame.beside])
+        found = short(x0=np.zeros(count + 2), p=p, lbx=lower, ubx=upper, ubg=0)["x"].full().ravel()
+        accept(ipopt_outcome(short))
+        middle, half_length = frame.segment(found[0], found[1])
+        return center + middle, half_length, angle
 
     shapes, outcome, message = each_set(program, context, answer)
     return Stadium(*shapes), outcome, message
 
 
 def _strip(count: int, context: Context) -> Any:
-    """Least radius of a strip: variables angle, axis, radius."""
+    """Least radius of a strip: variables turn, axis, radius, all in units of a width."""
     import casadi as ca
 
-    p = ca.SX.sym("p", 2 * count + 3)  # points, centre, 1 where the centre is given
+    along, across, width = ca.SX.sym("t", count), ca.SX.sym("h", count), ca.SX.sym("w")
     x = ca.SX.sym("x", 3)
-    cos, sin = ca.cos(x[0]), ca.sin(x[0])
-    across = cos * p[count : 2 * count] - sin * p[:count] - x[1]
-    off = p[2 * count + 2] * (cos * p[2 * count + 1] - sin * p[2 * count] - x[1])
-    nlp = {"x": x, "p": p, "f": x[2], "g": ca.vertcat(across - x[2], -across - x[2], off, -off)}
+    # h / w after turning by w x0; sin(w x0) / w stays of order one however narrow the strip
+    turned = ca.cos(width * x[0]) * across / width - ca.sin(width * x[0]) / width * along
+    beside = turned - x[1]
+    nlp = {
+        "x": x,
+        "p": ca.vertcat(along, across, width),
+        "f": x[2],
+        "g": ca.vertcat(beside - x[2], -beside - x[2]),
+    }
     return ipopt("strip", nlp, context.options)
 
 
-def _best_strip(
-    solver: Any, unit: Unit, center: complex | None, starts: np.ndarray, *, fixed: bool
-) -> tuple[float, float]:
-    """Angle and axis of the narrowest strip over all starts."""
-    given = [0.0, 0.0, 0.0] if center is None else [center.real, center.imag, 1.0]
-    p = np.concatenate([unit.points.real, unit.points.imag, given])
-    best, refusal = None, None
-    for start in starts:
-        local = (
-            (unit.points if center is None else unit.points - center) / np.exp(1j * start)
-        ).imag
-        axis = 0.5 * (local.min() + local.max())
-        if center is not None:
-            axis = (center / np.exp(1j * start)).imag
-        lower = [start if fixed else start - np.pi, -np.inf, 0.0]
-        upper = [start if fixed else start + np.pi, np.inf, np.inf]
-        found = (
-            solver(x0=[start, axis, np.abs(local).max()], p=p, lbx=lower, ubx=upper, ubg=0)["x"]
-            .full()
-            .ravel()
+@dataclass(frozen=True)
+class Strip:
+    """The narrowest strip around points, its angle free or not, its axis through 0 or not."""
+
+    solver: Any
+    points: np.ndarray
+    free: bool
+    centred: bool
+
+    def narrowest(self, starts: np.ndarray) -> tuple[float, float]:
+        """Angle and axis of the narrowest strip found from any of the starting angles."""
+        best: tuple[float, float, float] | None = None
+        refusal = (Outcome.FAILED, "no start")
+        for start in starts:
+            try:
+                found = self._near(start, 1.0)
+            except RefusedError as error:
+                refusal = (error.outcome, str(error))
+                continue
+            if best is None or found[0] < best[0]:
+                best = found
+        if best is None:
+            raise RefusedError(refusal)
+        for _ in range(2):  # again, in units of the width found
+            refined = self._near(best[1], max(best[0], SMALLEST))
+            best = min(best, refined)
+        return best[1], best[2]
+
+    def _near(self, start: float, width: float) -> tuple[float, float, float]:
+        """Radius, angle and axis of the strip found from one starting angle."""
+        local = self.points / np.exp(1j * start)
+        across = local.imag
+        axis = 0.0 if self.centred else 0.5 * (across.min() + across.max())
+        quarter = np.pi / 2 / width if self.free else 0.0
+        lower, upper = np.array([-quarter, -np.inf, 0.0]), np.array([quarter, np.inf, np.inf])
+        if self.centred:
+            lower[1] = upper[1] = 0.0
+        found = self.solver(
+            x0=[0.0, axis / width, np.abs(across - axis).max() / width],
+            p=np.concatenate([local.real, across, [width]]),
+            lbx=lower,
+            ubx=upper,
+            ubg=0,
         )
-        solved = ipopt_outcome(solver)
-        if solved[0] not in (Outcome.SOLVED, Outcome.INACCURATE):
-            refusal = solved
-        elif best is None or found[2] < best[2]:
-            best = found
-    if best is None:
-        raise RefusedError(refusal or (Outcome.FAILED, "no start"))
-    return float(best[0]), float(best[1])
+        accept(ipopt_outcome(self.solver))
+        turn, axis, _ = found["x"].full().ravel() * width
+        # measured, not believed: the radius decides between starts
+        turned = (self.points / np.exp(1j * (start + turn))).imag
+        if not self.centred:
+            axis = 0.5 * (turned.min() + turned.max())
+        return float(np.abs(turned - axis).max()), float(start + turn), float(axis)
+
+
+SMALLEST = 1e-12
+"""Least width, relative to the set, that a strip is scaled by."""
 
 
 def _segment(count: int, context: Context) -> Any:
-    """Least half-length of a segment: variables middle, half-length, nearest point to each."""
+    """Least half-length of a segment in its frame: variables middle, half-length, shifts."""
     import casadi as ca
 
-    p = ca.SX.sym("p", 2 * count + 1)  # along, beside, radius
+    ahead, behind, beside = (ca.SX.sym(name, count) for name in "abh")
     x = ca.SX.sym("x", count + 2)
-    along, beside, radius = p[:count], p[count : 2 * count], p[2 * count]
-    middle, half_length, nearest = x[0], x[1], x[2:]
+    middle, half_length, shift = x[0], x[1], x[2:]
     g = ca.vertcat(
-        (along - nearest) ** 2 + beside**2 - radius**2,
-        nearest - middle - half_length,
-        middle - nearest - half_length,
+        shift**2 + beside**2 - 1,
+        ahead + shift - middle - half_length,
+        behind - shift + middle - half_length,
     )
-    return ipopt("segment", {"x": x, "p": p, "f": half_length, "g": g}, context.options)
-
-
-def _shortest(
-    solver: Any, along: np.ndarray, beside: np.ndarray, center: float | None, context: Context
-) -> tuple[float, float]:
-    """Middle and half-length of the shortest segment within reach of every point."""
-    least = np.abs(beside).max()
-    # Room for an interior point, as in the conic statement.
-    radius = least + context.options.accuracy / 2 * max(least, context.options.accuracy)
-    middle = 0.5 * (along.min() + along.max()) if center is None else center
-    start = np.concatenate([[middle, np.abs(along - middle).max()], along])
-    lower, upper = np.full(start.size, -np.inf), np.full(start.size, np.inf)
-    lower[1] = 0.0
-    if center is not None:
-        lower[0] = upper[0] = center
-    p = np.concatenate([along, beside, [radius]])
-    found = solver(x0=start, p=p, lbx=lower, ubx=upper, ubg=0)["x"].full().ravel()
-    accept(ipopt_outcome(solver))
-    return float(found[0]), float(found[1])
+    nlp = {"x": x, "p": ca.vertcat(ahead, behind, beside), "f": half_length, "g": g}
+    return ipopt("segment", nlp, context.options)

@@ -14,6 +14,7 @@ import os
 import re
 import struct
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from functools import cache
@@ -71,17 +72,7 @@ def report(
         css=_asset("page.css"),
         js=_asset("page.js"),
     )
-    # Beside it, then renamed in: whoever has the old page open never sees half a new one.
-    partial = target.with_name(f".{target.name}.{os.getpid()}")
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        with partial.open("w", encoding="utf-8", newline="\n") as file:
-            file.writelines(content)
-        partial.replace(target)
-    except OSError as error:
-        raise ResultError(f"cannot write the page {target}: {error.strerror}") from None
-    finally:
-        partial.unlink(missing_ok=True)
+    _write(target, content)
     return target
 
 
@@ -94,6 +85,22 @@ def failed_runs(root: Path, pattern: str = "*") -> list[Run]:
         if not aside.intersection(file.parents)
     )
     return [run for run in runs if fnmatchcase(run.problem, pattern)]
+
+
+def _write(target: Path, content: Iterable[str]) -> None:
+    """Write beside, then rename in: whoever reads the old page never sees half a new one."""
+    partial = target.with_name(f".{target.name}.{os.getpid()}")
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with partial.open("w", encoding="utf-8", newline="\n") as file:
+            file.writelines(content)
+        partial.replace(target)
+    except OSError as error:
+        reason = f"{error.strerror}: {error.filename}"
+        raise ResultError(f"cannot write the page {target}: {reason}") from None
+    finally:
+        with suppress(OSError):
+            partial.unlink()
 
 
 # --- what the template shows ------------------------------------------------------------------
@@ -242,14 +249,16 @@ def text(value: Any) -> str:
 
 _PATHS = re.compile(
     r"""
-    (?<![\w.:/\\<>+~-])                # not inside a word, a URL or a relative path
-    (?:/(?=[^/\s"'])|[A-Za-z]:[\\/])   # a root, with something below it
-    (?:[^/\\\s"'<>|]+[/\\])+           # folders
-    (?=[^/\\\s"'<>|])                  # and a name, which stays
+    (?:(?<=file://) | (?<![\w./\\<…+~-]))   # not inside a word, a URL or a relative path
+    (?:/(?=[^/\s"'])|[A-Za-z]:[\\/]+)     # a root, with something below it
+    (?:[^/\\\s"'<>|]+[/\\]+)+             # folders
+    (?=[^/\\\s"'<>|])                     # and a name, which stays
     """,
     re.VERBOSE,
 )
 _QUOTED = re.compile(r"""(?<=File ")(?:/|[A-Za-z]:\\)[^"\n]*[/\\](?=[^"\n]+")""")
+_KNOWN = {"site-packages": 1, "dist-packages": 1, "workbench": 0, "problems": 0}
+"""Folders from which on a path says the same everywhere, and whether to leave them out."""
 
 
 def pathless(words: str) -> str:
@@ -258,9 +267,10 @@ def pathless(words: str) -> str:
 
 
 def _short(match: re.Match[str]) -> str:
-    parts = re.split(r"[/\\]", match.group())[:-1]
-    start = parts.index("site-packages") + 1 if "site-packages" in parts else -1
-    return "/".join(["…", *parts[start:], ""])
+    parts = [part for part in re.split(r"[/\\]+", match.group()) if part]
+    known = [at for at, part in enumerate(parts) if part in _KNOWN]
+    rest = parts[known[-1] + _KNOWN[parts[known[-1]]] :] if known else []
+    return "/".join(["…", *rest, ""])
 
 
 def searchable(parameters: Mapping[str, Any]) -> str:

@@ -1,0 +1,349 @@
+"""The report is one page, complete in itself, of every run there is."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+import struct
+import zlib
+from collections.abc import Callable
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
+
+import pytest
+
+from workbench.bench.report import failed_runs, number, pathless, report
+from workbench.bench.store import seal
+from workbench.errors import ResultError
+
+HOSTILE = '<script>alert(1)</script>"><img src=x onerror=alert(2)>'
+SMALL_SVG = b'<svg xmlns="http://www.w3.org/2000/svg"/>'
+LARGE_SVG = SMALL_SVG + b" " * 4000
+
+Make = Callable[..., Path]
+
+
+class Page(HTMLParser):
+    """The elements of a page and its text, scripts and styles apart."""
+
+    def __init__(self, file: Path) -> None:
+        super().__init__()
+        self.elements: list[tuple[str, dict[str, str]]] = []
+        self.text = ""
+        self.raw: dict[str, list[str]] = {"script": [], "style": []}
+        self._in = ""
+        self.feed(file.read_text(encoding="utf-8"))
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.elements.append((tag, {name: value or "" for name, value in attrs}))
+        self._in = tag
+
+    def handle_data(self, data: str) -> None:
+        if self._in in self.raw:
+            self.raw[self._in].append(data)
+        else:
+            self.text += data
+
+    def handle_endtag(self, tag: str) -> None:
+        self._in = ""
+
+    def all(self, tag: str, cls: str = "") -> list[dict[str, str]]:
+        return [
+            attributes
+            for name, attributes in self.elements
+            if name == tag and cls in ["", *attributes.get("class", "").split()]
+        ]
+
+
+@pytest.fixture
+def root(tmp_path: Path) -> Path:
+    return tmp_path / "results"
+
+
+@pytest.fixture
+def make(root: Path) -> Make:
+    """Writes a results folder."""
+
+    def write(problem: str = "lab/circle", key: str = "0a1b2c3d", **info: Any) -> Path:
+        failed, svg = info.pop("failed", False), info.pop("svg", SMALL_SVG)
+        value, metrics = info.pop("value", 0.0), info.pop("metrics", {"radius": 315.28555396})
+        folder = root / problem.replace("<", "(") / (key + ".failed" if failed else key)
+        (folder / "figures").mkdir(parents=True)
+        content = {
+            "problem": problem,
+            "parameters": {"frequencies": 400, "angle": None},
+            "data": {"data/drives.csv": "c" * 64},
+            "needs": {},
+            "method": "exact",
+            "options": {"tolerance": 1e-06, "time_limit": None, "seed": 0},
+            "key": key,
+            "kind": "program",
+            "headline": "radius",
+            "claim": "solved",
+            "outcome": "failed" if failed else "solved",
+            "message": "",
+            "started": "2026-01-02T03:04:05+00:00",
+            "finished": "2026-01-02T03:04:06+00:00",
+            "seconds": {"statement": 0.0, "solve": 0.25, "check": 0.5, "total": 1.5},
+            "code": "07f22203e4ca2a17",
+            "versions": {"workbench": "0.1.0", "numpy": "2.4.6"},
+            "platform": "Linux x86_64",
+        } | info
+        check = {"name": "containment", "statement": "distance of a point beyond its circle"}
+        check |= {"value": value, "limit": 1e-09, "where": "at 5 Hz", "holds": not failed}
+        gap = {"statement": "radius above its bound", "value": 2e-8, "tolerance": 1e-6}
+        certificate = {"checks": [check], "gap": gap | {"required": True, "closed": True}}
+        for name, stored in ("run", content), ("certificate", certificate), ("metrics", metrics):
+            (folder / f"{name}.json").write_text(json.dumps(stored), encoding="utf-8")
+        (folder / "log.txt").write_text("outcome: solved.\n", encoding="utf-8")
+        (folder / "figures" / "step_response.png").write_bytes(png(8, 6))
+        (folder / "figures" / "step_response.svg").write_bytes(svg)
+        seal(folder)
+        return folder
+
+    return write
+
+
+def png(width: int, height: int) -> bytes:
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        check = zlib.crc32(kind + data)
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", check)
+
+    head = struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
+    pixels = zlib.compress(b"".join(b"\0" + b"\xff" * width for _ in range(height)))
+    return b"\x89PNG\r\n\x1a\n" + b"".join(
+        chunk(kind, data) for kind, data in ((b"IHDR", head), (b"IDAT", pixels), (b"IEND", b""))
+    )
+
+
+def image(page: Page) -> tuple[str, bytes]:
+    """Kind and content of the page's first figure."""
+    kind, _, code = page.all("img")[0]["src"].partition(";base64,")
+    return kind, base64.b64decode(code)
+
+
+# --- what is on the page ----------------------------------------------------------------------
+
+
+def test_every_run_is_in_the_table_and_has_a_section(root: Path, make: Make) -> None:
+    make("lab/circle", "0000000a")
+    make("lab/stadium", "0000000b", metrics={"radius": 2.5, "points": 12})
+    make("lab/overview", "0000000c", method=None, kind="study")
+    page = Page(report(root))
+
+    anchors = ["lab/circle/0000000a", "lab/overview/0000000c", "lab/stadium/0000000b"]
+    assert [row["data-run"] for row in page.all("tr") if "data-run" in row] == anchors
+    assert [section["id"] for section in page.all("details", "run")] == anchors
+    assert {f"#{anchor}" for anchor in anchors} <= {link["href"] for link in page.all("a")}
+    assert len(page.all("img")) == 3
+    for words in (
+        "315.286",  # metrics
+        "distance of a point beyond its circle",  # certificate
+        "radius above its bound",
+        "study",
+        "07f22203e4ca2a17",  # provenance
+        "c" * 64,
+        "2026-01-02 03:04:05 UTC",
+        "outcome: solved.",  # log
+        "lab/stadium/0000000b",
+    ):
+        assert words in page.text
+    head = page.text[: page.text.index("Certificates are shown as stored")]
+    head = "".join(head.split())
+    assert "runs3hold3donothold0totaltime4.5s" in head
+    assert "Runfrom2026-01-0203:04:05UTCto2026-01-0203:04:06UTC." in head
+
+
+def test_failures_are_shown_as_such(root: Path, make: Make) -> None:
+    make(key="0000000a")
+    folder = make(
+        key="0000000a", failed=True, message="LinAlgError: singular in /home/me/lab/problems/x.py"
+    )
+    for name in ("certificate.json", "metrics.json", "log.txt"):
+        (folder / name).unlink()
+    make(key="0000000b", failed=True, value="nan")
+    assert [run.path.name for run in failed_runs(root)] == ["0000000a.failed", "0000000b.failed"]
+    assert failed_runs(root, "other*") == []
+
+    page = Page(report(root))
+    states = {row["data-run"]: row["data-state"] for row in page.all("tr") if "data-run" in row}
+    assert states == {
+        "lab/circle/0000000a": "holds",
+        "lab/circle/0000000a.failed": "uncertified",
+        "lab/circle/0000000b.failed": "fails",
+    }
+    assert page.text.count("kept as a failure") == 2
+    assert "singular in …/problems/x.py" in page.text
+    assert "NaN" in page.text
+
+
+def test_runs_being_written_and_reference_results_are_left_out(root: Path, make: Make) -> None:
+    make(".partial/lab", failed=True)
+    make("reference/lab", failed=True)
+    make("reference/lab")
+    assert failed_runs(root) == []
+    assert not Page(report(root)).all("details")
+
+
+def test_needs_lead_to_their_runs(root: Path, make: Make) -> None:
+    make("lab/circle", "0000000a")
+    make("lab/filter", "0000000b", needs={"cover": "0000000a", "drives": ["0000000a", "ffffffff"]})
+    page = Page(report(root))
+    links = [link["href"] for link in page.all("a")]
+    assert links.count("#lab/circle/0000000a") == 2 + 2  # its row and section, and two needs
+    assert "ffffffff" in page.text
+
+
+def test_a_pattern_selects_problems(root: Path, make: Make) -> None:
+    make("lab/circle")
+    make("lab/stadium")
+    page = Page(report(root, pattern="*/circle"))
+    assert [section["id"] for section in page.all("details")] == ["lab/circle/0a1b2c3d"]
+
+
+def test_an_empty_page_says_what_to_run(root: Path) -> None:
+    page = Page(report(root))
+    assert "no results here yet" in page.text
+    assert "workbench run" in page.text
+    assert "lab/*" in Page(report(root, pattern="lab/*")).text
+
+
+# --- what kind of page it is ------------------------------------------------------------------
+
+
+def test_the_page_needs_nothing_else(root: Path, make: Make) -> None:
+    make()
+    page = Page(report(root))
+    for tag, attributes in page.elements:
+        assert tag not in ("link", "iframe", "object", "embed", "base")
+        for name in ("src", "srcset", "poster", "data", "action"):
+            assert attributes.get(name, "data:").startswith("data:"), (tag, attributes)
+        if tag not in ("a", "use"):  # a link loads nothing, and these lead nowhere outside
+            assert "href" not in attributes
+        assert "://" not in attributes.get("href", "")
+    assert not any("url(" in style or "@import" in style for style in page.raw["style"])
+    assert "default-src 'none'" in page.all("meta")[1]["content"]
+
+
+@pytest.mark.parametrize(
+    ("svg", "kind"), [(SMALL_SVG, "data:image/svg+xml"), (LARGE_SVG, "data:image/png")]
+)
+def test_the_smaller_figure_is_embedded(root: Path, make: Make, svg: bytes, kind: str) -> None:
+    folder = make(svg=svg)
+    page = Page(report(root))
+    suffix = "svg" if "svg" in kind else "png"
+    assert image(page) == (kind, (folder / "figures" / f"step_response.{suffix}").read_bytes())
+    attributes = page.all("img")[0]
+    assert attributes["alt"] == "step response: figure of lab/circle by exact"
+    assert (attributes["width"], attributes["height"]) == ("8", "6")
+
+
+def test_hostile_words_are_inert(root: Path, make: Make) -> None:
+    make(
+        f"lab/{HOSTILE}",
+        method=HOSTILE,
+        message=HOSTILE,
+        platform=HOSTILE,
+        headline=HOSTILE,
+        metrics={HOSTILE: 1.0},
+        parameters={HOSTILE: HOSTILE},
+        versions={HOSTILE: HOSTILE},
+        needs={HOSTILE: [HOSTILE]},
+    )
+    page = Page(report(root, pattern="*<script>*"))
+    assert len(page.all("script")) == 1
+    assert all("onerror" not in attributes for _, attributes in page.elements)
+    assert [picture["src"][:10] for picture in page.all("img")] == ["data:image"]
+    anchor = page.all("details")[0]["id"]
+    assert anchor == f"lab/{HOSTILE}/0a1b2c3d"
+    assert anchor in [unquote(link["href"][1:]) for link in page.all("a")]
+
+
+def test_only_its_own_script_may_run(root: Path, make: Make) -> None:
+    make()
+    page = Page(report(root))
+    code = base64.b64encode(hashlib.sha256("".join(page.raw["script"]).encode()).digest()).decode()
+    assert f"script-src 'sha256-{code}'" in page.all("meta")[1]["content"]
+
+
+def test_links_are_relative_and_lead_there(root: Path, make: Make, tmp_path: Path) -> None:
+    folder = make()
+    for target in (None, tmp_path / "pages" / "a b.html"):
+        page = report(root, target)
+        hrefs = [link["href"] for link in Page(page).all("a") if link["href"][0] != "#"]
+        assert len(hrefs) == 3
+        found = [(page.parent / unquote(href)).resolve() for href in hrefs]
+        assert folder.resolve() in found
+        assert all(place.exists() for place in found)
+        assert str(tmp_path) not in page.read_text(encoding="utf-8")
+
+
+def test_the_same_folders_give_the_same_page(root: Path, make: Make) -> None:
+    make("lab/circle")
+    make("lab/stadium", failed=True)
+    first = report(root).read_bytes()
+    assert report(root).read_bytes() == first
+
+
+def test_the_page_appears_whole_or_not_at_all(root: Path, make: Make) -> None:
+    folder = make()
+    page = report(root)
+    before = page.read_bytes()
+    (folder / "figures" / "step_response.png").write_bytes(b"no picture")
+    with pytest.raises(ResultError, match="no PNG"):
+        report(root)
+    assert page.read_bytes() == before
+    assert sorted(file.name for file in root.iterdir()) == ["index.html", "lab"]
+
+
+def test_a_sealed_folder_is_not_written_into(make: Make) -> None:
+    with pytest.raises(ResultError, match="another target"):
+        report(make())
+
+
+def test_a_target_that_cannot_be_written_is_named(root: Path, make: Make, tmp_path: Path) -> None:
+    make()
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(ResultError, match=r"cannot write the page .*page\.html"):
+        report(root, tmp_path / "file" / "page.html")
+
+
+def test_the_default_root_is_the_projects(
+    root: Path, make: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    make()
+    monkeypatch.setenv("WORKBENCH_RESULTS", str(root))
+    assert report() == root / "index.html"
+
+
+# --- words and numbers ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("value", "shown"),
+    [
+        (315.28555396, ">315.286<"),
+        (-1.5e-9, ">−1.5×10<sup>−9</sup><"),
+        (2e20, ">2×10<sup>20</sup><"),
+        ("nan", ">NaN<"),
+        ("-inf", ">−∞<"),
+    ],
+)
+def test_numbers_are_set(value: Any, shown: str) -> None:
+    assert shown in number(value)
+
+
+@pytest.mark.parametrize(
+    ("words", "shown"),
+    [
+        ('File "/home/me/my lab/workbench/program.py"', 'File "…/workbench/program.py"'),
+        ("/opt/lib/python3.11/site-packages/scipy/a.py", "…/scipy/a.py"),
+        ("C:\\Users\\me\\x.csv and file:///home/me/x.csv", "…/x.csv and file://…/x.csv"),
+        ("lab/circle, 3 / 4 m/s, https://a.b/c/d, ../x/y", None),
+    ],
+)
+def test_machine_paths_are_cut(words: str, shown: str | None) -> None:
+    assert pathless(words) == (shown or words)
