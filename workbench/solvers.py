@@ -221,12 +221,18 @@ _IPOPT_STATUS = {
 }
 
 
+_PACKAGES = (
+    *("casadi", "clarabel", "control", "cvxopt", "cvxpy"),
+    *("numba", "numpy", "scipy", "scs", "slycot"),
+)
+
+
 def versions() -> dict[str, str]:
     """Versions of the solvers and numerical libraries that can change an answer."""
     from importlib.metadata import PackageNotFoundError, version
 
     found = {}
-    for package in ("casadi", "clarabel", "control", "cvxopt", "cvxpy", "numba", "numpy", "scipy"):
+    for package in _PACKAGES:
         try:
             found[package] = version(package)
         except PackageNotFoundError:

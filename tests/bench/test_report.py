@@ -15,7 +15,8 @@ from urllib.parse import unquote
 
 import pytest
 
-from workbench.bench.report import failed_runs, number, pathless, report
+from workbench.bench.report import failed_runs, report
+from workbench.bench.report.words import number, pathless, table
 from workbench.bench.store import seal
 from workbench.errors import ResultError
 
@@ -347,3 +348,10 @@ def test_numbers_are_set(value: Any, shown: str) -> None:
 )
 def test_machine_paths_are_cut(words: str, shown: str | None) -> None:
     assert pathless(words) == (shown or words)
+
+
+def test_tables_are_shown_as_tables():
+    html = table("| a | b |\n| --- | ---: |\n| <i> | 2 |\n\nUnfit: x & y\n")
+    assert "<td>&lt;i&gt;</td>" in html
+    assert '<td class="num">2</td>' in html
+    assert "<p>Unfit: x &amp; y</p>" in html

@@ -101,8 +101,14 @@ class Run:
 
     @property
     def figures(self) -> dict[str, Path]:
-        """PNG files by name."""
-        return {file.stem: file for file in sorted((self.path / "figures").glob("*.png"))}
+        """PNG files by name, the one that people look at first."""
+        return {name: self.path / "figures" / f"{name}.png" for name in self.info["figures"]}
+
+    @property
+    def tables(self) -> dict[str, str]:
+        """Tables in Markdown by name."""
+        files = sorted(self.path.glob("*.md"))
+        return {file.stem: file.read_text(encoding="utf-8") for file in files}
 
     @property
     def log(self) -> str:

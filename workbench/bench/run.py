@@ -94,7 +94,7 @@ class Bench:
         """Answer a question, certify the answer and publish the folder."""
         started = datetime.datetime.now(datetime.UTC)
         clock = time.perf_counter()
-        task, note = bound.task, ""
+        task, note, drawn = bound.task, "", {}
         solution = solve(task, question.method, context=Context(self.options, self.progress))
         if solution.certificate is not None and isinstance(task, Study):
             solution = replace(solution, certificate=bound.inherit(solution.certificate))
@@ -107,7 +107,8 @@ class Bench:
             write_json(folder / "metrics.json", task.metrics(solution.answer))
             for name, table in task.tables(solution.answer).items():
                 (folder / f"{name}.md").write_text(table, encoding="utf-8")
-            write_figures(folder / "figures", task.figures(solution.answer))
+            drawn = task.figures(solution.answer)
+            write_figures(folder / "figures", drawn)
             note = _compared(earlier, data, self.options)
         info = {
             "format": FORMAT,
@@ -115,6 +116,7 @@ class Bench:
             "key": question.key,
             "kind": "study" if isinstance(task, Study) else "program",
             "headline": task.headline,
+            "figures": list(drawn),
             "claim": solution.claim,
             "outcome": solution.outcome,
             "message": solution.message,

@@ -1,0 +1,131 @@
+"""What the report shows of a run."""
+
+from __future__ import annotations
+
+import base64
+import os
+import re
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from pathlib import Path
+from urllib.parse import quote
+
+from markupsafe import Markup
+
+from workbench.bench.results import Run, stored_runs
+from workbench.bench.store import CHECKSUMS, FAILED, PARTIAL, REFERENCE
+from workbench.errors import ResultError
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A run as the page shows it.
+
+    ``anchor`` is its place in the page, ``place`` its folder below the results folder, ``link``
+    the way from the page to that folder.
+    """
+
+    run: Run
+    failed: bool
+    anchor: str
+    place: str
+    link: str | None
+
+    @property
+    def state(self) -> str:
+        """What the certificate says, in a word."""
+        if self.run.certificate is None:
+            return "uncertified"
+        return "holds" if self.run.holds else "fails"
+
+    @property
+    def headline(self) -> tuple[str, float] | None:
+        """Name and value of the key metric."""
+        name = self.run.info["headline"]
+        return (name, float(self.run.metrics[name])) if name in self.run.metrics else None
+
+    @property
+    def gap(self) -> float | None:
+        certificate = self.run.certificate
+        return certificate.gap.value if certificate and certificate.gap else None
+
+    @property
+    def log(self) -> str:
+        return self.run.log if (self.run.path / "log.txt").is_file() else ""
+
+    @property
+    def figures(self) -> Iterator[Picture]:
+        """One by one: a page of many runs is written without holding all of them."""
+        return (Picture(name, file) for name, file in self.run.figures.items())
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure to embed: the drawing or the pixels, whichever is smaller."""
+
+    stem: str
+    png: Path
+
+    @property
+    def name(self) -> str:
+        return re.sub(r"[-_]+", " ", self.stem)
+
+    @property
+    def files(self) -> list[Path]:
+        """The figure's files, the drawing first."""
+        svg = self.png.with_suffix(".svg")
+        return [svg, self.png] if svg.is_file() else [self.png]
+
+    @property
+    def source(self) -> Markup:
+        """As a data URI; base64, so that nothing in it can be taken for markup."""
+        file = min(self.files, key=lambda file: file.stat().st_size)
+        kind = "svg+xml" if file.suffix == ".svg" else "png"
+        code = base64.b64encode(file.read_bytes()).decode()
+        return Markup(f"data:image/{kind};base64,{code}")  # no character of it needs escaping
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height in pixels: the page keeps the room before it draws the figure."""
+        with self.png.open("rb") as stream:
+            head = stream.read(24)
+        if head[12:16] != b"IHDR":
+            raise ResultError(f"{self.png} is no PNG file")
+        width, height = struct.unpack(">II", head[16:24])
+        return width, height
+
+
+def entries(root: Path, target: Path, pattern: str) -> Iterator[Entry]:
+    """Every run with a place in the page, by problem, method and key."""
+    runs = [(run, False) for run in stored_runs(root, pattern)]
+    runs += [(run, True) for run in failed_runs(root, pattern)]
+    runs.sort(key=lambda pair: (pair[0].problem, pair[0].method or "", pair[0].path.as_posix()))
+    taken: set[str] = set()
+    for run, failed in runs:
+        anchor = f"{run.problem}/{run.key}{FAILED if failed else ''}"
+        while anchor in taken:  # a folder copied by hand keeps its problem and key
+            anchor += "'"
+        taken.add(anchor)
+        place = run.path.relative_to(root).as_posix()
+        yield Entry(run, failed, anchor, place, _link(run.path, target.parent))
+
+
+def _link(folder: Path, start: Path) -> str | None:
+    """The way from one folder to another; None where it would spell out the whole machine."""
+    folder, start = folder.absolute(), start.absolute()
+    if folder.anchor != start.anchor or os.path.commonpath([folder, start]) == folder.anchor:
+        return None
+    return quote(Path(os.path.relpath(folder, start)).as_posix()) + "/"
+
+
+def failed_runs(root: Path, pattern: str = "*") -> list[Run]:
+    """The kept failures below a results folder whose problem fits a shell pattern."""
+    aside = {root / PARTIAL, root / REFERENCE}
+    runs = (
+        Run(file.parent)
+        for file in sorted(root.rglob(f"*{FAILED}/{CHECKSUMS}"))
+        if not aside.intersection(file.parents)
+    )
+    return [run for run in runs if fnmatchcase(run.problem, pattern)]

@@ -1,0 +1,128 @@
+"""How the report says things: numbers, times, paths and tables as text or markup."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+import math
+import re
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from markupsafe import Markup
+
+
+def number(value: Any, digits: int = 6) -> Markup:
+    """A number to read, with the full one behind it.
+
+    The class counts the characters before the point, by which the style sheet aligns points.
+    """
+    value = float(value)
+    if math.isfinite(value):
+        mantissa, _, exponent = f"{value:.{digits}g}".replace("-", "−").partition("e")
+        power = str(int(exponent.replace("−", "-"))).replace("-", "−") if exponent else ""
+    else:
+        mantissa, power = {"nan": "NaN", "inf": "∞", "-inf": "−∞"}[str(value)], ""
+    text = Markup('<data class="w{}" value="{}" title="{}">{}').format(
+        min(len(mantissa.partition(".")[0]), 8), value, value, mantissa
+    )
+    return (
+        text
+        + (Markup("×10<sup>{}</sup>").format(power) if power else Markup(""))
+        + Markup("</data>")
+    )
+
+
+def duration(seconds: float) -> str:
+    """Seconds as people say them."""
+    if seconds < 60:
+        return f"{seconds:.1f} s"
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours} h {minutes} min" if hours else f"{minutes} min {rest} s"
+
+
+def text(value: Any) -> str:
+    """A parameter, an option or a hash as text."""
+    if value is None:
+        return "none"
+    return pathless(value if isinstance(value, str) else json.dumps(value, ensure_ascii=False))
+
+
+_PATHS = re.compile(
+    r"""
+    (?:(?<=file://) | (?<![\w./\\<…+~-]))   # not inside a word, a URL or a relative path
+    (?:/(?=[^/\s"'])|[A-Za-z]:[\\/]+)     # a root, with something below it
+    (?:[^/\\\s"'<>|]+[/\\]+)+             # folders
+    (?=[^/\\\s"'<>|])                     # and a name, which stays
+    """,
+    re.VERBOSE,
+)
+_QUOTED = re.compile(r"""(?<=File ")(?:/|[A-Za-z]:\\)[^"\n]*[/\\](?=[^"\n]+")""")
+_KNOWN = {"site-packages": 1, "dist-packages": 1, "workbench": 0, "problems": 0}
+"""Folders from which on a path says the same everywhere, and whether to leave them out."""
+
+
+def pathless(words: str) -> str:
+    """Words without the machine's folders: a page is sent to others, a trace has paths in it."""
+    return _PATHS.sub(_short, _QUOTED.sub(_short, words))
+
+
+def _short(match: re.Match[str]) -> str:
+    parts = [part for part in re.split(r"[/\\]+", match.group()) if part]
+    known = [at for at, part in enumerate(parts) if part in _KNOWN]
+    rest = parts[known[-1] + _KNOWN[parts[known[-1]]] :] if known else []
+    return "/".join(["…", *rest, ""])
+
+
+def searchable(parameters: Mapping[str, Any]) -> str:
+    """Parameters as the page's filter reads them."""
+    return " ".join(f"{name}={text(value)}" for name, value in parameters.items())
+
+
+def when(moment: str) -> str:
+    """An ISO time to read."""
+    return moment.replace("T", " ").replace("+00:00", " UTC")
+
+
+def listed(need: str | Iterable[str]) -> list[str]:
+    """A need's keys: there is one, or a list."""
+    return [need] if isinstance(need, str) else list(need)
+
+
+def csp_hash(source: str) -> str:
+    """How a Content-Security-Policy names a script: no other one runs."""
+    return "sha256-" + base64.b64encode(hashlib.sha256(source.encode()).digest()).decode()
+
+
+def table(markdown: str) -> Markup:
+    """The pipe tables of a Markdown text as HTML, its other lines as paragraphs."""
+    html, rows = Markup(""), []
+    for line in [*markdown.splitlines(), ""]:
+        if line.startswith("|"):
+            rows.append([cell.strip() for cell in line.strip().strip("|").split("|")])
+            continue
+        if rows:
+            html += _pipe_table(rows)
+            rows = []
+        if line:
+            html += Markup("<p>{}</p>").format(line)
+    return html
+
+
+def _pipe_table(rows: list[list[str]]) -> Markup:
+    head, rule, *body = rows
+    numeric = [mark.endswith(":") for mark in rule]
+
+    def line(cells: list[str], tag: str) -> Markup:
+        parts = (
+            Markup("<{0}{1}>{2}</{0}>").format(tag, Markup(' class="num"') if right else "", cell)
+            for cell, right in zip(cells, numeric, strict=True)
+        )
+        return Markup("<tr>{}</tr>").format(Markup("").join(parts))
+
+    lines = Markup("").join(line(cells, "td") for cells in body)
+    return Markup("<table><thead>{}</thead><tbody>{}</tbody></table>").format(
+        line(head, "th"), lines
+    )
