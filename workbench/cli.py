@@ -58,7 +58,7 @@ def list_(pattern: str, as_json: bool) -> None:
     entries = registry().match(pattern)
     if as_json:
         rows = [{"name": e.name, "summary": e.summary, "slow": e.slow} for e in entries]
-        click.echo(json.dumps(rows, indent=2))
+        _print_json(rows)
         return
     width = max(len(entry.name) for entry in entries)
     for entry in entries:
@@ -74,7 +74,10 @@ def show(name: str, as_json: bool) -> None:
     from workbench.bench.describe import describe
 
     described = describe(registry().find(name))
-    click.echo(json.dumps(described.to_json(), indent=2) if as_json else described.text)
+    if as_json:
+        _print_json(described.to_json())
+    else:
+        click.echo(described.text)
 
 
 @main.command()
@@ -106,6 +109,8 @@ def run(
     parameters = dict(_setting(text) for text in settings)
     entries = {e.name: e for pattern in patterns for e in registry().match(pattern)}
     chosen = [e.name for e in entries.values() if slow or not e.slow or e.name in patterns]
+    if not chosen:
+        raise click.UsageError("every problem that fits is marked slow; add --slow to run them")
     runs: list[Run] = []
     failed = False
     for position, name in enumerate(chosen, start=1):
@@ -130,7 +135,7 @@ def run(
         if not as_json and len(chosen) > 1:
             click.echo(f"[{position}/{len(chosen)}] {name}: {_verdict(done)}", err=True)
     if as_json:
-        click.echo(json.dumps([_row(one) for one in runs], indent=2))
+        _print_json([_row(one) for one in runs])
     elif runs:
         _print_runs(runs)
         if len(runs) == 1:
@@ -146,7 +151,7 @@ def run(
 @click.option("--accuracy", default="low,middle,high", help="Accuracy levels.")
 @click.option("--set", "settings", multiple=True, metavar="KEY=VALUE")
 @click.option("--time-limit", type=float, help="Seconds for each cell; it is killed beyond.")
-@click.option("--jobs", type=int, help="Run cells in this many processes.")
+@click.option("--jobs", type=click.IntRange(min=1), help="Run cells in this many processes.")
 @click.option("--seed", type=int, default=0)
 @AS_JSON
 def compare(
@@ -178,7 +183,7 @@ def compare(
             **dict(_setting(text) for text in settings),
         )
     if as_json:
-        click.echo(json.dumps(_row(done) | {"cells": rows(done.data)}, indent=2))
+        _print_json(_row(done) | {"cells": rows(done.data)})
         return
     head = ["problem", "method", "accuracy", "outcome", "claim", "success", "correct", "gap"]
     _print_table([*head, "statement [s]", "solve [s]"], rows(done.data), right=3)
@@ -211,7 +216,7 @@ def verify(paths: tuple[Path, ...], rerun: bool, as_json: bool) -> None:
             }
             for one in found
         ]
-        click.echo(json.dumps(rows, indent=2))
+        _print_json(rows)
     else:
         click.echo(f"{sum(one.holds for one in found)} of {len(found)} verified")
     sys.exit(0 if all(one.holds for one in found) else 1)
@@ -224,7 +229,7 @@ def results(pattern: str, as_json: bool) -> None:
     """The stored results of the problems that fit PATTERN."""
     runs = workbench.results(pattern)
     if as_json:
-        click.echo(json.dumps([_row(one) for one in runs], indent=2))
+        _print_json([_row(one) for one in runs])
     elif runs:
         _print_runs(runs)
     else:
@@ -241,6 +246,12 @@ def report(root: Path | None, output: Path | None, open_: bool) -> None:
     click.echo(page)
     if open_:
         click.launch(str(page))
+
+
+def _print_json(value: Any) -> None:
+    from workbench.bench.question import plain
+
+    click.echo(json.dumps(plain(value), indent=2, allow_nan=False))
 
 
 def _setting(text: str) -> tuple[str, str]:

@@ -82,6 +82,13 @@ class Certificate:
         return self.valid and (self.gap is None or not self.gap.required or self.gap.closed)
 
     @property
+    def outcome(self) -> Outcome:
+        """Solved, or inaccurate where only the optimum is missed, or failed."""
+        if self.holds:
+            return Outcome.SOLVED
+        return Outcome.INACCURATE if self.valid else Outcome.FAILED
+
+    @property
     def failures(self) -> tuple[str, ...]:
         """A sentence for each thing that does not hold."""
         failed = [
@@ -101,20 +108,21 @@ class Certificate:
 
     @classmethod
     def from_json(cls, stored: Mapping[str, Any]) -> Certificate:
-        checks = (
-            Check(**{k: _number(v) for k, v in check.items() if k != "holds"})
-            for check in stored["checks"]
-        )
         gap = stored["gap"]
         return cls(
-            tuple(checks),
-            gap and Gap(**{k: _number(v) for k, v in gap.items() if k != "closed"}),
+            tuple(Check(**_read(check, "holds")) for check in stored["checks"]),
+            gap and Gap(**_read(gap, "closed")),
         )
 
 
-def _number(value: Any) -> Any:
-    """JSON has no NaN or infinity; they are stored as their names."""
-    return float(value) if value in ("nan", "inf", "-inf") else value
+def _read(stored: Mapping[str, Any], derived: str) -> dict[str, Any]:
+    """Fields from JSON, which has NaN and infinities as their names; ``derived`` is left out."""
+    numbers = {"value", "limit", "tolerance"}
+    return {
+        k: float(v) if k in numbers and isinstance(v, str) else v
+        for k, v in stored.items()
+        if k != derived
+    }
 
 
 # --- programs and studies ---------------------------------------------------------------------
@@ -296,10 +304,9 @@ class Solution:
     def outcome(self) -> Outcome:
         """Set by the certificate, whatever the method said."""
         if self.certificate is None:
-            return Outcome.FAILED if self.claim is Outcome.SOLVED else self.claim
-        if self.certificate.holds:
-            return Outcome.SOLVED
-        return Outcome.INACCURATE if self.certificate.valid else Outcome.FAILED
+            claims_an_answer = self.claim in (Outcome.SOLVED, Outcome.INACCURATE)
+            return Outcome.FAILED if claims_an_answer else self.claim
+        return self.certificate.outcome
 
 
 def solve(
@@ -345,7 +352,11 @@ def solve(
         return Solution(None, claim, message, None, seconds, trace)
 
     start = time.perf_counter()
-    certificate = task.certify(answer, context.options.accuracy, optimal=optimal)
+    try:
+        certificate = task.certify(answer, context.options.accuracy, optimal=optimal)
+    except Exception as error:
+        message = f"the answer cannot be checked: {type(error).__name__}: {error}"
+        return Solution(None, claim, message, None, seconds, traceback.format_exc())
     seconds["check"] = time.perf_counter() - start
     return Solution(answer, claim, message, certificate, seconds)
 

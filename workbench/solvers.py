@@ -7,6 +7,7 @@ Nothing here imports a solver before it is used.
 from __future__ import annotations
 
 import importlib.util
+import operator
 import warnings
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
@@ -72,21 +73,30 @@ class Options:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        tolerance = self.tolerance
-        if isinstance(tolerance, str):
-            try:
-                tolerance = ACCURACY[tolerance] if tolerance in ACCURACY else float(tolerance)
-            except ValueError:
-                raise InputError(
-                    f"tolerance {tolerance!r} is neither a number nor one of {', '.join(ACCURACY)}"
-                ) from None
+        tolerance = ACCURACY.get(str(self.tolerance), self.tolerance)
+        try:
+            tolerance = float(tolerance)
+        except (TypeError, ValueError):
+            raise InputError(
+                f"tolerance {tolerance!r} is neither a number nor one of {', '.join(ACCURACY)}"
+            ) from None
         if not 0 < tolerance < 1:
             raise InputError(f"tolerance must lie between 0 and 1, not {tolerance}")
-        if self.time_limit is not None and not self.time_limit > 0:
-            raise InputError(f"time_limit must be positive [s], not {self.time_limit}")
+        object.__setattr__(self, "tolerance", tolerance)
+        if self.time_limit is not None:
+            try:
+                limit = float(self.time_limit)
+            except (TypeError, ValueError):
+                limit = -1.0
+            if not limit > 0:
+                raise InputError(f"time_limit must be positive [s], not {self.time_limit!r}")
+            object.__setattr__(self, "time_limit", limit)
+        try:
+            object.__setattr__(self, "seed", operator.index(self.seed))
+        except TypeError:
+            raise InputError(f"seed must be a whole number, not {self.seed!r}") from None
         if self.seed < 0:
             raise InputError(f"seed must not be negative, it is {self.seed}")
-        object.__setattr__(self, "tolerance", float(tolerance))
 
     @property
     def accuracy(self) -> float:

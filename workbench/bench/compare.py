@@ -16,7 +16,7 @@ from workbench.bench.question import Question, asked, code_hash
 from workbench.bench.results import Run
 from workbench.bench.run import Bench, Bound, default_bench
 from workbench.bench.store import Store
-from workbench.errors import InputError, TimeLimitError, WorkbenchError
+from workbench.errors import InputError, TimeLimitError
 from workbench.executor import WALL_TIME, Context, InProcess, Progress, silent
 from workbench.program import Check, Program, Study, methods, solve
 from workbench.solvers import ACCURACY, Options, Outcome
@@ -230,8 +230,9 @@ def accuracy_against_time(data: xr.Dataset) -> Figure:
                     markerfacecolor=colour if held else "none",
                     label=str(method) if k == 0 else None,
                 )
-        panel.set_xscale("log")
-        panel.set_yscale("log")
+        if np.isfinite(data["gap"].values).any():
+            panel.set_xscale("log")
+            panel.set_yscale("log")
         panel.set_title(str(name))
         panel.set_xlabel("statement and solve [s]")
         panel.set_ylabel("certified gap [relative]")
@@ -258,6 +259,8 @@ def run_comparison(
     if not methods:
         raise InputError("a comparison needs at least one method")
     names = tuple(entry.name for entry in registry().match(pattern))
+    for name in names:  # a wrong parameter is an error, not a table of failures
+        registry().find(name).bind(parameters)
     options = Options(time_limit=time_limit, seed=seed)
     bench = default_bench(options, progress)
     comparison = Comparison(
@@ -277,7 +280,7 @@ def run_comparison(
     }
     question = Question("compare", stored, {}, {}, None, asked(options))
     bound = Bound(None, stored, {}, comparison)
-    code = code_hash(*{registry().find(name).folder for name in names})
+    code = code_hash({registry().find(name).folder for name in names})
     with bench.store.writing(question.problem, question.key) as writer:
         return bench.answer(bound, question, code, writer)
 
@@ -287,5 +290,5 @@ def _result(future: Future[Cell]) -> Cell:
         return future.result()
     except TimeLimitError as error:
         return Cell(Outcome.TIME_LIMIT, "", str(error))
-    except WorkbenchError as error:
-        return Cell(Outcome.FAILED, "", str(error))
+    except Exception as error:  # whatever a worker, or somebody's executor, died of
+        return Cell(Outcome.FAILED, "", f"{type(error).__name__}: {error}")

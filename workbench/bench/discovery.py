@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import itertools
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +15,11 @@ from workbench.errors import RegistryError
 DECORATOR = "problem"
 SETTINGS = frozenset({"needs", "data", "slow"})
 """Keywords of the decorator that are not axes of the name."""
+
+
+RESERVED = ("compare", "reference")
+"""First parts of names that the results folder keeps for itself."""
+_PART = re.compile(r"\w(?:[\w.-]*[\w-])?")
 
 
 @dataclass(frozen=True)
@@ -49,13 +55,14 @@ def scan(root: Path) -> Iterator[Entry]:
     if not root.is_dir():
         raise RegistryError(f"problem folder {root} does not exist")
     for file in sorted(root.rglob("*.py")):
-        source = file.read_text(encoding="utf-8")
-        if f"{DECORATOR}(" not in source:
+        source = file.read_bytes()
+        if f"{DECORATOR}(".encode() not in source:
             continue
         try:
             tree = ast.parse(source, filename=str(file))
-        except SyntaxError as error:
-            raise RegistryError(f"problem file {file}:{error.lineno}: {error.msg}") from None
+        except (SyntaxError, ValueError) as error:
+            line = getattr(error, "lineno", None) or 1
+            raise RegistryError(f"problem file {file}:{line}: {error}") from None
         for node in tree.body:
             if isinstance(node, ast.FunctionDef):
                 yield from _entries(node, root, file)
@@ -69,6 +76,8 @@ def _entries(function: ast.FunctionDef, root: Path, file: Path) -> Iterator[Entr
         if len(call.args) != 1:
             raise RegistryError(f"{where}: @problem takes one name, here {len(call.args)}")
         template = _literal(call.args[0], where, "the name")
+        if not isinstance(template, str):
+            raise RegistryError(f"{where}: the name must be a text, not {template!r}")
         keywords = {word.arg: word.value for word in call.keywords if word.arg}
         slow = _literal(keywords["slow"], where, "slow") if "slow" in keywords else False
         axes = {
@@ -76,6 +85,11 @@ def _entries(function: ast.FunctionDef, root: Path, file: Path) -> Iterator[Entr
             for axis, value in keywords.items()
             if axis not in SETTINGS
         }
+        for axis, values in axes.items():
+            if not (isinstance(values, tuple | list) and all(isinstance(v, str) for v in values)):
+                raise RegistryError(
+                    f"{where}: axis {axis} must be a tuple of texts, not {values!r}"
+                )
         text = ast.get_docstring(function) or ""
         for values in itertools.product(*axes.values()):
             place = dict(zip(axes, values, strict=True))
@@ -85,6 +99,12 @@ def _entries(function: ast.FunctionDef, root: Path, file: Path) -> Iterator[Entr
                 raise RegistryError(
                     f"{where}: the name {template!r} needs an axis for {error}"
                 ) from None
+            parts = name.split("/")
+            if not all(map(_PART.fullmatch, parts)) or parts[0] in RESERVED:
+                raise RegistryError(
+                    f"{where}: {name!r} is no problem name; needed are words of letters, digits, "
+                    f"'_', '-', '.' with '/' between, the first none of {', '.join(RESERVED)}"
+                )
             yield Entry(name, place, text, slow, root, file, function.name)
 
 

@@ -6,8 +6,9 @@ variables, ``name_real`` and ``name_imag``, and joined again on reading.
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -15,20 +16,24 @@ import xarray as xr
 from workbench.errors import ResultError
 from workbench.executor import WALL_TIME
 
-MARK = "complex_of"
+WHOLE, PART = "complex_of", "complex_part"
 
 
 def write(data: xr.Dataset, file: Path) -> None:
     """Write a dataset, compressed."""
     split = _split(data)
-    packing = {
-        name: {"zlib": True, "complevel": 4} for name, array in split.items() if array.ndim > 0
+    # A fill value would turn some number into a missing one.
+    plain: dict[str, Any] = {"_FillValue": None}
+    packed = plain | {"zlib": True, "complevel": 4}
+    encoding = {
+        name: packed if array.ndim and array.dtype.kind in "iuf" else plain
+        for name, array in split.variables.items()
     }
-    split.to_netcdf(file, engine="h5netcdf", encoding=packing)
+    split.to_netcdf(file, engine="h5netcdf", encoding=encoding)
 
 
 def read(file: Path) -> xr.Dataset:
-    """Read a dataset into memory.
+    """Read a dataset into memory, every number as it was written.
 
     Raises
     ------
@@ -36,63 +41,97 @@ def read(file: Path) -> xr.Dataset:
         The file is missing, truncated or no NetCDF.
     """
     try:
-        with xr.open_dataset(file, engine="h5netcdf") as stored:
+        with xr.open_dataset(
+            file, engine="h5netcdf", mask_and_scale=False, decode_times=False
+        ) as stored:
             return _join(stored.load())
     except (OSError, ValueError, KeyError, RuntimeError) as error:
         raise ResultError(f"{file.name} cannot be read: {error}") from None
 
 
 def _split(data: xr.Dataset) -> xr.Dataset:
-    parts: dict[Hashable, xr.DataArray] = {}
-    for name, array in data.data_vars.items():
-        if np.iscomplexobj(array):
-            for suffix, part in (("real", array.real), ("imag", array.imag)):
-                parts[f"{name}_{suffix}"] = part.assign_attrs(array.attrs | {MARK: str(name)})
-        else:
-            parts[name] = array
-    return xr.Dataset(parts, coords=data.coords, attrs=data.attrs)
+    parts: dict[Hashable, Any] = {}
+    coordinates: list[Hashable] = []
+    for name, array in data.variables.items():
+        halves: dict[Hashable, Any] = {name: array}
+        if np.iscomplexobj(array.values):
+            halves = {
+                _free(f"{name}_{part}", data): (
+                    array.dims,
+                    getattr(array.values, part),
+                    array.attrs | {WHOLE: str(name), PART: part},
+                )
+                for part in ("real", "imag")
+            }
+        parts |= halves
+        if name in data.coords:
+            coordinates += halves
+    return xr.Dataset(parts, attrs=data.attrs).set_coords(coordinates)
+
+
+def _free(name: str, data: xr.Dataset) -> str:
+    """A name that no array of the dataset has."""
+    while name in data.variables:
+        name += "_"
+    return name
 
 
 def _join(data: xr.Dataset) -> xr.Dataset:
-    joined: dict[Hashable, xr.DataArray] = {}
-    for name, array in data.data_vars.items():
-        whole = array.attrs.get(MARK)
-        if whole is None:
+    parts = {
+        (array.attrs[WHOLE], array.attrs[PART]): array
+        for array in data.variables.values()
+        if WHOLE in array.attrs
+    }
+    joined: dict[Hashable, Any] = {}
+    coordinates: list[Hashable] = []
+    for name, array in data.variables.items():
+        whole = array.attrs.get(WHOLE, name)
+        if name in data.coords:
+            coordinates.append(whole)
+        if WHOLE not in array.attrs:
             joined[name] = array
-        elif str(name).endswith("_real"):
+        elif whole not in joined:
+            if (whole, "imag") not in parts or (whole, "real") not in parts:
+                raise KeyError(f"{whole} has only one of its parts {whole}_real, {whole}_imag")
             # 1j * inf would make a NaN of the real part
             values = np.empty(array.shape, dtype=complex)
-            values.real, values.imag = array.values, data[f"{whole}_imag"].values
-            attrs = {key: value for key, value in array.attrs.items() if key != MARK}
-            joined[whole] = xr.DataArray(values, dims=array.dims, attrs=attrs)
-    return xr.Dataset(joined, coords=data.coords, attrs=data.attrs)
+            values.real, values.imag = (parts[whole, p].values for p in ("real", "imag"))
+            attrs = {key: v for key, v in array.attrs.items() if key not in (WHOLE, PART)}
+            joined[whole] = (array.dims, values, attrs)
+    return xr.Dataset(joined, attrs=data.attrs).set_coords(coordinates)
 
 
 def differences(old: xr.Dataset, new: xr.Dataset, tolerance: float) -> list[str]:
     """Where datasets differ by more than a tolerance, relative to each array's largest entry."""
     found = [f"{name} is missing" for name in new.variables if name not in old.variables]
     found += [f"{name} is unexpected" for name in old.variables if name not in new.variables]
-    for name in new.variables:
-        if name not in old.variables or WALL_TIME.items() <= new[name].attrs.items():
-            continue
-        a, b = old[name].values, new[name].values
-        if a.shape != b.shape:
-            found.append(f"{name} has shape {a.shape}, not {b.shape}")
-        elif not np.issubdtype(b.dtype, np.number):
-            if not np.array_equal(a, b):
-                found.append(f"{name} differs in {int(np.sum(a != b))} of {a.size} entries")
-        else:
-            off = _distance(a, b)
-            if not off <= tolerance:
-                found.append(f"{name} differs by {off:.3g} of its largest entry")
+    for name, array in new.variables.items():
+        if name in old.variables and not WALL_TIME.items() <= array.attrs.items():
+            found += [f"{name} {text}" for text in _apart(old[name], array, tolerance)]
     return found
 
 
+def _apart(old: xr.DataArray, new: xr.Variable, tolerance: float) -> Iterator[str]:
+    units = [array.attrs.get("units", "1") for array in (old, new)]
+    if units[0] != units[1]:
+        yield f"has units {units[0]}, not {units[1]}"
+    a, b = old.values, new.values
+    numbers = [np.issubdtype(array.dtype, np.number) for array in (a, b)]
+    if a.shape != b.shape:
+        yield f"has shape {a.shape}, not {b.shape}"
+    elif not all(numbers):
+        different = np.ones(a.shape, bool) if any(numbers) else np.asarray(a != b)
+        if different.any():
+            yield f"differs in {different.sum()} of {a.size} entries"
+    else:
+        off = _distance(a, b)
+        if not off <= tolerance:
+            yield f"differs by {off:.3g} of its largest entry"
+
+
 def _distance(a: np.ndarray, b: np.ndarray) -> float:
-    if a.size == 0 or np.array_equal(a, b, equal_nan=True):
-        return 0.0
-    if not np.array_equal(np.isfinite(a), np.isfinite(b)):
+    finite = np.isfinite(a) & np.isfinite(b)
+    if not np.array_equal(a[~finite], b[~finite], equal_nan=True):
         return np.inf
-    finite = np.isfinite(b)
     scale = np.abs(b[finite]).max(initial=0.0) or 1.0
-    return float((np.abs(a[finite] / scale - b[finite] / scale)).max(initial=0.0))
+    return float(np.abs(a[finite] / scale - b[finite] / scale).max(initial=0.0))

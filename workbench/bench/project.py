@@ -40,7 +40,10 @@ class Project:
                 raise RegistryError(f"{file}: {error}") from None
             table = table.get("tool", {}).get("workbench")
             if table is not None:
-                problems = tuple(candidate / name for name in table.get("problems", ()))
+                folders = table.get("problems", [])
+                if not isinstance(folders, list):
+                    raise RegistryError(f"{file}: problems must be a list, not {folders!r}")
+                problems = tuple(candidate / name for name in folders)
                 return cls(problems, candidate / table.get("results", "results"))
         return cls((), folder / "results")
 

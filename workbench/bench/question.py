@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
@@ -69,17 +69,19 @@ def digest(text: str | bytes) -> str:
     return hashlib.sha256(text.encode() if isinstance(text, str) else text).hexdigest()
 
 
-def code_hash(*folders: Path) -> str:
+def code_hash(folders: Iterable[Path], upstream: Iterable[str] = ()) -> str:
     """Hash of what may change an answer besides the question.
 
-    The workbench's sources, those of the plants' ``folders``, and the solvers' versions.
+    The workbench's sources, those of the plants' ``folders``, the solvers' versions, and the code
+    hashes of the results that the problem was fed with.
     """
-    sources = [_sources(folder) for folder in (Path(workbench.__file__).parent, *sorted(folders))]
-    return digest("".join(sources) + canonical(versions()))[:16]
+    sources = [snapshot(folder) for folder in (Path(workbench.__file__).parent, *sorted(folders))]
+    return digest("".join([*sources, *upstream]) + canonical(versions()))[:16]
 
 
 @cache
-def _sources(folder: Path) -> str:
+def snapshot(folder: Path) -> str:
+    """The sources of a folder as they are at the first call, when they are imported."""
     files = sorted(folder.rglob("*.py"), key=lambda file: file.relative_to(folder).parts)
     problems = folder / "problems"  # inside a wheel; a problem's own folder is hashed by itself
     lines = (

@@ -22,10 +22,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from workbench.bench.discovery import Entry, scan
-from workbench.errors import InputError, RegistryError, UnknownNameError
+from workbench.bench.question import snapshot
+from workbench.errors import InputError, RegistryError, UnknownNameError, WorkbenchError
+
+if TYPE_CHECKING:
+    from workbench.program import Task
 
 PLACEMENT = "__workbench_problem__"
 
@@ -92,6 +96,7 @@ class Problem:
     def __init__(self, entry: Entry) -> None:
         self.entry = entry
         self.name = entry.name
+        snapshot(self.folder)  # what is imported now, whatever is edited later
         self.function = getattr(_import(entry), entry.function)
         self.settings: Settings = getattr(self.function, PLACEMENT)
         self.signature = inspect.signature(self.function)
@@ -107,7 +112,7 @@ class Problem:
         fixed = set(self.entry.axes)
         if not callable(self.settings.needs):
             fixed |= set(self.settings.needs)
-        else:  # only known once parameters are bound: whatever has no type and no default
+        else:  # known once parameters are bound; until then whatever has no type and no default
             fixed |= {
                 name
                 for name, parameter in self.signature.parameters.items()
@@ -140,14 +145,57 @@ class Problem:
                 bound[name] = self._convert(name, given[name])
             elif parameter.default is not inspect.Parameter.empty:
                 bound[name] = parameter.default
-            else:
-                raise InputError(f"{self.name} needs a value for its parameter {name!r}")
+            elif not callable(self.settings.needs):  # else a need may still feed it
+                raise InputError(f"{self.name} needs a value for {name}")
         return bound
 
     def needs(self, bound: Mapping[str, Any]) -> Needs:
-        """References to the results that the problem is fed with."""
+        """References to the results that the problem is fed with.
+
+        Raises
+        ------
+        RegistryError
+            They name an argument that the function does not take, or an unknown axis.
+        InputError
+            A parameter has neither a value nor a need to feed it.
+        """
         needs = self.settings.needs
-        return needs(**bound) if callable(needs) else _fill(needs, self.entry.axes)
+        if callable(needs):
+            needs = needs(**bound)
+        taken = self.signature.parameters
+        strangers = needs.keys() - taken.keys()
+        if strangers:
+            raise RegistryError(
+                f"{self.entry.place} takes no argument {', '.join(sorted(strangers))} to feed"
+            )
+        missing = taken.keys() - bound.keys() - needs.keys()
+        if missing:
+            raise InputError(f"{self.name} needs a value for {', '.join(sorted(missing))}")
+        return _fill(needs, self.entry)
+
+    def task(self, bound: Mapping[str, Any], fed: Mapping[str, Any]) -> Task:
+        """The Program or Study that the function makes of its parameters and needs.
+
+        Raises
+        ------
+        RegistryError
+            It makes something else, or raises an error that is not the workbench's own.
+        """
+        from workbench.program import Task  # NumPy with it, which a list of names can do without
+
+        try:
+            task = self.function(**bound, **fed)
+        except WorkbenchError:
+            raise
+        except Exception as error:
+            raise RegistryError(
+                f"{self.entry.place} raised {type(error).__name__}: {error}"
+            ) from error
+        if not isinstance(task, Task):
+            raise RegistryError(
+                f"{self.entry.place} returned {type(task).__name__}, not a Program or a Study"
+            )
+        return task
 
     def data_hashes(self) -> dict[str, str]:
         """SHA-256 of every data file that the problem declares."""
@@ -192,14 +240,25 @@ class Problem:
 
     @cached_property
     def _hints(self) -> dict[str, Any]:
-        return typing.get_type_hints(self.function, include_extras=True)
+        try:
+            return typing.get_type_hints(self.function, include_extras=True)
+        except Exception as error:
+            raise RegistryError(
+                f"{self.entry.place}: an annotation cannot be evaluated: {error}"
+            ) from None
 
 
-def _fill(needs: Needs, axes: Mapping[str, str]) -> Needs:
+def _fill(needs: Needs, entry: Entry) -> Needs:
     """Names of references may use the axes of the problem's own name."""
 
     def fill(reference: Ref) -> Ref:
-        return Ref(reference.name.format(**axes), reference.method, reference.parameters)
+        try:
+            name = reference.name.format(**entry.axes)
+        except (KeyError, IndexError) as error:
+            raise RegistryError(
+                f"{entry.place} needs {reference.name!r}: no axis {error}"
+            ) from None
+        return Ref(name, reference.method, reference.parameters)
 
     return {
         key: [fill(one) for one in value] if isinstance(value, list) else fill(value)

@@ -58,11 +58,8 @@ class Bench:
                 if isinstance(need, list)
                 else upstream._feed(need, problem, (*path, step))
             )
-        task = problem.function(**parameters, **fed)
-        if not isinstance(task, Task):
-            raise RegistryError(
-                f"{problem.entry.place} returned {type(task).__name__}, not a Program or a Study"
-            )
+        problem.data_hashes()  # a missing file is named before the function meets it
+        task = problem.task(parameters, fed)
         return Bound(problem, stored, fed, task)
 
     def _feed(self, need: Ref, problem: Problem, path: tuple[str, ...]) -> Run:
@@ -76,7 +73,7 @@ class Bench:
     def _run(self, asked_for: Ref, path: tuple[str, ...]) -> Run:
         bound = self._load(asked_for, path)
         question = bound.question(asked_for.method, self.options)
-        code = code_hash(registry().find(question.problem).folder)
+        code = bound.code
         with self.store.writing(question.problem, question.key) as writer:
             earlier = _earlier(writer.final, question)
             if earlier and earlier.info["code"] == code and not self.fresh:
@@ -149,6 +146,18 @@ class Bound:
     @property
     def help(self) -> str:
         return self.problem.entry.help if self.problem else type(self.task).__doc__ or ""
+
+    @property
+    def code(self) -> str:
+        """Hash of the code that answers: the plant's, the workbench's, and that of its needs."""
+        folders = [self.problem.folder] if self.problem else []
+        return code_hash(folders, [run.info["code"] for run in self.fed])
+
+    @property
+    def fed(self) -> list[Run]:
+        """The results that the problem is fed with, in one list."""
+        needs = self.needs.values()
+        return [run for need in needs for run in (need if isinstance(need, list) else [need])]
 
     def question(self, method: str | None, options: Options) -> Question:
         """The question with the default method filled in."""

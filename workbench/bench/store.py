@@ -7,15 +7,18 @@ frees it when its holder dies. Whatever a dead holder left is mended under its l
     <root>/.partial/<slug>.lock      the lock of one question
     <root>/.partial/<slug>/new       a folder being written
     <root>/.partial/<slug>/old       an earlier result while it is being replaced
+    <root>/.partial/<slug>/failure   an earlier failure, to be dropped
 """
 
 from __future__ import annotations
 
 import hashlib
+import os
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from urllib.parse import quote, unquote
 
 from workbench.errors import ResultError
 
@@ -39,13 +42,14 @@ class Store:
     def folders(self) -> list[Path]:
         """Every finished result, failures left out, sorted by problem and key."""
         self.mend()
-        found = {file.parent for file in self.root.rglob(CHECKSUMS)}
-        aside = {self.root / PARTIAL, self.root / REFERENCE}
-        return sorted(
-            folder
-            for folder in found
-            if folder.suffix != FAILED and not aside.intersection(folder.parents)
-        )
+        found = []
+        for place, below, names in os.walk(self.root):
+            if CHECKSUMS in names:
+                found.append(Path(place))
+                below.clear()
+            elif Path(place) == self.root:
+                below[:] = [name for name in below if name not in (PARTIAL, REFERENCE)]
+        return sorted(folder for folder in found if folder.suffix != FAILED)
 
     @contextmanager
     def writing(self, problem: str, key: str) -> Iterator[Writer]:
@@ -71,7 +75,7 @@ class Store:
         for lock in sorted((self.root / PARTIAL).glob("*.lock")):
             name = lock.with_suffix("").name
             problem, key = name.rsplit("-", 1)
-            writer = Writer(self, problem.replace("+", "/"), key)
+            writer = Writer(self, unquote(problem), key)
             if not writer.space.exists():
                 continue
             try:
@@ -86,7 +90,7 @@ class Writer:
 
     def __init__(self, store: Store, problem: str, key: str) -> None:
         self.final = store.folder(problem, key)
-        self.space = store.root / PARTIAL / f"{problem.replace('/', '+')}-{key}"
+        self.space = store.root / PARTIAL / f"{quote(problem, safe='')}-{key}"
         self.lock = self.space.with_name(self.space.name + ".lock")
         self.new = self.space / "new"
         self.old = self.space / "old"
@@ -101,13 +105,12 @@ class Writer:
         seal(self.new)
         final = self.final.with_name(self.final.name + FAILED) if failed else self.final
         final.parent.mkdir(parents=True, exist_ok=True)
-        if failed:
-            shutil.rmtree(final, ignore_errors=True)
-        elif final.exists():
+        earlier_failure = self.final.with_name(self.final.name + FAILED)
+        if earlier_failure.exists():  # repeated now, or answered
+            earlier_failure.rename(self.space / "failure")
+        if final.exists():
             final.rename(self.old)
         self.new.rename(final)
-        if not failed:  # an earlier failure of the same question has been answered
-            shutil.rmtree(final.with_name(final.name + FAILED), ignore_errors=True)
         return final
 
     def mend(self) -> None:
@@ -140,7 +143,8 @@ def damage(folder: Path) -> list[str]:
     if not sums.is_file():
         return [f"{CHECKSUMS} is missing: the folder is not a finished result"]
     expected = {}
-    for number, line in enumerate(sums.read_text(encoding="utf-8").splitlines(), start=1):
+    text = sums.read_text(encoding="utf-8", errors="replace")
+    for number, line in enumerate(text.splitlines(), start=1):
         digest, gap, name = line.partition("  ")
         if not gap or len(digest) != 64:
             return [f"{CHECKSUMS} line {number} is not a checksum: {line[:40]!r}"]

@@ -13,11 +13,11 @@ from typing import Any
 
 from workbench.bench import netcdf
 from workbench.bench.project import registry, results_root
-from workbench.bench.question import Question, code_hash, plain
+from workbench.bench.question import Question, plain
 from workbench.bench.results import Run, open_run, read_json
 from workbench.bench.run import Bench, Bound, environment
 from workbench.bench.store import FAILED, Store, damage
-from workbench.errors import ResultError, WorkbenchError
+from workbench.errors import InputError, ResultError, WorkbenchError
 from workbench.program import Certificate, Program, Study, find_method
 from workbench.solvers import Options
 
@@ -113,7 +113,7 @@ def _rebuild(run: Run) -> Bound:
             ]
         else:
             fed[name] = _upstream(store, need.name, keys)
-    task = problem.function(**parameters, **fed)
+    task = problem.task(parameters, fed)
     return Bound(problem, info["parameters"], fed, task)
 
 
@@ -136,7 +136,7 @@ def _upstream(store: Store, problem: str, key: str) -> Run:
 
 def _other_code(run: Run, bound: Bound) -> list[str]:
     notes = []
-    if run.info["code"] != code_hash(registry().find(run.problem).folder):
+    if run.info["code"] != bound.code:
         notes.append("answered by other code than this")
     stored, here = run.info["versions"], environment()
     notes += [
@@ -156,14 +156,20 @@ def _recheck(run: Run, bound: Bound) -> tuple[Certificate | None, list[str]]:
     if not (run.path / "data.nc").exists():
         return None, ["data.nc is missing: there is no answer to check"]
     task = bound.task
-    answer = task.from_dataset(run.data)
-    rebuilt = task.to_dataset(answer)
+    try:
+        answer = task.from_dataset(run.data)
+        rebuilt = task.to_dataset(answer)
+    except (KeyError, ValueError, InputError) as error:
+        return None, [f"data.nc holds no answer to the question: {error}"]
     wrong = [f"data.nc: {text}" for text in netcdf.differences(run.data, rebuilt, SAME)]
     optimal = isinstance(task, Program) and find_method(task, run.method).optimal
     certificate = task.certify(answer, float(run.info["options"]["tolerance"]), optimal=optimal)
     if isinstance(task, Study):
         certificate = bound.inherit(certificate)
     wrong += [f"certificate: {text}" for text in certificate.failures]
+    outcome = certificate.outcome
+    if run.info["outcome"] != outcome:
+        wrong.append(f"run.json says {run.info['outcome']!r}, the certificate {str(outcome)!r}")
     stored, fresh = read_json(run.path / "certificate.json"), plain(certificate.to_json())
     # What is checked is near zero, rounding errors that differ between machines.
     wrong += [f"certificate.json: {text}" for text in _apart(stored, fresh, floor=1.0)]
