@@ -30,7 +30,7 @@ lint: $(READY)
 # Make the committed reference results anew, at a size that a repository can carry.
 reference: $(READY)
 	rm -rf results/reference
-	$(WORKBENCH) --results results/reference run 'cd/*' --set frequencies=40
+	$(WORKBENCH) --results results/reference run 'cd/*' --set frequencies=120
 	$(WORKBENCH) --results results/reference run 'bench/*'
 	rm -rf results/reference/.partial
 

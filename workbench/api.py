@@ -111,7 +111,7 @@ def compare(
     Returns
     -------
     Run
-        Its ``data`` has dims (problem, method, accuracy): wall time of statement and solve,
+        Its ``data`` has dims (problem, by_method, accuracy): wall time of statement and solve,
         optimality gap, success (the certificate holds), correctness (the method's claim agrees).
     """
     from workbench.bench.compare import run_comparison

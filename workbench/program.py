@@ -16,6 +16,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar
 
+import numpy as np
+
 from workbench.errors import InputError, TimeLimitError, UnknownNameError
 from workbench.executor import Context
 from workbench.solvers import ConicSolver, Options, Outcome, conic_solvers
@@ -62,7 +64,7 @@ class Gap:
 
     @property
     def closed(self) -> bool:
-        return self.value <= self.tolerance
+        return abs(self.value) <= self.tolerance  # an answer beyond its bound is wrong, or it is
 
 
 @dataclass(frozen=True)
@@ -164,11 +166,10 @@ class Task(ABC):
 
     def certify(self, answer: Any, tolerance: float, *, optimal: bool = False) -> Certificate:
         """Certificate of an answer; ``optimal`` when whoever gave it claims it is the best."""
-        gap = self.gap(answer)
-        return Certificate(
-            tuple(self.checks(answer, tolerance)),
-            gap and Gap(gap[0], gap[1], tolerance, required=optimal),
-        )
+        with np.errstate(all="ignore"):  # a wrong answer may make NaN of a check, which fails it
+            checks = tuple(self.checks(answer, tolerance))
+            gap = self.gap(answer)
+        return Certificate(checks, gap and Gap(gap[0], gap[1], tolerance, required=optimal))
 
 
 class Program(Task):
@@ -341,7 +342,9 @@ def solve(
         answer, claim, message = respond(task, context)
     except TimeLimitError as error:
         answer, claim, message = None, Outcome.TIME_LIMIT, str(error)
-    except Exception as error:
+    except (KeyboardInterrupt, SystemExit, GeneratorExit):
+        raise
+    except BaseException as error:  # a Rust panic is no Exception
         answer, claim, message = None, Outcome.FAILED, f"{type(error).__name__}: {error}"
         trace = traceback.format_exc()
     total = time.perf_counter() - start
@@ -355,7 +358,8 @@ def solve(
     try:
         certificate = task.certify(answer, context.options.accuracy, optimal=optimal)
     except Exception as error:
-        message = f"the answer cannot be checked: {type(error).__name__}: {error}"
+        reason = f"the answer cannot be checked: {type(error).__name__}: {error}"
+        message = f"{reason}; the method said: {message}" if message else reason
         return Solution(None, claim, message, None, seconds, traceback.format_exc())
     seconds["check"] = time.perf_counter() - start
     return Solution(answer, claim, message, certificate, seconds)
@@ -367,9 +371,9 @@ def _compute(study: Study, context: Context) -> Claim:
 
 def worst(values: Any, labels: Callable[[tuple[int, ...]], str]) -> tuple[float, str]:
     """The largest of an array of values (NaN counts as largest) and the label of its place."""
-    import numpy as np
-
     values = np.atleast_1d(np.asarray(values, dtype=float))
+    if values.size == 0:
+        return 0.0, ""
     place = np.unravel_index(
         int(np.argmax(np.where(np.isnan(values), math.inf, values))), values.shape
     )

@@ -83,6 +83,7 @@ def make(root: Path) -> Make:
             "key": key,
             "kind": "program",
             "headline": "radius",
+            "figures": ["step_response"],
             "claim": "solved",
             "outcome": "failed" if failed else "solved",
             "message": "",

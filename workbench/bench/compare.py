@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 WARM = 2.0
 """A solve faster than this [s] is timed a second time: its first call may have compiled."""
 UNFIT = "unfit"
+METHOD = "by_method"
+"""The dimension of methods; xarray's ``sel`` keeps the word method for itself."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +88,7 @@ def run_cell(
 
 @dataclass(frozen=True, eq=False)
 class Comparison(Study):
-    """The cells of a comparison. Its dataset has dims (problem, method, accuracy)."""
+    """The cells of a comparison. Its dataset has dims (problem, by_method, accuracy)."""
 
     problems: tuple[str, ...]
     methods: tuple[str, ...]
@@ -117,7 +119,7 @@ class Comparison(Study):
         # The time limit is each cell's, not the comparison's.
         watched = Context(Options(), context.progress)
         cells = [_result(future) for future in watched.track(futures, "cells")]
-        dims = ("problem", "method", "accuracy")
+        dims = ("problem", METHOD, "accuracy")
 
         def table(values: list[Any], dtype: Any = float) -> tuple[Any, ...]:
             return dims, np.array(values, dtype=dtype).reshape(shape)
@@ -138,7 +140,7 @@ class Comparison(Study):
             },
             coords={
                 "problem": list(self.problems),
-                "method": list(self.methods),
+                METHOD: list(self.methods),
                 "accuracy": list(self.accuracies),
                 "tolerance": ("accuracy", [ACCURACY[name] for name in self.accuracies]),
             },
@@ -178,7 +180,7 @@ def rows(data: xr.Dataset) -> list[list[str]]:
     for i, j, k in np.ndindex(*data["outcome"].shape):
         cell = {name: data[name].values[i, j, k] for name in data.data_vars}
         unfit = cell["outcome"] == UNFIT
-        labels = (data["problem"].values[i], data["method"].values[j], data["accuracy"].values[k])
+        labels = (data["problem"].values[i], data[METHOD].values[j], data["accuracy"].values[k])
         table.append(
             [
                 *map(str, labels),
@@ -199,7 +201,7 @@ def unfit(data: xr.Dataset) -> list[str]:
     found = {}
     for i, j, k in np.ndindex(*data["outcome"].shape):
         if data["outcome"].values[i, j, k] == UNFIT:
-            pair = f"{data['problem'].values[i]} by {data['method'].values[j]}"
+            pair = f"{data['problem'].values[i]} by {data[METHOD].values[j]}"
             found[pair] = f"{pair}: {data['message'].values[i, j, k]}"
     return list(found.values())
 
@@ -215,7 +217,7 @@ def accuracy_against_time(data: xr.Dataset) -> Figure:
     floor = 1e-17  # an exact answer has no gap, a logarithmic axis no zero
     markers = dict(zip(ACCURACY, "osD", strict=True))
     for i, (panel, name) in enumerate(zip(panels, names, strict=False)):
-        for j, method in enumerate(data["method"].values):
+        for j, method in enumerate(data[METHOD].values):
             colour = figures.CYCLE[j % len(figures.CYCLE)]
             seconds = (data["statement"] + data["solve"]).values[i, j]
             gap = np.maximum(data["gap"].values[i, j], floor)

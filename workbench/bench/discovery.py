@@ -59,7 +59,7 @@ def scan(root: Path) -> Iterator[Entry]:
         if f"{DECORATOR}(".encode() not in source:
             continue
         try:
-            tree = ast.parse(source, filename=str(file))
+            tree = ast.parse(source.decode(), filename=str(file))
         except (SyntaxError, ValueError) as error:
             line = getattr(error, "lineno", None) or 1
             raise RegistryError(f"problem file {file}:{line}: {error}") from None

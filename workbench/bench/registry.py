@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from workbench.bench.discovery import Entry, scan
-from workbench.bench.question import snapshot
+from workbench.bench.question import code_hash
 from workbench.errors import InputError, RegistryError, UnknownNameError, WorkbenchError
 
 if TYPE_CHECKING:
@@ -96,7 +96,7 @@ class Problem:
     def __init__(self, entry: Entry) -> None:
         self.entry = entry
         self.name = entry.name
-        snapshot(self.folder)  # what is imported now, whatever is edited later
+        code_hash([self.folder])  # of what is imported now, whatever is edited later
         self.function = getattr(_import(entry), entry.function)
         self.settings: Settings = getattr(self.function, PLACEMENT)
         self.signature = inspect.signature(self.function)

@@ -183,8 +183,8 @@ def write_json(file: Path, content: Mapping[str, Any]) -> None:
     file.write_text(text + "\n", encoding="utf-8")
 
 
-def write_figures(folder: Path, figures: Mapping[str, Figure]) -> None:
-    """Every figure as SVG and PNG; the same figure gives the same file."""
+def write_figures(folder: Path, figures: Mapping[str, Figure]) -> list[str]:
+    """Every figure as SVG and PNG, and their names; the same figure gives the same file."""
     import matplotlib as mpl
 
     folder.mkdir()
@@ -192,6 +192,7 @@ def write_figures(folder: Path, figures: Mapping[str, Figure]) -> None:
         for name, figure in figures.items():
             figure.savefig(folder / f"{name}.svg", metadata={"Date": None})
             figure.savefig(folder / f"{name}.png", dpi=120, metadata={"Software": None})
+    return list(figures)
 
 
 def stored_runs(root: Path, pattern: str = "*") -> list[Run]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime
 import platform
 import time
+import traceback
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -91,7 +92,7 @@ class Bench:
         """Answer a question, certify the answer and publish the folder."""
         started = datetime.datetime.now(datetime.UTC)
         clock = time.perf_counter()
-        task, note, drawn = bound.task, "", {}
+        task, note, drawn = bound.task, "", []
         solution = solve(task, question.method, context=Context(self.options, self.progress))
         if solution.certificate is not None and isinstance(task, Study):
             solution = replace(solution, certificate=bound.inherit(solution.certificate))
@@ -102,18 +103,21 @@ class Bench:
             netcdf.write(data, folder / "data.nc")
             write_json(folder / "certificate.json", solution.certificate.to_json())
             write_json(folder / "metrics.json", task.metrics(solution.answer))
-            for name, table in task.tables(solution.answer).items():
-                (folder / f"{name}.md").write_text(table, encoding="utf-8")
-            drawn = task.figures(solution.answer)
-            write_figures(folder / "figures", drawn)
             note = _compared(earlier, data, self.options)
+            try:
+                for name, table in task.tables(solution.answer).items():
+                    (folder / f"{name}.md").write_text(table, encoding="utf-8")
+                drawn = write_figures(folder / "figures", task.figures(solution.answer))
+            except Exception as error:  # the answer is worth more than its picture
+                note += f"not all figures and tables: {type(error).__name__}: {error}"
+                solution = replace(solution, trace=traceback.format_exc())
         info = {
             "format": FORMAT,
             **{name: getattr(question, name) for name in question.__dataclass_fields__},
             "key": question.key,
             "kind": "study" if isinstance(task, Study) else "program",
             "headline": task.headline,
-            "figures": list(drawn),
+            "figures": drawn,
             "claim": solution.claim,
             "outcome": solution.outcome,
             "message": solution.message,

@@ -6,53 +6,79 @@ for the optimum whatever the answer was.
 
 from __future__ import annotations
 
+from itertools import combinations
+
 import numpy as np
-from scipy.optimize import nnls
 
 EPS = np.finfo(float).eps
-BANDS = (1e-9, 1e-6, 1e-4, 1e-2, 1.0)
-SUPPORT = 64
-"""Points nearest the circle that are weighed; more of them would not sharpen the bound."""
+LONG_EPS = np.finfo(np.longdouble).eps
+EXCHANGES = 100
+"""Support points tried before a circle's bound is taken as it is; three or four are usual."""
 
 
-def circle_radius_bound(points: np.ndarray, center: np.ndarray, radius: np.ndarray) -> np.ndarray:
-    """Lower bound on the radius of any circle around each set.
+def circle_radius_bound(points: np.ndarray, center: np.ndarray) -> np.ndarray:
+    """Lower bound on the radius of any circle around each set, by weak duality.
 
     For weights lambda >= 0 of sum 1 every enclosing circle has
-    ``r^2 >= sum lambda |p|^2 - |sum lambda p|^2``. The weights are those that bring the points
-    nearest the given circle closest to balance about its centre.
+    ``r^2 >= sum lambda |p|^2 - |sum lambda p|^2``. The support is found by ascent: the point
+    farthest from the balance point so far is added, the heaviest two or three are kept.
 
     Parameters
     ----------
     points : complex, shape (..., N)
-    center, radius : shape (...)
+    center : complex, shape (...)
+        Where to start from.
 
     Returns
     -------
     extended-precision array, shape (...)
+        Rounded downward; NaN where the centre is no number.
     """
-    away = points.astype(np.clongdouble) - np.asarray(center)[..., None]
-    flat = away.reshape(-1, away.shape[-1])
-    bounds = [_dual_bound(set_, float(r)) for set_, r in zip(flat, np.ravel(radius), strict=True)]
+    sets = points.reshape(-1, points.shape[-1]).astype(np.clongdouble)
+    bounds = [_dual_bound(set_, c) for set_, c in zip(sets, np.ravel(center), strict=True)]
     return np.array(bounds, dtype=np.longdouble).reshape(points.shape[:-1])
 
 
-def _dual_bound(away: np.ndarray, radius: float) -> float:
-    distance = np.abs(away)
-    scale = distance.max()
-    if not np.isfinite(scale) or scale == 0:
-        return scale * 0
-    nearest = np.argsort(distance)[-SUPPORT:]
-    away, distance = away[nearest] / scale, distance[nearest] / scale
-    best = 0.0
-    for band in BANDS:
-        support = away[distance >= 1 - band]
-        balance = np.vstack([support.real, support.imag, np.ones(len(support))]).astype(float)
-        weights, _ = nnls(balance, np.array([0.0, 0.0, 1.0]))
-        weights = weights.astype(np.longdouble) / weights.sum()
-        spread = weights @ (support.real**2 + support.imag**2) - np.abs(weights @ support) ** 2
-        best = max(best, spread)
-    return np.sqrt(best) * scale
+def _dual_bound(points: np.ndarray, center: complex) -> np.longdouble:
+    if not np.isfinite(center):
+        return np.longdouble(np.nan)
+    away = points - points[0]
+    scale = np.abs(away).max()
+    if scale == 0:
+        return scale
+    away = away / scale
+    balance = (np.clongdouble(center) - points[0]) / scale
+    support: list[int] = []
+    best = np.longdouble(0)
+    for _ in range(EXCHANGES):
+        farthest = int(np.argmax(np.abs(away - balance)))
+        if farthest in support:
+            break
+        support, weights = _heaviest(away, [*support, farthest])
+        balance = weights @ away[support]
+        best = max(best, weights @ np.abs(away[support] - balance) ** 2)
+    return np.sqrt(best) * (1 - 4 * LONG_EPS) * scale
+
+
+def _heaviest(points: np.ndarray, support: list[int]) -> tuple[list[int], np.ndarray]:
+    """The one, two or three of up to four points that bound most, and their weights."""
+    candidates = [([support[-1]], np.ones(1, dtype=np.longdouble))]
+    candidates += [
+        (list(pair), np.full(2, np.longdouble(0.5))) for pair in combinations(support, 2)
+    ]
+    for trio in combinations(support, 3):
+        a, b, c = points[list(trio)]
+        side = np.abs(np.array([b - c, c - a, a - b])) ** 2
+        # barycentric coordinates of the circumcentre; an obtuse triangle's longest side says more
+        weights = side * (side.sum() - 2 * side)
+        if weights.min() >= 0 and weights.sum() > 0:
+            candidates.append((list(trio), weights / weights.sum()))
+
+    def bound(candidate: tuple[list[int], np.ndarray]) -> np.longdouble:
+        chosen, weights = candidate
+        return weights @ np.abs(points[chosen] - weights @ points[chosen]) ** 2
+
+    return max(candidates, key=bound)
 
 
 def least_half_width(away: np.ndarray, relative: float = 1e-11) -> np.ndarray:
@@ -72,9 +98,11 @@ def least_half_width(away: np.ndarray, relative: float = 1e-11) -> np.ndarray:
     Returns
     -------
     real, shape (B,)
-        Rounded downward.
+        Rounded downward; NaN where a point is no number.
     """
     sets, count = away.shape
+    lost = ~np.isfinite(away).all(axis=1)
+    away = np.where(lost[:, None], 0, away)
     scale = np.abs(away).max(axis=1)
     scale = np.where(scale > 0, scale, 1.0)
     away = away / scale[:, None]
@@ -130,4 +158,4 @@ def least_half_width(away: np.ndarray, relative: float = 1e-11) -> np.ndarray:
         pair_l, pair_r = np.concatenate([pair_l, middle]), np.concatenate([middle, pair_r])
     else:
         np.minimum.at(bound, index, lower)
-    return np.maximum(bound / 2 - 4 * EPS, 0) * scale
+    return np.where(lost, np.nan, np.maximum(bound / 2 - 4 * EPS, 0) * scale)

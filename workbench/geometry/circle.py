@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from workbench.errors import SolverError
 from workbench.executor import Context
 from workbench.geometry.bounds import circle_radius_bound
-from workbench.geometry.cover import Cover
+from workbench.geometry.cover import EPS, Cover, relative
 from workbench.geometry.exact_circle import exact_circle
 from workbench.geometry.thesis import thesis_circle
 from workbench.program import Claim, find_method, method
@@ -53,20 +53,9 @@ class SmallestCircle(Cover):
 
     def gap(self, answer: Circle) -> tuple[str, float]:
         radius = np.asarray(answer.radius, dtype=np.longdouble)
-        bound = circle_radius_bound(self.points, answer.center, answer.radius)
-        value = float(np.max(self.relative(radius - bound, radius)))
+        bound = circle_radius_bound(self.points, answer.center)
+        value = float(np.max(relative(radius - bound - 8 * EPS * self.reach, radius), initial=0.0))
         return "radius above its bound from the dual of the support points, relative", value
-
-    def metrics(self, answer: Circle) -> dict[str, float]:
-        distance = np.abs(answer.center)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            relative = np.asarray(answer.radius / distance)
-        return {
-            "radius_peak": float(np.max(answer.radius)),
-            "radius_relative_peak": float(np.max(relative)),
-            "sets": int(np.prod(self.batch)),
-            "points": self.points.shape[-1],
-        }
 
     def from_dataset(self, data: xr.Dataset) -> Circle:
         return Circle(data["center"].values, data["radius"].values)
@@ -97,8 +86,7 @@ def smallest_circle(
     SolverError
         The method gave no answer.
     """
-    program = SmallestCircle(np.asarray(points))
-    return answered(program, method, options)
+    return answered(SmallestCircle(points), method, options)
 
 
 def answered(program: Cover, name: str, options: Options | None) -> Any:

@@ -74,7 +74,7 @@ class Cover(Program):
     def place(self, index: tuple[int, ...]) -> str:
         """The name of a set, for messages."""
         parts = []
-        for dim, i in zip(self._labelled().dims, index, strict=False):
+        for dim, i in zip(self._labelled().dims[:-1], index, strict=False):
             coordinate = self._labelled().coords.get(dim)
             if coordinate is None:
                 parts.append(f"{dim} {i}")
@@ -122,33 +122,36 @@ class Cover(Program):
 
     def distance(self, answer: Shape) -> np.ndarray:
         """Distance of every point from its segment, in extended precision."""
-        t, h = self.coordinates(answer)
+        t, h = self.coordinates(answer.center, answer.angle)
         length = np.asarray(answer.half_length, dtype=np.longdouble)[..., None]
         return np.hypot(t - np.clip(t, -length, length), h)
 
-    def coordinates(self, answer: Shape) -> tuple[np.ndarray, np.ndarray]:
-        """Every point along and across its segment, from the centre, in extended precision."""
-        angle = np.asarray(answer.angle, dtype=np.longdouble)[..., None]
-        away = self.points.astype(np.clongdouble) - np.asarray(answer.center)[..., None]
+    def coordinates(self, center: np.ndarray, angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Every point along and across a direction, from a centre, in extended precision."""
+        angle = np.asarray(angle, dtype=np.longdouble)[..., None]
+        away = self.points.astype(np.clongdouble) - np.asarray(center)[..., None]
         cos, sin = np.cos(angle), np.sin(angle)
         return away.real * cos + away.imag * sin, away.imag * cos - away.real * sin
 
     def excess(self, answer: Shape) -> np.ndarray:
         """Largest distance beyond each shape, less the rounding allowed, relative to its radius."""
         radius = np.asarray(answer.radius, dtype=np.longdouble)
-        return self.relative(self.distance(answer).max(axis=-1) - radius, radius)
-
-    def relative(self, difference: np.ndarray, radius: np.ndarray) -> np.ndarray:
-        """A length, less 8 eps of the largest |p|, relative to a radius that may be zero."""
-        beyond = np.maximum(difference - 8 * EPS * self.reach, 0)
-        beyond = np.where(np.isnan(difference), np.nan, beyond)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where(beyond == 0, 0.0, beyond / np.abs(radius)).astype(float)
+        beyond = self.distance(answer).max(axis=-1) - radius
+        return relative(beyond - 8 * EPS * self.reach, radius)
 
     @property
     def reach(self) -> np.ndarray:
         """Largest |p| of every set, in extended precision (|p| itself may overflow)."""
         return np.abs(self.points.astype(np.clongdouble)).max(axis=-1)
+
+    def metrics(self, answer: Any) -> dict[str, float]:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            relative_size = np.asarray(answer.radius / np.abs(answer.center))
+        sizes = {"radius_peak": answer.radius, "radius_relative_peak": relative_size}
+        if "half_length" in self.answer_names:
+            sizes["half_length_peak"] = answer.half_length
+        peaks = {name: float(np.max(size, initial=0.0)) for name, size in sizes.items()}
+        return peaks | {"sets": int(np.prod(self.batch)), "points": self.points.shape[-1]}
 
     # --- datasets and figures -----------------------------------------------------------------
 
@@ -158,7 +161,8 @@ class Cover(Program):
         points = self._labelled()
         dims = points.dims[:-1]
         unit = {"units": points.attrs.get("units", "1")}
-        touching = self.distance(answer) >= np.asarray(answer.radius)[..., None] * (1 - CONTAINMENT)
+        boundary = np.asarray(answer.radius) * (1 - CONTAINMENT) - 8 * EPS * self.reach
+        touching = self.distance(answer) >= boundary[..., None]
         variables = {
             "points": (points.dims, self.points, unit | {"long_name": "points to cover"}),
             "support": (
@@ -186,3 +190,10 @@ class Cover(Program):
         count = len(self.batch)
         names = [f"set_{axis}" for axis in range(count)] if count > 1 else ["set"] * count
         return xr.DataArray(self.points, dims=[*names, "point"], attrs={"units": "1"})
+
+
+def relative(length: np.ndarray, radius: np.ndarray) -> np.ndarray:
+    """A length, 0 where it is negative, relative to a radius that may be zero."""
+    beyond = np.where(np.isnan(length), np.nan, np.maximum(length, 0))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(beyond == 0, 0.0, beyond / np.abs(radius)).astype(float)

@@ -45,6 +45,11 @@ class Unit:
         self.scale = float(np.abs(away).max()) or 1.0
         self.points = away / self.scale
 
+    @property
+    def is_one_place(self) -> bool:
+        """All points coincide."""
+        return not self.points.any()
+
     def inward(self, point: complex) -> complex:
         return (point - self.origin) / self.scale
 
@@ -114,18 +119,24 @@ def each_set(
     A refused set is NaN.
     """
     sets = program.points.reshape(-1, program.points.shape[-1])
+    given, direction_given = getattr(program, "center", None), getattr(program, "angle", None)
     center = np.full(len(sets), np.nan, dtype=complex)
     radius, half_length, angle = np.full((3, len(sets)), np.nan)
     refused: list[tuple[Outcome, str]] = []
     for i in context.track(range(len(sets)), "sets"):
         unit = Unit(sets[i])
+        if unit.is_one_place and (given is None or given.flat[i] == sets[i][0]):  # no program
+            center[i], radius[i], half_length[i] = sets[i][0], 0.0, 0.0
+            angle[i] = 0.0 if direction_given is None else direction_given.flat[i]
+            continue
         try:
             middle, half, direction = answer(unit, i)
         except RefusedError as error:
             place = program.place(tuple(int(k) for k in np.unravel_index(i, program.batch)))
             refused.append((error.outcome, f"{error} {place}".rstrip()))
             continue
-        center[i], half_length[i] = unit.outward(middle), max(half, 0.0) * unit.scale
+        center[i] = unit.outward(middle) if given is None else given.flat[i]
+        half_length[i] = max(half, 0.0) * unit.scale
         angle[i] = canonical_angle(direction)
         radius[i] = stadium_radius(sets[i], center[i], half_length[i], angle[i])
     arrays = tuple(array.reshape(program.batch) for array in (center, radius, half_length, angle))

@@ -33,9 +33,10 @@ def cover_figures(
     windows
         Ranges of the first axis's coordinate, by caption.
     """
-    if points.ndim != 2 or points.dims[0] not in points.coords:
+    first = points.coords.get(points.dims[0])
+    if points.ndim != 2 or first is None or first.dtype.kind not in "iuf":
         return {"plane": plane(points, answer, "all sets")}
-    axis = points.coords[points.dims[0]]
+    axis = first
     drawn = {"plane": plane(points, answer, "whole")}
     for caption, (low, high) in windows.items():
         chosen = np.flatnonzero((axis.values >= low) & (axis.values <= high))
@@ -57,6 +58,8 @@ def plane(
     chosen = np.arange(len(values)) if chosen is None else chosen
     figure, (axes,) = figures.axes(size=(7.0, 5.6))
     axis = points.coords.get(points.dims[0]) if points.ndim == 2 else None
+    if axis is not None and axis.dtype.kind not in "iuf":
+        axis = None
     along = np.arange(len(values)) if axis is None else axis.values.astype(float)
     logarithmic = axis is not None and _is_logarithmic(axis)
     shown = along[chosen] if len(chosen) else along
@@ -67,9 +70,8 @@ def plane(
     axes.add_collection(shapes)
     if len(chosen) < FEW:
         axes.add_collection(PolyCollection(corners, linewidths=0, alpha=0.06, **coloured))
-    if axis is not None:  # the path of each member through the sets
-        members = values[chosen]
-        axes.plot(members.real, members.imag, color="0.6", linewidth=0.5, zorder=1)
+    if axis is not None and len(chosen) == len(values):  # each member's path through the sets
+        axes.plot(values.real, values.imag, color="0.6", linewidth=0.5, zorder=1)
     axes.scatter(
         values[chosen].real.ravel(),
         values[chosen].imag.ravel(),

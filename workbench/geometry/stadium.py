@@ -6,8 +6,8 @@ and among those of least half-length.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,8 +16,9 @@ from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.geometry.bounds import least_half_width
 from workbench.geometry.circle import answered
-from workbench.geometry.cover import Cover
+from workbench.geometry.cover import EPS, Cover, relative
 from workbench.geometry.exact_stadium import exact_stadium
+from workbench.geometry.points import canonical_angle
 from workbench.geometry.thesis import thesis_stadium
 from workbench.program import Check, Claim, method, worst
 from workbench.solvers import Options, Outcome
@@ -54,8 +55,8 @@ class NarrowestStadium(Cover):
     all angles, and for the half-length by points that the round ends touch.
     """
 
-    center: np.ndarray | None = field(default=None)
-    angle: np.ndarray | None = field(default=None)
+    center: Any = None  # an ndarray from here on, if given
+    angle: Any = None
 
     answer_names: ClassVar[dict[str, str]] = {
         "center": "centre of the stadium",
@@ -66,41 +67,48 @@ class NarrowestStadium(Cover):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name, kind in (("center", complex), ("angle", float)):
+        for name, kinds in (("center", "iufc"), ("angle", "iuf")):
             given = getattr(self, name)
-            if given is None:
-                continue
-            try:
-                value = np.broadcast_to(np.asarray(given, dtype=kind), self.batch)
-            except (TypeError, ValueError) as error:
-                raise InputError(
-                    f"{name} of shape {np.shape(given)} does not fit sets of shape {self.batch}: "
-                    f"{error}"
-                ) from None
-            if not np.all(np.isfinite(value)):
-                raise InputError(f"{name} must be finite")
-            object.__setattr__(self, name, value)
+            if given is not None:
+                object.__setattr__(self, name, self._broadcast(name, given, kinds))
+        if self.angle is not None:
+            object.__setattr__(self, "angle", canonical_angle(self.angle))
+
+    def _broadcast(self, name: str, given: Any, kinds: str) -> np.ndarray:
+        """A given centre or angle, one for each set."""
+        try:
+            value = np.asarray(given)
+            if value.dtype.kind not in kinds:
+                raise InputError(f"{name} must be a number, it has type {value.dtype}")
+            value = np.broadcast_to(value, self.batch)
+        except ValueError as error:
+            if isinstance(error, InputError):
+                raise
+            raise InputError(
+                f"{name} of shape {np.shape(given)} does not fit sets of shape {self.batch}"
+            ) from None
+        if not np.all(np.isfinite(value)):
+            raise InputError(f"{name} must be finite")
+        return value
 
     def checks(self, answer: Stadium, tolerance: float) -> list[Check]:
         checks = list(super().checks(answer, tolerance))
         if self.center is not None:
-            away = np.abs(answer.center - self.center) / np.maximum(np.abs(self.center), self.reach)
-            value, where = worst(np.nan_to_num(away, nan=np.inf), self.place)
-            checks.append(
-                Check("centre given", "distance from the centre asked for", value, CLOSE, where)
-            )
+            away = relative(np.abs(answer.center - self.center), np.abs(self.center))
+            value, where = worst(away, self.place)
+            statement = "distance from the centre asked for, relative to its size"
+            checks.append(Check("centre given", statement, value, CLOSE, where))
         if self.angle is not None:
             turn = np.mod(answer.angle - self.angle + np.pi / 2, np.pi) - np.pi / 2
             value, where = worst(np.abs(turn), self.place)
-            checks.append(
-                Check("angle given", "distance from the angle asked for [rad]", value, CLOSE, where)
-            )
+            statement = "distance from the angle asked for [rad]"
+            checks.append(Check("angle given", statement, value, TURN, where))
         return checks
 
     def gap(self, answer: Stadium) -> tuple[str, float]:
         radius = np.asarray(answer.radius, dtype=np.longdouble)
-        width = self.relative(radius - self.radius_bound(answer), radius)
-        value = float(np.max([np.max(width), np.max(self.slack(answer))]))
+        width = relative(radius - self.radius_bound(answer) - self.rounding, radius)
+        value = float(np.max([width, self.slack(answer)], initial=0.0))
         return (
             "radius above its lower bound over all allowed angles, or distance between a round "
             "end and the nearest point, relative to the radius"
@@ -108,12 +116,12 @@ class NarrowestStadium(Cover):
 
     def radius_bound(self, answer: Stadium) -> np.ndarray:
         """Lower bound on the radius of every stadium allowed, shape (...)."""
+        about = np.asarray(answer.center) if self.center is None else self.center
         if self.angle is not None:
-            _, across = self.coordinates(answer)
+            _, across = self.coordinates(about, self.angle)
             if self.center is not None:
                 return np.abs(across).max(axis=-1)
             return (across.max(axis=-1) - across.min(axis=-1)) / 2
-        about = np.asarray(answer.center if self.center is None else self.center)
         away = (self.points.astype(np.clongdouble) - about[..., None]).reshape(-1, self.size)
         scale = np.maximum(np.abs(away).max(axis=-1, keepdims=True), np.finfo(np.longdouble).tiny)
         away = (away / scale).astype(complex)
@@ -121,46 +129,43 @@ class NarrowestStadium(Cover):
             away = np.concatenate([away, -away], axis=-1)
         return (least_half_width(away) * scale[:, 0]).reshape(self.batch)
 
+    @property
+    def rounding(self) -> np.ndarray:
+        """What rounding alone may add to a radius, some eps of the largest |p| and |centre|."""
+        given = 0.0 if self.center is None else np.abs(self.center.astype(np.clongdouble))
+        return 24 * EPS * np.maximum(self.reach, given)
+
     def slack(self, answer: Stadium) -> np.ndarray:
         """How far the round ends are from the points they should touch, relative to the radius.
 
         A point beyond the segment's end touches when it is a radius away from the end, one on
         the side when it is level with it; what is missing of either counts. Of a free centre both
         ends must touch a point, of a given one either. A stadium without a straight part has no
-        slack.
+        slack. Where an end's point is on its side too, slack grows with the square of the excess
+        length: the length is as ill-conditioned there.
         """
         radius, length = np.asarray(answer.radius), np.asarray(answer.half_length)
-        along, across = self.coordinates(answer)
+        along, across = self.coordinates(answer.center, answer.angle)
         ends = []
         for toward in (along, -along):
             beyond = toward - length[..., None]
             room = radius[..., None] - np.hypot(np.maximum(beyond, 0), across)
             ends.append((room + np.maximum(-beyond, 0)).min(axis=-1))
         room = np.maximum(*ends) if self.center is None else np.minimum(*ends)
-        return np.where(length == 0, 0.0, self.relative(room, radius))
+        return np.where(length == 0, 0.0, relative(room - self.rounding, radius))
 
     @property
     def size(self) -> int:
         return self.points.shape[-1]
 
-    def metrics(self, answer: Stadium) -> dict[str, float]:
-        distance = np.abs(answer.center)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            relative = np.asarray(answer.radius / distance)
-        return {
-            "radius_peak": float(np.max(answer.radius)),
-            "radius_relative_peak": float(np.max(relative)),
-            "half_length_peak": float(np.max(answer.half_length)),
-            "sets": int(np.prod(self.batch)),
-            "points": self.size,
-        }
-
     def from_dataset(self, data: xr.Dataset) -> Stadium:
         return Stadium(*(data[name].values for name in self.answer_names))
 
 
-CLOSE = 1e-12
-"""Relative or angular distance at which a given centre or angle counts as kept."""
+CLOSE = 4 * EPS
+"""Distance from a given centre, relative to its size, that is rounding."""
+TURN = 1e-12
+"""Distance from a given angle [rad], modulo pi, that is rounding."""
 
 
 def narrowest_stadium(
@@ -197,12 +202,7 @@ def narrowest_stadium(
     SolverError
         The method gave no answer.
     """
-    program = NarrowestStadium(np.asarray(points), _array(center), _array(angle))
-    return answered(program, method, options)
-
-
-def _array(given: ArrayLike | None) -> np.ndarray | None:
-    return None if given is None else np.asarray(given)
+    return answered(NarrowestStadium(points, center, angle), method, options)
 
 
 @method(NarrowestStadium, "exact", optimal=True)

@@ -1,0 +1,54 @@
+"""Compiled code is kept on disk, and never outlives the source of its room."""
+
+import subprocess
+import sys
+
+import pytest
+
+INNER = "from workbench.compiled import compiled\n\n@compiled\ndef inner(x):\n    return {}\n"
+OUTER = (
+    "from workbench.compiled import compiled\nfrom room.inner import inner\n\n"
+    "@compiled\ndef outer(x):\n    return inner(x) + 1\n"
+)
+CALL = (
+    "from room.outer import outer\nvalue = outer(3.0)\n"
+    "print(value, sum(outer.stats.cache_hits.values()))"
+)
+
+
+@pytest.fixture
+def room(tmp_path):
+    folder = tmp_path / "room"
+    folder.mkdir()
+    (folder / "__init__.py").touch()
+    (folder / "inner.py").write_text(INNER.format("10 * x"))
+    (folder / "outer.py").write_text(OUTER)
+    return folder
+
+
+def call(room):
+    """Value and cache hits in a new process."""
+    done = subprocess.run(
+        [sys.executable, "-B", "-c", CALL],
+        cwd=room.parent,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    value, hits = done.stdout.split()
+    return float(value), int(hits)
+
+
+def test_compiled_code_is_reused_until_any_file_of_its_room_changes(room):
+    assert call(room) == (31.0, 0)
+    assert call(room) == (31.0, 1)
+    (room / "inner.py").write_text(INNER.format("20 * x"))  # outer.py is as it was
+    assert call(room) == (61.0, 0)
+    (room / "inner.py").write_text(INNER.format("10 * x"))
+    assert call(room)[0] == 31.0
+
+
+def test_a_new_file_in_the_room_compiles_anew(room):
+    call(room)
+    (room / "other.py").touch()
+    assert call(room) == (31.0, 0)

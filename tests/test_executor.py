@@ -1,0 +1,163 @@
+"""One interface for all work: results, errors and the clock are the same in every executor."""
+
+import os
+import signal
+import sys
+import time
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from workbench.errors import TimeLimitError, WorkbenchError
+from workbench.executor import Context, InProcess, Processes
+from workbench.solvers import Options
+
+
+def add(a, b=0):
+    return a + b
+
+
+def fail(message):
+    raise ArithmeticError(message)
+
+
+def sleep(seconds):
+    time.sleep(seconds)
+    return os.getpid()
+
+
+def hang(file):
+    file.write_text(str(os.getpid()))
+    time.sleep(60)
+
+
+def spin():
+    """A loop that hears no request to stop."""
+    np.linalg.eigvals(np.ones((20, 20)))
+    while True:
+        pass
+
+
+def die(how):
+    if how == "exit":
+        os._exit(7)
+    if how == "leave":
+        sys.exit(3)
+    os.kill(os.getpid(), signal.SIGSEGV)
+
+
+def unpicklable():
+    return lambda: None
+
+
+@pytest.fixture(scope="module")
+def processes():
+    with Processes(2) as executor:
+        yield executor
+
+
+EXECUTORS = {
+    "in process": InProcess,
+    "processes": lambda: Processes(1),
+    "threads": lambda: ThreadPoolExecutor(1),
+    "pool": lambda: ProcessPoolExecutor(1),
+}
+
+
+@pytest.mark.parametrize("make", EXECUTORS.values(), ids=EXECUTORS)
+def test_every_executor_returns_values_and_raises_errors(make):
+    with make() as executor:
+        assert executor.submit(add, 1, b=2).result() == 3
+        assert list(executor.map(add, [1, 2])) == [1, 2]
+        error = executor.submit(fail, "the sky fell").exception()
+    assert "the sky fell" in str(error)
+
+
+def test_an_error_keeps_its_type_and_words_across_processes(processes):
+    with pytest.raises(WorkbenchError, match="ArithmeticError: the sky fell"):
+        processes.submit(fail, "the sky fell").result()
+
+
+def test_arrays_cross_processes_whole(processes):
+    value = np.arange(1_000_000.0)
+    assert np.array_equal(processes.submit(add, value).result(), value)
+
+
+@pytest.mark.parametrize(
+    ("how", "code"), [("exit", 7), ("leave", 3), ("crash", -signal.SIGSEGV)], ids=str
+)
+def test_a_worker_that_dies_is_an_error_with_its_exit_code(processes, how, code):
+    with pytest.raises(WorkbenchError, match=f"worker process died with exit code {code}"):
+        processes.submit(die, how).result()
+
+
+def test_a_value_that_cannot_be_sent_is_an_error(processes):
+    with pytest.raises(WorkbenchError, match="pickle"):
+        processes.submit(unpicklable).result()
+
+
+@pytest.mark.parametrize("task", [(sleep, 60), (spin,)], ids=["sleeping", "spinning"])
+def test_a_task_is_killed_at_its_limit_and_the_next_one_runs(task):
+    start = time.perf_counter()
+    with Processes(1, time_limit=1.0) as executor:
+        stuck, other = executor.submit(*task), executor.submit(add, 1)
+        with pytest.raises(TimeLimitError, match="limit of 1 s"):
+            stuck.result()
+        assert other.result() == 1
+    assert time.perf_counter() - start < 10
+
+
+def test_a_killed_task_is_gone(tmp_path):
+    with Processes(1, time_limit=1.0) as executor, pytest.raises(TimeLimitError):
+        executor.submit(hang, tmp_path / "pid").result()
+    with pytest.raises(ProcessLookupError):
+        os.kill(int((tmp_path / "pid").read_text()), 0)
+
+
+def test_every_task_has_a_process_of_its_own(processes):
+    ids = {future.result() for future in [processes.submit(sleep, 0) for _ in range(3)]}
+    assert len(ids) == 3
+    assert os.getpid() not in ids
+
+
+def test_an_interrupt_passes_through_in_process_work():
+    def interrupt():
+        raise KeyboardInterrupt
+
+    with InProcess() as executor, pytest.raises(KeyboardInterrupt):
+        executor.submit(interrupt)
+
+
+# --- context ----------------------------------------------------------------------------------
+
+
+def test_progress_is_told_before_between_and_after():
+    told = []
+    context = Context(progress=lambda *what: told.append(what))
+    assert list(context.track("ab", "letters")) == ["a", "b"]
+    assert told == [("letters", 0, 2), ("letters", 1, 2), ("letters", 2, 2)]
+
+
+def test_work_without_a_known_end_is_tracked_too():
+    assert list(Context().track(iter("ab"), "letters")) == ["a", "b"]
+
+
+def test_work_stops_at_the_limit_and_says_how_far_it_came():
+    context = Context(Options(time_limit=0.01))
+    with pytest.raises(TimeLimitError, match=r"steps: time limit of 0.01 s reached at \d+ of 1000"):
+        for _ in context.track(range(1000), "steps"):
+            time.sleep(0.001)
+
+
+def test_one_generator_from_the_seed():
+    context, same = Context(Options(seed=3)), Context(Options(seed=3))
+    assert context.rng is context.rng
+    assert context.rng.random() == same.rng.random() != Context(Options(seed=4)).rng.random()
+
+
+def test_the_time_of_a_statement_that_fails_is_booked():
+    context = Context()
+    with pytest.raises(ValueError), context.stating():
+        raise ValueError
+    assert context.statement_seconds > 0

@@ -1,0 +1,279 @@
+"""A method is never believed: the certificate sets the outcome."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from workbench.bench.question import plain
+from workbench.errors import InputError, UnknownNameError
+from workbench.executor import Context
+from workbench.program import (
+    Certificate,
+    Check,
+    Gap,
+    conic_method,
+    find_method,
+    method,
+    methods,
+    solve,
+    worst,
+)
+from workbench.solvers import Options, Outcome, conic_solvers
+
+NUMBERS = st.floats() | st.integers(-(10**6), 10**6)
+
+
+@pytest.fixture
+def root(toy):
+    return toy.Root((1.0, 4.0, 2.0))
+
+
+# --- certificates -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("value", "limit", "holds"),
+    [
+        (0.0, 1.0, True),
+        (1.0, 1.0, True),
+        (math.nextafter(1.0, 2.0), 1.0, False),
+        (-math.inf, 0.0, True),
+        (math.inf, 0.0, False),
+        (math.nan, 1.0, False),
+        (0.0, math.nan, False),
+        (math.nan, math.nan, False),
+    ],
+)
+def test_a_check_holds_up_to_its_limit_and_never_for_nan(value, limit, holds):
+    certificate = Certificate((Check("a", "b", value, limit),))
+    assert certificate.valid is certificate.holds is holds
+    assert bool(certificate.failures) is not holds
+
+
+@pytest.mark.parametrize(
+    ("value", "required", "holds"),
+    [
+        (1e-7, True, True),
+        (1e-5, True, False),
+        (1e-5, False, True),
+        (math.nan, True, False),
+        (math.inf, True, False),
+        (math.nan, False, True),
+    ],
+)
+def test_a_gap_counts_only_where_optimality_is_claimed(value, required, holds):
+    certificate = Certificate((), Gap("above a bound", value, 1e-6, required))
+    assert certificate.valid
+    assert certificate.holds is holds
+    assert bool(certificate.failures) is not holds
+
+
+def test_one_failing_check_among_good_ones_is_named_with_its_place():
+    good, bad = Check("good", "", 0, 1), Check("bad", "", 2, 1, "at 30 Hz")
+    assert Certificate((good, bad, good)).failures == ("bad: 2 exceeds 1 at 30 Hz",)
+
+
+@given(
+    st.lists(st.builds(Check, st.text(), st.text(), NUMBERS, NUMBERS, st.text()), max_size=3),
+    st.none() | st.builds(Gap, st.text(), NUMBERS, NUMBERS, st.booleans()),
+)
+@example([Check("x", "", math.nan, math.inf), Check("y", "", -math.inf, 0)], None)
+@example([Check("peak", "mu", 0.5, 1.0, where="inf")], None)
+@example([], Gap("nan", math.nan, 1e-6, True))
+def test_a_certificate_survives_json(checks, gap):
+    before = Certificate(tuple(checks), gap)
+    text = json.dumps(plain(before.to_json()), allow_nan=False)
+    after = Certificate.from_json(json.loads(text))
+    assert repr(after) == repr(before)  # unlike ==, the same for NaN
+    assert (after.holds, after.valid, after.failures) == (
+        before.holds,
+        before.valid,
+        before.failures,
+    )
+
+
+# --- outcomes ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "outcome", "message"),
+    [
+        ("exact", Outcome.SOLVED, "as good"),
+        ("rough", Outcome.SOLVED, ""),
+        ("modest", Outcome.SOLVED, "not sure"),
+        ("boastful", Outcome.INACCURATE, ""),
+        ("lying", Outcome.FAILED, "trust me"),
+        ("nan", Outcome.FAILED, ""),
+        ("empty", Outcome.FAILED, "where is it"),
+        ("unsure", Outcome.FAILED, "stalled"),
+        ("nothing", Outcome.FAILED, "None"),
+        ("garbage", Outcome.FAILED, ""),
+        ("hopeless", Outcome.INFEASIBLE, "there is none"),
+        ("raising", Outcome.FAILED, "ArithmeticError: the sky fell"),
+    ],
+)
+def test_the_certificate_sets_the_outcome_whatever_the_method_said(root, name, outcome, message):
+    solution = solve(root, name)
+    assert solution.outcome is outcome
+    assert message in solution.message
+    assert (solution.outcome is Outcome.SOLVED) == (
+        solution.certificate is not None and solution.certificate.holds
+    )
+
+
+def test_a_lie_is_caught_with_its_numbers(root):
+    solution = solve(root, "lying")
+    assert solution.claim is Outcome.SOLVED
+    assert solution.certificate.failures[0] == "reach: 4 exceeds 1e-09 over all targets"
+
+
+def test_a_boast_holds_at_a_tolerance_as_coarse_as_its_answer(root):
+    assert solve(root, "boastful", Options(0.6)).outcome is Outcome.SOLVED
+    assert solve(root, "boastful", Options(0.4)).outcome is Outcome.INACCURATE
+
+
+def test_a_method_that_raises_leaves_its_trace(root):
+    solution = solve(root, "raising")
+    assert solution.answer is None and solution.certificate is None
+    assert "the sky fell" in solution.trace and "Traceback" in solution.trace
+
+
+def test_a_method_stops_at_the_time_limit(root):
+    solution = solve(root, "patient", Options(time_limit=0.02))
+    assert solution.outcome is Outcome.TIME_LIMIT
+    assert "0.02 s" in solution.message and "of 1000" in solution.message
+
+
+def test_a_method_that_panics_has_failed(toy):
+    class Panic(BaseException):
+        """As a Rust panic arrives from a solver that is called directly: no Exception."""
+
+    @method(toy.Root, "panicking", optimal=True)
+    def panicking(program, context):
+        raise Panic("index out of range")
+
+    solution = solve(toy.Root((1.0,)), "panicking")
+    assert solution.outcome is Outcome.FAILED
+    assert solution.message == "Panic: index out of range"
+
+
+def test_an_interrupt_is_not_swallowed(root):
+    with pytest.raises(KeyboardInterrupt):
+        solve(root, "interrupted")
+
+
+@pytest.mark.parametrize("name", ["exact", "rough", "random"])
+def test_times_are_booked(root, name):
+    seconds = solve(root, name).seconds
+    assert seconds.keys() == {"statement", "solve", "check"}
+    assert all(value >= 0 for value in seconds.values())
+
+
+def test_the_statement_is_booked_apart_from_the_solve(toy):
+    @method(toy.Root, "stating", optimal=False)
+    def stating(program, context):
+        with context.stating():
+            for _ in range(20_000):
+                pass
+        return toy.roots(program), Outcome.SOLVED, ""
+
+    seconds = solve(toy.Root((1.0,)), "stating").seconds
+    assert seconds["statement"] > seconds["solve"] >= 0
+
+
+@pytest.mark.parametrize("same", [True, False])
+def test_the_seed_decides_random_answers(root, same):
+    one, two = (solve(root, "random", Options(seed=s)).answer for s in (3, 3 if same else 4))
+    assert np.array_equal(one, two) is same
+
+
+# --- choosing a method ------------------------------------------------------------------------
+
+
+def test_the_default_method_answers_where_none_is_named(root):
+    assert find_method(root, None).name == "exact"
+    assert solve(root).message == "as good as it gets"
+
+
+def test_an_unknown_method_suggests_the_nearest(root):
+    with pytest.raises(UnknownNameError, match=r"no method of Root is called 'exat'.*exact"):
+        solve(root, "exat")
+
+
+def test_an_unfit_method_gives_its_reason(toy, root):
+    assert solve(root, "picky").outcome is Outcome.SOLVED
+    with pytest.raises(InputError, match="'picky' cannot take this Root: it counts to three"):
+        solve(toy.Root((1.0,) * 4), "picky")
+
+
+def test_help_is_the_first_line_of_the_docstring(toy):
+    assert methods(toy.Root)["exact"].help == "The square root."
+    assert methods(toy.Root)["nothing"].help == ""
+
+
+def test_methods_are_inherited_and_overridden(toy):
+    class Cube(toy.Root):
+        pass
+
+    @method(Cube, "rough", optimal=True)
+    def rough(program, context):
+        """Its own."""
+
+    assert methods(Cube).keys() == methods(toy.Root).keys()
+    assert methods(Cube)["rough"].help == "Its own."
+    assert methods(toy.Root)["rough"].help != "Its own."
+
+
+def test_a_conic_method_is_registered_for_every_installed_solver(toy):
+    class Cone(toy.Root):
+        pass
+
+    @conic_method(Cone)
+    def cone(program, context, solver):
+        return toy.roots(program), Outcome.SOLVED, solver.name
+
+    for solver in conic_solvers():
+        assert methods(Cone)[solver.name].optimal
+        assert solve(Cone((4.0,)), solver.name).message == solver.name
+
+
+def test_a_study_has_no_methods(toy):
+    with pytest.raises(InputError, match="study: it has no method 'exact'"):
+        solve(toy.Total(()), "exact")
+
+
+def test_only_programs_and_studies_are_answered():
+    with pytest.raises(InputError, match="Program or a Study is needed, not int"):
+        solve(3)
+
+
+def test_a_study_is_certified_by_its_own_checks(toy):
+    solution = solve(toy.Total(()))  # nothing to sum: the total is 0
+    assert solution.outcome is Outcome.SOLVED
+    assert [check.name for check in solution.certificate.checks] == ["positive"]
+
+
+def test_a_context_may_be_handed_in(root):
+    context = Context(Options(0.6))
+    assert solve(root, "boastful", context=context).outcome is Outcome.SOLVED
+
+
+@pytest.mark.parametrize(
+    ("values", "expected"),
+    [
+        ([1.0, 3.0, 2.0], (3.0, "at (1,)")),
+        ([[1.0, 2.0], [5.0, 4.0]], (5.0, "at (1, 0)")),
+        (-math.inf, (-math.inf, "at (0,)")),
+    ],
+)
+def test_the_worst_value_and_its_place(values, expected):
+    assert worst(values, lambda place: f"at {place}") == expected
+
+
+def test_nan_is_worse_than_anything():
+    value, place = worst([1.0, math.nan, 2.0], str)
+    assert math.isnan(value) and place == "(1,)"
