@@ -1,0 +1,26 @@
+"""The committed reference results: one of each problem, each verified from its arrays alone."""
+
+from pathlib import Path
+
+import pytest
+
+import workbench as wb
+from workbench.bench.verify import finished
+
+REFERENCE = Path(__file__).parents[1] / "results" / "reference"
+FOLDERS = finished(REFERENCE)
+
+
+@pytest.mark.parametrize("folder", FOLDERS, ids=lambda p: p.relative_to(REFERENCE).as_posix())
+def test_reference_result_is_verified(folder):
+    assert wb.verify(folder).holds, wb.verify(folder)
+
+
+def test_every_problem_has_a_reference_result():
+    named = {wb.open_run(folder).problem for folder in FOLDERS}
+    assert named == {entry.name for entry in wb.problems() if not entry.slow}
+
+
+def test_reference_results_are_small():
+    sizes = {file: file.stat().st_size for folder in FOLDERS for file in folder.rglob("*")}
+    assert max(sizes.values()) < 500_000
