@@ -13,8 +13,8 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from workbench.api import compare, load, problems, results, run, verify
+    from workbench.bench.declare import problem, ref
     from workbench.bench.project import add_problems
-    from workbench.bench.registry import problem, ref
     from workbench.bench.report import report
     from workbench.bench.results import Run, open_run
     from workbench.geometry import narrowest_stadium, smallest_circle
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 _HOME = {
     "workbench.api": ("compare", "load", "problems", "results", "run", "verify"),
     "workbench.bench.project": ("add_problems",),
-    "workbench.bench.registry": ("problem", "ref"),
+    "workbench.bench.declare": ("problem", "ref"),
     "workbench.bench.report": ("report",),
     "workbench.bench.results": ("Run", "open_run"),
     "workbench.geometry": ("narrowest_stadium", "smallest_circle"),

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import json
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,10 +11,18 @@ import click
 import workbench
 from workbench.bench.project import add_problems, registry, results_root, use_results
 from workbench.errors import WorkbenchError
+from workbench.terminal import (
+    print_details,
+    print_json,
+    print_runs,
+    print_table,
+    progress_bar,
+    row,
+    verdict,
+)
 
 if TYPE_CHECKING:
     from workbench.bench.results import Run
-    from workbench.executor import Progress
 
 AS_JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON for a script.")
 
@@ -58,7 +63,7 @@ def list_(pattern: str, as_json: bool) -> None:
     entries = registry().match(pattern)
     if as_json:
         rows = [{"name": e.name, "summary": e.summary, "slow": e.slow} for e in entries]
-        _print_json(rows)
+        print_json(rows)
         return
     width = max(len(entry.name) for entry in entries)
     for entry in entries:
@@ -75,7 +80,7 @@ def show(name: str, as_json: bool) -> None:
 
     described = describe(registry().find(name))
     if as_json:
-        _print_json(described.to_json())
+        print_json(described.to_json())
     else:
         click.echo(described.text)
 
@@ -115,7 +120,7 @@ def run(
     failed = False
     for position, name in enumerate(chosen, start=1):
         try:
-            with _progress(f"[{position}/{len(chosen)}] {name}") as progress:
+            with progress_bar(f"[{position}/{len(chosen)}] {name}") as progress:
                 done = workbench.run(
                     name,
                     method,
@@ -133,13 +138,13 @@ def run(
             continue
         runs.append(done)
         if not as_json and len(chosen) > 1:
-            click.echo(f"[{position}/{len(chosen)}] {name}: {_verdict(done)}", err=True)
+            click.echo(f"[{position}/{len(chosen)}] {name}: {verdict(done)}", err=True)
     if as_json:
-        _print_json([_row(one) for one in runs])
+        print_json([row(one) for one in runs])
     elif runs:
-        _print_runs(runs)
+        print_runs(runs)
         if len(runs) == 1:
-            _print_details(runs[0])
+            print_details(runs[0])
     if failed:
         sys.exit(2)
     sys.exit(0 if all(one.holds for one in runs) else 1)
@@ -171,7 +176,7 @@ def compare(
     # Only a process can be killed when its solver does not listen.
     processes = bool(jobs or time_limit)
     executor = Processes(jobs or 1, time_limit) if processes else InProcess()
-    with executor, _progress(f"compare {pattern}") as progress:
+    with executor, progress_bar(f"compare {pattern}") as progress:
         done = workbench.compare(
             pattern,
             methods.split(","),
@@ -183,10 +188,10 @@ def compare(
             **dict(_setting(text) for text in settings),
         )
     if as_json:
-        _print_json(_row(done) | {"cells": rows(done.data)})
+        print_json(row(done) | {"cells": rows(done.data)})
         return
     head = ["problem", "method", "accuracy", "outcome", "claim", "success", "correct", "gap"]
-    _print_table([*head, "statement [s]", "solve [s]"], rows(done.data), right=3)
+    print_table([*head, "statement [s]", "solve [s]"], rows(done.data), right=3)
     for text in unfit(done.data):
         click.echo(f"  unfit: {text}")
     click.echo(done.path)
@@ -216,7 +221,7 @@ def verify(paths: tuple[Path, ...], rerun: bool, as_json: bool) -> None:
             }
             for one in found
         ]
-        _print_json(rows)
+        print_json(rows)
     else:
         click.echo(f"{sum(one.holds for one in found)} of {len(found)} verified")
     sys.exit(0 if all(one.holds for one in found) else 1)
@@ -229,9 +234,9 @@ def results(pattern: str, as_json: bool) -> None:
     """The stored results of the problems that fit PATTERN."""
     runs = workbench.results(pattern)
     if as_json:
-        _print_json([_row(one) for one in runs])
+        print_json([row(one) for one in runs])
     elif runs:
-        _print_runs(runs)
+        print_runs(runs)
     else:
         click.echo(f"no results of {pattern} in {results_root()}; try: workbench run '{pattern}'")
 
@@ -248,118 +253,8 @@ def report(root: Path | None, output: Path | None, open_: bool) -> None:
         click.launch(str(page))
 
 
-def _print_json(value: Any) -> None:
-    from workbench.bench.question import plain
-
-    click.echo(json.dumps(plain(value), indent=2, allow_nan=False))
-
-
 def _setting(text: str) -> tuple[str, str]:
     key, equals, value = text.partition("=")
     if not equals or not key:
         raise click.UsageError(f"--set needs KEY=VALUE, not {text!r}")
     return key.strip(), value
-
-
-def _verdict(one: Run) -> str:
-    verdict = "certificate holds" if one.holds else f"{one.outcome}: {_reason(one)}"
-    return verdict + (" (stored)" if one.reused else "")
-
-
-def _reason(one: Run) -> str:
-    if one.certificate is None or not one.certificate.failures:
-        return str(one.info["message"])
-    return "; ".join(one.certificate.failures)
-
-
-def _row(one: Run) -> dict[str, Any]:
-    return {
-        "problem": one.problem,
-        "method": one.method,
-        "key": one.key,
-        "outcome": one.outcome,
-        "holds": one.holds,
-        "reused": one.reused,
-        "metrics": one.metrics,
-        "seconds": one.seconds,
-        "path": str(one.path),
-    }
-
-
-def _print_runs(runs: Sequence[Run]) -> None:
-    rows = [
-        [
-            one.problem,
-            one.method or "-",
-            one.headline,
-            "holds" if one.holds else f"FAILS ({one.outcome})",
-            f"{one.seconds['total']:.2f}",
-            "stored" if one.reused else "",
-        ]
-        for one in runs
-    ]
-    _print_table(
-        ["problem", "method", "key metric", "certificate", "seconds", ""], rows, right=1, last=1
-    )
-
-
-def _print_details(one: Run) -> None:
-    if one.certificate is not None:
-        for check in one.certificate.checks:
-            sign = "holds" if check.holds else "FAILS"
-            click.echo(f"  {sign}  {check.name}: {check.value:.3g} <= {check.limit:.3g}")
-        gap = one.certificate.gap
-        if gap is not None:
-            wanted = f" <= {gap.tolerance:.3g}" if gap.required else ""
-            click.echo(f"  optimality gap {gap.value:.3g}{wanted}")
-    else:
-        click.echo(f"  {one.info['message']}")
-    if not one.holds:
-        click.echo(f"  {one.outcome.advice}")
-    if one.reused:
-        click.echo("  found among the results; --fresh computes it anew")
-    if one.note:
-        click.echo(f"  {one.note}")
-    click.echo(one.path)
-
-
-def _print_table(
-    head: Sequence[str], rows: Sequence[Sequence[str]], *, right: int = 0, last: int = 0
-) -> None:
-    """A plain aligned table; the ``right`` columns before the ``last`` ones are numbers."""
-    columns = list(zip(head, *rows, strict=True))
-    widths = [max(map(len, column)) for column in columns]
-    numbers = range(len(head) - last - right, len(head) - last)
-    for line in (head, *rows):
-        cells = (
-            cell.rjust(width) if i in numbers else cell.ljust(width)
-            for i, (cell, width) in enumerate(zip(line, widths, strict=True))
-        )
-        click.echo("  ".join(cells).rstrip())
-
-
-@contextmanager
-def _progress(title: str) -> Iterator[Progress]:
-    """A progress bar on standard error, where somebody watches."""
-    from workbench.executor import silent
-
-    if not sys.stderr.isatty():
-        yield silent
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-
-    with Progress(
-        TextColumn(title),
-        BarColumn(),
-        TextColumn("{task.description} {task.completed:.0f}/{task.total:.0f}"),
-        TimeRemainingColumn(),
-        console=Console(stderr=True),
-        transient=True,
-    ) as bars:
-        task = bars.add_task("working", total=1)
-
-        def show(description: str, done: int, total: int) -> None:
-            bars.update(task, description=description, completed=done, total=total or 1)
-
-        yield show

@@ -2,7 +2,8 @@
 
 import pytest
 
-from workbench.bench.registry import Ref, Registry
+from workbench.bench.declare import Ref
+from workbench.bench.registry import Registry
 from workbench.errors import InputError, RegistryError, UnknownNameError
 
 HEAD = """

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import Executor, Future
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,79 +11,22 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from workbench import figures
-from workbench.bench.project import add_problems, added_problems, registry, results_root
+from workbench.bench.cells import UNFIT, result_of, run_cell
+from workbench.bench.project import added_problems, registry, results_root
 from workbench.bench.question import Question, asked, code_hash
 from workbench.bench.results import Run
-from workbench.bench.run import Bench, Bound, default_bench
-from workbench.bench.store import Store
-from workbench.errors import InputError, TimeLimitError
+from workbench.bench.run import Bound, default_bench
+from workbench.errors import InputError
 from workbench.executor import WALL_TIME, Context, InProcess, Progress, silent
-from workbench.program import Check, Program, Study, methods, solve
-from workbench.solvers import ACCURACY, Options, Outcome
+from workbench.program import Check, Study
+from workbench.solvers import ACCURACY, Options
 
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
-WARM = 2.0
-"""A solve faster than this [s] is timed a second time: its first call may have compiled."""
-UNFIT = "unfit"
 METHOD = "by_method"
 """The dimension of methods; xarray's ``sel`` keeps the word method for itself."""
-
-
-@dataclass(frozen=True)
-class Cell:
-    """One problem by one method at one accuracy level."""
-
-    outcome: str
-    claim: str
-    message: str
-    statement: float = np.nan
-    solve: float = np.nan
-    gap: float = np.nan
-
-    @property
-    def success(self) -> bool:
-        """The certificate holds."""
-        return self.outcome == Outcome.SOLVED
-
-    @property
-    def correct(self) -> bool:
-        """The method's claim agrees with the certificate."""
-        return (self.claim == Outcome.SOLVED) == self.success
-
-
-def run_cell(
-    name: str,
-    method: str,
-    parameters: Mapping[str, Any],
-    options: Options,
-    folders: Sequence[Path],
-    results: Path,
-) -> Cell:
-    """Answer one cell; whatever goes wrong is in the cell."""
-    for folder in folders:
-        add_problems(folder)
-    task = Bench(Store(results), Options(seed=options.seed)).load(name, parameters).task
-    if not isinstance(task, Program):
-        return Cell(UNFIT, "", f"{name} is a study: it has no methods")
-    chosen = methods(task).get(method)
-    reason = chosen.unfit(task) if chosen else f"{type(task).__name__} has no method {method!r}"
-    if reason:
-        return Cell(UNFIT, "", reason)
-    solution = solve(task, method, options)
-    if solution.seconds["solve"] < WARM:
-        solution = solve(task, method, options)
-    gap = solution.certificate.gap if solution.certificate else None
-    return Cell(
-        solution.outcome,
-        solution.claim,
-        solution.message,
-        solution.seconds["statement"],
-        solution.seconds["solve"],
-        gap.value if gap else np.nan,
-    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +61,7 @@ class Comparison(Study):
         ]
         # The time limit is each cell's, not the comparison's.
         watched = Context(Options(), context.progress)
-        cells = [_result(future) for future in watched.track(futures, "cells")]
+        cells = [result_of(future) for future in watched.track(futures, "cells")]
         dims = ("problem", METHOD, "accuracy")
 
         def table(values: list[Any], dtype: Any = float) -> tuple[Any, ...]:
@@ -285,12 +228,3 @@ def run_comparison(
     code = code_hash({registry().find(name).folder for name in names})
     with bench.store.writing(question.problem, question.key) as writer:
         return bench.answer(bound, question, code, writer)
-
-
-def _result(future: Future[Cell]) -> Cell:
-    try:
-        return future.result()
-    except TimeLimitError as error:
-        return Cell(Outcome.TIME_LIMIT, "", str(error))
-    except Exception as error:  # whatever a worker, or somebody's executor, died of
-        return Cell(Outcome.FAILED, "", f"{type(error).__name__}: {error}")

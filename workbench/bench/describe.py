@@ -6,7 +6,7 @@ import inspect
 from dataclasses import dataclass
 from typing import Any
 
-from workbench.bench.registry import Problem
+from workbench.bench.problem import Problem
 from workbench.program import Program, methods
 
 

@@ -14,9 +14,10 @@ from typing import Any
 import workbench
 from workbench.bench import netcdf
 from workbench.bench.crate import write_crate
+from workbench.bench.declare import Ref
+from workbench.bench.problem import Problem
 from workbench.bench.project import registry, results_root
 from workbench.bench.question import Question, asked, code_hash
-from workbench.bench.registry import Problem, Ref
 from workbench.bench.results import FORMAT, Run, write_figures, write_json
 from workbench.bench.store import Store, Writer, damage
 from workbench.errors import InputError, RegistryError, ResultError

@@ -1,0 +1,86 @@
+"""The cells of a comparison: one problem by one method at one accuracy level."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Future
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from workbench.bench.project import add_problems
+from workbench.bench.run import Bench
+from workbench.bench.store import Store
+from workbench.errors import TimeLimitError
+from workbench.program import Program, methods, solve
+from workbench.solvers import Options, Outcome
+
+WARM = 2.0
+"""A solve faster than this [s] is timed a second time: its first call may have compiled."""
+UNFIT = "unfit"
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One problem by one method at one accuracy level."""
+
+    outcome: str
+    claim: str
+    message: str
+    statement: float = np.nan
+    solve: float = np.nan
+    gap: float = np.nan
+
+    @property
+    def success(self) -> bool:
+        """The certificate holds."""
+        return self.outcome == Outcome.SOLVED
+
+    @property
+    def correct(self) -> bool:
+        """The method's claim agrees with the certificate."""
+        return (self.claim == Outcome.SOLVED) == self.success
+
+
+def run_cell(
+    name: str,
+    method: str,
+    parameters: Mapping[str, Any],
+    options: Options,
+    folders: Sequence[Path],
+    results: Path,
+) -> Cell:
+    """Answer one cell; whatever goes wrong is in the cell."""
+    for folder in folders:
+        add_problems(folder)
+    task = Bench(Store(results), Options(seed=options.seed)).load(name, parameters).task
+    if not isinstance(task, Program):
+        return Cell(UNFIT, "", f"{name} is a study: it has no methods")
+    chosen = methods(task).get(method)
+    reason = chosen.unfit(task) if chosen else f"{type(task).__name__} has no method {method!r}"
+    if reason:
+        return Cell(UNFIT, "", reason)
+    solution = solve(task, method, options)
+    if solution.seconds["solve"] < WARM:
+        solution = solve(task, method, options)
+    gap = solution.certificate.gap if solution.certificate else None
+    return Cell(
+        solution.outcome,
+        solution.claim,
+        solution.message,
+        solution.seconds["statement"],
+        solution.seconds["solve"],
+        gap.value if gap else np.nan,
+    )
+
+
+def result_of(future: Future[Cell]) -> Cell:
+    """The cell that a worker gives, whatever became of the worker."""
+    try:
+        return future.result()
+    except TimeLimitError as error:
+        return Cell(Outcome.TIME_LIMIT, "", str(error))
+    except Exception as error:  # whatever a worker, or somebody's executor, died of
+        return Cell(Outcome.FAILED, "", f"{type(error).__name__}: {error}")

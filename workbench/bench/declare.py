@@ -1,0 +1,74 @@
+"""How a problem is declared.
+
+A problem is a function whose signature is the problem's parameters and whose docstring is its
+help::
+
+    @problem("cd/{axis}/circles", axis=("focus", "radial"), data="data/drives.csv")
+    def circles(axis: str, frequencies: int = 400):
+        "First set of circles."
+        return SmallestCircle(points=...)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+PLACEMENT = "__workbench_problem__"
+
+
+@dataclass(frozen=True)
+class Ref:
+    """A reference to the result of a problem: its name, method (None: default), parameters."""
+
+    name: str
+    method: str | None = None
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+
+
+def ref(name: str, method: str | None = None, **parameters: Any) -> Ref:
+    """A reference for ``needs``."""
+    return Ref(name, method, parameters)
+
+
+Needs = Mapping[str, Ref | list[Ref]]
+
+
+@dataclass(frozen=True)
+class Settings:
+    needs: Needs | Callable[..., Needs]
+    data: tuple[str, ...]
+
+
+def problem(
+    name: str,
+    *,
+    needs: Needs | Callable[..., Needs] | None = None,
+    data: str | tuple[str, ...] = (),
+    slow: bool = False,
+    **axes: tuple[str, ...],
+) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Register a function as a named problem.
+
+    Parameters
+    ----------
+    name
+        Name, or a template over the axes, like ``"cd/{axis}/circles"``. Must be a literal.
+    needs
+        Verified results of other problems, by argument name: `ref` or a list of them, or a
+        function of the parameters that returns such a mapping.
+    data
+        Data files that the problem reads, relative to its source file; they enter its key.
+    slow
+        Left out of ``make reproduce``.
+    axes
+        The values that each axis of the name may take; they are passed as parameters.
+    """
+
+    def register(function: Callable[..., Any]) -> Callable[..., Any]:
+        files = (data,) if isinstance(data, str) else data
+        setattr(function, PLACEMENT, Settings(needs or {}, files))
+        return function
+
+    return register

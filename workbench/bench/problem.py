@@ -1,0 +1,216 @@
+"""A named problem, imported: its parameters validated, its needs resolved, its task made."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import inspect
+import sys
+import types
+import typing
+from collections.abc import Mapping
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+from workbench.bench.declare import PLACEMENT, Needs, Ref, Settings
+from workbench.bench.discovery import Entry
+from workbench.bench.question import code_hash
+from workbench.errors import InputError, RegistryError, UnknownNameError, WorkbenchError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from workbench.program import Task
+
+
+class Problem:
+    """A registered function, imported: its parameters, needs and data files."""
+
+    def __init__(self, entry: Entry) -> None:
+        self.entry = entry
+        self.name = entry.name
+        code_hash([self.folder])  # of what is imported now, whatever is edited later
+        self.function = getattr(_import(entry), entry.function)
+        self.settings: Settings = getattr(self.function, PLACEMENT)
+        self.signature = inspect.signature(self.function)
+        missing = entry.axes.keys() - self.signature.parameters.keys()
+        if missing:
+            raise RegistryError(
+                f"{entry.place}: the function takes no parameter for axis {', '.join(missing)}"
+            )
+
+    @cached_property
+    def parameters(self) -> dict[str, inspect.Parameter]:
+        """The parameters a user may set: neither an axis of the name nor a need."""
+        fixed = set(self.entry.axes)
+        if not callable(self.settings.needs):
+            fixed |= set(self.settings.needs)
+        else:  # known once parameters are bound; until then whatever has no type and no default
+            fixed |= {
+                name
+                for name, parameter in self.signature.parameters.items()
+                if parameter.annotation is inspect.Parameter.empty
+                and parameter.default is inspect.Parameter.empty
+            }
+        return {n: p for n, p in self.signature.parameters.items() if n not in fixed}
+
+    @property
+    def folder(self) -> Path:
+        """The plant's folder, whose sources can change an answer."""
+        entry = self.entry
+        first = entry.root / entry.file.relative_to(entry.root).parts[0]
+        return first if first.is_dir() else entry.root
+
+    def bind(self, given: Mapping[str, Any]) -> dict[str, Any]:
+        """Every parameter validated and converted, defaults filled in, axes included.
+
+        Raises
+        ------
+        UnknownNameError, InputError
+            An unknown parameter; a missing one or a value that does not fit, named.
+        """
+        for name in given:
+            if name not in self.parameters:
+                raise UnknownNameError(f"parameter of {self.name}", name, self.parameters)
+        bound: dict[str, Any] = dict(self.entry.axes)
+        for name, parameter in self.parameters.items():
+            if name in given:
+                bound[name] = self._convert(name, given[name])
+            elif parameter.default is not inspect.Parameter.empty:
+                bound[name] = parameter.default
+            elif not callable(self.settings.needs):  # else a need may still feed it
+                raise InputError(f"{self.name} needs a value for {name}")
+        return bound
+
+    def needs(self, bound: Mapping[str, Any]) -> Needs:
+        """References to the results that the problem is fed with.
+
+        Raises
+        ------
+        RegistryError
+            They name an argument that the function does not take, or an unknown axis.
+        InputError
+            A parameter has neither a value nor a need to feed it.
+        """
+        needs = self.settings.needs
+        if callable(needs):
+            needs = needs(**bound)
+        taken = self.signature.parameters
+        strangers = needs.keys() - taken.keys()
+        if strangers:
+            raise RegistryError(
+                f"{self.entry.place} takes no argument {', '.join(sorted(strangers))} to feed"
+            )
+        missing = taken.keys() - bound.keys() - needs.keys()
+        if missing:
+            raise InputError(f"{self.name} needs a value for {', '.join(sorted(missing))}")
+        return _fill(needs, self.entry)
+
+    def task(self, bound: Mapping[str, Any], fed: Mapping[str, Any]) -> Task:
+        """The Program or Study that the function makes of its parameters and needs.
+
+        Raises
+        ------
+        RegistryError
+            It makes something else, or raises an error that is not the workbench's own.
+        """
+        from workbench.program import Task  # NumPy with it, which a list of names can do without
+
+        try:
+            task = self.function(**bound, **fed)
+        except WorkbenchError:
+            raise
+        except Exception as error:
+            raise RegistryError(
+                f"{self.entry.place} raised {type(error).__name__}: {error}"
+            ) from error
+        if not isinstance(task, Task):
+            raise RegistryError(
+                f"{self.entry.place} returned {type(task).__name__}, not a Program or a Study"
+            )
+        return task
+
+    def data_hashes(self) -> dict[str, str]:
+        """SHA-256 of every data file that the problem declares."""
+        folder = self.entry.file.parent
+        hashes = {}
+        for name in self.settings.data:
+            try:
+                hashes[name] = hashlib.sha256((folder / name).read_bytes()).hexdigest()
+            except OSError as error:
+                raise InputError(
+                    f"{self.name}: data file {folder / name} cannot be read: {error.strerror}"
+                ) from None
+        return hashes
+
+    def to_json(self, bound: Mapping[str, Any]) -> dict[str, Any]:
+        """Bound parameters as plain JSON values."""
+        from pydantic import TypeAdapter
+
+        return {
+            name: TypeAdapter(self.hint(name)).dump_python(value, mode="json")
+            for name, value in bound.items()
+        }
+
+    def _convert(self, name: str, value: Any) -> Any:
+        from pydantic import TypeAdapter, ValidationError
+
+        adapter = TypeAdapter(self.hint(name))
+        try:
+            return adapter.validate_python(value)
+        except ValidationError as error:
+            reason = error.errors()[0]["msg"]
+        if isinstance(value, str):  # from a command line: lists and the like are written as JSON
+            try:
+                return adapter.validate_json(value)
+            except ValidationError:
+                pass
+        raise InputError(f"{self.name}: {name}={value!r} does not fit: {reason}")
+
+    def hint(self, name: str) -> Any:
+        """The annotation of a parameter, or of what is returned, evaluated."""
+        return self._hints.get(name, Any)
+
+    @cached_property
+    def _hints(self) -> dict[str, Any]:
+        try:
+            return typing.get_type_hints(self.function, include_extras=True)
+        except Exception as error:
+            raise RegistryError(
+                f"{self.entry.place}: an annotation cannot be evaluated: {error}"
+            ) from None
+
+
+def _fill(needs: Needs, entry: Entry) -> Needs:
+    """Names of references may use the axes of the problem's own name."""
+
+    def fill(reference: Ref) -> Ref:
+        try:
+            name = reference.name.format(**entry.axes)
+        except (KeyError, IndexError) as error:
+            raise RegistryError(
+                f"{entry.place} needs {reference.name!r}: no axis {error}"
+            ) from None
+        return Ref(name, reference.method, reference.parameters)
+
+    return {
+        key: [fill(one) for one in value] if isinstance(value, list) else fill(value)
+        for key, value in needs.items()
+    }
+
+
+def _import(entry: Entry) -> types.ModuleType:
+    """Import a problem file under a package name of its root's own, so that roots never clash."""
+    digest = hashlib.sha256(str(entry.root).encode()).hexdigest()[:8]
+    package = f"workbench_problems_{digest}"
+    if package not in sys.modules:
+        module = types.ModuleType(package)
+        module.__path__ = [str(entry.root)]
+        sys.modules[package] = module
+    parts = entry.file.relative_to(entry.root).with_suffix("").parts
+    try:
+        return importlib.import_module(".".join((package, *parts)))
+    except Exception as error:
+        raise RegistryError(
+            f"problem file {entry.file} cannot be imported: {type(error).__name__}: {error}"
+        ) from error

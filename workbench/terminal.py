@@ -1,0 +1,130 @@
+"""What the command line prints: tables, verdicts, JSON, progress bars."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from workbench.bench.results import Run
+    from workbench.executor import Progress
+
+
+def print_json(value: Any) -> None:
+    """A value as JSON that any reader takes."""
+    from workbench.bench.question import plain
+
+    click.echo(json.dumps(plain(value), indent=2, allow_nan=False))
+
+
+def verdict(one: Run) -> str:
+    """What the certificate says of a run, in a line."""
+    said = "certificate holds" if one.holds else f"{one.outcome}: {_reason(one)}"
+    return said + (" (stored)" if one.reused else "")
+
+
+def _reason(one: Run) -> str:
+    if one.certificate is None or not one.certificate.failures:
+        return str(one.info["message"])
+    return "; ".join(one.certificate.failures)
+
+
+def row(one: Run) -> dict[str, Any]:
+    """A run for a script."""
+    return {
+        "problem": one.problem,
+        "method": one.method,
+        "key": one.key,
+        "outcome": one.outcome,
+        "holds": one.holds,
+        "reused": one.reused,
+        "metrics": one.metrics,
+        "seconds": one.seconds,
+        "path": str(one.path),
+    }
+
+
+def print_runs(runs: Sequence[Run]) -> None:
+    """Problem, method, key metric, certificate and seconds of every run."""
+    rows = [
+        [
+            one.problem,
+            one.method or "-",
+            one.headline,
+            "holds" if one.holds else f"FAILS ({one.outcome})",
+            f"{one.seconds['total']:.2f}",
+            "stored" if one.reused else "",
+        ]
+        for one in runs
+    ]
+    print_table(
+        ["problem", "method", "key metric", "certificate", "seconds", ""], rows, right=1, last=1
+    )
+
+
+def print_details(one: Run) -> None:
+    """The certificate of a run, check by check, and where its folder is."""
+    if one.certificate is not None:
+        for check in one.certificate.checks:
+            sign = "holds" if check.holds else "FAILS"
+            click.echo(f"  {sign}  {check.name}: {check.value:.3g} <= {check.limit:.3g}")
+        gap = one.certificate.gap
+        if gap is not None:
+            wanted = f" <= {gap.tolerance:.3g}" if gap.required else ""
+            click.echo(f"  optimality gap {gap.value:.3g}{wanted}")
+    else:
+        click.echo(f"  {one.info['message']}")
+    if not one.holds:
+        click.echo(f"  {one.outcome.advice}")
+    if one.reused:
+        click.echo("  found among the results; --fresh computes it anew")
+    if one.note:
+        click.echo(f"  {one.note}")
+    click.echo(one.path)
+
+
+def print_table(
+    head: Sequence[str], rows: Sequence[Sequence[str]], *, right: int = 0, last: int = 0
+) -> None:
+    """A plain aligned table; the ``right`` columns before the ``last`` ones are numbers."""
+    columns = list(zip(head, *rows, strict=True))
+    widths = [max(map(len, column)) for column in columns]
+    numbers = range(len(head) - last - right, len(head) - last)
+    for line in (head, *rows):
+        cells = (
+            cell.rjust(width) if i in numbers else cell.ljust(width)
+            for i, (cell, width) in enumerate(zip(line, widths, strict=True))
+        )
+        click.echo("  ".join(cells).rstrip())
+
+
+@contextmanager
+def progress_bar(title: str) -> Iterator[Progress]:
+    """A progress bar on standard error, where somebody watches."""
+    from workbench.executor import silent
+
+    if not sys.stderr.isatty():
+        yield silent
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    with Progress(
+        TextColumn(title),
+        BarColumn(),
+        TextColumn("{task.description} {task.completed:.0f}/{task.total:.0f}"),
+        TimeRemainingColumn(),
+        console=Console(stderr=True),
+        transient=True,
+    ) as bars:
+        task = bars.add_task("working", total=1)
+
+        def show(description: str, done: int, total: int) -> None:
+            bars.update(task, description=description, completed=done, total=total or 1)
+
+        yield show
