@@ -180,10 +180,13 @@ def accuracy_against_time(data: xr.Dataset) -> Figure:
             panel.set_yscale("log")
         panel.set_title(str(name))
         panel.set_xlabel("statement and solve [s]")
-        panel.set_ylabel("certified gap [relative]")
+        panel.set_ylabel("certified gap, 0 at the bottom [relative]")
     for panel in panels[len(names) :]:
         panel.set_visible(False)
-    figures.legend_below(figure, panels[0], columns=6)
+    for level in data["accuracy"].values:
+        panels[0].plot([], [], markers[str(level)], color=figures.BLACK, label=str(level))
+    panels[0].plot([], [], "o", color=figures.BLACK, markerfacecolor="none", label="no certificate")
+    figures.legend_below(figure, panels[0], columns=8)
     return figure
 
 

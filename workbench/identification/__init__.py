@@ -1,0 +1,67 @@
+"""From experiments to models: excitation, responses with confidence, physical parameters."""
+
+from workbench.identification import crest_factor_methods, parameter_methods
+from workbench.identification.crest_factor import CrestFactor, schroeder_phases
+from workbench.identification.distortion import (
+    LineDistortion,
+    line_distortion,
+    total_harmonic_distortion,
+)
+from workbench.identification.excitation import (
+    Multisine,
+    SteppedSine,
+    line_amplitudes,
+    odd_lines,
+    random_multisine,
+    sine_fit,
+)
+from workbench.identification.measured import MeasuredRecord, MeasuredResponse
+from workbench.identification.parameters import (
+    Parameter,
+    ParameterEstimate,
+    ParameterFit,
+    fit_parameters,
+)
+from workbench.identification.quality import IdentificationWarning, as_record, saturation
+from workbench.identification.records import read_record, read_response, read_variables
+from workbench.identification.response import (
+    Assumptions,
+    PeriodicResponse,
+    ResponseEstimate,
+    from_periods,
+)
+from workbench.identification.spectral import SpectralResponse, spectral_response
+
+__all__ = [
+    "Assumptions",
+    "CrestFactor",
+    "IdentificationWarning",
+    "LineDistortion",
+    "MeasuredRecord",
+    "MeasuredResponse",
+    "Multisine",
+    "Parameter",
+    "ParameterEstimate",
+    "ParameterFit",
+    "PeriodicResponse",
+    "ResponseEstimate",
+    "SpectralResponse",
+    "SteppedSine",
+    "as_record",
+    "crest_factor_methods",
+    "fit_parameters",
+    "from_periods",
+    "line_amplitudes",
+    "line_distortion",
+    "odd_lines",
+    "parameter_methods",
+    "random_multisine",
+    "read_record",
+    "read_response",
+    "read_variables",
+    "saturation",
+    "schroeder_phases",
+    "sine_fit",
+    "spectral_response",
+    "total_harmonic_distortion",
+]

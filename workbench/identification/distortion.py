@@ -1,0 +1,106 @@
+"""How far a system is from linear: harmonics of a sine, lines that an odd multisine left silent."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import stats
+
+from workbench.errors import InputError
+
+
+def total_harmonic_distortion(amplitudes: ArrayLike) -> np.ndarray:
+    """Root sum of squares of the harmonics over the fundamental (equation 4.26, as a ratio).
+
+    Parameters
+    ----------
+    amplitudes
+        Complex or magnitudes, shape (..., harmonics), the fundamental first, as `sine_fit` gives;
+        average the periods first, or noise counts as distortion.
+
+    Returns
+    -------
+    ndarray
+        Shape (...); times 100 for percent.
+    """
+    sizes = np.abs(np.asarray(amplitudes))
+    if sizes.ndim == 0 or sizes.shape[-1] < 2:
+        raise InputError("a fundamental and one harmonic or more are needed")
+    if np.any(sizes[..., 0] == 0):
+        raise InputError("the fundamental is zero: the channel is dead or the frequency wrong")
+    return np.sqrt(np.sum(sizes[..., 1:] ** 2, axis=-1)) / sizes[..., 0]
+
+
+@dataclass(frozen=True)
+class LineDistortion:
+    """What silent lines show of nonlinearity.
+
+    Parameters
+    ----------
+    odd, even
+        Root-mean-square amplitude at silent odd and at even lines, the noise's share taken off.
+    noise
+        Root-mean-square amplitude that noise alone gives the average.
+    excited
+        Root-mean-square amplitude at excited lines.
+    odd_p, even_p
+        p-values of there being nothing but noise.
+    """
+
+    odd: float
+    even: float
+    noise: float
+    excited: float
+    odd_p: float
+    even_p: float
+
+    def detected(self, level: float = 0.01) -> bool:
+        """Some distortion stands out of the noise."""
+        return min(self.odd_p, self.even_p) < level / 2
+
+
+def line_distortion(
+    amplitudes: ArrayLike, excited: ArrayLike, *, transients: int = 0
+) -> LineDistortion:
+    """Odd and even nonlinear distortion from the silent lines of an odd multisine.
+
+    A linear system answers on excited lines alone; an even nonlinearity appears on even lines, an
+    odd one on silent odd lines (Pintelon and Schoukens, section 4.3). Periods tell noise from it:
+    sum |mean|^2 over sum S^2 / M is F(2 L, 2 L (M - 1)) at L lines with noise alone.
+
+    Parameters
+    ----------
+    amplitudes
+        Of one channel, shape (periods, lines), as `line_amplitudes` gives.
+    excited
+        The lines of the multisine, odd. Lines between its first and last are looked at.
+    transients
+        Leading periods to discard.
+    """
+    periods = np.asarray(amplitudes, dtype=complex)[transients:]
+    lines = np.asarray(excited)
+    if periods.ndim != 2 or len(periods) < 2:
+        raise InputError("two periods or more are needed to tell distortion from noise")
+    if np.any(lines % 2 == 0) or lines.max() >= periods.shape[1]:
+        raise InputError("excited lines must be odd and below the number of lines measured")
+    silent = np.setdiff1d(np.arange(lines.min(), lines.max() + 1), lines)
+    mean, noise = periods.mean(axis=0), periods.var(axis=0, ddof=1) / len(periods)
+    found = {}
+    for name, chosen in (("odd", silent[silent % 2 == 1]), ("even", silent[silent % 2 == 0])):
+        if not len(chosen):
+            raise InputError(f"the multisine leaves no {name} line silent: choose by `odd_lines`")
+        power, floor = np.sum(np.abs(mean[chosen]) ** 2), np.sum(noise[chosen])
+        count = 2 * len(chosen)
+        ratio = power / floor if floor > 0 else np.inf if power > 0 else 0.0
+        p = float(stats.f.sf(ratio, count, count * (len(periods) - 1)))
+        found[name] = (float(np.sqrt(max(power - floor, 0) / len(chosen))), p)
+    return LineDistortion(
+        odd=found["odd"][0],
+        even=found["even"][0],
+        noise=float(np.sqrt(np.mean(noise[silent]))),
+        excited=float(np.sqrt(np.mean(np.abs(mean[lines]) ** 2))),
+        odd_p=found["odd"][1],
+        even_p=found["even"][1],
+    )

@@ -1,0 +1,108 @@
+"""Complex numbers for CasADi, which has none: pairs of real expressions.
+
+A model of a response is written once, as a formula in its parameters and s. Evaluated with NumPy's
+complex numbers it gives numbers, evaluated with pairs it gives a graph with exact derivatives.
+"""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+
+@dataclass(frozen=True, eq=False)
+class Pair:
+    """``real + j imag`` of CasADi expressions; NumPy's exp, log and sqrt take it too."""
+
+    real: Any
+    imag: Any = 0.0
+
+    @classmethod
+    def of(cls, value: Any) -> Pair:
+        if isinstance(value, Pair):
+            return value
+        if isinstance(value, complex | np.complexfloating):
+            return cls(float(value.real), float(value.imag))
+        return cls(value)
+
+    def __add__(self, other: Any) -> Pair:
+        other = Pair.of(other)
+        return Pair(self.real + other.real, self.imag + other.imag)
+
+    def __mul__(self, other: Any) -> Pair:
+        other = Pair.of(other)
+        return Pair(
+            self.real * other.real - self.imag * other.imag,
+            self.real * other.imag + self.imag * other.real,
+        )
+
+    __radd__, __rmul__ = __add__, __mul__
+
+    def __neg__(self) -> Pair:
+        return Pair(-self.real, -self.imag)
+
+    def __sub__(self, other: Any) -> Pair:
+        return self + (-Pair.of(other))
+
+    def __rsub__(self, other: Any) -> Pair:
+        return Pair.of(other) - self
+
+    def __truediv__(self, other: Any) -> Pair:
+        other = Pair.of(other)
+        size = other.real * other.real + other.imag * other.imag
+        return self * Pair(other.real / size, -other.imag / size)
+
+    def __rtruediv__(self, other: Any) -> Pair:
+        return Pair.of(other) / self
+
+    def __pow__(self, power: Any) -> Pair:
+        if not isinstance(power, int | np.integer):
+            return (self.log() * power).exp()
+        if power < 0:
+            return 1.0 / self ** (-power)
+        product = Pair(1.0)
+        for _ in range(power):
+            product = product * self
+        return product
+
+    def conjugate(self) -> Pair:
+        return Pair(self.real, -self.imag)
+
+    def exp(self) -> Pair:
+        import casadi as ca
+
+        size = ca.exp(self.real)
+        return Pair(size * ca.cos(self.imag), size * ca.sin(self.imag))
+
+    def log(self) -> Pair:
+        import casadi as ca
+
+        size = self.real * self.real + self.imag * self.imag
+        return Pair(0.5 * ca.log(size), ca.atan2(self.imag, self.real))
+
+    def sqrt(self) -> Pair:
+        return self**0.5
+
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **keywords: Any) -> Any:
+        operation = _OPERATIONS.get(ufunc)
+        if operation is None or method != "__call__" or keywords:
+            return NotImplemented
+        return operation(*map(Pair.of, inputs))
+
+
+_OPERATIONS: dict[np.ufunc, Callable[..., Pair]] = {
+    np.add: operator.add,
+    np.subtract: operator.sub,
+    np.multiply: operator.mul,
+    np.true_divide: operator.truediv,
+    np.negative: operator.neg,
+    np.conjugate: Pair.conjugate,
+    np.square: lambda z: z * z,
+    np.exp: Pair.exp,
+    np.log: Pair.log,
+    np.sqrt: Pair.sqrt,
+}

@@ -1,0 +1,93 @@
+"""Is a record fit for identification? Missing values, dead channels, clipped converters."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from workbench.errors import InputError
+
+
+class IdentificationWarning(UserWarning):
+    """Data that can be used, but not trusted without a look; the message says what to do."""
+
+
+def as_record(signal: ArrayLike, name: str = "record") -> np.ndarray:
+    """A real, finite record of samples, shape (..., N).
+
+    Raises
+    ------
+    InputError
+        Empty, complex or not numbers; or NaN or infinite somewhere: the message names the first
+        such sample and its channel.
+    """
+    values = np.asarray(signal)
+    if values.dtype.kind not in "biuf":
+        raise InputError(f"{name} must hold real numbers, not {values.dtype}")
+    if values.ndim == 0 or values.size == 0:
+        raise InputError(f"{name} has no samples: its shape is {values.shape}")
+    values = values.astype(float)
+    wrong = ~np.isfinite(values)
+    if wrong.any():
+        *channel, sample = (int(i) for i in np.argwhere(wrong)[0])
+        place = f"channel {', '.join(map(str, channel))}, " if channel else ""
+        raise InputError(
+            f"{name} has {wrong.sum()} samples that are NaN or infinite, the first at {place}"
+            f"sample {sample}: cut the record there or fill the gap"
+        )
+    return values
+
+
+def require_alive(record: np.ndarray, name: str) -> None:
+    """Raise `InputError` where a channel, along the last axis, never changes."""
+    dead = np.argwhere(np.ptp(np.atleast_2d(record), axis=-1) == 0)
+    if len(dead):
+        channel = ", ".join(str(i) for i in dead[0])
+        raise InputError(
+            f"{name}: channel {channel} never changes: check its cable and range, or leave it out"
+        )
+
+
+def saturation(signal: ArrayLike, limits: tuple[float, float] | None = None) -> np.ndarray:
+    """Share of samples, of every channel, at the end of the converter's range.
+
+    With ``limits`` every sample at or beyond one counts. Without them the range is told from the
+    record: its extreme value is a limit where the signal stays on it for two samples or more and
+    had been heading beyond it by more than the converter's step. The crest of a sine in coarse
+    steps and the levels of a binary signal therefore do not count.
+
+    Parameters
+    ----------
+    signal
+        Real, shape (..., N).
+    limits
+        Ends of the range, in the signal's unit.
+
+    Returns
+    -------
+    ndarray
+        Shares between 0 and 1, shape (...).
+    """
+    values = as_record(signal)
+    if limits is not None:
+        low, high = limits
+        if not low < high:
+            raise InputError(f"limits must rise, not {limits}")
+        return np.mean((values <= low) | (values >= high), axis=-1)
+    rows = values.reshape(-1, values.shape[-1])
+    shares = [_held_share(row) + _held_share(-row) for row in rows]
+    return np.reshape(shares, values.shape[:-1])
+
+
+def _held_share(signal: np.ndarray) -> float:
+    """Share of samples at the largest value, 0 unless the signal was cut off there."""
+    top = signal.max()
+    at_top = signal == top
+    steps = np.abs(np.diff(signal))
+    if not steps.any():
+        return 0.0
+    step = steps[steps > 0].min()
+    # Where two samples sit at the top: the line through the two before it, drawn on.
+    arrival = np.flatnonzero(~at_top[1:-2] & at_top[2:-1] & at_top[3:]) + 1
+    heading = 2 * signal[arrival] - signal[arrival - 1] > top + step
+    return float(at_top.mean()) if heading.any() else 0.0

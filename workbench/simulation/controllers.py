@@ -1,0 +1,102 @@
+"""Sampled controllers: compiled functions with a state, called once a sample."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.compiled import compiled
+from workbench.errors import InputError
+
+if TYPE_CHECKING:
+    from control import StateSpace, TransferFunction
+
+Real = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Controller:
+    """Any sampled controller, its logic and memory included.
+
+    step        compiled function (state, parameters, measurement, output): reads the measurement,
+                updates the state and fills the output, all of them float arrays, in place;
+    state       its first state (n,); a run works on a copy;
+    parameters  whatever else it needs (p,);
+    outputs     how many signals it gives.
+
+    Raises InputError when the step is not compiled.
+    """
+
+    step: Any
+    state: Real
+    parameters: Real
+    outputs: int = 1
+
+    def __post_init__(self) -> None:
+        if not hasattr(self.step, "compile"):
+            raise InputError(f"step {self.step!r} is not compiled; decorate it with @compiled")
+
+
+def idle(outputs: int = 1) -> Controller:
+    """A controller that gives nothing: what is left is the excitation, played in open loop."""
+    return Controller(_idle, np.zeros(0), np.zeros(0), outputs)
+
+
+def linear(
+    system: StateSpace | TransferFunction, period: float, measurements: Sequence[int] = (0,)
+) -> Controller:
+    """A linear controller; a continuous one is discretised by the bilinear transform.
+
+    `measurements` says which of the measurements are its inputs. Raises InputError when these do
+    not match, or when a discrete system has another period.
+    """
+    import control
+
+    if len(measurements) != system.ninputs:
+        raise InputError(
+            f"{len(measurements)} measurements for a controller of {system.ninputs} inputs"
+        )
+    if system.isctime():
+        system = control.sample_system(control.ss(system), period, "bilinear")
+    elif system.dt is not True and not np.isclose(system.dt, period):
+        raise InputError(f"a controller of period {system.dt} s in a loop of period {period} s")
+    system = control.ss(system)
+    sizes = [system.nstates, system.ninputs, system.noutputs]
+    matrices = [matrix.ravel() for matrix in (system.A, system.B, system.C, system.D)]
+    parameters = np.concatenate([sizes, list(measurements), *matrices])
+    # The second half of the state is where the next one is put together.
+    return Controller(_linear, np.zeros(2 * system.nstates), parameters, system.noutputs)
+
+
+@compiled
+def _idle(state: Real, parameters: Real, measurement: Real, output: Real) -> None:
+    output[:] = 0.0
+
+
+@compiled
+def _linear(state: Real, parameters: Real, measurement: Real, output: Real) -> None:
+    n, m, p = int(parameters[0]), int(parameters[1]), int(parameters[2])
+    at_a = 3 + m
+    at_b = at_a + n * n
+    at_c = at_b + n * m
+    at_d = at_c + p * n
+    for i in range(p):
+        total = 0.0
+        for j in range(n):
+            total += parameters[at_c + i * n + j] * state[j]
+        for j in range(m):
+            total += parameters[at_d + i * m + j] * measurement[int(parameters[3 + j])]
+        output[i] = total
+    for i in range(n):
+        total = 0.0
+        for j in range(n):
+            total += parameters[at_a + i * n + j] * state[j]
+        for j in range(m):
+            total += parameters[at_b + i * m + j] * measurement[int(parameters[3 + j])]
+        state[n + i] = total
+    for i in range(n):
+        state[i] = state[n + i]

@@ -1,0 +1,68 @@
+"""Converters between volts and codes: they round and they saturate."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from workbench.compiled import compiled
+from workbench.errors import InputError
+
+Real = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Converter:
+    """A converter of the range +-limit [V] with 2^bits codes; bits = None saturates only.
+
+    Codes are two's complement: the highest level is one step below +limit. Raises InputError for a
+    limit or a number of bits that is not positive.
+    """
+
+    limit: float
+    bits: int | None = 12
+
+    def __post_init__(self) -> None:
+        if not self.limit > 0.0 or (self.bits is not None and self.bits < 1):
+            raise InputError(f"+-{self.limit} V and {self.bits} bits; both must be positive")
+
+    @property
+    def step(self) -> float:
+        """Volts per code; 0 without codes."""
+        return 0.0 if self.bits is None else 2.0 * self.limit / 2**self.bits
+
+    def levels(self, gain: float = 1.0) -> Real:
+        """Step, lowest and highest level (3,), referred to the input of an amplifier before it."""
+        return np.array([self.step, -self.limit, self.limit - self.step]) / gain
+
+    def convert(self, values: ArrayLike, gain: float = 1.0) -> tuple[Real, float]:
+        """Converted values of the same shape, and the share of them that saturated."""
+        array = np.ascontiguousarray(values, float)
+        converted, saturated = _convert_all(array.ravel(), self.levels(gain))
+        return converted.reshape(array.shape), saturated / max(array.size, 1)
+
+
+@compiled
+def convert(value: float, levels: Real) -> tuple[float, bool]:
+    """One value through a converter with these levels (3,), and whether it saturated."""
+    if levels[0] > 0.0:
+        value = levels[0] * math.floor(value / levels[0] + 0.5)
+    # Half a step of slack: rounding of the products must not count as saturation.
+    slack = 0.5 * levels[0]
+    if value < levels[1] - slack:
+        return levels[1], True
+    if value > levels[2] + slack:
+        return levels[2], True
+    return value, False
+
+
+@compiled
+def _convert_all(values: Real, levels: Real) -> tuple[Real, int]:
+    converted, saturated = np.empty_like(values), 0
+    for k, value in enumerate(values):
+        converted[k], over = convert(value, levels)
+        saturated += over
+    return converted, saturated
