@@ -10,11 +10,11 @@ WORKBENCH := $(BIN)/workbench
 
 # Run every named problem, print the table, write the HTML index.
 reproduce: $(READY)
-	@status=0; $(WORKBENCH) run '*' || status=$$?; $(WORKBENCH) report; exit $$status
+	@status=0; $(WORKBENCH) run '*' || status=$$?; $(WORKBENCH) report || status=$$?; exit $$status
 
 # The same, with the problems marked slow.
 reproduce-all: $(READY)
-	@status=0; $(WORKBENCH) run '*' --slow || status=$$?; $(WORKBENCH) report; exit $$status
+	@status=0; $(WORKBENCH) run '*' --slow || status=$$?; $(WORKBENCH) report || status=$$?; exit $$status
 
 test: lint
 	$(BIN)/python -m pytest -n 2 -m "not slow"

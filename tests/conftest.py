@@ -305,10 +305,10 @@ class Project:
 
     def restart(self) -> None:
         """Forget what this process knows of problems and sources."""
-        from workbench.bench import project, question
+        from workbench.bench import problem, project
 
         project._registry.cache_clear()
-        question.snapshot.cache_clear()
+        problem._imported.clear()
         importlib.invalidate_caches()
         for name in [name for name in sys.modules if name.startswith("workbench_problems_")]:
             del sys.modules[name]

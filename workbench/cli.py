@@ -111,6 +111,8 @@ def run(
     as_json: bool,
 ) -> None:
     """Run every problem that fits one of PATTERNS, and leave a results folder for each."""
+    if verbose and as_json:
+        raise click.UsageError("--verbose lets solvers print what is no JSON; leave out one")
     parameters = dict(_setting(text) for text in settings)
     entries = {e.name: e for pattern in patterns for e in registry().match(pattern)}
     chosen = [e.name for e in entries.values() if slow or not e.slow or e.name in patterns]
@@ -133,7 +135,8 @@ def run(
                     **parameters,
                 )
         except WorkbenchError as error:
-            click.echo(f"workbench: {error}", err=True)
+            prefix = "" if name in str(error) else f"{name}: "
+            click.echo(f"workbench: {prefix}{error}", err=True)
             failed = True
             continue
         runs.append(done)
@@ -187,14 +190,16 @@ def compare(
             progress=progress,
             **dict(_setting(text) for text in settings),
         )
+    every = done.metrics["success_rate"] == 1
     if as_json:
         print_json(row(done) | {"cells": rows(done.data)})
-        return
+        sys.exit(0 if every else 1)
     head = ["problem", "method", "accuracy", "outcome", "claim", "success", "correct", "gap"]
     print_table([*head, "statement [s]", "solve [s]"], rows(done.data), right=3)
     for text in unfit(done.data):
         click.echo(f"  unfit: {text}")
     click.echo(done.path)
+    sys.exit(0 if every else 1)
 
 
 @main.command()
@@ -232,7 +237,11 @@ def verify(paths: tuple[Path, ...], rerun: bool, as_json: bool) -> None:
 @AS_JSON
 def results(pattern: str, as_json: bool) -> None:
     """The stored results of the problems that fit PATTERN."""
+    from workbench.bench.results import damaged
+
     runs = workbench.results(pattern)
+    for folder, reason in damaged(results_root()).items():
+        click.echo(f"workbench: left out: {folder}: {reason}", err=True)
     if as_json:
         print_json([row(one) for one in runs])
     elif runs:
@@ -247,7 +256,11 @@ def results(pattern: str, as_json: bool) -> None:
 @click.option("--open", "open_", is_flag=True, help="Open it in a browser.")
 def report(root: Path | None, output: Path | None, open_: bool) -> None:
     """One self-contained HTML page over the results below ROOT."""
+    from workbench.bench.results import damaged
+
     page = workbench.report(root, output)
+    for folder, reason in damaged(root or results_root()).items():
+        click.echo(f"workbench: left out: {folder}: {reason}", err=True)
     click.echo(page)
     if open_:
         click.launch(str(page))

@@ -18,7 +18,10 @@ def compiled(function: Callable[..., Any]) -> Any:
     """
     from numba import njit
 
-    dispatcher: Any = njit(cache=True)(function)
+    try:
+        dispatcher: Any = njit(cache=True)(function)
+    except RuntimeError:  # nowhere to keep it: compile in every process
+        return njit(function)
     dispatcher._cache._cache_file._source_stamp = _stamp(Path(inspect.getfile(function)).parent)
     return dispatcher
 

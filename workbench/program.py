@@ -67,7 +67,7 @@ class Gap:
         return abs(self.value) <= self.tolerance  # an answer beyond its bound is wrong, or it is
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Certificate:
     """Validity checks, which must hold, and where there is one the optimality gap."""
 
@@ -102,6 +102,18 @@ class Certificate:
         if self.gap is not None and self.gap.required and not self.gap.closed:
             failed.append(f"optimality gap: {self.gap.value:.3g} exceeds {self.gap.tolerance:.3g}")
         return tuple(failed)
+
+    def __repr__(self) -> str:
+        lines = [f"Certificate: {self.outcome}"]
+        lines += [
+            f"  {'holds' if c.holds else 'FAILS'}  {c.name}: {c.value:.6g} <= {c.limit:.6g} "
+            f"{c.where}".rstrip()
+            for c in self.checks
+        ]
+        if self.gap is not None:
+            needed = "required" if self.gap.required else "not claimed"
+            lines.append(f"  gap {self.gap.value:.3g}, {needed} within {self.gap.tolerance:.3g}")
+        return "\n".join(lines)
 
     def to_json(self) -> dict[str, Any]:
         checks = [asdict(check) | {"holds": check.holds} for check in self.checks]

@@ -11,7 +11,6 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, Options, Study, figures, problem, solve
-from workbench.errors import InputError
 from workbench.executor import WALL_TIME, Context
 from workbench.geometry import (
     NarrowestStadium,
@@ -61,14 +60,8 @@ class GeometrySpeed(Study):
     headline: ClassVar[str] = "circles_over_conic"
 
     def compute(self, context: Context) -> xr.Dataset:
+        import shapely
         import xarray as xr
-
-        try:
-            import shapely
-        except ModuleNotFoundError:
-            raise InputError(
-                "bench/geometry compares with shapely: pip install 'workbench[benchmark]'"
-            ) from None
 
         small = _normal(context.rng, (self.sets, self.points))
         large = _normal(context.rng, (self.large,))

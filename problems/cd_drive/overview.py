@@ -11,7 +11,7 @@ from workbench import Check, Study, figures, problem
 from workbench.executor import Context
 
 from .actuator import general_model, resonances, stack, transfer_coefficients
-from .drives import ANTIALIASING, crossover, nominal_response, responses
+from .drives import ANTIALIASING, crossover, nominal_response, phase_margin, responses
 from .nominal import compare_nominal
 from .sets import TABLES, WINDOWS, Frequencies
 from .tables import ActuatorParameters, Axis, Drive, Values, drives
@@ -158,6 +158,7 @@ class Drives(Study):
                 (gains.max() - gains.min()) / (gains.max() + gains.min())
             )
             numbers[f"crossover_{axis}_hz"] = float(one["crossover"])
+            numbers[f"phase_margin_{axis}_deg"] = phase_margin(axis)
         return numbers
 
     def tables(self, answer: xr.Dataset) -> dict[str, str]:

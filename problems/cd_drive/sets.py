@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from workbench import problem
+from workbench.errors import InputError
 from workbench.geometry import NarrowestStadium, SmallestCircle
 
 from .drives import responses
@@ -80,6 +81,8 @@ def nyquist_points(
     """Responses of the twelve drives, dims (frequency, drive) [units/V]."""
     import xarray as xr
 
+    if not lowest < highest:
+        raise InputError(f"lowest={lowest} Hz must lie below highest={highest} Hz")
     frequency = np.geomspace(lowest, highest, frequencies)
     return xr.DataArray(
         responses(axis, frequency, gain, values).T,

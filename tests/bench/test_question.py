@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from workbench.bench.question import Question, asked, canonical, code_hash, plain
+from workbench.bench.question import Question, asked, canonical, code_hash, plain, sources
 from workbench.solvers import Options
 
 BASE = {
@@ -97,7 +97,7 @@ def test_numpy_values_are_plain_numbers():
 def test_the_code_is_told_by_the_sources_of_the_plant_alone(project):
     def code():
         project.restart()
-        return code_hash([project.toy.parent])
+        return code_hash([sources(project.toy.parent)])
 
     before = code()
     assert code() == before
@@ -114,12 +114,12 @@ def test_the_code_is_told_by_the_sources_of_the_plant_alone(project):
 
 
 def test_the_code_includes_that_of_what_is_fed(project):
-    folder = project.toy.parent
-    hashes = {code_hash([folder], upstream) for upstream in ((), ("a",), ("b",), ("a", "b"))}
+    own = sources(project.toy.parent)
+    hashes = {code_hash([own], upstream) for upstream in ((), ("a",), ("b",), ("a", "b"))}
     assert len(hashes) == 4
 
 
 def test_the_code_includes_the_versions_of_solvers(project, monkeypatch):
-    before = code_hash([project.toy.parent])
+    before = code_hash([sources(project.toy.parent)])
     monkeypatch.setattr("workbench.bench.question.versions", lambda: {"clarabel": "99"})
-    assert code_hash([project.toy.parent]) != before
+    assert code_hash([sources(project.toy.parent)]) != before

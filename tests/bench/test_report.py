@@ -166,6 +166,7 @@ def test_failures_are_shown_as_such(root: Path, make: Make) -> None:
     )
     for name in ("certificate.json", "metrics.json", "log.txt"):
         (folder / name).unlink()
+    seal(folder)
     make(key="0000000b", failed=True, value="nan")
     assert [run.path.name for run in failed_runs(root)] == ["0000000a.failed", "0000000b.failed"]
     assert failed_runs(root, "other*") == []
@@ -295,10 +296,17 @@ def test_the_page_appears_whole_or_not_at_all(root: Path, make: Make) -> None:
     page = report(root)
     before = page.read_bytes()
     (folder / "figures" / "step_response.png").write_bytes(b"no picture")
+    seal(folder)
     with pytest.raises(ResultError, match="no PNG"):
         report(root)
     assert page.read_bytes() == before
     assert sorted(file.name for file in root.iterdir()) == ["index.html", "lab"]
+
+
+def test_a_damaged_folder_is_left_out(root: Path, make: Make) -> None:
+    make("lab/circle")
+    (make("lab/stadium") / "run.json").write_text("{", encoding="utf-8")
+    assert "lab/stadium" not in Page(report(root)).text
 
 
 def test_a_sealed_folder_is_not_written_into(make: Make) -> None:

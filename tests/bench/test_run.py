@@ -213,14 +213,17 @@ def test_a_damaged_answer_is_not_reused(project, file):
     assert damage(path) == []
 
 
-def test_code_edited_after_its_import_is_not_taken_for_what_ran(project):
-    """Long sessions: a process imports, the file is edited, the process runs what it imported."""
-    wb.load("toy/root")
+def test_code_edited_in_a_long_session_is_what_runs_next(project):
+    before = wb.run("toy/root", "rough").data["x"].values.max()
     text = project.toy.read_text()
     project.toy.write_text(text.replace("OFFSET = 0.0", "OFFSET = 1.0"))
-    wb.run("toy/root", "rough")
-    project.restart()
-    assert wb.run("toy/root", "rough").data["x"].values.max() == 4.5
+    again = wb.run("toy/root", "rough")
+    assert not again.reused
+    assert again.data["x"].values.max() == 4.5 == 1.5 * before
+    (project.toy.parent / "more.py").write_text(
+        "from workbench import problem\n@problem('toy/more')\ndef more(): ...\n"
+    )
+    assert "toy/more" in [entry.name for entry in wb.problems()]
 
 
 # --- needs ------------------------------------------------------------------------------------

@@ -17,7 +17,7 @@ from workbench.errors import TimeLimitError
 from workbench.program import Program, methods, solve
 from workbench.solvers import Options, Outcome
 
-WARM = 2.0
+WARM = 20.0
 """A solve faster than this [s] is timed a second time: its first call may have compiled."""
 UNFIT = "unfit"
 

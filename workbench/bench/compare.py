@@ -12,11 +12,12 @@ import numpy as np
 
 from workbench import figures
 from workbench.bench.cells import UNFIT, result_of, run_cell
+from workbench.bench.describe import describe
 from workbench.bench.project import added_problems, registry, results_root
 from workbench.bench.question import Question, asked, code_hash
 from workbench.bench.results import Run
 from workbench.bench.run import Bound, default_bench
-from workbench.errors import InputError
+from workbench.errors import InputError, UnknownNameError
 from workbench.executor import WALL_TIME, Context, InProcess, Progress, silent
 from workbench.program import Check, Study
 from workbench.solvers import ACCURACY, Options
@@ -204,9 +205,16 @@ def run_comparison(
     unknown = [name for name in accuracies if name not in ACCURACY]
     if unknown or not accuracies:
         raise InputError(f"accuracy levels are {', '.join(ACCURACY)}, not {unknown or 'none'}")
+    if isinstance(methods, str):
+        methods = [name for name in methods.split(",") if name]
     if not methods:
         raise InputError("a comparison needs at least one method")
     names = tuple(entry.name for entry in registry().match(pattern))
+    known = [describe(registry().find(name)).methods for name in names]
+    if all(known):  # a problem without a return annotation shows its methods only when loaded
+        for name in methods:
+            if not any(name in one for one in known):
+                raise UnknownNameError("method", name, set().union(*known))
     for name in names:  # a wrong parameter is an error, not a table of failures
         registry().find(name).bind(parameters)
     options = Options(time_limit=time_limit, seed=seed)
@@ -228,6 +236,6 @@ def run_comparison(
     }
     question = Question("compare", stored, {}, {}, None, asked(options))
     bound = Bound(None, stored, {}, comparison)
-    code = code_hash({registry().find(name).folder for name in names})
+    code = code_hash({registry().find(name).sources for name in names})
     with bench.store.writing(question.problem, question.key) as writer:
         return bench.answer(bound, question, code, writer)

@@ -6,20 +6,20 @@ import hashlib
 import importlib
 import inspect
 import sys
+import traceback
 import types
 import typing
 from collections.abc import Mapping
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from workbench.bench.declare import PLACEMENT, Needs, Ref, Settings
 from workbench.bench.discovery import Entry
-from workbench.bench.question import code_hash
+from workbench.bench.question import sources
 from workbench.errors import InputError, RegistryError, UnknownNameError, WorkbenchError
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from workbench.program import Task
 
 
@@ -29,7 +29,8 @@ class Problem:
     def __init__(self, entry: Entry) -> None:
         self.entry = entry
         self.name = entry.name
-        code_hash([self.folder])  # of what is imported now, whatever is edited later
+        self.sources = sources(self.folder)
+        """As they are imported now, whatever is edited later."""
         self.function = getattr(_import(entry), entry.function)
         self.settings: Settings = getattr(self.function, PLACEMENT)
         self.signature = inspect.signature(self.function)
@@ -121,9 +122,7 @@ class Problem:
         except WorkbenchError:
             raise
         except Exception as error:
-            raise RegistryError(
-                f"{self.entry.place} raised {type(error).__name__}: {error}"
-            ) from error
+            raise RegistryError(f"{self.entry.place} raised {place_of(error)}") from error
         if not isinstance(task, Task):
             raise RegistryError(
                 f"{self.entry.place} returned {type(task).__name__}, not a Program or a Study"
@@ -200,17 +199,36 @@ def _fill(needs: Needs, entry: Entry) -> Needs:
 
 
 def _import(entry: Entry) -> types.ModuleType:
-    """Import a problem file under a package name of its root's own, so that roots never clash."""
-    digest = hashlib.sha256(str(entry.root).encode()).hexdigest()[:8]
-    package = f"workbench_problems_{digest}"
-    if package not in sys.modules:
+    """Import a problem file under a package name of its root's own, so that roots never clash.
+
+    What was edited since its import is imported anew, with all of its root.
+    """
+    package = f"workbench_problems_{hashlib.sha256(str(entry.root).encode()).hexdigest()[:8]}"
+    state = {file: file.stat().st_mtime_ns for file in entry.root.rglob("*.py")}
+    if _imported.get(package) != state:
+        for name in [name for name in sys.modules if name.partition(".")[0] == package]:
+            del sys.modules[name]
         module = types.ModuleType(package)
         module.__path__ = [str(entry.root)]
-        sys.modules[package] = module
+        sys.modules[package], _imported[package] = module, state
     parts = entry.file.relative_to(entry.root).with_suffix("").parts
+    # Python tells stale byte code by whole seconds only; problem files are few, so none is kept.
+    keep, sys.dont_write_bytecode = sys.dont_write_bytecode, True
     try:
         return importlib.import_module(".".join((package, *parts)))
     except Exception as error:
         raise RegistryError(
-            f"problem file {entry.file} cannot be imported: {type(error).__name__}: {error}"
+            f"problem file {entry.file} cannot be imported: {place_of(error)}"
         ) from error
+    finally:
+        sys.dont_write_bytecode = keep
+
+
+_imported: dict[str, dict[Path, int]] = {}
+"""The state of the files of each root when it was imported."""
+
+
+def place_of(error: BaseException) -> str:
+    """An error's type, words and line."""
+    last = traceback.extract_tb(error.__traceback__)[-1]
+    return f"{type(error).__name__}: {error} ({last.filename}:{last.lineno})"

@@ -12,7 +12,7 @@ from __future__ import annotations
 import os
 import tomllib
 from dataclasses import dataclass
-from functools import cache
+from functools import lru_cache
 from pathlib import Path
 
 import workbench
@@ -75,11 +75,16 @@ def added_problems() -> tuple[Path, ...]:
 def registry() -> Registry:
     """The registry over the built-in, the project's and the added folders."""
     roots = [built_in(), *Project.around(Path.cwd()).problems, *_added]
-    return _registry(tuple(dict.fromkeys(path.resolve() for path in roots)))
+    unique = tuple(dict.fromkeys(path.resolve() for path in roots))
+    state = tuple(
+        (file, file.stat().st_mtime_ns) for root in unique for file in sorted(root.rglob("*.py"))
+    )
+    return _registry(unique, state)
 
 
-@cache
-def _registry(roots: tuple[Path, ...]) -> Registry:
+@lru_cache(maxsize=1)
+def _registry(roots: tuple[Path, ...], state: tuple[tuple[Path, int], ...]) -> Registry:
+    """The same registry as long as no file was added, removed or edited."""
     return Registry(list(roots))
 
 

@@ -69,19 +69,23 @@ def digest(text: str | bytes) -> str:
     return hashlib.sha256(text.encode() if isinstance(text, str) else text).hexdigest()
 
 
-def code_hash(folders: Iterable[Path], upstream: Iterable[str] = ()) -> str:
+def code_hash(plants: Iterable[str], upstream: Iterable[str] = ()) -> str:
     """Hash of what may change an answer besides the question.
 
-    The workbench's sources, those of the plants' ``folders``, the solvers' versions, and the code
-    hashes of the results that the problem was fed with.
+    The workbench's sources, those of the ``plants`` as they were imported, the solvers' versions,
+    and the code hashes of the results that the problem was fed with.
     """
-    sources = [snapshot(folder) for folder in (Path(workbench.__file__).parent, *sorted(folders))]
-    return digest("".join([*sources, *upstream]) + canonical(versions()))[:16]
+    return digest("".join([_own(), *sorted(plants), *upstream]) + canonical(versions()))[:16]
 
 
 @cache
-def snapshot(folder: Path) -> str:
-    """The sources of a folder as they are at the first call, when they are imported."""
+def _own() -> str:
+    """The workbench's sources as they are at the first call, near enough to their import."""
+    return sources(Path(workbench.__file__).parent)
+
+
+def sources(folder: Path) -> str:
+    """Names and hashes of the sources of a folder."""
     files = sorted(folder.rglob("*.py"), key=lambda file: file.relative_to(folder).parts)
     problems = folder / "problems"  # inside a wheel; a problem's own folder is hashed by itself
     lines = (

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from workbench.bench.question import plain
-from workbench.bench.store import Store
+from workbench.bench.store import Store, damage
 from workbench.errors import ResultError
 from workbench.program import Certificate
 from workbench.solvers import Outcome
@@ -196,6 +196,12 @@ def write_figures(folder: Path, figures: Mapping[str, Figure]) -> list[str]:
 
 
 def stored_runs(root: Path, pattern: str = "*") -> list[Run]:
-    """The finished runs below a results folder whose problem fits a shell pattern."""
-    runs = (Run(folder) for folder in Store(root).folders())
+    """The finished, undamaged runs below a results folder whose problem fits a shell pattern."""
+    runs = (Run(folder) for folder in Store(root).folders() if not damage(folder))
     return [run for run in runs if fnmatch.fnmatchcase(run.problem, pattern)]
+
+
+def damaged(root: Path) -> dict[Path, str]:
+    """The folders below a results folder that are not as they were sealed, and what differs."""
+    found = {folder: damage(folder) for folder in Store(root).folders()}
+    return {folder: "; ".join(wrong) for folder, wrong in found.items() if wrong}

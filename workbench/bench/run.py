@@ -76,11 +76,18 @@ class Bench:
         bound = self._load(asked_for, path)
         question = bound.question(asked_for.method, self.options)
         code = bound.code
+        stored = self._stored(question, code)
+        if stored:  # without a lock, so that a read-only folder can be read
+            return stored
         with self.store.writing(question.problem, question.key) as writer:
-            earlier = _earlier(writer.final, question)
-            if earlier and earlier.info["code"] == code and not self.fresh:
-                return replace(earlier, reused=True)
-            return self.answer(bound, question, code, writer, earlier)
+            # While this process waited for the lock another may have answered.
+            return self._stored(question, code) or self.answer(bound, question, code, writer)
+
+    def _stored(self, question: Question, code: str) -> Run | None:
+        """The stored answer, if it may be reused: whole, and of the same code."""
+        run = _earlier(self.store.folder(question.problem, question.key), question)
+        same = run is not None and run.info["code"] == code and not self.fresh
+        return replace(run, reused=True) if run is not None and same else None
 
     def answer(
         self,
@@ -88,9 +95,9 @@ class Bench:
         question: Question,
         code: str,
         writer: Writer,
-        earlier: Run | None = None,
     ) -> Run:
         """Answer a question, certify the answer and publish the folder."""
+        earlier = _earlier(writer.final, question)
         started = datetime.datetime.now(datetime.UTC)
         clock = time.perf_counter()
         task, note, drawn = bound.task, "", []
@@ -155,8 +162,8 @@ class Bound:
     @property
     def code(self) -> str:
         """Hash of the code that answers: the plant's, the workbench's, and that of its needs."""
-        folders = [self.problem.folder] if self.problem else []
-        return code_hash(folders, [run.info["code"] for run in self.fed])
+        plants = [self.problem.sources] if self.problem else []
+        return code_hash(plants, [run.info["code"] for run in self.fed])
 
     @property
     def fed(self) -> list[Run]:

@@ -57,16 +57,18 @@ class Store:
         from filelock import FileLock
 
         writer = Writer(self, problem, key)
+        lock = FileLock(writer.lock)
         try:
             writer.space.parent.mkdir(parents=True, exist_ok=True)
+            lock.acquire()
         except OSError as error:
             raise ResultError(f"cannot write results below {self.root}: {error.strerror}") from None
-        with FileLock(writer.lock):
+        try:
             writer.mend()
-            try:
-                yield writer
-            finally:
-                writer.mend()
+            yield writer
+        finally:
+            writer.mend()
+            lock.release()
 
     def mend(self) -> None:
         """Undo what killed processes left; running ones are not disturbed."""
@@ -81,7 +83,7 @@ class Store:
             try:
                 with FileLock(lock, blocking=False):
                     writer.mend()
-            except Timeout:  # its process is alive
+            except (Timeout, OSError):  # its process is alive, or the folder is not ours
                 continue
 
 
@@ -157,7 +159,6 @@ def damage(folder: Path) -> list[str]:
         if actual != expected[name]:
             size = (folder / name).stat().st_size
             found.append(
-                f"{name} was changed: SHA-256 {actual[:12]}, not {expected[name][:12]} "
-                f"({size} bytes now)"
+                f"{name} was changed: SHA-256 {actual}, not {expected[name]} ({size} bytes now)"
             )
     return found

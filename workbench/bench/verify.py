@@ -14,9 +14,9 @@ from typing import Any
 from workbench.bench import netcdf
 from workbench.bench.project import registry, results_root
 from workbench.bench.question import Question, plain
-from workbench.bench.results import Run, open_run, read_json
+from workbench.bench.results import Run, read_json
 from workbench.bench.run import Bench, Bound, environment
-from workbench.bench.store import FAILED, Store, damage
+from workbench.bench.store import CHECKSUMS, FAILED, Store, damage
 from workbench.errors import InputError, ResultError, WorkbenchError
 from workbench.program import Certificate, Program, Study, find_method
 from workbench.solvers import Options
@@ -55,10 +55,14 @@ def verify_folder(path: Path, *, rerun: bool = False) -> Verification:
     Raises
     ------
     ResultError
-        The folder holds no run.json at all.
+        The folder is no results folder.
     """
-    run = open_run(path)
     found: list[str] = damage(path)
+    if not (path / "run.json").is_file():
+        if not (path / CHECKSUMS).is_file():
+            raise ResultError(f"{path} is no results folder: it has neither run.json nor checksums")
+        return Verification(path, tuple(found), (), None)
+    run = Run(path)
     notes: list[str] = []
     certificate = None
     try:

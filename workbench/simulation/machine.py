@@ -120,7 +120,7 @@ def _loop(
                     for j in range(m):
                         total += drive[h, i, j] * output[held, j]
                 after[i] = total
-            x[:] = after
+            x, after = after, x
             for i in range(q):
                 at[i] = 0.0
                 for j in range(n):

@@ -15,7 +15,7 @@ from urllib.parse import quote
 from markupsafe import Markup
 
 from workbench.bench.results import Run, stored_runs
-from workbench.bench.store import CHECKSUMS, FAILED, PARTIAL, REFERENCE
+from workbench.bench.store import CHECKSUMS, FAILED, PARTIAL, REFERENCE, damage
 from workbench.errors import ResultError
 
 
@@ -126,6 +126,6 @@ def failed_runs(root: Path, pattern: str = "*") -> list[Run]:
     runs = (
         Run(file.parent)
         for file in sorted(root.rglob(f"*{FAILED}/{CHECKSUMS}"))
-        if not aside.intersection(file.parents)
+        if not aside.intersection(file.parents) and not damage(file.parent)
     )
     return [run for run in runs if fnmatchcase(run.problem, pattern)]
