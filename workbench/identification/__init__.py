@@ -1,36 +1,28 @@
 """From experiments to models: excitation, responses with confidence, physical parameters."""
 
 from workbench.identification import crest_factor_methods, parameter_methods
+from workbench.identification.assumptions import Assumptions
 from workbench.identification.crest_factor import CrestFactor, schroeder_phases
 from workbench.identification.distortion import (
     LineDistortion,
     line_distortion,
     total_harmonic_distortion,
 )
-from workbench.identification.excitation import (
+from workbench.identification.excitation import SteppedSine, sine_fit
+from workbench.identification.least_squares import Parameter
+from workbench.identification.measured import MeasuredRecord, MeasuredResponse
+from workbench.identification.multisine import (
     Multisine,
-    SteppedSine,
     line_amplitudes,
     odd_lines,
     random_multisine,
-    sine_fit,
 )
-from workbench.identification.measured import MeasuredRecord, MeasuredResponse
-from workbench.identification.parameters import (
-    Parameter,
-    ParameterEstimate,
-    ParameterFit,
-    fit_parameters,
-)
+from workbench.identification.parameters import ParameterEstimate, ParameterFit, fit_parameters
 from workbench.identification.quality import IdentificationWarning, as_record, saturation
-from workbench.identification.records import read_record, read_response, read_variables
-from workbench.identification.response import (
-    Assumptions,
-    PeriodicResponse,
-    ResponseEstimate,
-    from_periods,
-)
+from workbench.identification.records import read_record, read_response
+from workbench.identification.response import PeriodicResponse, ResponseEstimate, from_periods
 from workbench.identification.spectral import SpectralResponse, spectral_response
+from workbench.identification.variables import read_variables
 
 __all__ = [
     "Assumptions",

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from workbench.errors import InputError
-from workbench.identification.excitation import Multisine, as_lines
+from workbench.identification.multisine import Multisine, as_lines
 from workbench.program import Check, Program, worst
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from workbench.identification.measured import MeasuredResponse
+from workbench.identification.measured import MeasuredRecord, MeasuredResponse
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -37,17 +37,17 @@ def fit_dataset(program: ParameterFit, values: np.ndarray) -> xr.Dataset:
         ),
     }
     for datum in program.data:
-        response = isinstance(datum, MeasuredResponse)
         label = "_".join(datum.name.split())
-        data = datum.response if isinstance(datum, MeasuredResponse) else datum.y  # type: ignore[attr-defined]
-        model = datum.predicted(named)  # type: ignore[attr-defined]
-        if response:
-            axis = f"{label}_frequency"
-            dims = (axis, f"{label}_output", f"{label}_input")[: data.ndim]
-            frequency = datum.frequency  # type: ignore[attr-defined]
-            variables[axis] = (axis, frequency, {"units": "Hz", "long_name": "frequency"})
-        else:
-            dims = (f"{label}_output", f"{label}_sample")
+        if isinstance(datum, MeasuredResponse):
+            data, axis = datum.response, f"{label}_frequency"
+            dims: tuple[str, ...] = (axis, f"{label}_output", f"{label}_input")[: data.ndim]
+            unit = {"units": "Hz", "long_name": "frequency"}
+            variables[axis] = (axis, datum.frequency, unit)
+        elif isinstance(datum, MeasuredRecord):
+            data, dims = datum.y, (f"{label}_output", f"{label}_sample")
+        else:  # data of a caller's own kind
+            continue
+        model = datum.predicted(named)
         for kind, array in (("measured", data), ("model", model)):
             variables[f"{label}_{kind}"] = (
                 dims,

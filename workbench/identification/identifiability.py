@@ -58,8 +58,6 @@ def identifiability(
     """
     if not names:
         return Identifiability(np.empty(0), (), ())
-    # A derivative to each parameter of its own size first, or rounding of a large one hides a
-    # small one.
     _, s, vt = np.linalg.svd(jacobian, full_matrices=False)
     blind, weak = s <= BLIND * s[0], s <= spread
     return Identifiability(s, _sentences(vt[blind], names), _sentences(vt[blind | weak], names))
@@ -79,11 +77,12 @@ def _sentence(direction: np.ndarray, names: Sequence[str]) -> str:
     shares = direction / direction[np.argmax(np.abs(direction))]
     parts = [i for i in range(len(names)) if abs(shares[i]) > SMALL]
     if len(parts) == 1:
-        return f"{names[parts[0]]} does not show in the data"
+        return f"{names[parts[0]]} does not show in the data: fix it or add data"
     if shares[parts[0]] < 0:
         shares = -shares
     terms = [_power(names[i], 1 / float(shares[i])) for i in parts]
-    return f"{', '.join(terms[:-1])} and {terms[-1]} scale together and the data cannot tell which"
+    together = f"{', '.join(terms[:-1])} and {terms[-1]} scale together"
+    return f"{together} and the data cannot tell by how much: fix one of them or add data"
 
 
 def _power(name: str, exponent: float) -> str:

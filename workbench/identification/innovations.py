@@ -60,8 +60,8 @@ class InnovationsModel:
     def response(self, frequency: ArrayLike) -> Complex:
         """From u to y at `frequency` [cycles/sample] (F,): (F, ny, nu)."""
         z = np.exp(2j * np.pi * np.asarray(frequency, dtype=float))[:, None, None]
-        states: Complex = np.linalg.solve(z * np.eye(self.order) - self.A, self.B + 0j * z)
-        return self.C @ states + self.D
+        states = np.linalg.solve(z * np.eye(self.order) - self.A, self.B + 0j * z)
+        return np.asarray(self.C @ states + self.D, dtype=complex)
 
     def one_step(self, u: Real, y: Real, washout: int) -> Real:
         """One-step predictions of y (N, ny) from a record u (N, nu), y (N, ny).

@@ -32,6 +32,8 @@ class Measured(Protocol):
     def weighted(self) -> bool: ...
     @property
     def count(self) -> int: ...
+    @property
+    def size(self) -> float: ...
     def residuals(self, values: Mapping[str, float]) -> np.ndarray: ...
     def expression(self, names: Sequence[str], vector: Any) -> Any: ...
 
@@ -112,6 +114,11 @@ class MeasuredResponse:
         if self.variance is None:
             return np.ones(entries.shape)
         return np.sqrt(2 / self.variance.reshape(entries.shape))
+
+    @property
+    def size(self) -> float:
+        """Norm of the measurement in the residuals' unit."""
+        return float(np.linalg.norm(self.response.reshape(self.weights.shape) * self.weights))
 
     def predicted(self, values: Values) -> np.ndarray:
         """The model's response, shaped as the measured one."""
@@ -202,6 +209,11 @@ class MeasuredRecord:
         outputs = len(self.y)
         return np.ones((outputs, 1)) if self.variance is None else self.variance[:, None] ** -0.5
 
+    @property
+    def size(self) -> float:
+        """Norm of the measurement in the residuals' unit."""
+        return float(np.linalg.norm(self.y * self.weights))
+
     def predicted(self, values: Values) -> np.ndarray:
         """The simulated outputs, shape (outputs, N)."""
         state: Sequence[Any] = list(self.initial(values))
@@ -247,7 +259,10 @@ def _variance(value: Any, shape: tuple[int, ...], name: str) -> np.ndarray | Non
     if variance.ndim and variance.shape != shape:
         raise InputError(f"the variance of {name} needs shape {shape}, not {variance.shape}")
     if not np.all((variance > 0) & np.isfinite(variance)):
-        raise InputError(f"the variance of {name} must be positive and finite everywhere")
+        raise InputError(
+            f"the variance of {name} must be positive and finite everywhere; leave it out where "
+            "the noise is not known"
+        )
     return np.broadcast_to(variance, shape)
 
 

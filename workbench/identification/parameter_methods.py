@@ -11,8 +11,10 @@ from workbench.identification.parameters import ParameterFit
 from workbench.program import Claim, method
 from workbench.solvers import Outcome, ipopt, ipopt_outcome
 
-PASSES = 4
+PASSES = 6
 """Times that IPOPT starts anew from its answer, in units of the standard deviations there."""
+PROXIMAL = 1e-6
+"""Curvature added about each start, in those units, for directions that the data cannot see."""
 
 Local = Callable[[np.ndarray], tuple[np.ndarray, float, Outcome, str]]
 """From a start to values, their sum of squares, the outcome and the solver's own words."""
@@ -29,28 +31,37 @@ def _ipopt(program: ParameterFit, context: Context) -> Claim:
         values = ca.MX.sym("values", count)
         parts = [one.expression(program.names, values) for one in program.data]
         residuals = ca.Function("residuals", [values], [ca.vertcat(*parts)])
-        cost = ca.sumsqr(residuals(origin + unit * x)) / 2
-        nlp = {"x": x, "p": ca.vertcat(origin, unit), "f": cost}
+        spread = ca.MX.sym("spread")
+        misfit = residuals(origin + unit * x) / spread
+        # The proximal term is gone from the optimum once a pass ends where it began.
+        cost = ca.sumsqr(misfit) / 2 + PROXIMAL * ca.sumsqr(x) / 2
+        nlp = {"x": x, "p": ca.vertcat(origin, unit, spread), "f": cost}
         solver = ipopt("fit", nlp, context.options)
         slope = residuals.jacobian()
 
     def local(start: np.ndarray) -> tuple[np.ndarray, float, Outcome, str]:
         values, step = start, program.scale
-        for _ in range(PASSES):
+        for number in range(PASSES):
+            left = residuals(values).full()
+            # Where the fit is exact, rounding remains.
+            spread = max(float(np.linalg.norm(left)), 1e-12 * program.size) / program.count**0.5
+            if number:
+                # The gradient that IPOPT stops at is then a number of standard deviations.
+                slopes = np.linalg.norm(slope(values, left).full(), axis=0)
+                step = spread / np.maximum(slopes, 1e-9 * spread / program.scale)
             found = solver(
                 x0=np.zeros(count),
-                p=np.concatenate([values, step]),
+                p=np.concatenate([values, step, [spread]]),
                 lbx=(program.lower - values) / step,
                 ubx=(program.upper - values) / step,
             )
             moved = found["x"].full().ravel()
-            values = np.clip(values + step * moved, program.lower, program.upper)
             outcome, message = ipopt_outcome(solver)
-            if outcome is not Outcome.SOLVED or np.abs(moved).max() < 1e-4:
+            if not np.all(np.isfinite(moved)):
                 break
-            # The gradient that IPOPT stops at is then a number of standard deviations.
-            derivative = slope(values, residuals(values)).full()
-            step = 1 / np.maximum(np.linalg.norm(derivative, axis=0), 1e-9 / program.scale)
+            values = np.clip(values + step * moved, program.lower, program.upper)
+            if outcome is not Outcome.SOLVED or (number and np.abs(moved).max() < 1e-4):
+                break
         return values, float(np.sum(residuals(values).full() ** 2)), outcome, message
 
     return _best(program, context, local)
@@ -63,7 +74,6 @@ def _scipy(program: ParameterFit, context: Context) -> Claim:
 
     def local(start: np.ndarray) -> tuple[np.ndarray, float, Outcome, str]:
         scale = program.scale
-        # The solver steps inward from a start on a bound.
         found = least_squares(
             lambda x: program.residuals(scale * x),
             start / scale,
@@ -72,7 +82,7 @@ def _scipy(program: ParameterFit, context: Context) -> Claim:
             x_scale="jac",
             ftol=1e-14,
             xtol=1e-12,
-            gtol=1e-14,
+            gtol=None,  # absolute, where the residuals' unit may be any
             max_nfev=500,
         )
         values = np.clip(scale * found.x, program.lower, program.upper)
@@ -83,15 +93,14 @@ def _scipy(program: ParameterFit, context: Context) -> Claim:
 
 
 def _best(program: ParameterFit, context: Context, local: Local) -> Claim:
-    """The least sum of squares from all starts."""
-    best, failure = None, (Outcome.FAILED, "no start")
-    for start in context.track(program.starting_points(context.rng), "starts"):
-        values, cost, outcome, message = local(start)
-        if outcome in (Outcome.SOLVED, Outcome.INACCURATE) and np.isfinite(cost):
-            if best is None or cost < best[1]:
-                best = (values, cost, outcome, message)
-        else:
-            failure = (outcome, message)
-    if best is None:
-        return None, *failure
-    return best[0], best[2], best[3]
+    """The least sum of squares from all starts, whatever the solver says of it.
+
+    A Hessian that is singular because the data cannot tell parameters apart ends in a status of
+    failure at the right place: the certificate then names the combination.
+    """
+    points = program.starting_points(context.rng)
+    found = [local(start) for start in context.track(points, "starts")]
+    values, cost, outcome, message = min(
+        found, key=lambda one: one[1] if np.isfinite(one[1]) else np.inf
+    )
+    return (values if np.isfinite(cost) else None), outcome, message

@@ -6,8 +6,9 @@ The criterion is, up to constants, a negative log likelihood with unknown noise 
 
 of the one-step errors e and, weighted by w, of the free-run errors s. With w = 0 it is the
 classical maximum-likelihood estimate. Real records are never quite linear, and one-step errors
-alone then put slow misfit of the plant on the account of the noise; w = 1 asks that the same model
-predict over one sample and over the whole record.
+alone then put slow misfit of the plant on the account of the noise; w > 0 asks that the same model
+also simulate the whole record. Free-run errors are correlated over many samples, tens of them
+carrying no more than one independent one, so w = 0.1 weighs both kinds about equally.
 
 Source: L. Ljung, System Identification, 2nd ed., 1999, sections 7.2, 10.2 and 15.2.
 """
@@ -27,15 +28,16 @@ from workbench.identification.innovations import (
     initial_state,
 )
 
-SETTLED = 1e-3
-"""Decrease of the log likelihood that no longer tells models apart."""
+SETTLED = 1.0
+"""Gain in log likelihood below which an iteration is the last: Akaike's charge for one parameter.
+Iterations that earn less fit the noise of this record."""
 
 
 def refine(
     model: InnovationsModel,
     u: Real,
     y: Real,
-    simulation_weight: float = 1.0,
+    simulation_weight: float = 0.1,
     iterations: int = 100,
 ) -> tuple[InnovationsModel, int]:
     """Levenberg-Marquardt from a stable model on a record u (N, nu), y (N, ny).

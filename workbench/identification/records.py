@@ -5,39 +5,16 @@ Every error names the file and the line or the variable.
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Mapping, Sequence
-from os import PathLike
-from pathlib import Path
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from workbench.errors import InputError
+from workbench.identification.variables import File, read_variables
 
 if TYPE_CHECKING:
     import xarray as xr
-
-File = str | PathLike[str]
-
-
-def read_variables(file: File) -> dict[str, np.ndarray]:
-    """Every numeric variable of a file, by name.
-
-    ``.mat`` is MATLAB's format up to version 7, ``.nc`` NetCDF; all else is text in columns split
-    by commas, semicolons, tabs or spaces. A text's first line may name the columns; without it
-    they are called "1", "2" and so on. Lines that start with # or % are comments.
-
-    Raises
-    ------
-    InputError
-        The file is missing or cannot be read as what its name says.
-    """
-    path = Path(file)
-    reader = _READERS.get(path.suffix.lower(), _read_text)
-    if not path.is_file():
-        raise InputError(f"{path}: there is no such file")
-    return reader(path)
 
 
 def read_record(
@@ -188,80 +165,3 @@ def _channels(
     if len(set(lengths.values())) > 1:
         raise InputError(f"{file}: {kind}s differ in length: {lengths}")
     return labels, np.array(rows)
-
-
-def _read_text(path: Path) -> dict[str, np.ndarray]:
-    names: list[str] | None = None
-    rows: list[list[float]] = []
-    try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except UnicodeDecodeError:
-        raise InputError(f"{path} is no text; .mat and .nc files must be named so") from None
-    for number, line in enumerate(lines, start=1):
-        text = line.strip()
-        if not text or text[0] in "#%":
-            continue
-        cells = [cell.strip().strip('"') for cell in re.split(_splitter(text), text)]
-        try:
-            row = [float(cell) for cell in cells]
-        except ValueError:
-            if rows or names:
-                wrong = next(cell for cell in cells if not _is_number(cell))
-                raise InputError(f"{path}, line {number}: {wrong!r} is not a number") from None
-            names = cells
-            continue
-        width = len(names) if names else len(rows[0]) if rows else len(row)
-        if len(row) != width:
-            raise InputError(f"{path}, line {number}: {len(row)} columns, {width} are needed")
-        if not np.all(np.isfinite(row)):
-            raise InputError(f"{path}, line {number}: {text!r} is not finite everywhere")
-        rows.append(row)
-    if not rows:
-        raise InputError(f"{path} holds no numbers")
-    names = names or [str(i + 1) for i in range(len(rows[0]))]
-    if len(set(names)) < len(names):
-        raise InputError(f"{path}: two columns have one name: {', '.join(names)}")
-    return dict(zip(names, np.array(rows).T, strict=True))
-
-
-def _splitter(text: str) -> str:
-    """What splits the cells of a line."""
-    return next((mark for mark in ";,\t" if mark in text), r"\s+")
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
-
-
-def _read_mat(path: Path) -> dict[str, np.ndarray]:
-    from scipy.io import loadmat
-
-    try:
-        stored = loadmat(path, squeeze_me=True)
-    except NotImplementedError:
-        raise InputError(f"{path} is of MATLAB's version 7.3: save it with -v7") from None
-    except Exception as error:  # whatever SciPy trips over in a broken file
-        raise InputError(f"{path} cannot be read as a MAT file: {error}") from None
-    found = {name: np.atleast_1d(v) for name, v in stored.items() if not name.startswith("__")}
-    return {name: v for name, v in found.items() if v.dtype.kind in "biufc"}
-
-
-def _read_netcdf(path: Path) -> dict[str, np.ndarray]:
-    import xarray as xr
-
-    try:
-        with xr.open_dataset(path, decode_times=False) as stored:
-            found = {str(name): np.atleast_1d(v.values) for name, v in stored.variables.items()}
-    except (OSError, ValueError, KeyError, RuntimeError) as error:
-        raise InputError(f"{path} cannot be read as NetCDF: {error}") from None
-    return {name: v for name, v in found.items() if v.dtype.kind in "biufc"}
-
-
-_READERS: dict[str, Callable[[Path], dict[str, np.ndarray]]] = {
-    ".mat": _read_mat,
-    ".nc": _read_netcdf,
-}

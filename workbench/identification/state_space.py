@@ -85,7 +85,7 @@ class StateSpaceFit(Program):
     estimation: int
     orders: tuple[int, ...] = (2, 4, 6, 8)
     washout: int = 50
-    simulation_weight: float = 1.0
+    simulation_weight: float = 0.1
     title: str = field(default="record", kw_only=True)
 
     default_method: ClassVar[str] = "prediction-error"
@@ -182,7 +182,7 @@ class StateSpaceFit(Program):
 
     def metrics(self, answer: Identified) -> dict[str, float]:
         parts = {"": slice(self.estimation, None), "estimation_": slice(None, self.estimation)}
-        numbers = {}
+        numbers: dict[str, float] = {}
         for part, used in parts.items():
             fits = self.fits(answer.model, self.u[used], self.y[used])
             for kind, row in zip(KINDS, fits, strict=True):

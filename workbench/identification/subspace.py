@@ -35,11 +35,11 @@ def subspace(u: Real, y: Real, order: int, past: int) -> InnovationsModel:
         As `checked_record`; the order or the past is too long for the record.
     """
     u, y = checked_record(u, y)
-    refuse_order(order, past, *u.shape, y.shape[1])
+    nu, ny = u.shape[1], y.shape[1]
+    refuse_order(order, past, len(u), nu, ny)
     u_offset, y_offset = u.mean(axis=0), y.mean(axis=0)
     u_scale, y_scale = u.std(axis=0), y.std(axis=0)
     inputs, outputs = (u - u_offset) / u_scale, (y - y_offset) / y_scale
-    nu, ny = u.shape[1], y.shape[1]
 
     joint = np.hstack([inputs, outputs])
     rows = len(joint) - past
@@ -52,7 +52,7 @@ def subspace(u: Real, y: Real, order: int, past: int) -> InnovationsModel:
     for i in range(past):
         keep = history.shape[1] - i * (nu + ny)
         product[i * ny : (i + 1) * ny, :keep] = markov[:, i * (nu + ny) :]
-    triangle = np.linalg.qr(history, mode="r")
+    triangle: Real = np.linalg.qr(history)[1]
     left, singular, _ = np.linalg.svd(product @ triangle.T, full_matrices=False)
     states = history @ product.T @ (left[:, :order] / np.sqrt(singular[:order]))
 
@@ -75,7 +75,7 @@ def best_subspace(u: Real, y: Real, order: int) -> InnovationsModel | None:
     horizons; None where no horizon gives one."""
     best, least = None, np.inf
     for past in HORIZONS:
-        if not order_fits(order, past, *u.shape, y.shape[1]):
+        if not order_fits(order, past, len(u), u.shape[1], y.shape[1]):
             continue
         model = subspace(u, y, order, past)
         if max(model.radius, model.predictor_radius) >= 1 - 1 / len(u):
@@ -106,5 +106,4 @@ def refuse_order(order: int, past: int, samples: int, nu: int, ny: int) -> None:
 
 
 def _least_squares(regressors: Real, targets: Real) -> Real:
-    solution: Real = np.linalg.lstsq(regressors, targets, rcond=None)[0].T
-    return solution
+    return np.asarray(np.linalg.lstsq(regressors, targets, rcond=None)[0].T, dtype=float)

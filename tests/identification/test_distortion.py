@@ -1,0 +1,69 @@
+"""Distortion: harmonics of a sine and silent lines of a multisine."""
+
+import numpy as np
+import pytest
+
+from workbench.errors import InputError
+from workbench.identification import (
+    line_amplitudes,
+    line_distortion,
+    odd_lines,
+    random_multisine,
+    sine_fit,
+    total_harmonic_distortion,
+)
+
+
+def test_known_harmonics():
+    assert total_harmonic_distortion([2.0, 0.3j, -0.4]) == pytest.approx(0.25)
+    assert total_harmonic_distortion(np.ones((3, 2))).tolist() == [1, 1, 1]
+
+
+def test_clipped_cubic():
+    """x - x^3 / 3 of a unit cosine is 3/4 of it less 1/12 of its third harmonic."""
+    x = np.cos(2 * np.pi * 0.0101 * np.arange(1000))
+    amplitudes = sine_fit(x - x**3 / 3, 1.0, 0.0101, harmonics=5).mean(axis=0)
+    assert total_harmonic_distortion(amplitudes) == pytest.approx(1 / 9)
+
+
+@pytest.mark.parametrize("bad", [[1.0], [0.0, 1.0], 3.0])
+def test_bad_amplitudes(bad):
+    with pytest.raises(InputError):
+        total_harmonic_distortion(bad)
+
+
+def measured(nonlinearity, seed=0, size=1e-3):
+    rng = np.random.default_rng(seed)
+    excited, _ = odd_lines(1, 100, 4, rng)
+    signal = random_multisine(excited, 0.1, 1024, rng).period()
+    record = np.tile(nonlinearity(signal), 8) + size * rng.normal(size=8 * 1024)
+    return line_distortion(line_amplitudes(record, 1024), excited)
+
+
+def test_a_linear_system_passes():
+    found = [measured(lambda x: 2 * x, seed) for seed in range(100)]
+    assert sum(one.detected(0.05) for one in found) <= 14  # of 5 expected
+    assert found[0].noise == pytest.approx(2 * 1e-3 / np.sqrt(8 * 1024), rel=0.2)
+    assert found[0].excited == pytest.approx(0.2, rel=1e-3)
+
+
+def test_even_and_odd_distortion_are_told_apart():
+    even = measured(lambda x: x + 0.01 * x**2)
+    odd = measured(lambda x: x + 0.01 * x**3)
+    assert even.even_p < 1e-6 < 1e-3 < even.odd_p
+    assert odd.odd_p < 1e-6 < 1e-3 < odd.even_p
+    assert even.even > 10 * even.odd
+
+
+def test_without_noise():
+    assert not measured(lambda x: x, size=0).odd > 1e-12
+    assert measured(lambda x: x**3, size=0).detected()
+
+
+def test_bad_input():
+    with pytest.raises(InputError, match="two periods"):
+        line_distortion(np.ones((3, 10)), [1, 5], transients=2)
+    with pytest.raises(InputError, match="must be odd"):
+        line_distortion(np.ones((3, 10)), [1, 4])
+    with pytest.raises(InputError, match="no odd line"):
+        line_distortion(np.ones((3, 10)), [1, 3, 5])
