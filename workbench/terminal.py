@@ -70,9 +70,15 @@ def print_runs(runs: Sequence[Run]) -> None:
 def print_details(one: Run) -> None:
     """The certificate of a run, check by check, and where its folder is."""
     if one.certificate is not None:
+        needs = tuple(f"{name}{mark}" for name in one.info["needs"] for mark in ":[")
+        inherited = [c for c in one.certificate.checks if c.name.startswith(needs) and c.holds]
         for check in one.certificate.checks:
+            if check in inherited:
+                continue
             sign = "holds" if check.holds else "FAILS"
             click.echo(f"  {sign}  {check.name}: {check.value:.3g} <= {check.limit:.3g}")
+        if inherited:
+            click.echo(f"  holds  {len(inherited)} checks of its needs")
         gap = one.certificate.gap
         if gap is not None:
             wanted = f" <= {gap.tolerance:.3g}" if gap.required else ""

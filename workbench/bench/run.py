@@ -6,7 +6,7 @@ import datetime
 import platform
 import time
 import traceback
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -190,12 +190,18 @@ class Bound:
             asked(options),
         )
 
+    def _named_needs(self) -> Iterator[tuple[str, Run]]:
+        for name, need in self.needs.items():
+            if isinstance(need, list):
+                yield from ((f"{name}[{i}]", run) for i, run in enumerate(need))
+            else:
+                yield name, need
+
     def inherit(self, own: Certificate) -> Certificate:
         """A study's certificate: those of its needs, and its own checks."""
         checks = [
             replace(check, name=f"{name}: {check.name}")
-            for name, need in self.needs.items()
-            for run in (need if isinstance(need, list) else [need])
+            for name, run in self._named_needs()
             if run.certificate is not None
             for check in run.certificate.checks
         ]

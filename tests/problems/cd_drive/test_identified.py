@@ -1,0 +1,70 @@
+"""The joint fit of all experiments of a drive."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import xarray as xr
+from scipy import stats
+
+import workbench as wb
+from problems.cd_drive.actuator import SERIES_RESISTANCE, specific_model
+from problems.cd_drive.identified import NAMES, Identified
+from problems.cd_drive.tables import drives
+
+
+def measured(axis):
+    """Runs of one drive whose responses are exact but for a little noise."""
+    rng = np.random.default_rng(1)
+    drive = drives(axis)[0]
+    model = specific_model(drive)
+    low, high = np.arange(10.0, 100.5, 0.5), np.arange(100.0, 2001.0, 10.0)
+    total = drive.R + SERIES_RESISTANCE
+    current = SERIES_RESISTANCE / total * (1 - drive.Bl * 2j * np.pi * low * model.response(low))
+    motion = model.response(high)
+    noise = [rng.normal(size=n) + 1j * rng.normal(size=n) for n in (low.size, high.size)]
+    current = current + 1e-6 * noise[0] / np.sqrt(2)
+    sigma = 1e-4 * abs(motion)
+    motion = motion + sigma * noise[1] / np.sqrt(2)
+    radius = sigma * np.sqrt(stats.f.ppf(0.99, 2, 18))
+    open_loop = xr.Dataset(
+        {
+            "response": ("frequency", current),
+            "variance": ("frequency", np.full(low.size, 1e-12), {"degrees": 16.0}),
+        },
+        {"frequency": low},
+    )
+    closed_loop = xr.Dataset(
+        {"response": ("frequency", motion), "radius": ("frequency", radius)},
+        {"frequency": high},
+    )
+    runs = [SimpleNamespace(data=data) for data in (open_loop, closed_loop)]
+    return drive, Identified(axis, (runs[0],), (runs[1],), None)
+
+
+@pytest.mark.parametrize("axis", ["focus", "radial"])
+def test_precise_responses_give_the_drive_back(axis):
+    drive, study = measured(axis)
+    fit = study._fit(drive, drive.K_optn, 0)
+    truth = np.array([getattr(drive, name) for name in NAMES])
+    assert np.all(abs(fit.answer[: len(NAMES)] - truth) <= 1.5 * fit.half_width[: len(NAMES)])
+    assert np.all(fit.half_width[: len(NAMES)] <= 0.05 * truth)
+    assert fit.chi_square == pytest.approx(1.0, abs=0.3)
+
+
+def test_a_wrong_optical_gain_is_corrected_within_its_accuracy():
+    drive, study = measured("focus")
+    fit = study._fit(drive, 1.005 * drive.K_optn, 0)
+    assert fit.answer[-1] == pytest.approx(1 / 1.005, rel=1e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("axis", ["focus", "radial"])
+def test_twelve_drives_are_identified(axis, tmp_path, monkeypatch):
+    monkeypatch.setenv("WORKBENCH_RESULTS", str(tmp_path))
+    run = wb.run(f"cd/{axis}/identified")
+    assert run.certificate.failures == ()
+    assert run.metrics["bias_b_lumped"] < -0.1
+    assert abs(run.metrics["bias_b_joint"]) < 0.05
+    covered = [one.metrics["covered"] for one in wb.results(f"cd/{axis}/open-loop")]
+    assert len(covered) == 12 and np.mean(covered) >= 0.95
