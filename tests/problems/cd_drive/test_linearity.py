@@ -1,0 +1,73 @@
+"""Harmonic distortion of the experiments, and what it is made of."""
+
+import numpy as np
+import pytest
+
+from problems.cd_drive.disc import Disc
+from problems.cd_drive.laboratory import STILL, Laboratory
+from problems.cd_drive.linearity import (
+    Linearity,
+    closed_loop,
+    closed_loop_amplitude,
+)
+from workbench import Options, solve
+
+QUIET = {"noise": 0.0, "electronics": 0.0, "bits": None}
+
+
+@pytest.fixture(scope="module", params=["focus", "radial"])
+def solved(request):
+    study = Linearity(Laboratory(request.param, "CD1"), 16)
+    return study, solve(study, options=Options(seed=5))
+
+
+def test_levels_are_those_of_the_text(solved):
+    study, solution = solved
+    assert solution.certificate.failures == ()
+    metrics = study.metrics(solution.answer)
+    assert max(metrics["input_open_percent"], metrics["output_open_percent"]) < 0.5
+    assert 2.0 < metrics["output_closed_percent"] < 10.0
+    assert metrics["input_closed_first_percent"] > 30.0
+    assert metrics["input_closed_last_percent"] < 5.0
+
+
+def test_distortion_is_that_of_the_optics(solved):
+    """The s-curve is straight where the experiment is; the tracks' sine is not."""
+    study, solution = solved
+    level = study.metrics(solution.answer)["output_distortion_percent"]
+    lowest, highest = (0.0, 0.05) if study.laboratory.axis == "focus" else (0.5, 3.0)
+    assert lowest < level < highest
+
+
+def test_the_run_is_stored_and_shown(solved):
+    study, solution = solved
+    stored = study.from_dataset(study.to_dataset(solution.answer))
+    assert all(check.holds for check in study.checks(stored, 1e-6))
+    assert study.tables(stored)["thd"].count("\n") == 2 + 2 * 16
+    assert study.figures(stored).keys() == {"thd"}
+
+
+def test_a_distorted_output_fails(solved):
+    study, solution = solved
+    thd = solution.answer["thd"].copy()
+    thd.loc[{"channel": "output"}] += 20.0
+    failing = study.certify(solution.answer.assign(thd=thd), 1e-6).failures
+    assert [text.partition(":")[0] for text in failing] == ["open loop", "closed loop, output"]
+
+
+@pytest.mark.parametrize("axis", ["focus", "radial"])
+def test_excitation_moves_the_lens_as_far_as_wanted(axis):
+    """The frequency that moves it most decides."""
+    bench, frequency = Laboratory(axis, "CD2", **QUIET), np.array([150.0, 300.0, 700.0])
+    alone = [closed_loop_amplitude(bench, frequency[[i]]) for i in range(3)]
+    assert closed_loop_amplitude(bench, frequency) == pytest.approx(min(alone))
+    assert max(alone) < 10.0
+
+
+def test_beyond_the_straight_part_distortion_rises():
+    """A lens held 1.5 um off its focus swings beyond the s-curve's straight part."""
+    bench, frequency = Laboratory("focus", "CD1", **QUIET), np.array([700.0, 900.0])
+    straight = closed_loop(bench, frequency, 0, STILL)[1]
+    moving = closed_loop(bench, frequency, 0, Disc(warp=(1e-3,), rotation=9.0))[1]
+    assert straight.max() < 1e-3
+    assert moving.max() > 10 * straight.max()
