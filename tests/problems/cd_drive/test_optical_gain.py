@@ -5,15 +5,8 @@ import pytest
 
 from problems.cd_drive.bench_setup import RATE
 from problems.cd_drive.laboratory import Laboratory
-from problems.cd_drive.optical_gain import (
-    GAINS,
-    RANGE,
-    SWEEP,
-    OpticalGain,
-    focus_scan,
-    radial_scan,
-    ramps,
-)
+from problems.cd_drive.optical_gain import GAINS, OpticalGain
+from problems.cd_drive.scans import RANGE, SWEEP, focus_scan, radial_scan, ramps
 from problems.cd_drive.tables import drives
 from workbench import Options, solve
 
