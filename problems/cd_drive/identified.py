@@ -19,11 +19,10 @@ from workbench.executor import Context
 from workbench.identification import MeasuredResponse, Parameter, ParameterFit
 
 from .actuator import SERIES_RESISTANCE, Real, specific_model, stack
-from .closed_loop import lens
 from .drives import nominal_parameters
-from .open_loop import lumped
 from .sets import TABLES, WINDOWS
 from .tables import ActuatorParameters, Axis, Drive, drives
+from .two_masses import lens, lumped
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -162,7 +161,7 @@ class Identified(Study):
                 in_the_loop,
                 "x/v",
             ),
-            Given(lumped(drive)["m"]),
+            Given(lumped(drive).m),
         ]
         nominal = nominal_parameters(self.axis)
         start = {name: getattr(nominal, name) for name in NAMES} | {"gain": 1.0}

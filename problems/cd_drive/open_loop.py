@@ -28,7 +28,8 @@ from .actuator import SERIES_RESISTANCE
 from .bench_setup import RATE
 from .laboratory import Laboratory
 from .sets import TABLES
-from .tables import ActuatorParameters, Axis, Values
+from .tables import Axis, Values
+from .two_masses import lumped
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -78,7 +79,7 @@ class OpenLoop(Study):
     @property
     def mass(self) -> float:
         """m_eff [kg]: both masses as the first resonance sees them, taken as known."""
-        return lumped(self.laboratory.parameters)["m"]
+        return lumped(self.laboratory.parameters).m
 
     @property
     def frequency(self) -> np.ndarray:
@@ -306,21 +307,6 @@ class OpenLoop(Study):
 
 ASSUMPTIONS = ("circular", "normal", "independent")
 """What the interval assumes of the noise, each with the p-value of a test."""
-
-
-def lumped(parameters: ActuatorParameters) -> dict[str, float]:
-    """m, k and b of the one-mass model as the first resonance sees the two masses.
-
-    At low frequency the arm follows the lens in the ratio rho = k2 / (k1 + k2), so masses and
-    dampers count with the squares of the displacements across them; the spring is the series one.
-    """
-    p = parameters
-    rho = p.k2 / (p.k1 + p.k2)
-    return {
-        "m": p.m1 + p.m2 * rho**2,
-        "k": p.k1 * rho**2 + p.k2 * (1 - rho) ** 2,
-        "b": p.b1 * rho**2 + p.b2 * (1 - rho) ** 2,
-    }
 
 
 def without_transient(

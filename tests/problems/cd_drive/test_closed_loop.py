@@ -8,25 +8,19 @@ import pytest
 
 from problems.cd_drive.actuator import resonances, specific_model
 from problems.cd_drive.bench_setup import RATE
-from problems.cd_drive.closed_loop import (
-    FITTED,
-    LIMITS,
+from problems.cd_drive.closed_loop import LIMITS, ClosedLoop
+from problems.cd_drive.in_the_loop import (
     PERIODS,
     SETTLING,
     SWING,
-    ClosedLoop,
-    Known,
-    Lumped,
-    _chain,
-    closed_loop,
+    chain,
     colour,
     excitation,
-    lens,
-    lumped,
     neighbours_p,
 )
 from problems.cd_drive.laboratory import Laboratory
 from problems.cd_drive.tables import drives
+from problems.cd_drive.two_masses import FITTED, Known, Lumped, lens, lumped
 from workbench import solve
 from workbench.identification import sine_fit
 from workbench.solvers import Options, Outcome
@@ -49,7 +43,8 @@ def runs():
         key = axis, disturbances, mismatch
         if key not in found:
             drive = "CD1" if axis == "radial" else "CD12"
-            task = closed_loop(axis, drive, disturbances, mismatch, STEP)
+            bench = Laboratory(axis, drive, mismatch=mismatch)
+            task = ClosedLoop(bench, np.arange(100.0, 2001.0, STEP), disturbances)
             found[key] = task, solve(task, options=Options(seed=3))
         return found[key]
 
@@ -61,7 +56,7 @@ def runs():
 def test_chain_leaves_the_actuator(axis, delay):
     bench = Laboratory(axis, "CD3", delay=delay)
     exact = bench.response(GRID)
-    actuator = exact["f_en"] / exact["u_m"] / _chain(bench, GRID)
+    actuator = exact["f_en"] / exact["u_m"] / chain(bench, GRID)
     np.testing.assert_allclose(actuator, bench.actuator.response(GRID), rtol=2e-4)
 
 
