@@ -4,6 +4,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/.ready
 WORKBENCH := $(BIN)/workbench
+REFERENCE := $(WORKBENCH) --results results/reference run
 
 .DELETE_ON_ERROR:
 .PHONY: reproduce reproduce-all test test-all lint reference clean
@@ -30,8 +31,11 @@ lint: $(READY)
 # Make the committed reference results anew, at a size that a repository can carry.
 reference: $(READY)
 	rm -rf results/reference
-	$(WORKBENCH) --results results/reference run 'cd/*' --set frequencies=120
-	$(WORKBENCH) --results results/reference run 'bench/*'
+	$(REFERENCE) cd/drives 'cd/*/circles' 'cd/*/stadiums' --set frequencies=120
+	$(REFERENCE) cd/optics cd/red-book 'cd/*/linearity' bench/geometry cd-arm/identification
+	$(REFERENCE) 'cd/*/open-loop' --set step=1
+	$(REFERENCE) 'cd/*/closed-loop' --set step_hz=20
+	$(REFERENCE) 'cd/*/optical-gain' --set passes=10
 	rm -rf results/reference/.partial
 
 $(READY): requirements.txt pyproject.toml
