@@ -189,6 +189,7 @@ class Specifications(Study):
                     f"{place:.3g} Hz", (place, level), (2, below), textcoords="offset points"
                 )
             attenuation.loglog(frequency, one["envelope"] / acceptable, color=colour)
+        deviation.set_ylim(bottom=0.01)
         attenuation.axhline(1.0, color=figures.BLACK, lw=0.8)
         deviation.set_ylabel("largest deviation [um]")
         attenuation.set_ylabel("deviation / acceptable error [1]")
