@@ -263,7 +263,7 @@ def test_needs_follow_the_axis_and_name_their_method(project):
 
 def test_a_study_inherits_the_checks_of_its_needs(project):
     names = [check.name for check in wb.run("toy/sum").certificate.checks]
-    assert names == ["parts: reach", "parts: reach", "positive"]
+    assert names == ["parts[0]: reach", "parts[1]: reach", "positive"]
 
 
 def test_a_need_that_fails_stops_what_is_downstream(project):
