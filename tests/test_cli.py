@@ -286,7 +286,16 @@ def test_results_are_listed(cli):
 
 
 def test_compare_prints_the_cells(cli):
-    words = ("compare", "toy/root", "--methods", "exact,lying,picky", "--set", "copies=2", "--accuracy", "low,high")
+    words = (
+        "compare",
+        "toy/root",
+        "--methods",
+        "exact,lying,picky",
+        "--set",
+        "copies=2",
+        "--accuracy",
+        "low,high",
+    )
     status, out, _ = cli(*words)
     assert status == 1  # a certificate fails
     lines = [line.split() for line in out.splitlines()]
