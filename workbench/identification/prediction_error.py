@@ -5,10 +5,11 @@ The criterion is, up to constants, a negative log likelihood with unknown noise 
     N/2 log det(sum e e'/N) + w N/2 log det(sum s s'/N),
 
 of the one-step errors e and, weighted by w, of the free-run errors s. With w = 0 it is the
-classical maximum-likelihood estimate. Real records are never quite linear, and one-step errors
-alone then put slow misfit of the plant on the account of the noise; w > 0 asks that the same model
-also simulate the whole record. Free-run errors are correlated over many samples, tens of them
-carrying no more than one independent one, so w = 0.1 weighs both kinds about equally.
+classical maximum-likelihood estimate, the one for prediction. Real records are never quite linear,
+and one-step errors alone then put slow misfit of the plant on the account of the noise; w > 0 asks
+that the same model also simulate the whole record. Free-run errors are correlated over many
+samples, tens of them carrying no more than one independent one, so w = 0.1 weighs both kinds about
+equally; w = 1 puts simulation first.
 
 Source: L. Ljung, System Identification, 2nd ed., 1999, sections 7.2, 10.2 and 15.2.
 """

@@ -1,4 +1,11 @@
-"""State-space models of a record: the order chosen in its first part, judged on the rest."""
+"""State-space models of a record, one to predict and one to simulate it.
+
+Prediction and simulation are two uses of a model. Where a record is not quite linear, no model of
+low order is best at both: one-step prediction may put slow misfit of the plant on the account of
+the noise, which a simulation cannot. So each use has its own model, estimated by the criterion of
+that use and of the order that validates best in it. Both are chosen in the first part of the record
+and judged on the rest.
+"""
 
 from __future__ import annotations
 
@@ -29,10 +36,15 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
-KINDS = ("one_step", "free_run")
+USES = ("one_step", "free_run")
+"""What the predictor and the simulator are for, each named as the method of the model."""
+MODELS = ("predictor", "simulator")
+SIMULATION_WEIGHTS = (0.0, 1.0)
+"""Weights of free-run errors in the prediction-error method: the predictor is the
+maximum-likelihood estimate, the simulator explains its free run as much as its prediction."""
 MATRICES = {
-    "A": ("state", "state_"), "B": ("state", "input"), "C": ("output", "state"),
-    "D": ("output", "input"), "K": ("state", "output"),
+    "A": ("{}_state", "{}_state_"), "B": ("{}_state", "input"), "C": ("output", "{}_state"),
+    "D": ("output", "input"), "K": ("{}_state", "output"),
     "u_offset": ("input",), "y_offset": ("output",),
 }  # fmt: skip
 LAGS = 25
@@ -43,21 +55,31 @@ both folds leave one unbroken record to estimate from."""
 
 Fit = Callable[[Real, Real], InnovationsModel | None]
 """From a record u (N, nu), y (N, ny) to a model; None where the method finds no stable one."""
+Way = Callable[[int], Fit]
+"""From an order to a way of fitting models of it."""
 
 
 @dataclass(frozen=True, eq=False)
 class Identified:
-    """A model and the validation fits [%] that chose its order, (orders, kinds, ny)."""
+    """A model for each use, and the validation fits [%] that chose their orders.
 
-    model: InnovationsModel
+    scores: (uses, orders, ny), one-step fits of predictors and free-run fits of simulators.
+    """
+
+    predictor: InnovationsModel
+    simulator: InnovationsModel
     scores: Real
 
 
 @dataclass(frozen=True, eq=False)
 class StateSpaceFit(Program):
-    """A linear model of a record in innovations form, with its noise.
+    """Linear models of a record in innovations form: one to predict it, one to simulate it.
 
-    Only the first `estimation` samples may be used to estimate and to choose the order; the rest
+    The predictor's order is that of the best one-step fit in validation, the simulator's that of
+    the best free-run fit; the prediction-error method also weighs free-run errors only for the
+    simulator. A fit of one step is the predictor's and a free-run fit the simulator's.
+
+    Only the first `estimation` samples may be used to estimate and to choose the orders; the rest
     judges, once. Wherever a model is judged, its initial state comes from the first `washout`
     samples, which are left out of the score.
 
@@ -71,8 +93,6 @@ class StateSpaceFit(Program):
         Numbers of states to choose from.
     washout
         Samples that an initial state is estimated from.
-    simulation_weight
-        Weight of free-run errors beside one-step errors in the prediction-error method.
 
     Raises
     ------
@@ -85,7 +105,6 @@ class StateSpaceFit(Program):
     estimation: int
     orders: tuple[int, ...] = (2, 4, 6, 8)
     washout: int = 50
-    simulation_weight: float = 0.1
     title: str = field(default="record", kw_only=True)
 
     default_method: ClassVar[str] = "prediction-error"
@@ -121,41 +140,61 @@ class StateSpaceFit(Program):
             )
 
     def validate(self, fit: Fit) -> Real:
-        """Mean fits [%] of a way of fitting over the folds of the estimation part, (kinds, ny).
+        """Mean fits [%] of a way of fitting over the folds of the estimation part, (uses, ny).
 
         Minus infinity where it finds no stable model.
         """
         u, y = self.u[: self.estimation], self.y[: self.estimation]
         cut = round(self.estimation * VALIDATED)
         folds = ((slice(None, -cut), slice(-cut, None)), (slice(cut, None), slice(None, cut)))
-        total = np.zeros((len(KINDS), y.shape[1]))
+        total = np.zeros((len(USES), y.shape[1]))
         for used, left in folds:
             model = fit(u[used], y[used])
             if model is None:
                 return np.full_like(total, -np.inf)
-            total += self.fits(model, u[left], y[left]) / len(folds)
+            total += self.fits(model, model, u[left], y[left]) / len(folds)
         return total
 
-    def fits(self, model: InnovationsModel, u: Real, y: Real) -> Real:
-        """One-step and free-run fit of each output [%] on a record without its washout, (2, ny)."""
-        runs = (model.one_step, model.free_run)
+    def fits(
+        self, predictor: InnovationsModel, simulator: InnovationsModel, u: Real, y: Real
+    ) -> Real:
+        """Fit of each output [%] on a record without its washout, (uses, ny): one step of the
+        predictor, free run of the simulator."""
+        runs = (predictor.one_step, simulator.free_run)
         rows = [
             nrmse_fit(y[self.washout :], run(u, y, self.washout)[self.washout :]) for run in runs
         ]
         return np.array(rows)
 
-    def identify(self, fit: Callable[[int], Fit], context: Context) -> Identified | None:
-        """Validate every order, take the one of the best mean fit, and fit it to all that may be
-        used; None where no order gives a stable model."""
-        tried = context.track(self.orders, "orders")
-        scores = np.array([self.validate(fit(order)) for order in tried])
-        model = None
-        means = scores.mean(axis=(1, 2))
+    def identify(self, predictors: Way, simulators: Way, context: Context) -> Identified | None:
+        """Validate every order, take for each use the one of the best mean fit in that use, and
+        fit it to all that may be used; None where no order gives a stable model."""
+        ways = (predictors, simulators)
+        tried = [(way, order) for way in dict.fromkeys(ways) for order in self.orders]
+        fits = {
+            (way, order): self.validate(way(order))
+            for way, order in context.track(tried, "validation")
+        }
+        scores = np.array(
+            [[fits[way, order][use] for order in self.orders] for use, way in enumerate(ways)]
+        )
+        predictor, simulator = (
+            self._best(way, means) for way, means in zip(ways, scores.mean(axis=-1), strict=True)
+        )
+        if predictor is None or simulator is None:
+            return None
+        return Identified(predictor, simulator, scores)
+
+    def _best(self, way: Way, means: Real) -> InnovationsModel | None:
+        """The model of the whole estimation part whose order validated best, if it is stable;
+        else of the next order."""
+        used = slice(None, self.estimation)
         for place in np.argsort(-means, kind="stable"):
-            if model is None and np.isfinite(means[place]):
-                used = slice(None, self.estimation)
-                model = fit(self.orders[place])(self.u[used], self.y[used])
-        return None if model is None else Identified(model, scores)
+            if np.isfinite(means[place]):
+                model = way(self.orders[place])(self.u[used], self.y[used])
+                if model is not None:
+                    return model
+        return None
 
     @cached_property
     def nonparametric(self) -> LocalPolynomial:
@@ -163,20 +202,30 @@ class StateSpaceFit(Program):
         return local_polynomial(self.u[: self.estimation], self.y[: self.estimation])
 
     def checks(self, answer: Identified, tolerance: float) -> list[Check]:
-        model, rest = answer.model, slice(self.estimation, None)
-        missed = 1 - self.fits(model, self.u[rest], self.y[rest]) / 100
+        rest = slice(self.estimation, None)
+        missed = 1 - self._fits(answer, rest) / 100
+        radii = [
+            (name, matrix, radius)
+            for name in MODELS
+            for matrix, radius in (
+                ("A", getattr(answer, name).radius),
+                ("A - K C", getattr(answer, name).predictor_radius),
+            )
+        ]
         return [
-            Check("stable", "spectral radius of A", model.radius, 1.0),
-            Check("stable predictor", "spectral radius of A - K C", model.predictor_radius, 1.0),
+            *(
+                Check(f"stable {name}, {matrix}", "spectral radius", radius, 1.0)
+                for name, matrix, radius in radii
+            ),
             *(
                 Check(
-                    kind.replace("_", " "),
+                    use.replace("_", " "),
                     "error on the samples held out, over that of the mean",
                     float(np.max(row)),
                     1.0,
                     f"of y{int(np.argmax(row)) + 1}",
                 )
-                for kind, row in zip(KINDS, missed, strict=True)
+                for use, row in zip(USES, missed, strict=True)
             ),
         ]
 
@@ -184,15 +233,18 @@ class StateSpaceFit(Program):
         parts = {"": slice(self.estimation, None), "estimation_": slice(None, self.estimation)}
         numbers: dict[str, float] = {}
         for part, used in parts.items():
-            fits = self.fits(answer.model, self.u[used], self.y[used])
-            for kind, row in zip(KINDS, fits, strict=True):
-                numbers |= {f"{part}fit_{kind}_y{i + 1}": float(v) for i, v in enumerate(row)}
-        own, crossed = self.residual_tests(answer.model)
+            for use, row in zip(USES, self._fits(answer, used), strict=True):
+                numbers |= {f"{part}fit_{use}_y{i + 1}": float(v) for i, v in enumerate(row)}
+        own, crossed = self.residual_tests(answer.predictor)
         return numbers | {
-            "order": float(answer.model.order),
+            "order": float(answer.predictor.order),
+            "order_free_run": float(answer.simulator.order),
             "residual_autocorrelations_outside": share_outside(own),
             "residual_input_correlations_outside": share_outside(crossed[LAGS:]),
         }
+
+    def _fits(self, answer: Identified, part: slice) -> Real:
+        return self.fits(answer.predictor, answer.simulator, self.u[part], self.y[part])
 
     def residual_tests(self, model: InnovationsModel) -> tuple[Real, Real]:
         """`autocorrelation` and `cross_correlation` of one-step errors on the samples held out."""
@@ -201,14 +253,11 @@ class StateSpaceFit(Program):
         return autocorrelation(errors, LAGS), cross_correlation(errors, u[self.washout :], LAGS)
 
     def tables(self, answer: Identified) -> dict[str, str]:
-        outputs = range(1, self.y.shape[1] + 1)
-        heads = [f"{kind.replace('_', ' ')} y{i} [%]" for kind in KINDS for i in outputs]
-        lines = [
-            "| order | " + " | ".join(heads) + " | mean [%] |",
-            "| ---: |" + " ---: |" * (len(heads) + 1),
-        ]
-        for order, score in zip(self.orders, answer.scores, strict=True):
-            cells = " | ".join(f"{x:.2f}" for x in (*score.ravel(), score.mean()))
+        outputs = [f"y{i + 1}" for i in range(self.y.shape[1])]
+        heads = [f"{use.replace('_', ' ')} {of} [%]" for use in USES for of in (*outputs, "mean")]
+        lines = ["| order | " + " | ".join(heads) + " |", "| ---: |" + " ---: |" * len(heads)]
+        for order, score in zip(self.orders, answer.scores.swapaxes(0, 1), strict=True):
+            cells = " | ".join(f"{x:.2f}" for row in score for x in (*row, row.mean()))
             lines.append(f"| {order} | {cells} |")
         return {"validation": "\n".join(lines) + "\n"}
 
@@ -224,19 +273,31 @@ class StateSpaceFit(Program):
     def to_dataset(self, answer: Identified) -> xr.Dataset:
         import xarray as xr
 
-        model, estimate = answer.model, self.nonparametric
+        predictor, simulator = answer.predictor, answer.simulator
+        estimate = self.nonparametric
         u, y = self.u[self.estimation :], self.y[self.estimation :]
         grid = ("frequency", "output", "input")
-        own, crossed = self.residual_tests(model)
+        own, crossed = self.residual_tests(predictor)
         held = ("time", "output")
         return xr.Dataset(
             {
-                **{name: (dims, getattr(model, name)) for name, dims in MATRICES.items()},
-                "validation_fit": (("order", "kind", "output"), answer.scores, {"units": "%"}),
+                **{
+                    f"{name}_{matrix}": (
+                        tuple(dim.format(name) for dim in dims),
+                        getattr(getattr(answer, name), matrix),
+                    )
+                    for name in MODELS
+                    for matrix, dims in MATRICES.items()
+                },
+                "validation_fit": (("use", "order", "output"), answer.scores, {"units": "%"}),
                 "measured": (held, y, {"long_name": "held-out record"}),
-                "one_step": (held, model.one_step(u, y, self.washout)),
-                "free_run": (held, model.free_run(u, y, self.washout)),
-                "response": (grid, model.response(estimate.frequency)),
+                "one_step": (held, predictor.one_step(u, y, self.washout)),
+                "free_run": (held, simulator.free_run(u, y, self.washout)),
+                "response": (
+                    grid,
+                    simulator.response(estimate.frequency),
+                    {"long_name": "of the simulator"},
+                ),
                 "nonparametric": (grid, estimate.response),
                 "variance": (grid, estimate.variance, {"long_name": "of nonparametric"}),
                 "autocorrelation": (("lag", "output"), own, {"units": "standard deviations"}),
@@ -250,7 +311,7 @@ class StateSpaceFit(Program):
                 "input": [f"u{i + 1}" for i in range(u.shape[1])],
                 "output": [f"y{i + 1}" for i in range(y.shape[1])],
                 "order": list(self.orders),
-                "kind": list(KINDS),
+                "use": list(USES),
                 "time": ("time", np.arange(self.estimation, len(self.u)), {"units": "samples"}),
                 "frequency": ("frequency", estimate.frequency, {"units": "cycles/sample"}),
                 "lag": ("lag", np.arange(1, LAGS + 1), {"units": "samples"}),
@@ -260,35 +321,43 @@ class StateSpaceFit(Program):
         )
 
     def from_dataset(self, data: xr.Dataset) -> Identified:
-        matrices = {name: data[name].values for name in MATRICES}
-        return Identified(InnovationsModel(**matrices), data["validation_fit"].values)
+        predictor, simulator = (
+            InnovationsModel(**{matrix: data[f"{name}_{matrix}"].values for matrix in MATRICES})
+            for name in MODELS
+        )
+        return Identified(predictor, simulator, data["validation_fit"].values)
 
 
 def _claim(answer: Identified | None) -> Claim:
     if answer is None:
         return None, Outcome.FAILED, "no order gives a stable model with a stable predictor"
-    return answer, Outcome.SOLVED, f"order {answer.model.order}"
+    orders = f"order {answer.predictor.order} to predict, {answer.simulator.order} to simulate"
+    return answer, Outcome.SOLVED, orders
 
 
 @method(StateSpaceFit, "subspace", optimal=False)
 def _subspace(program: StateSpaceFit, context: Context) -> Claim:
-    """Predictor-based subspace identification; no iterations."""
+    """Predictor-based subspace identification for both uses; no iterations."""
 
-    def fit(order: int) -> Fit:
+    def way(order: int) -> Fit:
         return lambda u, y: best_subspace(u, y, order)
 
-    return _claim(program.identify(fit, context))
+    return _claim(program.identify(way, way, context))
 
 
 @method(StateSpaceFit, "prediction-error", optimal=False)
 def _prediction_error(program: StateSpaceFit, context: Context) -> Claim:
-    """Prediction errors minimised from the subspace model; exact gradients."""
+    """Errors of each use minimised from the subspace model; exact gradients."""
+    predictors, simulators = (_refined(weight) for weight in SIMULATION_WEIGHTS)
+    return _claim(program.identify(predictors, simulators, context))
 
-    def fit(order: int) -> Fit:
-        def refined(u: Real, y: Real) -> InnovationsModel | None:
+
+def _refined(simulation_weight: float) -> Way:
+    def way(order: int) -> Fit:
+        def fit(u: Real, y: Real) -> InnovationsModel | None:
             start = best_subspace(u, y, order)
-            return start and refine(start, u, y, program.simulation_weight)[0]
+            return start and refine(start, u, y, simulation_weight)[0]
 
-        return refined
+        return fit
 
-    return _claim(program.identify(fit, context))
+    return way

@@ -1,4 +1,4 @@
-"""Figures of an identified state-space model, from its dataset."""
+"""Figures of identified state-space models, from their dataset."""
 
 from __future__ import annotations
 
@@ -25,8 +25,10 @@ def held_out(data: xr.Dataset, title: str) -> Figure:
         signal, error = panels[2 * i], panels[2 * i + 1]
         one = data.sel(output=output)
         signal.plot(one["time"], one["measured"], color=figures.BLACK, lw=0.9, label="measured")
-        signal.plot(one["time"], one["free_run"], color=figures.ORANGE, lw=0.9, label="free run")
-        signal.plot([], [], color=figures.BLUE, lw=0.9, label="one step")
+        signal.plot(
+            one["time"], one["free_run"], color=figures.ORANGE, lw=0.9, label="simulator, free run"
+        )
+        signal.plot([], [], color=figures.BLUE, lw=0.9, label="predictor, one step")
         left = scored.sel(output=output)
         for name, colour in (("free_run", figures.ORANGE), ("one_step", figures.BLUE)):
             error.plot(left["time"], left["measured"] - left[name], color=colour, lw=0.7)
@@ -39,7 +41,7 @@ def held_out(data: xr.Dataset, title: str) -> Figure:
 
 
 def response(data: xr.Dataset, title: str) -> Figure:
-    """Magnitudes of the model and of the nonparametric response with its 99 % radius."""
+    """Magnitudes of the simulator and of the nonparametric response with its 99 % radius."""
     rows, columns = data.sizes["output"], data.sizes["input"]
     figure, panels = figures.axes(rows, columns, size=(4.4 * columns, 3.2 * rows), sharex=True)
     frequency = data["frequency"].values
@@ -55,7 +57,7 @@ def response(data: xr.Dataset, title: str) -> Figure:
         panel.loglog(
             frequency, radius.isel(place), color=figures.SKY, lw=0.7, label="its 99 % radius"
         )
-        panel.loglog(frequency, abs(one["response"]), color=figures.ORANGE, label="model")
+        panel.loglog(frequency, abs(one["response"]), color=figures.ORANGE, label="simulator")
         output, source = str(one["output"].values), str(one["input"].values)
         panel.set_title(f"{source} to {output}")
         if k >= len(panels) - columns:
@@ -68,7 +70,7 @@ def response(data: xr.Dataset, title: str) -> Figure:
 
 
 def residuals(data: xr.Dataset) -> Figure:
-    """Correlations of one-step errors with their past and with the inputs, and the 99 % bound."""
+    """Correlations of the predictor's errors with their past and the inputs, and the 99 % bound."""
     outputs, inputs = data["output"].values, data["input"].values
     columns = 1 + len(inputs)
     figure, panels = figures.axes(len(outputs), columns, size=(3.2 * columns, 2.7 * len(outputs)))
@@ -91,25 +93,25 @@ def residuals(data: xr.Dataset) -> Figure:
 
 
 def validation(data: xr.Dataset) -> Figure:
-    """Fits within the estimation part over the order."""
-    figure, (panel,) = figures.axes(size=(7.0, 4.0))
+    """Fits within the estimation part over the order, of predictors and of simulators."""
+    figure, panels = figures.axes(1, 2, size=(9.0, 4.0))
     fits = data["validation_fit"].where(np.isfinite(data["validation_fit"]))
-    for i, output in enumerate(data["output"].values):
-        for kind, style in (("one_step", "-"), ("free_run", "--")):
+    uses = (("one_step", "predictor"), ("free_run", "simulator"))
+    for panel, (use, name) in zip(panels, uses, strict=True):
+        one = fits.sel(use=use)
+        for i, output in enumerate(data["output"].values):
             panel.plot(
-                data["order"],
-                fits.sel(output=output, kind=kind),
-                style,
-                marker=".",
-                color=figures.CYCLE[i],
-                label=f"{kind.replace('_', ' ')}, {output}",
-            )
-    panel.plot(
-        data["order"], fits.mean(["kind", "output"]), color=figures.BLACK, marker="o", ms=4,
-        label="mean, which chooses",
-    )  # fmt: skip
-    panel.axvline(data.sizes["state"], color=figures.BLACK, lw=0.8, ls=":", label="chosen order")
-    panel.set_xlabel("order")
-    panel.set_ylabel("fit in validation [%]")
-    figures.legend_below(figure, panel, columns=3)
+                data["order"], one.sel(output=output), marker=".", color=figures.CYCLE[i],
+                label=str(output),
+            )  # fmt: skip
+        panel.plot(
+            data["order"], one.mean("output"), color=figures.BLACK, marker="o", ms=4,
+            label="mean, which chooses",
+        )  # fmt: skip
+        chosen = data.sizes[f"{name}_state"]
+        panel.axvline(chosen, color=figures.BLACK, lw=0.8, ls=":", label="chosen order")
+        panel.set_title(f"{name}, {use.replace('_', ' ')}")
+        panel.set_xlabel("order")
+    panels[0].set_ylabel("fit in validation [%]")
+    figures.legend_below(figure, panels[0])
     return figure

@@ -1,0 +1,40 @@
+"""Identification of the CD-player arm from its one measured record."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from workbench import problem
+from workbench.identification.state_space import StateSpaceFit
+
+RECORD = "data/CD_player_arm.dat"
+ESTIMATION = 1024
+"""Samples that may be used to estimate and to choose the order; the other half judges."""
+
+
+@problem("cd-arm/identification", data=RECORD)
+def identification(
+    highest_order: Annotated[int, Field(ge=1)] = 16,
+) -> StateSpaceFit:
+    """State-space models of a measured CD-player arm to predict and to simulate, on held-out data.
+
+    Two inputs, two outputs, 2048 samples (DaISy 96-007); the sampling time is not given, so
+    frequencies are in cycles per sample. Estimation and choice of orders use the first 1024
+    samples, the fits are those of the rest, the initial state coming from its first 50 samples. The
+    model to predict and the model to simulate are chosen each by validation in its own use.
+
+    highest_order: orders from 2 to this one, in steps of two, are tried.
+    """
+    u, y = read_record()
+    orders = tuple(range(2, highest_order + 1, 2)) or (1,)
+    return StateSpaceFit(u, y, ESTIMATION, orders, title="CD-player arm")
+
+
+def read_record() -> tuple[np.ndarray, np.ndarray]:
+    """Inputs u1 u2 (actuator forces) and outputs y1 y2 (tracking), each (2048, 2), no units."""
+    columns = np.loadtxt(Path(__file__).parent / RECORD)
+    return columns[:, :2], columns[:, 2:]
