@@ -33,8 +33,7 @@ reference: $(READY)
 	rm -rf results/reference
 	$(REFERENCE) cd/drives 'cd/*/circles' 'cd/*/stadiums' --set frequencies=120
 	$(REFERENCE) cd/optics cd/red-book 'cd/*/linearity' bench/geometry cd-arm/identification
-	$(REFERENCE) 'cd/*/open-loop' --set step=1
-	$(REFERENCE) 'cd/*/closed-loop' --set step_hz=20
+	$(REFERENCE) 'cd/*/closed-loop' --set step_hz=10
 	$(REFERENCE) 'cd/*/optical-gain' --set passes=10
 	rm -rf results/reference/.partial
 

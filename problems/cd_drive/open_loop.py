@@ -281,6 +281,7 @@ class OpenLoop(Study):
         ):
             magnitude, phase = panels[column], panels[2 + column]
             line: dict[str, Any] = {"linestyle": "none", "marker": ".", "markersize": 1.5}
+            line["rasterized"] = True  # thousands of points
             if column:
                 line = {"linewidth": 1.0, "label": "measured"}
                 exact = answer["exact"].values
