@@ -9,7 +9,9 @@ from workbench.identification.distortion import (
     total_harmonic_distortion,
 )
 from workbench.identification.excitation import SteppedSine, sine_fit
+from workbench.identification.innovations import InnovationsModel
 from workbench.identification.least_squares import Parameter
+from workbench.identification.local_polynomial import LocalPolynomial, local_polynomial
 from workbench.identification.measured import MeasuredRecord, MeasuredResponse
 from workbench.identification.multisine import (
     Multisine,
@@ -22,13 +24,16 @@ from workbench.identification.quality import IdentificationWarning, as_record, s
 from workbench.identification.records import read_record, read_response
 from workbench.identification.response import PeriodicResponse, ResponseEstimate, from_periods
 from workbench.identification.spectral import SpectralResponse, spectral_response
+from workbench.identification.state_space import StateSpaceFit
 from workbench.identification.variables import read_variables
 
 __all__ = [
     "Assumptions",
     "CrestFactor",
     "IdentificationWarning",
+    "InnovationsModel",
     "LineDistortion",
+    "LocalPolynomial",
     "MeasuredRecord",
     "MeasuredResponse",
     "Multisine",
@@ -38,6 +43,7 @@ __all__ = [
     "PeriodicResponse",
     "ResponseEstimate",
     "SpectralResponse",
+    "StateSpaceFit",
     "SteppedSine",
     "as_record",
     "crest_factor_methods",
@@ -45,6 +51,7 @@ __all__ = [
     "from_periods",
     "line_amplitudes",
     "line_distortion",
+    "local_polynomial",
     "odd_lines",
     "parameter_methods",
     "random_multisine",
