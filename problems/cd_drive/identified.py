@@ -22,7 +22,7 @@ from .actuator import SERIES_RESISTANCE, Real, specific_model, stack
 from .drives import nominal_parameters
 from .sets import TABLES, WINDOWS
 from .tables import ActuatorParameters, Axis, Drive, drives
-from .two_masses import lens, lumped
+from .two_masses import Known, lens, lumped, seen
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -63,30 +63,6 @@ def identified(axis: Axis, open_loops, closed_loops, optical_gains) -> Identifie
     taken as known. That removes the bias of the lumped damper, which is not b1 + b2.
     """
     return Identified(axis, tuple(open_loops), tuple(closed_loops), optical_gains)
-
-
-@dataclass(frozen=True)
-class Given:
-    """Mass and optical gain as data of a fit."""
-
-    mass: float
-    name: ClassVar[str] = "mass and gain"
-    degrees: ClassVar[float] = np.inf
-    weighted: ClassVar[bool] = True
-    count: ClassVar[int] = 2
-    size: ClassVar[float] = 0.0
-
-    def _errors(self, p: Mapping[str, Any]) -> list[Any]:
-        mass = p["m1"] + p["m2"] * (p["k2"] / (p["k1"] + p["k2"])) ** 2
-        return [(mass / self.mass - 1) / MASS, (p["gain"] - 1) / GAIN]
-
-    def residuals(self, values: Mapping[str, float]) -> Real:
-        return np.array(self._errors(values))
-
-    def expression(self, names: Sequence[str], vector: Any) -> Any:
-        import casadi as ca
-
-        return ca.vertcat(*self._errors({name: vector[i] for i, name in enumerate(names)}))
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,7 +140,7 @@ class Identified(Study):
                 in_the_loop,
                 "x/v",
             ),
-            Given(lumped(drive).m),
+            Known(lambda p: seen(p)[2:], (lumped(drive).m, 1.0), (MASS, GAIN)),
         ]
         nominal = nominal_parameters(self.axis)
         start = {name: getattr(nominal, name) for name in NAMES} | {"gain": 1.0}

@@ -7,7 +7,7 @@ Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -57,6 +57,11 @@ class Lumped:
         deviation = (max(spread["k"], 0.001), max(spread["b"], 0.01), 0.001, 0.01)
         return cls(R + SERIES_RESISTANCE, Bl, k, b, mass, deviation=deviation)
 
+    @property
+    def data(self) -> Known:
+        """These values as data of a fit, weighted by their accuracy."""
+        return Known(seen, (self.k, self.b, self.m, self.gain), self.deviation)
+
     def drawn(self, rng: np.random.Generator) -> Lumped:
         """k, b and m as an experiment of this accuracy would find them."""
         k, b, m = (1 + np.array(self.deviation[:3]) * rng.standard_normal(3)).tolist()
@@ -79,18 +84,26 @@ def seen(p: Mapping[str, Any]) -> list[Any]:
 
 @dataclass(frozen=True)
 class Known:
-    """The lumped values as data of the fit, weighted by their accuracy."""
+    """Quantities known beforehand as data of a fit.
 
-    lumped: Lumped
-    name: ClassVar[str] = "lumped values"
+    quantities: what they are of the parameters; given: their values; deviation: relative standard
+    deviations of these.
+    """
+
+    quantities: Callable[[Mapping[str, Any]], Sequence[Any]]
+    given: tuple[float, ...]
+    deviation: tuple[float, ...]
+    name: ClassVar[str] = "known values"
     degrees: ClassVar[float] = np.inf
     weighted: ClassVar[bool] = True
-    count: ClassVar[int] = 4
     size: ClassVar[float] = 0.0
 
-    def _errors(self, values: Mapping[str, Any]) -> list[Any]:
-        one = self.lumped
-        known = zip(seen(values), (one.k, one.b, one.m, one.gain), one.deviation, strict=True)
+    @property
+    def count(self) -> int:
+        return len(self.given)
+
+    def _errors(self, p: Mapping[str, Any]) -> list[Any]:
+        known = zip(self.quantities(p), self.given, self.deviation, strict=True)
         return [(value / given - 1) / deviation for value, given, deviation in known]
 
     def residuals(self, values: Mapping[str, float]) -> Real:
@@ -119,4 +132,4 @@ def distributed(estimate: PeriodicResponse, known: Lumped, axis: Axis) -> Parame
     parameters = {name: Parameter(value, value / 5, value * 5) for name, value in start.items()}
     parameters["b2"] = Parameter(arm.b2, -20 * arm.b2, 20 * arm.b2)
     measured = MeasuredResponse.of(lambda p, s: lens(p, s, known.R, known.Bl), estimate)
-    return ParameterFit([measured, Known(known)], parameters)
+    return ParameterFit([measured, known.data], parameters)
