@@ -1,0 +1,207 @@
+"""Real rational functions kept by their roots.
+
+Polynomial coefficients lose every digit over five decades of frequency; roots keep them. So fits
+work on zeros, poles and a gain, and become a state-space cascade of small sections at the end.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from workbench.errors import InputError
+
+if TYPE_CHECKING:
+    from control import StateSpace
+
+Complex = NDArray[np.complex128]
+Real = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Rational:
+    """gain * prod(s - zeros) / prod(s - poles), proper, with real coefficients.
+
+    Parameters
+    ----------
+    zeros, poles
+        Roots [rad/s], complex ones in exact conjugate pairs (see `paired`); as many poles as
+        zeros or more.
+    gain
+        Real.
+
+    Raises
+    ------
+    InputError
+        More zeros than poles, roots without their conjugates, anything not finite.
+    """
+
+    zeros: Complex
+    poles: Complex
+    gain: float
+
+    def __post_init__(self) -> None:
+        for name in ("zeros", "poles"):
+            roots = np.asarray(getattr(self, name), dtype=complex).ravel()
+            if not np.isfinite(roots).all():
+                raise InputError(f"{name} must be finite, they are {roots}")
+            if not np.array_equal(_ordered(roots), _ordered(roots.conj())):
+                raise InputError(f"{name} must come in conjugate pairs, they are {roots}")
+            object.__setattr__(self, name, _ordered(roots))
+        object.__setattr__(self, "gain", float(self.gain))
+        if not np.isfinite(self.gain):
+            raise InputError(f"gain must be finite, it is {self.gain}")
+        if self.zeros.size > self.poles.size:
+            raise InputError(f"{self.zeros.size} zeros, but only {self.poles.size} poles")
+
+    @property
+    def order(self) -> int:
+        return int(self.poles.size)
+
+    @property
+    def is_stable(self) -> bool:
+        return bool(np.all(self.poles.real < 0))
+
+    @property
+    def is_minimum_phase(self) -> bool:
+        """No zero on or right of the imaginary axis."""
+        return bool(np.all(self.zeros.real < 0))
+
+    def __call__(self, s: ArrayLike) -> Complex:
+        """Values at complex frequencies [rad/s], of the same shape."""
+        s = np.asarray(s, dtype=complex)
+        value = np.full(s.shape, self.gain, dtype=complex)
+        for i, pole in enumerate(self.poles):  # interleaved: no product overflows on the way
+            if i < self.zeros.size:
+                value *= s - self.zeros[i]
+            value /= s - pole
+        return value
+
+    def response(self, omega: ArrayLike) -> Complex:
+        """Values on the imaginary axis at angular frequencies [rad/s]."""
+        return self(1j * np.asarray(omega, dtype=float))
+
+    def scaled(self, factor: float) -> Rational:
+        return Rational(self.zeros, self.poles, self.gain * factor)
+
+    def inverse(self) -> Rational:
+        """1 over it; as many zeros as poles are needed."""
+        return Rational(self.poles, self.zeros, 1 / self.gain)
+
+    def state_space(self) -> StateSpace:
+        """Cascade of sections of order two and at most one of order one, scaled in time and size.
+
+        Sections go from the lowest to the highest pole, each with the zeros nearest to its poles.
+        """
+        import control
+
+        a, b = np.zeros((0, 0)), np.zeros((0, 1))
+        c, d = np.zeros((1, 0)), np.eye(1)
+        gain = self.gain
+        for numerator, denominator in self._sections():
+            a2, b2, c2, d2 = _section(numerator, denominator)
+            size = max(np.abs(c2).max(), abs(d2[0, 0]))
+            c2, d2, gain = c2 / size, d2 / size, gain * size
+            corner = np.zeros((len(a), len(a2)))
+            a = np.block([[a, corner], [b2 @ c, a2]])
+            b = np.vstack([b, b2 @ d])
+            c = np.hstack([d2 * c, c2])
+            d = d2 * d
+        share = np.sqrt(abs(gain)) or 1.0  # input and output of the same size
+        return control.ss(a, b * share, c * (gain / share), d * gain)
+
+    def _sections(self) -> list[tuple[Real, Real]]:
+        """Numerators and denominators, highest power first, whose product is function / gain."""
+        groups = _grouped(self.poles)
+        zeros = sorted(_grouped(self.zeros), key=len, reverse=True)
+        taken: dict[int, Complex] = {}
+        for zero in zeros:
+            free = [i for i, pole in enumerate(groups) if i not in taken and len(pole) >= len(zero)]
+            nearest = min(free, key=lambda i: abs(_level(groups[i]) - _level(zero)))
+            taken[nearest] = zero
+        return [
+            (_coefficients(taken.get(i, np.zeros(0))), _coefficients(pole))
+            for i, pole in enumerate(groups)
+        ]
+
+
+def paired(roots: ArrayLike) -> Complex:
+    """Roots of a real polynomial with their rounding repaired: exact conjugate pairs.
+
+    A complex root is matched with the nearest root across the real axis; one without a partner is
+    put on the axis.
+    """
+    left = list(np.asarray(roots, dtype=complex).ravel())
+    done: list[complex] = []
+    left.sort(key=lambda root: -abs(root.imag))
+    while left:
+        root = left.pop(0)
+        across = [k for k, other in enumerate(left) if other.imag * root.imag < 0]
+        if root.imag == 0 or not across:
+            done.append(complex(root.real))
+            continue
+        k = min(across, key=lambda k: abs(left[k] - root.conjugate()))
+        mean = (root + left.pop(k).conjugate()) / 2
+        done += [mean, mean.conjugate()]
+    return _ordered(np.array(done, dtype=complex))
+
+
+def from_system(system: StateSpace) -> Rational:
+    """Zeros, poles and gain of a proper SISO continuous-time system.
+
+    Raises
+    ------
+    InputError
+        Not SISO, or in discrete time.
+    """
+    if system.ninputs != 1 or system.noutputs != 1:
+        raise InputError(f"a SISO system is needed, not {system.noutputs} x {system.ninputs}")
+    if system.isdtime(strict=True):
+        raise InputError(f"a continuous-time system is needed, dt is {system.dt}")
+    zeros, poles = paired(system.zeros()), paired(system.poles())
+    bare = Rational(zeros, poles, 1.0)
+    # the gain from where the function is neither tiny nor huge: off the axis, at a middle frequency
+    sizes = np.abs(np.concatenate([zeros, poles]))
+    sizes = sizes[sizes > 0]
+    at = complex(np.exp(np.mean(np.log(sizes))) if sizes.size else 1.0) * (1.0 + 0.5j)
+    return Rational(zeros, poles, float((complex(system(at)) / complex(bare(at))).real))
+
+
+def _ordered(roots: Complex) -> Complex:
+    return roots[np.lexsort((roots.imag, roots.real, np.abs(roots)))]
+
+
+def _grouped(roots: Complex) -> list[Complex]:
+    """Conjugate pairs, real roots two by two from the lowest, and a last real root if odd."""
+    real = roots[roots.imag == 0]
+    real = real[np.argsort(np.abs(real))]
+    upper = roots[roots.imag > 0]
+    groups = [np.array([root, root.conjugate()]) for root in upper]
+    groups += [real[i : i + 2] for i in range(0, real.size, 2)]
+    return sorted(groups, key=_level)
+
+
+def _level(roots: Complex) -> float:
+    """Mean logarithm of the frequencies of some roots."""
+    return float(np.mean(np.log(np.maximum(np.abs(roots), np.finfo(float).tiny))))
+
+
+def _coefficients(roots: Complex) -> Real:
+    return np.atleast_1d(np.poly(roots)).real.astype(float)
+
+
+def _section(numerator: Real, denominator: Real) -> tuple[Real, Real, Real, Real]:
+    """Realisation of a section whose states are measured at its own frequency."""
+    n = denominator.size - 1
+    scale = max(abs(denominator[-1]) ** (1 / n), np.finfo(float).tiny ** 0.25)
+    powers = scale ** np.arange(n + 1)
+    den = denominator / powers  # in s / scale
+    num = np.concatenate([np.zeros(n + 1 - numerator.size), numerator]) / powers
+    d = num[0]
+    c = (num[1:] - d * den[1:])[None, :]
+    a = np.vstack([-den[None, 1:], np.eye(n)[:-1]]) * scale
+    b = np.eye(n)[:, :1] * scale
+    return a, b, c, np.array([[d]])

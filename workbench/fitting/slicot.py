@@ -1,0 +1,33 @@
+"""SLICOT's SB10YD: the fit that users of mu tools know, as a method and as the peer to beat."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workbench.errors import SolverError
+from workbench.fitting.rational import Complex, Rational, Real, from_system
+
+
+def sb10yd(omega: Real, response: Complex, order: int, minimum_phase: bool) -> Rational:
+    """SB10YD's fit of a given order to a complex response (F,) at ``omega`` [rad/s] (F,).
+
+    ``minimum_phase`` also makes it stable: unstable roots are mirrored.
+
+    Raises
+    ------
+    SolverError
+        SLICOT's own words.
+    """
+    import control
+    import slycot
+
+    scale = float(np.sqrt(omega[0] * omega[-1]))  # time; SB10YD works on the unit circle
+    size = float(np.exp(np.mean(np.log(np.abs(response)))))
+    try:
+        _, a, b, c, d = slycot.sb10yd(
+            0, int(minimum_phase), omega.size,
+            response.real / size, response.imag / size, omega / scale, order, 0.0,
+        )  # fmt: skip
+    except Exception as error:  # slycot raises classes of its own
+        raise SolverError(f"SB10YD: {' '.join(str(error).split())}") from None
+    return from_system(control.ss(a * scale, b * scale, c * size, d * size))
