@@ -123,7 +123,7 @@ class Rational:
             nearest = min(free, key=lambda i: abs(_level(groups[i]) - _level(zero)))
             taken[nearest] = zero
         return [
-            (_coefficients(taken.get(i, np.zeros(0))), _coefficients(pole))
+            (_coefficients(taken.get(i, np.zeros(0, complex))), _coefficients(pole))
             for i, pole in enumerate(groups)
         ]
 

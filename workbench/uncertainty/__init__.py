@@ -1,0 +1,1 @@
+"""Uncertainty models: covers of response sets, parametric models, generalised plants."""

@@ -1,0 +1,40 @@
+"""Complex uncertainty: circles about a nominal (thesis, section 5.3)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+import numpy as np
+
+from workbench.executor import Context
+from workbench.fitting.rational import Complex, Rational
+from workbench.geometry import Circle, Stadium, smallest_circle
+from workbench.uncertainty.cover import CoverSteps, UncertaintyCover
+from workbench.uncertainty.responses import Real
+from workbench.uncertainty.sets import circles_about_nominal
+
+
+@dataclass(frozen=True, eq=False)
+class CircleCover(UncertaintyCover):
+    """G (1 + W_c delta_c): a nominal and a complex weight that contain every response."""
+
+    shape: ClassVar[Literal["circle", "stadium"]] = "circle"
+    headline: ClassVar[str] = "radius_peak"
+    size_name: ClassVar[str] = "radius"
+
+    def first_set(self, points: Complex) -> Circle:
+        return smallest_circle(points)
+
+    def second_set(self, away: Complex) -> Stadium:
+        return circles_about_nominal(away)
+
+    def third_set(self, away: Complex, W_r: Rational | None = None) -> Stadium:
+        return self.second_set(away)
+
+    def real_weight(self, third: Stadium, context: Context) -> None:
+        return None
+
+    def excess(self, answer: CoverSteps) -> Real:
+        least = np.abs(self.away(answer.model.nominal, self.points)).max(axis=1)
+        return answer.second.radius / least - 1

@@ -1,0 +1,61 @@
+"""Methods of covers: the nominal fitted to centres, or chosen for small sets."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workbench.executor import Context
+from workbench.fitting.rational import Complex, Rational
+from workbench.fitting.response import ResponseFit
+from workbench.program import Claim, method
+from workbench.solvers import Outcome
+from workbench.uncertainty.cover import UncertaintyCover
+from workbench.uncertainty.joint import smallest_sets
+from workbench.uncertainty.weights import fitted
+
+
+@method(UncertaintyCover, "steps", optimal=False)
+def _steps(program: UncertaintyCover, context: Context) -> Claim:
+    """The steps of the thesis: the nominal is fitted to the centres of the first set."""
+    first = program.first_set(program.points)
+    nominal = _through(first.center, program, context)
+    third = program.third_set(program.away(nominal, program.points))
+    W_r = program.real_weight(third, context)
+    return program.finished(first, nominal, third, W_r, context), Outcome.SOLVED, ""
+
+
+@method(UncertaintyCover, "joint", optimal=False)
+def _joint(program: UncertaintyCover, context: Context) -> Claim:
+    """Nominal and real weight are chosen together for the least mean square size of the sets."""
+    points = program.points
+    first = program.first_set(points)
+    found, said = [], []
+    starts = {"the centres": first.center, "the plants' mean": mean_response(points)}
+    for name, response in starts.items():
+        start = _through(response, program, context)
+        third = program.third_set(program.away(start, points))
+        W_r = program.real_weight(third, context)
+        found.append(smallest_sets(program, points, start, W_r, context))
+        said.append(f"{found[-1][0]:.4g} from {name}")
+        if program.nominal is not None:
+            break  # there is one start only
+    _, nominal, W_r = min(found, key=lambda each: each[0])
+    third = program.third_set(program.away(nominal, points), W_r)
+    answer = program.finished(first, nominal, third, W_r, context)
+    return answer, Outcome.SOLVED, f"mean square size {', '.join(said)}"
+
+
+def mean_response(points: Complex) -> Complex:
+    """Geometric mean (F,) of responses (F, N), phases unwrapped along frequency."""
+    phase = np.unwrap(np.angle(points), axis=0)
+    phase -= 2 * np.pi * np.round((phase[0] - phase[0, 0]) / (2 * np.pi))
+    mean: Complex = np.exp(np.log(np.abs(points)).mean(axis=1) + 1j * phase.mean(axis=1))
+    return mean
+
+
+def _through(response: Complex, program: UncertaintyCover, context: Context) -> Rational:
+    """The given nominal, or a rational function through a response (F,)."""
+    if program.nominal is not None:
+        return program.nominal
+    omega, order, zeros = program.responses.omega, program.order, program.zeros
+    return fitted(ResponseFit(omega, response, order, zeros=zeros), context)

@@ -1,0 +1,91 @@
+"""Mixed uncertainty: stadiums about a nominal (thesis, section 5.4)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+
+from workbench.executor import Context
+from workbench.fitting.rational import Complex, Rational
+from workbench.geometry import NarrowestStadium, Stadium, narrowest_stadium
+from workbench.program import Check
+from workbench.uncertainty.cover import CoverSteps, UncertaintyCover, left_check
+from workbench.uncertainty.model import UncertaintyModel
+from workbench.uncertainty.orientation import Orientation, smooth
+from workbench.uncertainty.responses import Real
+from workbench.uncertainty.sets import stadiums_about_nominal
+from workbench.uncertainty.weights import real_weight
+
+
+@dataclass(frozen=True, eq=False)
+class StadiumCover(UncertaintyCover):
+    """G (1 + W_c delta_c + W_r delta_r): weights that contain every response in a stadium.
+
+    Parameters
+    ----------
+    real_order
+        Of the real weight.
+    orientation
+        The third set: a function of frequencies and deviations that gives the angles, see
+        `workbench.uncertainty.orientation`.
+    minimum_phase
+        Zeros of the real weight in the left half plane too, as the thesis has it.
+    """
+
+    real_order: int = 4
+    orientation: Orientation = field(default_factory=smooth, kw_only=True)
+    minimum_phase: bool = field(default=False, kw_only=True)
+
+    shape: ClassVar[Literal["circle", "stadium"]] = "stadium"
+    headline: ClassVar[str] = "width_peak"
+    size_name: ClassVar[str] = "width"
+
+    @property
+    def _counts(self) -> dict[str, Any]:
+        return super()._counts | {"real_order": self.real_order}
+
+    def first_set(self, points: Complex) -> Stadium:
+        return narrowest_stadium(points)
+
+    def second_set(self, away: Complex) -> Stadium:
+        return stadiums_about_nominal(away)
+
+    def third_set(self, away: Complex, W_r: Rational | None = None) -> Stadium:
+        omega = self.responses.omega
+        if W_r is None:
+            return stadiums_about_nominal(away, self.orientation(omega, away))
+        return stadiums_about_nominal(away, np.angle(W_r.response(omega)))
+
+    def real_weight(self, third: Stadium, context: Context) -> Rational:
+        omega = self.responses.omega
+        return real_weight(omega, third, self.real_order, self.minimum_phase, context)
+
+    def checks(self, answer: CoverSteps, tolerance: float) -> Sequence[Check]:
+        checks = list(super().checks(answer, tolerance))
+        if self.minimum_phase:
+            checks.append(left_check("W_r minimum phase", "zero", answer.model.W_r.zeros))
+        return checks
+
+    def excess(self, answer: CoverSteps) -> Real:
+        sets = NarrowestStadium(self.away(answer.model.nominal, self.points), center=0.0)
+        bound = sets.radius_bound(answer.second)
+        above = np.maximum(answer.second.radius - bound - sets.rounding, 0)
+        return np.where(above == 0, 0.0, above / np.maximum(bound, np.finfo(float).tiny))
+
+    def _orders(self, model: UncertaintyModel) -> list[tuple[str, Rational, int]]:
+        return [*super()._orders(model), ("W_r", model.W_r, self.real_order)]
+
+    def metrics(self, answer: CoverSteps) -> dict[str, float]:
+        model, omega = answer.model, self.responses.omega
+        length, width = (np.abs(of.response(omega)) for of in (model.W_r, model.W_c))
+        raw = answer.second.half_length + answer.second.radius
+        away = self.away(model.nominal, self.points)
+        return super().metrics(answer) | {
+            "radius_peak": float(np.abs(away).max()),
+            "length_peak": float(answer.second.half_length.max()),
+            "inflation_length": float(np.max((length + width) / raw)),
+            "order_Wr": model.W_r.order,
+        }

@@ -1,0 +1,85 @@
+"""Weights of an uncertainty model from its sets, with containment by construction.
+
+The real weight is fitted first, in magnitude and phase. Whatever it misses, the complex weight
+takes up: its magnitude covers, at every frequency, the largest distance of a deviation from the
+fitted segment (thesis, section 5.4.4, where the two are fitted apart and nothing is guaranteed).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workbench.errors import SolverError
+from workbench.executor import Context
+from workbench.fitting.magnitude import MagnitudeFit
+from workbench.fitting.rational import Complex, Rational, Real
+from workbench.fitting.response import ResponseFit
+from workbench.geometry import Stadium
+from workbench.program import Program, solve
+
+THIN = 1e-3
+"""Least width of a fitted set, relative to its whole size: what is thinner is a line."""
+SLACK = 0.3
+"""What the extent of a stadium counts beside its radius where a cover exceeds it."""
+
+
+def fitted(program: Program, context: Context) -> Rational:
+    """The certified answer of a fit.
+
+    Raises
+    ------
+    SolverError
+        Its certificate does not hold.
+    """
+    solution = solve(program, options=context.options)
+    if solution.answer is None or not solution.certificate or not solution.certificate.valid:
+        failures = "; ".join(solution.certificate.failures) if solution.certificate else ""
+        raise SolverError(f"{type(program).__name__}: {failures or solution.message}")
+    return solution.answer
+
+
+def complex_weight(
+    omega: Real, radius: Real, extent: Real, order: int, context: Context
+) -> Rational:
+    """W_c (eq. 5.2, 5.15): covers radii (F,), also between the frequencies.
+
+    What it takes in excess counts against the size of the whole set: against the radius of
+    circles, and against radius + SLACK * extent of stadiums, whose radius may all but vanish
+    between frequencies where it matters.
+    """
+    weight = radius / (radius + SLACK * (extent - radius))
+    return fitted(MagnitudeFit(omega, radius, order, weight=weight, cover=True), context)
+
+
+def real_weight(
+    omega: Real, sets: Stadium, order: int, minimum_phase: bool, context: Context
+) -> Rational:
+    """W_r (eq. 5.15): follows the segments half_length * exp(j angle) in magnitude and phase.
+
+    The end of a segment may be either of two; the one that turns less along frequency is taken.
+    What the fit misses makes the set wider by as much, so errors are weighted by 1 / radius.
+    """
+    end = unwrapped(sets.half_length * np.exp(1j * sets.angle))
+    weight = 1 / np.maximum(sets.radius, THIN * (sets.radius + sets.half_length))
+    return fitted(
+        ResponseFit(omega, end, order, weight=weight, minimum_phase=minimum_phase), context
+    )
+
+
+def unwrapped(end: Complex) -> Complex:
+    """Ends (F,) of segments through 0, each or its opposite, so that no step turns past pi/2."""
+    steps = (end[1:] * end[:-1].conj()).real < 0
+    sign = np.concatenate([[1.0], np.where(steps, -1.0, 1.0)]).cumprod()
+    ends: Complex = end * sign
+    return ends
+
+
+def needed_radius(away: Complex, end: Complex | None) -> Real:
+    """Largest distance (F,) of deviations (F, N) from segments -end..end (F,), or from 0."""
+    extent = np.abs(away).max(axis=1)
+    if end is None:
+        return extent
+    square = np.maximum(np.abs(end) ** 2, np.finfo(float).tiny)
+    along = np.clip((away * end.conj()[:, None]).real / square[:, None], -1, 1)
+    distance: Real = np.abs(away - along * end[:, None]).max(axis=1)
+    return np.maximum(distance, THIN * extent)
