@@ -11,6 +11,7 @@ Equation numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import cache
 from typing import TYPE_CHECKING, Literal, get_args
 
@@ -74,19 +75,31 @@ def responses(
 
     Raises InputError for unknown choices and for frequencies that are not positive, finite and 1-D.
     """
+    twelve = drives(axis, values)
+    K_optn = [drive.K_optn for drive in twelve]
+    return responses_of(axis, twelve, K_optn, frequency, gain, antialiasing)
+
+
+def responses_of(
+    axis: Axis,
+    actuators: Sequence[ActuatorParameters],
+    K_optn: Sequence[float],
+    frequency: ArrayLike,
+    gain: Gain = "own",
+    antialiasing: bool = True,
+) -> Complex:
+    """As `responses`, of any N drives with optical gains of their own [units/m]: (N, F)."""
     if gain not in get_args(Gain):
         raise InputError(f'gain is {gain!r}; it must be "own", "equal" or "agc"')
-    twelve = drives(axis, values)
-    actuators = stack([specific_model(drive) for drive in twelve])
-    K_total = np.full(len(twelve), total_gain(axis))
+    models = stack([specific_model(each) for each in actuators])
+    K_total = np.full(len(actuators), total_gain(axis))
     if gain == "own":
-        K_optn = np.array([drive.K_optn for drive in twelve])
-        K_total *= K_optn / ((K_optn.min() + K_optn.max()) / 2)
+        K_total *= np.asarray(K_optn) / ((min(K_optn) + max(K_optn)) / 2)
     elif gain == "agc":
         at = [crossover(axis)]
         nominal_actuator = specific_model(nominal_parameters(axis))
-        K_total *= (abs(nominal_actuator.response(at)) / abs(actuators.response(at)))[:, 0]
-    return K_total[:, None] * actuators.response(frequency) * _filter(frequency, antialiasing)
+        K_total *= (abs(nominal_actuator.response(at)) / abs(models.response(at)))[:, 0]
+    return K_total[:, None] * models.response(frequency) * _filter(frequency, antialiasing)
 
 
 def nominal_response(axis: Axis, frequency: ArrayLike, antialiasing: bool = True) -> Complex:

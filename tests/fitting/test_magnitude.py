@@ -84,9 +84,15 @@ def test_rational_magnitudes_are_recovered(order, seed):
     omega = np.geomspace(1, 1e5, 400)
     truth = random_rational(seed, order)
     magnitude = np.abs(truth.response(omega))
+    program = MagnitudeFit(omega, magnitude, order)
+    solution = solve(program)
+    assert solution.outcome is Outcome.SOLVED
+    assert program.error(solution.answer) < 1e-9
     system = fit_magnitude(omega, magnitude, order)
     assert system.nstates <= order
-    np.testing.assert_allclose(size_of(system, omega), magnitude, rtol=1e-6)
+    # a state-space model holds some 13 digits of dynamic range, not the 29 of these data
+    rounding = 1e-13 * magnitude.max()
+    np.testing.assert_allclose(size_of(system, omega), magnitude, rtol=1e-6, atol=rounding)
     assert np.all(system.poles().real < 0)
 
 
@@ -112,7 +118,7 @@ def test_a_cover_has_the_shape_of_the_fit_where_the_data_are_dense():
     assert cover == pytest.approx((1 + fit) / (1 - fit) - 1, rel=1e-3)
 
 
-@settings(derandomize=True, deadline=None, max_examples=10)
+@settings(derandomize=True, deadline=None, max_examples=6)
 @given(st.floats(-6, 6), st.floats(-3, 3))
 def test_scaling_of_magnitude_and_frequency(gain, time):
     gain, time = 10**gain, 10**time
@@ -123,7 +129,7 @@ def test_scaling_of_magnitude_and_frequency(gain, time):
     np.testing.assert_allclose(scaled.zeros, time * plain.zeros, rtol=1e-5)
 
 
-@settings(derandomize=True, deadline=None, max_examples=10)
+@settings(derandomize=True, deadline=None, max_examples=6)
 @given(st.integers(0, 1000), st.integers(0, 3))
 def test_the_inverse_magnitude_has_the_inverse_fit(seed, order):
     """Without weights the criterion is that of the logarithm, up to the gain."""

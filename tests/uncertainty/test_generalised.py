@@ -15,7 +15,8 @@ from problems.cd_drive.tables import drives
 from workbench.errors import InputError, UnknownNameError
 from workbench.structure import Complex, Full, Real, Structure
 from workbench.uncertainty.generalised import GeneralisedPlant, generalised_plant, response
-from workbench.uncertainty.parametric import Parameter, parametric
+from workbench.uncertainty.parameters import Parameter
+from workbench.uncertainty.parametric import parametric
 
 FREQUENCY = np.geomspace(5.0, 50e3, 80)
 OMEGA = 2 * np.pi * FREQUENCY

@@ -9,7 +9,8 @@ from problems.cd_drive.tables import ActuatorParameters, nominal_table
 from workbench.errors import InputError, UnknownNameError
 from workbench.structure import Real
 from workbench.uncertainty.lft import matrix, solve
-from workbench.uncertainty.parametric import Parameter, levels, parametric, samples, vertices
+from workbench.uncertainty.parameters import Parameter, levels, samples, vertices
+from workbench.uncertainty.parametric import parametric
 
 OMEGA = 2 * np.pi * np.geomspace(0.1, 1e5, 60)
 NAMES = ("K_total", "R", "Bl", "k1", "k2", "b1", "b2", "m1", "m2")

@@ -18,6 +18,9 @@ from workbench.solvers import Outcome, conic_solvers, ipopt, ipopt_outcome
 
 ENOUGH = 1e-4
 """Accuracy at which IPOPT stops: the last digits of a local minimum take the longest."""
+FARTHEST = 3.0
+"""Bound on each step, in units that change the errors as much as they are large: without one IPOPT
+now and then wanders for thousands of iterations."""
 NEAR = 1.1
 """Starts are refined whose worst error is at most this many times the least."""
 
@@ -58,7 +61,7 @@ def peak(program: ResponseFit, fit: Rational) -> float:
 
 
 def refined(program: ResponseFit, start: Rational, context: Context) -> Claim:
-    """The local minimax fit near ``start``, which is kept where IPOPT finds none better.
+    """The best fit within bounds around ``start``, which is kept where IPOPT finds none better.
 
     Least t with |e_i|^2 <= t over steps of the parameters in units in which the errors' Jacobian is
     orthogonal, e in units of the largest error of the start.
@@ -90,7 +93,9 @@ def refined(program: ResponseFit, start: Rational, context: Context) -> Claim:
         }
         enough = max(context.options.accuracy, ENOUGH)
         solver = ipopt("response", nlp, replace(context.options, tolerance=enough))
-    found = solver(x0=np.append(np.zeros(origin.size), 1.0), ubg=0)["x"].full().ravel()
+    bound = np.append(np.full(origin.size, FARTHEST), np.inf)
+    still = np.append(np.zeros(origin.size), 1.0)
+    found = solver(x0=still, lbx=-bound, ubx=bound, ubg=0)["x"].full().ravel()
     _, message = ipopt_outcome(solver)
     vector = origin + units @ found[:-1]
     if np.isfinite(vector[-1]) and np.abs(vector[:-1]).max(initial=0.0) < np.exp(REACH):

@@ -84,9 +84,8 @@ class SquaredBasis:
         far = (FAR * NEAR) ** 2 * np.abs(xi).max(initial=1.0)
         zeros = zeros[np.isfinite(zeros) & (np.abs(zeros) < far)]
         real, pairs = zeros[zeros.imag == 0].real + 0j, zeros[zeros.imag > 0]
-        for _ in range(8):
-            real = (real - _newton(real, xi, c[0], residues * grade**2)).real + 0j
-            pairs = pairs - _newton(pairs, xi, c[0], residues * grade**2)
+        real = _polished(real, xi, c[0], residues * grade**2).real + 0j
+        pairs = _polished(pairs, xi, c[0], residues * grade**2)
         beyond = np.full(xi.size - real.size - 2 * pairs.size, -far, dtype=complex)
         return np.asarray(np.concatenate([real, pairs, pairs.conj(), beyond]) * middle)
 
@@ -163,14 +162,19 @@ def _apart(roots: Complex, low: float, high: float) -> Complex:
     return np.array(nodes, dtype=complex)
 
 
-def _newton(zeros: Complex, xi: Complex, constant: float, residues: Complex) -> Complex:
-    """Newton's correction of zeros of prod(x - xi) (constant + sum(residues / (x - xi)))."""
-    with np.errstate(all="ignore"):
-        away = 1 / (zeros[:, None] - xi)
-        value = constant + away @ residues
-        correction = 1 / (away.sum(axis=1) - (away**2 @ residues) / value)
-        usable = np.isfinite(correction) & (np.abs(correction) < 0.3 * np.abs(zeros))
-    return np.where(usable, correction, 0)
+def _polished(zeros: Complex, xi: Complex, constant: float, residues: Complex) -> Complex:
+    """Zeros of prod(x - xi) (constant + sum(residues / (x - xi))) from near ones, by Newton."""
+    for _ in range(8):
+        with np.errstate(all="ignore"):
+            away = 1 / (zeros[:, None] - xi)
+            value = constant + away @ residues
+            correction = 1 / (away.sum(axis=1) - (away**2 @ residues) / value)
+            usable = np.isfinite(correction) & (np.abs(correction) < 0.3 * np.abs(zeros))
+        correction = np.where(usable, correction, 0)
+        zeros = zeros - correction
+        if np.all(np.abs(correction) <= 1e-14 * np.abs(zeros)):
+            break
+    return zeros
 
 
 def _unit(row: Real) -> Real:

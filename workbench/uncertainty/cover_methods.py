@@ -7,18 +7,22 @@ import numpy as np
 from workbench.executor import Context
 from workbench.fitting.rational import Complex, Rational
 from workbench.fitting.response import ResponseFit
+from workbench.geometry import Circle, Stadium
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
 from workbench.uncertainty.cover import UncertaintyCover
 from workbench.uncertainty.joint import smallest_sets
 from workbench.uncertainty.weights import fitted
 
+LEAST = 1e-3
+"""Size of a first set, relative to its centre, below which plants count as equal."""
+
 
 @method(UncertaintyCover, "steps", optimal=False)
 def _steps(program: UncertaintyCover, context: Context) -> Claim:
     """The steps of the thesis: the nominal is fitted to the centres of the first set."""
     first = program.first_set(program.points)
-    nominal = _through(first.center, program, context)
+    nominal = _through(first.center, first, program, context)
     third = program.third_set(program.away(nominal, program.points))
     W_r = program.real_weight(third, context)
     return program.finished(first, nominal, third, W_r, context), Outcome.SOLVED, ""
@@ -32,7 +36,7 @@ def _joint(program: UncertaintyCover, context: Context) -> Claim:
     found, said = [], []
     starts = {"the centres": first.center, "the plants' mean": mean_response(points)}
     for name, response in starts.items():
-        start = _through(response, program, context)
+        start = _through(response, first, program, context)
         third = program.third_set(program.away(start, points))
         W_r = program.real_weight(third, context)
         found.append(smallest_sets(program, points, start, W_r, context))
@@ -53,9 +57,17 @@ def mean_response(points: Complex) -> Complex:
     return mean
 
 
-def _through(response: Complex, program: UncertaintyCover, context: Context) -> Rational:
-    """The given nominal, or a rational function through a response (F,)."""
+def _through(
+    response: Complex, first: Circle | Stadium, program: UncertaintyCover, context: Context
+) -> Rational:
+    """The given nominal, or a rational function through a response (F,).
+
+    Errors are relative, weighted like data whose standard deviation is the size of the first set:
+    where plants lie close together the nominal must be near, at a resonance it need not be.
+    """
     if program.nominal is not None:
         return program.nominal
     omega, order, zeros = program.responses.omega, program.order, program.zeros
-    return fitted(ResponseFit(omega, response, order, zeros=zeros), context)
+    size = np.maximum(first.radius + first.half_length, LEAST * np.abs(response))
+    weight = np.abs(response) / size**2
+    return fitted(ResponseFit(omega, response, order, weight=weight, zeros=zeros), context)

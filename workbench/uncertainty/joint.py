@@ -27,7 +27,7 @@ from workbench.fitting.sections import Sections
 if TYPE_CHECKING:
     from workbench.uncertainty.cover import UncertaintyCover
 
-LENGTH = 0.03
+LENGTH = 0.1
 """What the half-length of a stadium counts beside its radius, in squares."""
 POWERS = (8, 32, 128)
 """Of the norms that stand for the maximum over the plants, one after the other."""

@@ -12,7 +12,8 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 
-from workbench.uncertainty.lft import INTEGRATOR, LFT, Matrix, balancing
+from workbench.uncertainty.lft import INTEGRATOR, LFT, Matrix
+from workbench.uncertainty.realisation import balancing
 
 Triple = tuple[Matrix, Matrix, Matrix]
 
