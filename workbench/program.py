@@ -250,9 +250,15 @@ def method(
 
 
 def conic_method(
-    program: type[Program], *, unfit: Callable[[Any], str | None] = _always_fit
+    program: type[Program],
+    *,
+    optimal: bool = True,
+    unfit: Callable[[Any], str | None] = _always_fit,
 ) -> Callable[..., Any]:
-    """Register ``function(program, context, solver)`` once for every installed conic solver."""
+    """Register ``function(program, context, solver)`` once for every installed conic solver.
+
+    ``optimal`` is false where what is convex is only a part of the program.
+    """
 
     def register(
         function: Callable[[Any, Context, ConicSolver], Claim],
@@ -263,7 +269,7 @@ def conic_method(
                 return function(program, context, solver)
 
             with_solver.__doc__ = function.__doc__
-            method(program, solver.name, optimal=True, unfit=unfit)(with_solver)
+            method(program, solver.name, optimal=optimal, unfit=unfit)(with_solver)
         return function
 
     return register

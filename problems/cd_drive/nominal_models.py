@@ -110,7 +110,7 @@ class NominalModels(Study):
 
     def _difference(self, answer: xr.Dataset, inside: bool) -> tuple[float, float]:
         """Largest difference of two magnitudes [dB], and its frequency [Hz]."""
-        level = 20 * np.log10(abs(answer["nominal"]))
+        level: xr.DataArray = 20 * np.log10(abs(answer["nominal"]))  # type: ignore[assignment]
         spread = (level.max("form") - level.min("form")).where(
             self._near_resonance(answer) == inside, drop=True
         )

@@ -32,8 +32,8 @@ def deviation_figure(answer: xr.Dataset) -> Figure:
             panel.loglog(hertz, answer["deviation"].sel(set=name), dash, color=colour, label=label)
         panel.set_title(titles[gain])
         panel.set_ylabel("|G_p / G - 1| [1]")
-        panel.set_ylim(1e-2, 1.5 * float(answer["deviation"].max()))
-        panel.legend(frameon=False)
+        panel.set_ylim(1e-2, 8 * float(answer["deviation"].max()))  # room for the legend
+        panel.legend(loc="upper right", frameon=False)
     panels[-1].set_xlabel("frequency [Hz]")
     return figure
 

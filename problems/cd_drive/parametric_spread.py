@@ -17,26 +17,23 @@ from pydantic import Field
 from workbench import Check, Study, problem
 from workbench.errors import InputError
 from workbench.executor import Context
-from workbench.program import worst
 from workbench.uncertainty.factorial import factorial_response
-from workbench.uncertainty.parameters import Parameter, levels, samples, vertices
+from workbench.uncertainty.parameters import Parameter, levels, samples
 from workbench.uncertainty.parametric import ParametricModel
 
-from .actuator import Complex, Real, specific_model, stack
+from .actuator import Complex, Real
 from .drives import nominal_response, responses
-from .parametric import COPIES, UNITS, parametric_plant, uncertain_parameters
+from .parametric import UNITS
+from .parametric_checks import MODELS, boxes, pulled_out, spread_checks
 from .parametric_figures import bode_figure, deviation_figure
 from .sets import TABLES, Frequencies, Frequency
-from .tables import ActuatorParameters, Axis, Values, drives, nominal_table
+from .tables import Axis, Values, drives, nominal_table
 
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
-MODELS = {"nine": False, "reduced": True}
 GAINS: Any = ("own", "agc")
-AGREE = 1e-9
-"""Relative distance of responses that counts as rounding."""
 CHUNK = 8
 """Frequencies at a time, at each of which all 19683 plants are held."""
 
@@ -88,7 +85,7 @@ class ParametricSpread(Study):
     def compute(self, context: Context) -> xr.Dataset:
         import xarray as xr
 
-        models = {name: parametric_plant(self.axis, small) for name, small in MODELS.items()}
+        models = pulled_out(self.axis)
         nine = models["nine"]
         random = samples(nine.parameters, self.drawn, context.rng)
         dense = np.linspace(-1.0, 1.0, 2 * self.between + 3)
@@ -97,17 +94,16 @@ class ParametricSpread(Study):
         for start in context.track(range(0, len(nominal), CHUNK), "combinations"):
             part = slice(start, start + CHUNK)
             omega, center = 2 * np.pi * self.frequency[part], nominal[part]
-            sets = _levels(models, omega)
             inside = factorial_response(models["reduced"], omega, dense)
-            found = [_extremes(plants, center) for plants in sets]
+            found = [_extremes(plants, center) for plants in _levels(models, omega)]
             beside = [_extremes(p, center)[0] for p in (inside, nine.response(omega, random))]
             parts.append((*map(np.array, zip(*found, strict=True)), *beside))
         deviation, place, least, most, inside, aside = (
             np.concatenate(rows, axis=-1) for rows in zip(*parts, strict=True)
         )
-        boxes = self.boxes()
+        sets = boxes(self.axis)
         worst_deltas = [
-            _placed(levels(box, 3)[i], box) for box, i in zip(boxes.values(), place, strict=True)
+            _placed(levels(box, 3)[i], box) for box, i in zip(sets.values(), place, strict=True)
         ]
         drives_found = [
             responses(self.axis, self.frequency, gain, self.values, antialiasing=False)
@@ -152,7 +148,7 @@ class ParametricSpread(Study):
             },
             coords={
                 "frequency": ("frequency", self.frequency, {"units": "Hz"}),
-                "set": list(boxes),
+                "set": list(sets),
                 "model": list(MODELS),
                 "stage": ["before reduction", "after reduction"],
                 "parameter": list(UNITS),
@@ -161,21 +157,6 @@ class ParametricSpread(Study):
                 "drive": [drive.name for drive in drives(self.axis, self.values)],
             },
         )
-
-    def boxes(self) -> dict[str, tuple[Parameter, ...]]:
-        """Uncertain parameters of each set."""
-        nine, three = (uncertain_parameters(self.axis, small) for small in MODELS.values())
-        return {"nine": nine, "without gain": nine[1:], "reduced": three}
-
-    def plants(self, deltas: Real, box: Sequence[Parameter], frequency: Real) -> Complex:
-        """Responses at deltas (N, P) by the actuator's equations, which know no LFT: (N, F)."""
-        table = {name: entry.nominal for name, entry in nominal_table(self.axis).items()}
-        gains, actuators = [], []
-        for row in deltas:
-            values = table | {p.name: float(p.at(d)) for p, d in zip(box, row, strict=True)}
-            gains.append(values.pop("K_total"))
-            actuators.append(specific_model(ActuatorParameters(**values)))
-        return np.array(gains)[:, None] * stack(actuators).response(frequency)
 
     def _drive_deltas(self) -> Real:
         """Deltas of the drives (12, 9), their gains in proportion to K_optn."""
@@ -187,55 +168,7 @@ class ParametricSpread(Study):
         return np.stack([(own[n] / p.nominal - 1) / p.tolerance for n, p in table.items()], axis=1)
 
     def checks(self, answer: xr.Dataset, tolerance: float) -> list[Check]:
-        hertz = answer["frequency"].values
-        found = answer["deviation"].values
-        models = {name: parametric_plant(self.axis, small) for name, small in MODELS.items()}
-        off = max(self._disagreement(model, hertz[::20]) for model in models.values())
-        copies = answer["copies"].sel(stage="after reduction")
-        wanted = [[COPIES[n] * (n in m.repetitions) for n in UNITS] for m in models.values()]
-        claimed, claim = worst(self._claims(answer), lambda p: f"at {hertz[p[1]]:.6g} Hz")
-        missed, miss = worst(
-            self._missed(found[:, ::20], hertz[::20]), lambda p: f"at {hertz[20 * p[1]]:.6g} Hz"
-        )
-        return [
-            Check("pulled out", "relative distance from the actuator's equations", off, AGREE),
-            Check(
-                "repetitions",
-                "how many differ from one each, two of Bl",
-                float(abs(copies.values - wanted).sum()),
-                0.0,
-            ),
-            Check(
-                "well posed",
-                "least det(I - M11 Delta) of the vertices, its sign changed",
-                -min(map(_least_determinant, models.values())),
-                -AGREE,
-            ),
-            Check("largest deviations", "distance from the plants named", claimed, AGREE, claim),
-            Check("vertices", "deviation of a vertex beyond the largest", missed, AGREE, miss),
-        ]
-
-    def _disagreement(self, model: ParametricModel, hertz: Real) -> float:
-        deltas = samples(model.parameters, 20, np.random.default_rng(1))
-        found = model.response(2 * np.pi * hertz, deltas)[..., 0, 0]
-        return float(abs(found / self.plants(deltas, model.parameters, hertz) - 1).max())
-
-    def _claims(self, answer: xr.Dataset) -> Real:
-        """Distance of each largest deviation from that of the plant said to have it (3, F)."""
-        hertz, nominal = answer["frequency"].values, answer["nominal"].values
-        result = np.array(answer["deviation"].values)
-        for i, (name, box) in enumerate(self.boxes().items()):
-            rows = answer["delta"].sel(set=name, parameter=[p.name for p in box]).values
-            which, back = np.unique(rows, axis=0, return_inverse=True)
-            plants = self.plants(which, box, hertz)[back.ravel(), np.arange(len(hertz))]
-            result[i] -= abs(plants / nominal - 1)
-        return abs(result)
-
-    def _missed(self, found: Real, hertz: Real) -> Real:
-        """By how much a vertex deviates more than what was found the largest (3, F)."""
-        nominal = nominal_response(self.axis, hertz, antialiasing=False)
-        plants = [self.plants(vertices(box), box, hertz) for box in self.boxes().values()]
-        return np.array([abs(each / nominal - 1).max(axis=0) for each in plants]) - found
+        return spread_checks(self.axis, answer)
 
     def metrics(self, answer: xr.Dataset) -> dict[str, float]:
         hertz = answer["frequency"].values
@@ -309,14 +242,6 @@ def _placed(values: Any, box: Sequence[Parameter]) -> Real:
     result = np.zeros((*array.shape[:-1], len(UNITS)))
     result[..., [list(UNITS).index(p.name) for p in box]] = array
     return result
-
-
-def _least_determinant(model: ParametricModel) -> float:
-    r = model.structure.rows
-    counts = [block.rows for block in model.structure]
-    delta = np.repeat(vertices(model.parameters), counts, axis=-1)
-    loops = np.eye(r) - model.system.D[:r, :r] * delta[:, None, :]
-    return float(np.linalg.det(loops).min())
 
 
 def _median(values: Real) -> float:

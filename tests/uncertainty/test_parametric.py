@@ -5,36 +5,19 @@ import numpy as np
 import pytest
 
 from problems.cd_drive.actuator import SERIES_RESISTANCE, specific_model
+from problems.cd_drive.parametric import two_masses
 from problems.cd_drive.tables import ActuatorParameters, nominal_table
 from workbench.errors import InputError, UnknownNameError
 from workbench.structure import Real
-from workbench.uncertainty.lft import matrix, solve
-from workbench.uncertainty.parameters import Parameter, levels, samples, vertices
+from workbench.uncertainty.parameters import Parameter, samples, vertices
 from workbench.uncertainty.parametric import parametric
 
 OMEGA = 2 * np.pi * np.geomspace(0.1, 1e5, 60)
 NAMES = ("K_total", "R", "Bl", "k1", "k2", "b1", "b2", "m1", "m2")
 
 
-def two_masses(K_total, R, Bl, k1, k2, b1, b2, m1, m2):
-    """M x'' + C x' + K x = g Bl i,  R i = u - Bl g'x'  (eq. 3.12-3.14)."""
-    lens, arm = np.eye(2)
-
-    def element(value, ends):
-        return value * np.outer(ends, ends)
-
-    M = element(m1, lens) + element(m2, arm)
-    C = element(b1, arm) + element(b2, lens - arm)
-    K = element(k1, arm) + element(k2, lens - arm)
-    current = matrix([[0.0, 0.0, -Bl, 0.0, 1.0]]) / (R + SERIES_RESISTANCE)
-    force = matrix([[-K, -C, np.zeros((2, 1))]]) + lens[:, None] @ (Bl * current)
-    kinematics = [[np.zeros((2, 2)), np.eye(2), np.zeros((2, 1))]]
-    AB = matrix([*kinematics, [solve(M, force)]])
-    return AB @ np.eye(5, 4), AB @ np.eye(5)[:, 4:], K_total * np.eye(1, 4), 0.0
-
-
 def by_hand(K_total, R, Bl, k1, k2, b1, b2, m1, m2):
-    """The same, its elements multiplied out."""
+    """As `two_masses`, its elements multiplied out."""
     r = R + SERIES_RESISTANCE
     A = [
         [0, 0, 1, 0],
@@ -154,20 +137,6 @@ def test_slow_states_beside_fast_ones_stay():
     np.testing.assert_allclose(*responses, rtol=1e-12)
 
 
-def test_full_factorials():
-    nine = parameters()
-    assert levels(nine, 3).shape == (3**9, 9)
-    assert vertices(nine).shape == (2**9, 9)
-    assert set(np.unique(levels(nine, 3))) == {-1.0, 0.0, 1.0}
-    assert len(np.unique(levels(nine[:4], 3), axis=0)) == 81
-    inside = samples(nine, 50, np.random.default_rng(0))
-    assert inside.shape == (50, 9) and abs(inside).max() <= 1
-    with pytest.raises(InputError, match="at least 2"):
-        levels(nine, 1)
-    with pytest.raises(InputError, match="samples"):
-        levels(nine, 10)
-
-
 def test_a_mass_that_may_vanish():
     wide = [Parameter(p.name, p.nominal, 1.2 if p.name == "m2" else 0.1) for p in parameters()]
     with pytest.raises(InputError, match=r"nominal and m2 = -4.8e-06 \(delta -1\); narrow"):
@@ -206,21 +175,6 @@ def test_a_model_that_is_singular_in_a_corner_only():
 def test_models_that_are_refused(model, message):
     with pytest.raises(InputError, match=message):
         parametric(model, [Parameter("a", 2.0, 0.1)], inputs=["u"], outputs=["y"])
-
-
-@pytest.mark.parametrize(
-    "arguments, message",
-    [
-        (("a b", 1.0, 0.1), "argument"),
-        (("a", 0.0, 0.1), "nominal"),
-        (("a", np.nan, 0.1), "nominal"),
-        (("a", 1.0, 0.0), "positive"),
-        (("a", 1.0, np.inf), "finite"),
-    ],
-)
-def test_parameters_that_are_refused(arguments, message):
-    with pytest.raises(InputError, match=message):
-        Parameter(*arguments)
 
 
 def test_lists_of_parameters_that_are_refused():

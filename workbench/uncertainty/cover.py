@@ -193,16 +193,14 @@ class UncertaintyCover(Program):
     # --- results ----------------------------------------------------------------------------------
 
     def metrics(self, answer: CoverSteps) -> dict[str, float]:
-        model, shares = answer.model, self.responses.shares
-        fit = np.abs(model.W_c.response(self.responses.omega))
-        ratio = fit / answer.second.radius
+        model, second, shares = answer.model, answer.second, self.responses.shares
+        width, length = model.sizes(self.responses.omega)
         return {
-            f"{self.size_name}_peak": float(answer.second.radius.max()),
-            f"{self.size_name}_rms": float(np.sqrt(shares @ answer.second.radius**2)),
-            f"{self.size_name}_peak_fitted": float(fit.max()),
-            f"{self.size_name}_rms_fitted": float(np.sqrt(shares @ fit**2)),
-            "inflation": float(ratio.max()),
-            "inflation_median": float(np.median(ratio)),
+            f"{self.size_name}_peak": float(second.radius.max()),
+            f"{self.size_name}_rms": float(np.sqrt(shares @ second.radius**2)),
+            f"{self.size_name}_peak_fitted": float(width.max()),
+            f"{self.size_name}_rms_fitted": float(np.sqrt(shares @ width**2)),
+            "inflation": float(np.max((width + length) / (second.radius + second.half_length))),
             "order_nominal": model.nominal.order,
             "order_Wc": model.W_c.order,
             "outside": int(contains(model, self.responses, self.leave_out).outside.sum()),
@@ -219,7 +217,7 @@ class UncertaintyCover(Program):
         model = UncertaintyModel(
             rational(data, "nominal"), rational(data, "W_c"), rational(data, "W_r"), self.form
         )
-        first = shape(data, "first")
+        first: Circle | Stadium = shape(data, "first")
         if self.shape == "circle":
             first = Circle(first.center, first.radius)
         return CoverSteps(model, first, shape(data, "second"), shape(data, "third"))

@@ -10,15 +10,18 @@ from workbench.fitting.response import ResponseFit
 from workbench.geometry import Circle, Stadium
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
+from workbench.uncertainty.circle_cover import CircleCover
 from workbench.uncertainty.cover import UncertaintyCover
 from workbench.uncertainty.joint import smallest_sets
+from workbench.uncertainty.stadium_cover import StadiumCover
 from workbench.uncertainty.weights import fitted
 
 LEAST = 1e-3
 """Size of a first set, relative to its centre, below which plants count as equal."""
 
 
-@method(UncertaintyCover, "steps", optimal=False)
+@method(CircleCover, "steps", optimal=False)
+@method(StadiumCover, "steps", optimal=False)
 def _steps(program: UncertaintyCover, context: Context) -> Claim:
     """The steps of the thesis: the nominal is fitted to the centres of the first set."""
     first = program.first_set(program.points)
@@ -28,15 +31,21 @@ def _steps(program: UncertaintyCover, context: Context) -> Claim:
     return program.finished(first, nominal, third, W_r, context), Outcome.SOLVED, ""
 
 
-@method(UncertaintyCover, "joint", optimal=False)
+@method(CircleCover, "joint", optimal=False)
+@method(StadiumCover, "joint", optimal=False)
 def _joint(program: UncertaintyCover, context: Context) -> Claim:
     """Nominal and real weight are chosen together for the least mean square size of the sets."""
     points = program.points
     first = program.first_set(points)
     found, said = [], []
-    starts = {"the centres": first.center, "the plants' mean": mean_response(points)}
-    for name, response in starts.items():
-        start = _through(response, first, program, context)
+    mean, even = mean_response(points), Circle(first.center, np.abs(first.center))
+    starts = {
+        "the centres": (first.center, first),
+        "the centres, evenly weighted": (first.center, even),
+        "the plants' mean": (mean, first),
+    }
+    for name, (response, sizes) in starts.items():
+        start = _through(response, sizes, program, context)
         third = program.third_set(program.away(start, points))
         W_r = program.real_weight(third, context)
         found.append(smallest_sets(program, points, start, W_r, context))

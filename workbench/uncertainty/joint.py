@@ -134,7 +134,7 @@ def _evaluated(of: Sections | Complex, vector: Real, omega: Real) -> tuple[Compl
     """Values (F,) and derivatives (F, P); of a fixed response there are none."""
     if isinstance(of, Sections):
         return of.response(vector, omega), of.slopes(vector, omega)
-    return of, np.zeros((omega.size, 0))
+    return of, np.zeros((omega.size, 0), dtype=complex)
 
 
 def _norm(values: Complex, slopes: Complex, power: int) -> tuple[Real, Real]:

@@ -68,6 +68,11 @@ class UncertaintyModel:
         rationals = {"G": self.nominal, "W_c": self.W_c, "W_r": self.W_r}
         return {name: r.state_space() for name, r in rationals.items() if r is not None}
 
+    def sizes(self, omega: Real) -> tuple[Real, Real]:
+        """Radius and half-length of its sets in the units of the weights, each (F,)."""
+        length = np.zeros(np.shape(omega)) if self.W_r is None else np.abs(self.W_r.response(omega))
+        return np.abs(self.W_c.response(omega)), length
+
     def shapes(self, omega: Real) -> Stadium:
         """The sets of plants it describes at frequencies [rad/s] (F,), in the Nyquist plane."""
         nominal = self.nominal.response(omega)

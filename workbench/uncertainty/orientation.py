@@ -53,12 +53,12 @@ def limited(limit: float = math.pi / 12, nominal: Real | float | None = None) ->
         raise InputError(f"limit must lie in (0, pi/2] rad, it is {limit}")
 
     def orientation(omega: Real, away: Complex) -> Real:
-        reference = smooth()(omega, away) if nominal is None else np.asarray(nominal, dtype=float)
+        given = smooth()(omega, away) if nominal is None else np.asarray(nominal, dtype=float)
         try:
-            reference = np.broadcast_to(canonical_angle(reference), omega.shape)
+            reference = np.broadcast_to(canonical_angle(given), omega.shape)
         except ValueError:
             raise InputError(
-                f"a nominal orientation of shape {np.shape(nominal)} does not fit "
+                f"a nominal orientation of shape {given.shape} does not fit "
                 f"{omega.size} frequencies"
             ) from None
         angle = narrowest(omega, away)

@@ -79,13 +79,13 @@ class StadiumCover(UncertaintyCover):
         return [*super()._orders(model), ("W_r", model.W_r, self.real_order)]
 
     def metrics(self, answer: CoverSteps) -> dict[str, float]:
-        model, omega = answer.model, self.responses.omega
-        length, width = (np.abs(of.response(omega)) for of in (model.W_r, model.W_c))
-        raw = answer.second.half_length + answer.second.radius
-        away = self.away(model.nominal, self.points)
+        model, second = answer.model, answer.second
+        width, length = model.sizes(self.responses.omega)
         return super().metrics(answer) | {
-            "radius_peak": float(np.abs(away).max()),
-            "length_peak": float(answer.second.half_length.max()),
-            "inflation_length": float(np.max((length + width) / raw)),
+            "inflation_width": float(np.max(width / second.radius)),
+            "inflation_width_median": float(np.median(width / second.radius)),
+            "radius_peak": float(np.abs(self.away(model.nominal, self.points)).max()),
+            "length_peak": float(second.half_length.max()),
+            "length_peak_fitted": float(length.max()),
             "order_Wr": model.W_r.order,
         }

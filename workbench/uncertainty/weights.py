@@ -57,10 +57,10 @@ def real_weight(
     """W_r (eq. 5.15): follows the segments half_length * exp(j angle) in magnitude and phase.
 
     The end of a segment may be either of two; the one that turns less along frequency is taken.
-    What the fit misses makes the set wider by as much, so errors are weighted by 1 / radius.
+    What the fit misses makes the set wider by as much; it counts as the excess of a cover does.
     """
     end = unwrapped(sets.half_length * np.exp(1j * sets.angle))
-    weight = 1 / np.maximum(sets.radius, THIN * (sets.radius + sets.half_length))
+    weight = 1 / (sets.radius + SLACK * sets.half_length)
     return fitted(
         ResponseFit(omega, end, order, weight=weight, minimum_phase=minimum_phase), context
     )
