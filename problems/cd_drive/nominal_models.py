@@ -7,7 +7,7 @@ CD-players (2003).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from workbench.executor import Context
 from workbench.uncertainty.storage import rational
 
 from .drives import nominal_response
-from .sets import TABLES, WINDOWS
+from .sets import TABLES, WINDOWS, Frequencies
 from .tables import Axis
 
 if TYPE_CHECKING:
@@ -28,21 +28,28 @@ CLOSE = {False: 2.0, True: 4.0}
 """Difference [dB] outside and inside the resonances up to which nominal models agree closely."""
 
 
+def steps_of_covers(axis: str, frequencies: int = 400, **_: Any) -> dict[str, Any]:
+    """Both covers by the steps of the thesis."""
+    return {
+        f"{shape}s": ref(f"cd/{axis}/{shape}-cover", method="steps", frequencies=frequencies)
+        for shape in ("circle", "stadium")
+    }
+
+
 @problem(
     "cd/{axis}/nominal",
     axis=("focus", "radial"),
-    needs={
-        "circles": ref("cd/{axis}/circle-cover", method="steps"),
-        "stadiums": ref("cd/{axis}/stadium-cover", method="steps"),
-    },
+    needs=steps_of_covers,
     data=TABLES,
 )
-def nominal(axis: Axis, circles: Run, stadiums: Run) -> NominalModels:
+def nominal(axis: Axis, circles, stadiums, frequencies: Frequencies = 400) -> NominalModels:  # type: ignore[no-untyped-def]
     """Nominal models of parametric, complex and mixed uncertainty agree (figures 5.10, 5.11).
 
     Midrange parameters of Table 5.2; a fourth-order function through the centres of the smallest
     circles; one through the centres of the narrowest stadiums. Three ways that know more or less
     of the drives, and their distance in dB inside and outside the resonances.
+
+    frequencies: how many, logarithmically spaced from 5 Hz to 5 kHz.
     """
     return NominalModels(axis, circles, stadiums)
 

@@ -30,6 +30,14 @@ def deviation_figure(answer: xr.Dataset) -> Figure:
         for name in names:
             label, colour, dash = LOOKS[name]
             panel.loglog(hertz, answer["deviation"].sel(set=name), dash, color=colour, label=label)
+        if gain == "own":
+            panel.loglog(
+                hertz,
+                answer["sought"],
+                ":",
+                color=figures.BLACK,
+                label="interior, as far as sought",
+            )
         panel.set_title(titles[gain])
         panel.set_ylabel("|G_p / G - 1| [1]")
         panel.set_ylim(1e-2, 8 * float(answer["deviation"].max()))  # room for the legend

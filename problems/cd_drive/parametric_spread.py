@@ -26,6 +26,7 @@ from .drives import nominal_response, responses
 from .parametric import UNITS
 from .parametric_checks import MODELS, boxes, pulled_out, spread_checks
 from .parametric_figures import bode_figure, deviation_figure
+from .parametric_search import climbed
 from .sets import TABLES, Frequencies, Frequency
 from .tables import Axis, Values, drives, nominal_table
 
@@ -57,8 +58,9 @@ def parametric_spread(
     The nine parameters, pulled out of the model as real perturbations; the largest relative
     deviation |G_p / G - 1| over all combinations of their minimum, nominal and maximum; the same
     without the total gain, which the automatic gain control removes, and with the three parameters
-    that stand for all. Beside them the twelve drives, and how much combinations in the interior
-    exceed those.
+    that stand for all. Beside them the twelve drives, and how much plants in the interior of the
+    tolerances exceed those combinations: of the nine by a search that starts from the worst of
+    them, of the three by a dense grid.
 
     frequencies: how many, logarithmically spaced from lowest to highest [Hz]. between: values
     between minimum, nominal and maximum that are tried of the three parameters; drawn: random
@@ -105,6 +107,7 @@ class ParametricSpread(Study):
         worst_deltas = [
             _placed(levels(box, 3)[i], box) for box, i in zip(sets.values(), place, strict=True)
         ]
+        sought, sought_delta = climbed(self.axis, sets["nine"], self.frequency, worst_deltas[0])
         drives_found = [
             responses(self.axis, self.frequency, gain, self.values, antialiasing=False)
             for gain in GAINS
@@ -129,6 +132,8 @@ class ParametricSpread(Study):
                 "most": (over, most, unit | {"long_name": "largest magnitude"}),
                 "interior": ("frequency", inside, _one("largest deviation, reduced, dense")),
                 "drawn": ("frequency", aside, _one("largest deviation, nine, at random")),
+                "sought": ("frequency", sought, _one("largest deviation found, nine")),
+                "sought_delta": (("frequency", "parameter"), sought_delta, _one("that has it")),
                 "drives": (("gain", "drive", "frequency"), drives_found, unit),
                 "drive_delta": (
                     ("drive", "parameter"),
@@ -189,12 +194,14 @@ class ParametricSpread(Study):
             for name, suffix in shown.items():
                 beyond = one.values > over[name]
                 numbers[f"drives_{gain}_beyond{suffix or '_nine'}"] = float(beyond.mean())
-        excess = answer["interior"].values / over["reduced"] - 1
+        inside = {"": ("sought", "nine"), "_reduced": ("interior", "reduced")}
+        for suffix, (variable, name) in inside.items():
+            excess = answer[variable].values / over[name] - 1
+            numbers[f"interior_excess{suffix}"] = float(excess.max())
+            numbers[f"interior_excess{suffix}_hz"] = float(hertz[excess.argmax()])
         after = answer["copies"].sel(stage="after reduction").sum("parameter")
         return numbers | {
             "drives_largest_delta": float(abs(answer["drive_delta"]).max()),
-            "interior_excess": float(excess.max()),
-            "interior_excess_hz": float(hertz[excess.argmax()]),
             "drawn_share": float((answer["drawn"].values / over["nine"]).max()),
             "channels": float(after.sel(model="nine")),
             "channels_reduced": float(after.sel(model="reduced")),

@@ -155,8 +155,10 @@ def from_system(system: StateSpace) -> Rational:
     Raises
     ------
     InputError
-        Not SISO, or in discrete time.
+        No system, not SISO, or in discrete time.
     """
+    if not hasattr(system, "zeros"):
+        raise InputError(f"a transfer function or state space is needed, not {system!r:.80}")
     if system.ninputs != 1 or system.noutputs != 1:
         raise InputError(f"a SISO system is needed, not {system.noutputs} x {system.ninputs}")
     if system.isdtime(strict=True):

@@ -10,7 +10,7 @@ import numpy as np
 from workbench.executor import Context
 from workbench.fitting.rational import Complex, Rational
 from workbench.geometry import Circle, Stadium, smallest_circle
-from workbench.uncertainty.cover import CoverSteps, UncertaintyCover
+from workbench.uncertainty.cover import OUTWARD, CoverSteps, UncertaintyCover
 from workbench.uncertainty.responses import Real
 from workbench.uncertainty.sets import circles_about_nominal
 
@@ -36,5 +36,7 @@ class CircleCover(UncertaintyCover):
         return None
 
     def excess(self, answer: CoverSteps) -> Real:
-        least = np.abs(self.away(answer.model.nominal, self.points)).max(axis=1)
-        return answer.second.radius / least - 1
+        nominal = answer.model.nominal
+        least = np.abs(self.away(nominal, self.points)).max(axis=1)
+        apart = np.abs(answer.second.radius - least) - OUTWARD * self.away_scale(nominal)
+        return np.where(apart <= 0, 0.0, apart / np.maximum(least, np.finfo(float).tiny))

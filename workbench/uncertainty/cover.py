@@ -18,6 +18,7 @@ import numpy as np
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.fitting.rational import Complex, Rational, from_system
+from workbench.fitting.samples import as_count
 from workbench.geometry import Circle, Stadium
 from workbench.program import Check, Program, worst
 from workbench.uncertainty.model import ROUNDING, UncertaintyModel, contains
@@ -28,6 +29,10 @@ from workbench.uncertainty.weights import complex_weight, needed_radius
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
+
+
+OUTWARD = 1e-12
+"""Outward rounding of radii, relative to the plants: equal plants have no other radius."""
 
 
 @dataclass(frozen=True)
@@ -83,29 +88,50 @@ class UncertaintyCover(Program):
     """What the radius of a set is called in metrics."""
 
     def __post_init__(self) -> None:
+        if not isinstance(self.responses, Responses):
+            raise InputError(f"responses must be Responses, not {type(self.responses).__name__}")
         if self.form not in get_args(Form):
             raise InputError(f"form is {self.form!r}; it must be one of {get_args(Form)}")
         if self.nominal is not None and not isinstance(self.nominal, Rational):
             object.__setattr__(self, "nominal", from_system(self.nominal))
         if self.zeros is None:
             object.__setattr__(self, "zeros", self.order)
-        for name, value in self._counts.items():
-            if isinstance(value, bool) or not isinstance(value, int) or value < 0:
-                raise InputError(f"{name} must be a whole number, 0 or more, not {value!r}")
+        for name in ("zeros", *self._most):
+            object.__setattr__(self, name, as_count(name, getattr(self, name)))
         if self.zeros > self.order:
             raise InputError(f"zeros={self.zeros}: at most the order, {self.order}, can be had")
+        for name, most in self._most.items():
+            if getattr(self, name) > most:
+                raise InputError(
+                    f"{name} is {getattr(self, name)}; {self.responses.omega.size} frequencies "
+                    f"determine {most} at most"
+                )
+        if self.nominal is not None and not self.nominal.is_stable:
+            raise InputError(
+                f"the given nominal must be stable, its poles are {self.nominal.poles}"
+            )
+        if self.leave_out and self.responses.assumption:
+            raise InputError(
+                f"leave_out is {self.leave_out}, but the responses stand for an assumption "
+                f"({self.responses.assumption}), which needs all of them"
+            )
         _ = self.points  # says what cannot be left out
 
     @property
-    def _counts(self) -> dict[str, Any]:
-        return {"order": self.order, "zeros": self.zeros, "complex_order": self.complex_order}
+    def _most(self) -> dict[str, int]:
+        """Highest orders that the frequencies determine."""
+        count = self.responses.omega.size
+        order = 2 * count - 1 - min(self.zeros, self.order)
+        if self.nominal is not None:
+            order = self.order
+        return {"order": order, "complex_order": count // 2 - 1}
 
     # --- the steps --------------------------------------------------------------------------------
 
     @cached_property
     def points(self) -> Complex:
         """The point sets to cover (F, N), without what is left out."""
-        return kept(self.responses.points, self.leave_out, self.shape)
+        return kept(self.responses, self.leave_out, self.shape)
 
     @property
     def minimum_phase(self) -> bool:
@@ -133,6 +159,12 @@ class UncertaintyCover(Program):
         response = nominal.response(self.responses.omega)
         return deviations(points, response, self.form, self.responses)
 
+    def away_scale(self, nominal: Rational) -> Real:
+        """Sizes (F,) of the plants in the units of the deviations."""
+        size = np.abs(self.points).max(axis=1)
+        response = np.abs(nominal.response(self.responses.omega))
+        return size / response if self.form == "multiplicative" else size + response
+
     def finished(
         self,
         first: Circle | Stadium,
@@ -144,7 +176,9 @@ class UncertaintyCover(Program):
         """The last step: a complex weight that covers whatever the real one leaves over."""
         omega, away = self.responses.omega, self.away(nominal, self.points)
         radius = needed_radius(away, None if W_r is None else W_r.response(omega))
-        extent = np.abs(away).max(axis=1)
+        # the deviations are as wrong as the plants' rounding, whatever their size
+        radius = radius + OUTWARD * self.away_scale(nominal)
+        extent = np.maximum(np.abs(away).max(axis=1), radius)
         W_c = complex_weight(omega, radius, extent, self.complex_order, context)
         model = UncertaintyModel(nominal, W_c, W_r, self.form)
         return CoverSteps(model, first, self.second_set(away), third)
@@ -168,7 +202,7 @@ class UncertaintyCover(Program):
             Check("containment", statement, inside.worst, ROUNDING, inside.where),
             Check(
                 "second set",
-                "a radius above its least about the nominal, relative",
+                "distance of a radius from its least about the nominal, relative",
                 excess,
                 max(tolerance, ROUNDING),
                 where,
@@ -183,7 +217,7 @@ class UncertaintyCover(Program):
 
     @abstractmethod
     def excess(self, answer: CoverSteps) -> Real:
-        """Relative excess (F,) of the second set over a bound from the points alone."""
+        """Relative distance (F,) of the second set's radius from a bound from the points alone."""
 
     def _orders(self, model: UncertaintyModel) -> list[tuple[str, Rational, int]]:
         """Name, function and highest order of what was fitted."""
@@ -195,12 +229,13 @@ class UncertaintyCover(Program):
     def metrics(self, answer: CoverSteps) -> dict[str, float]:
         model, second, shares = answer.model, answer.second, self.responses.shares
         width, length = model.sizes(self.responses.omega)
+        size = np.maximum(second.radius + second.half_length, OUTWARD * (width + length))
         return {
             f"{self.size_name}_peak": float(second.radius.max()),
             f"{self.size_name}_rms": float(np.sqrt(shares @ second.radius**2)),
             f"{self.size_name}_peak_fitted": float(width.max()),
             f"{self.size_name}_rms_fitted": float(np.sqrt(shares @ width**2)),
-            "inflation": float(np.max((width + length) / (second.radius + second.half_length))),
+            "inflation": float(np.max((width + length) / size)),
             "order_nominal": model.nominal.order,
             "order_Wc": model.W_c.order,
             "outside": int(contains(model, self.responses, self.leave_out).outside.sum()),

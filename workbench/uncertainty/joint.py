@@ -57,7 +57,7 @@ class SmallSets:
     @property
     def start(self) -> Real:
         moving = [each.start for each in (self.nominal, self.W_r) if isinstance(each, Sections)]
-        return np.concatenate(moving)
+        return np.concatenate([np.zeros(0), *moving])  # of circles about a given nominal: none
 
     def __call__(self, vector: Real, power: int) -> tuple[float, Real]:
         """The size with norms of a power over the plants, and its derivatives."""

@@ -128,9 +128,7 @@ class Responses:
     @property
     def points(self) -> Complex:
         """The point sets (F, N); what is missing repeats another point of its set."""
-        substitute = self.values[np.arange(self.omega.size), self.present.argmax(axis=1)]
-        points: Complex = np.where(self.present, self.values, substitute[:, None])
-        return points
+        return filled(self.values, self.present)
 
     def labelled(self) -> xr.DataArray:
         """The point sets with names and units, dims (frequency, plant)."""
@@ -143,6 +141,13 @@ class Responses:
             coords={"frequency": ("frequency", self.frequency, axis), "plant": list(self.plants)},
             attrs={"units": self.unit, "long_name": "response"},
         )
+
+
+def filled(values: Complex, present: np.ndarray) -> Complex:
+    """Values (F, N) where present; elsewhere the first present one of their frequency."""
+    substitute = values[np.arange(len(values)), present.argmax(axis=1)]
+    points: Complex = np.where(present, values, substitute[:, None])
+    return points
 
 
 def responses_of(systems: Sequence[FrequencyResponseData], **names: Any) -> Responses:

@@ -13,9 +13,10 @@ from typing import Literal
 import numpy as np
 
 from workbench.errors import InputError
+from workbench.fitting.samples import as_count
 from workbench.geometry import Circle, Stadium, narrowest_stadium, smallest_circle
 from workbench.geometry.exact_stadium import exact_stadium
-from workbench.uncertainty.responses import Complex, Real, Responses
+from workbench.uncertainty.responses import Complex, Real, Responses, filled
 
 Form = Literal["multiplicative", "additive"]
 
@@ -61,68 +62,77 @@ def stadiums_about_nominal(away: Complex, angle: Real | None = None) -> Stadium:
     return Stadium(*exact_stadium(away, 0.0, angle))
 
 
-def kept(points: Complex, leave_out: int, kind: Literal["circle", "stadium"]) -> Complex:
+def kept(responses: Responses, leave_out: int, kind: Literal["circle", "stadium"]) -> Complex:
     """Point sets (F, N) without the ``leave_out`` points that cost their first set most.
 
-    What is left out repeats a point that is kept. Of circles the choice is optimal: a smaller
-    circle leaves out one of the points that support the present one, so a tree of supports is
-    searched (at most 3 branches a level; the LP-type problem with violations of Matousek, 1995).
-    Of stadiums the same tree is a heuristic: the narrowest width may have more supports.
+    What is left out repeats a point that is kept. Of circles in general position the choice is
+    optimal: a smaller circle leaves out one of the points that support the present one, so a tree
+    of supports is searched (at most 3 branches a level; the LP-type problem with violations of
+    Matousek, 1995). Of stadiums the same tree is a heuristic: the narrowest width may have more
+    supports.
 
     Raises
     ------
     InputError
-        More points than the search can take, or than leave two plants.
+        More points than the search can take, or than leave two plants at every frequency.
     """
-    if not 0 <= leave_out <= MOST_LEFT_OUT:
+    if as_count("leave_out", leave_out) > MOST_LEFT_OUT:
         raise InputError(
-            f"leave_out is {leave_out}; it must be a whole number up to {MOST_LEFT_OUT}, "
+            f"leave_out is {leave_out}; it may be {MOST_LEFT_OUT} at most, "
             "since the search grows fourfold with each"
         )
-    if points.shape[1] - leave_out < 2:
-        raise InputError(f"leaving out {leave_out} of {points.shape[1]} plants leaves no spread")
+    count = responses.present.sum(axis=1)
+    if count.min() - leave_out < 2:
+        raise InputError(
+            f"leaving out {leave_out} of the {count.min()} plants at "
+            f"{responses.place(int(count.argmin()))} leaves no spread: two or more must stay"
+        )
     measure = _circle_support if kind == "circle" else _stadium_support
-    return _searched(points, leave_out, measure)[0]
+    return _searched(responses.values, responses.present, leave_out, measure)[0]
 
 
-Support = Callable[[Complex], tuple[Real, np.ndarray]]
-"""Radius (F,) of the first set, and indices (F, B) of points that support it."""
+Support = Callable[[Complex], tuple[Real, Real, int]]
+"""Radius (F,) of the first set, room (F, N) of points inside it, most points that support it."""
 
 
-def _searched(points: Complex, leave_out: int, measure: Support) -> tuple[Complex, Real]:
+def _searched(
+    values: Complex, present: np.ndarray, leave_out: int, measure: Support
+) -> tuple[Complex, Real]:
     """The best sets with points left out, and their radii."""
-    radius, support = measure(points)
+    points = filled(values, present)
+    radius, room, count = measure(points)
     if leave_out == 0:
         return points, radius
     best, least = points, np.full(len(points), np.inf)
-    rows = np.arange(len(points))
-    for branch in support.T:
-        # the point itself and every copy of it: a copy would keep it in the set
-        gone = points == points[rows, branch][:, None]
-        substitute = points[rows, np.argmin(gone, axis=1)]
-        fewer = np.where(gone, substitute[:, None], points)
-        found, size = _searched(fewer, leave_out - 1, measure)
+    for branch in _nearest(points, np.where(present, room, np.inf), radius, count):
+        fewer = present.copy()
+        fewer[np.arange(len(points)), branch] = False
+        found, size = _searched(values, fewer, leave_out - 1, measure)
         better = size < least
         best = np.where(better[:, None], found, best)
         least = np.where(better, size, least)
     return best, least
 
 
-def _circle_support(points: Complex) -> tuple[Real, np.ndarray]:
+def _circle_support(points: Complex) -> tuple[Real, Real, int]:
     circle: Circle = smallest_circle(points)
-    room = circle.radius[:, None] - np.abs(points - circle.center[:, None])
-    return circle.radius, _nearest(points, room, circle.radius, 3)
+    return circle.radius, circle.radius[:, None] - np.abs(points - circle.center[:, None]), 3
 
 
-def _stadium_support(points: Complex) -> tuple[Real, np.ndarray]:
+def _stadium_support(points: Complex) -> tuple[Real, Real, int]:
     stadium = narrowest_stadium(points)
     away = (points - stadium.center[:, None]) * np.exp(-1j * stadium.angle[:, None])
-    room = stadium.radius[:, None] - np.abs(away.imag)
-    return stadium.radius, _nearest(points, room, stadium.radius, 4)
+    return stadium.radius, stadium.radius[:, None] - np.abs(away.imag), 4
 
 
-def _nearest(points: Complex, room: Real, radius: Real, count: int) -> np.ndarray:
-    """Indices (F, count) of distinct points nearest to the boundary; those inside repeat."""
-    order = np.argsort(room, axis=1, kind="stable")[:, : min(count, points.shape[1])]
-    inside = np.take_along_axis(room, order, axis=1) > TOUCHING * radius[:, None]
-    return np.where(inside, order[:, :1], order)
+def _nearest(points: Complex, room: Real, radius: Real, count: int) -> list[np.ndarray]:
+    """Up to ``count`` indices (F,) of distinct points nearest to the boundary; the first of them
+    where there are no more.
+    """
+    rows, found = np.arange(len(points)), [room.argmin(axis=1)]
+    for _ in range(min(count, points.shape[1]) - 1):
+        room = np.where(points == points[rows, found[-1]][:, None], np.inf, room)
+        nearest = room.argmin(axis=1)
+        touching = room[rows, nearest] <= TOUCHING * radius
+        found.append(np.where(touching, nearest, found[0]))
+    return found

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
+from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.fitting.rational import Complex, Rational
 from workbench.geometry import NarrowestStadium, Stadium, narrowest_stadium
 from workbench.program import Check
-from workbench.uncertainty.cover import CoverSteps, UncertaintyCover, left_check
+from workbench.uncertainty.cover import OUTWARD, CoverSteps, UncertaintyCover, left_check
 from workbench.uncertainty.model import UncertaintyModel
 from workbench.uncertainty.orientation import Orientation, smooth
 from workbench.uncertainty.responses import Real
@@ -43,9 +44,14 @@ class StadiumCover(UncertaintyCover):
     headline: ClassVar[str] = "width_peak"
     size_name: ClassVar[str] = "width"
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not callable(self.orientation):
+            raise InputError(f"orientation must be a function, not {self.orientation!r}")
+
     @property
-    def _counts(self) -> dict[str, Any]:
-        return super()._counts | {"real_order": self.real_order}
+    def _most(self) -> dict[str, int]:
+        return super()._most | {"real_order": self.responses.omega.size - 1}
 
     def first_set(self, points: Complex) -> Stadium:
         return narrowest_stadium(points)
@@ -72,8 +78,8 @@ class StadiumCover(UncertaintyCover):
     def excess(self, answer: CoverSteps) -> Real:
         sets = NarrowestStadium(self.away(answer.model.nominal, self.points), center=0.0)
         bound = sets.radius_bound(answer.second)
-        above = np.maximum(answer.second.radius - bound - sets.rounding, 0)
-        return np.where(above == 0, 0.0, above / np.maximum(bound, np.finfo(float).tiny))
+        apart = np.abs(answer.second.radius - bound) - sets.rounding
+        return np.where(apart <= 0, 0.0, apart / np.maximum(bound, np.finfo(float).tiny))
 
     def _orders(self, model: UncertaintyModel) -> list[tuple[str, Rational, int]]:
         return [*super()._orders(model), ("W_r", model.W_r, self.real_order)]
@@ -81,9 +87,10 @@ class StadiumCover(UncertaintyCover):
     def metrics(self, answer: CoverSteps) -> dict[str, float]:
         model, second = answer.model, answer.second
         width, length = model.sizes(self.responses.omega)
+        inflation = width / np.maximum(second.radius, OUTWARD * width)
         return super().metrics(answer) | {
-            "inflation_width": float(np.max(width / second.radius)),
-            "inflation_width_median": float(np.median(width / second.radius)),
+            "inflation_width": float(np.max(inflation)),
+            "inflation_width_median": float(np.median(inflation)),
             "radius_peak": float(np.abs(self.away(model.nominal, self.points)).max()),
             "length_peak": float(second.half_length.max()),
             "length_peak_fitted": float(length.max()),

@@ -19,6 +19,8 @@ from workbench.program import Program, solve
 
 THIN = 1e-3
 """Least width of a fitted set, relative to its whole size: what is thinner is a line."""
+NO_SIZE = 1e-6
+"""Size of a set, relative to the largest, below which plants count as equal."""
 SLACK = 0.3
 """What the extent of a stadium counts beside its radius where a cover exceeds it."""
 
@@ -60,7 +62,8 @@ def real_weight(
     What the fit misses makes the set wider by as much; it counts as the excess of a cover does.
     """
     end = unwrapped(sets.half_length * np.exp(1j * sets.angle))
-    weight = 1 / (sets.radius + SLACK * sets.half_length)
+    size = sets.radius + SLACK * sets.half_length
+    weight = 1 / np.maximum(size, NO_SIZE * (size.max() or 1.0))
     return fitted(
         ResponseFit(omega, end, order, weight=weight, minimum_phase=minimum_phase), context
     )

@@ -62,7 +62,8 @@ def test_the_certificate_holds(solved):
     assert solution.certificate.failures == ()
     metrics = study.metrics(solution.answer)
     assert (metrics["channels"], metrics["channels_reduced"]) == (10, 3)
-    assert 0 <= metrics["interior_excess"] < 0.2
+    assert 0 <= metrics["interior_excess_reduced"] < 0.2
+    assert metrics["interior_excess"] > {"focus": 0.2, "radial": 0.02}[study.axis]
     assert 0.5 < metrics["drawn_share"] < 1
     nine, without, reduced = solution.answer["deviation"].values
     assert (without <= nine + 1e-12).all()
@@ -86,6 +87,14 @@ def test_other_deviations_fail(solved, factor):
     failed = [c.name for c in study.checks(spoiled, 1e-6) if not c.holds]
     assert "largest deviations" in failed
     assert ("vertices" in failed) == (factor < 1)
+
+
+def test_a_plant_beyond_the_tolerances_fails(solved):
+    study, solution = solved
+    beyond = solution.answer["sought_delta"] * 1.5
+    spoiled = solution.answer.assign(sought_delta=beyond)
+    failed = [c.name for c in study.checks(spoiled, 1e-6) if not c.holds]
+    assert failed == ["largest deviations"]
 
 
 def test_frequencies_that_are_refused():
