@@ -163,13 +163,32 @@ def from_system(system: StateSpace) -> Rational:
         raise InputError(f"a SISO system is needed, not {system.noutputs} x {system.ninputs}")
     if system.isdtime(strict=True):
         raise InputError(f"a continuous-time system is needed, dt is {system.dt}")
-    zeros, poles = paired(system.zeros()), paired(system.poles())
+    scaled, time = _scaled(system)
+    zeros, poles = paired(scaled.zeros() * time), paired(scaled.poles() * time)
     bare = Rational(zeros, poles, 1.0)
     # the gain from where the function is neither tiny nor huge: off the axis, at a middle frequency
     sizes = np.abs(np.concatenate([zeros, poles]))
     sizes = sizes[sizes > 0]
     at = complex(np.exp(np.mean(np.log(sizes))) if sizes.size else 1.0) * (1.0 + 0.5j)
     return Rational(zeros, poles, float((complex(system(at)) / complex(bare(at))).real))
+
+
+def _scaled(system: StateSpace) -> tuple[StateSpace, float]:
+    """A system of the same roots over ``time``, of unit size: SLICOT's tolerance is absolute."""
+    import control
+
+    if not isinstance(system, control.StateSpace) or not system.nstates:
+        return system, 1.0
+    poles = np.abs(system.poles())
+    time = float(np.exp(np.mean(np.log(poles[poles > 0])))) if poles.any() else 1.0
+    b, c = (float(np.abs(each).max()) or 1.0 for each in (system.B, system.C))
+    return control.ss(
+        system.A / time,
+        system.B / b,
+        system.C / c,
+        system.D / b / c * time,
+        remove_useless_states=False,
+    ), time
 
 
 def _ordered(roots: Complex) -> Complex:

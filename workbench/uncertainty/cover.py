@@ -23,7 +23,7 @@ from workbench.geometry import Circle, Stadium
 from workbench.program import Check, Program, worst
 from workbench.uncertainty.model import ROUNDING, UncertaintyModel, contains
 from workbench.uncertainty.responses import Real, Responses
-from workbench.uncertainty.sets import Form, deviations, kept
+from workbench.uncertainty.sets import Form, corners, deviations, kept
 from workbench.uncertainty.weights import complex_weight, needed_radius
 
 if TYPE_CHECKING:
@@ -130,8 +130,8 @@ class UncertaintyCover(Program):
 
     @cached_property
     def points(self) -> Complex:
-        """The point sets to cover (F, N), without what is left out."""
-        return kept(self.responses, self.leave_out, self.shape)
+        """Corners (F, H) of the point sets to cover, without what is left out."""
+        return corners(kept(self.responses, self.leave_out, self.shape))
 
     @property
     def minimum_phase(self) -> bool:

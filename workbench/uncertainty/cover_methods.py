@@ -38,7 +38,7 @@ def _joint(program: UncertaintyCover, context: Context) -> Claim:
     points = program.points
     first = program.first_set(points)
     found, said = [], []
-    mean, even = mean_response(points), Circle(first.center, np.abs(first.center))
+    mean, even = mean_response(program.responses.points), Circle(first.center, np.abs(first.center))
     starts = {
         "the centres": (first.center, first),
         "the centres, evenly weighted": (first.center, even),

@@ -52,6 +52,8 @@ class UncertaintyModel:
             raise InputError(f"form is {self.form!r}; it must be one of {get_args(Form)}")
         for name in ("nominal", "W_c", "W_r"):
             given = getattr(self, name)
+            if given is None and name != "W_r":
+                raise InputError(f"{name} is needed; only W_r may be None")
             if given is not None and not isinstance(given, Rational):
                 object.__setattr__(self, name, from_system(given))
 

@@ -51,6 +51,8 @@ def limited(limit: float = math.pi / 12, nominal: Real | float | None = None) ->
     """
     if not 0 < limit <= math.pi / 2:
         raise InputError(f"limit must lie in (0, pi/2] rad, it is {limit}")
+    if nominal is not None and not np.isfinite(nominal).all():
+        raise InputError(f"a nominal orientation must be finite, it is {nominal}")
 
     def orientation(omega: Real, away: Complex) -> Real:
         given = smooth()(omega, away) if nominal is None else np.asarray(nominal, dtype=float)

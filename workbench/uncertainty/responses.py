@@ -169,6 +169,9 @@ def responses_of(systems: Sequence[FrequencyResponseData], **names: Any) -> Resp
         than two of them.
     """
     for k, system in enumerate(systems):
+        if not hasattr(system, "frdata"):
+            kind = type(system).__name__
+            raise InputError(f"plant {k + 1} is no frequency response, but a {kind}")
         if (system.ninputs, system.noutputs) != (1, 1):
             raise InputError(f"plant {k + 1} is {system.noutputs} x {system.ninputs}, not SISO")
     grids = [np.asarray(system.omega, dtype=float) for system in systems]

@@ -16,6 +16,7 @@ from workbench.errors import InputError
 from workbench.fitting.samples import as_count
 from workbench.geometry import Circle, Stadium, narrowest_stadium, smallest_circle
 from workbench.geometry.exact_stadium import exact_stadium
+from workbench.geometry.hull import convex_hull
 from workbench.uncertainty.responses import Complex, Real, Responses, filled
 
 Form = Literal["multiplicative", "additive"]
@@ -89,6 +90,16 @@ def kept(responses: Responses, leave_out: int, kind: Literal["circle", "stadium"
         )
     measure = _circle_support if kind == "circle" else _stadium_support
     return _searched(responses.values, responses.present, leave_out, measure)[0]
+
+
+def corners(points: Complex) -> Complex:
+    """Vertices (F, H) of the convex hulls of point sets (F, N), repeated up to the largest H.
+
+    Circles and stadiums are convex: what contains the vertices contains the sets.
+    """
+    hulls = [convex_hull(row) for row in points]
+    most = max(hull.size for hull in hulls)
+    return np.stack([np.resize(hull, most) for hull in hulls])
 
 
 Support = Callable[[Complex], tuple[Real, Real, int]]

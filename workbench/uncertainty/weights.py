@@ -21,7 +21,7 @@ THIN = 1e-3
 """Least width of a fitted set, relative to its whole size: what is thinner is a line."""
 NO_SIZE = 1e-6
 """Size of a set, relative to the largest, below which plants count as equal."""
-SLACK = 0.3
+SLACK = 2.0
 """What the extent of a stadium counts beside its radius where a cover exceeds it."""
 
 
