@@ -75,7 +75,7 @@ class CoverSpeed(Study):
         _timed(_cover(measured_drives("focus", 10, 5.0, 5000.0)), "steps", context)  # compile
         own, seconds = _timed(cover, "steps", context)
         start = time.perf_counter()
-        scan = ScannedStadiums(drives.points.shape[1], context)
+        scan = ScannedStadiums(cover.points.shape[1], context)
         peer = _by_conic(cover, scan, context)
         conic = time.perf_counter() - start
         large = _family(self.plants, self.grid, context.rng)
@@ -183,7 +183,7 @@ def _by_conic(cover: StadiumCover, scan: ScannedStadiums, context: Context) -> n
     third = scan.at(away, np.where(np.abs(np.sin(angles)) > 0.5, 0.0, angles), "third set")
     sets = stadiums_about_nominal(away, angles)
     end = unwrapped(sets.half_length * np.exp(1j * sets.angle))
-    weight = 1 / (third + 0.3 * sets.half_length)
+    weight = 1 / (third + 2 * sets.half_length)
     W_r = fitted(ResponseFit(omega, end, WEIGHT, weight=weight))
     radius = needed_radius(away, W_r.response(omega))
     fitted(MagnitudeFit(omega, radius, WEIGHT, cover=True))

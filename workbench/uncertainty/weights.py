@@ -22,7 +22,7 @@ THIN = 1e-3
 NO_SIZE = 1e-6
 """Size of a set, relative to the largest, below which plants count as equal."""
 SLACK = 2.0
-"""What the extent of a stadium counts beside its radius where a cover exceeds it."""
+"""What the length of a stadium counts beside its radius where a cover exceeds it."""
 
 
 def fitted(program: Program, context: Context) -> Rational:
@@ -45,9 +45,9 @@ def complex_weight(
 ) -> Rational:
     """W_c (eq. 5.2, 5.15): covers radii (F,), also between the frequencies.
 
-    What it takes in excess counts against the size of the whole set: against the radius of
-    circles, and against radius + SLACK * extent of stadiums, whose radius may all but vanish
-    between frequencies where it matters.
+    What it takes in excess counts against the size of the set: the radius of circles; of stadiums
+    the radius and SLACK times what the extent has beyond it, since a long set may be all but a
+    line where a low order cannot follow it.
     """
     weight = radius / (radius + SLACK * (extent - radius))
     return fitted(MagnitudeFit(omega, radius, order, weight=weight, cover=True), context)
