@@ -35,6 +35,8 @@ reference: $(READY)
 	$(REFERENCE) cd/optics cd/red-book 'cd/*/linearity' bench/geometry cd-arm/identification
 	$(REFERENCE) 'cd/*/closed-loop' --set step_hz=10
 	$(REFERENCE) 'cd/*/optical-gain' --set passes=10
+	$(REFERENCE) 'cd/*/nominal' 'cd/*/uncertainty-comparison' --set frequencies=120
+	$(REFERENCE) bench/covers
 	rm -rf results/reference/.partial
 
 $(READY): requirements.txt pyproject.toml

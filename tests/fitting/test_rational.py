@@ -211,9 +211,7 @@ def test_sb10yd_knows_no_units(time, size):
     other = sb10yd(OMEGA * time, response * size, 2, True)
     assert one.is_stable
     assert one.is_minimum_phase
-    np.testing.assert_allclose(
-        other.response(OMEGA * time), size * one.response(OMEGA), rtol=1e-5
-    )
+    np.testing.assert_allclose(other.response(OMEGA * time), size * one.response(OMEGA), rtol=1e-5)
 
 
 def test_sb10yd_mirrors_what_is_unstable():

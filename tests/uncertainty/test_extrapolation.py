@@ -138,5 +138,5 @@ def test_few_plants_say_little():
         widened(Responses(OMEGA, plants(3)), 0.9)
     present = np.ones((12, 5), bool)
     present[7, :2] = False
-    with pytest.raises(InputError, match="3 plants at 2.98227 Hz"):
+    with pytest.raises(InputError, match=r"3 plants at 2\.98227 Hz"):
         widened(Responses(OMEGA, plants(), present), 0.9)

@@ -128,7 +128,7 @@ def test_systems_that_are_no_plants():
         responses_of([frd([1.0, 2.0, 3.0]), square])
     with pytest.raises(InputError, match="needed"):
         responses_of([])
-    with pytest.raises(InputError, match="one plant has no spread|one plant only"):
+    with pytest.raises(InputError, match=r"one plant has no spread|one plant only"):
         responses_of([frd([1.0, 2.0])])
     with pytest.raises(InputError, match="plant 1 is no frequency response, but a TransferFunc"):
         responses_of([control.tf([1.0], [1.0, 1.0]), frd([1.0, 2.0])])

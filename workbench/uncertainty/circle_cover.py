@@ -9,8 +9,8 @@ import numpy as np
 
 from workbench.executor import Context
 from workbench.fitting.rational import Complex, Rational
-from workbench.geometry import Circle, Stadium, smallest_circle
-from workbench.uncertainty.cover import OUTWARD, CoverSteps, UncertaintyCover
+from workbench.geometry import Circle, NarrowestStadium, Stadium, smallest_circle
+from workbench.uncertainty.cover import UncertaintyCover
 from workbench.uncertainty.responses import Real
 from workbench.uncertainty.sets import circles_about_nominal
 
@@ -35,8 +35,5 @@ class CircleCover(UncertaintyCover):
     def real_weight(self, third: Stadium, context: Context) -> None:
         return None
 
-    def excess(self, answer: CoverSteps) -> Real:
-        nominal = answer.model.nominal
-        least = np.abs(self.away(nominal, self.points)).max(axis=1)
-        apart = np.abs(answer.second.radius - least) - OUTWARD * self.away_scale(nominal)
-        return np.where(apart <= 0, 0.0, apart / np.maximum(least, np.finfo(float).tiny))
+    def least_radius(self, sets: NarrowestStadium, second: Stadium) -> Real:
+        return np.abs(sets.points).max(axis=1)

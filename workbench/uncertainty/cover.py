@@ -19,7 +19,7 @@ from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.fitting.rational import Complex, Rational, from_system
 from workbench.fitting.samples import as_count
-from workbench.geometry import Circle, Stadium
+from workbench.geometry import Circle, NarrowestStadium, Stadium
 from workbench.program import Check, Program, worst
 from workbench.uncertainty.model import ROUNDING, UncertaintyModel, contains
 from workbench.uncertainty.responses import Real, Responses
@@ -160,10 +160,10 @@ class UncertaintyCover(Program):
         return deviations(points, response, self.form, self.responses)
 
     def away_scale(self, nominal: Rational) -> Real:
-        """Sizes (F,) of the plants in the units of the deviations."""
+        """Sizes (F,) of plants and nominal together, in the units of the deviations."""
         size = np.abs(self.points).max(axis=1)
         response = np.abs(nominal.response(self.responses.omega))
-        return size / response if self.form == "multiplicative" else size + response
+        return size / response + 1 if self.form == "multiplicative" else size + response
 
     def finished(
         self,
@@ -197,17 +197,20 @@ class UncertaintyCover(Program):
             + (f"; assumed: {assumed}" if assumed else "")
         )
         fits = self._orders(model)
-        excess, where = worst(self.excess(answer), lambda i: f"at {self.responses.place(i[0])}")
+        excess, where = worst(
+            self._second_off(answer), lambda i: f"at {self.responses.place(i[0])}"
+        )
         return [
             Check("containment", statement, inside.worst, ROUNDING, inside.where),
             Check(
                 "second set",
-                "distance of a radius from its least about the nominal, relative",
+                "a radius off the least about the nominal, a deviation beyond it, relative",
                 excess,
                 max(tolerance, ROUNDING),
                 where,
             ),
-            *(_at_most(name, of.order, most) for name, of, most in fits),
+            *(_at_most("order", name, of.order, most) for name, of, most in fits),
+            self._nominal_check(model.nominal),
             *(
                 left_check(f"{name} stable", "pole", of.poles)
                 for name, of, _ in self._orders(model)
@@ -216,8 +219,28 @@ class UncertaintyCover(Program):
         ]
 
     @abstractmethod
-    def excess(self, answer: CoverSteps) -> Real:
-        """Relative distance (F,) of the second set's radius from a bound from the points alone."""
+    def least_radius(self, sets: NarrowestStadium, second: Stadium) -> Real:
+        """Bound (F,) from below on the radii of sets about the nominal, from the points alone."""
+
+    def _second_off(self, answer: CoverSteps) -> Real:
+        """How far (F,) the second set is from the least one, relative to its radius."""
+        nominal, second = answer.model.nominal, answer.second
+        sets = NarrowestStadium(self.away(nominal, self.points), center=0.0)
+        least = self.least_radius(sets, second)
+        beyond = sets.distance(second).max(axis=-1) - second.radius
+        off = np.maximum.reduce([beyond, np.abs(second.radius - least), np.abs(second.center)])
+        off = off - OUTWARD * self.away_scale(nominal)
+        return np.where(off <= 0, 0.0, off / np.maximum(least, np.finfo(float).tiny)).astype(float)
+
+    def _nominal_check(self, nominal: Rational) -> Check:
+        if self.nominal is None:
+            return _at_most("zeros", "nominal", nominal.zeros.size, self.zeros)
+        given = self.nominal.response(self.responses.omega)
+        apart = np.abs(nominal.response(self.responses.omega) - given)
+        apart = apart / np.maximum(np.abs(given), np.finfo(float).tiny)
+        value, where = worst(apart, lambda i: f"at {self.responses.place(i[0])}")
+        statement = "distance of its response from that of the given one, relative"
+        return Check("nominal given", statement, value, ROUNDING, where)
 
     def _orders(self, model: UncertaintyModel) -> list[tuple[str, Rational, int]]:
         """Name, function and highest order of what was fitted."""
@@ -263,9 +286,9 @@ class UncertaintyCover(Program):
         return cover_figures(self.responses, answer, self.windows)
 
 
-def _at_most(name: str, value: int, limit: int) -> Check:
-    statement = f"order of {name}, at most what was asked for"
-    return Check(f"order of {name}", statement, float(value), float(limit))
+def _at_most(what: str, name: str, value: int, limit: int) -> Check:
+    statement = f"{what} of {name}, at most what was asked for"
+    return Check(f"{what} of {name}", statement, float(value), float(limit))
 
 
 def left_check(name: str, kind: str, roots: Complex) -> Check:

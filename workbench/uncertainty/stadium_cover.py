@@ -75,11 +75,8 @@ class StadiumCover(UncertaintyCover):
             checks.append(left_check("W_r minimum phase", "zero", answer.model.W_r.zeros))
         return checks
 
-    def excess(self, answer: CoverSteps) -> Real:
-        sets = NarrowestStadium(self.away(answer.model.nominal, self.points), center=0.0)
-        bound = sets.radius_bound(answer.second)
-        apart = np.abs(answer.second.radius - bound) - sets.rounding
-        return np.where(apart <= 0, 0.0, apart / np.maximum(bound, np.finfo(float).tiny))
+    def least_radius(self, sets: NarrowestStadium, second: Stadium) -> Real:
+        return sets.radius_bound(second)
 
     def _orders(self, model: UncertaintyModel) -> list[tuple[str, Rational, int]]:
         return [*super()._orders(model), ("W_r", model.W_r, self.real_order)]
