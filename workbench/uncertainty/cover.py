@@ -24,7 +24,7 @@ from workbench.program import Check, Program, worst
 from workbench.uncertainty.model import ROUNDING, UncertaintyModel, contains
 from workbench.uncertainty.responses import Real, Responses
 from workbench.uncertainty.sets import Form, corners, deviations, kept
-from workbench.uncertainty.weights import complex_weight, needed_radius
+from workbench.uncertainty.weights import complex_weight, damped, needed_radius
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -174,7 +174,10 @@ class UncertaintyCover(Program):
         context: Context,
     ) -> CoverSteps:
         """The last step: a complex weight that covers whatever the real one leaves over."""
-        omega, away = self.responses.omega, self.away(nominal, self.points)
+        omega = self.responses.omega
+        nominal = nominal if self.nominal is not None else damped(nominal, omega)
+        W_r = None if W_r is None else damped(W_r, omega)
+        away = self.away(nominal, self.points)
         radius = needed_radius(away, None if W_r is None else W_r.response(omega))
         # the deviations are as wrong as the plants' rounding, whatever their size
         radius = radius + OUTWARD * self.away_scale(nominal)

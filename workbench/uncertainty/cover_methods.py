@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from workbench.errors import InputError, SolverError
 from workbench.executor import Context
 from workbench.fitting.rational import Complex, Rational
 from workbench.fitting.response import ResponseFit
@@ -45,13 +46,18 @@ def _joint(program: UncertaintyCover, context: Context) -> Claim:
         "the plants' mean": (mean, first),
     }
     for name, (response, sizes) in starts.items():
-        start = _through(response, sizes, program, context)
-        third = program.third_set(program.away(start, points))
-        W_r = program.real_weight(third, context)
-        found.append(smallest_sets(program, points, start, W_r, context))
-        said.append(f"{found[-1][0]:.4g} from {name}")
+        try:
+            start = _through(response, sizes, program, context)
+            third = program.third_set(program.away(start, points))
+            W_r = program.real_weight(third, context)
+            found.append(smallest_sets(program, points, start, W_r, context))
+            said.append(f"{found[-1][0]:.4g} from {name}")
+        except (InputError, SolverError) as error:
+            said.append(f"none from {name}: {error}")
         if program.nominal is not None:
             break  # there is one start only
+    if not found:
+        return None, Outcome.FAILED, "; ".join(said)
     _, nominal, W_r = min(found, key=lambda each: each[0])
     third = program.third_set(program.away(nominal, points), W_r)
     answer = program.finished(first, nominal, third, W_r, context)

@@ -19,6 +19,10 @@ from workbench.program import Program, solve
 
 THIN = 1e-3
 """Least width of a fitted set, relative to its whole size: what is thinner is a line."""
+SLOW = 1e-5
+"""Least distance of poles from the imaginary axis, relative to the lowest frequency."""
+UNDAMPED = 1e-7
+"""Least damping of poles."""
 NO_SIZE = 1e-6
 """Size of a set, relative to the largest, below which plants count as equal."""
 SLACK = 2.0
@@ -75,6 +79,16 @@ def unwrapped(end: Complex) -> Complex:
     sign = np.concatenate([[1.0], np.where(steps, -1.0, 1.0)]).cumprod()
     ends: Complex = end * sign
     return ends
+
+
+def damped(function: Rational, omega: Real) -> Rational:
+    """The function with poles that its realisation has left of the imaginary axis too.
+
+    A fit may put them as near to it as no frequency tells, as integrators or between frequencies.
+    """
+    poles = function.poles.copy()
+    poles.real = np.minimum(poles.real, -np.maximum(SLOW * omega[0], UNDAMPED * np.abs(poles)))
+    return Rational(function.zeros, poles, function.gain)
 
 
 def needed_radius(away: Complex, end: Complex | None) -> Real:

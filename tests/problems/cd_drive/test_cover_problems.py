@@ -1,0 +1,235 @@
+"""The covers of the twelve drives: their parameters, their data and what their numbers say."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import workbench as wb
+from problems.cd_drive.covers import (
+    ORIENTATIONS,
+    circle_cover,
+    identified_drives,
+    measured_drives,
+    stadium_cover,
+)
+from problems.cd_drive.drives import crossover, nominal_response, responses
+from problems.cd_drive.identified import NAMES
+from problems.cd_drive.sets import WINDOWS
+from problems.cd_drive.tables import drives
+from workbench.errors import InputError
+from workbench.uncertainty import contains
+
+SMALL = 48
+AXES = ["focus", "radial"]
+
+
+def certified(program, method="steps"):
+    solution = wb.solve(program, method)
+    assert solution.certificate is not None, solution.message
+    assert solution.certificate.valid, solution.certificate.failures
+    return solution.answer, program.metrics(solution.answer)
+
+
+@pytest.fixture(scope="module", params=AXES)
+def stadiums(request):
+    program = stadium_cover(request.param, frequencies=60)
+    return request.param, program, {m: certified(program, m) for m in ("steps", "joint")}
+
+
+@pytest.fixture(scope="module", params=AXES)
+def circles(request):
+    program = circle_cover(request.param, frequencies=60)
+    return request.param, program, {m: certified(program, m) for m in ("steps", "joint")}
+
+
+def test_a_nominal_chosen_for_small_circles_gives_smaller_ones(circles):
+    _, program, found = circles
+    steps, joint = found["steps"][1], found["joint"][1]
+    assert joint["radius_rms"] < steps["radius_rms"]
+    assert joint["radius_peak"] < steps["radius_peak"]
+    for answer, metrics in found.values():
+        assert contains(answer.model, program.responses)
+        assert metrics["order_nominal"] <= 4 and metrics["order_Wc"] <= 4
+        assert metrics["outside"] == 0
+        assert metrics["inflation"] >= 1 - 1e-9
+
+
+def test_the_largest_circle_is_at_the_first_resonance(circles):
+    axis, program, found = circles
+    low, high = WINDOWS[axis]["first resonance"]
+    for answer, _ in found.values():
+        assert low < program.responses.frequency[answer.second.radius.argmax()] < high
+
+
+def test_a_stadium_is_never_wider_than_the_circle_about_the_same_nominal(stadiums):
+    axis, program, found = stadiums
+    resonance = WINDOWS[axis]["first resonance"]
+    frequency = program.responses.frequency
+    for answer, _ in found.values():
+        radius = abs(program.away(answer.model.nominal, program.points)).max(axis=1)
+        assert (answer.second.radius <= radius * (1 + 1e-9)).all()
+        assert (answer.third.radius >= answer.second.radius * (1 - 1e-9)).all()
+        worst = radius.argmax()
+        assert resonance[0] < frequency[worst] < resonance[1]
+        assert answer.second.radius[worst] < radius[worst] / 2
+
+
+def test_stadiums_have_their_numbers(stadiums):
+    _, _, found = stadiums
+    for _, metrics in found.values():
+        names = {"radius_peak", "width_peak", "width_peak_fitted", "length_peak", "inflation"}
+        assert names | {"order_nominal", "order_Wc", "order_Wr", "outside"} <= metrics.keys()
+        assert metrics["width_peak"] < metrics["radius_peak"]
+        assert metrics["order_Wr"] <= 4
+
+
+def test_a_run_is_stored_and_shown(stadiums):
+    _, program, found = stadiums
+    answer, metrics = found["joint"]
+    stored = program.from_dataset(program.to_dataset(answer))
+    assert program.metrics(stored) == pytest.approx(metrics)
+    assert all(check.holds for check in program.checks(stored, 1e-6))
+    assert "plane-first-resonance" in program.figures(stored)
+
+
+@pytest.mark.parametrize("axis", AXES)
+def test_automatic_gain_control_removes_most_above_100_hz(axis):
+    radius = {}
+    for gain in ("own", "agc"):
+        program = circle_cover(axis, frequencies=SMALL, lowest=100.0, gain=gain, order=2)
+        radius[gain] = np.median(certified(program)[0].second.radius)
+    assert radius["agc"] < radius["own"] / 2
+
+
+def test_responses_are_those_of_the_drives_without_the_filter():
+    measured = measured_drives("radial", 20, 10.0, 1000.0, "equal", "corrected")
+    frequency = np.geomspace(10.0, 1000.0, 20)
+    expected = responses("radial", frequency, "equal", "corrected", antialiasing=False).T
+    np.testing.assert_allclose(measured.values, expected)
+    np.testing.assert_allclose(measured.frequency, frequency)
+    assert measured.plants == tuple(drive.name for drive in drives("radial"))
+    assert measured.unit == "units/V"
+
+
+def identified(factor=1.0):
+    """What the slow identification gives, in another order: the tables' values times a factor."""
+    twelve = drives("focus")[::-1]
+    names = [drive.name for drive in twelve]
+    values = [[factor * getattr(drive, name) for name in NAMES] for drive in twelve]
+    table = xr.DataArray(
+        values, dims=("drive", "parameter"), coords={"drive": names, "parameter": list(NAMES)}
+    )
+    gains = xr.DataArray(
+        [[1.0, drive.K_optn] for drive in twelve],
+        dims=("drive", "quantity"),
+        coords={"drive": names, "quantity": ["K_opt", "K_optn"]},
+    )
+    return [
+        SimpleNamespace(data=xr.Dataset({k: v})) for k, v in (("value", table), ("gain", gains))
+    ]
+
+
+@pytest.mark.parametrize("gain", ["own", "agc"])
+def test_identified_drives_stand_in_for_the_tables(gain):
+    given = measured_drives("focus", 20, 5.0, 5000.0, gain)
+    found = measured_drives("focus", 20, 5.0, 5000.0, gain, "printed", *identified())
+    assert found.plants == given.plants
+    np.testing.assert_allclose(found.values, given.values, rtol=1e-12)
+    other = measured_drives("focus", 20, 5.0, 5000.0, gain, "printed", *identified(1.01))
+    assert abs(other.values / given.values - 1).max() > 1e-3
+
+
+def test_a_cover_of_identified_drives():
+    assert identified_drives("focus") == {}
+    needs = identified_drives("focus", "identified")
+    assert {name: need.name for name, need in needs.items()} == {
+        "identified": "cd/focus/identified",
+        "optical_gains": "cd/focus/optical-gain",
+    }
+    program = circle_cover("focus", *identified(), frequencies=SMALL, source="identified")
+    certified(program)
+
+
+def test_additive_weights_have_the_responses_unit():
+    program = stadium_cover("focus", frequencies=SMALL, form="additive")
+    answer, metrics = certified(program)
+    assert answer.model.form == "additive"
+    away = (
+        program.responses.values - answer.model.nominal.response(program.responses.omega)[:, None]
+    )
+    assert metrics["radius_peak"] == pytest.approx(abs(away).max())
+
+
+def test_points_left_out_make_smaller_sets():
+    whole, _ = certified(circle_cover("focus", frequencies=SMALL))
+    program = circle_cover("focus", frequencies=SMALL, leave_out=2)
+    fewer, metrics = certified(program)
+    assert (fewer.first.radius <= whole.first.radius * (1 + 1e-9)).all()
+    assert 0 < metrics["outside"] <= 2 * SMALL
+    assert not contains(fewer.model, program.responses)
+    assert contains(fewer.model, program.responses, leave_out=2)
+
+
+def test_content_widens_the_sets_and_says_what_it_assumes():
+    program = circle_cover("focus", frequencies=SMALL, content=0.95)
+    solution = wb.solve(program, "steps")
+    assert solution.certificate.valid
+    assert "normal distribution" in solution.certificate.checks[0].statement
+    assert "0.95" in solution.certificate.checks[0].statement
+    plain, _ = certified(circle_cover("focus", frequencies=SMALL))
+    assert np.median(solution.answer.first.radius / plain.first.radius) > 1.2
+
+
+def test_orientations_of_the_third_set():
+    turn = {}
+    for name in ORIENTATIONS:
+        answer, _ = certified(stadium_cover("focus", frequencies=120, orientation=name))
+        steps = np.diff(answer.third.angle)
+        turn[name] = abs(np.mod(steps + np.pi / 2, np.pi) - np.pi / 2).max()
+        if name == "narrowest":
+            np.testing.assert_allclose(answer.third.radius, answer.second.radius, rtol=1e-9)
+    assert turn["smooth"] < turn["narrowest"]
+
+
+def test_minimum_phase_is_kept_and_checked():
+    program = stadium_cover("focus", frequencies=SMALL, minimum_phase=True)
+    answer, _ = certified(program)
+    assert (answer.model.W_r.zeros.real < 0).all()
+    assert "W_r minimum phase" in [check.name for check in program.checks(answer, 1e-6)]
+
+
+def test_the_agc_levels_the_drives_at_crossover():
+    at = crossover("focus")
+    measured = measured_drives("focus", 2, at, 2 * at, "agc")
+    expected = abs(nominal_response("focus", [at], antialiasing=False))
+    np.testing.assert_allclose(abs(measured.values[0]), expected[0], rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        ({"frequencies": 1}, "frequencies"),
+        ({"lowest": 100.0, "highest": 10.0}, "must lie below"),
+        ({"gain": "none"}, "gain"),
+        ({"form": "relative"}, "form"),
+        ({"source": "guessed"}, "source"),
+        ({"order": 13}, "order"),
+        ({"order": 2, "zeros": 3}, "zeros"),
+        ({"leave_out": 5}, "leave_out"),
+        ({"content": 1.0}, "content"),
+        ({"orientation": "random"}, "orientation"),
+        ({"leave_out": 1, "content": 0.9}, "leave_out"),
+        ({"frequencies": 6, "complex_order": 6}, "complex_order"),
+        ({"radius": 1.0}, "radius"),
+    ],
+)
+def test_bad_parameters_are_named(parameters, message):
+    with pytest.raises(InputError, match=message):
+        wb.load("cd/focus/stadium-cover", **parameters)
+
+
+def test_an_unknown_axis_is_no_problem():
+    with pytest.raises(InputError, match="stadium-cover"):
+        wb.load("cd/sledge/stadium-cover")

@@ -1,0 +1,106 @@
+"""The uncertainty models of an axis side by side."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import workbench as wb
+from problems.cd_drive.covers import circle_cover, stadium_cover
+from problems.cd_drive.parametric_spread import parametric_spread
+from problems.cd_drive.sets import WINDOWS
+from problems.cd_drive.uncertainty_comparison import (
+    COVERS,
+    GAINS,
+    HIGH,
+    METHODS,
+    Comparison,
+    needs,
+)
+
+FREQUENCIES = 60
+
+
+def stored(task, method=None):
+    solution = wb.solve(task, method)
+    assert solution.certificate.valid
+    return SimpleNamespace(data=task.to_dataset(solution.answer))
+
+
+@pytest.fixture(scope="module", params=["focus", "radial"])
+def solved(request):
+    axis = request.param
+    covers = {
+        "circle": circle_cover(axis, frequencies=FREQUENCIES),
+        "stadium": stadium_cover(axis, frequencies=FREQUENCIES),
+    }
+    runs = {(shape, m): stored(cover, m) for shape, cover in covers.items() for m in METHODS}
+    spread = stored(parametric_spread(axis, frequencies=FREQUENCIES, between=1, drawn=5))
+    study = Comparison(axis, runs, spread)
+    return study, wb.solve(study)
+
+
+def test_everything_is_on_one_grid():
+    asked = needs("focus", frequencies=33)
+    assert len(asked) == 5
+    assert {need.parameters["frequencies"] for need in asked.values()} == {33}
+    assert {need.method for need in asked.values()} == {*METHODS, None}
+
+
+def test_the_certificate_holds(solved):
+    _, solution = solved
+    assert solution.certificate.failures == ()
+
+
+def test_a_stadium_is_never_wider_than_the_circle_about_the_same_centre(solved):
+    _, solution = solved
+    variant, size = solution.answer["variant"], solution.answer["size"]
+    assert (variant.sel(shape="stadium") <= variant.sel(shape="circle") * (1 + 1e-9)).all()
+    about = [size.sel(quantity=f"{name} about") for name in ("width", "radius")]
+    assert (about[0] <= about[1] * (1 + 1e-9)).all()
+
+
+def test_circles_peak_at_the_resonance_where_stadiums_are_several_times_narrower(solved):
+    study, solution = solved
+    metrics = study.metrics(solution.answer)
+    low, high = WINDOWS[study.axis]["first resonance"]
+    assert low < metrics["peak_hz"] < high
+    assert metrics["radius_over_width_at_peak"] > 2
+
+
+def test_gain_control_removes_most_above_100_hz(solved):
+    study, solution = solved
+    metrics = study.metrics(solution.answer)
+    assert metrics["median_radius_agc"] < metrics["median_radius_own"] / 2
+    high = solution.answer["variant"].sel(shape="circle", frequency=slice(HIGH, None))
+    assert metrics["median_radius_own"] == pytest.approx(np.median(high.sel(gain="own")))
+
+
+def test_the_numbers_have_their_names(solved):
+    study, solution = solved
+    metrics = study.metrics(solution.answer)
+    for name in (*GAINS, *METHODS):
+        assert {f"radius_peak_{name}", f"width_peak_{name}"} <= metrics.keys()
+    for method in METHODS:
+        assert {f"{shape}_weight_peak_{method}" for shape in COVERS} <= metrics.keys()
+        assert metrics[f"circle_weight_peak_{method}"] >= metrics[f"radius_peak_{method}"]
+        assert metrics[f"stadium_weight_peak_{method}"] >= metrics[f"width_peak_{method}"]
+    assert metrics["radius_peak_joint"] < metrics["radius_peak_steps"]
+
+
+def test_wide_stadiums_are_found(solved):
+    study, solution = solved
+    answer = solution.answer.copy(deep=True)
+    answer["variant"].loc[{"shape": "stadium"}] *= 100
+    failed = {check.name for check in study.checks(answer, 1e-6) if not check.holds}
+    assert {"never wider", "narrower"} <= failed
+
+
+def test_the_run_is_stored_and_shown(solved):
+    study, solution = solved
+    again = study.from_dataset(study.to_dataset(solution.answer))
+    assert all(check.holds for check in study.checks(again, 1e-6))
+    tables = study.tables(again)
+    assert tables["gains"].count("\n") == 2 + len(GAINS)
+    assert tables["methods"].count("\n") == 2 + len(METHODS)
+    assert study.figures(again).keys() == {"sizes", "gains"}
