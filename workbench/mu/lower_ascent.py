@@ -121,8 +121,22 @@ def _bounded(table, count):  # type: ignore[no-untyped-def]
 def ascend(M, table, delta, value):  # type: ignore[no-untyped-def]
     """A local maximum of the real eigenvalue of M Delta from a start that has the real one `value`.
 
-    Returns the value; ``delta`` (rows, columns) is changed in place.
+    Returns the value; ``delta`` (rows, columns) is changed in place. Where a real block is the
+    unknown that keeps the eigenvalue real, an ascent stops as the block comes to its end; another
+    one takes over.
     """
+    for _ in range(len(table)):
+        reached = _ascend_once(M, table, delta, value)
+        small = reached <= value * (1 + 1e-6)
+        value = reached
+        if small or np.any(table[:, 0] != REAL):
+            break
+    return value
+
+
+@compiled
+def _ascend_once(M, table, delta, value):  # type: ignore[no-untyped-def]
+    """One ascent, the same unknown throughout."""
     rows, columns = delta.shape
     p = parameters(delta, table)
     bounded = _bounded(table, len(p))

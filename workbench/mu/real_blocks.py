@@ -24,7 +24,7 @@ PATTERNS = 128
 """Vertices looked at; beyond eight real blocks they are drawn at random."""
 EDGE_POINTS = 9
 """Points of an edge at which eigenvalues are followed."""
-CANDIDATES = 6
+CANDIDATES = 12
 """Starts that are refined, the most promising ones."""
 ROUNDING = 1e-13
 """Imaginary part, relative to the matrix, that is rounding."""
@@ -65,10 +65,8 @@ def real_bound(
     if len(sizes) > 1:
         starts += _edge_candidates(M, sizes, vertices)
     for estimate, block, start in sorted(starts, key=lambda item: -item[0])[:CANDIDATES]:
-        if estimate <= best * (1 + 1e-9) and block >= 0:
-            continue
         there = np.diag(start).astype(complex)
-        value = best if block < 0 else turned(M, table, there, estimate + 0j, block)[0]
+        value = estimate if block < 0 else turned(M, table, there, estimate + 0j, block)[0]
         if value > 0:
             value = ascend(M, table, there, value)
         if value > best:

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, get_args
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, get_args
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from workbench.fitting.rational import Complex, Rational, from_system
 from workbench.fitting.samples import as_count
 from workbench.geometry import Circle, NarrowestStadium, Stadium
 from workbench.program import Check, Program, worst
+from workbench.uncertainty.joint import LENGTH
 from workbench.uncertainty.model import ROUNDING, UncertaintyModel, contains
 from workbench.uncertainty.responses import Real, Responses
 from workbench.uncertainty.sets import Form, corners, deviations, kept
@@ -133,6 +134,10 @@ class UncertaintyCover(Program):
         """Corners (F, H) of the point sets to cover, without what is left out."""
         return corners(kept(self.responses, self.leave_out, self.shape))
 
+    def thinned(self, most: int) -> Self:
+        """The same question at no more than so many of the frequencies."""
+        return replace(self, responses=self.responses.thinned(most))
+
     @property
     def minimum_phase(self) -> bool:
         """Whether the zeros of a real weight must lie in the left half plane."""
@@ -185,6 +190,14 @@ class UncertaintyCover(Program):
         W_c = complex_weight(omega, radius, extent, self.complex_order, context)
         model = UncertaintyModel(nominal, W_c, W_r, self.form)
         return CoverSteps(model, first, self.second_set(away), third)
+
+    def fitted_size(self, answer: CoverSteps) -> float:
+        """Mean square size of the model's own sets, as `joint` has it of the points'."""
+        width, length = answer.model.sizes(self.responses.omega)
+        unit = 1.0
+        if self.form == "additive":
+            unit = np.sqrt(np.mean(np.abs(self.points) ** 2, axis=1))
+        return float(self.responses.shares @ ((width**2 + LENGTH * length**2) / unit**2))
 
     # --- the check --------------------------------------------------------------------------------
 

@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from workbench.errors import InputError, SolverError
 from workbench.executor import Context
-from workbench.fitting.rational import Complex, Rational
-from workbench.fitting.response import ResponseFit
-from workbench.geometry import Circle, Stadium
+from workbench.fitting.rational import Rational
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
 from workbench.uncertainty.circle_cover import CircleCover
 from workbench.uncertainty.cover import UncertaintyCover
-from workbench.uncertainty.joint import smallest_sets
+from workbench.uncertainty.joint import Found, smallest_sets
 from workbench.uncertainty.stadium_cover import StadiumCover
-from workbench.uncertainty.weights import fitted
+from workbench.uncertainty.starts import nominals, real_weights, through
 
-LEAST = 1e-3
-"""Size of a first set, relative to its centre, below which plants count as equal."""
+FEW, MANY = 100, 1000
+"""Frequencies at which starts are tried, and at which the best are finished."""
+FINISHED = 3
+"""How many are finished; the least of their fitted sets is the answer."""
 
 
 @method(CircleCover, "steps", optimal=False)
@@ -26,7 +24,7 @@ LEAST = 1e-3
 def _steps(program: UncertaintyCover, context: Context) -> Claim:
     """The steps of the thesis: the nominal is fitted to the centres of the first set."""
     first = program.first_set(program.points)
-    nominal = _through(first.center, first, program, context)
+    nominal = through(first.center, first, program, context)
     third = program.third_set(program.away(nominal, program.points))
     W_r = program.real_weight(third, context)
     return program.finished(first, nominal, third, W_r, context), Outcome.SOLVED, ""
@@ -36,53 +34,46 @@ def _steps(program: UncertaintyCover, context: Context) -> Claim:
 @method(StadiumCover, "joint", optimal=False)
 def _joint(program: UncertaintyCover, context: Context) -> Claim:
     """Nominal and real weight are chosen together for the least mean square size of the sets."""
-    points = program.points
-    first = program.first_set(points)
-    found, said = [], []
-    mean, even = mean_response(program.responses.points), Circle(first.center, np.abs(first.center))
-    starts = {
-        "the centres": (first.center, first),
-        "the centres, evenly weighted": (first.center, even),
-        "the plants' mean": (mean, first),
-    }
-    for name, (response, sizes) in starts.items():
-        try:
-            start = _through(response, sizes, program, context)
-            third = program.third_set(program.away(start, points))
-            W_r = program.real_weight(third, context)
-            found.append(smallest_sets(program, points, start, W_r, context))
-            said.append(f"{found[-1][0]:.4g} from {name}")
-        except (InputError, SolverError) as error:
-            said.append(f"none from {name}: {error}")
-        if program.nominal is not None:
-            break  # there is one start only
+    found, said = _tried(program.thinned(FEW), context)
     if not found:
-        return None, Outcome.FAILED, "; ".join(said)
-    _, nominal, W_r = min(found, key=lambda each: each[0])
-    third = program.third_set(program.away(nominal, points), W_r)
-    answer = program.finished(first, nominal, third, W_r, context)
-    return answer, Outcome.SOLVED, f"mean square size {', '.join(said)}"
+        return None, Outcome.FAILED, said
+    first = program.first_set(program.points)
+    answers = []
+    for _, nominal, W_r in sorted(found, key=_size)[:FINISHED]:
+        _, nominal, W_r = smallest_sets(program.thinned(MANY), nominal, W_r, context)
+        third = program.third_set(program.away(nominal, program.points), W_r)
+        answers.append(program.finished(first, nominal, third, W_r, context))
+    return min(answers, key=program.fitted_size), Outcome.SOLVED, said
 
 
-def mean_response(points: Complex) -> Complex:
-    """Geometric mean (F,) of responses (F, N), phases unwrapped along frequency."""
-    phase = np.unwrap(np.angle(points), axis=0)
-    phase -= 2 * np.pi * np.round((phase[0] - phase[0, 0]) / (2 * np.pi))
-    mean: Complex = np.exp(np.log(np.abs(points)).mean(axis=1) + 1j * phase.mean(axis=1))
-    return mean
+def _tried(program: UncertaintyCover, context: Context) -> tuple[list[Found], str]:
+    """The smallest sets from every start, and what is to be said of them."""
+    found: list[Found] = []
+    circles: list[Found] = []
+    said = []
+
+    def stadiums(nominal: Rational) -> list[Found]:
+        assert isinstance(program, StadiumCover)
+        weights = real_weights(program, nominal, context)
+        return [smallest_sets(program, nominal, W_r, context) for W_r in weights]
+
+    for name, (response, sizes) in nominals(program).items():
+        try:
+            nominal = through(response, sizes, program, context)
+            circles.append(smallest_sets(program, nominal, None, context))
+            own = stadiums(nominal) if isinstance(program, StadiumCover) else circles[-1:]
+        except (InputError, SolverError) as error:
+            said.append(f"none from {name} ({error})")
+            continue
+        found += own
+        said.append(f"{_size(min(own, key=_size)):.4g} from {name}")
+        if program.nominal is not None:
+            return found, f"mean square size {said[0]}"  # there is one start only
+    if circles and isinstance(program, StadiumCover):
+        found += (own := stadiums(min(circles, key=_size)[1]))
+        said.append(f"{_size(min(own, key=_size)):.4g} from the smallest circles")
+    return found, f"mean square size {', '.join(said)}"
 
 
-def _through(
-    response: Complex, first: Circle | Stadium, program: UncertaintyCover, context: Context
-) -> Rational:
-    """The given nominal, or a rational function through a response (F,).
-
-    Errors are relative, weighted like data whose standard deviation is the size of the first set:
-    where plants lie close together the nominal must be near, at a resonance it need not be.
-    """
-    if program.nominal is not None:
-        return program.nominal
-    omega, order, zeros = program.responses.omega, program.order, program.zeros
-    size = np.maximum(first.radius + first.half_length, LEAST * np.abs(response))
-    weight = np.abs(response) / size**2
-    return fitted(ResponseFit(omega, response, order, weight=weight, zeros=zeros), context)
+def _size(found: Found) -> float:
+    return found[0]

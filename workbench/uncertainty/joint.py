@@ -8,8 +8,9 @@ and for stadiums the real weight with it: the mean over log frequency of
     stadiums    radius^2 + LENGTH half-length^2
 
 where the radius is the largest distance of a deviation from the nominal, or from the segment of
-the real weight. The radius of stadiums alone would be ill-posed: as |G| grows every relative
-deviation tends to -1, and a stadium of half-length 1 and no width at all contains them.
+the real weight, relative to the nominal or, of additive models, to the plants. The radius of
+stadiums alone would be ill-posed: as |G| grows every relative deviation tends to -1, and a stadium
+of half-length 1 and no width at all contains them.
 """
 
 from __future__ import annotations
@@ -64,19 +65,20 @@ class SmallSets:
         of_nominal, of_weight = self.split(vector)
         omega, shares = self.program.responses.omega, self.program.responses.shares
         nominal, slope = _evaluated(self.nominal, of_nominal, omega)
-        unit = 1.0
+        unit = np.ones(omega.size)
         if self.program.form == "multiplicative":
             away = self.points / nominal[:, None] - 1
             slopes = -(1 + away)[..., None] * (slope / nominal[:, None])[:, None, :]
         else:
-            unit = float(np.sqrt(np.mean(np.abs(self.points) ** 2)))
-            away = (self.points - nominal[:, None]) / unit
-            slopes = np.broadcast_to(-slope[:, None, :] / unit, (*away.shape, slope.shape[1]))
+            unit = np.sqrt(np.mean(np.abs(self.points) ** 2, axis=1))
+            away = (self.points - nominal[:, None]) / unit[:, None]
+            step = -(slope / unit[:, None])[:, None, :]
+            slopes = np.broadcast_to(step, (*away.shape, slope.shape[1]))
         if self.W_r is None:
             radius, rise = _norm(away, slopes, power)
             return float(shares @ radius**2), 2 * (shares * radius) @ rise
         end, turn = _evaluated(self.W_r, of_weight, omega)
-        end, turn = end / unit, turn / unit
+        end, turn = end / unit, turn / unit[:, None]
         square = np.maximum(np.abs(end) ** 2, np.finfo(float).tiny)
         along = np.clip((away * end[:, None].conj()).real / square[:, None], -1, 1)
         beside = away - along * end[:, None]
@@ -87,17 +89,18 @@ class SmallSets:
         return float(shares @ (radius**2 + LENGTH * square)), gradient
 
 
+Found = tuple[float, Rational, Rational | None]
+"""Mean square size, nominal, real weight."""
+
+
 def smallest_sets(
-    program: UncertaintyCover,
-    points: Complex,
-    nominal: Rational,
-    W_r: Rational | None,
-    context: Context,
-) -> tuple[float, Rational, Rational | None]:
+    program: UncertaintyCover, nominal: Rational, W_r: Rational | None, context: Context
+) -> Found:
     """Mean square size, nominal and real weight of the smallest sets near those to start from.
 
-    Quasi-Newton steps on the coefficients of the sections; the maximum over the plants is
-    approached by norms of rising power. Locally optimal.
+    Without a real weight the sets are circles, whatever the program asks for. Quasi-Newton steps
+    on the coefficients of the sections; the maximum over the plants is approached by norms of
+    rising power. Locally optimal.
     """
     omega = program.responses.omega
     band = float(omega[0]), float(omega[-1])
@@ -107,7 +110,7 @@ def smallest_sets(
     weight = None
     if W_r is not None:
         weight = Sections.of(W_r, W_r.order, band, stable=True, minimum_phase=program.minimum_phase)
-    size = SmallSets(program, outermost(points), moving, weight)
+    size = SmallSets(program, outermost(program.points), moving, weight)
     vector = size.start
     if vector.size:
         scale = np.maximum(np.abs(vector), 1e-3)

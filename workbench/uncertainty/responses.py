@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -120,6 +120,18 @@ class Responses:
         """Share (F,) of every frequency in the logarithmic axis, of sum 1."""
         width = np.gradient(np.log(self.omega))
         return width / width.sum()
+
+    def thinned(self, most: int) -> Responses:
+        """The same plants at no more than so many of the frequencies, both ends among them."""
+        if self.omega.size <= most:
+            return self
+        chosen = np.unique(np.linspace(0, self.omega.size - 1, most).round().astype(int))
+        return replace(
+            self,
+            omega=self.omega[chosen],
+            values=self.values[chosen],
+            present=self.present[chosen],
+        )
 
     def place(self, index: int) -> str:
         """A frequency, for messages."""

@@ -15,7 +15,7 @@ TASKS = ["steps", "conic", "large, steps", "large, joint", "large, circles"]
 
 @pytest.fixture(scope="module")
 def solved():
-    study = CoverSpeed(frequencies=12, plants=6, grid=20)
+    study = CoverSpeed(frequencies=10, plants=6, grid=16)
     return study, wb.solve(study)
 
 

@@ -6,19 +6,16 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from problems.cd_drive.covers import circle_cover, stadium_cover
 from problems.cd_drive.drives import nominal_response
 from problems.cd_drive.nominal_models import CLOSE, FORMS, NominalModels, steps_of_covers
 from problems.cd_drive.sets import WINDOWS
 
-FREQUENCIES = 80
-
 
 @pytest.fixture(scope="module", params=["focus", "radial"])
-def solved(request):
+def solved(request, covered):
     axis = request.param
-    covers = [cover(axis, frequencies=FREQUENCIES) for cover in (circle_cover, stadium_cover)]
-    runs = [SimpleNamespace(data=c.to_dataset(wb.solve(c, "steps").answer)) for c in covers]
+    covers = [covered(axis, shape, "steps") for shape in ("circle", "stadium")]
+    runs = [SimpleNamespace(data=cover.to_dataset(answer)) for cover, answer in covers]
     study = NominalModels(axis, *runs)
     return study, wb.solve(study)
 

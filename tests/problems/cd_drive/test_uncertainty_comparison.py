@@ -1,12 +1,12 @@
 """The uncertainty models of an axis side by side."""
 
+from itertools import product
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import workbench as wb
-from problems.cd_drive.covers import circle_cover, stadium_cover
 from problems.cd_drive.parametric_spread import parametric_spread
 from problems.cd_drive.sets import WINDOWS
 from problems.cd_drive.uncertainty_comparison import (
@@ -18,25 +18,17 @@ from problems.cd_drive.uncertainty_comparison import (
     needs,
 )
 
-FREQUENCIES = 60
-
-
-def stored(task, method=None):
-    solution = wb.solve(task, method)
-    assert solution.certificate.valid
-    return SimpleNamespace(data=task.to_dataset(solution.answer))
-
 
 @pytest.fixture(scope="module", params=["focus", "radial"])
-def solved(request):
-    axis = request.param
-    covers = {
-        "circle": circle_cover(axis, frequencies=FREQUENCIES),
-        "stadium": stadium_cover(axis, frequencies=FREQUENCIES),
-    }
-    runs = {(shape, m): stored(cover, m) for shape, cover in covers.items() for m in METHODS}
-    spread = stored(parametric_spread(axis, frequencies=FREQUENCIES, between=1, drawn=5))
-    study = Comparison(axis, runs, spread)
+def solved(request, covered):
+    axis, runs = request.param, {}
+    for shape, method in product(COVERS, METHODS):
+        cover, answer = covered(axis, shape, method)
+        runs[shape, method] = SimpleNamespace(data=cover.to_dataset(answer))
+    frequencies = cover.responses.omega.size
+    spread = parametric_spread(axis, frequencies=frequencies, between=1, drawn=5)
+    parametric = SimpleNamespace(data=spread.to_dataset(wb.solve(spread).answer))
+    study = Comparison(axis, runs, parametric)
     return study, wb.solve(study)
 
 
