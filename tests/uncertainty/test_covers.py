@@ -169,11 +169,9 @@ def test_orders(order):
 
 
 def test_a_constant_nominal():
-    """Where a start leads nowhere the others are taken."""
     program = program_of("circle", Responses(OMEGA, family(36, 12, 0.17)), order=0)
     solution = wb.solve(program, "joint")
     assert_covers(program, solution)
-    assert "none from" in solution.message
 
 
 @pytest.mark.parametrize("seed", [9, 17])

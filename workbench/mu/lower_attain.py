@@ -137,6 +137,18 @@ def turned(M, table, delta, near, free):  # type: ignore[no-untyped-def]
 
 
 @compiled
+def rotated(M, delta):  # type: ignore[no-untyped-def]
+    """Largest eigenvalue of M Delta, turned real by the phase of Delta, which is changed in place."""
+    values = np.linalg.eigvals(M @ delta)
+    value = values[np.argmax(np.abs(values))]
+    size = abs(value)
+    if not size > 1e-200:
+        return 0.0
+    delta *= np.conj(value) / size
+    return size
+
+
+@compiled
 def _turned_radius(M_real, M_other, value):  # type: ignore[no-untyped-def]
     """Spectral radius that reaches 1 where some phase makes `value` an eigenvalue, and its root."""
     A = value * np.eye(M_real.shape[0]) - M_real
@@ -157,7 +169,7 @@ def attained(M, table, delta):  # type: ignore[no-untyped-def]
     """
     some_real = np.any(table[:, 0] == REAL)
     if not some_real:
-        return turned(M, table, delta, 0j, -1)[0]
+        return rotated(M, delta)
     real, other = split(delta, table)
     M_real, M_other = M @ real, M @ other
     above = np.linalg.norm(M_real, 2) + np.linalg.norm(M_other, 2)

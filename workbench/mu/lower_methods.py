@@ -91,9 +91,7 @@ class _Search:
 
     def chunks(self, description: str) -> list[slice]:
         starts = range(0, len(self.M), CHUNK)
-        return list(
-            self._context.track([slice(at, at + CHUNK) for at in starts], description)
-        )
+        return list(self._context.track([slice(at, at + CHUNK) for at in starts], description))
 
     def starts(self, count: int) -> tuple[np.ndarray, np.ndarray]:
         """Vectors and real blocks that power iterations start from."""
@@ -133,5 +131,7 @@ class _Search:
     def claim(self) -> Claim:
         bound = unscaled(self.value, self.delta, self._exponent, self._program.batch)
         missed = int(np.count_nonzero(bound.value == 0))
-        message = f"nothing destabilising found for {missed} of {bound.value.size}" if missed else ""
+        message = (
+            f"nothing destabilising found for {missed} of {bound.value.size}" if missed else ""
+        )
         return bound, Outcome.SOLVED, message

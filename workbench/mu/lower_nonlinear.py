@@ -112,7 +112,10 @@ class NonlinearSearch:
                 parts.append(value / max(abs(value), 1e-100) * np.eye(block.rows))
                 at += 2
             else:
-                w = variables[at : at + block.rows] + 1j * variables[at + block.rows :][: block.rows]
+                w = (
+                    variables[at : at + block.rows]
+                    + 1j * variables[at + block.rows :][: block.rows]
+                )
                 at += 2 * block.rows
                 dyad = np.outer(w, x[column].conj())
                 parts.append(dyad / max(np.linalg.norm(dyad), 1e-100))

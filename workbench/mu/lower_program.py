@@ -81,11 +81,8 @@ class MuLowerBound(Program):
             )
         improper, where = worst(~(np.isfinite(value) & (value >= 0)), self.place)
         found = ~(value == 0)
-        checks = [
-            Check("proper", "every value is finite and not negative", improper, 0.0, where)
-            if improper
-            else Check("proper", "every value is finite and not negative", improper, 0.0)
-        ]
+        where = where if improper else ""
+        checks = [Check("proper", "every value is finite and not negative", improper, 0.0, where)]
         for name, statement, measure, limit in (
             ("structure", "blocks off the structure, exactly", self._misfit, 0.0),
             ("norm", "largest singular value of Delta times value, less 1", self._misnorm, NORM),
@@ -153,7 +150,11 @@ class MuLowerBound(Program):
             {
                 "M": ((*dims, "input", "output"), self.M, unit | {"long_name": "matrix"}),
                 "mu_lower": (dims, answer.value, unit | {"long_name": "lower bound of mu"}),
-                "Delta": ((*dims, "output", "input"), answer.Delta, unit | {"long_name": long_name}),
+                "Delta": (
+                    (*dims, "output", "input"),
+                    answer.Delta,
+                    unit | {"long_name": long_name},
+                ),
             },
             coords=coords,
         )

@@ -77,7 +77,7 @@ def _channels(structure: Structure) -> tuple[np.ndarray, np.ndarray]:
     count = 0
     for block in structure:
         own = 1 if isinstance(block, Full) else block.rows
-        row += [count] * block.rows if own == 1 else range(count, count + own)
-        column += [count] * block.columns if own == 1 else range(count, count + own)
+        row += [count] * block.rows if own == 1 else list(range(count, count + own))
+        column += [count] * block.columns if own == 1 else list(range(count, count + own))
         count += own
     return np.array(row), np.array(column)

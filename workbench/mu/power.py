@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from workbench.compiled import compiled
-from workbench.mu.lower_attain import REAL, SCALAR, attained, turned
+from workbench.mu.lower_attain import REAL, SCALAR, attained, rotated, turned
 
 ITERATIONS = 60
 """Steps of one run; what has not settled by then seldom does."""
@@ -171,6 +171,8 @@ def power_batch(Ms, table, starts, start_reals, thorough):  # type: ignore[no-un
 @compiled
 def settled(M, table, delta):  # type: ignore[no-untyped-def]
     """A real eigenvalue near the largest positive one of M Delta, 0 for none; delta is changed."""
+    if not np.any(table[:, 0] == REAL):
+        return rotated(M, delta)
     values = np.linalg.eigvals(M @ delta)
     near = values[np.argmax(values.real - np.abs(values.imag))]
     if not near.real > 0:

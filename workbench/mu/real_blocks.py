@@ -15,15 +15,17 @@ from itertools import product
 
 import numpy as np
 
-from workbench.mu.lower_attain import attained, block_table, turned
 from workbench.mu.lower_ascent import ascend
+from workbench.mu.lower_attain import attained, block_table, turned
 from workbench.mu.power import power_batch
 from workbench.structure import Real, Structure
 
 PATTERNS = 128
 """Vertices looked at; beyond eight real blocks they are drawn at random."""
-EDGE_POINTS = 9
-"""Points of an edge at which eigenvalues are followed."""
+EDGE_POINTS = 9, 129
+"""Points of an edge, at least and at most, at which eigenvalues are followed ..."""
+POINTS = 4096
+"""... and how many of all edges are aimed at."""
 CANDIDATES = 12
 """Starts that are refined, the most promising ones."""
 ROUNDING = 1e-13
@@ -91,7 +93,8 @@ def _edge_candidates(
 ) -> list[tuple[float, int, np.ndarray]]:
     """Estimated real eigenvalue, block inside its interval, and diagonal: where Im changes sign."""
     found = []
-    grid = np.linspace(-1.0, 1.0, EDGE_POINTS)
+    count = POINTS // (len(sizes) * len(vertices))
+    grid = np.linspace(-1.0, 1.0, int(np.clip(count, *EDGE_POINTS)))
     for block in range(len(sizes)):
         # The block's own sign in a pattern means nothing on the edge along it.
         edges = np.unique(np.delete(vertices, block, axis=1), axis=0)
@@ -152,7 +155,7 @@ def gain_bound(
     # A loop that is singular here is one of the answers: a slightly larger level shows it.
     singular = np.linalg.cond(closed) > 1e12
     closed[singular] += 1e-6 * level * np.eye(columns)
-    loops = np.linalg.solve(closed, np.broadcast_to(M[:, own_rows], (len(closed), *M[:, own_rows].shape)))
+    loops = np.linalg.solve(closed, M[:, own_rows])
     starts = unit_starts(2, complex_part.rows, rng)
     values, ends = power_batch(
         np.ascontiguousarray(loops[:, own_columns]),

@@ -27,8 +27,9 @@ def factor(A: np.ndarray, L: np.ndarray) -> bool:
             return False
         root = np.sqrt(pivot)
         L[k, k] = root
+        scale = 1.0 / root
         for i in range(k + 1, n):
-            L[i, k] /= root
+            L[i, k] *= scale
         for i in range(k + 1, n):
             entry = L[i, k]
             for j in range(k + 1, i + 1):
@@ -43,12 +44,12 @@ def inverse(L: np.ndarray, work: np.ndarray, X: np.ndarray) -> None:
     for j in range(n):
         for i in range(j):
             work[i, j] = 0.0
-        work[j, j] = 1.0 / L[j, j]
+        work[j, j] = 1.0 / L[j, j].real
         for i in range(j + 1, n):
             total = L[i, j] * work[j, j]
             for k in range(j + 1, i):
                 total += L[i, k] * work[k, j]
-            work[i, j] = -total / L[i, i]
+            work[i, j] = total * (-1.0 / L[i, i].real)
     for i in range(n):
         for j in range(i + 1):
             total = np.conj(work[i, i]) * work[i, j]

@@ -35,6 +35,12 @@ SHARE = 0.95
 
 
 @compiled
+def square(n: int) -> np.ndarray:
+    """A square complex matrix of zeros."""
+    return np.zeros((n, n), np.complex128)
+
+
+@compiled
 def reach(
     A: np.ndarray, first: np.ndarray, second: np.ndarray, trial: np.ndarray, L: np.ndarray
 ) -> float:
@@ -149,17 +155,17 @@ def follow(
     """
     c, r = M.shape
     size, m = pattern.size, x.size
-    D, G, dD, dG, part, skew, D_inverse, dW, QD, LD, work_D = np.zeros(
-        (11, size, size), np.complex128
-    )
-    S, B, dS, dB, S_inverse, V, dZ, Q, LS, work = np.zeros((10, r, r), np.complex128)
-    Y, MX = np.zeros((2, c, r), np.complex128)
-    MXM = np.zeros((c, c), np.complex128)
-    T, U = np.zeros((2, c + r, c + r), np.complex128)
+    D, G, dD, dG = square(size), square(size), square(size), square(size)
+    part, skew, D_inverse, LD = square(size), square(size), square(size), square(size)
+    dW, QD, work_D, no_D = square(size), square(size), square(size), square(size)
+    S, B, dS, dB, S_inverse, LS = square(r), square(r), square(r), square(r), square(r), square(r)
+    V, dZ, Q, work, no_S = square(r), square(r), square(r), square(r), square(r)
+    Y, MX = np.zeros((c, r), np.complex128), np.zeros((c, r), np.complex128)
+    MXM, T, U = square(c), square(c + r), square(c + r)
     value = np.zeros(pattern.fixed.size, np.complex128)
     H = np.zeros((m, m))
-    u, C, rhs, dx, other, toward_u, toward_C = np.zeros((7, m))
-    no_D, no_S = np.zeros((size, size), np.complex128), np.zeros((r, r), np.complex128)
+    u, C, rhs, dx = np.zeros(m), np.zeros(m), np.zeros(m), np.zeros(m)
+    other, toward_u, toward_C = np.zeros(m), np.zeros(m), np.zeros(m)
 
     for k in range(m):
         C[k] = 1.0 if pattern.kind[k] == 0 and not pattern.skew[k] else 0.0

@@ -60,6 +60,7 @@ def _tried(program: UncertaintyCover, context: Context) -> tuple[list[Found], st
     for name, (response, sizes) in nominals(program).items():
         try:
             nominal = through(response, sizes, program, context)
+            program.away(nominal, program.points)  # says where it passes through zero
             circles.append(smallest_sets(program, nominal, None, context))
             own = stadiums(nominal) if isinstance(program, StadiumCover) else circles[-1:]
         except (InputError, SolverError) as error:

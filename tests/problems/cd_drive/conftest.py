@@ -12,11 +12,11 @@ COVERS = {"circle": circle_cover, "stadium": stadium_cover}
 
 @pytest.fixture(scope="session")
 def covered():
-    """Program and certified answer of a cover at 40 frequencies, by axis, shape and method."""
+    """Program and certified answer of a cover at 60 frequencies, by axis, shape and method."""
 
     @cache
     def find(axis, shape, method):
-        program = COVERS[shape](axis, frequencies=40)
+        program = COVERS[shape](axis, frequencies=60)
         solution = wb.solve(program, method)
         assert solution.certificate is not None, solution.message
         assert solution.certificate.valid, solution.certificate.failures

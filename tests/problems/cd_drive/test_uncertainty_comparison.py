@@ -19,7 +19,7 @@ from problems.cd_drive.uncertainty_comparison import (
 )
 
 
-@pytest.fixture(scope="module", params=["focus", "radial"])
+@pytest.fixture(scope="module", params=["focus"])
 def solved(request, covered):
     axis, runs = request.param, {}
     for shape, method in product(COVERS, METHODS):
