@@ -196,13 +196,13 @@ class _Search:
     def _cut(
         self, N: np.ndarray, centre: np.ndarray, width: np.ndarray, level: float
     ) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Two halves of a part, cut across the block that matters most; none if it is too narrow."""
-        effect = [
+        """Halves of a part, cut across the block that matters most; none if it is too narrow."""
+        effects = [
             np.linalg.norm(N[:, self._structure.row_slices[k]])
             * np.linalg.norm(N[self._structure.column_slices[k]])
             for k in self._real
         ]
-        effect = np.where(width * level > NARROWEST, effect, -1.0)
+        effect = np.where(width * level > NARROWEST, effects, -1.0)
         j = int(np.argmax(effect))
         if effect[j] < 0:
             return []

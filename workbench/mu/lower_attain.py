@@ -54,7 +54,7 @@ def eigenvectors(A, value):  # type: ignore[no-untyped-def]
 
 @compiled
 def sensitivity(M, delta, x, y):  # type: ignore[no-untyped-def]
-    """q with d lambda = q* (d Delta) x, for eigenvectors of M Delta; zeros where it is defective."""
+    """q with d lambda = q* (d Delta) x, for eigenvectors of M Delta; zeros where defective."""
     product = np.vdot(y, x)
     q = np.conj(M.T) @ y
     if abs(product) < 1e-13:
@@ -138,7 +138,7 @@ def turned(M, table, delta, near, free):  # type: ignore[no-untyped-def]
 
 @compiled
 def rotated(M, delta):  # type: ignore[no-untyped-def]
-    """Largest eigenvalue of M Delta, turned real by the phase of Delta, which is changed in place."""
+    """Largest eigenvalue of M Delta, made real by the phase of Delta, which is changed in place."""
     values = np.linalg.eigvals(M @ delta)
     value = values[np.argmax(np.abs(values))]
     size = abs(value)

@@ -32,7 +32,9 @@ class NonlinearSearch:
             anchor = [ca.SX.sym(name, columns) for name in ("ar", "ai")]
             value = ca.SX.sym("value")
             x = [ca.SX.sym(name, columns) for name in ("xr", "xi")]
-            variables, image, limits = [value, *x], ([], []), []
+            variables: list[Any] = [value, *x]
+            image: tuple[list[Any], list[Any]] = [], []
+            limits: list[Any] = []
             places = zip(structure, structure.row_slices, structure.column_slices, strict=True)
             for block, _, column in places:
                 part = [component[column] for component in x]
@@ -83,7 +85,7 @@ class NonlinearSearch:
         values, vectors = np.linalg.eig(M @ start)
         place = np.argmax(values.real)
         x = vectors[:, place]
-        guess = [[max(values[place].real, 1e-3)], x.real, x.imag]
+        guess: list[Any] = [[max(values[place].real, 1e-3)], x.real, x.imag]
         for _, row, column, block in self._places():
             if isinstance(block, Real):
                 guess.append([start[row, column][0, 0].real])
@@ -118,7 +120,7 @@ class NonlinearSearch:
                 )
                 at += 2 * block.rows
                 dyad = np.outer(w, x[column].conj())
-                parts.append(dyad / max(np.linalg.norm(dyad), 1e-100))
+                parts.append(dyad / max(float(np.linalg.norm(dyad)), 1e-100))
         delta = self._structure.diagonal(parts).astype(complex)
         if not np.isfinite(delta).all():
             return 0.0, delta

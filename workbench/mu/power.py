@@ -63,11 +63,11 @@ def _update_reals(a, b, w, table, reals):  # type: ignore[no-untyped-def]
 
 @compiled
 def iterate(M, table, b, w, reals):  # type: ignore[no-untyped-def]
-    """One run of the power iteration from vectors b, w (rows); the Delta (rows, columns) it ends on.
+    """One run of the power iteration from vectors b, w (rows): the Delta it ends on.
 
     b, w and the real blocks' values are changed in place.
     """
-    columns, rows = M.shape
+    columns = len(M)
     adjoint = np.ascontiguousarray(np.conj(M.T))
     z = np.zeros(columns, np.complex128)
     a = np.zeros(columns, np.complex128)

@@ -164,8 +164,8 @@ def gain_bound(
         np.zeros((len(starts), len(complex_part))),
         False,
     )
-    best = np.argmax(values, axis=0)
-    deltas[np.ix_(range(len(deltas)), own_rows, own_columns)] = ends[best, np.arange(len(deltas))]
+    best, which = np.argmax(values, axis=0), np.arange(len(deltas))
+    deltas[np.ix_(which, own_rows, own_columns)] = ends[best, which]
     table = block_table(structure)
     reached = np.array([attained(M, table, delta) for delta in deltas])
     value, found = 0.0, np.zeros((rows, columns), complex)

@@ -29,7 +29,9 @@ from workbench.mu.upper_linear import (
 )
 from workbench.mu.upper_pattern import Pattern, adjoint, collect, fill, read, slack
 
-TINY = 1e-30
+TINY = 1e-16
+"""Share of the first t at which t counts as nothing: a bound of 1e-8 where 1 is usual."""
+CONVEX = 1e-3
 SHARE = 0.95
 """Share of the way to the boundary that a step takes."""
 
@@ -169,14 +171,17 @@ def follow(
 
     for k in range(m):
         C[k] = 1.0 if pattern.kind[k] == 0 and not pattern.skew[k] else 0.0
-    gap = np.inf
+    nothing, gap = TINY * t, np.inf
     for iteration in range(iterations):
         fill(pattern, x, D, G)
         slack(pattern, M, t, D, G, Y, B, S)
         if not (factor(S, LS) and factor(D, LD)):
             return t, gap, iteration
         gap = inner(S, Z) + inner(D, W)
-        if t <= TINY or gap <= accuracy * t * inner(Z, B):
+        if t <= nothing:
+            return t, 0.0, iteration
+        gap /= t * inner(Z, B)
+        if gap <= accuracy:
             return t, gap, iteration
         inverse(LS, work, S_inverse)
         inverse(LD, work_D, D_inverse)
@@ -204,9 +209,12 @@ def follow(
         uu, uC, CC = np.dot(u, toward_u), np.dot(u, toward_C), np.dot(C, toward_C)
 
         # Predictor: the right-hand side is -1 in the equation <Z, D_r> = 1 and zero elsewhere.
-        schur = curvature - uu + uC * uC / CC
+        along = uC / CC if CC > 0.0 else 0.0
+        schur = curvature - uu + uC * along
+        if schur <= CONVEX * curvature:  # t D_r bends the other way: go by what is convex
+            schur = curvature
         dt = -1.0 / schur
-        nu = -dt * uC / CC
+        nu = -dt * along
         for k in range(m):
             dx[k] = -dt * toward_u[k] - nu * toward_C[k]
         fill(pattern, dx, dD, dG)
@@ -219,7 +227,7 @@ def follow(
         multiplier_step(D_inverse, dD, W, work_D, dW)
         primal = min(reach(S, dS, Q, work, LS), reach(D, dD, no_D, work_D, LD))
         dual = min(reach(Z, dZ, no_S, work, LS), reach(W, dW, no_D, work_D, LD))
-        ahead = 0.0
+        now, ahead = inner(S, Z) + inner(D, W), 0.0
         for i in range(r):
             for j in range(r):
                 s = S[i, j] + primal * (dS[i, j] + primal * Q[i, j])
@@ -230,7 +238,7 @@ def follow(
                 d = D[i, j] + primal * dD[i, j]
                 w = W[i, j] + dual * dW[i, j]
                 ahead += d.real * w.real + d.imag * w.imag
-        center = max(min(ahead / gap, 1.0), 0.0) ** 3 * gap / (r + size)
+        center = max(min(ahead / now, 1.0), 0.0) ** 3 * now / (r + size)
 
         # Corrector: Q = S^-1 (dS dZ + dt dD_r Z), in W likewise.
         multiply(Q, Z, V)
@@ -256,8 +264,8 @@ def follow(
             rhs[k] = center * rhs[k] - other[k]
         solve_normal(H, rhs, other)
         ub, Cb = np.dot(u, other), np.dot(C, other)
-        dt = (target - ub + uC * Cb / CC) / schur
-        nu = (Cb - dt * uC) / CC
+        dt = (target - ub + along * Cb) / schur
+        nu = (Cb / CC if CC > 0.0 else 0.0) - dt * along
         for k in range(m):
             dx[k] = other[k] - dt * toward_u[k] - nu * toward_C[k]
         fill(pattern, dx, dD, dG)
@@ -277,6 +285,8 @@ def follow(
         primal = min(reach(S, dS, no_S, work, LS), reach(D, dD, no_D, work_D, LD))
         no_S[:] = 0.0
         dual = min(reach(Z, dZ, no_S, work, LS), reach(W, dW, no_D, work_D, LD))
+        if t + primal * dt < -nothing:  # any t < 0 will do, and G need not grow for more
+            primal = (t + nothing) / -dt
         t += primal * dt
         for k in range(m):
             x[k] += primal * dx[k]

@@ -13,10 +13,12 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workbench.compiled import compiled
 from workbench.structure import Full, Real, Structure
 
+Array = NDArray[np.complex128]
 DIAGONAL, RE, IM = 0, 1, 2
 
 
@@ -100,6 +102,17 @@ def pattern_of(structure: Structure) -> Pattern:
         np.array(growing, complex),
         size,
     )
+
+
+def spread(pattern: Pattern, D: Array, G: Array) -> tuple[Array, Array, Array]:
+    """D_left (..., c, c), D_right (..., r, r) and G (..., r, c) of compact ones (..., N, N)."""
+    left, right = pattern.left, pattern.right
+
+    def square(places: np.ndarray) -> Array:
+        single = (places[:, None] != places) | np.eye(len(places), dtype=bool)
+        return D[..., places[:, None], places] * single
+
+    return square(left), square(right), G[..., right[:, None], left]
 
 
 def _entries(i: int, j: int, kind: int) -> list[tuple[int, int, complex]]:
