@@ -13,8 +13,8 @@ from workbench.errors import InputError, SolverError
 from workbench.executor import Context
 from workbench.fitting.alternation import error_bound
 from workbench.fitting.coverage import least_margin
-from workbench.fitting.positive import positive
 from workbench.fitting.rational import Rational, Real
+from workbench.fitting.samples import as_count, as_frequencies, as_positive
 from workbench.program import Check, Program, find_method, worst
 from workbench.solvers import Options
 
@@ -68,22 +68,12 @@ class MagnitudeFit(Program):
     headline: ClassVar[str] = "error_worst"
 
     def __post_init__(self) -> None:
-        omega = positive("omega", self.omega)
-        falls = np.flatnonzero(np.diff(omega) <= 0)
-        if falls.size:
-            i = int(falls[0])
-            raise InputError(
-                f"omega must increase, but {omega[i]:.6g} is followed by {omega[i + 1]:.6g} rad/s "
-                f"at index {i + 1}: sort the data, and keep one value a frequency"
-            )
+        omega = as_frequencies(self.omega)
         weight = np.ones_like(omega) if self.weight is None else self.weight
         object.__setattr__(self, "omega", omega)
-        object.__setattr__(self, "magnitude", positive("magnitude", self.magnitude, omega))
-        object.__setattr__(self, "weight", positive("weight", weight, omega))
-        order = self.order
-        if isinstance(order, bool) or not isinstance(order, int | np.integer) or order < 0:
-            raise InputError(f"order must be a whole number, 0 or more, not {order!r}")
-        object.__setattr__(self, "order", int(order))
+        object.__setattr__(self, "magnitude", as_positive("magnitude", self.magnitude, omega))
+        object.__setattr__(self, "weight", as_positive("weight", weight, omega))
+        object.__setattr__(self, "order", as_count("order", self.order))
         if 2 * self.order + 2 > omega.size:
             raise InputError(
                 f"order {self.order} needs {2 * self.order + 2} data, there are {omega.size}: "

@@ -52,6 +52,16 @@ def as_weights(weight: ArrayLike | None, response: Complex, omega: Real) -> Real
     return values
 
 
+def as_positive(name: str, given: ArrayLike, omega: Real) -> Real:
+    """Finite positive numbers (F,), one for each frequency, or an `InputError` that names them."""
+    values = _as_array(name, given, "iuf").astype(float)
+    if values.shape != omega.shape:
+        raise InputError(f"{name} has shape {values.shape}, omega {omega.shape}: give one each")
+    _refuse(f"{name} must be positive and finite", ~((values > 0) & (values < np.inf)),
+            values, omega)  # fmt: skip
+    return values
+
+
 def _as_array(name: str, given: ArrayLike, kinds: str) -> np.ndarray:
     values = np.asarray(given)
     if values.dtype.kind not in kinds:
