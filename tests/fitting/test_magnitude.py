@@ -164,8 +164,8 @@ def test_what_methods_claim():
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"omega": OMEGA[::-1]}, "omega must rise: sort it and merge what repeats; entry 1"),
-        ({"omega": np.append(OMEGA[:-1], OMEGA[-2])}, "omega must rise: sort it and merge what repeats; entry 199"),
+        ({"omega": OMEGA[::-1]}, "omega must rise: sort it and merge what repeats; entry 1 "),
+        ({"omega": np.append(OMEGA[:-1], OMEGA[-2])}, "merge what repeats; entry 199"),
         ({"omega": OMEGA - 1}, "omega must be positive and finite"),
         ({"omega": [[1.0]]}, "omega must have shape"),
         ({"omega": "fast"}, "omega must hold real numbers"),
