@@ -169,6 +169,20 @@ def test_an_argument_that_is_fed_may_be_annotated(problem, needs):
     assert one.bind({}) == {"n": 3}
 
 
+def test_a_run_with_a_default_is_fed_only_where_a_need_says_so(problem):
+    one = problem(
+        "from workbench import Run\n"
+        'def needs(fed=False, **_): return {"up": ref("b")} if fed else {}\n'
+        '@problem("a", needs=needs)\n'
+        "def f(up: Run | None = None, fed: bool = False): ..."
+    )
+    assert list(one.parameters) == ["fed"]
+    assert one.needs(one.bind({})) == {}
+    assert one.needs(one.bind({"fed": True})).keys() == {"up"}
+    with pytest.raises(UnknownNameError, match="up"):
+        one.bind({"up": None})
+
+
 def test_a_need_that_the_function_does_not_take_is_an_error(problem):
     with pytest.raises(RegistryError, match="down"):
         one = problem('@problem("a", needs={"down": ref("b")})\ndef f(n: int = 3): ...')

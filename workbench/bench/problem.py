@@ -46,12 +46,15 @@ class Problem:
         fixed = set(self.entry.axes)
         if not callable(self.settings.needs):
             fixed |= set(self.settings.needs)
-        else:  # known once parameters are bound; until then whatever has no type and no default
+        else:  # known once parameters are bound; until then runs, and what has no type, no default
             fixed |= {
                 name
                 for name, parameter in self.signature.parameters.items()
-                if parameter.annotation is inspect.Parameter.empty
-                and parameter.default is inspect.Parameter.empty
+                if (
+                    parameter.annotation is inspect.Parameter.empty
+                    and parameter.default is inspect.Parameter.empty
+                )
+                or self._is_run(name)
             }
         return {n: p for n, p in self.signature.parameters.items() if n not in fixed}
 
@@ -102,7 +105,11 @@ class Problem:
             raise RegistryError(
                 f"{self.entry.place} takes no argument {', '.join(sorted(strangers))} to feed"
             )
-        missing = taken.keys() - bound.keys() - needs.keys()
+        missing = {
+            name
+            for name in taken.keys() - bound.keys() - needs.keys()
+            if taken[name].default is inspect.Parameter.empty
+        }
         if missing:
             raise InputError(f"{self.name} needs a value for {', '.join(sorted(missing))}")
         return _fill(needs, self.entry)
@@ -165,6 +172,13 @@ class Problem:
             except ValidationError:
                 pass
         raise InputError(f"{self.name}: {name}={value!r} does not fit: {reason}")
+
+    def _is_run(self, name: str) -> bool:
+        """Whether an argument is a run by its annotation, or None where nothing feeds it."""
+        from workbench.bench.results import Run
+
+        hint = self.hint(name)
+        return hint is Run or set(typing.get_args(hint)) == {Run, type(None)}
 
     def hint(self, name: str) -> Any:
         """The annotation of a parameter, or of what is returned, evaluated."""
