@@ -12,7 +12,7 @@ from workbench.fitting.response import ResponseFit
 from workbench.geometry import Circle, Stadium
 from workbench.uncertainty.cover import UncertaintyCover
 from workbench.uncertainty.stadium_cover import StadiumCover
-from workbench.uncertainty.weights import fitted, unwrapped
+from workbench.uncertainty.weights import fitted, held, unwrapped
 
 LEAST = 1e-3
 """Size of a first set, relative to its centre, below which plants count as equal."""
@@ -63,5 +63,4 @@ def real_weights(program: StadiumCover, nominal: Rational, context: Context) -> 
     weight = 1 / np.maximum(size, LEAST * (size.max() or 1.0))
     for minimum_phase in (True,) if program.minimum_phase else (True, False):
         omega, order = program.responses.omega, program.real_order
-        fit = ResponseFit(omega, end, order, weight=weight, minimum_phase=minimum_phase)
-        yield fitted(fit, context)
+        yield fitted(held(omega, end, weight, order, minimum_phase), context)

@@ -23,6 +23,8 @@ SLOW = 1e-5
 """Least distance of poles from the imaginary axis, relative to the lowest frequency."""
 UNDAMPED = 1e-7
 """Least damping of poles."""
+DECADES = 3
+"""Decades below and above the frequencies given over which weights hold their size."""
 NO_SIZE = 1e-6
 """Size of a set, relative to the largest, below which plants count as equal."""
 SLACK = 2.0
@@ -54,7 +56,8 @@ def complex_weight(
     line where a low order cannot follow it.
     """
     weight = radius / (radius + SLACK * (extent - radius))
-    return fitted(MagnitudeFit(omega, radius, order, weight=weight, cover=True), context)
+    fit = MagnitudeFit(beyond(omega), lasting(radius), order, weight=lasting(weight), cover=True)
+    return fitted(fit, context)
 
 
 def real_weight(
@@ -68,9 +71,31 @@ def real_weight(
     end = unwrapped(sets.half_length * np.exp(1j * sets.angle))
     size = sets.radius + SLACK * sets.half_length
     weight = 1 / np.maximum(size, NO_SIZE * (size.max() or 1.0))
-    return fitted(
-        ResponseFit(omega, end, order, weight=weight, minimum_phase=minimum_phase), context
+    return fitted(held(omega, end, weight, order, minimum_phase), context)
+
+
+def held(omega: Real, end: Complex, weight: Real, order: int, minimum_phase: bool) -> ResponseFit:
+    """The fit of ends of segments (F,) that last beyond the frequencies given, real there."""
+    ends = lasting(end)
+    for part in (slice(DECADES), slice(-DECADES, None)):
+        ends[part] = np.copysign(np.abs(ends[part]), ends[part].real)
+    return ResponseFit(
+        beyond(omega), ends, order, weight=lasting(weight), minimum_phase=minimum_phase
     )
+
+
+def beyond(omega: Real) -> Real:
+    """Frequencies (F,) and some decades on either side, (F + 2 * DECADES,)."""
+    decades = 10.0 ** np.arange(1, DECADES + 1)
+    return np.concatenate([omega[0] / decades[::-1], omega, omega[-1] * decades])
+
+
+def lasting(values: np.ndarray) -> np.ndarray:
+    """Values (F,) that last beyond the frequencies given.
+
+    Without that a weight may vanish, or grow as it likes, where no response is known: at rest.
+    """
+    return np.pad(values, DECADES, mode="edge")
 
 
 def unwrapped(end: Complex) -> Complex:
