@@ -1,0 +1,194 @@
+"""From a direction Delta to one that makes I - M Delta singular, exactly up to rounding.
+
+What is sought is a real eigenvalue lambda > 0 of M Delta: then Delta / lambda makes I - M Delta
+singular. Without real blocks the common phase of Delta is free, and every eigenvalue can be turned
+real. With real and complex blocks the common phase of the complex ones is the one unknown of the
+one equation Im lambda = 0. Without complex blocks there is no phase to turn: a real block inside
+its interval takes that part, and where every block is at its end there may be no answer.
+
+Delta is normalised here: real blocks within [-1, 1], the largest singular value of others 1.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workbench.compiled import compiled
+from workbench.structure import Complex, Real, Structure
+
+REAL, SCALAR, FULL = 0, 1, 2
+"""Kinds of block in a table."""
+ROUNDING = 1e-14
+"""Imaginary part, relative to the eigenvalue, that counts as none."""
+TURNS = 20
+"""Newton steps for a real eigenvalue."""
+
+
+def block_table(structure: Structure) -> np.ndarray:
+    """The structure for compiled code: kind, first row, rows, first column, columns per block."""
+    rows = []
+    places = zip(structure, structure.row_slices, structure.column_slices, strict=True)
+    for block, row, column in places:
+        scalar = isinstance(block, Complex) or (block.rows, block.columns) == (1, 1)
+        kind = REAL if isinstance(block, Real) else SCALAR if scalar else FULL
+        rows.append((kind, row.start, block.rows, column.start, block.columns))
+    return np.array(rows, np.int64)
+
+
+@compiled
+def split(delta, table):  # type: ignore[no-untyped-def]
+    """Delta with its real blocks only, and with the others only."""
+    real, other = np.zeros_like(delta), np.zeros_like(delta)
+    for kind, r, nr, c, nc in table:
+        part = real if kind == REAL else other
+        part[r : r + nr, c : c + nc] = delta[r : r + nr, c : c + nc]
+    return real, other
+
+
+@compiled
+def eigenvectors(A, value):  # type: ignore[no-untyped-def]
+    """Right and left unit eigenvectors x, y (A x = value x, y* A = value y*) of an eigenvalue."""
+    U, _, Vh = np.linalg.svd(A - value * np.eye(A.shape[0]))
+    return np.conj(Vh[-1]), np.ascontiguousarray(U[:, -1])
+
+
+@compiled
+def sensitivity(M, delta, x, y):  # type: ignore[no-untyped-def]
+    """q with d lambda = q* (d Delta) x, for eigenvectors of M Delta; zeros where defective."""
+    product = np.vdot(y, x)
+    q = np.conj(M.T) @ y
+    if abs(product) < 1e-13:
+        return np.zeros_like(q)
+    return q / np.conj(product)
+
+
+@compiled
+def turned(M, table, delta, near, free):  # type: ignore[no-untyped-def]
+    """Newton's method for a real eigenvalue of M Delta, the phase of complex blocks its unknown.
+
+    Parameters
+    ----------
+    M, table
+        Matrix (columns, rows) and `block_table`.
+    delta
+        Complex (rows, columns); changed in place.
+    near
+        The eigenvalue to follow is the nearest to this; 0: the largest.
+    free
+        Real block whose value is the unknown where no block is complex; -1: none.
+
+    Returns
+    -------
+    value, phase, x, q, weight
+        The real eigenvalue (0: not found), the phase by which complex blocks were turned, its
+        right eigenvector and sensitivity, and the factor by which d lambda = Re(weight q* dDelta x)
+        while the eigenvalue is kept real.
+    """
+    phase = 0.0
+    some_real = np.any(table[:, 0] == REAL)
+    some_complex = np.any(table[:, 0] != REAL)
+    x = np.zeros(M.shape[0], np.complex128)
+    q = np.zeros(M.shape[1], np.complex128)
+    for _ in range(TURNS):
+        A = M @ delta
+        values = np.linalg.eigvals(A)
+        if near == 0 or not some_real:
+            value = values[np.argmax(np.abs(values))]
+        else:
+            value = values[np.argmin(np.abs(values - near))]
+        size = abs(value)
+        if not size > 1e-200:
+            break
+        x, y = eigenvectors(A, value)
+        q = sensitivity(M, delta, x, y)
+        # d lambda by the unknown is i * effect; kept real, it makes up for all other changes.
+        if some_complex:
+            _, other = split(delta, table)
+            effect = np.vdot(q, other @ x)
+        elif free >= 0:
+            _, r, n, c, _ = table[free]
+            effect = np.vdot(q[r : r + n], x[c : c + n]) / 1j
+        else:
+            effect = 0j
+        level = abs(effect.real) > 1e-12 * size
+        weight = np.conj(effect) / effect.real if level else 1.0 + 0j
+        if abs(value.imag) <= ROUNDING * size and value.real > 0:
+            return value.real, phase, x, q, weight
+        if not level:
+            break
+        if some_complex:
+            step = -np.arctan2(value.imag, effect.real)
+            if some_real and abs(step) > 0.5:
+                step = np.sign(step) * 0.5
+            delta += (np.exp(1j * step) - 1) * other
+            phase += step
+        else:
+            step = -value.imag / effect.real
+            _, r, n, c, _ = table[free]
+            moved = delta[r, c].real + step
+            if not abs(moved) < 1:
+                break
+            for i in range(n):
+                delta[r + i, c + i] = moved
+        near = value + 1j * effect * step
+        if some_real and near.real > 0:
+            near = near.real + 0j
+    return 0.0, phase, x, q, 1.0 + 0j
+
+
+@compiled
+def rotated(M, delta):  # type: ignore[no-untyped-def]
+    """Largest eigenvalue of M Delta, made real by the phase of Delta, which is changed in place."""
+    values = np.linalg.eigvals(M @ delta)
+    value = values[np.argmax(np.abs(values))]
+    size = abs(value)
+    if not size > 1e-200:
+        return 0.0
+    delta *= np.conj(value) / size
+    return size
+
+
+@compiled
+def _turned_radius(M_real, M_other, value):  # type: ignore[no-untyped-def]
+    """Spectral radius that reaches 1 where some phase makes `value` an eigenvalue, and its root."""
+    A = value * np.eye(M_real.shape[0]) - M_real
+    if not np.linalg.cond(A) < 1e15:
+        return np.inf, 1.0 + 0j
+    roots = np.linalg.eigvals(np.linalg.solve(A, M_other))
+    root = roots[np.argmax(np.abs(roots))]
+    return abs(root), root
+
+
+@compiled
+def attained(M, table, delta):  # type: ignore[no-untyped-def]
+    """The largest real eigenvalue found along a direction with complex blocks, 0 for none.
+
+    ``delta`` is changed in place to the one that has it. The phase is eliminated: lambda is an
+    eigenvalue for some phase where the spectral radius of (lambda I - M D_real)^-1 M D_other is 1,
+    which is below 1 for large lambda; so the largest one is bracketed and bisected.
+    """
+    some_real = np.any(table[:, 0] == REAL)
+    if not some_real:
+        return rotated(M, delta)
+    real, other = split(delta, table)
+    M_real, M_other = M @ real, M @ other
+    above = np.linalg.norm(M_real, 2) + np.linalg.norm(M_other, 2)
+    if not above > 1e-200:
+        return 0.0
+    below = above
+    for _ in range(40):
+        below *= 0.8
+        if _turned_radius(M_real, M_other, below)[0] >= 1:
+            break
+        above = below
+    else:
+        return 0.0
+    for _ in range(20):
+        middle = 0.5 * (below + above)
+        if _turned_radius(M_real, M_other, middle)[0] >= 1:
+            below = middle
+        else:
+            above = middle
+    root = _turned_radius(M_real, M_other, below)[1]
+    delta += (np.conj(root) / abs(root) - 1) * other
+    return turned(M, table, delta, below + 0j, -1)[0]

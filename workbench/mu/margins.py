@@ -1,0 +1,133 @@
+"""The four conditions of a loop: nominal and robust, stability and performance.
+
+With N = F_l(P, K) partitioned as the perturbation and the performance (Vidal Sanchez, Robust and
+Fault Tolerant Control of CD-players (2003), section 6.2):
+
+    nominal stability     N is stable
+    nominal performance   sup sigma_max(N_22) < 1
+    robust stability      sup mu_Delta(N_11) < 1
+    robust performance    sup mu(N) < 1, a full block closing the performance
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from workbench.errors import InputError, UnknownNameError
+from workbench.mu.peak import Peak, peak
+from workbench.structure import Full, Real, Structure
+from workbench.uncertainty.generalised import GeneralisedPlant
+
+Signals = str | int | Sequence[str | int] | None
+COMPLEX_PART = 0.01
+"""Of real scalars where there is nothing else, so that robust stability is a proper question."""
+
+
+@dataclass(frozen=True, eq=False)
+class Conditions:
+    """The four conditions; each peak is certified between grid points.
+
+    ``pole`` is the rightmost of the nominal loop [rad/s] (None: it has no states). Where that is
+    unstable the peaks are None, as are those of what the plant does not have: without a
+    perturbation robust stability, without performance both performances.
+    """
+
+    pole: complex | None
+    nominal_performance: Peak | None
+    robust_stability: Peak | None
+    robust_performance: Peak | None
+
+    @property
+    def nominal_stability(self) -> bool:
+        return self.pole is None or self.pole.real < 0
+
+    @property
+    def hold(self) -> bool:
+        """Whether all that were asked are proven."""
+        peaks = (self.nominal_performance, self.robust_stability, self.robust_performance)
+        return self.nominal_stability and all(p is None or p.upper < 1 for p in peaks)
+
+
+def conditions(
+    plant: GeneralisedPlant,
+    K: Any,
+    *,
+    performance: Signals = None,
+    exogenous: Signals = None,
+    tolerance: float = 1e-3,
+    complex_part: float = COMPLEX_PART,
+) -> Conditions:
+    """Nominal and robust stability and performance of a plant closed by a controller.
+
+    Parameters
+    ----------
+    K
+        StateSpace or TransferFunction.
+    performance, exogenous
+        The channel: names of outputs and inputs, or their numbers among the plant's performance
+        outputs and exogenous inputs; None for all. A single w_p -> z_p gives a 1-by-1 block.
+    tolerance
+        As `peak`.
+    complex_part
+        As `peak`, for robust stability where all scalars are real; elsewhere none is added.
+
+    Raises
+    ------
+    InputError, UnknownNameError
+        As `GeneralisedPlant.close` and `peak`; a signal that the plant does not have.
+    """
+    import control
+
+    N = plant.close(K)
+    rows, columns = _perturbation(plant.structure)
+    z = _chosen(performance, N.output_labels[rows:], "performance output")
+    w = _chosen(exogenous, N.input_labels[columns:], "exogenous input")
+    poles = N.poles()
+    pole = complex(poles[np.argmax(poles.real)]) if len(poles) else None
+    if pole is not None and pole.real >= 0:
+        return Conditions(pole, None, None, None)
+
+    def of(outputs: list[int], inputs: list[int], structure: Structure, added: float = 0.0) -> Peak:
+        part = control.ss(N.A, N.B[:, inputs], N.C[outputs], N.D[np.ix_(outputs, inputs)])
+        return peak(part, structure, tolerance, complex_part=added)
+
+    y, u = list(range(rows)), list(range(columns))
+    z, w = [rows + i for i in z], [columns + i for i in w]
+    structure = plant.structure
+    nominal = of(z, w, Structure([Full(len(w), len(z), "performance")])) if z and w else None
+    if structure is None:
+        return Conditions(pole, nominal, None, nominal)
+    real = all(isinstance(block, Real) for block in structure)
+    stability = of(y, u, structure, complex_part if real else 0.0)
+    whole = structure.with_performance(len(z), len(w)) if z and w else None
+    robust = of(y + z, u + w, whole) if whole else None
+    return Conditions(pole, nominal, stability, robust)
+
+
+def _perturbation(structure: Structure | None) -> tuple[int, int]:
+    """Perturbation outputs and inputs of a plant."""
+    return (structure.columns, structure.rows) if structure else (0, 0)
+
+
+def _chosen(signals: Signals, names: Sequence[str], kind: str) -> list[int]:
+    """Their numbers among `names`."""
+    if signals is None:
+        return list(range(len(names)))
+    asked = [signals] if isinstance(signals, str | int) else list(signals)
+    chosen = []
+    for signal in asked:
+        if isinstance(signal, str):
+            if signal not in names:
+                raise UnknownNameError(kind, signal, names)
+            chosen.append(list(names).index(signal))
+        elif 0 <= signal < len(names):
+            chosen.append(int(signal))
+        else:
+            raise InputError(f"there is no {kind} {signal}; the plant has {len(names)}, from 0")
+    if not chosen or len(set(chosen)) < len(chosen):
+        raise InputError(f"{kind}s {signals!r}: give at least one, and none twice")
+    return chosen

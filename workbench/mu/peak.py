@@ -1,0 +1,280 @@
+"""The supremum of mu over all frequencies, certified between grid points.
+
+For a bound beta, multipliers D and G of one frequency prove it on a whole interval around (see
+`hamiltonian`). Intervals are removed from the axis, worst frequencies first, and beta rises where
+a bound lies above it, until nothing of [0, infinity] is left.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.errors import InputError
+from workbench.mu.hamiltonian import StableSystem, certified_interval, stable_system
+from workbench.mu.lower import lower_bound
+from workbench.mu.sweep import UpperSweep, bounds_at, fitting, refined
+from workbench.structure import Complex, Real, Structure
+
+Array = NDArray[Any]
+CLOSE = 0.97
+"""Share of the largest bound at which a frequency is worth a lower bound."""
+CANDIDATES = 60
+THOROUGH = 6
+"""Frequencies with a quick, and of those with a thorough lower bound."""
+NOTHING = 1e-9
+"""A bound below this, and below this share of the response, is not resolved further."""
+COARSER, ROUNDS = 10.0, 10
+"""Factor on the tolerance each time the steps allowed are used up, and how often that may be."""
+TOGETHER = 32
+"""Gaps whose middles are bounded at once."""
+
+
+@dataclass(frozen=True, eq=False)
+class Interval:
+    """Frequencies low to high [rad/s] on which multipliers of one between prove the peak's bound.
+
+    ``omega`` is that one; ``D_left`` (c, c), ``D_right`` (r, r), ``G`` (r, c).
+    """
+
+    low: float
+    high: float
+    omega: float
+    D_left: Array
+    D_right: Array
+    G: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Peak:
+    """The supremum of mu over all frequencies lies between ``lower`` and ``upper``.
+
+    ``Delta`` (r, c) makes I - M(j omega) Delta singular and has largest singular value 1 / lower;
+    where lower is 0 it has NaN. ``omega`` [rad/s] is its frequency, or without one that of the
+    largest bound. ``intervals`` cover [0, infinity] unless upper is infinite. ``complex_part``
+    is what was added to real scalars, as a share of them: the peak is that of the larger set.
+    """
+
+    lower: float
+    upper: float
+    omega: float
+    Delta: Array
+    intervals: tuple[Interval, ...]
+    message: str
+    complex_part: float = 0.0
+
+
+def peak(
+    system: Any,
+    structure: Structure,
+    tolerance: float = 1e-3,
+    *,
+    complex_part: float = 0.0,
+    steps: int = 2000,
+) -> Peak:
+    """Bounds of the supremum of mu over all frequencies, 0 and infinity included.
+
+    Parameters
+    ----------
+    system
+        StateSpace or TransferFunction (c outputs, r inputs), stable, continuous time: what Delta
+        closes.
+    structure
+        Blocks of Delta.
+    tolerance
+        How far the bound may lie above the largest upper bound at any one frequency, relative.
+    complex_part
+        Complex uncertainty added to every real scalar, as a share of it; see `regularised`.
+    steps
+        Intervals after which the tolerance is made ten times as large, and again after as many.
+
+    Returns
+    -------
+    Peak
+        The message says where the tolerance was missed.
+
+    Raises
+    ------
+    InputError
+        A system that does not fit the structure, unstable, improper or sampled; real scalars only
+        without a complex part.
+    """
+    if not 0.0 < tolerance < 1.0:
+        raise InputError(f"tolerance is {tolerance}; it must lie between 0 and 1")
+    original = fitting(system, structure)
+    if complex_part:
+        stable, larger = regularised(original, structure, complex_part)
+    elif all(isinstance(block, Real) for block in structure):
+        raise InputError(
+            "the structure has real scalars only: mu is then not continuous in frequency, a peak "
+            "may stand at a single frequency that no bound shows; give complex_part, for instance "
+            "0.01, or add the complex block of a performance channel"
+        )
+    else:
+        stable, larger = original, structure
+    found = refined(stable, larger)
+    cover = _Cover(stable, larger, tolerance, found)
+    message = cover.complete(steps)
+    lower, omega, Delta = _lower(cover.found, larger)
+    intervals = tuple(sorted(cover.intervals, key=lambda interval: interval.low))
+    if complex_part:
+        Delta = _summed(Delta, structure, complex_part)
+    return Peak(lower, cover.proven, omega, Delta, intervals, message, complex_part)
+
+
+def regularised(
+    system: Any, structure: Structure, complex_part: float
+) -> tuple[StableSystem, Structure]:
+    """A system and structure with complex scalars of size `complex_part` added to the real ones.
+
+    Real scalars delta become delta + complex_part * delta_c; the complex blocks come last.
+
+    Raises
+    ------
+    InputError
+        `complex_part` is not positive, or there is no real scalar.
+
+    References
+    ----------
+    Packard, Pandey, Continuity properties of the real/complex structured singular value, IEEE
+    Trans. Automatic Control 38 (1993) 415-428.
+    """
+    if not 0.0 < complex_part < math.inf:
+        raise InputError(f"complex_part is {complex_part}; it must be positive and finite")
+    places = zip(structure, structure.column_slices, structure.row_slices, strict=True)
+    real = [(block, column, row) for block, column, row in places if isinstance(block, Real)]
+    if not real:
+        raise InputError(
+            f"the structure {structure.to_pairs()} has no real scalar; leave complex_part out"
+        )
+    stable = stable_system(system)
+    outputs = np.concatenate([np.arange(stable.D.shape[0])[column] for _, column, _ in real])
+    inputs = np.concatenate([np.arange(stable.D.shape[1])[row] for _, _, row in real])
+    C = np.vstack([stable.C, complex_part * stable.C[outputs]])
+    B = np.hstack([stable.B, stable.B[:, inputs]])
+    D = np.hstack([stable.D, stable.D[:, inputs]])
+    D = np.vstack([D, complex_part * D[outputs]])
+    added = [Complex(block.rows, f"{block.name} complex".strip()) for block, _, _ in real]
+    return replace(stable, B=B, C=C, D=D), Structure((*structure, *added))
+
+
+def _summed(Delta: Array, structure: Structure, complex_part: float) -> Array:
+    """The perturbation of the original system that one of the regularised system is."""
+    whole = Delta[: structure.rows, : structure.columns].copy()
+    at = structure.rows, structure.columns
+    for block, row, column in zip(
+        structure, structure.row_slices, structure.column_slices, strict=True
+    ):
+        if isinstance(block, Real):
+            n = block.rows
+            whole[row, column] += complex_part * Delta[at[0] : at[0] + n, at[1] : at[1] + n]
+            at = at[0] + n, at[1] + n
+    return whole
+
+
+class _Cover:
+    """The axis, and what of it is covered at the present beta."""
+
+    def __init__(
+        self, system: StableSystem, structure: Structure, tolerance: float, found: UpperSweep
+    ) -> None:
+        self.system, self.structure = system, structure
+        self.tolerance, self.found = tolerance, found
+        size = float(np.abs(found.M).max())
+        self.beta = max((1 + tolerance) * float(found.upper.max()), NOTHING * min(size, 1.0))
+        self.intervals: list[Interval] = []
+        self.open = [(0.0, math.inf)]
+
+    @property
+    def proven(self) -> float:
+        return math.inf if self.open else self.beta
+
+    def complete(self, steps: int) -> str:
+        """Cover the axis; what is to be said of it."""
+        if self.beta == 0.0:  # a rational function that is zero at so many points is zero
+            self.open = []
+            return "the response is zero"
+        asked, largest = self.tolerance, ROUNDS * steps
+        for step in range(largest):
+            if not self.open:
+                break
+            if step and step % steps == 0:
+                self.tolerance *= COARSER
+                self.beta *= 1 + self.tolerance
+            self._step()
+        if self.open:
+            gaps = ", ".join(f"{low:.6g} to {high:.6g}" for low, high in self.open[:3])
+            return f"stopped after {largest} steps; not covered: {gaps} rad/s"
+        least = float(self.found.upper.max())
+        message = f"{len(self.intervals)} intervals"
+        if self.beta > (1 + 2 * asked) * least and self.beta > NOTHING:
+            message += f"; {self.beta - least:.3g} above the largest bound at one frequency"
+        return message
+
+    def _step(self) -> None:
+        index = self._worst()
+        omega, bound = float(self.found.omega[index]), float(self.found.upper[index])
+        if bound * (1 + 0.5 * self.tolerance) > self.beta:
+            self.beta = bound * (1 + self.tolerance)
+        D_left, D_right, G = (
+            part[index] for part in (self.found.D_left, self.found.D_right, self.found.G)
+        )
+        ends = certified_interval(self.system, D_left, D_right, G, self.beta, omega)
+        if ends is None or not _wide(*ends):
+            self.beta *= 1 + self.tolerance
+            return
+        self.intervals.append(Interval(*ends, omega, D_left, D_right, G))
+        self.open = [gap for one in self.open for gap in _without(one, ends)]
+
+    def _worst(self) -> int:
+        """Index of the open frequency with the largest bound; some are added where none is open."""
+        omega = self.found.omega
+        inside = np.zeros(len(omega), dtype=bool)
+        for low, high in self.open:
+            inside |= (omega >= low) & (omega <= high)
+        if not inside.any():
+            widest = sorted(self.open, key=_width)[-TOGETHER:]
+            new = np.unique([_middle(*gap) for gap in widest])
+            self.found = self.found.joined(bounds_at(self.system, self.structure, new))
+            return int(np.flatnonzero(self.found.omega == new[0])[0])
+        return int(np.argmax(np.where(inside, self.found.upper, -1.0)))
+
+
+def _wide(low: float, high: float) -> bool:
+    """Whether an interval is more than rounding."""
+    return high - low > 1e-11 * low if math.isfinite(high) else True
+
+
+def _without(gap: tuple[float, float], ends: tuple[float, float]) -> list[tuple[float, float]]:
+    """What an interval leaves of a gap."""
+    if ends[1] < gap[0] or ends[0] > gap[1]:
+        return [gap]
+    left = [(gap[0], ends[0])] if ends[0] > gap[0] else []
+    return left + ([(ends[1], gap[1])] if ends[1] < gap[1] else [])
+
+
+def _middle(low: float, high: float) -> float:
+    """Between two frequencies; the grid has 0 and infinity, which are covered first."""
+    return math.sqrt(low) * math.sqrt(high)
+
+
+def _width(gap: tuple[float, float]) -> float:
+    return math.log(gap[1] / gap[0])
+
+
+def _lower(found: UpperSweep, structure: Structure) -> tuple[float, float, Array]:
+    """The largest lower bound near the largest upper ones, its frequency and Delta."""
+    order = np.argsort(-found.upper)[:CANDIDATES]
+    order = order[found.upper[order] >= CLOSE * found.upper[order[0]]]
+    quick = lower_bound(found.M[order], structure, "power")
+    chosen = np.unique([order[0], *order[np.argsort(-quick.value)[:THOROUGH]]])
+    thorough = lower_bound(found.M[chosen], structure)
+    value = np.concatenate([quick.value, thorough.value])
+    best = int(np.argmax(value))
+    omega = found.omega[np.concatenate([order, chosen])][best if value[best] > 0 else 0]
+    Delta = np.concatenate([quick.Delta, thorough.Delta])[best]
+    return float(value[best]), float(omega), Delta

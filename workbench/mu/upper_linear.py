@@ -1,0 +1,139 @@
+"""Dense linear algebra for the many small systems of the upper bound.
+
+Plain loops, because a call of LAPACK costs more than a matrix of this size. All of them write into
+arrays that the caller owns, and none of them raises: a matrix that is not positive is an answer.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workbench.compiled import compiled
+
+UNSEEN = 1e100
+"""Pivot of a direction without influence."""
+
+
+@compiled
+def factor(A: np.ndarray, L: np.ndarray) -> bool:
+    """Cholesky factor of a Hermitian A into the lower half of L; False unless A > 0."""
+    n = A.shape[0]
+    for i in range(n):
+        for j in range(i + 1):
+            L[i, j] = A[i, j]
+    for k in range(n):
+        pivot = L[k, k].real
+        if not 0.0 < pivot < np.inf:
+            return False
+        root = np.sqrt(pivot)
+        L[k, k] = root
+        scale = 1.0 / root
+        for i in range(k + 1, n):
+            L[i, k] *= scale
+        for i in range(k + 1, n):
+            entry = L[i, k]
+            for j in range(k + 1, i + 1):
+                L[i, j] -= entry * np.conj(L[j, k])
+    return True
+
+
+@compiled
+def inverse(L: np.ndarray, work: np.ndarray, X: np.ndarray) -> None:
+    """Inverse (L L^H)^-1 into X; ``work`` receives L^-1."""
+    n = L.shape[0]
+    for j in range(n):
+        for i in range(j):
+            work[i, j] = 0.0
+        work[j, j] = 1.0 / L[j, j].real
+        for i in range(j + 1, n):
+            total = L[i, j] * work[j, j]
+            for k in range(j + 1, i):
+                total += L[i, k] * work[k, j]
+            work[i, j] = total * (-1.0 / L[i, i].real)
+    for i in range(n):
+        for j in range(i + 1):
+            total = np.conj(work[i, i]) * work[i, j]
+            for k in range(i + 1, n):
+                total += np.conj(work[k, i]) * work[k, j]
+            X[i, j] = total
+            X[j, i] = np.conj(total)
+
+
+@compiled
+def multiply(A: np.ndarray, B: np.ndarray, X: np.ndarray) -> None:
+    """The product A B into X; zeros of A cost nothing."""
+    X[:] = 0.0
+    for i in range(A.shape[0]):
+        for k in range(A.shape[1]):
+            entry = A[i, k]
+            if entry != 0.0:
+                for j in range(B.shape[1]):
+                    X[i, j] += entry * B[k, j]
+
+
+@compiled
+def multiply_adjoint(A: np.ndarray, B: np.ndarray, X: np.ndarray) -> None:
+    """The product A B^H into X."""
+    for i in range(A.shape[0]):
+        for j in range(B.shape[0]):
+            total = A[i, 0] * np.conj(B[j, 0])
+            for k in range(1, A.shape[1]):
+                total += A[i, k] * np.conj(B[j, k])
+            X[i, j] = total
+
+
+@compiled
+def inner(A: np.ndarray, B: np.ndarray) -> float:
+    """The real part of trace(A^H B), which for Hermitian A and B is their inner product."""
+    total = 0.0
+    for i in range(A.shape[0]):
+        for j in range(A.shape[1]):
+            total += A[i, j].real * B[i, j].real + A[i, j].imag * B[i, j].imag
+    return total
+
+
+@compiled
+def make_hermitian(A: np.ndarray) -> None:
+    """Replace A by (A + A^H) / 2."""
+    for i in range(A.shape[0]):
+        for j in range(i + 1):
+            mean = 0.5 * (A[i, j] + np.conj(A[j, i]))
+            A[i, j] = mean
+            A[j, i] = np.conj(mean)
+
+
+@compiled
+def factor_normal(H: np.ndarray) -> None:
+    """Cholesky factor of a symmetric real H >= 0, in place, lower half.
+
+    A direction that H does not see (an unknown without influence) gets an infinite pivot, so that
+    a solution stays where it is along it.
+    """
+    m = H.shape[0]
+    seen = np.empty(m)
+    for k in range(m):
+        seen[k] = 1e-14 * H[k, k]
+    for k in range(m):
+        root = np.sqrt(H[k, k]) if H[k, k] > seen[k] else UNSEEN
+        H[k, k] = root
+        for i in range(k + 1, m):
+            H[i, k] /= root
+        for i in range(k + 1, m):
+            entry = H[i, k]
+            for j in range(k + 1, i + 1):
+                H[i, j] -= entry * H[j, k]
+
+
+@compiled
+def solve_normal(L: np.ndarray, b: np.ndarray, x: np.ndarray) -> None:
+    """Solve L L^T x = b."""
+    m = L.shape[0]
+    for i in range(m):
+        total = b[i]
+        for k in range(i):
+            total -= L[i, k] * x[k]
+        x[i] = total / L[i, i]
+    for i in range(m - 1, -1, -1):
+        x[i] /= L[i, i]
+        for k in range(i):
+            x[k] -= L[i, k] * x[i]
