@@ -25,7 +25,7 @@ from workbench.uncertainty.joint import LENGTH
 from workbench.uncertainty.model import ROUNDING, UncertaintyModel, contains
 from workbench.uncertainty.responses import Real, Responses
 from workbench.uncertainty.sets import Form, corners, deviations, kept
-from workbench.uncertainty.weights import complex_weight, damped, needed_radius
+from workbench.uncertainty.weights import complex_weight, damped, needed_radius, resolved
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -181,7 +181,7 @@ class UncertaintyCover(Program):
         """The last step: a complex weight that covers whatever the real one leaves over."""
         omega = self.responses.omega
         nominal = nominal if self.nominal is not None else damped(nominal, omega)
-        W_r = None if W_r is None else damped(W_r, omega)
+        W_r = None if W_r is None else damped(resolved(W_r, omega), omega)
         away = self.away(nominal, self.points)
         radius = needed_radius(away, None if W_r is None else W_r.response(omega))
         # the deviations are as wrong as the plants' rounding, whatever their size

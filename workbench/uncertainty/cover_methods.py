@@ -15,7 +15,7 @@ from workbench.uncertainty.starts import nominals, real_weights, through
 
 FEW, MANY = 100, 1000
 """Frequencies at which starts are tried, and at which the best are finished."""
-FINISHED = 3
+FINISHED = 6
 """How many are finished; the least of their fitted sets is the answer."""
 
 

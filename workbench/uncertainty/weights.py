@@ -25,6 +25,8 @@ UNDAMPED = 1e-7
 """Least damping of poles."""
 DECADES = 3
 """Decades below and above the frequencies given over which weights hold their size."""
+MOST_DAMPED = 0.1
+"""Damping that is enough for any grid, however coarse."""
 NO_SIZE = 1e-6
 """Size of a set, relative to the largest, below which plants count as equal."""
 SLACK = 2.0
@@ -113,6 +115,22 @@ def damped(function: Rational, omega: Real) -> Rational:
     """
     poles = function.poles.copy()
     poles.real = np.minimum(poles.real, -np.maximum(SLOW * omega[0], UNDAMPED * np.abs(poles)))
+    return Rational(function.zeros, poles, function.gain)
+
+
+def resolved(function: Rational, omega: Real) -> Rational:
+    """The function with no resonance that falls between the frequencies it was fitted at.
+
+    Its poles are damped at least by half the relative distance of frequencies around them: a
+    narrower peak is seen by none of them.
+    """
+    between = np.log(omega[1:] / omega[:-1])
+    middle = (np.log(omega[1:]) + np.log(omega[:-1])) / 2
+    size = np.abs(function.poles)
+    damping = np.interp(np.log(np.maximum(size, omega[0])), middle, between) / 2
+    least = np.minimum(damping, MOST_DAMPED) * size
+    poles = function.poles.copy()
+    poles.real = np.minimum(poles.real, -least)
     return Rational(function.zeros, poles, function.gain)
 
 
