@@ -1,0 +1,36 @@
+"""Weights stay tame where no response is known: between the frequencies and beyond them."""
+
+import numpy as np
+import pytest
+
+import workbench as wb
+from workbench.fitting import Rational
+from workbench.uncertainty import Responses, StadiumCover
+from workbench.uncertainty.weights import resolved
+
+OMEGA = np.geomspace(1.0, 100.0, 60)
+
+
+def test_a_resonance_between_two_frequencies_is_damped():
+    between = np.sqrt(OMEGA[30] * OMEGA[31])
+    pole = between * complex(-1e-6, 1.0)
+    sharp = Rational([-1.0, -2.0], [pole, pole.conjugate()], 1.0)
+    tame = resolved(sharp, OMEGA)
+    dense = np.geomspace(1.0, 100.0, 100_000)
+    seen = np.abs(tame.response(OMEGA)).max()
+    assert np.abs(sharp.response(dense)).max() > 1000 * seen
+    assert np.abs(tame.response(dense)).max() < 2 * seen
+    assert np.allclose(np.abs(tame.poles.imag), between)
+
+
+@pytest.mark.parametrize("method", ["steps", "joint"])
+def test_weights_hold_their_size_beyond_the_frequencies(method):
+    rng = np.random.default_rng(3)
+    s = 1j * OMEGA[:, None]
+    corner = 10 * (1 + 0.1 * rng.uniform(-1, 1, 8))
+    values = (1 + 0.1 * rng.uniform(-1, 1, 8)) * corner**2 / (s**2 + 0.4 * corner * s + corner**2)
+    program = StadiumCover(Responses(OMEGA, values), 2, 0, 2, 2)
+    model = wb.solve(program, method).answer.model
+    for weight in (model.W_c, model.W_r):
+        size = np.abs(weight.response(OMEGA)).max()
+        assert np.abs(weight.response(np.geomspace(1e-3, 1e5, 10_000))).max() < 3 * size
