@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -41,6 +43,12 @@ def axes(
         figure = Figure(figsize=size)
         grid = figure.subplots(rows, columns, squeeze=False, **keywords)
     return figure, list(grid.flat)
+
+
+def phase(response: np.ndarray) -> np.ndarray:
+    """Unwrapped phase [deg] of a response along its last axis."""
+    turned: np.ndarray = np.degrees(np.unwrap(np.angle(response)))
+    return turned
 
 
 def legend_below(figure: Figure, source: Axes, columns: int = 4) -> None:

@@ -29,7 +29,7 @@ def bode(answer: xr.Dataset, title: str) -> Figure:
     }
     region: dict[str, Any] = {"color": figures.SKY, "alpha": 0.4, "linewidth": 0.0}
     # The measured phase is unwrapped about the fitted one: noise then cannot make it jump.
-    around = np.degrees(np.unwrap(np.angle(fitted)))
+    around = figures.phase(fitted)
     measured_phase = around + np.degrees(np.angle(measured / fitted))
 
     magnitude.fill_between(

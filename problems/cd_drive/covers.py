@@ -13,7 +13,6 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Run, problem, ref
-from workbench.errors import InputError
 from workbench.uncertainty import (
     CircleCover,
     Orientation,
@@ -26,7 +25,7 @@ from workbench.uncertainty import (
 )
 
 from .drives import Gain, responses, responses_of
-from .sets import TABLES, WINDOWS, Frequencies, Frequency
+from .sets import TABLES, WINDOWS, Frequencies, Frequency, grid
 from .tables import ActuatorParameters, Axis, Values, drives
 
 Source = Literal["tables", "identified"]
@@ -81,10 +80,10 @@ def circle_cover(
     inside with this probability, if drives are normally distributed.
     """
     measured = measured_drives(
-        axis, frequencies, lowest, highest, gain, values, identified, optical_gains
+        axis, frequencies, lowest, highest, gain, values, identified, optical_gains, content
     )
     return CircleCover(
-        measured if content is None else widened(measured, content),
+        measured,
         order,
         zeros,
         complex_order,
@@ -125,10 +124,10 @@ def stadium_cover(
     frequency. The others: as in cd/<axis>/circle-cover.
     """
     measured = measured_drives(
-        axis, frequencies, lowest, highest, gain, values, identified, optical_gains
+        axis, frequencies, lowest, highest, gain, values, identified, optical_gains, content
     )
     return StadiumCover(
-        measured if content is None else widened(measured, content),
+        measured,
         order,
         zeros,
         complex_order,
@@ -150,11 +149,13 @@ def measured_drives(
     values: Values = "printed",
     identified: Run | None = None,
     optical_gains: Run | None = None,
+    content: float | None = None,
 ) -> Responses:
-    """Responses u [V] to f_en [units] of twelve drives, from the tables or as identified."""
-    if not lowest < highest:
-        raise InputError(f"lowest={lowest} Hz must lie below highest={highest} Hz")
-    frequency = np.geomspace(lowest, highest, frequencies)
+    """Responses u [V] to f_en [units] of twelve drives, from the tables or as identified.
+
+    Widened to where a further drive is inside with probability ``content``, if that is given.
+    """
+    frequency = grid(frequencies, lowest, highest)
     names = [drive.name for drive in drives(axis, values)]
     if identified is None or optical_gains is None:
         found = responses(axis, frequency, gain, values, antialiasing=False)
@@ -167,4 +168,5 @@ def measured_drives(
         ]
         gains = optical_gains.data["gain"].sel(quantity="K_optn").sel(drive=names)
         found = responses_of(axis, models, gains.values.tolist(), frequency, gain, False)
-    return Responses(2 * np.pi * frequency, found.T, plants=names, unit="units/V")
+    measured = Responses(2 * np.pi * frequency, found.T, plants=names, unit="units/V")
+    return measured if content is None else widened(measured, content)

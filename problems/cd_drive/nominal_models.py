@@ -134,18 +134,14 @@ class NominalModels(Study):
         for k, drive in enumerate(answer["response"].values.T):
             label = "twelve drives" if k == 0 else None
             top.loglog(frequency, abs(drive), color="0.75", linewidth=0.6, label=label)
-            bottom.semilogx(frequency, _phase(drive), color="0.75", linewidth=0.6)
+            bottom.semilogx(frequency, figures.phase(drive), color="0.75", linewidth=0.6)
         for form, style in zip(FORMS, ("--", ":", "-"), strict=True):
             response = answer["nominal"].sel(form=form).values
             top.loglog(frequency, abs(response), style, label=form)
-            bottom.semilogx(frequency, _phase(response), style)
+            bottom.semilogx(frequency, figures.phase(response), style)
         top.set_ylabel("magnitude [units/V]")
         bottom.set_ylabel("phase [deg]")
         bottom.set_xlabel("frequency [Hz]")
         top.set_title(f"{self.axis} nominal models")
         figures.legend_below(figure, top)
         return {"bode": figure}
-
-
-def _phase(response: np.ndarray) -> np.ndarray:
-    return np.degrees(np.unwrap(np.angle(response)))

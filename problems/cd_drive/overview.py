@@ -229,7 +229,7 @@ def _bode_line(
 ) -> None:
     line = _line(data, drive)
     magnitude.plot(data["frequency"], abs(response), **line)
-    phase.plot(data["frequency"], np.degrees(np.unwrap(np.angle(response))), **line)
+    phase.plot(data["frequency"], figures.phase(response.values), **line)
 
 
 def _line(data: xr.Dataset, drive: int | None) -> dict[str, Any]:

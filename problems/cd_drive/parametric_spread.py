@@ -15,7 +15,6 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, Study, problem
-from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.uncertainty.factorial import factorial_response
 from workbench.uncertainty.parameters import Parameter, levels, samples
@@ -27,7 +26,7 @@ from .parametric import UNITS
 from .parametric_checks import MODELS, boxes, pulled_out, spread_checks
 from .parametric_figures import bode_figure, deviation_figure
 from .parametric_search import climbed
-from .sets import TABLES, Frequencies, Frequency
+from .sets import TABLES, Frequencies, Frequency, grid
 from .tables import Axis, Values, drives, nominal_table
 
 if TYPE_CHECKING:
@@ -66,10 +65,7 @@ def parametric_spread(
     between minimum, nominal and maximum that are tried of the three parameters; drawn: random
     combinations of the nine. values: tables of the drives, "printed" or "corrected".
     """
-    if not lowest < highest:
-        raise InputError(f"lowest={lowest} Hz must lie below highest={highest} Hz")
-    grid = np.geomspace(lowest, highest, frequencies)
-    return ParametricSpread(axis, grid, between, drawn, values)
+    return ParametricSpread(axis, grid(frequencies, lowest, highest), between, drawn, values)
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,6 +11,7 @@ from workbench import problem
 from workbench.errors import InputError
 from workbench.geometry import NarrowestStadium, SmallestCircle
 
+from .actuator import Real
 from .drives import responses
 from .tables import Axis, Values, drives
 
@@ -81,9 +82,7 @@ def nyquist_points(
     """Responses of the twelve drives, dims (frequency, drive) [units/V]."""
     import xarray as xr
 
-    if not lowest < highest:
-        raise InputError(f"lowest={lowest} Hz must lie below highest={highest} Hz")
-    frequency = np.geomspace(lowest, highest, frequencies)
+    frequency = grid(frequencies, lowest, highest)
     return xr.DataArray(
         responses(axis, frequency, gain, values).T,
         dims=("frequency", "drive"),
@@ -93,3 +92,10 @@ def nyquist_points(
         },
         attrs={"units": "units/V", "long_name": f"{axis} response"},
     )
+
+
+def grid(frequencies: int, lowest: float, highest: float) -> Real:
+    """So many frequencies [Hz], logarithmically spaced from lowest to highest."""
+    if not lowest < highest:
+        raise InputError(f"lowest={lowest} Hz must lie below highest={highest} Hz")
+    return np.geomspace(lowest, highest, frequencies)

@@ -365,7 +365,7 @@ def test_a_damaged_need_is_named(project):
     (need,) = wb.results("toy/root")
     (need.path / "log.txt").write_text("")
     (found,) = wb.verify(run.path).problems
-    assert f"toy/root/{need.key} is damaged: log.txt was changed" in found
+    assert f"{need.problem}/{need.key} is damaged: log.txt was changed" in found
 
 
 # --- again ------------------------------------------------------------------------------------

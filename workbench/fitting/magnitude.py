@@ -15,6 +15,7 @@ from workbench.fitting.alternation import error_bound
 from workbench.fitting.coverage import least_margin
 from workbench.fitting.rational import Rational, Real
 from workbench.fitting.samples import as_count, as_frequencies, as_positive
+from workbench.fitting.storage import function
 from workbench.program import Check, Program, find_method, worst
 from workbench.solvers import Options
 
@@ -145,9 +146,7 @@ class MagnitudeFit(Program):
         return to_dataset(self, answer)
 
     def from_dataset(self, data: xr.Dataset) -> Rational:
-        from workbench.fitting.magnitude_results import from_dataset
-
-        return from_dataset(data)
+        return function(data)
 
     def figures(self, answer: Rational) -> dict[str, Figure]:
         from workbench.fitting.magnitude_results import figures

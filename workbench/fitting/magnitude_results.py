@@ -8,6 +8,7 @@ import numpy as np
 
 from workbench import figures as style
 from workbench.fitting.rational import Rational
+from workbench.fitting.storage import roots
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -29,23 +30,10 @@ def to_dataset(program: MagnitudeFit, answer: Rational) -> xr.Dataset:
         "magnitude": ("omega", program.magnitude, plain | {"long_name": "magnitude to fit"}),
         "weight": ("omega", program.weight, plain | {"long_name": "weight of the error"}),
         "fit": ("omega", fitted, plain | {"long_name": "magnitude of the fit"}),
-        "gain": ((), answer.gain, plain | {"long_name": "leading gain of the fit"}),
+        **roots(answer, "the fit"),
     }
-    for name, roots in (("zeros", answer.zeros), ("poles", answer.poles)):
-        for part in ("real", "imag"):
-            attributes = {"units": "rad/s", "long_name": f"{name} of the fit, {part} part"}
-            variables[f"{name}_{part}"] = (name[:-1], getattr(roots, part), attributes)
     attributes = {"units": "rad/s", "long_name": "angular frequency"}
     return xr.Dataset(variables, coords={"omega": ("omega", program.omega, attributes)})
-
-
-def from_dataset(data: xr.Dataset) -> Rational:
-    """The fit, from its roots and gain."""
-    zeros, poles = (
-        data[f"{name}_real"].values + 1j * data[f"{name}_imag"].values
-        for name in ("zeros", "poles")
-    )
-    return Rational(zeros, poles, float(data["gain"]))
 
 
 def figures(program: MagnitudeFit, answer: Rational) -> dict[str, Figure]:

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from workbench.errors import InputError, SolverError
 from workbench.fitting.rational import Complex, Rational, Real
 from workbench.fitting.samples import as_count, as_frequencies, as_responses, as_weights
+from workbench.fitting.storage import function, roots
 from workbench.program import Check, Program, solve, worst
 from workbench.solvers import Options
 
@@ -157,22 +158,19 @@ class ResponseFit(Program):
         import xarray as xr
 
         fit = answer.response(self.omega)
-        root = {"units": "rad/s"}
         return xr.Dataset(
             {
                 "response": ("omega", self.response, _one("response to fit")),
                 "weight": ("omega", self.weight, _one("weight of the error")),
                 "fit": ("omega", fit, _one("response of the fit")),
                 "error": ("omega", self.errors(answer).astype(float), _one("weighted error")),
-                "zeros": ("zero", answer.zeros, root | {"long_name": "zeros of the fit"}),
-                "poles": ("pole", answer.poles, root | {"long_name": "poles of the fit"}),
-                "gain": ((), answer.gain, _one("gain over the products of s - root")),
+                **roots(answer, "the fit"),
             },
-            {"omega": ("omega", self.omega, root | {"long_name": "angular frequency"})},
+            {"omega": ("omega", self.omega, {"units": "rad/s", "long_name": "angular frequency"})},
         )
 
     def from_dataset(self, data: xr.Dataset) -> Rational:
-        return Rational(data["zeros"].values, data["poles"].values, float(data["gain"]))
+        return function(data)
 
     def figures(self, answer: Rational) -> dict[str, Figure]:
         from workbench.fitting.response_figures import bode, nyquist

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-import workbench.mu.upper_fast  # noqa: F401 - registers the method
 from workbench.errors import InputError, SolverError
 from workbench.mu.hamiltonian import StableSystem, stable_system
 from workbench.mu.lower import lower_bound

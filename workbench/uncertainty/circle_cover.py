@@ -8,10 +8,9 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from workbench.executor import Context
-from workbench.fitting.rational import Complex, Rational
+from workbench.fitting.rational import Complex, Rational, Real
 from workbench.geometry import Circle, NarrowestStadium, Stadium, smallest_circle
 from workbench.uncertainty.cover import UncertaintyCover
-from workbench.uncertainty.responses import Real
 from workbench.uncertainty.sets import circles_about_nominal
 
 

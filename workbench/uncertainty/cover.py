@@ -17,13 +17,13 @@ import numpy as np
 
 from workbench.errors import InputError
 from workbench.executor import Context
-from workbench.fitting.rational import Complex, Rational, from_system
+from workbench.fitting.rational import Complex, Rational, Real, from_system
 from workbench.fitting.samples import as_count
 from workbench.geometry import Circle, NarrowestStadium, Stadium
 from workbench.program import Check, Program, worst
 from workbench.uncertainty.joint import LENGTH
 from workbench.uncertainty.model import ROUNDING, UncertaintyModel, contains
-from workbench.uncertainty.responses import Real, Responses
+from workbench.uncertainty.responses import Responses
 from workbench.uncertainty.sets import Form, corners, deviations, kept
 from workbench.uncertainty.weights import complex_weight, damped, needed_radius, resolved
 
@@ -164,6 +164,13 @@ class UncertaintyCover(Program):
         response = nominal.response(self.responses.omega)
         return deviations(points, response, self.form, self.responses)
 
+    @cached_property
+    def unit(self) -> Real:
+        """What `joint` measures sizes in (F,): the nominal or, of additive models, the plants."""
+        if self.form == "multiplicative":
+            return np.ones(self.responses.omega.size)
+        return np.sqrt(np.mean(np.abs(self.points) ** 2, axis=1))
+
     def away_scale(self, nominal: Rational) -> Real:
         """Sizes (F,) of plants and nominal together, in the units of the deviations."""
         size = np.abs(self.points).max(axis=1)
@@ -194,10 +201,7 @@ class UncertaintyCover(Program):
     def fitted_size(self, answer: CoverSteps) -> float:
         """Mean square size of the model's own sets, as `joint` has it of the points'."""
         width, length = answer.model.sizes(self.responses.omega)
-        unit = 1.0
-        if self.form == "additive":
-            unit = np.sqrt(np.mean(np.abs(self.points) ** 2, axis=1))
-        return float(self.responses.shares @ ((width**2 + LENGTH * length**2) / unit**2))
+        return float(self.responses.shares @ ((width**2 + LENGTH * length**2) / self.unit**2))
 
     # --- the check --------------------------------------------------------------------------------
 
@@ -227,10 +231,7 @@ class UncertaintyCover(Program):
             ),
             *(_at_most("order", name, of.order, most) for name, of, most in fits),
             self._nominal_check(model.nominal),
-            *(
-                left_check(f"{name} stable", "pole", of.poles)
-                for name, of, _ in self._orders(model)
-            ),
+            *(left_check(f"{name} stable", "pole", of.poles) for name, of, _ in fits),
             left_check("W_c minimum phase", "zero", model.W_c.zeros),
         ]
 

@@ -8,7 +8,8 @@ import numpy as np
 from scipy import stats
 
 from workbench.errors import InputError
-from workbench.uncertainty.responses import Complex, Real, Responses
+from workbench.fitting.rational import Complex, Real
+from workbench.uncertainty.responses import Responses
 
 CORNERS = 24
 """Corners of the polygon drawn around each ellipse."""

@@ -42,7 +42,7 @@ def nominal(responses: Responses, answer: CoverSteps) -> Figure:
     figure, (top, bottom) = figures.axes(2, 1, size=(7.0, 6.0), sharex=True)
     fit = answer.model.nominal.response(responses.omega)
     values = np.where(responses.present, responses.values, np.nan)
-    turn = _phase(fit)
+    turn = figures.phase(fit)
     for axes, of in ((top, np.abs), (bottom, lambda z: turn + np.angle(z / fit, deg=True))):
         for k, plant in enumerate(values.T[:100]):
             label = "plants" if k == 0 else None
@@ -90,11 +90,11 @@ def real_weight(responses: Responses, answer: CoverSteps) -> Figure:
         end = unwrapped(sets.half_length * np.exp(1j * sets.angle))
         # an end and its opposite are one segment: draw the one nearer to the fit
         end = np.where((end * fit.conj()).real < 0, -end, end)
-        turn = _phase(fit) + np.angle(end / fit, deg=True)
+        turn = figures.phase(fit) + np.angle(end / fit, deg=True)
         top.plot(responses.frequency, np.abs(end), ":", color=colour, label=name)
         bottom.plot(responses.frequency, turn, ":", color=colour)
     top.plot(responses.frequency, np.abs(fit), color=figures.BLUE, label=label)
-    bottom.plot(responses.frequency, _phase(fit), color=figures.BLUE)
+    bottom.plot(responses.frequency, figures.phase(fit), color=figures.BLUE)
     top.set_yscale("log")
     top.set_ylabel(f"half-length [{_unit(responses, answer)}]")
     bottom.set_ylabel("orientation [deg]")
@@ -111,8 +111,3 @@ def _finish(figure: Figure, source: Axes, bottom: Axes, responses: Responses) ->
 
 def _unit(responses: Responses, answer: CoverSteps) -> str:
     return "1" if answer.model.form == "multiplicative" else responses.unit
-
-
-def _phase(response: np.ndarray) -> np.ndarray:
-    """Unwrapped phase [deg]."""
-    return np.degrees(np.unwrap(np.angle(response)))

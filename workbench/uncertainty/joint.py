@@ -65,20 +65,19 @@ class SmallSets:
         of_nominal, of_weight = self.split(vector)
         omega, shares = self.program.responses.omega, self.program.responses.shares
         nominal, slope = _evaluated(self.nominal, of_nominal, omega)
-        unit = np.ones(omega.size)
+        unit = self.program.unit[:, None]
         if self.program.form == "multiplicative":
             away = self.points / nominal[:, None] - 1
             slopes = -(1 + away)[..., None] * (slope / nominal[:, None])[:, None, :]
         else:
-            unit = np.sqrt(np.mean(np.abs(self.points) ** 2, axis=1))
-            away = (self.points - nominal[:, None]) / unit[:, None]
-            step = -(slope / unit[:, None])[:, None, :]
+            away = (self.points - nominal[:, None]) / unit
+            step = -(slope / unit)[:, None, :]
             slopes = np.broadcast_to(step, (*away.shape, slope.shape[1]))
         if self.W_r is None:
             radius, rise = _norm(away, slopes, power)
             return float(shares @ radius**2), 2 * (shares * radius) @ rise
         end, turn = _evaluated(self.W_r, of_weight, omega)
-        end, turn = end / unit, turn / unit[:, None]
+        end, turn = end / unit[:, 0], turn / unit
         square = np.maximum(np.abs(end) ** 2, np.finfo(float).tiny)
         along = np.clip((away * end[:, None].conj()).real / square[:, None], -1, 1)
         beside = away - along * end[:, None]

@@ -14,8 +14,8 @@ from collections.abc import Callable
 import numpy as np
 
 from workbench.errors import InputError
+from workbench.fitting.rational import Complex, Real
 from workbench.geometry.points import canonical_angle
-from workbench.uncertainty.responses import Complex, Real
 from workbench.uncertainty.sets import stadiums_about_nominal
 
 Orientation = Callable[[Real, Complex], Real]

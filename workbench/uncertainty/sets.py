@@ -13,11 +13,12 @@ from typing import Literal
 import numpy as np
 
 from workbench.errors import InputError
+from workbench.fitting.rational import Complex, Real
 from workbench.fitting.samples import as_count
 from workbench.geometry import Circle, Stadium, narrowest_stadium, smallest_circle
 from workbench.geometry.exact_stadium import exact_stadium
 from workbench.geometry.hull import convex_hull
-from workbench.uncertainty.responses import Complex, Real, Responses, filled
+from workbench.uncertainty.responses import Responses, filled
 
 Form = Literal["multiplicative", "additive"]
 

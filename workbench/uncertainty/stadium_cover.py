@@ -10,13 +10,12 @@ import numpy as np
 
 from workbench.errors import InputError
 from workbench.executor import Context
-from workbench.fitting.rational import Complex, Rational
+from workbench.fitting.rational import Complex, Rational, Real
 from workbench.geometry import NarrowestStadium, Stadium, narrowest_stadium
 from workbench.program import Check
 from workbench.uncertainty.cover import OUTWARD, CoverSteps, UncertaintyCover, left_check
 from workbench.uncertainty.model import UncertaintyModel
 from workbench.uncertainty.orientation import Orientation, smooth
-from workbench.uncertainty.responses import Real
 from workbench.uncertainty.sets import stadiums_about_nominal
 from workbench.uncertainty.weights import real_weight
 

@@ -6,6 +6,7 @@ import numpy as np
 import xarray as xr
 
 from workbench.fitting.rational import Rational
+from workbench.fitting.storage import function, roots
 from workbench.geometry import Circle, Stadium
 from workbench.uncertainty.cover import CoverSteps
 from workbench.uncertainty.responses import Responses
@@ -56,11 +57,7 @@ def to_dataset(responses: Responses, answer: CoverSteps) -> xr.Dataset:
     for name, of in {"nominal": model.nominal, "W_c": model.W_c, "W_r": model.W_r}.items():
         if of is None:
             continue
-        for roots in ("zeros", "poles"):
-            about = {"units": "rad/s", "long_name": f"{roots} of {name}"}
-            data[f"{name}_{roots}"] = (f"{name}_{roots[:-1]}", getattr(of, roots), about)
-        about = {"units": "1", "long_name": f"gain of {name} over the products of s - root"}
-        data[f"{name}_gain"] = ((), of.gain, about)
+        data = data.assign(roots(of, name, f"{name}_"))
     return data
 
 
@@ -73,5 +70,4 @@ def rational(data: xr.Dataset, name: str) -> Rational | None:
     """A part of the model, None where the model has none."""
     if f"{name}_gain" not in data:
         return None
-    zeros, poles = (data[f"{name}_{roots}"].values for roots in ("zeros", "poles"))
-    return Rational(zeros, poles, float(data[f"{name}_gain"]))
+    return function(data, f"{name}_")

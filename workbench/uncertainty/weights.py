@@ -113,9 +113,7 @@ def damped(function: Rational, omega: Real) -> Rational:
 
     A fit may put them as near to it as no frequency tells, as integrators or between frequencies.
     """
-    poles = function.poles.copy()
-    poles.real = np.minimum(poles.real, -np.maximum(SLOW * omega[0], UNDAMPED * np.abs(poles)))
-    return Rational(function.zeros, poles, function.gain)
+    return _left_by(np.maximum(SLOW * omega[0], UNDAMPED * np.abs(function.poles)), function)
 
 
 def resolved(function: Rational, omega: Real) -> Rational:
@@ -124,13 +122,16 @@ def resolved(function: Rational, omega: Real) -> Rational:
     Its poles are damped at least by half the relative distance of frequencies around them: a
     narrower peak is seen by none of them.
     """
-    between = np.log(omega[1:] / omega[:-1])
-    middle = (np.log(omega[1:]) + np.log(omega[:-1])) / 2
+    log = np.log(omega)
     size = np.abs(function.poles)
-    damping = np.interp(np.log(np.maximum(size, omega[0])), middle, between) / 2
-    least = np.minimum(damping, MOST_DAMPED) * size
+    around = np.interp(np.log(np.maximum(size, omega[0])), (log[1:] + log[:-1]) / 2, np.diff(log))
+    return _left_by(np.minimum(around / 2, MOST_DAMPED) * size, function)
+
+
+def _left_by(distance: Real, function: Rational) -> Rational:
+    """The function with each pole at least so far left of the imaginary axis."""
     poles = function.poles.copy()
-    poles.real = np.minimum(poles.real, -least)
+    poles.real = np.minimum(poles.real, -distance)
     return Rational(function.zeros, poles, function.gain)
 
 

@@ -1,0 +1,30 @@
+"""Rational functions as labelled arrays, and back."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from workbench.fitting.rational import Rational
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+def roots(function: Rational, of: str, prefix: str = "") -> dict[str, Any]:
+    """Variables ``zeros``, ``poles`` and ``gain`` of a dataset, after a prefix; ``of`` what."""
+    variables: dict[str, Any] = {
+        f"{prefix}{name}": (
+            f"{prefix}{name[:-1]}",
+            getattr(function, name),
+            {"units": "rad/s", "long_name": f"{name} of {of}"},
+        )
+        for name in ("zeros", "poles")
+    }
+    about = {"units": "1", "long_name": f"gain of {of} over the products of s - root"}
+    return variables | {f"{prefix}gain": ((), function.gain, about)}
+
+
+def function(data: xr.Dataset, prefix: str = "") -> Rational:
+    """The function whose roots were stored with that prefix."""
+    zeros, poles = (data[f"{prefix}{name}"].values for name in ("zeros", "poles"))
+    return Rational(zeros, poles, float(data[f"{prefix}gain"]))
