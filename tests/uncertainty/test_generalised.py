@@ -259,3 +259,20 @@ def test_plants_and_controllers_of_other_sizes():
         make().partition(np.zeros((3, 2, 2)))
     with pytest.raises(InputError, match="the structure needs 2"):
         GeneralisedPlant(control.ss([], [], [], np.eye(2)), Structure([Real(2)]), 1, 1)
+
+
+def test_a_channel_is_the_plant_with_its_signals_alone():
+    plant_ = stadium()
+    part = plant_.channel("z_u", ["w_u", "w_p"])
+    assert (part.performance, part.exogenous) == (1, 2)
+    N, M = (response(p.close(K), OMEGA[:5]) for p in (plant_, part))
+    np.testing.assert_allclose(M, N[:, [0, 1, 3]][:, :, [0, 1, 3, 2]], rtol=1e-9)
+    assert plant_.channel(1, 0).system.output_labels == ["y_r", "y_c", "z_u", "f_en"]
+
+
+@pytest.mark.parametrize("signals", [2, -1, [], ["z_p", "z_p"]])
+def test_a_channel_needs_signals_that_there_are(signals):
+    with pytest.raises(InputError, match="performance output"):
+        stadium().channel(signals)
+    with pytest.raises(UnknownNameError, match="z_q"):
+        stadium().channel("z_q")

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 import workbench as wb
+from problems.cd_drive.covers import measured_drives
 from workbench.fitting import Rational
-from workbench.uncertainty import Responses, StadiumCover
+from workbench.uncertainty import CircleCover, Responses, StadiumCover
 from workbench.uncertainty.weights import resolved
 
 OMEGA = np.geomspace(1.0, 100.0, 60)
@@ -34,3 +35,15 @@ def test_weights_hold_their_size_beyond_the_frequencies(method):
     for weight in (model.W_c, model.W_r):
         size = np.abs(weight.response(OMEGA)).max()
         assert np.abs(weight.response(np.geomspace(1e-3, 1e5, 10_000))).max() < 3 * size
+
+
+def test_a_complex_weight_has_no_resonance_between_coarse_frequencies():
+    """Sets that all but vanish tempted a fit of order 4 to a spike between two of them."""
+    drives = measured_drives("focus", 120, 5.0, 5000.0, gain="agc")
+    solution = wb.solve(CircleCover(drives, 4, 2, 4), "steps")
+    weight = solution.answer.model.W_c
+    dense = np.geomspace(drives.omega[0], drives.omega[-1], 100_000)
+    at_drives = np.log(np.abs(weight.response(drives.omega)))
+    joined = np.exp(np.interp(np.log(dense), np.log(drives.omega), at_drives))
+    assert solution.certificate.holds
+    assert np.max(np.abs(weight.response(dense)) / joined) < 3

@@ -11,18 +11,17 @@ Fault Tolerant Control of CD-players (2003), section 6.2):
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from workbench.errors import InputError, UnknownNameError
 from workbench.mu.peak import Peak, peak
 from workbench.structure import Full, Real, Structure
-from workbench.uncertainty.generalised import GeneralisedPlant
+from workbench.uncertainty.generalised import GeneralisedPlant, Signals
 
-Signals = str | int | Sequence[str | int] | None
+Array = NDArray[Any]
 COMPLEX_PART = 0.01
 """Of real scalars where there is nothing else, so that robust stability is a proper question."""
 
@@ -68,8 +67,7 @@ def conditions(
     K
         StateSpace or TransferFunction.
     performance, exogenous
-        The channel: names of outputs and inputs, or their numbers among the plant's performance
-        outputs and exogenous inputs; None for all. A single w_p -> z_p gives a 1-by-1 block.
+        The channel, as `GeneralisedPlant.channel`; a single w_p -> z_p gives a 1-by-1 block.
     tolerance
         As `peak`.
     complex_part
@@ -78,56 +76,33 @@ def conditions(
     Raises
     ------
     InputError, UnknownNameError
-        As `GeneralisedPlant.close` and `peak`; a signal that the plant does not have.
+        As `GeneralisedPlant.channel`, `GeneralisedPlant.close` and `peak`.
     """
     import control
 
-    N = plant.close(K)
-    rows, columns = _perturbation(plant.structure)
-    z = _chosen(performance, N.output_labels[rows:], "performance output")
-    w = _chosen(exogenous, N.input_labels[columns:], "exogenous input")
+    N = plant.channel(performance, exogenous).close(K)
     poles = N.poles()
     pole = complex(poles[np.argmax(poles.real)]) if len(poles) else None
     if pole is not None and pole.real >= 0:
         return Conditions(pole, None, None, None)
 
-    def of(outputs: list[int], inputs: list[int], structure: Structure, added: float = 0.0) -> Peak:
+    structure = plant.structure
+    rows, columns = (structure.columns, structure.rows) if structure else (0, 0)
+    y, z = np.split(np.arange(N.noutputs), [rows])
+    u, w = np.split(np.arange(N.ninputs), [columns])
+
+    def of(outputs: Array, inputs: Array, structure: Structure, added: float = 0.0) -> Peak:
         part = control.ss(N.A, N.B[:, inputs], N.C[outputs], N.D[np.ix_(outputs, inputs)])
         return peak(part, structure, tolerance, complex_part=added)
 
-    y, u = list(range(rows)), list(range(columns))
-    z, w = [rows + i for i in z], [columns + i for i in w]
-    structure = plant.structure
-    nominal = of(z, w, Structure([Full(len(w), len(z), "performance")])) if z and w else None
+    performs = min(len(z), len(w)) > 0
+    nominal = of(z, w, Structure([Full(len(w), len(z), "performance")])) if performs else None
     if structure is None:
         return Conditions(pole, nominal, None, nominal)
     real = all(isinstance(block, Real) for block in structure)
     stability = of(y, u, structure, complex_part if real else 0.0)
-    whole = structure.with_performance(len(z), len(w)) if z and w else None
-    robust = of(y + z, u + w, whole) if whole else None
+    robust = None
+    if performs:
+        whole = structure.with_performance(len(z), len(w))
+        robust = of(np.arange(N.noutputs), np.arange(N.ninputs), whole)
     return Conditions(pole, nominal, stability, robust)
-
-
-def _perturbation(structure: Structure | None) -> tuple[int, int]:
-    """Perturbation outputs and inputs of a plant."""
-    return (structure.columns, structure.rows) if structure else (0, 0)
-
-
-def _chosen(signals: Signals, names: Sequence[str], kind: str) -> list[int]:
-    """Their numbers among `names`."""
-    if signals is None:
-        return list(range(len(names)))
-    asked = [signals] if isinstance(signals, str | int) else list(signals)
-    chosen = []
-    for signal in asked:
-        if isinstance(signal, str):
-            if signal not in names:
-                raise UnknownNameError(kind, signal, names)
-            chosen.append(list(names).index(signal))
-        elif 0 <= signal < len(names):
-            chosen.append(int(signal))
-        else:
-            raise InputError(f"there is no {kind} {signal}; the plant has {len(names)}, from 0")
-    if not chosen or len(set(chosen)) < len(chosen):
-        raise InputError(f"{kind}s {signals!r}: give at least one, and none twice")
-    return chosen

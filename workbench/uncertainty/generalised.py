@@ -32,6 +32,9 @@ from workbench.uncertainty.realisation import frequency_response
 if TYPE_CHECKING:
     from control import StateSpace
 
+Signals = str | int | Sequence[str | int] | None
+"""One or some of a list of signals, by name or number; None for all."""
+
 
 @dataclass(frozen=True, eq=False)
 class GeneralisedPlant:
@@ -72,6 +75,34 @@ class GeneralisedPlant:
     def response(self, omega: ArrayLike) -> Matrix:
         """At `omega` [rad/s] (F,): (F, outputs, inputs)."""
         return response(self.system, omega)
+
+    def channel(self, performance: Signals = None, exogenous: Signals = None) -> GeneralisedPlant:
+        """The plant with only some performance outputs and exogenous inputs, in that order.
+
+        Names, or numbers among the plant's performance outputs and exogenous inputs; None for all.
+        Raises UnknownNameError for a name and InputError for a number that the plant has not.
+        """
+        import control
+
+        rows, columns = self._delta
+        system = self.system
+        z, y = np.split(np.arange(rows, system.noutputs), [self.performance])
+        w, u = np.split(np.arange(columns, system.ninputs), [self.exogenous])
+        chosen = _chosen(performance, [system.output_labels[i] for i in z], "performance output")
+        entering = _chosen(exogenous, [system.input_labels[i] for i in w], "exogenous input")
+        outputs = [*range(rows), *z[chosen], *y]
+        inputs = [*range(columns), *w[entering], *u]
+        part = control.StateSpace(
+            system.A,
+            system.B[:, inputs],
+            system.C[outputs],
+            system.D[np.ix_(outputs, inputs)],
+            system.dt,
+            remove_useless_states=False,
+            inputs=[system.input_labels[i] for i in inputs],
+            outputs=[system.output_labels[i] for i in outputs],
+        )
+        return GeneralisedPlant(part, self.structure, self.controls, self.measurements)
 
     def close(self, K: Any) -> StateSpace:
         """N = F_l(P, K), u = K y, with every state of P and K, so that its poles tell stability.
@@ -213,3 +244,23 @@ def response(system: StateSpace, omega: ArrayLike) -> Matrix:
     part = part_of(system)
     s = 1j * np.atleast_1d(np.asarray(omega, dtype=float))
     return frequency_response(part.M, part.states, np.exp(s * part.dt) if part.dt else s)
+
+
+def _chosen(signals: Signals, names: Sequence[str], kind: str) -> list[int]:
+    """Their numbers among `names`."""
+    if signals is None:
+        return list(range(len(names)))
+    asked = [signals] if isinstance(signals, str | int) else list(signals)
+    chosen = []
+    for signal in asked:
+        if isinstance(signal, str):
+            if signal not in names:
+                raise UnknownNameError(kind, signal, names)
+            chosen.append(list(names).index(signal))
+        elif 0 <= signal < len(names):
+            chosen.append(int(signal))
+        else:
+            raise InputError(f"there is no {kind} {signal}; the plant has {len(names)}, from 0")
+    if not chosen or len(set(chosen)) < len(chosen):
+        raise InputError(f"{kind}s {signals!r}: give at least one, and none twice")
+    return chosen

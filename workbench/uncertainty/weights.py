@@ -11,6 +11,7 @@ import numpy as np
 
 from workbench.errors import SolverError
 from workbench.executor import Context
+from workbench.fitting.coverage import least_margin
 from workbench.fitting.magnitude import MagnitudeFit
 from workbench.fitting.rational import Complex, Rational, Real
 from workbench.fitting.response import ResponseFit
@@ -27,6 +28,9 @@ DECADES = 3
 """Decades below and above the frequencies given over which weights hold their size."""
 MOST_DAMPED = 0.1
 """Damping that is enough for any grid, however coarse."""
+APART = 0.02
+"""Largest step of log frequency at which a cover is fitted: no resonance hides in a coarser one."""
+MOST_RAISES, ROUNDING = 20, 1e-12
 NO_SIZE = 1e-6
 """Size of a set, relative to the largest, below which plants count as equal."""
 SLACK = 2.0
@@ -57,9 +61,34 @@ def complex_weight(
     the radius and SLACK times what the extent has beyond it, since a long set may be all but a
     line where a low order cannot follow it.
     """
-    weight = radius / (radius + SLACK * (extent - radius))
-    fit = MagnitudeFit(beyond(omega), lasting(radius), order, weight=lasting(weight), cover=True)
-    return fitted(fit, context)
+    fine = np.unique(np.concatenate([omega, between(omega)]))
+    log, size = np.log(fine), radius / (radius + SLACK * (extent - radius))
+    magnitude, weight = (np.exp(np.interp(log, np.log(omega), np.log(v))) for v in (radius, size))
+    grid, magnitude, weight = beyond(fine), lasting(magnitude), lasting(weight)
+    fit = fitted(MagnitudeFit(grid, magnitude, order, weight=weight, cover=True), context)
+    return raised(resolved(fit, fine), grid, magnitude)
+
+
+def between(omega: Real) -> Real:
+    """Frequencies so close that little of a cover is hidden between them and those given (F,)."""
+    log = np.log(omega)
+    counts = np.ceil(np.diff(log) / APART).astype(int)
+    steps = [
+        np.linspace(a, b, n, endpoint=False)[1:]
+        for a, b, n in zip(log[:-1], log[1:], counts, strict=True)
+    ]
+    return np.exp(np.concatenate(steps)) if steps else omega
+
+
+def raised(function: Rational, omega: Real, magnitude: Real) -> Rational:
+    """The function with the gain that it needs to cover magnitudes (F,) and what lies between."""
+    for _ in range(MOST_RAISES):
+        margin, _ = least_margin(omega, magnitude, function)
+        if margin >= 0:
+            return function
+        gain = function.gain * np.exp(-margin) * (1 + ROUNDING)
+        function = Rational(function.zeros, function.poles, gain)
+    raise SolverError(f"the weight misses its cover by {-margin:.3g} still, relative")
 
 
 def real_weight(
