@@ -2,6 +2,7 @@
 
 from workbench.mu import upper_ab13md, upper_conic, upper_fast
 from workbench.mu.branch import branch_and_bound
+from workbench.mu.gradient import gradient
 from workbench.mu.lower import lower_bound
 from workbench.mu.lower_program import LowerBound, MuLowerBound
 from workbench.mu.margins import Conditions, conditions
@@ -20,6 +21,7 @@ __all__ = [
     "UpperBound",
     "branch_and_bound",
     "conditions",
+    "gradient",
     "lower_bound",
     "peak",
     "regularised",

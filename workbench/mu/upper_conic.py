@@ -9,7 +9,7 @@ import numpy as np
 from workbench.executor import Context
 from workbench.mu.upper_balance import NOTHING, balance
 from workbench.mu.upper_certificate import certified
-from workbench.mu.upper_pattern import DIAGONAL, Pattern, fill, pattern_of, spread
+from workbench.mu.upper_pattern import DIAGONAL, Pattern, basis, fill, pattern_of, spread
 from workbench.mu.upper_program import Array, MuUpperBound, proved
 from workbench.program import Claim, conic_method
 from workbench.solvers import ConicSolver, Outcome, solve_conic
@@ -38,9 +38,9 @@ class _Statement:
         self.reference = cp.Parameter(4 * order**2)
         flat = self.coefficients @ self.x - self.reference * margin
         slack = cp.reshape(flat, (2 * order, 2 * order), order="C")
-        basis = np.stack([_doubled(D) for D, _ in _basis(pattern)], axis=-1)
+        matrices = np.stack([_doubled(D) for D, _ in basis(pattern)], axis=-1)
         D = cp.reshape(
-            basis.reshape(-1, unknowns) @ self.x, (2 * pattern.size, 2 * pattern.size), order="C"
+            matrices.reshape(-1, unknowns) @ self.x, (2 * pattern.size, 2 * pattern.size), order="C"
         )
         trace = (pattern.kind == DIAGONAL) & ~pattern.skew
         self.problem = cp.Problem(
@@ -56,7 +56,7 @@ class _Statement:
     def at(self, M: Array, t: float, reference: Array) -> Any:
         """The program with its parameters set."""
         columns = []
-        for D, G in _basis(self.pattern):
+        for D, G in basis(self.pattern):
             left, right, twist = spread(self.pattern, D, G)
             X = 1j * (twist @ M)
             columns.append(_doubled(t * right - M.conj().T @ left @ M - X - X.conj().T).ravel())
@@ -112,16 +112,6 @@ def _conic(program: MuUpperBound, context: Context, solver: ConicSolver) -> Clai
 
 def _shaped(program: MuUpperBound, parts: tuple[Array, ...]) -> list[Array]:
     return [part.reshape(*program.batch, *part.shape[-2:]) for part in parts]
-
-
-def _basis(pattern: Pattern) -> list[tuple[Array, Array]]:
-    """Compact D and G of each unknown alone."""
-    pairs = []
-    for unknown in np.eye(pattern.row.size):
-        D, G = np.zeros((2, pattern.size, pattern.size), complex)
-        fill(pattern, unknown, D, G)
-        pairs.append((D, G))
-    return pairs
 
 
 def _doubled(A: Array) -> np.ndarray:

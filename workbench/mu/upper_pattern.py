@@ -141,6 +141,16 @@ def fill(pattern: Pattern, x: np.ndarray, D: np.ndarray, G: np.ndarray) -> None:
             target[j, i] -= 1j * x[k]
 
 
+def basis(pattern: Pattern) -> list[tuple[Array, Array]]:
+    """Compact D and G of each unknown alone."""
+    pairs = []
+    for unknown in np.eye(pattern.row.size):
+        D, G = np.zeros((2, pattern.size, pattern.size), complex)
+        fill(pattern, unknown, D, G)
+        pairs.append((D, G))
+    return pairs
+
+
 @compiled
 def read(pattern: Pattern, D: np.ndarray, G: np.ndarray, x: np.ndarray) -> None:
     """Inner products of every unknown's basis matrix with the Hermitian D or G."""
