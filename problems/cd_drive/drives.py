@@ -89,17 +89,26 @@ def responses_of(
     antialiasing: bool = True,
 ) -> Complex:
     """As `responses`, of any N drives with optical gains of their own [units/m]: (N, F)."""
+    models = stack([specific_model(each) for each in actuators])
+    K_total = total_gains(axis, actuators, K_optn, gain)
+    return K_total[:, None] * models.response(frequency) * _filter(frequency, antialiasing)
+
+
+def total_gains(
+    axis: Axis, actuators: Sequence[ActuatorParameters], K_optn: Sequence[float], gain: Gain = "own"
+) -> Real:
+    """K_total [units/V] of any N drives, `gain` as in `responses`: (N,)."""
     if gain not in get_args(Gain):
         raise InputError(f'gain is {gain!r}; it must be "own", "equal" or "agc"')
-    models = stack([specific_model(each) for each in actuators])
     K_total = np.full(len(actuators), total_gain(axis))
     if gain == "own":
         K_total *= np.asarray(K_optn) / ((min(K_optn) + max(K_optn)) / 2)
     elif gain == "agc":
         at = [crossover(axis)]
+        models = stack([specific_model(each) for each in actuators])
         nominal_actuator = specific_model(nominal_parameters(axis))
         K_total *= (abs(nominal_actuator.response(at)) / abs(models.response(at)))[:, 0]
-    return K_total[:, None] * models.response(frequency) * _filter(frequency, antialiasing)
+    return K_total
 
 
 def nominal_response(axis: Axis, frequency: ArrayLike, antialiasing: bool = True) -> Complex:

@@ -1,0 +1,80 @@
+"""Figure 6.8: sets of the open loop in the Nyquist plane, and how clear of -1 they are."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from workbench import figures
+from workbench.geometry import Stadium
+from workbench.geometry.figures import outline
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+NEAR = ((-2.6, 0.6), (-2.4, 0.6))
+"""Real and imaginary parts shown near -1."""
+
+
+def planes(answer: xr.Dataset, high: tuple[float, float]) -> Figure:
+    """Sets of one kind: stadiums left and circles right, whole above and near -1 below."""
+    figure, panels = figures.axes(2, 2, size=(9.5, 8.6))
+    for column, form in enumerate(("stadium", "circle")):
+        one = answer.sel(shape=form)
+        whole, near = panels[column], panels[2 + column]
+        _draw(whole, one, figures.BLUE)
+        _draw(near, one.sel(frequency=slice(*high)), figures.BLUE)
+        whole.set_title(f"{form}s ({answer['kind'].values!s} sets)")
+        near.set_title(f"{form}s, {high[0]:g} to {high[1]:g} Hz")
+        whole.set_aspect("equal", adjustable="datalim")
+        near.set_xlim(*NEAR[0])
+        near.set_ylim(*NEAR[1])
+        near.set_aspect("equal")
+        near.set_xlabel("real part of L [1]")
+        whole.locator_params(axis="x", nbins=6)
+    for panel in panels[::2]:
+        panel.set_ylabel("imaginary part [1]")
+    figures.legend_below(figure, panels[2])
+    return figure
+
+
+def _draw(panel: Axes, one: xr.Dataset, colour: str) -> None:
+    from matplotlib.collections import LineCollection, PolyCollection
+
+    parts = (one[name].values for name in ("center", "radius", "half_length", "angle"))
+    corners = [np.column_stack([line.real, line.imag]) for line in outline(Stadium(*parts))]
+    line: Any = LineCollection(corners, linewidths=0.5, colors=colour, alpha=0.6, label="sets")
+    panel.add_collection(PolyCollection(corners, linewidths=0, facecolors=colour, alpha=0.04))
+    panel.add_collection(line)
+    L = one["L"].values
+    panel.plot(L.real.ravel(), L.imag.ravel(), ".", color="0.3", markersize=1, label="drives")
+    panel.plot(-1, 0, "x", color=figures.ORANGE, markersize=9, markeredgewidth=2, label="-1")
+    panel.autoscale()
+
+
+def clearances(answer: xr.Dataset, kinds: list[str]) -> Figure:
+    """Distance of -1 from the sets over its distance from their centres; 0 where they reach it."""
+    figure, panels = figures.axes(1, 2, size=(9.5, 4.8), sharex=True, sharey=True)
+    for panel, form in zip(panels, answer["shape"].values, strict=True):
+        for kind in kinds:
+            one = answer.sel(shape=form, kind=kind)
+            style = {"second": "-", "third": "--", "fitted": ":"}.get(kind.split()[-1], "-")
+            colour = {"steps": figures.BLUE, "joint": figures.ORANGE, "first": figures.GREEN}
+            clear = one["distance"] / abs(one["center"] + 1)
+            panel.semilogx(
+                one["frequency"],
+                clear,
+                style,
+                color=colour.get(kind.split()[0], figures.BLACK),
+                label=kind,
+            )
+        panel.axhline(0.0, color=figures.BLACK, linewidth=0.8)
+        panel.set_ylim(-1.5, 1.05)
+        panel.set_title(f"{form}s")
+        panel.set_xlabel("frequency [Hz]")
+    panels[0].set_ylabel("distance of -1 / distance of the centre [1]")
+    figures.legend_below(figure, panels[0])
+    return figure
