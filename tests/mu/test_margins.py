@@ -36,10 +36,14 @@ def test_are_reciprocals(lower, upper, expected):
 def test_hold_what_they_promise():
     rng = np.random.default_rng(0)
     A = np.array([[-0.1, 3.0], [-3.0, -0.2]])
-    system = control.ss(A, rng.standard_normal((2, 2)), rng.standard_normal((2, 2)), np.zeros((2, 2)))
+    system = control.ss(
+        A, rng.standard_normal((2, 2)), rng.standard_normal((2, 2)), np.zeros((2, 2))
+    )
     found = peak(system, Structure([Full(2, 2)]))
     low, high = Conditions(-1, None, found, None).stability_margin
     assert low <= high <= low * 1.003
     closest = found.Delta  # of size `high`; nothing smaller closes the loop on the axis
     assert np.linalg.norm(closest, 2) == pytest.approx(high)
-    assert control.linfnorm(low * 0.9999 * system)[0] < 1 < control.linfnorm(high * 1.0001 * system)[0]
+    assert (
+        control.linfnorm(low * 0.9999 * system)[0] < 1 < control.linfnorm(high * 1.0001 * system)[0]
+    )

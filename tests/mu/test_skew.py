@@ -17,6 +17,8 @@ STRUCTURES = [
     (Structure([Full(2, 2), Full(1, 2), Complex(1)]), [0, 1]),
 ]
 
+IDS = [str(structure.to_pairs()) for structure, _ in STRUCTURES]
+
 
 def random(seed, structure, *batch):
     rng = np.random.default_rng(seed)
@@ -45,7 +47,7 @@ def check(M, structure, fixed, found):
         assert least < 1e-8 * max(1, np.linalg.norm(product))
 
 
-@pytest.mark.parametrize(("structure", "fixed"), STRUCTURES, ids=lambda s: str(s)[:60])
+@pytest.mark.parametrize(("structure", "fixed"), STRUCTURES, ids=IDS)
 def test_perturbations_attain_the_lower_bound(structure, fixed):
     M = 0.3 * random(0, structure, 6)
     found = skew_bounds(M, structure, fixed)
@@ -54,7 +56,7 @@ def test_perturbations_attain_the_lower_bound(structure, fixed):
     assert (found.lower > 0).any()
 
 
-@pytest.mark.parametrize(("structure", "fixed"), STRUCTURES, ids=lambda s: str(s)[:60])
+@pytest.mark.parametrize(("structure", "fixed"), STRUCTURES, ids=IDS)
 def test_no_sample_is_worse_than_the_upper_bound(structure, fixed):
     """For given fixed blocks of size 1 a spectral radius is a lower bound of complex ones."""
     M = 0.2 * random(1, structure)

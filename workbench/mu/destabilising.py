@@ -25,10 +25,12 @@ from workbench.structure import Full, Real, Structure
 Array = NDArray[Any]
 BESIDE = 1e-6
 """How far from an end of the axis, relative to the poles, a complex Delta is interpolated."""
-REAL = 1e-12
-"""Imaginary part, relative, that counts as none."""
+REAL, NEARLY = 1e-12, 1e-6
+"""Imaginary part, relative, that counts as none, and that which can be made none."""
 SINGULAR = 1e-6
 """Smallest singular value of I - M Delta, balanced, relative to M Delta, that counts as 0."""
+REGULAR = 1e10
+"""Condition number of I - M Delta, Delta its real blocks only, up to which others are needed."""
 NEAR = 0.1
 """How far from 1 an eigenvalue may move from the end of the axis to beside it."""
 
@@ -81,17 +83,16 @@ def destabilising(peak: Peak, system: Any, structure: Structure) -> Any:
         )
     omega = peak.omega
     constant = _constants(Delta, structure, 1 / peak.lower)
-    z = _null(stable.response([omega])[0], Delta)
-    w = Delta @ z
+    M = stable.response([omega])[0]
+    z = _null(M, Delta)
     if not 0.0 < omega < math.inf:
-        if _is_real(z) and _is_real(w):
-            z, w, Delta = z.real, w.real, Delta.real
-        else:
+        real = _made_real(Delta, z, structure)
+        if real is None:
             omega = _beside(stable, omega)
             M = stable.response([omega])[0]
-            Delta = constant + _attained(M, constant, Delta - constant)
-            z = _null(M, Delta)
-            w = Delta @ z
+        Delta = constant + _attained(M, constant, (Delta if real is None else real) - constant)
+        z = _null(M, Delta)
+    w = Delta @ z
     parts = []
     for block, row, column in zip(
         structure, structure.row_slices, structure.column_slices, strict=True
@@ -134,8 +135,26 @@ def _null(M: Array, Delta: Array) -> Array:
     return z / np.linalg.norm(z)
 
 
-def _is_real(vector: Array) -> bool:
-    return bool(np.abs(vector.imag).max() <= REAL * np.abs(vector).max())
+def _made_real(Delta: Array, z: Array, structure: Structure) -> Array | None:
+    """A real Delta that does what Delta does to a z that is nearly real; None for another z.
+
+    M is real at the ends of the axis, so that with z and Delta z their real parts solve the same
+    equations.
+    """
+    w = Delta @ z
+    if any(np.abs(v.imag).max() > NEARLY * np.abs(v).max() for v in (z, w)):
+        return None
+    blocks = []
+    for block, row, column in zip(
+        structure, structure.row_slices, structure.column_slices, strict=True
+    ):
+        length = np.sum(z[column].real ** 2)
+        if isinstance(block, Full):
+            dyad = np.outer(w[row].real, z[column].real)
+            blocks.append(dyad / length if length > 0 else np.zeros_like(dyad))
+        else:
+            blocks.append(Delta[row, column].real)
+    return structure.diagonal(blocks)
 
 
 def _beside(system: StableSystem, omega: float) -> float:
@@ -146,7 +165,10 @@ def _beside(system: StableSystem, omega: float) -> float:
 
 def _attained(M: Array, constant: Array, free: Array) -> Array:
     """The free part of Delta times the number near 1 with which it makes the loop singular."""
-    seen = np.linalg.solve(np.eye(len(M)) - M @ constant, M) @ free
+    loop = np.eye(len(M)) - M @ constant
+    if not free.any() or np.linalg.cond(loop) > REGULAR:  # the constants do it alone
+        return free
+    seen = np.linalg.solve(loop, M) @ free
     values = np.linalg.eigvals(seen)
     value = values[np.argmin(np.abs(values - 1))]
     if not np.abs(value - 1) < NEAR:

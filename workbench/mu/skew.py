@@ -116,19 +116,17 @@ class Skew:
 
     def __init__(self, M: Array, structure: Structure, varies: NDArray[np.bool_]) -> None:
         self.M, self.structure, self.blocks = M, structure, varies
-        self.rows = np.repeat(varies, [block.rows for block in structure])
-        self.columns = np.repeat(varies, [block.columns for block in structure])
+        self.rows, self.columns = self._rows(varies), self._columns(varies)
         self.without = np.where(self.rows, 0.0, M)
         self.closable = self._loops()
 
     def _loops(self) -> NDArray[np.bool_]:
         """Whether any varying block is in a loop; without, det(I - M Delta) does not see them."""
         places = list(zip(self.structure.column_slices, self.structure.row_slices, strict=True))
-        reach = np.array(
-            [[self.M[:, i, j].any((-2, -1)) for _, j in places] for i, _ in places]
-        ).transpose(2, 0, 1)
+        coupled = [[self.M[:, i, j].any((-2, -1)) for _, j in places] for i, _ in places]
+        reach: NDArray[np.bool_] = np.array(coupled).transpose(2, 0, 1)
         for _ in places:
-            reach = reach | (reach @ reach)
+            reach = np.asarray(reach | (reach @ reach), bool)
         loops: NDArray[np.bool_] = np.diagonal(reach, axis1=1, axis2=2)[:, self.blocks].any(-1)
         return loops
 
@@ -181,9 +179,9 @@ class Skew:
             lower[place[better]], Delta[place[better]] = value[better], found[better]
 
         unproven = np.flatnonzero(np.isinf(upper))
-        alone = lower_bound(self.without[unproven], self.structure)
-        sure = alone.value >= 1
-        keep(unproven[sure], np.where(self.rows[:, None], 0.0, alone.Delta[sure]))
+        if unproven.size:
+            alone = self._bounded(self.M[unproven], ~self.blocks, "best")
+            keep(unproven, alone)
         # The thorough bound is twenty times the work: only where the quick one leaves a gap.
         for method, steps in (("power", 12), ("best", 6)):
             which = np.flatnonzero(self.closable & ~(lower >= ENOUGH * upper))
@@ -218,18 +216,30 @@ class Skew:
         loop = np.eye(self.structure.columns) - self.M[which] @ fixed
         regular = np.linalg.cond(loop) < REGULAR
         seen = np.linalg.solve(loop[regular], self.M[which[regular]])
-        seen = seen[:, self.columns][:, :, self.rows]
-        varying = Structure(b for b, v in zip(self.structure, self.blocks, strict=True) if v)
-        found = lower_bound(seen, varying, method)
         result = np.full_like(fixed, np.nan)
-        result[regular] = fixed[regular]
-        result[np.ix_(regular, self.rows, self.columns)] = found.Delta
+        result[regular] = fixed[regular] + self._bounded(seen, self.blocks, method)
         return result
 
+    def _bounded(self, M: Array, blocks: NDArray[np.bool_], method: str) -> Array:
+        """The least Delta found of some blocks, the others 0; NaN without any."""
+        part = Structure(b for b, one in zip(self.structure, blocks, strict=True) if one)
+        rows, columns = self._rows(blocks), self._columns(blocks)
+        found = lower_bound(M[:, columns][:, :, rows], part, method)
+        Delta = np.zeros((len(M), self.structure.rows, self.structure.columns), complex)
+        Delta[:, rows[:, None] & columns] = found.Delta.reshape(len(M), rows.sum() * columns.sum())
+        Delta[found.value == 0] = np.nan
+        return Delta
 
-def _root(
-    bound: Callable[[Array, Reals], Reals], start: Reals, close: float, steps: int
-) -> None:
+    def _rows(self, blocks: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Rows of Delta that blocks take."""
+        return np.repeat(blocks, [block.rows for block in self.structure])
+
+    def _columns(self, blocks: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Columns of Delta that blocks take."""
+        return np.repeat(blocks, [block.columns for block in self.structure])
+
+
+def _root(bound: Callable[[Array, Reals], Reals], start: Reals, close: float, steps: int) -> None:
     """Evaluate a bound f(b) towards f(b) = 1, for each start on its own.
 
     `bound(some, b)` has the values at b (K,) of those numbered `some` (K,). Slopes of log f over

@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from workbench.errors import InputError
 from workbench.mu.hamiltonian import StableSystem, stable_system
 from workbench.mu.peak import peak
-from workbench.mu.sensitivity import sensitivity
 from workbench.mu.skew import Skew
 from workbench.mu.sweep import starting_grid
+from workbench.mu.upper import upper_bound
 from workbench.structure import Structure
 
 Array = NDArray[Any]
@@ -31,6 +31,10 @@ HALVINGS = 12
 """Times that the grid is halved around the largest values."""
 HIGH = 0.7
 """Share of the largest value above which a local maximum is looked into."""
+NARROW = 1e-6
+"""Relative distance of neighbours that is not halved again."""
+TOGETHER = 24
+"""Halvings at a time."""
 ROUNDS = 20
 """Levels for which a proof is tried."""
 NOTHING = 1e-9
@@ -117,13 +121,17 @@ class _Search:
             self.omega, self.upper = together[order], upper[order]
 
     def _wanted(self) -> Reals:
-        """Halfway to the neighbours of the local maxima that are high."""
+        """Halfway to the neighbours of the highest local maxima."""
+        if not 0 < self.upper.max() < math.inf:
+            return np.empty(0)
         padded = np.concatenate([[-np.inf], self.upper, [-np.inf]])
         high = self.upper >= HIGH * self.upper.max()
         top = high & (self.upper >= padded[:-2]) & (self.upper >= padded[2:])
-        split = (top[1:] | top[:-1]) & (self.omega[:-1] > 0) & np.isfinite(self.omega[1:])
-        low, up = self.omega[:-1][split], self.omega[1:][split]
-        return np.sqrt(low[up > low * (1 + 1e-6)] * up[up > low * (1 + 1e-6)])
+        inner = (self.omega[:-1] > 0) & (self.omega[1:] > self.omega[:-1] * (1 + NARROW))
+        split = np.flatnonzero((top[1:] | top[:-1]) & inner & np.isfinite(self.omega[1:]))
+        height = np.maximum(self.upper[1:], self.upper[:-1])[split]
+        split = split[np.argsort(-height)[:TOGETHER]]
+        return np.sqrt(self.omega[split] * self.omega[split + 1])
 
     def proven(self, tolerance: float) -> tuple[float, str]:
         """An upper bound between the frequencies too, and what is to be said of it."""
@@ -139,9 +147,8 @@ class _Search:
                     f"{place:.6g} rad/s"
                 )
             level *= 1 + tolerance / 2
-            # Above the root by tolerance / 2 mu is below 1 by its slope times that.
-            slope = float(sensitivity(self._scaled(level).response([place])[0], self.whole)[-1])
-            precision = min(precision, max(slope * tolerance / 4, 1e-6), 1e-2)
+            here = upper_bound(self._scaled(level).response([place])[0], self.whole).value
+            precision = min(precision, max((1 - float(here)) / 2, 1e-6), 1e-2)
             found = peak(self._scaled(level), self.whole, precision)
             if found.upper < 1:
                 return level * found.upper * (1 + 1e-12), found.message
