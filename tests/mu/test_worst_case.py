@@ -83,6 +83,31 @@ def test_where_robust_stability_fails(stiffness):
     assert found.lower > 100
 
 
+def tied(share):
+    """As `oscillator`, damping and stiffness moved by the same scalar."""
+    N = oscillator(0.1, share, 0.3)
+    return N, Structure([Real(2)])
+
+
+def test_of_a_scalar_that_moves_damping_and_stiffness():
+    N, structure = tied(0.9)
+    found = worst_case_gain(N, structure)
+    delta = np.linspace(-1, 1, 2001)
+    z, k = 0.1 * (1 + 0.9 * delta), 1 + 0.3 * delta
+    expected = (1 / (2 * z * np.sqrt(k - z**2))).max()
+    assert found.lower == pytest.approx(expected, rel=1e-4)
+    assert expected <= found.upper <= 1.03 * expected
+    check(N, structure, found)
+
+
+def test_of_a_scalar_that_destabilises_at_one_frequency_only():
+    """mu of the perturbation alone is 1.1 there and 0 elsewhere: no grid shows it."""
+    N, structure = tied(1.1)
+    found = worst_case_gain(N, structure)
+    assert found.upper == np.inf
+    assert "robust stability is not proven" in found.message
+
+
 def test_of_a_full_block_where_the_loop_is_singular():
     structure = Structure([Full(1, 1)])
     N = control.ss(-1, [[1.5, 1]], [[1], [1]], np.zeros((2, 2)))

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.errors import InputError, UnknownNameError
+from workbench.errors import InputError, SolverError, UnknownNameError
 from workbench.mu.lower import lower_bound
 from workbench.mu.lower_program import as_matrices
 from workbench.mu.upper import upper_bound
@@ -124,11 +124,9 @@ class Skew:
         """Whether any varying block is in a loop; without, det(I - M Delta) does not see them."""
         places = list(zip(self.structure.column_slices, self.structure.row_slices, strict=True))
         coupled = [[self.M[:, i, j].any((-2, -1)) for _, j in places] for i, _ in places]
-        reach: NDArray[np.bool_] = np.array(coupled).transpose(2, 0, 1)
-        for _ in places:
-            reach = np.asarray(reach | (reach @ reach), bool)
-        loops: NDArray[np.bool_] = np.diagonal(reach, axis1=1, axis2=2)[:, self.blocks].any(-1)
-        return loops
+        step = np.array(coupled, float).transpose(2, 0, 1)
+        walks = step @ np.linalg.matrix_power(np.eye(len(places)) + step, len(places) - 1)
+        return np.asarray(np.diagonal(walks, axis1=1, axis2=2)[:, self.blocks].any(-1), bool)
 
     def scaled(self, which: Array, b: Reals) -> Array:
         """M S(b) of some."""
@@ -142,12 +140,12 @@ class Skew:
         most 1 as well.
         """
         upper = np.where(self.closable, np.inf, 0.0)
-        proper = upper_bound(self.without, self.structure).value < 1
+        proper = upper_values(self.without, self.structure) < 1
         upper[~proper] = np.inf
         which = np.flatnonzero(proper & self.closable)
 
         def bound(some: Array, b: Reals) -> Reals:
-            value = upper_bound(self.scaled(which[some], b), self.structure).value
+            value = upper_values(self.scaled(which[some], b), self.structure)
             proven = value < 1
             place = which[some][proven]
             upper[place] = np.minimum(upper[place], ALLOWANCE * (b * value)[proven])
@@ -159,7 +157,7 @@ class Skew:
     def _start(self, which: Array) -> Reals:
         """mu of the varying blocks alone, or where that is nothing the size of what they enter."""
         alone = np.where(self.columns[:, None] & self.rows, self.M[which], 0.0)
-        value = upper_bound(alone, self.structure).value
+        value = upper_values(alone, self.structure)
         size = np.linalg.norm(np.where(self.rows, self.M[which], 0.0), axis=(-2, -1))
         start: Reals = np.where(value > 1e-9 * size, value, size)
         return start
@@ -237,6 +235,17 @@ class Skew:
     def _columns(self, blocks: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Columns of Delta that blocks take."""
         return np.repeat(blocks, [block.columns for block in self.structure])
+
+
+def upper_values(M: Array, structure: Structure) -> Reals:
+    """Upper bounds of mu of matrices (B, c, r); where one fails, with its real scalars complex."""
+    try:
+        return upper_bound(M, structure).value
+    except SolverError:
+        if len(M) > 1:
+            half = len(M) // 2
+            return np.concatenate([upper_values(part, structure) for part in (M[:half], M[half:])])
+        return upper_bound(M, structure.complexified()).value
 
 
 def _root(bound: Callable[[Array, Reals], Reals], start: Reals, close: float, steps: int) -> None:

@@ -20,9 +20,8 @@ from numpy.typing import NDArray
 from workbench.errors import InputError
 from workbench.mu.hamiltonian import StableSystem, stable_system
 from workbench.mu.peak import peak
-from workbench.mu.skew import Skew
+from workbench.mu.skew import Skew, upper_values
 from workbench.mu.sweep import starting_grid
-from workbench.mu.upper import upper_bound
 from workbench.structure import Structure
 
 Array = NDArray[Any]
@@ -147,8 +146,9 @@ class _Search:
                     f"{place:.6g} rad/s"
                 )
             level *= 1 + tolerance / 2
-            here = upper_bound(self._scaled(level).response([place])[0], self.whole).value
-            precision = min(precision, max((1 - float(here)) / 2, 1e-6), 1e-2)
+            # The peak may take half of what mu is below 1 here.
+            here = float(upper_values(self._scaled(level).response([place]), self.whole)[0])
+            precision = min(precision, max((1 - here) / 2, 1e-6), 1e-2)
             found = peak(self._scaled(level), self.whole, precision)
             if found.upper < 1:
                 return level * found.upper * (1 + 1e-12), found.message
