@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from workbench.errors import InputError
+from workbench.mu.given import need_structure
 from workbench.mu.hamiltonian import StableSystem, stable_system
 from workbench.mu.lower import lower_bound
 from workbench.mu.upper import upper_bound
@@ -104,6 +105,7 @@ def sweep(
 
 def fitting(system: Any, structure: Structure) -> StableSystem:
     """The stable system that fits the structure; raises InputError for any other."""
+    need_structure(structure)
     stable = stable_system(system)
     structure.check(stable.D)
     return stable

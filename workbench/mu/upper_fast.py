@@ -20,6 +20,9 @@ CHUNK = 1000
 SHARE = 0.02
 """Share of the accuracy asked for at which the path is left; the bound takes half of that."""
 
+LARGER = 1 + 1e-6
+"""Share of the largest singular value beyond which rounding has spoilt a bound."""
+
 _pattern = lru_cache(maxsize=32)(pattern_of)
 
 
@@ -38,9 +41,10 @@ def _fast(program: MuUpperBound, context: Context) -> Claim:
         part = slice(start, start + CHUNK)
         solve_each(batch[part], pattern, accuracy, D[part], G[part], gaps[part], iterations[part])
     values = certified(batch, structure, *spread(pattern, D, G))
-    for i in np.flatnonzero((gaps > context.options.accuracy) | ~np.isfinite(values)):
-        start = D[i].copy(), G[i].copy()
-        D[i], G[i], gaps[i] = recentred(batch[i], structure, pattern, start, gaps[i], accuracy)
+    lost = ~np.isfinite(values) | (values > LARGER * np.linalg.norm(batch, 2, axis=(1, 2)))
+    for i in np.flatnonzero(lost | (gaps > context.options.accuracy)):
+        end = D[i].copy(), G[i].copy()
+        D[i], G[i], gaps[i] = recentred(batch[i], structure, pattern, end, gaps[i], accuracy)
     answer = proved(
         program, *(part.reshape(*program.batch, *part.shape[1:]) for part in spread(pattern, D, G))
     )

@@ -11,6 +11,8 @@ is the same problem, and its path can be followed farther.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from scipy.linalg import solve_triangular
 
@@ -132,14 +134,14 @@ def _followed(
         value = float(certified(M, structure, *spread(pattern, D, G)))
     root = np.sqrt(np.diagonal(D).real)
     try:
-        R = np.linalg.cholesky(D / root / root[:, None]).conj().T * root
+        R: Any = np.linalg.cholesky(D / root / root[:, None]).conj().T * root
     except np.linalg.LinAlgError:
         return None
-    back = solve_triangular(R, np.eye(pattern.size))
+    back: Any = solve_triangular(R, np.eye(pattern.size))
     left, _, _ = spread(pattern, R, G)
     _, right, _ = spread(pattern, back, G)
     framed = np.ascontiguousarray(left @ (M / value) @ right)
-    twist = back.conj().T @ (G / value) @ back
+    twist: Any = back.conj().T @ (G / value) @ back
     if not (np.isfinite(framed).all() and np.isfinite(twist).all()):
         return None
     start = _unknowns(pattern, np.eye(pattern.size), (twist + twist.conj().T) / 2)
@@ -150,7 +152,7 @@ def _followed(
             new_D, new_G = np.zeros_like(D), np.zeros_like(G)
             fill(pattern, x, new_D, new_G)
             there = float(certified(framed, structure, *spread(pattern, new_D, new_G))) * value
-            after = R.conj().T @ new_D @ R, R.conj().T @ new_G @ R * value
+            after: Multipliers = (R.conj().T @ new_D @ R, R.conj().T @ new_G @ R * value + 0j)
             new_D, new_G, proved = _proper(M, structure, pattern, after)
             # What rounding adds on the way back is not the path's to know.
             with np.errstate(all="ignore"):
@@ -159,7 +161,7 @@ def _followed(
     return None
 
 
-def _unknowns(pattern: Pattern, D: Array, G: Array) -> np.ndarray:
+def _unknowns(pattern: Pattern, D: Any, G: Any) -> np.ndarray:
     """The unknowns whose `fill` is D and G."""
     entries = np.where(pattern.skew, G[pattern.row, pattern.column], D[pattern.row, pattern.column])
     return np.where(pattern.kind == IM, entries.imag, entries.real)
