@@ -64,10 +64,11 @@ def check(system, structure, found, count=100_000):
     for one in found.intervals:
         inside = (omega >= one.low) & (omega <= one.high)
         covered |= inside
-        X, root = M[inside], np.linalg.inv(np.linalg.cholesky(one.D_right))
-        twisted = 1j * (one.G @ X)
-        bound = X.conj().mT @ one.D_left @ X + twisted + twisted.conj().mT
-        scaled = root @ bound @ root.conj().T
+        D_left, D_right, G = one.multipliers(omega[inside].reshape(-1, 1, 1))
+        X, root = M[inside], np.linalg.inv(np.linalg.cholesky(D_right))
+        twisted = 1j * (G @ X)
+        bound = X.conj().mT @ D_left @ X + twisted + twisted.conj().mT
+        scaled = root @ bound @ root.conj().mT
         if inside.any():
             assert np.linalg.eigvalsh(scaled)[:, -1].max() <= found.upper**2 * (1 + 1e-9)
     assert covered.all()

@@ -23,7 +23,7 @@ from scipy.linalg import solve_triangular
 
 from workbench.errors import InputError
 from workbench.uncertainty.connection import part_of
-from workbench.uncertainty.realisation import balancing, frequency_response
+from workbench.uncertainty.realisation import CHUNK, balancing
 
 Array = NDArray[Any]
 Real = NDArray[np.float64]
@@ -54,10 +54,13 @@ class StableSystem:
     def response(self, omega: ArrayLike) -> Array:
         """At `omega` [rad/s] (F,), infinity too: (F, outputs, inputs)."""
         points = np.atleast_1d(np.asarray(omega, dtype=float))
-        finite = np.isfinite(points)
         result = np.tile(self.D.astype(complex), (len(points), 1, 1))
-        M = np.block([[self.A, self.B], [self.C, self.D]])
-        result[finite] = frequency_response(M, len(self.A), 1j * points[finite])
+        n = len(self.A)
+        step = max(CHUNK // max(n * n, 1), 1)
+        finite = np.flatnonzero(np.isfinite(points))
+        for part in np.split(finite, range(step, len(finite), step)):
+            resolvent = 1j * points[part, None, None] * np.eye(n) - self.A
+            result[part] += self.C @ np.linalg.solve(resolvent, self.B.astype(complex))
         return result
 
 
@@ -140,7 +143,7 @@ def certified_interval(
     matrix, Math. Control Signals Systems 2 (1989) 207-219, for D = 1 and G = 0.
     """
     system = stable_system(system)
-    frame = _frame(D_left, D_right, G, beta)
+    frame = frame_of(D_left, D_right, G, beta)
     if frame is None:
         return None
     about = _about(system, omega)
@@ -154,7 +157,7 @@ def certified_interval(
     suspects = _frequencies(z[np.abs(z.real) < 0.3 * np.abs(z)].imag, omega)
     scale = omega if 0.0 < omega < math.inf else system.scale
     points = _between(suspects, low, high, omega, scale)
-    if not all(_positive(Phi) for Phi in _values(system.response(points), frame)):
+    if not all(positive(Phi) for Phi in _values(system.response(points), frame)):
         return None
     return low, high
 
@@ -169,7 +172,7 @@ class _Frame:
     F: Array
 
 
-def _frame(D_left: Array, D_right: Array, G: Array, beta: float) -> _Frame | None:
+def frame_of(D_left: Array, D_right: Array, G: Array, beta: float) -> _Frame | None:
     """Where D is 1 and G no larger; None where D is not positive definite."""
     try:
         left = np.linalg.cholesky(D_left).conj().T
@@ -194,7 +197,7 @@ def _values(M: Array, frame: _Frame) -> Array:
     return frame.E - Y.conj().mT @ Y - twisted - twisted.conj().mT
 
 
-def _positive(Phi: Array) -> bool:
+def positive(Phi: Array) -> bool:
     """By eigenvalues in coordinates that make the diagonal 1."""
     diagonal = np.diagonal(Phi).real
     if not diagonal.min() > 0:
@@ -215,7 +218,7 @@ def _about(system: StableSystem, omega: float) -> tuple[Array, Array, Array, Arr
 def _hamiltonian(A: Array, B: Array, C: Array, D: Array, frame: _Frame) -> Array | None:
     """Its imaginary eigenvalues make Phi singular; None where the direct term's is not positive."""
     R = _values(D, frame)
-    if not _positive(R):
+    if not positive(R):
         return None
     try:
         root = np.linalg.cholesky(R).conj().T

@@ -1,7 +1,8 @@
 """Local ascent of a mixed-mu lower bound: the real eigenvalue of M Delta over the unit set.
 
 The eigenvalue is kept real by the unknown that `turned` solves for, which leaves the ends of the
-real blocks as the only constraints; projected BFGS.
+real blocks as the only constraints; projected BFGS. Where complex blocks are weakly coupled their
+phase does too little for that, and a real block is the unknown.
 """
 
 from __future__ import annotations
@@ -9,7 +10,14 @@ from __future__ import annotations
 import numpy as np
 
 from workbench.compiled import compiled
-from workbench.mu.lower_attain import REAL, attained, turned
+from workbench.mu.lower_attain import (
+    REAL,
+    attained,
+    eigenvectors,
+    sensitivity,
+    split,
+    turned,
+)
 from workbench.mu.lower_parameters import (
     bounded_parameters,
     gradient,
@@ -22,6 +30,8 @@ STEPS = 60
 """BFGS steps."""
 HALVINGS = 12
 """Step lengths tried."""
+WEAK = 3.0
+"""How many times more than the phase a real block must do to be the unknown in its place."""
 FLAT = 1e-9
 """Relative gain of a step at which an ascent ends."""
 
@@ -38,9 +48,30 @@ def ascend(M, table, delta, value):  # type: ignore[no-untyped-def]
         reached = _ascend_once(M, table, delta, value)
         small = reached <= value * (1 + 1e-6)
         value = reached
-        if small or np.any(table[:, 0] != REAL):
+        if small:
             break
     return value
+
+
+@compiled
+def _unknown(M, table, delta, value):  # type: ignore[no-untyped-def]
+    """The real block that can do most for a real eigenvalue; -1: the phase of the complex ones."""
+    if not np.any(table[:, 0] != REAL):
+        return innermost(table, delta)
+    values = np.linalg.eigvals(M @ delta)
+    near = values[np.argmin(np.abs(values - value))]
+    x, y = eigenvectors(M @ delta, near)
+    q = sensitivity(M, delta, x, y)
+    _, other = split(delta, table)
+    place, most = -1, WEAK * abs(np.vdot(q, other @ x).real)
+    for k in range(len(table)):
+        kind, r, n, c, _ = table[k]
+        if kind == REAL:
+            room = 1.0 - abs(delta[r, c].real)
+            effect = room * abs(np.vdot(q[r : r + n], x[c : c + n]).imag)
+            if effect > most:
+                place, most = k, effect
+    return place
 
 
 @compiled
@@ -49,9 +80,8 @@ def _ascend_once(M, table, delta, value):  # type: ignore[no-untyped-def]
     rows, columns = delta.shape
     p = parameters(delta, table)
     bounded = bounded_parameters(table, len(p))
-    some_complex = np.any(table[:, 0] != REAL)
     here = perturbation(p, 0.0, table, rows, columns)
-    free = -1 if some_complex else innermost(table, here)
+    free = _unknown(M, table, here, value)
     found, phase, x, q, weight = turned(M, table, here, value + 0j, free)
     if not found > 0 or (found < value * (1 - 1e-6)):
         return value  # a full block lost to its dyad; the start stands

@@ -3,8 +3,8 @@
 What is sought is a real eigenvalue lambda > 0 of M Delta: then Delta / lambda makes I - M Delta
 singular. Without real blocks the common phase of Delta is free, and every eigenvalue can be turned
 real. With real and complex blocks the common phase of the complex ones is the one unknown of the
-one equation Im lambda = 0. Without complex blocks there is no phase to turn: a real block inside
-its interval takes that part, and where every block is at its end there may be no answer.
+one equation Im lambda = 0. Where there are no complex blocks, or only weakly coupled ones, a real
+block inside its interval takes that part; where every block is at its end there may be no answer.
 
 Delta is normalised here: real blocks within [-1, 1], the largest singular value of others 1.
 """
@@ -75,7 +75,7 @@ def turned(M, table, delta, near, free):  # type: ignore[no-untyped-def]
     near
         The eigenvalue to follow is the nearest to this; 0: the largest.
     free
-        Real block whose value is the unknown where no block is complex; -1: none.
+        Real block whose value is the unknown, instead of the phase; -1: none.
 
     Returns
     -------
@@ -102,12 +102,12 @@ def turned(M, table, delta, near, free):  # type: ignore[no-untyped-def]
         x, y = eigenvectors(A, value)
         q = sensitivity(M, delta, x, y)
         # d lambda by the unknown is i * effect; kept real, it makes up for all other changes.
-        if some_complex:
-            _, other = split(delta, table)
-            effect = np.vdot(q, other @ x)
-        elif free >= 0:
+        if free >= 0:
             _, r, n, c, _ = table[free]
             effect = np.vdot(q[r : r + n], x[c : c + n]) / 1j
+        elif some_complex:
+            _, other = split(delta, table)
+            effect = np.vdot(q, other @ x)
         else:
             effect = 0j
         level = abs(effect.real) > 1e-12 * size
@@ -116,7 +116,7 @@ def turned(M, table, delta, near, free):  # type: ignore[no-untyped-def]
             return value.real, phase, x, q, weight
         if not level:
             break
-        if some_complex:
+        if free < 0:
             step = -np.arctan2(value.imag, effect.real)
             if some_real and abs(step) > 0.5:
                 step = np.sign(step) * 0.5

@@ -125,8 +125,10 @@ class NonlinearSearch:
         if not np.isfinite(delta).all():
             return 0.0, delta
         trial = delta.copy()
-        value = turned(M, self._table, trial, near + 0j, innermost(self._table, delta))[0]
-        if value == 0 and any(not isinstance(block, Real) for block in self._structure):
+        some_complex = any(not isinstance(block, Real) for block in self._structure)
+        free = -1 if some_complex else innermost(self._table, delta)
+        value = turned(M, self._table, trial, near + 0j, free)[0]
+        if value == 0 and some_complex:
             trial = delta
             value = attained(M, self._table, trial)
         if value > 0:

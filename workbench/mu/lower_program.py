@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from workbench.errors import InputError
+from workbench.mu.given import need_structure
 from workbench.program import Check, Program, worst
 from workbench.structure import Full, Real, Structure
 
@@ -196,6 +197,7 @@ def as_matrices(M: Any, structure: Structure) -> np.ndarray:
         matrices = np.asarray(getattr(M, "values", M)).astype(complex)
     except (TypeError, ValueError):
         raise InputError("M must be an array of numbers (..., columns, rows)") from None
+    need_structure(structure)
     structure.check(matrices)
     bad = np.argwhere(~np.isfinite(matrices))
     if bad.size:

@@ -2,7 +2,8 @@
 
 For a bound beta, multipliers D and G of one frequency prove it on a whole interval around (see
 `hamiltonian`). Intervals are removed from the axis, worst frequencies first, and beta rises where
-a bound lies above it, until nothing of [0, infinity] is left.
+a bound lies above it, until nothing of [0, infinity] is left. Where mu is flat such intervals are
+short, and multipliers that change over frequency take over (see `between`).
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.errors import InputError
+from workbench.mu.between import certified_between
 from workbench.mu.hamiltonian import StableSystem, certified_interval, stable_system
 from workbench.mu.lower import lower_bound
 from workbench.mu.sweep import UpperSweep, bounds_at, fitting, refined
@@ -30,15 +32,21 @@ NOTHING = 1e-9
 """A bound below this, and below this share of the response, is not resolved further."""
 COARSER, ROUNDS = 10.0, 10
 """Factor on the tolerance each time the steps allowed are used up, and how often that may be."""
+FIXED = 15
+"""Intervals of fixed multipliers, before what is left is covered by linear ones."""
+NARROW = 1 + 1e-7
+"""A gap with ends in a smaller ratio is left to fixed multipliers."""
+TINY = float(np.finfo(float).tiny)
 TOGETHER = 32
 """Gaps whose middles are bounded at once."""
 
 
 @dataclass(frozen=True, eq=False)
 class Interval:
-    """Frequencies low to high [rad/s] on which multipliers of one between prove the peak's bound.
+    """Frequencies low to high [rad/s] on which multipliers prove the peak's bound.
 
-    ``omega`` is that one; ``D_left`` (c, c), ``D_right`` (r, r), ``G`` (r, c).
+    ``omega`` [rad/s] is one between; ``D_left`` (c, c), ``D_right`` (r, r) and ``G`` (r, c) are the
+    multipliers there. ``slopes`` are their derivatives by frequency [s], zero if None.
     """
 
     low: float
@@ -47,6 +55,15 @@ class Interval:
     D_left: Array
     D_right: Array
     G: Array
+    slopes: tuple[Array, Array, Array] | None = None
+
+    def multipliers(self, omega: Any) -> tuple[Array, Array, Array]:
+        """D_left, D_right and G at frequencies [rad/s] of the interval, a number or (F, 1, 1)."""
+        fixed = self.D_left, self.D_right, self.G
+        if self.slopes is None:
+            return fixed
+        moved = (one + (omega - self.omega) * d for one, d in zip(fixed, self.slopes, strict=True))
+        return next(moved), next(moved), next(moved)
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +91,7 @@ def peak(
     tolerance: float = 1e-3,
     *,
     complex_part: float = 0.0,
-    steps: int = 2000,
+    steps: int = 500,
 ) -> Peak:
     """Bounds of the supremum of mu over all frequencies, 0 and infinity included.
 
@@ -205,7 +222,11 @@ class _Cover:
             if step and step % steps == 0:
                 self.tolerance *= COARSER
                 self.beta *= 1 + self.tolerance
-            self._step()
+            wide = [gap for gap in self.open if NARROW < gap[1] / max(gap[0], TINY) < math.inf]
+            if step < FIXED or not wide:
+                self._step()
+            else:
+                self._linear_step(wide[-1])
         if self.open:
             gaps = ", ".join(f"{low:.6g} to {high:.6g}" for low, high in self.open[:3])
             return f"stopped after {largest} steps; not covered: {gaps} rad/s"
@@ -229,6 +250,42 @@ class _Cover:
             return
         self.intervals.append(Interval(*ends, omega, D_left, D_right, G))
         self.open = [gap for one in self.open for gap in _without(one, ends)]
+
+    def _linear_step(self, gap: tuple[float, float]) -> None:
+        """Cover the middle of a gap with multipliers between those of its ends, or halve it."""
+        low, high = gap
+        self._at(low), self._at(high)
+        indices = [self._at(low), self._at(high)]  # the second may have moved the first
+        for index in indices:
+            bound = float(self.found.upper[index])
+            if bound * (1 + 0.5 * self.tolerance) > self.beta:
+                self.beta = bound * (1 + self.tolerance)
+        parts = self.found.D_left, self.found.D_right, self.found.G
+        first, second = ([part[index] for part in parts] for index in indices)
+        # Multiples of multipliers prove the same; nearly equal ones are looked for.
+        with np.errstate(all="ignore"):
+            ratio = np.exp(np.mean(np.log(np.diag(first[1]).real / np.diag(second[1]).real)))
+        pairs = list(zip(first, second, strict=True))
+        middle = [(a + ratio * b) / 2 for a, b in pairs]
+        change = [(ratio * b - a) / 2 for a, b in pairs]
+        omega, half = (low + high) / 2, (high - low) / 2
+        ends = certified_between(self.system, middle, change, self.beta, omega, half)
+        if ends is not None and _wide(*ends):
+            slopes = change[0] / half, change[1] / half, change[2] / half
+            self.intervals.append(Interval(*ends, omega, middle[0], middle[1], middle[2], slopes))
+            self.open = [rest for one in self.open for rest in _without(one, ends)]
+        else:
+            self.open.remove(gap)
+            between = _middle(low, high) if low > 0 else omega
+            self.open += [(low, between), (between, high)]
+
+    def _at(self, omega: float) -> int:
+        """Index of a frequency, bounded there if it is a new one."""
+        index = int(np.searchsorted(self.found.omega, omega))
+        if index < len(self.found.omega) and self.found.omega[index] == omega:
+            return index
+        self.found = self.found.joined(bounds_at(self.system, self.structure, np.array([omega])))
+        return int(np.searchsorted(self.found.omega, omega))
 
     def _worst(self) -> int:
         """Index of the open frequency with the largest bound; some are added where none is open."""

@@ -178,7 +178,8 @@ def settled(M, table, delta):  # type: ignore[no-untyped-def]
     if not near.real > 0:
         return 0.0
     trial = delta.copy()
-    value = turned(M, table, trial, near, innermost(table, delta))[0]
+    free = -1 if np.any(table[:, 0] != REAL) else innermost(table, delta)
+    value = turned(M, table, trial, near, free)[0]
     if value > 0:
         delta[:] = trial
     return value

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from workbench.errors import InputError, SolverError
+from workbench.errors import InputError
+from workbench.mu.given import need_structure
 from workbench.mu.hamiltonian import StableSystem, stable_system
 from workbench.mu.lower import lower_bound
 from workbench.mu.upper import upper_bound
@@ -104,6 +105,7 @@ def sweep(
 
 def fitting(system: Any, structure: Structure) -> StableSystem:
     """The stable system that fits the structure; raises InputError for any other."""
+    need_structure(structure)
     stable = stable_system(system)
     structure.check(stable.D)
     return stable
@@ -112,15 +114,7 @@ def fitting(system: Any, structure: Structure) -> StableSystem:
 def bounds_at(system: StableSystem, structure: Structure, omega: Real) -> UpperSweep:
     """Upper bounds at frequencies [rad/s] (F,), increasing."""
     M = system.response(omega)
-    try:
-        bound = upper_bound(M, structure)
-    except SolverError:
-        if len(omega) > 1:
-            half = len(omega) // 2
-            parts = (bounds_at(system, structure, part) for part in (omega[:half], omega[half:]))
-            return next(parts).joined(next(parts))
-        # Multipliers of the larger set, its real scalars complex, prove a bound of this one too.
-        bound = upper_bound(M, structure.complexified())
+    bound = upper_bound(M, structure)
     return UpperSweep(omega, M, bound.value, bound.D_left, bound.D_right, bound.G)
 
 

@@ -8,8 +8,10 @@ import numpy as np
 
 from workbench.executor import Context
 from workbench.mu.upper_batch import solve_each
+from workbench.mu.upper_certificate import certified
 from workbench.mu.upper_pattern import pattern_of, spread
 from workbench.mu.upper_program import MuUpperBound, proved
+from workbench.mu.upper_recentred import recentred
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
 
@@ -17,6 +19,9 @@ CHUNK = 1000
 """Matrices between two looks at the clock."""
 SHARE = 0.02
 """Share of the accuracy asked for at which the path is left; the bound takes half of that."""
+
+LARGER = 1 + 1e-6
+"""Share of the largest singular value beyond which rounding has spoilt a bound."""
 
 _pattern = lru_cache(maxsize=32)(pattern_of)
 
@@ -35,14 +40,21 @@ def _fast(program: MuUpperBound, context: Context) -> Claim:
     for start in context.track(range(0, count, CHUNK), "upper bounds"):
         part = slice(start, start + CHUNK)
         solve_each(batch[part], pattern, accuracy, D[part], G[part], gaps[part], iterations[part])
+    values = certified(batch, structure, *spread(pattern, D, G))
+    lost = ~np.isfinite(values) | (values > LARGER * np.linalg.norm(batch, 2, axis=(1, 2)))
+    for i in np.flatnonzero(lost | (gaps > context.options.accuracy)):
+        end = D[i].copy(), G[i].copy()
+        D[i], G[i], gaps[i] = recentred(batch[i], structure, pattern, end, gaps[i], accuracy)
     answer = proved(
         program, *(part.reshape(*program.batch, *part.shape[1:]) for part in spread(pattern, D, G))
     )
     early = int(np.sum(gaps > context.options.accuracy))
     message = f"at most {iterations.max(initial=0)} iterations"
     if early:
+        gap = gaps.max()
+        share = f"up to {gap:.2g} (relative, of its square)" if gap < 1 else "by an unknown share"
         message += (
-            f"; stopped early for {early} of {count} matrices, the bound valid but up to "
-            f"{gaps.max():.2g} (relative, of its square) above the least"
+            f"; stopped early for {early} of {count} matrices, the bound valid but {share} above "
+            "the least"
         )
     return answer, Outcome.INACCURATE if early else Outcome.SOLVED, message

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from workbench import figures
 from workbench.errors import InputError
+from workbench.mu.given import need_structure
 from workbench.mu.upper_certificate import certified, structured
 from workbench.program import Check, Program, worst
 from workbench.structure import Structure
@@ -76,11 +77,7 @@ class MuUpperBound(Program):
             M = np.array(self.M, dtype=complex)
         except (TypeError, ValueError) as error:
             raise InputError(f"M must be an array of complex numbers: {error}") from None
-        if not isinstance(self.structure, Structure):
-            raise InputError(
-                f"structure must be a Structure, not {type(self.structure).__name__}; "
-                "Structure.from_pairs takes rows of two integers"
-            )
+        need_structure(self.structure)
         self.structure.check(M)
         bad = np.argwhere(~np.isfinite(M).all((-2, -1)))
         if len(bad):
