@@ -12,6 +12,8 @@ from typing import Any
 def compiled(function: Callable[..., Any]) -> Any:
     """Compile a function to machine code at its first call, and keep that on disk.
 
+    While it runs, other threads of Python do.
+
     A compiled function may call compiled functions of its own room only. Numba looks for changes
     in the function's own file alone; a change in a sibling that it calls would go unseen and old
     code would run. So the stamp it compares covers every file of the room.
@@ -19,9 +21,9 @@ def compiled(function: Callable[..., Any]) -> Any:
     from numba import njit
 
     try:
-        dispatcher: Any = njit(cache=True)(function)
+        dispatcher: Any = njit(cache=True, nogil=True)(function)
     except RuntimeError:  # nowhere to keep it: compile in every process
-        return njit(function)
+        return njit(nogil=True)(function)
     dispatcher._cache._cache_file._source_stamp = _stamp(Path(inspect.getfile(function)).parent)
     return dispatcher
 

@@ -148,12 +148,7 @@ class Nyquist(Study):
             model = rational(data, "nominal")
             assert model is not None
             nominal = model.response(2 * np.pi * data["frequency"].values)
-            relative = shape(data, "second")  # of circles the third set is the second
-            if step == "third" and form == "stadium":
-                # The nominal is damped after the third set: its angles stay, its sizes do not.
-                away = data["response"].values / nominal[:, None] - 1
-                relative = stadiums_about_nominal(away, shape(data, "third").angle)
-            return about(nominal, relative)
+            return about(nominal, shape(data, step))
         data = self.runs[form, "steps"].data
         nominal = nominal_response(self.axis, data["frequency"].values, antialiasing=False)
         away = data["response"].values / nominal[:, None] - 1

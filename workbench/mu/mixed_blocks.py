@@ -131,6 +131,8 @@ def _closed(
         else:
             own_rows[r], own_columns[c] = True, True
     identity = np.eye(columns)
+    # A level that is rounding beside M says nothing of it.
+    levels = np.maximum(levels, BESIDE * float(np.linalg.norm(M, 2)))
     closed = levels[:, None, None] * identity - M @ deltas
     # A loop that is singular here is one of the answers: a slightly larger level shows it.
     singular = np.linalg.cond(closed) > 1e12

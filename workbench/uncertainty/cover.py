@@ -177,6 +177,10 @@ class UncertaintyCover(Program):
         response = np.abs(nominal.response(self.responses.omega))
         return size / response + 1 if self.form == "multiplicative" else size + response
 
+    def realisable(self, nominal: Rational) -> Rational:
+        """A nominal with poles that its realisation has in the left half plane too."""
+        return nominal if self.nominal is not None else damped(nominal, self.responses.omega)
+
     def finished(
         self,
         first: Circle | Stadium,
@@ -187,7 +191,6 @@ class UncertaintyCover(Program):
     ) -> CoverSteps:
         """The last step: a complex weight that covers whatever the real one leaves over."""
         omega = self.responses.omega
-        nominal = nominal if self.nominal is not None else damped(nominal, omega)
         W_r = None if W_r is None else damped(resolved(W_r, omega), omega)
         away = self.away(nominal, self.points)
         radius = needed_radius(away, None if W_r is None else W_r.response(omega))

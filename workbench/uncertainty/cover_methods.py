@@ -24,7 +24,7 @@ FINISHED = 6
 def _steps(program: UncertaintyCover, context: Context) -> Claim:
     """The steps of the thesis: the nominal is fitted to the centres of the first set."""
     first = program.first_set(program.points)
-    nominal = through(first.center, first, program, context)
+    nominal = program.realisable(through(first.center, first, program, context))
     third = program.third_set(program.away(nominal, program.points))
     W_r = program.real_weight(third, context)
     return program.finished(first, nominal, third, W_r, context), Outcome.SOLVED, ""
@@ -41,6 +41,7 @@ def _joint(program: UncertaintyCover, context: Context) -> Claim:
     answers = []
     for _, nominal, W_r in sorted(found, key=_size)[:FINISHED]:
         _, nominal, W_r = smallest_sets(program.thinned(MANY), nominal, W_r, context)
+        nominal = program.realisable(nominal)
         third = program.third_set(program.away(nominal, program.points), W_r)
         answers.append(program.finished(first, nominal, third, W_r, context))
     return min(answers, key=program.fitted_size), Outcome.SOLVED, said
