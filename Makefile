@@ -36,7 +36,8 @@ reference: $(READY)
 	$(REFERENCE) 'cd/*/closed-loop' --set step_hz=10
 	$(REFERENCE) 'cd/*/optical-gain' --set passes=10
 	$(REFERENCE) 'cd/*/nominal' 'cd/*/uncertainty-comparison' --set frequencies=120
-	$(REFERENCE) bench/covers
+	$(REFERENCE) 'cd/*/mu-pid-analysis' 'cd/*/nyquist' --set frequencies=120
+	$(REFERENCE) 'cd/*/sensitivity' mass-spring/analysis bench/covers
 	rm -rf results/reference/.partial
 
 $(READY): requirements.txt pyproject.toml

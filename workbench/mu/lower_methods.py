@@ -12,7 +12,7 @@ from workbench.mu.lower_attain import block_table
 from workbench.mu.lower_nonlinear import NonlinearSearch
 from workbench.mu.lower_program import MuLowerBound
 from workbench.mu.lower_scaling import scaled, unscaled
-from workbench.mu.mixed_blocks import gain_bound, weak_bound
+from workbench.mu.mixed_blocks import gain_bound, held_bound, weak_bound
 from workbench.mu.power import power_batch
 from workbench.mu.real_blocks import real_bound, unit_starts
 from workbench.program import Claim, method
@@ -118,9 +118,10 @@ class _Search:
         if all(isinstance(block, Real) for block in self.structure):
             return real_bound(M, self.structure, rng)
         level = self.value[index] or 0.5 * float(np.linalg.norm(M, 2))
-        found = gain_bound(M, self.structure, level, rng)
-        least = max(found[0], float(self.value[index]))
-        return max(found, weak_bound(M, self.structure, least, rng), key=lambda one: one[0])
+        found = [gain_bound(M, self.structure, level, rng), held_bound(M, self.structure, rng)]
+        least = max(float(self.value[index]), *(value for value, _ in found))
+        found.append(weak_bound(M, self.structure, least, rng))
+        return max(found, key=lambda one: one[0])
 
     def from_nonlinear(self, context: Context) -> Callable[[int], Found]:
         nonlinear = NonlinearSearch(self.structure, context)

@@ -30,7 +30,8 @@ MOST_DAMPED = 0.1
 """Damping that is enough for any grid, however coarse."""
 APART = 0.02
 """Largest step of log frequency at which a cover is fitted: no resonance hides in a coarser one."""
-MOST_RAISES, ROUNDING = 20, 1e-12
+MOST_RAISES, BEYOND = 20, 1e-9
+"""Times that a gain is raised, each by what it misses and this share more."""
 NO_SIZE = 1e-6
 """Size of a set, relative to the largest, below which plants count as equal."""
 SLACK = 2.0
@@ -86,7 +87,7 @@ def raised(function: Rational, omega: Real, magnitude: Real) -> Rational:
         margin, _ = least_margin(omega, magnitude, function)
         if margin >= 0:
             return function
-        gain = function.gain * np.exp(-margin) * (1 + ROUNDING)
+        gain = function.gain * np.exp(-margin) * (1 + BEYOND)
         function = Rational(function.zeros, function.poles, gain)
     raise SolverError(f"the weight misses its cover by {-margin:.3g} still, relative")
 
