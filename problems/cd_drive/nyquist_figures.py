@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 NEAR = ((-2.6, 0.6), (-2.4, 0.6))
 """Real and imaginary parts shown near -1."""
+MOST = 60
+"""Sets drawn; of more frequencies some are left out."""
 
 
 def planes(answer: xr.Dataset, high: tuple[float, float]) -> Figure:
@@ -42,13 +44,16 @@ def planes(answer: xr.Dataset, high: tuple[float, float]) -> Figure:
 
 
 def _draw(panel: Axes, one: xr.Dataset, colour: str) -> None:
-    from matplotlib.collections import LineCollection, PolyCollection
+    from matplotlib.collections import PolyCollection
+    from matplotlib.colors import to_rgb
 
-    parts = (one[name].values for name in ("center", "radius", "half_length", "angle"))
+    drawn = one.isel(frequency=slice(None, None, 1 + one.sizes["frequency"] // MOST))
+    parts = (drawn[name].values for name in ("center", "radius", "half_length", "angle"))
     corners = [np.column_stack([line.real, line.imag]) for line in outline(Stadium(*parts))]
-    line: Any = LineCollection(corners, linewidths=0.5, colors=colour, alpha=0.6, label="sets")
-    panel.add_collection(PolyCollection(corners, linewidths=0, facecolors=colour, alpha=0.04))
-    panel.add_collection(line)
+    edge, face = ((*to_rgb(colour), alpha) for alpha in (0.6, 0.04))
+    sets = PolyCollection(corners, linewidths=0.5, edgecolors=[edge], facecolors=[face])
+    panel.add_collection(sets)
+    sets.set_label("sets")
     L = one["L"].values
     panel.plot(L.real.ravel(), L.imag.ravel(), ".", color="0.3", markersize=1, label="drives")
     panel.plot(-1, 0, "x", color=figures.ORANGE, markersize=9, markeredgewidth=2, label="-1")

@@ -24,7 +24,7 @@ SLOW = 1e-5
 """Least distance of poles from the imaginary axis, relative to the lowest frequency."""
 UNDAMPED = 1e-7
 """Least damping of poles."""
-DECADES = 3
+DECADES = 2
 """Decades below and above the frequencies given over which weights hold their size."""
 MOST_DAMPED = 0.1
 """Damping that is enough for any grid, however coarse."""
