@@ -7,8 +7,6 @@ Robust and Optimal Control (1996), section 17.1). A sampled plant is tested by s
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from workbench.errors import InputError
@@ -17,7 +15,6 @@ from workbench.synthesis.scaling import (
     ROUNDING,
     Scaled,
     has_rank,
-    rank_advice,
     scaled,
     speed,
     state_units,
@@ -31,6 +28,7 @@ from workbench.synthesis.standard import (
 )
 from workbench.uncertainty.generalised import GeneralisedPlant
 from workbench.uncertainty.realisation import frequency_response
+
 
 def checked(plant: StandardPlant) -> Scaled:
     """The scaled plant, in continuous time, of one that meets every assumption.
@@ -136,7 +134,7 @@ def regularised(plant: GeneralisedPlant, size: float) -> GeneralisedPlant:
         raise InputError(f"size is {size}; it must be positive and finite, for instance 1e-4")
     given = standard_plant(plant)
     u, x_out = _additions(given, size)
-    y, x_in = _additions(_dual(given), size)
+    y, x_in = _additions(given.dual, size)
     n, m, p = given.states, given.controls, given.measurements
     (z, w), more_z, more_w = given.D11.shape, len(u) + len(x_out), len(y) + len(x_in)
     B = np.hstack([given.B1, np.zeros((n, len(y))), x_in.T, given.B2])
@@ -173,19 +171,6 @@ def _additions(given: StandardPlant, size: float) -> tuple[Real, Real]:
     if _axis_zero(A, B2, C1, Q) is not None:
         x = size * (float(np.abs(C1).max()) or 1.0) * np.diag(factor)
     return u, x
-
-
-def _dual(plant: StandardPlant) -> StandardPlant:
-    """The transposed plant, in which estimation is control."""
-    return replace(
-        plant,
-        A=plant.A.T,
-        B=plant.C.T,
-        C=plant.B.T,
-        D=plant.D.T,
-        controls=plant.measurements,
-        measurements=plant.controls,
-    )
 
 
 def _names(kind: str, rows: Real) -> list[str]:

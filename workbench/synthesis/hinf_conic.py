@@ -7,6 +7,7 @@ H-infinity synthesis, Automatica 32 (1996) 1007-1014.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from scipy.linalg import block_diag, null_space
 
 from workbench.executor import Context
 from workbench.program import Claim, conic_method
-from workbench.solvers import ConicSolver, Outcome, solve_conic
+from workbench.solvers import ConicSolver, Options, Outcome, solve_conic
 from workbench.synthesis.hinf import HinfSynthesis
 from workbench.synthesis.hinf_methods import claimed
 from workbench.synthesis.norm import norm
@@ -24,12 +25,16 @@ LARGEST = 20
 """States up to which the semidefinite programs are small enough."""
 BACK_OFF = (2e-3, 1e-2, 5e-2)
 """Relative distances from the least level; the first at which the loop is what it should be."""
+ACCURACY = 1e-5
+"""Finest accuracy asked of solvers: far less than the distance kept from the least level."""
 ROOM = 4.0
 """Trace of X and Y relative to the least one, within which they keep from their constraints."""
 
 
 def _unfit(program: HinfSynthesis) -> str | None:
     states = program.scaled.plant.states
+    if not states:
+        return "it has no states"
     if states > LARGEST:
         return f"it has {states} states; at most {LARGEST} make LMIs of a practical size"
     return None
@@ -42,20 +47,21 @@ def _conic(program: HinfSynthesis, context: Context, solver: ConicSolver) -> Cla
 
     normal = program.scaled
     plant = normal.plant
+    options = replace(context.options, tolerance=max(context.options.accuracy, ACCURACY))
     with context.stating():
         statement = _Statement(plant)
     level, said = program.gamma, solver.name
     if level is None:
         least = [*statement.constraints, statement.margin == 0]
         problem = cp.Problem(cp.Minimize(statement.gamma), least)
-        outcome, said = solve_conic(problem, solver, context.options, context)
+        outcome, said = solve_conic(problem, solver, options, context)
         if outcome not in (Outcome.SOLVED, Outcome.INACCURATE):
             return None, outcome, said
         levels = [float(statement.gamma.value) * (1.0 + step) for step in BACK_OFF]
     else:
         levels = [level]
     for trial in context.track(levels, "levels"):
-        outcome, said = _centred(statement, trial, solver, context)
+        outcome, said = _centred(statement, trial, solver, options, context)
         if outcome is Outcome.INFEASIBLE and level is not None:
             return None, outcome, f"{said}: no controller has a norm below gamma = {level:.6g}"
         if outcome not in (Outcome.SOLVED, Outcome.INACCURATE):
@@ -73,7 +79,11 @@ def _conic(program: HinfSynthesis, context: Context, solver: ConicSolver) -> Cla
 
 
 def _centred(
-    statement: _Statement, gamma: float, solver: ConicSolver, context: Context
+    statement: _Statement,
+    gamma: float,
+    solver: ConicSolver,
+    options: Options,
+    context: Context,
 ) -> tuple[Outcome, str]:
     """X and Y of a level inside their constraints, since K is ill-conditioned on the boundary."""
     import cvxpy as cp
@@ -81,12 +91,12 @@ def _centred(
     size = cp.trace(statement.X) + cp.trace(statement.Y)
     fixed = statement.gamma == gamma
     smallest = cp.Problem(cp.Minimize(size), [*statement.constraints, statement.margin == 0, fixed])
-    outcome, said = solve_conic(smallest, solver, context.options, context)
+    outcome, said = solve_conic(smallest, solver, options, context)
     if outcome not in (Outcome.SOLVED, Outcome.INACCURATE):
         return outcome, said
     larger = size <= ROOM * float(size.value)
     inside = cp.Problem(cp.Maximize(statement.margin), [*statement.constraints, fixed, larger])
-    return solve_conic(inside, solver, context.options, context)
+    return solve_conic(inside, solver, options, context)
 
 
 class _Statement:

@@ -45,7 +45,7 @@ def grid(closed: StateSpace) -> np.ndarray:
         poles = np.log(poles[np.abs(poles) > 0]) / closed.dt
     size = np.abs(poles)
     size = np.quantile(size[size > 0], [0.05, 0.95]) if (size > 0).any() else np.ones(2)
-    low, high = np.log10(size) + [-DECADES, DECADES]
+    low, high = np.log10(size) + np.array([-DECADES, DECADES])
     top = np.log10(np.pi / closed.dt) if closed.dt else high
     return np.logspace(min(low, top - 2.0), min(high, top), POINTS)
 

@@ -177,8 +177,7 @@ def level_ends(plant: StandardPlant) -> tuple[float, float]:
     coupling of X and Y at infinity, which they only exceed.
     """
     m, p = plant.controls, plant.measurements
-    state = _stabilising(plant.A, plant.B2, plant.C1, plant.D12, math.inf, 0)
-    estimate = _stabilising(plant.A.T, plant.C2.T, plant.B1.T, plant.D21.T, math.inf, 0)
+    state, estimate = _state_feedback(plant, math.inf), _state_feedback(plant.dual, math.inf)
     if state is None or estimate is None:
         raise SolverError(
             "the Riccati equation of gamma = infinity has no stabilising solution: an assumption "
@@ -187,9 +186,10 @@ def level_ends(plant: StandardPlant) -> tuple[float, float]:
     (X, F), (Y, L) = state, estimate
     D11 = plant.D11
     direct = -D11[len(D11) - m :, D11.shape[1] - p :]
-    # u - D y = F x: the mean-square controller, its direct term free to cancel that of w -> z.
-    Bk = -L.T + plant.B2 @ direct
-    K = (plant.A + plant.B2 @ F - Bk @ plant.C2, Bk, F - direct @ plant.C2, direct)
+    # The mean-square controller, its direct term free to cancel that of w -> z.
+    F2, L2 = F[D11.shape[1] :], L[len(D11) :].T
+    Bk = plant.B2 @ direct - L2
+    K = (plant.A + plant.B2 @ F2 - Bk @ plant.C2, Bk, F2 - direct @ plant.C2, direct)
     ceiling = norm(plant.close(K), 1e-3)
     least = max(
         np.linalg.norm(D11[: len(D11) - m], 2) if len(D11) > m else 0.0,
@@ -204,38 +204,43 @@ def level_ends(plant: StandardPlant) -> tuple[float, float]:
 
 def _level(plant: StandardPlant, gamma: float) -> Level | None:
     """None where a Riccati equation has no positive semidefinite stabilising solution."""
-    D1, D2 = plant.D[: len(plant.D11)], plant.D[:, : plant.D11.shape[1]]
-    state = _stabilising(plant.A, plant.B, plant.C1, D1, gamma, plant.D11.shape[1])
+    state = _state_feedback(plant, gamma)
     if state is None:
         return None
-    estimate = _stabilising(plant.A.T, plant.C.T, plant.B1.T, D2.T, gamma, len(plant.D11))
+    estimate = _state_feedback(plant.dual, gamma)
     if estimate is None:
         return None
     return Level(gamma, state[0], estimate[0], state[1], estimate[1].T)
 
 
-def _stabilising(
-    A: Real, B: Real, C: Real, D: Real, gamma: float, adverse: int
-) -> tuple[Real, Real] | None:
-    """X and F = -R^-1 (D^T C + B^T X), R = D^T D - diag(gamma^2 I, 0) (ZDG eq. 17.1 to 17.4).
+def _state_feedback(plant: StandardPlant, gamma: float) -> tuple[Real, Real] | None:
+    """X and F = -R^-1 (D1^T C1 + B^T X), R = D1^T D1 - diag(gamma^2 I, 0) (ZDG eq. 17.1 to 17.4).
 
-    `adverse` is the number of inputs that count against, the first ones. None where X does not
-    exist, has a negative eigenvalue, or R has another number of those than `adverse`.
+    u takes the last performance outputs to zero and adds v, so that they are v; what is left has
+    no cancellation. None where X >= 0 does not exist, or gamma is below the norm of what is left.
     """
-    n = len(A)
-    R = D.T @ D
-    R[:adverse, :adverse] -= gamma**2 * np.eye(adverse) if adverse else 0.0
-    if int((np.linalg.eigvalsh(R) < 0.0).sum()) != adverse:
+    split = len(plant.D11) - plant.controls
+    C, D = plant.C1[:split], plant.D11[:split]
+    C_u, D_u = plant.C1[split:], plant.D11[split:]
+    A, B = plant.A - plant.B2 @ C_u, plant.B1 - plant.B2 @ D_u
+    shrink = 1.0 / gamma / gamma  # 0 at infinity
+    left = np.eye(D.shape[1]) - shrink * D.T @ D
+    if not np.linalg.eigvalsh(left)[0] > 0.0:
         return None
-    weights = np.linalg.solve(R, np.hstack([D.T @ C, B.T]))
-    across, back = weights[:, :n], weights[:, n:]
-    corner = A - B @ across
-    H = np.block([[corner, -B @ back], [-C.T @ C + C.T @ D @ across, -corner.T]])
-    X = _ric(H)
-    return None if X is None else (X, -across - back @ X)
+    # w = across x + back X x is the worst, v = -B2^T X x the best.
+    across, back = shrink * np.linalg.solve(left, D.T @ C), shrink * np.linalg.solve(left, B.T)
+    corner = A + B @ across
+    Q = C.T @ (C + D @ across)
+    X = hamiltonian_solution(
+        np.block([[corner, B @ back - plant.B2 @ plant.B2.T], [-(Q + Q.T) / 2, -corner.T]])
+    )
+    if X is None:
+        return None
+    F1 = across + back @ X
+    return X, np.vstack([F1, -plant.B2.T @ X - C_u - D_u @ F1])
 
 
-def _ric(H: Real) -> Real | None:
+def hamiltonian_solution(H: Real) -> Real | None:
     """Ric(H): X = X2 X1^-1 of the stable subspace of a Hamiltonian; None unless X >= 0."""
     n = len(H) // 2
     if n == 0:
@@ -250,12 +255,15 @@ def _ric(H: Real) -> Real | None:
     T, U, stable = schur(H, sort="lhp", check_finite=False)
     if stable != n:
         return None
-    real = np.abs(np.diag(T))
-    if real.min() <= NEAR_AXIS * EPS * float(np.linalg.norm(H)):
+    # Of the real Schur form the diagonal has the real parts.
+    rounding, nearest = EPS * float(np.linalg.norm(H)), float(np.abs(np.diag(T)).min())
+    if nearest <= NEAR_AXIS * rounding:
         return None
     X1, X2 = U[:n, :n], U[n:, :n]
     product = X1.T @ X2
-    if np.abs(product - product.T).max() > ASYMMETRY * max(np.abs(product).max(), EPS / ASYMMETRY):
+    if np.abs(product - product.T).max() > ASYMMETRY * max(
+        np.abs(product).max(), rounding / nearest
+    ):
         return None
     try:
         X = np.linalg.solve(X1.T, X2.T)
@@ -263,7 +271,7 @@ def _ric(H: Real) -> Real | None:
         return None
     X = (X + X.T) / 2
     values = np.linalg.eigvalsh(X)
-    if values[0] < -INDEFINITE * max(values[-1], 0.0) - EPS:
+    if values[0] < -INDEFINITE * max(values[-1], 0.0) - NEAR_AXIS * rounding / nearest:
         return None
     return X / half[:, None] / half
 

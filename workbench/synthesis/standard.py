@@ -79,6 +79,19 @@ class StandardPlant:
     def _z(self) -> int:
         return self.D.shape[0] - self.measurements
 
+    @property
+    def dual(self) -> StandardPlant:
+        """The transposed plant, in which estimation is control."""
+        return replace(
+            self,
+            A=self.A.T,
+            B=self.C.T,
+            C=self.B.T,
+            D=self.D.T,
+            controls=self.measurements,
+            measurements=self.controls,
+        )
+
     def close(self, K: Matrices) -> Matrices:
         """F_l(P, K) with every state; raises LinAlgError where I - D22 D_K is singular."""
         Ak, Bk, Ck, Dk = K
@@ -144,16 +157,18 @@ def continuous(plant: StandardPlant) -> StandardPlant:
     """
     if not plant.dt:
         return plant
-    return replace(plant, **dict(zip("ABCD", to_continuous(plant), strict=True)), dt=0.0)
+    A, B, C, D = to_continuous((plant.A, plant.B, plant.C, plant.D))
+    return replace(plant, A=A, B=B, C=C, D=D, dt=0.0)
 
 
-def to_continuous(plant: StandardPlant) -> Matrices:
-    A, B, C, D = plant.A, plant.B, plant.C, plant.D
+def to_continuous(sampled: Matrices) -> Matrices:
+    """A sampled realisation by s = (z - 1) / (z + 1); raises InputError for a pole at z = -1."""
+    A, B, C, D = sampled
     n = len(A)
     shifted = A + np.eye(n)
     if n and np.linalg.cond(shifted) > 1.0 / (100 * n * np.finfo(float).eps):
         raise InputError(
-            "the plant has a pole at z = -1, half the sampling rate; the bilinear transformation "
+            "the system has a pole at z = -1, half the sampling rate; the bilinear transformation "
             "takes it to infinity: filter it or sample at another rate"
         )
     back = np.linalg.inv(shifted)
