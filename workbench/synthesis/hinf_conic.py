@@ -50,20 +50,21 @@ def _conic(program: HinfSynthesis, context: Context, solver: ConicSolver) -> Cla
     options = replace(context.options, tolerance=max(context.options.accuracy, ACCURACY))
     with context.stating():
         statement = _Statement(plant)
-    level, said = program.gamma, solver.name
-    if level is None:
-        least = [*statement.constraints, statement.margin == 0]
-        problem = cp.Problem(cp.Minimize(statement.gamma), least)
-        outcome, said = solve_conic(problem, solver, options, context)
-        if outcome not in (Outcome.SOLVED, Outcome.INACCURATE):
-            return None, outcome, said
-        levels = [float(statement.gamma.value) * (1.0 + step) for step in BACK_OFF]
+    held = [*statement.constraints, statement.margin == 0]
+    problem = cp.Problem(cp.Minimize(statement.gamma), held)
+    outcome, said = solve_conic(problem, solver, options, context)
+    if outcome not in (Outcome.SOLVED, Outcome.INACCURATE):
+        return None, outcome, said
+    least = float(statement.gamma.value)
+    if program.gamma is None:
+        levels = [least * (1.0 + step) for step in BACK_OFF]
+    elif program.gamma > least:
+        levels = [program.gamma]
     else:
-        levels = [level]
+        message = f"{said}: no controller has a norm below {least:.6g}, asked {program.gamma:.6g}"
+        return None, Outcome.INFEASIBLE, message
     for trial in context.track(levels, "levels"):
         outcome, said = _centred(statement, trial, solver, options, context)
-        if outcome is Outcome.INFEASIBLE and level is not None:
-            return None, outcome, f"{said}: no controller has a norm below gamma = {level:.6g}"
         if outcome not in (Outcome.SOLVED, Outcome.INACCURATE):
             continue
         try:

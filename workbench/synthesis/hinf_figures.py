@@ -54,5 +54,6 @@ def _singular_values(panel: Axes, system: StateSpace, omega: np.ndarray) -> None
     values = np.linalg.svd(response(system, omega), compute_uv=False)
     for k, row in enumerate(values.T):
         panel.loglog(omega, np.maximum(row, 1e-300), label=f"number {k + 1}")
-    panel.set_ylim(bottom=max(float(values.max()) * 1e-6, 1e-300))
+    largest = max(float(values.max()), 1e-290)
+    panel.set_ylim(max(float(values.min()), 1e-6 * largest) / 2, 3 * largest)
     panel.set_xlabel("omega [rad/s]")

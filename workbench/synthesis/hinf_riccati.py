@@ -261,9 +261,8 @@ def hamiltonian_solution(H: Real) -> Real | None:
         return None
     X1, X2 = U[:n, :n], U[n:, :n]
     product = X1.T @ X2
-    if np.abs(product - product.T).max() > ASYMMETRY * max(
-        np.abs(product).max(), rounding / nearest
-    ):
+    largest = max(float(np.abs(product).max()), rounding / nearest)
+    if np.abs(product - product.T).max() > ASYMMETRY * largest:
         return None
     try:
         X = np.linalg.solve(X1.T, X2.T)
@@ -316,6 +315,6 @@ def _central(plant: StandardPlant, level: Level) -> Matrices:
     L12, L2 = level.L[:, rows : rows + m], level.L[:, rows + m :]
     # Z = (I - Y X / gamma^2)^-1
     coupling = np.eye(plant.states) - level.Y @ level.X / square
-    B = np.linalg.solve(coupling, (plant.B2 + L12) @ D - L2)
+    B: Real = np.linalg.solve(coupling, (plant.B2 + L12) @ D - L2)
     seen = plant.C2 + F12
     return plant.A + plant.B @ level.F - B @ seen, B, F2 - D @ seen, D

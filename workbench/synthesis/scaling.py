@@ -162,7 +162,7 @@ def minimal(A: Real, B: Real, C: Real, dt: float = 0.0) -> tuple[Real, Real, Rea
     n = len(A)
     if n == 0:
         return A, B, C
-    modes = np.linalg.eigvals(A)
+    modes = np.linalg.eigvals(A).astype(complex)
     for tolerance in STAIRCASE:
         # SLICOT works in the arrays that it is given.
         width = max(B.shape[1], len(C))

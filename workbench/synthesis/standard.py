@@ -121,8 +121,8 @@ def standard_plant(plant: GeneralisedPlant) -> StandardPlant:
         Entries that are not finite; no exogenous input, performance, control or measurement.
     """
     system = plant.system
-    parts = [np.asarray(getattr(system, name), dtype=float) for name in "ABCD"]
-    for name, part in zip("ABCD", parts, strict=True):
+    A, B, C, D = (np.asarray(getattr(system, name), dtype=float) for name in "ABCD")
+    for name, part in zip("ABCD", (A, B, C, D), strict=True):
         if not np.isfinite(part).all():
             raise InputError(f"{name} of the plant has entries that are not finite")
     counts = {
@@ -140,7 +140,7 @@ def standard_plant(plant: GeneralisedPlant) -> StandardPlant:
     dt = system.dt
     if dt is True:
         raise InputError("the plant is sampled at a time not given (dt True); give it in seconds")
-    return StandardPlant(*parts, plant.controls, plant.measurements, float(dt or 0.0))
+    return StandardPlant(A, B, C, D, plant.controls, plant.measurements, float(dt or 0.0))
 
 
 def realisation(matrices: Matrices, dt: float, **labels: Any) -> StateSpace:
