@@ -46,7 +46,7 @@ def _conic(program: HinfSynthesis, context: Context, solver: ConicSolver) -> Cla
     import cvxpy as cp
 
     normal = program.scaled
-    plant = normal.plant
+    plant = _weighed(normal.plant)
     options = replace(context.options, tolerance=max(context.options.accuracy, ACCURACY))
     with context.stating():
         statement = _Statement(plant)
@@ -77,6 +77,18 @@ def _conic(program: HinfSynthesis, context: Context, solver: ConicSolver) -> Cla
             return claimed(program, K, size, trial, said)
         said = f"{said}; the loop of level {trial:.6g} has norm {size:.6g}"
     return None, Outcome.FAILED, said
+
+
+def _weighed(plant: StandardPlant) -> StandardPlant:
+    """The states in units that make A, B and C small together, signals in their own units.
+
+    The inequalities have all of them, and X and Y, in one sum, unlike the Riccati equations.
+    """
+    from slycot import tb01id
+
+    parts = plant.A.copy(), plant.B.copy(), plant.C.copy()
+    _, A, B, C, _ = tb01id(plant.states, plant.B.shape[1], len(plant.C), 0.0, *parts)
+    return replace(plant, A=A, B=B, C=C)
 
 
 def _centred(

@@ -315,6 +315,6 @@ def _central(plant: StandardPlant, level: Level) -> Matrices:
     L12, L2 = level.L[:, rows : rows + m], level.L[:, rows + m :]
     # Z = (I - Y X / gamma^2)^-1
     coupling = np.eye(plant.states) - level.Y @ level.X / square
-    B: Real = np.linalg.solve(coupling, (plant.B2 + L12) @ D - L2)
+    B = np.asarray(np.linalg.solve(coupling, (plant.B2 + L12) @ D - L2), dtype=float)
     seen = plant.C2 + F12
     return plant.A + plant.B @ level.F - B @ seen, B, F2 - D @ seen, D
