@@ -225,7 +225,7 @@ def _check_hidden(unstable: Modes, left: Real) -> None:
     modes = np.linalg.eigvals(left).astype(complex)
     for mode in unstable:
         # Modes that coincide are known to the root of the rounding error.
-        if not (np.abs(modes - mode) <= SAME * np.abs(modes).max()).any():
+        if not (np.abs(modes - mode) <= SAME * np.abs(modes).max(initial=0.0)).any():
             raise InputError(
                 f"the plant has the unstable mode {mode:.6g}, which no input reaches or no output "
                 "shows, so that nothing can stabilise it; take it out of the plant"
