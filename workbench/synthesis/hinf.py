@@ -9,22 +9,24 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from workbench.errors import InputError, SolverError
-from workbench.mu.peak import peak
 from workbench.program import Check, Program, solve
 from workbench.solvers import Options
-from workbench.structure import Full, Structure
 from workbench.synthesis.assumptions import checked
+from workbench.synthesis.loops import (
+    CERTIFIED,
+    certified_norm,
+    restored,
+    stability_of,
+    stored,
+)
 from workbench.synthesis.scaling import Scaled, visible
-from workbench.synthesis.standard import realisation, standard_plant
+from workbench.synthesis.standard import standard_plant
 from workbench.uncertainty.generalised import GeneralisedPlant
 
 if TYPE_CHECKING:
     import xarray as xr
     from control import StateSpace
     from matplotlib.figure import Figure
-
-CERTIFIED = 1e-4
-"""Relative width of the interval in which the norm of the loop is certified."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,64 +204,3 @@ def hinf(
     if not solution.certificate.valid:
         raise SolverError("; ".join(solution.certificate.failures))
     return solution.answer
-
-
-# --- checks of closed loops, shared by the programs of this room ------------------------------
-
-
-def stability_of(loop: StateSpace) -> Check:
-    """That its poles are left of the imaginary axis, or within the unit circle, by rounding."""
-    poles = loop.poles()
-    rounding = np.finfo(float).eps * max(len(poles), 1) * float(np.abs(poles).max(initial=0.0))
-    distance = np.abs(poles) - 1.0 if loop.dt else poles.real
-    place = int(np.argmax(distance)) if len(poles) else 0
-    value = float(distance[place]) if len(poles) else -np.inf
-    where = f"at {poles[place]:.6g}" if len(poles) else ""
-    statement = "distance of the worst closed-loop pole beyond the stability boundary"
-    return Check("internal stability", statement, value, -rounding, where)
-
-
-def certified_norm(loop: StateSpace) -> float:
-    """An upper bound of the norm of a stable loop, on every frequency.
-
-    Continuous: intervals whose Hamiltonians have no imaginary eigenvalue, `mu.peak` with one full
-    block. Sampled: SLICOT AB13DD.
-    """
-    if not loop.dt:
-        block = Structure([Full(loop.ninputs, loop.noutputs)])
-        return peak(loop, block, CERTIFIED).upper
-    from slycot import ab13dd
-
-    n = loop.nstates
-    if not n:
-        return float(np.linalg.norm(loop.D, 2))
-    sizes = (n, loop.ninputs, loop.noutputs)
-    matrices = (loop.A, np.eye(n), loop.B, loop.C, loop.D)
-    return (1.0 + CERTIFIED) * float(ab13dd("D", "I", "S", "D", *sizes, *matrices, CERTIFIED)[0])
-
-
-def stored(name: str, system: StateSpace) -> dict[str, Any]:
-    """Variables of a dataset from which `restored` makes the system."""
-    state, output, entering = (f"{name}_{kind}" for kind in ("state", "output", "input"))
-    dims = {
-        "A": (state, f"{state}_"),
-        "B": (state, entering),
-        "C": (output, state),
-        "D": (output, entering),
-    }
-    parts: dict[str, Any] = {
-        f"{name}_{part}": (
-            place,
-            getattr(system, part),
-            {"long_name": f"{part} of the {name}'s realisation"},
-        )
-        for part, place in dims.items()
-    }
-    about = {"units": "s", "long_name": f"sampling time of the {name}, 0: continuous"}
-    return parts | {f"{name}_dt": ((), float(system.dt or 0.0), about)}
-
-
-def restored(data: xr.Dataset, name: str) -> StateSpace:
-    """The system that was stored by that name."""
-    A, B, C, D = (data[f"{name}_{part}"].values for part in "ABCD")
-    return realisation((A, B, C, D), float(data[f"{name}_dt"]))

@@ -9,7 +9,8 @@ from workbench.executor import Context
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
 from workbench.synthesis.hinf import HinfController, HinfSynthesis
-from workbench.synthesis.hinf_riccati import InfeasibleError, central_of, level_ends
+from workbench.synthesis.hinf_levels import level_ends
+from workbench.synthesis.hinf_riccati import InfeasibleError, central_of
 from workbench.synthesis.norm import norm
 from workbench.synthesis.standard import (
     Matrices,

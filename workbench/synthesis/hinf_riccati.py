@@ -7,30 +7,18 @@ Robust and Optimal Control (1996), theorem 17.1, called ZDG here.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
-from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import LinAlgError, matrix_balance, schur
+from scipy.linalg import LinAlgError
 
 from workbench.errors import SolverError
+from workbench.synthesis.hinf_levels import Level, least_level, level_at
 from workbench.synthesis.norm import norm
-from workbench.synthesis.scaling import EPS, Scaled, scaled
+from workbench.synthesis.scaling import Scaled, scaled
 from workbench.synthesis.standard import Matrices, Real, StandardPlant
 
-ASYMMETRY = 1e-4
-"""Of X1^T X2, relative: rounding errors make less, eigenvalues on the axis make it near 1."""
-INDEFINITE = 1e-7
-"""Negative eigenvalues of X and Y, relative to the largest, that are rounding errors."""
-NEAR_AXIS = 10.0
-"""Multiple of the rounding error of a Hamiltonian up to which an eigenvalue is imaginary."""
-SMALLEST = 1e-9
-"""Least level looked for, relative to the norm that the best controller in the mean square has."""
-STEPS = 80
-"""Levels tried."""
 BACK_OFF = (1.0, 3.0, 10.0, 30.0, 100.0)
 """Multiples of the tolerance by which the level is raised until the loop is what it should be."""
 EXCESS = 1e-6
@@ -101,195 +89,17 @@ def central_of(normal: Scaled, tolerance: float, gamma: float | None = None) -> 
     if gamma is None:
         low, best = least_level(plant, tolerance)
         return _made(normal, (best.gamma * (1.0 + tolerance * k) for k in BACK_OFF), low)
-    level = _level(plant, gamma)
+    level = level_at(plant, gamma)
     if level is None or not level.feasible:
         raise InfeasibleError(gamma, least_level(plant, tolerance)[0])
     return _made(normal, [gamma], 0.0)
-
-
-# --- the level --------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, eq=False)
-class Level:
-    """X and Y of a level gamma, both positive semidefinite, with their gains F and L."""
-
-    gamma: float
-    X: Real
-    Y: Real
-    F: Real
-    L: Real
-
-    @cached_property
-    def coupling(self) -> float:
-        """rho(X Y) / gamma^2, below 1 where the level is feasible."""
-        return _radius(self.X, self.Y) / self.gamma**2
-
-    @property
-    def feasible(self) -> bool:
-        return self.coupling < 1.0
-
-
-def least_level(plant: StandardPlant, tolerance: float) -> tuple[float, Level]:
-    """A level below which there is no controller, and a feasible one close above it.
-
-    Raises SolverError where none is found.
-    """
-    floor, ceiling = level_ends(plant)
-    low, below = floor, None
-    high = ceiling
-    best = _level(plant, high)
-    for _ in range(STEPS):
-        if best is not None and best.feasible:
-            break
-        low, high = high, 2.0 * high
-        best = _level(plant, high)
-    else:
-        raise SolverError(f"no level up to gamma = {high:.3g} is feasible, numerically")
-    step = 0
-    while best.gamma > (1.0 + tolerance) * low and step < STEPS:
-        trial = _between(low, below, best, tolerance, step)
-        level = _level(plant, trial)
-        if level is not None and level.feasible:
-            best = level
-        else:
-            low, below = trial, level
-        step += 1
-    return low, best
-
-
-def _between(low: float, below: Level | None, best: Level, tolerance: float, step: int) -> float:
-    """The next level: where the coupling is 1 by interpolation, or the middle."""
-    high = best.gamma
-    middle = math.sqrt(low * high)
-    if below is None or step % 3 == 2 or best.coupling <= 0.0:
-        return middle
-    a, b = math.log(below.coupling), math.log(best.coupling)
-    root = low * (high / low) ** (a / (a - b))
-    inside = 1.0 + tolerance / 4
-    return min(max(root, low * inside), high / inside)
-
-
-def level_ends(plant: StandardPlant) -> tuple[float, float]:
-    """A level below the least one, and the norm of the loop of gamma = infinity.
-
-    No level is below the norms of the direct term that K cannot reach (Parrott), nor below the
-    coupling of X and Y at infinity, which they only exceed.
-    """
-    m, p = plant.controls, plant.measurements
-    state, estimate = _state_feedback(plant, math.inf), _state_feedback(plant.dual, math.inf)
-    if state is None or estimate is None:
-        raise SolverError(
-            "the Riccati equation of gamma = infinity has no stabilising solution: an assumption "
-            "does not hold, numerically; see workbench.synthesis.assumptions"
-        )
-    (X, F), (Y, L) = state, estimate
-    D11 = plant.D11
-    direct = -D11[len(D11) - m :, D11.shape[1] - p :]
-    # The mean-square controller, its direct term free to cancel that of w -> z.
-    F2, L2 = F[D11.shape[1] :], L[len(D11) :].T
-    Bk = plant.B2 @ direct - L2
-    K = (plant.A + plant.B2 @ F2 - Bk @ plant.C2, Bk, F2 - direct @ plant.C2, direct)
-    ceiling = norm(plant.close(K), 1e-3)
-    least = max(
-        np.linalg.norm(D11[: len(D11) - m], 2) if len(D11) > m else 0.0,
-        np.linalg.norm(D11[:, : D11.shape[1] - p], 2) if D11.shape[1] > p else 0.0,
-        math.sqrt(_radius(X, Y)),
-    )
-    if not math.isfinite(ceiling):
-        raise SolverError("the controller of gamma = infinity does not stabilise, numerically")
-    ceiling = max(ceiling, np.finfo(float).tiny ** 0.25) * 1.01
-    return max(float(least), SMALLEST * ceiling), ceiling
-
-
-def _level(plant: StandardPlant, gamma: float) -> Level | None:
-    """None where a Riccati equation has no positive semidefinite stabilising solution."""
-    state = _state_feedback(plant, gamma)
-    if state is None:
-        return None
-    estimate = _state_feedback(plant.dual, gamma)
-    if estimate is None:
-        return None
-    return Level(gamma, state[0], estimate[0], state[1], estimate[1].T)
-
-
-def _state_feedback(plant: StandardPlant, gamma: float) -> tuple[Real, Real] | None:
-    """X and F = -R^-1 (D1^T C1 + B^T X), R = D1^T D1 - diag(gamma^2 I, 0) (ZDG eq. 17.1 to 17.4).
-
-    u takes the last performance outputs to zero and adds v, so that they are v; what is left has
-    no cancellation. None where X >= 0 does not exist, or gamma is below the norm of what is left.
-    """
-    split = len(plant.D11) - plant.controls
-    C, D = plant.C1[:split], plant.D11[:split]
-    C_u, D_u = plant.C1[split:], plant.D11[split:]
-    A, B = plant.A - plant.B2 @ C_u, plant.B1 - plant.B2 @ D_u
-    shrink = 1.0 / gamma / gamma  # 0 at infinity
-    left = np.eye(D.shape[1]) - shrink * D.T @ D
-    if not np.linalg.eigvalsh(left)[0] > 0.0:
-        return None
-    # w = across x + back X x is the worst, v = -B2^T X x the best.
-    across, back = shrink * np.linalg.solve(left, D.T @ C), shrink * np.linalg.solve(left, B.T)
-    corner = A + B @ across
-    Q = C.T @ (C + D @ across)
-    X = hamiltonian_solution(
-        np.block([[corner, B @ back - plant.B2 @ plant.B2.T], [-(Q + Q.T) / 2, -corner.T]])
-    )
-    if X is None:
-        return None
-    F1 = across + back @ X
-    return X, np.vstack([F1, -plant.B2.T @ X - C_u - D_u @ F1])
-
-
-def hamiltonian_solution(H: Real) -> Real | None:
-    """Ric(H): X = X2 X1^-1 of the stable subspace of a Hamiltonian; None unless X >= 0."""
-    n = len(H) // 2
-    if n == 0:
-        return np.zeros((0, 0))
-    if not np.isfinite(H).all():
-        return None
-    # A balance that keeps the structure, as of SciPy's own equations.
-    factor = matrix_balance(H - np.diag(np.diag(H)), permute=False, separate=True)[1][0]
-    half = np.exp2(np.round(np.log2(factor[:n] / factor[n:]) / 2))
-    scale = np.concatenate([half, 1.0 / half])
-    H = H / scale[:, None] * scale
-    try:
-        T, U, stable = schur(H, sort="lhp", check_finite=False)
-    except LinAlgError:  # eigenvalues so near the axis that sorting moves them across
-        return None
-    if stable != n:
-        return None
-    # Of the real Schur form the diagonal has the real parts.
-    rounding, nearest = EPS * float(np.linalg.norm(H)), float(np.abs(np.diag(T)).min())
-    if nearest <= NEAR_AXIS * rounding:
-        return None
-    X1, X2 = U[:n, :n], U[n:, :n]
-    product = X1.T @ X2
-    largest = max(float(np.abs(product).max()), rounding / nearest)
-    if np.abs(product - product.T).max() > ASYMMETRY * largest:
-        return None
-    try:
-        X = np.linalg.solve(X1.T, X2.T)
-    except LinAlgError:
-        return None
-    X = (X + X.T) / 2
-    values = np.linalg.eigvalsh(X)
-    if values[0] < -INDEFINITE * max(values[-1], 0.0) - NEAR_AXIS * rounding / nearest:
-        return None
-    return X / half[:, None] / half
-
-
-def _radius(X: Real, Y: Real) -> float:
-    return float(np.abs(np.linalg.eigvals(X @ Y)).max()) if len(X) else 0.0
-
-
-# --- the controller ---------------------------------------------------------------------------
 
 
 def _made(normal: Scaled, gammas: Iterable[float], low: float) -> Central:
     """The controller of the first level at which it is proven numerically."""
     reached = "no controller could be made"
     for gamma in gammas:
-        level = _level(normal.plant, gamma)
+        level = level_at(normal.plant, gamma)
         if level is None or not level.feasible:
             continue
         try:

@@ -19,9 +19,10 @@ from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.program import Check, Claim, method
 from workbench.solvers import Outcome
-from workbench.synthesis.hinf import CERTIFIED, HinfController, HinfSynthesis
+from workbench.synthesis.hamiltonian import hamiltonian_solution
+from workbench.synthesis.hinf import HinfController, HinfSynthesis
 from workbench.synthesis.hinf_methods import claimed, distance
-from workbench.synthesis.hinf_riccati import hamiltonian_solution
+from workbench.synthesis.loops import CERTIFIED
 from workbench.synthesis.mixed_sensitivity import as_system, as_weight
 from workbench.synthesis.norm import norm
 from workbench.synthesis.scaling import balanced, minimal, speed

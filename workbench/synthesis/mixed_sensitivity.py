@@ -11,8 +11,9 @@ import numpy as np
 
 from workbench.errors import InputError
 from workbench.program import Check, worst
-from workbench.synthesis.hinf import CERTIFIED, HinfController, HinfSynthesis
+from workbench.synthesis.hinf import HinfController, HinfSynthesis
 from workbench.synthesis.hinf_figures import grid
+from workbench.synthesis.loops import CERTIFIED
 from workbench.uncertainty.generalised import GeneralisedPlant, generalised_plant, response
 
 if TYPE_CHECKING:
