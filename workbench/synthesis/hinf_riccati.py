@@ -7,7 +7,6 @@ Robust and Optimal Control (1996), theorem 17.1, called ZDG here.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +18,7 @@ from workbench.synthesis.norm import norm
 from workbench.synthesis.scaling import Scaled, scaled
 from workbench.synthesis.standard import Matrices, Real, StandardPlant
 
-BACK_OFF = (1.0, 3.0, 10.0, 30.0, 100.0)
+BACK_OFF = (1.0, 3.0, 10.0, 30.0, 100.0, 1000.0)
 """Multiples of the tolerance by which the level is raised until the loop is what it should be."""
 EXCESS = 1e-6
 """By which the norm of the loop may exceed the level, relative, for rounding."""
@@ -88,16 +87,19 @@ def central_of(normal: Scaled, tolerance: float, gamma: float | None = None) -> 
     plant = normal.plant
     if gamma is None:
         low, best = least_level(plant, tolerance)
-        return _made(normal, (best.gamma * (1.0 + tolerance * k) for k in BACK_OFF), low)
+        return _made(normal, [best.gamma * (1.0 + tolerance * k) for k in BACK_OFF], low)
     level = level_at(plant, gamma)
     if level is None or not level.feasible:
         raise InfeasibleError(gamma, least_level(plant, tolerance)[0])
     return _made(normal, [gamma], 0.0)
 
 
-def _made(normal: Scaled, gammas: Iterable[float], low: float) -> Central:
-    """The controller of the first level at which it is proven numerically."""
-    reached = "no controller could be made"
+def _made(normal: Scaled, gammas: list[float], low: float) -> Central:
+    """The controller of the first level that its loop is found to hold.
+
+    Where rounding lets none hold its own, the one with the least norm, at most the last level.
+    """
+    made, reached = [], "no controller could be made"
     for gamma in gammas:
         level = level_at(normal.plant, gamma)
         if level is None or not level.feasible:
@@ -111,7 +113,11 @@ def _made(normal: Scaled, gammas: Iterable[float], low: float) -> Central:
         if size <= gamma * (1.0 + EXCESS):
             return Central(K, gamma, low, size)
         reached = f"the loop of level {gamma:.6g} has norm {size:.6g}"
-    raise SolverError(f"the Riccati equations are too ill-conditioned: {reached}")
+        made.append(Central(K, size, low, size))
+    best = min(made, key=lambda found: found.norm, default=None)
+    if best is None or not best.norm <= gammas[-1]:
+        raise SolverError(f"the Riccati equations are too ill-conditioned: {reached}")
+    return best
 
 
 def _central(plant: StandardPlant, level: Level) -> Matrices:
