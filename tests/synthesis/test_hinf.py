@@ -93,7 +93,7 @@ def test_random_plants_are_certified(seed):
     solution = solve(program)
     assert solution.certificate.holds, solution.message
     lower = float(solution.message.split()[3])
-    assert solution.answer.gamma <= lower * (1.005 if lower < 1e4 else 1.2)
+    assert solution.answer.gamma <= lower * (1.006 if lower < 1e6 else 1.05)
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -132,7 +132,7 @@ def test_an_answer_is_stored_and_read_back():
 # --- invariants -------------------------------------------------------------------------------
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=60, deadline=None, derandomize=True)
 @given(
     seed=st.integers(0, 10_000),
     time=st.floats(-6, 6),
@@ -141,27 +141,27 @@ def test_an_answer_is_stored_and_read_back():
 )
 def test_units_do_not_change_the_level(seed, time, control_unit, measurement_unit):
     rng = np.random.default_rng(seed)
-    A, B, C = rng.normal(size=(4, 4)), rng.normal(size=(4, 4)), rng.normal(size=(4, 4))
-    D = rng.normal(size=(4, 4))
-    plain = central(A, B, C, D, 1, 1)
+    A, B, C = rng.normal(size=(4, 4)), rng.normal(size=(4, 5)), rng.normal(size=(5, 4))
+    D = rng.normal(size=(5, 5))
+    plain = central(A, B, C, D, 2, 2)
     rate = 10**time
-    u, y = np.diag([1, 1, 1, 10**control_unit]), np.diag([1, 1, 1, 10**measurement_unit])
+    u, y = np.diag([1, 1, 1, 1, 10**control_unit]), np.diag([1, 1, 1, 1, 10**measurement_unit])
     units = np.exp(2 * rng.normal(size=4))
     changed = central(
         rate * A * units[:, None] / units, rate * (B * units[:, None]) @ u, y @ (C / units),
-        y @ D @ u, 1, 1,
+        y @ D @ u, 2, 2,
     )  # fmt: skip
     assert changed.gamma == pytest.approx(plain.gamma, rel=3e-3)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=60, deadline=None, derandomize=True)
 @given(seed=st.integers(0, 10_000))
 def test_no_level_below_the_least_one_and_every_one_above_it(seed):
     rng = np.random.default_rng(seed)
     A, B, C = rng.normal(size=(3, 3)), rng.normal(size=(3, 4)), rng.normal(size=(4, 3))
     D = rng.normal(size=(4, 4))
     best = central(A, B, C, D, 1, 1)
-    assert best.lower <= best.gamma <= 1.01 * best.lower or best.gamma > 1e4
+    assert best.lower <= best.gamma <= 1.01 * best.lower or best.gamma > 1e6
     above = central(A, B, C, D, 1, 1, gamma=1.5 * best.gamma)
     assert above.norm <= 1.5 * best.gamma * (1 + 1e-6)
     with pytest.raises(SolverError, match="least level lies above"):
@@ -179,8 +179,6 @@ def test_forty_states():
 
 
 def test_unstable_states_that_stand_twice():
-    s = control.tf("s")
-    G = control.ss(1 / (s - 1))
     once = HinfSynthesis(GeneralisedPlant(scalar_plant(1.0), None, 1, 1))
     # z1 and y have a copy each of the same unstable state.
     A, one = np.diag([1.0, 1.0]), np.ones((2, 1))
@@ -192,7 +190,6 @@ def test_unstable_states_that_stand_twice():
     solution = solve(program)
     assert solution.certificate.holds
     assert solution.answer.gamma == pytest.approx(solve(once).answer.gamma, rel=1e-6)
-    assert G.poles()[0] == pytest.approx(1.0)
 
 
 # --- the CD drive in SI units -----------------------------------------------------------------

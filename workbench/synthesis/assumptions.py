@@ -169,7 +169,7 @@ def _additions(given: StandardPlant, size: float) -> tuple[Real, Real]:
     factor = state_units(plant.A, B2, C1)
     A, B2, C1 = plant.A * factor[:, None] / factor, B2 * factor[:, None], C1 / factor
     if _axis_zero(A, B2, C1, Q) is not None:
-        x = size * (float(np.abs(C1).max()) or 1.0) * np.diag(factor)
+        x = size * (float(np.abs(C1).max(initial=0.0)) or 1.0) * np.diag(factor)
     return u, x
 
 

@@ -97,10 +97,13 @@ def central_of(normal: Scaled, tolerance: float, gamma: float | None = None) -> 
 def _made(normal: Scaled, gammas: list[float], low: float) -> Central:
     """The controller of the first level that its loop is found to hold.
 
-    Where rounding lets none hold its own, the one with the least norm, at most the last level.
+    Where rounding keeps loops above their levels, the one with the least norm, at most the last
+    level; its norm is its level.
     """
-    made, reached = [], "no controller could be made"
+    best, reached = None, "no controller could be made"
     for gamma in gammas:
+        if best is not None and best.norm <= gamma:
+            return best
         level = level_at(normal.plant, gamma)
         if level is None or not level.feasible:
             continue
@@ -113,11 +116,9 @@ def _made(normal: Scaled, gammas: list[float], low: float) -> Central:
         if size <= gamma * (1.0 + EXCESS):
             return Central(K, gamma, low, size)
         reached = f"the loop of level {gamma:.6g} has norm {size:.6g}"
-        made.append(Central(K, size, low, size))
-    best = min(made, key=lambda found: found.norm, default=None)
-    if best is None or not best.norm <= gammas[-1]:
-        raise SolverError(f"the Riccati equations are too ill-conditioned: {reached}")
-    return best
+        if best is None or size < best.norm:
+            best = Central(K, size, low, size)
+    raise SolverError(f"the Riccati equations are too ill-conditioned: {reached}")
 
 
 def _central(plant: StandardPlant, level: Level) -> Matrices:

@@ -23,6 +23,8 @@ Modes = NDArray[np.complex128]
 EPS = float(np.finfo(float).eps)
 RANK = 1e-10
 """Singular values of D12 and D21 below this share of the largest are zero."""
+SINGULAR = 1e12
+"""Condition number beyond which a loop has no solution."""
 STAIRCASE = (1e-7, 1e-9, 1e-11, 1e-13)
 """Tolerances of the staircase, the first of which that keeps the response is taken."""
 KEPT = 1e-9
@@ -52,19 +54,22 @@ class Scaled:
 
         Raises LinAlgError where the loop through its direct term and D22 is singular.
         """
-        Ak, Bk, Ck, Dk = K
-        root = math.sqrt(self.rate)
-        A, B = self.rate * Ak, root * Bk @ self.measurement
-        C, D = root * self.control @ Ck, self.control @ Dk @ self.measurement
-        # K = K_s (I + D22 K_s)^-1
-        D22 = self.given.D22
+        A, B, C, D = K
+        # K_s (1 + D22 K_s)^-1, in scaled signals, where its condition means something.
+        D22 = self.measurement @ self.given.D22 @ self.control
         loop = np.eye(len(D22)) + D22 @ D
-        if np.linalg.cond(loop) > 1e12:
+        if np.linalg.cond(loop) > SINGULAR:
             raise np.linalg.LinAlgError("the loop of the controller's direct term and D22")
         feedback = np.linalg.solve(loop, np.hstack([D22 @ C, np.eye(len(loop))]))
         through, B_new = np.split(B @ feedback, [len(A)], axis=1)
         direct, D_new = np.split(D @ feedback, [len(A)], axis=1)
-        return A - through, B_new, C - direct, D_new
+        root = math.sqrt(self.rate)
+        return (
+            self.rate * (A - through),
+            root * B_new @ self.measurement,
+            root * self.control @ (C - direct),
+            self.control @ D_new @ self.measurement,
+        )
 
 
 def scaled(plant: StandardPlant) -> Scaled:
@@ -95,12 +100,14 @@ def scaled(plant: StandardPlant) -> Scaled:
 
 def _normalising(D12: Real, name: str) -> tuple[Real, Real]:
     """Q orthogonal and S with Q^T D12 S = [0; I]."""
-    U, values, Vh = np.linalg.svd(D12)
     if not has_rank(D12):
         raise InputError(rank_advice(name, D12))
+    # Signals in units far apart would leave the small singular values to rounding.
+    sizes = np.linalg.norm(D12, axis=0)
+    U, values, Vh = np.linalg.svd(D12 / sizes)
     rank = len(values)
     Q = np.hstack([U[:, rank:], U[:, :rank]])
-    return Q, Vh.T / values
+    return Q, Vh.T / values / sizes[:, None]
 
 
 def has_rank(D12: Real) -> bool:
@@ -114,7 +121,9 @@ def has_rank(D12: Real) -> bool:
 
 def rank_advice(name: str, D12: Real) -> str:
     """What a direct term without full rank needs (of D21 the transpose is given)."""
-    rank = int(np.linalg.matrix_rank(D12)) if D12.size else 0
+    sizes = np.linalg.norm(D12, axis=0)
+    values = np.linalg.svd(D12 / np.where(sizes > 0.0, sizes, 1.0), compute_uv=False)
+    rank = int((values > RANK).sum())
     if name == "D12":
         return (
             f"D12 (u -> z) has rank {rank} and must have full column rank {D12.shape[1]}: some "
