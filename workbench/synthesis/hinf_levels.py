@@ -17,8 +17,8 @@ from workbench.synthesis.hamiltonian import hamiltonian_solution
 from workbench.synthesis.norm import norm
 from workbench.synthesis.standard import Real, StandardPlant
 
-SMALLEST = 1e-9
-"""Least level looked for, relative to the norm that the best controller in the mean square has."""
+SMALLEST = 1e-6
+"""Least level looked for, relative to the norm of the mean-square controller: less is zero."""
 STEPS = 80
 """Levels tried."""
 

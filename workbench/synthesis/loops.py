@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 CERTIFIED = 1e-4
 """Relative width of the interval in which the norm of a loop is certified."""
+STEPS = 50
+"""Intervals that should do: a loop whose response is rounding errors needs any number of them."""
 
 
 def stability_of(loop: StateSpace) -> Check:
@@ -39,7 +41,7 @@ def certified_norm(loop: StateSpace) -> float:
     """
     if not loop.dt:
         block = Structure([Full(loop.ninputs, loop.noutputs)])
-        return peak(loop, block, CERTIFIED).upper
+        return peak(loop, block, CERTIFIED, steps=STEPS).upper
     from slycot import ab13dd
 
     n = loop.nstates
