@@ -312,3 +312,9 @@ def test_bad_sizes_are_refused(size):
 def test_a_regular_plant_is_left_alone():
     plant = GeneralisedPlant(scalar_plant(1.0), None, 1, 1)
     assert regularised(plant, 1e-3).system.D.shape == plant.system.D.shape
+
+
+def test_a_level_of_zero_is_approached():
+    """K cancels w -> z, which D12, D21 and their zeros allow here."""
+    system = control.ss([[-1.0]], [[1.0, 0.1]], [[1.0], [0.1]], [[0.5, 1.0], [1.0, 0.0]])
+    assert hinf(system, 1, 1).norm <= 1e-6

@@ -20,6 +20,8 @@ from workbench.synthesis.standard import (
 
 DISTANCE = 1e-3
 """Least relative distance from the least level: nearer, poles of K run away for nothing."""
+CANCELLED = 1e-3
+"""Share of the level below which the norm of a loop is that of rounding errors."""
 
 
 def distance(context: Context) -> float:
@@ -31,6 +33,8 @@ def claimed(program: HinfSynthesis, K: Matrices, size: float, gamma: float, said
     """The claim of a controller of the plant in continuous time; none unless it stabilises."""
     if not np.isfinite(size):
         return None, Outcome.FAILED, f"{said}; the controller found does not stabilise the plant"
+    if size < CANCELLED * gamma:
+        size = gamma  # what is left of signals that cancel is rounding: no norm to claim
     plant, system = program.plant, program.plant.system
     dt = float(system.dt or 0.0)
     try:
