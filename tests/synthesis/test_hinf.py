@@ -1,0 +1,320 @@
+"""H-infinity controllers against closed forms, peers, each other and their certificates."""
+
+import warnings
+
+import control
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from plants import random_plant, scalar_plant, textbook_plants
+
+from problems.cd_drive.control_problem import generalised
+from problems.cd_drive.parametric import parametric_plant
+from workbench.errors import InputError, SolverError
+from workbench.program import solve
+from workbench.solvers import Options, Outcome
+from workbench.synthesis import HinfController, HinfSynthesis, MixedSensitivity, hinf, regularised
+from workbench.synthesis.hinf_riccati import central
+from workbench.synthesis.standard import StandardPlant
+from workbench.uncertainty.generalised import GeneralisedPlant
+
+TEXTBOOK = {name: rest for name, *rest in textbook_plants()}
+
+
+def level(system, measurements, controls, **keywords):
+    return hinf(system, measurements, controls, **keywords).gamma
+
+
+def norm(loop):
+    return control.linfnorm(loop)[0]
+
+
+# --- closed forms -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("a", [-3.0, -1.0, 0.0, 1.0, 10.0])
+@pytest.mark.parametrize("D22", [0.0, 0.3])
+def test_a_scalar_problem_in_closed_form(a, D22):
+    least = a + np.sqrt(a**2 + 2)
+    answer = hinf(scalar_plant(a, D22), 1, 1)
+    assert least <= answer.gamma <= least * 1.0025
+    assert answer.norm <= answer.gamma * (1 + 1e-6)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_plant_without_states_has_the_norm_of_parrott(seed):
+    rng = np.random.default_rng(seed)
+    D = rng.normal(size=(6, 5))
+    Q, _ = np.linalg.qr(D[:4, 3:], mode="complete")
+    V, _ = np.linalg.qr(D[4:, :3].T, mode="complete")
+    rows, columns = Q[:, 2:].T @ D[:4, :3], D[:4, :3] @ V[:, 2:]
+    least = max(np.linalg.norm(rows, 2), np.linalg.norm(columns, 2))
+    answer = hinf(control.ss([], [], [], D), 2, 2)
+    assert least * (1 - 1e-9) <= answer.norm <= answer.gamma <= least * 1.003
+
+
+# --- peers ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", TEXTBOOK)
+def test_the_level_of_python_control(name):
+    system, measurements, controls = TEXTBOOK[name]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        theirs = float(np.ravel(control.hinfsyn(system, measurements, controls)[2])[0])
+    ours = level(system, measurements, controls)
+    assert theirs * (1 - 1e-3) <= ours <= theirs * (1 + 2.5e-3)
+
+
+@pytest.mark.parametrize("name", TEXTBOOK)
+@pytest.mark.parametrize("method", ["sb10ad", "clarabel"])
+def test_methods_agree(name, method):
+    system, measurements, controls = TEXTBOOK[name]
+    ours = hinf(system, measurements, controls)
+    peer = hinf(system, measurements, controls, method=method)
+    assert peer.gamma == pytest.approx(ours.gamma, rel=1e-2)
+
+
+@pytest.mark.parametrize("method", ["scs", "cvxopt"])
+def test_other_conic_solvers(method):
+    program = HinfSynthesis(GeneralisedPlant(scalar_plant(1.0, 0.3), None, 1, 1))
+    solution = solve(program, method, Options("low"))
+    assert solution.certificate.holds
+    assert solution.answer.norm <= (1 + np.sqrt(3)) * 1.01
+
+
+# --- certificates -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_random_plants_are_certified(seed):
+    program = HinfSynthesis(random_plant(seed))
+    solution = solve(program)
+    assert solution.certificate.holds, solution.message
+    lower = float(solution.message.split()[3])
+    assert solution.answer.gamma <= lower * (1.006 if lower < 1e6 else 1.05)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_random_sampled_plants_are_certified(seed):
+    solution = solve(HinfSynthesis(random_plant(seed, 0.1)))
+    assert solution.certificate.holds, solution.message
+    assert solution.answer.K.dt == 0.1
+
+
+def test_a_certificate_finds_what_is_wrong():
+    program = HinfSynthesis(GeneralisedPlant(scalar_plant(1.0), None, 1, 1))
+    right = solve(program).answer
+    K = right.K
+
+    def failures(controller, size, gamma=right.gamma):
+        return program.certify(HinfController(controller, size, gamma), 1e-6).failures
+
+    assert not failures(K, right.norm)
+    assert "norm" in failures(K, right.norm * 0.99)[0]
+    assert "level" in failures(K, right.norm, right.norm * 0.99)[0]
+    assert "stability" in failures(-1 * K, right.norm)[0]
+    assert "stability" in failures(control.ss([], [], [], [[0.0]]), right.norm)[0]
+    assert "dimensions" in failures(control.append(K, K), right.norm)[0]
+    assert failures(K, np.nan)
+
+
+def test_an_answer_is_stored_and_read_back():
+    program = HinfSynthesis(random_plant(3, 0.1))
+    answer = solve(program).answer
+    read = program.from_dataset(program.to_dataset(answer))
+    assert program.certify(read, 1e-6).holds
+    assert (read.norm, read.gamma, read.K.dt) == (answer.norm, answer.gamma, 0.1)
+    assert set(program.figures(answer)) == {"loop", "controller"}
+
+
+# --- invariants -------------------------------------------------------------------------------
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(
+    seed=st.integers(0, 10_000),
+    time=st.floats(-6, 6),
+    control_unit=st.floats(-6, 6),
+    measurement_unit=st.floats(-6, 6),
+)
+def test_units_do_not_change_the_level(seed, time, control_unit, measurement_unit):
+    rng = np.random.default_rng(seed)
+    A, B, C = rng.normal(size=(4, 4)), rng.normal(size=(4, 5)), rng.normal(size=(5, 4))
+    D = rng.normal(size=(5, 5))
+    plain = central(A, B, C, D, 2, 2)
+    rate = 10**time
+    u, y = np.diag([1, 1, 1, 1, 10**control_unit]), np.diag([1, 1, 1, 1, 10**measurement_unit])
+    units = np.exp(2 * rng.normal(size=4))
+    changed = central(
+        rate * A * units[:, None] / units, rate * (B * units[:, None]) @ u, y @ (C / units),
+        y @ D @ u, 2, 2,
+    )  # fmt: skip
+    assert changed.gamma == pytest.approx(plain.gamma, rel=3e-3)
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(seed=st.integers(0, 10_000))
+def test_no_level_below_the_least_one_and_every_one_above_it(seed):
+    rng = np.random.default_rng(seed)
+    A, B, C = rng.normal(size=(3, 3)), rng.normal(size=(3, 4)), rng.normal(size=(4, 3))
+    D = rng.normal(size=(4, 4))
+    best = central(A, B, C, D, 1, 1)
+    assert best.lower <= best.gamma <= 1.01 * best.lower or best.gamma > 1e6
+    above = central(A, B, C, D, 1, 1, gamma=1.5 * best.gamma)
+    assert above.norm <= 1.5 * best.gamma * (1 + 1e-6)
+    with pytest.raises(SolverError, match="least level lies above"):
+        central(A, B, C, D, 1, 1, gamma=0.99 * best.lower)
+
+
+def test_forty_states():
+    rng = np.random.default_rng(0)
+    A = rng.normal(size=(40, 40)) / np.sqrt(40) - 0.8 * np.eye(40)
+    B, C, D = rng.normal(size=(40, 6)), rng.normal(size=(6, 40)), rng.normal(size=(6, 6))
+    found = central(A, B, C, D, 2, 2)
+    loop = control.ss(*StandardPlant(A, B, C, D, 2, 2).close(found.K))
+    assert norm(loop) <= found.gamma * (1 + 1e-5)
+    assert found.gamma <= 1.0025 * found.lower
+
+
+def test_unstable_states_that_stand_twice():
+    once = HinfSynthesis(GeneralisedPlant(scalar_plant(1.0), None, 1, 1))
+    # z1 and y have a copy each of the same unstable state.
+    A, one = np.diag([1.0, 1.0]), np.ones((2, 1))
+    B = np.hstack([one, 0 * one, one])
+    C = np.array([[1.0, 0.0], [0.0, 0.0], [0.0, 1.0]])
+    twice = control.StateSpace(A, B, C, once.plant.system.D, remove_useless_states=False)
+    program = HinfSynthesis(GeneralisedPlant(twice, None, 1, 1))
+    assert program.plant.system.nstates == 1
+    solution = solve(program)
+    assert solution.certificate.holds
+    assert solution.answer.gamma == pytest.approx(solve(once).answer.gamma, rel=1e-6)
+
+
+# --- the CD drive in SI units -----------------------------------------------------------------
+
+
+@pytest.mark.parametrize("axis", ["focus", "radial"])
+def test_the_cd_drive_in_si_units(axis):
+    plant = generalised(axis, parametric_plant(axis))
+    with pytest.raises(InputError, match="D21"):
+        HinfSynthesis(plant)
+    program = HinfSynthesis(regularised(plant, 1e-3))
+    ours, peer = solve(program), solve(program, "sb10ad")
+    assert ours.certificate.holds
+    assert peer.certificate.holds
+    assert ours.answer.gamma == pytest.approx(peer.answer.gamma, rel=3e-3)
+
+
+# --- levels that cannot be had, and bad input -------------------------------------------------
+
+
+@pytest.mark.parametrize("method", ["riccati", "clarabel"])
+def test_a_level_that_cannot_be_had(method):
+    program = HinfSynthesis(GeneralisedPlant(scalar_plant(1.0), None, 1, 1), gamma=2.0)
+    solution = solve(program, method)
+    assert solution.outcome is Outcome.INFEASIBLE
+    assert "2.73" in solution.message
+    with pytest.raises(SolverError, match=r"2\.73"):
+        hinf(scalar_plant(1.0), 1, 1, gamma=2.0, method=method)
+
+
+@pytest.mark.parametrize("method", ["riccati", "sb10ad", "clarabel"])
+def test_a_level_asked_for(method):
+    answer = hinf(scalar_plant(1.0), 1, 1, gamma=4.0, method=method)
+    assert answer.norm <= answer.gamma == 4.0
+
+
+def replaced(system, **parts):
+    given = {name: parts.get(name, getattr(system, name)) for name in "ABCD"}
+    return control.StateSpace(*given.values(), remove_useless_states=False)
+
+
+def test_modes_that_cannot_be_reached_or_seen_are_named():
+    B, C = np.array([[1.0, 0.0, 0.0]]), np.array([[1.0], [0.0], [0.0]])
+    with pytest.raises(InputError, match=r"not stabilisable.* 1\.5"):
+        hinf(replaced(scalar_plant(1.5), B=B), 1, 1)
+    with pytest.raises(InputError, match=r"not detectable.* 1\.5"):
+        hinf(replaced(scalar_plant(1.5), C=C), 1, 1)
+    with pytest.raises(InputError, match=r"unstable mode 1\.5"):
+        hinf(replaced(scalar_plant(1.5), B=0 * B), 1, 1)
+    s = control.tf("s")
+    with pytest.raises(InputError, match=r"not detectable.*mode 0"):
+        MixedSensitivity(1 / (s + 1), 1 / s, 1.0)
+
+
+def test_direct_terms_without_rank_are_named():
+    D = np.array(scalar_plant(1.0).D)
+    for place, message in (((1, 2), "D12.*weight on u"), ((2, 1), "D21.*add noise")):
+        singular = D.copy()
+        singular[place] = 0.0
+        system = replaced(scalar_plant(1.0), D=singular)
+        with pytest.raises(InputError, match=message):
+            hinf(system, 1, 1)
+        plant = regularised(GeneralisedPlant(system, None, 1, 1), 1e-3)
+        solution = solve(HinfSynthesis(plant))
+        assert solution.certificate.holds
+        assert norm(plant.channel([0, 1], [0, 1]).close(solution.answer.K)) <= (
+            solution.answer.norm * (1 + 1e-6)
+        )
+
+
+def test_zeros_on_the_axis_are_named():
+    s = control.tf("s")
+    oscillator = 1 / (s**2 + 9)
+    with pytest.raises(InputError, match=r"\(A, B1, C2, D21\).*3j"):
+        MixedSensitivity(oscillator, (s + 1) / (s + 0.1), 1.0)
+    # z = u + s / (s + 1) w + ... : the cost of x vanishes at 0.
+    system = control.ss([[0.0]], [[1.0, 0.0, 1.0]], [[0.0], [1.0]], [[0.0, 0.0, 1.0], [0, 1, 0]])
+    with pytest.raises(InputError, match=r"\(A, B2, C1, D12\)"):
+        hinf(system, 1, 1)
+    solution = solve(HinfSynthesis(regularised(GeneralisedPlant(system, None, 1, 1), 1e-2)))
+    assert solution.certificate.holds
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((scalar_plant(1.0),), "numbers of measurements"),
+        ((scalar_plant(1.0), 1, 4), "exogenous|needs"),
+        ((scalar_plant(1.0), 3, 1), "no performance outputs"),
+        ((scalar_plant(1.0), 1, 0), "no controls"),
+        ((replaced(scalar_plant(1.0), A=[[np.nan]]), 1, 1), "not finite"),
+        ((GeneralisedPlant(scalar_plant(1.0), None, 1, 1), 1, 1), "belong to a StateSpace"),
+        (("plant",), "must be a GeneralisedPlant"),
+    ],
+)
+def test_bad_plants_are_refused(arguments, message):
+    with pytest.raises(InputError, match=message):
+        hinf(*arguments)
+
+
+@pytest.mark.parametrize("gamma", [0.0, -1.0, np.nan, np.inf])
+def test_bad_levels_are_refused(gamma):
+    with pytest.raises(InputError, match="gamma"):
+        hinf(scalar_plant(1.0), 1, 1, gamma=gamma)
+
+
+def test_a_pole_at_half_the_sampling_rate_is_refused():
+    system = replaced(scalar_plant(-1.0))
+    sampled = control.StateSpace(system.A, system.B, system.C, system.D, 0.1)
+    with pytest.raises(InputError, match="z = -1"):
+        hinf(sampled, 1, 1)
+
+
+@pytest.mark.parametrize("size", [0.0, -1.0, np.inf])
+def test_bad_sizes_are_refused(size):
+    with pytest.raises(InputError, match="size"):
+        regularised(GeneralisedPlant(scalar_plant(1.0), None, 1, 1), size)
+
+
+def test_a_regular_plant_is_left_alone():
+    plant = GeneralisedPlant(scalar_plant(1.0), None, 1, 1)
+    assert regularised(plant, 1e-3).system.D.shape == plant.system.D.shape
+
+
+def test_a_level_of_zero_is_approached():
+    """K cancels w -> z, which D12, D21 and their zeros allow here."""
+    system = control.ss([[-1.0]], [[1.0, 0.1]], [[1.0], [0.1]], [[0.5, 1.0], [1.0, 0.0]])
+    assert hinf(system, 1, 1).norm <= 1e-6

@@ -1,0 +1,177 @@
+"""The standard assumptions of H-infinity synthesis, tested one by one.
+
+(A, B2) stabilisable and (C2, A) detectable; D12 of full column and D21 of full row rank; no
+invariant zero of (A, B2, C1, D12) or (A, B1, C2, D21) on the imaginary axis (Zhou, Doyle, Glover,
+Robust and Optimal Control (1996), section 17.1). A sampled plant is tested by s = (z - 1)/(z + 1).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workbench.errors import InputError
+from workbench.synthesis.scaling import (
+    EPS,
+    ROUNDING,
+    Scaled,
+    has_rank,
+    scaled,
+    speed,
+    state_units,
+)
+from workbench.synthesis.standard import (
+    Real,
+    StandardPlant,
+    continuous,
+    realisation,
+    standard_plant,
+)
+from workbench.uncertainty.generalised import GeneralisedPlant
+from workbench.uncertainty.realisation import frequency_response
+
+
+def checked(plant: StandardPlant) -> Scaled:
+    """The scaled plant, in continuous time, of one that meets every assumption.
+
+    Raises
+    ------
+    InputError
+        Naming the assumption that fails, the mode, block or frequency, and what to do.
+    """
+    try:
+        normal = scaled(continuous(plant))
+    except InputError as error:
+        if not plant.dt:
+            raise
+        raise InputError(
+            f"{error} (of the sampled plant in s = (z - 1)/(z + 1), where D12 and D21 are the "
+            "responses at z = -1)"
+        ) from None
+    small = normal.plant
+
+    def at(place: complex) -> str:
+        if not plant.dt:
+            return f"{place * normal.rate:.6g} rad/s"
+        s = place * normal.rate
+        return f"z = {(1 + s) / (1 - s):.6g}"
+
+    hidden = _unreached(small.A, small.B2)
+    if hidden is not None:
+        raise InputError(
+            f"(A, B2) is not stabilisable: no control reaches the mode {at(hidden)}; weights must "
+            "be stable, their integrators moved a little to the left"
+        )
+    hidden = _unreached(small.A.T, small.C2.T)
+    if hidden is not None:
+        raise InputError(
+            f"(C2, A) is not detectable: no measurement shows the mode {at(hidden)}; weights must "
+            "be stable, their integrators moved a little to the left"
+        )
+    zero = _axis_zero(small.A, small.B2, small.C1, small.D12)
+    if zero is not None:
+        raise InputError(
+            "(A, B2, C1, D12), u -> z, has an invariant zero on the stability boundary, at "
+            f"{at(1j * abs(zero))}: weigh a signal that moves there, or ask regularised()"
+        )
+    zero = _axis_zero(small.A.T, small.C2.T, small.B1.T, small.D21.T)
+    if zero is not None:
+        raise InputError(
+            "(A, B1, C2, D21), w -> y, has an invariant zero on the stability boundary, at "
+            f"{at(1j * abs(zero))}: let a disturbance or noise act there, or ask regularised()"
+        )
+    return normal
+
+
+def _unreached(A: Real, B: Real) -> complex | None:
+    """The first unstable mode that no input reaches (Popov, Belevitch, Hautus); None without."""
+    size = float(np.linalg.norm(A))
+    rounding = ROUNDING * EPS * len(A) * size
+    for mode in np.linalg.eigvals(A).astype(complex):
+        if mode.real < -rounding:
+            continue
+        pencil = np.hstack([A - mode * np.eye(len(A)), B])
+        if np.linalg.svd(pencil, compute_uv=False)[-1] <= rounding:
+            return complex(mode)
+    return None
+
+
+def _axis_zero(A: Real, B: Real, C: Real, D: Real) -> float | None:
+    """The frequency of an invariant zero on the imaginary axis, D^T D = 1; None without.
+
+    Invariant zeros are then the modes of A - B D^T C that (1 - D D^T) C does not show.
+    """
+    inner, shown = A - B @ D.T @ C, C - D @ (D.T @ C)
+    size = float(np.linalg.norm(inner))
+    rounding = ROUNDING * EPS * len(A) * size
+    for mode in np.linalg.eigvals(inner).astype(complex):
+        if abs(mode.real) > max(1e-6 * abs(mode), 1e-6 * size):
+            continue
+        pencil = np.vstack([inner - 1j * mode.imag * np.eye(len(A)), shown])
+        if np.linalg.svd(pencil, compute_uv=False)[-1] <= rounding:
+            return float(mode.imag)
+    return None
+
+
+def regularised(plant: GeneralisedPlant, size: float) -> GeneralisedPlant:
+    """The plant with the small exogenous inputs and performance outputs that make it regular.
+
+    Where D12 lacks rank every control becomes a performance output, where D21 does every
+    measurement gets noise; where there are zeros on the stability boundary every state becomes a
+    performance output, or gets a disturbance. Their weights are `size` times: for u and for the
+    noise the largest response of u -> z and w -> y in the middle of the plant's frequencies, for
+    balanced states the largest entry of C1 and B1 (1 where these are zero). The closed loop has
+    the old channels as a part, so that its norm is at least theirs.
+
+    The new signals follow the old exogenous inputs and performance outputs, named ``regular_u0``
+    (performance), ``regular_y0`` (noise), ``regular_x0`` and so on.
+
+    Raises
+    ------
+    InputError
+        `size` not positive and finite; as `standard_plant` and `continuous`.
+    """
+    if not 0.0 < size < np.inf:
+        raise InputError(f"size is {size}; it must be positive and finite, for instance 1e-4")
+    given = standard_plant(plant)
+    u, x_out = _additions(given, size)
+    y, x_in = _additions(given.dual, size)
+    n, m, p = given.states, given.controls, given.measurements
+    (z, w), more_z, more_w = given.D11.shape, len(u) + len(x_out), len(y) + len(x_in)
+    B = np.hstack([given.B1, np.zeros((n, len(y))), x_in.T, given.B2])
+    C = np.vstack([given.C1, np.zeros((len(u), n)), x_out, given.C2])
+    D = np.zeros((z + more_z + p, w + more_w + m))
+    D[:z, :w], D[:z, w + more_w :] = given.D11, given.D12
+    D[z + more_z :, :w], D[z + more_z :, w + more_w :] = given.D21, given.D22
+    D[z : z + len(u), w + more_w :] = u
+    D[z + more_z :, w : w + len(y)] = y.T
+    system = plant.system
+    before, after = list(system.input_labels), list(system.output_labels)
+    larger = realisation(
+        (given.A, B, C, D),
+        given.dt,
+        inputs=[*before[:w], *_names("y", y), *_names("x", x_in), *before[w:]],
+        outputs=[*after[:z], *_names("u", u), *_names("x", x_out), *after[z:]],
+    )
+    return GeneralisedPlant(larger, plant.structure, m, p)
+
+
+def _additions(given: StandardPlant, size: float) -> tuple[Real, Real]:
+    """Rows by which u and by which x become performance outputs; none where not needed."""
+    n, m = given.states, given.controls
+    plant = continuous(given)
+    u, x = np.zeros((0, m)), np.zeros((0, n))
+    if not has_rank(plant.D12):
+        M = np.block([[plant.A, plant.B2], [plant.C1, plant.D12]])
+        response = np.abs(frequency_response(M, n, [1j * speed(plant.A)])[0]).max(axis=0)
+        u = size * np.diag(np.where(response > 0.0, response, response.max() or 1.0))
+    Q, R = np.linalg.qr(np.vstack([plant.D12, u]))
+    B2, C1 = plant.B2 @ np.linalg.inv(R), np.vstack([plant.C1, np.zeros((len(u), n))])
+    factor = state_units(plant.A, B2, C1)
+    A, B2, C1 = plant.A * factor[:, None] / factor, B2 * factor[:, None], C1 / factor
+    if _axis_zero(A, B2, C1, Q) is not None:
+        x = size * (float(np.abs(C1).max(initial=0.0)) or 1.0) * np.diag(factor)
+    return u, x
+
+
+def _names(kind: str, rows: Real) -> list[str]:
+    return [f"regular_{kind}{i}" for i in range(len(rows))]

@@ -1,0 +1,56 @@
+"""Riccati equations by the stable subspace of their Hamiltonian."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.linalg import LinAlgError, matrix_balance, schur
+
+from workbench.synthesis.scaling import EPS
+from workbench.synthesis.standard import Real
+
+ASYMMETRY = 1e-4
+"""Of X1^T X2, relative: rounding errors make less, eigenvalues on the axis make it near 1."""
+INDEFINITE = 1e-7
+"""Negative eigenvalues of X, relative to the largest, that are rounding errors."""
+NEAR_AXIS = 10.0
+"""Multiple of the rounding error of a Hamiltonian up to which an eigenvalue is imaginary."""
+
+
+def hamiltonian_solution(H: Real) -> Real | None:
+    """Ric(H): X = X2 X1^-1 of the stable subspace of a Hamiltonian; None unless X >= 0."""
+    n = len(H) // 2
+    if n == 0:
+        return np.zeros((0, 0))
+    if not np.isfinite(H).all():
+        return None
+    # A balance that keeps the structure, as of SciPy's own equations.
+    factor = matrix_balance(H - np.diag(np.diag(H)), permute=False, separate=True)[1][0]
+    half = np.exp2(np.round(np.log2(factor[:n] / factor[n:]) / 2))
+    scale = np.concatenate([half, 1.0 / half])
+    H = H / scale[:, None] * scale
+    try:
+        T, U, stable = schur(H, sort="lhp", check_finite=False)
+    except LinAlgError:  # eigenvalues so near the axis that sorting moves them across
+        return None
+    if stable != n:
+        return None
+    # Of the real Schur form the diagonal has the real parts.
+    rounding, nearest = EPS * float(np.linalg.norm(H)), float(np.abs(np.diag(T)).min())
+    if nearest <= NEAR_AXIS * rounding:
+        return None
+    X1, X2 = U[:n, :n], U[n:, :n]
+    product = X1.T @ X2
+    largest = max(float(np.abs(product).max()), rounding / nearest)
+    if np.abs(product - product.T).max() > ASYMMETRY * largest:
+        return None
+    try:
+        X = np.linalg.solve(X1.T, X2.T)
+    except LinAlgError:
+        return None
+    X = (X + X.T) / 2
+    if not np.isfinite(X).all():
+        return None
+    values = np.linalg.eigvalsh(X)
+    if values[0] < -INDEFINITE * max(values[-1], 0.0) - NEAR_AXIS * rounding / nearest:
+        return None
+    return X / half[:, None] / half

@@ -1,0 +1,159 @@
+"""Levels of H-infinity synthesis: whether there is a controller of norm gamma, and the least one.
+
+K. Zhou, J. Doyle, K. Glover, Robust and Optimal Control (1996), theorem 17.1, called ZDG here, for
+plants with D12 = [0; I], D21 = [0 I] and D22 = 0.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from workbench.errors import SolverError
+from workbench.synthesis.hamiltonian import hamiltonian_solution
+from workbench.synthesis.norm import norm
+from workbench.synthesis.standard import Real, StandardPlant
+
+SMALLEST = 1e-6
+"""Least level looked for, relative to the norm of the mean-square controller: less is zero."""
+STEPS = 80
+"""Levels tried."""
+
+
+@dataclass(frozen=True, eq=False)
+class Level:
+    """X and Y of a level gamma, both positive semidefinite, with their gains F and L."""
+
+    gamma: float
+    X: Real
+    Y: Real
+    F: Real
+    L: Real
+
+    @cached_property
+    def coupling(self) -> float:
+        """rho(X Y) / gamma^2, below 1 where the level is feasible."""
+        return _radius(self.X, self.Y) / self.gamma**2
+
+    @property
+    def feasible(self) -> bool:
+        return self.coupling < 1.0
+
+
+def least_level(plant: StandardPlant, tolerance: float) -> tuple[float, Level]:
+    """A level below which there is no controller, and a feasible one close above it.
+
+    Raises SolverError where none is found.
+    """
+    floor, ceiling = level_ends(plant)
+    low, below = floor, None
+    high = ceiling
+    best = level_at(plant, high)
+    for _ in range(STEPS):
+        if best is not None and best.feasible:
+            break
+        low, high = high, 2.0 * high
+        best = level_at(plant, high)
+    else:
+        raise SolverError(f"no level up to gamma = {high:.3g} is feasible, numerically")
+    step = 0
+    while best.gamma > (1.0 + tolerance) * low and step < STEPS:
+        trial = _between(low, below, best, tolerance, step)
+        level = level_at(plant, trial)
+        if level is not None and level.feasible:
+            best = level
+        else:
+            low, below = trial, level
+        step += 1
+    return low, best
+
+
+def _between(low: float, below: Level | None, best: Level, tolerance: float, step: int) -> float:
+    """The next level: where the coupling is 1 by interpolation, or the middle."""
+    high = best.gamma
+    middle = math.sqrt(low * high)
+    if below is None or step % 3 == 2 or best.coupling <= 0.0:
+        return middle
+    a, b = math.log(below.coupling), math.log(best.coupling)
+    root = low * (high / low) ** (a / (a - b))
+    inside = 1.0 + tolerance / 4
+    return min(max(root, low * inside), high / inside)
+
+
+def level_ends(plant: StandardPlant) -> tuple[float, float]:
+    """A level below the least one, and the norm of the loop of gamma = infinity to start from.
+
+    No level is below the norms of the direct term that K cannot reach (Parrott), nor below the
+    coupling of X and Y at infinity, which they only exceed.
+    """
+    m, p = plant.controls, plant.measurements
+    state, estimate = _state_feedback(plant, math.inf), _state_feedback(plant.dual, math.inf)
+    if state is None or estimate is None:
+        raise SolverError(
+            "the Riccati equation of gamma = infinity has no stabilising solution: an assumption "
+            "does not hold, numerically; see workbench.synthesis.assumptions"
+        )
+    (X, F), (Y, L) = state, estimate
+    D11 = plant.D11
+    direct = -D11[len(D11) - m :, D11.shape[1] - p :]
+    # The mean-square controller, its direct term free to cancel that of w -> z.
+    F2, L2 = F[D11.shape[1] :], L[len(D11) :].T
+    Bk = plant.B2 @ direct - L2
+    K = (plant.A + plant.B2 @ F2 - Bk @ plant.C2, Bk, F2 - direct @ plant.C2, direct)
+    least = max(
+        np.linalg.norm(D11[: len(D11) - m], 2) if len(D11) > m else 0.0,
+        np.linalg.norm(D11[:, : D11.shape[1] - p], 2) if D11.shape[1] > p else 0.0,
+        math.sqrt(_radius(X, Y)),
+    )
+    try:
+        ceiling = 1.01 * norm(plant.close(K), 1e-3)
+    except ArithmeticError:  # SLICOT did not converge
+        ceiling = math.inf
+    if not 0.0 < ceiling < math.inf:  # only a first level to try: whence does not matter
+        ceiling = 2.0 * float(least) or 1.0
+    return max(float(least), SMALLEST * ceiling), ceiling
+
+
+def level_at(plant: StandardPlant, gamma: float) -> Level | None:
+    """None where a Riccati equation has no positive semidefinite stabilising solution."""
+    state = _state_feedback(plant, gamma)
+    if state is None:
+        return None
+    estimate = _state_feedback(plant.dual, gamma)
+    if estimate is None:
+        return None
+    return Level(gamma, state[0], estimate[0], state[1], estimate[1].T)
+
+
+def _state_feedback(plant: StandardPlant, gamma: float) -> tuple[Real, Real] | None:
+    """X and F = -R^-1 (D1^T C1 + B^T X), R = D1^T D1 - diag(gamma^2 I, 0) (ZDG eq. 17.1 to 17.4).
+
+    u takes the last performance outputs to zero and adds v, so that they are v; what is left has
+    no cancellation. None where X >= 0 does not exist, or gamma is below the norm of what is left.
+    """
+    split = len(plant.D11) - plant.controls
+    C, D = plant.C1[:split], plant.D11[:split]
+    C_u, D_u = plant.C1[split:], plant.D11[split:]
+    A, B = plant.A - plant.B2 @ C_u, plant.B1 - plant.B2 @ D_u
+    shrink = 1.0 / gamma / gamma  # 0 at infinity
+    left = np.eye(D.shape[1]) - shrink * D.T @ D
+    if not np.linalg.eigvalsh(left)[0] > 0.0:
+        return None
+    # w = across x + back X x is the worst, v = -B2^T X x the best.
+    across, back = shrink * np.linalg.solve(left, D.T @ C), shrink * np.linalg.solve(left, B.T)
+    corner = A + B @ across
+    Q = C.T @ (C + D @ across)
+    X = hamiltonian_solution(
+        np.block([[corner, B @ back - plant.B2 @ plant.B2.T], [-(Q + Q.T) / 2, -corner.T]])
+    )
+    if X is None:
+        return None
+    F1 = across + back @ X
+    return X, np.vstack([F1, -plant.B2.T @ X - C_u - D_u @ F1])
+
+
+def _radius(X: Real, Y: Real) -> float:
+    return float(np.abs(np.linalg.eigvals(X @ Y)).max()) if len(X) else 0.0

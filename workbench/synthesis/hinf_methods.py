@@ -1,0 +1,84 @@
+"""H-infinity synthesis by Riccati equations: our own, and SLICOT's."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workbench.errors import SolverError
+from workbench.executor import Context
+from workbench.program import Claim, method
+from workbench.solvers import Outcome
+from workbench.synthesis.hinf import HinfController, HinfSynthesis
+from workbench.synthesis.hinf_levels import level_ends
+from workbench.synthesis.hinf_riccati import InfeasibleError, central_of
+from workbench.synthesis.norm import norm
+from workbench.synthesis.standard import (
+    Matrices,
+    realisation,
+    to_sampled,
+)
+
+DISTANCE = 1e-3
+"""Least relative distance from the least level: nearer, poles of K run away for nothing."""
+CANCELLED = 1e-3
+"""Share of the level below which the norm of a loop is that of rounding errors."""
+
+
+def distance(context: Context) -> float:
+    """From the least level, relative."""
+    return max(context.options.accuracy, DISTANCE)
+
+
+def claimed(program: HinfSynthesis, K: Matrices, size: float, gamma: float, said: str) -> Claim:
+    """The claim of a controller of the plant in continuous time; none unless it stabilises."""
+    if not np.isfinite(size):
+        return None, Outcome.FAILED, f"{said}; the controller found does not stabilise the plant"
+    if size < CANCELLED * gamma:
+        size = gamma  # what is left of signals that cancel is rounding: no norm to claim
+    plant, system = program.plant, program.plant.system
+    dt = float(system.dt or 0.0)
+    try:
+        matrices = to_sampled(K) if dt else K
+    except np.linalg.LinAlgError:
+        return None, Outcome.FAILED, f"{said}; the sampled controller found is not causal"
+    labels = {
+        "inputs": list(system.output_labels[system.noutputs - plant.measurements :]),
+        "outputs": list(system.input_labels[system.ninputs - plant.controls :]),
+    }
+    return HinfController(realisation(matrices, dt, **labels), size, gamma), Outcome.SOLVED, said
+
+
+@method(HinfSynthesis, "riccati", optimal=False)
+def _riccati(program: HinfSynthesis, context: Context) -> Claim:
+    """Two Riccati equations and bisection of the level, to 1e-3 above the least one."""
+    try:
+        found = central_of(program.scaled, distance(context), program.gamma)
+    except InfeasibleError as error:
+        return None, Outcome.INFEASIBLE, str(error)
+    except SolverError as error:
+        return None, Outcome.FAILED, str(error)
+    said = f"no level below {found.lower:.6g} is feasible" if found.lower else ""
+    return claimed(program, found.K, found.norm, found.gamma, said)
+
+
+@method(HinfSynthesis, "sb10ad", optimal=False)
+def _sb10ad(program: HinfSynthesis, context: Context) -> Claim:
+    """SLICOT SB10AD with its own bisection, on the scaled plant, then 1e-3 above its level."""
+    from slycot import sb10ad
+
+    normal, step = program.scaled, distance(context)
+    plant = normal.plant
+    sizes = (plant.states, plant.B.shape[1], len(plant.C), plant.controls, plant.measurements)
+    matrices = (plant.A, plant.B, plant.C, plant.D)
+    gamma, said = program.gamma, "SB10AD"
+    try:
+        if gamma is None:
+            _, ceiling = level_ends(plant)
+            least = float(sb10ad(*sizes, ceiling, *matrices, job=1, gtol=step * ceiling)[0])
+            said = f"SB10AD: least level {least:.6g}"
+            gamma = least * (1.0 + step)
+        _, *made = sb10ad(*sizes, gamma, *matrices, job=4)
+        K = normal.controller((made[0], made[1], made[2], made[3]))
+        return claimed(program, K, norm(normal.given.close(K)), gamma, said)
+    except (ArithmeticError, SolverError, np.linalg.LinAlgError) as error:
+        return None, Outcome.FAILED, f"{said}: {' '.join(str(error).split())}"

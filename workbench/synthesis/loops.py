@@ -1,0 +1,79 @@
+"""Closed loops: stability and certified norm, by nothing that a method uses; storage."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from workbench.mu.peak import peak
+from workbench.program import Check
+from workbench.structure import Full, Structure
+from workbench.synthesis.standard import realisation
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from control import StateSpace
+
+CERTIFIED = 1e-4
+"""Relative width of the interval in which the norm of a loop is certified."""
+STEPS = 50
+"""Intervals that should do: a loop whose response is rounding errors needs any number of them."""
+
+
+def stability_of(loop: StateSpace) -> Check:
+    """That its poles are left of the imaginary axis, or within the unit circle, by rounding."""
+    poles = loop.poles()
+    rounding = np.finfo(float).eps * max(len(poles), 1) * float(np.abs(poles).max(initial=0.0))
+    distance = np.abs(poles) - 1.0 if loop.dt else poles.real
+    place = int(np.argmax(distance)) if len(poles) else 0
+    value = float(distance[place]) if len(poles) else -np.inf
+    where = f"at {poles[place]:.6g}" if len(poles) else ""
+    statement = "distance of the worst closed-loop pole beyond the stability boundary"
+    return Check("internal stability", statement, value, -rounding, where)
+
+
+def certified_norm(loop: StateSpace) -> float:
+    """An upper bound of the norm of a stable loop, on every frequency.
+
+    Continuous: intervals whose Hamiltonians have no imaginary eigenvalue, `mu.peak` with one full
+    block. Sampled: SLICOT AB13DD.
+    """
+    if not loop.dt:
+        block = Structure([Full(loop.ninputs, loop.noutputs)])
+        return peak(loop, block, CERTIFIED, steps=STEPS).upper
+    from slycot import ab13dd
+
+    n = loop.nstates
+    if not n:
+        return float(np.linalg.norm(loop.D, 2))
+    sizes = (n, loop.ninputs, loop.noutputs)
+    matrices = (loop.A, np.eye(n), loop.B, loop.C, loop.D)
+    return (1.0 + CERTIFIED) * float(ab13dd("D", "I", "S", "D", *sizes, *matrices, CERTIFIED)[0])
+
+
+def stored(name: str, system: StateSpace) -> dict[str, Any]:
+    """Variables of a dataset from which `restored` makes the system."""
+    state, output, entering = (f"{name}_{kind}" for kind in ("state", "output", "input"))
+    dims = {
+        "A": (state, f"{state}_"),
+        "B": (state, entering),
+        "C": (output, state),
+        "D": (output, entering),
+    }
+    parts: dict[str, Any] = {
+        f"{name}_{part}": (
+            place,
+            getattr(system, part),
+            {"long_name": f"{part} of the {name}'s realisation"},
+        )
+        for part, place in dims.items()
+    }
+    about = {"units": "s", "long_name": f"sampling time of the {name}, 0: continuous"}
+    return parts | {f"{name}_dt": ((), float(system.dt or 0.0), about)}
+
+
+def restored(data: xr.Dataset, name: str) -> StateSpace:
+    """The system that was stored by that name."""
+    A, B, C, D = (data[f"{name}_{part}"].values for part in "ABCD")
+    return realisation((A, B, C, D), float(data[f"{name}_dt"]))

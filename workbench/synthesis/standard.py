@@ -1,0 +1,185 @@
+"""The standard plant P = [A B1 B2; C1 D11 D12; C2 D21 D22] of H-infinity synthesis, as matrices."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.errors import InputError
+from workbench.uncertainty.generalised import GeneralisedPlant
+
+if TYPE_CHECKING:
+    from control import StateSpace
+
+Real = NDArray[np.float64]
+Matrices = tuple[Real, Real, Real, Real]
+"""A, B, C and D of a realisation."""
+
+
+@dataclass(frozen=True, eq=False)
+class StandardPlant:
+    """Inputs (w, u) with u the last `controls`, outputs (z, y) with y the last `measurements`.
+
+    ``dt`` is the sampling time [s], 0 in continuous time.
+    """
+
+    A: Real
+    B: Real
+    C: Real
+    D: Real
+    controls: int
+    measurements: int
+    dt: float = 0.0
+
+    @property
+    def states(self) -> int:
+        return len(self.A)
+
+    @property
+    def B1(self) -> Real:
+        return self.B[:, : self._w]
+
+    @property
+    def B2(self) -> Real:
+        return self.B[:, self._w :]
+
+    @property
+    def C1(self) -> Real:
+        return self.C[: self._z]
+
+    @property
+    def C2(self) -> Real:
+        return self.C[self._z :]
+
+    @property
+    def D11(self) -> Real:
+        return self.D[: self._z, : self._w]
+
+    @property
+    def D12(self) -> Real:
+        return self.D[: self._z, self._w :]
+
+    @property
+    def D21(self) -> Real:
+        return self.D[self._z :, : self._w]
+
+    @property
+    def D22(self) -> Real:
+        return self.D[self._z :, self._w :]
+
+    @property
+    def _w(self) -> int:
+        return self.D.shape[1] - self.controls
+
+    @property
+    def _z(self) -> int:
+        return self.D.shape[0] - self.measurements
+
+    @property
+    def dual(self) -> StandardPlant:
+        """The transposed plant, in which estimation is control."""
+        return replace(
+            self,
+            A=self.A.T,
+            B=self.C.T,
+            C=self.B.T,
+            D=self.D.T,
+            controls=self.measurements,
+            measurements=self.controls,
+        )
+
+    def close(self, K: Matrices) -> Matrices:
+        """F_l(P, K) with every state; raises LinAlgError where I - D22 D_K is singular."""
+        Ak, Bk, Ck, Dk = K
+        # u = Ck xk + Dk y with y = C2 x + D21 w + D22 u
+        inside = np.linalg.solve(
+            np.eye(self.measurements) - self.D22 @ Dk,
+            np.hstack([self.C2, self.D22 @ Ck, self.D21]),
+        )
+        outside = Dk @ inside
+        n, k = self.states, len(Ak)
+        outside[:, n : n + k] += Ck
+        M = np.vstack([self.B2 @ outside, Bk @ inside, self.D12 @ outside])
+        M[:n, :n] += self.A
+        M[:n, n + k :] += self.B1
+        M[n : n + k, n : n + k] += Ak
+        M[n + k :, :n] += self.C1
+        M[n + k :, n + k :] += self.D11
+        return M[: n + k, : n + k], M[: n + k, n + k :], M[n + k :, : n + k], M[n + k :, n + k :]
+
+
+def standard_plant(plant: GeneralisedPlant) -> StandardPlant:
+    """Its matrices; perturbation channels count as exogenous and performance.
+
+    Raises
+    ------
+    InputError
+        Entries that are not finite; no exogenous input, performance, control or measurement.
+    """
+    system = plant.system
+    A, B, C, D = (np.asarray(getattr(system, name), dtype=float) for name in "ABCD")
+    for name, part in zip("ABCD", (A, B, C, D), strict=True):
+        if not np.isfinite(part).all():
+            raise InputError(f"{name} of the plant has entries that are not finite")
+    counts = {
+        "controls": plant.controls,
+        "measurements": plant.measurements,
+        "exogenous inputs": system.ninputs - plant.controls,
+        "performance outputs": system.noutputs - plant.measurements,
+    }
+    for name, count in counts.items():
+        if count < 1:
+            raise InputError(
+                f"the plant has {system.ninputs} inputs, {system.noutputs} outputs and no {name}; "
+                "synthesis needs at least one each of w, z, u and y"
+            )
+    dt = system.dt
+    if dt is True:
+        raise InputError("the plant is sampled at a time not given (dt True); give it in seconds")
+    return StandardPlant(A, B, C, D, plant.controls, plant.measurements, float(dt or 0.0))
+
+
+def realisation(matrices: Matrices, dt: float, **labels: Any) -> StateSpace:
+    """As a StateSpace, with every state."""
+    import control
+
+    return control.StateSpace(*matrices, dt, remove_useless_states=False, **labels)
+
+
+def continuous(plant: StandardPlant) -> StandardPlant:
+    """A sampled plant by s = (z - 1) / (z + 1), which keeps norms; a continuous one as it is.
+
+    Raises InputError where the plant has a pole at z = -1, which goes to infinity.
+    """
+    if not plant.dt:
+        return plant
+    A, B, C, D = to_continuous((plant.A, plant.B, plant.C, plant.D))
+    return replace(plant, A=A, B=B, C=C, D=D, dt=0.0)
+
+
+def to_continuous(sampled: Matrices) -> Matrices:
+    """A sampled realisation by s = (z - 1) / (z + 1); raises InputError for a pole at z = -1."""
+    A, B, C, D = sampled
+    n = len(A)
+    shifted = A + np.eye(n)
+    if n and np.linalg.cond(shifted) > 1.0 / (100 * n * np.finfo(float).eps):
+        raise InputError(
+            "the system has a pole at z = -1, half the sampling rate; the bilinear transformation "
+            "takes it to infinity: filter it or sample at another rate"
+        )
+    back = np.linalg.inv(shifted)
+    root = math.sqrt(2.0)
+    return back @ (A - np.eye(n)), root * back @ B, root * C @ back, D - C @ back @ B
+
+
+def to_sampled(K: Matrices) -> Matrices:
+    """A controller back by z = (1 + s) / (1 - s); raises LinAlgError for a pole at s = 1."""
+    A, B, C, D = K
+    n = len(A)
+    back = np.linalg.inv(np.eye(n) - A)
+    root = math.sqrt(2.0)
+    return back @ (A + np.eye(n)), root * back @ B, root * C @ back, D + C @ back @ B
