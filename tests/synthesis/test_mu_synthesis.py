@@ -1,0 +1,81 @@
+"""Mu synthesis: benchmarks, and controllers that are certified or refused."""
+
+from dataclasses import replace
+
+import control
+import numpy as np
+import pytest
+
+import workbench as wb
+from problems.mass_spring.plant import two_mass_plant
+from workbench.errors import InputError
+from workbench.structure import Complex
+from workbench.synthesis import MuController, MuSynthesis
+from workbench.uncertainty import generalised_plant
+
+
+def unstable_plant():
+    """1 / (s - 1) with uncertain dynamics at its input, and a sensitivity to keep low."""
+    return generalised_plant(
+        [
+            (control.tf(1, [1, -1]), "v", "g"),
+            (control.tf([0.125, 0.25], [1 / 32, 1]), "u", "y"),
+            (control.tf([0.25, 0.6], [1, 0.006]), "e", "z"),
+        ],
+        {"v": "u + d", "e": "g + w", "m": "- e"},
+        perturbation=[(Complex(1), "y", "d")],
+        exogenous="w",
+        control="u",
+        performance="z",
+        measurement="m",
+    )
+
+
+@pytest.fixture(scope="module")
+def solved():
+    program = MuSynthesis(unstable_plant())
+    return program, wb.solve(program, "dk")
+
+
+def test_dk_finds_the_controller_of_an_unstable_plant(solved):
+    _, solution = solved
+    assert solution.certificate.holds, solution.certificate
+    assert solution.answer.upper < 0.68  # about 0.65 is reported for it, at a higher order
+    peaks = [each.peak for each in solution.answer.history]
+    assert peaks[-1] < 0.5 * peaks[0]
+
+
+def test_the_answer_is_stored_whole(solved):
+    program, solution = solved
+    back = program.from_dataset(program.to_dataset(solution.answer))
+    assert back.history == solution.answer.history
+    assert (back.lower, back.upper) == (solution.answer.lower, solution.answer.upper)
+    np.testing.assert_array_equal(back.K.A, solution.answer.K.A)
+    assert set(program.figures(solution.answer)) == {"mu", "controller", "rounds"}
+
+
+def test_a_start_is_improved_on(solved):
+    program, solution = solved
+    again = wb.solve(replace(program, start=solution.answer.K), "dk")
+    assert again.certificate.holds
+    assert again.answer.upper <= solution.answer.upper * 1.001
+
+
+def test_what_does_not_hold_is_refused(solved):
+    program, solution = solved
+    answer = solution.answer
+    better = replace(answer, upper=0.9 * answer.upper, lower=0.8 * answer.upper)
+    assert "peak" in " ".join(program.certify(better, 1e-6, optimal=False).failures)
+    unstable = MuController(control.ss([], [], [], [[0.0]]), 0.1, 0.2, 1.0)
+    failures = program.certify(unstable, 1e-6, optimal=False).failures
+    assert any("internal stability" in failure for failure in failures)
+
+
+def test_bad_input_is_named():
+    plant = two_mass_plant()
+    with pytest.raises(InputError, match="GeneralisedPlant"):
+        MuSynthesis(plant.system)
+    with pytest.raises(InputError, match="no perturbation"):
+        MuSynthesis(replace(plant, structure=None))
+    with pytest.raises(InputError, match="does not stabilise"):
+        MuSynthesis(unstable_plant(), start=control.ss([], [], [], [[0.0]]))

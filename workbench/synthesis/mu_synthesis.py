@@ -1,0 +1,193 @@
+"""Mu synthesis as a Program: its data, its answer, its check."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from workbench.errors import InputError
+from workbench.mu import Peak, conditions
+from workbench.program import Check, Program
+from workbench.structure import Structure
+from workbench.synthesis.loops import restored, stability_of, stored
+from workbench.synthesis.scaling import visible
+from workbench.uncertainty.generalised import GeneralisedPlant
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from control import StateSpace
+    from matplotlib.figure import Figure
+
+TOLERANCE = 1e-3
+"""Of certified peaks, relative."""
+
+
+@dataclass(frozen=True)
+class Iterate:
+    """One round of an iteration.
+
+    ``peak`` is the largest mixed bound on the round's own frequencies, ``level`` the gamma of its
+    H-infinity controller (NaN: it had none), ``order`` that of the controller, ``fit`` by how much
+    the fitted scalings miss the bound where it is largest, relative.
+    """
+
+    peak: float
+    level: float
+    order: int
+    fit: float
+
+
+@dataclass(frozen=True, eq=False)
+class MuController:
+    """u = K y with positive feedback; the supremum of mixed mu lies in [``lower``, ``upper``].
+
+    ``omega`` [rad/s] is the frequency of the lower bound.
+    """
+
+    K: StateSpace
+    lower: float
+    upper: float
+    omega: float
+    history: tuple[Iterate, ...] = field(default=())
+
+
+@dataclass(frozen=True, eq=False)
+class MuSynthesis(Program):
+    """The stabilising K with the least supremum over frequency of mixed mu.
+
+    Mu is that of robust performance: the plant's perturbation, and a full block that closes its
+    performance. No method finds the global optimum; every answer's peak is certified.
+
+    Parameters
+    ----------
+    plant
+        With a structure, performance outputs and exogenous inputs.
+    structure
+        Of the perturbation; None: the plant's own.
+    start
+        A stabilising controller to begin with; None: the method's own.
+
+    Raises
+    ------
+    InputError
+        A plant without structure, performance or exogenous signals, or in discrete time; a start
+        that does not fit or does not stabilise.
+    """
+
+    plant: GeneralisedPlant
+    structure: Structure | None = None
+    start: StateSpace | None = None
+
+    default_method: ClassVar[str] = "dk"
+    headline: ClassVar[str] = "peak"
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.plant, GeneralisedPlant):
+            raise InputError(f"plant must be a GeneralisedPlant, not {type(self.plant).__name__}")
+        plant, structure = self.plant, self.structure or self.plant.structure
+        if structure is None:
+            raise InputError(
+                "the plant has no perturbation: that is hinf's problem, give structure"
+            )
+        system = plant.system
+        plant = visible(GeneralisedPlant(system, structure, plant.controls, plant.measurements))
+        if not (plant.performance and plant.exogenous):
+            raise InputError(
+                f"the plant has {plant.exogenous} exogenous inputs and {plant.performance} "
+                "performance outputs; mu synthesis needs one of each at least"
+            )
+        if system.dt:
+            raise InputError(
+                f"the plant is sampled (dt = {system.dt} s); give it in continuous time"
+            )
+        object.__setattr__(self, "plant", plant)
+        object.__setattr__(self, "structure", structure)
+        if self.start is not None:
+            stability = stability_of(plant.close(self.start))
+            if not stability.holds:
+                raise InputError(
+                    "the start does not stabilise the plant: the loop has a pole with real part "
+                    f"{stability.value:.3g} {stability.where}"
+                )
+
+    @cached_property
+    def closed(self) -> Structure:
+        """The perturbation and the performance block."""
+        assert self.structure is not None
+        return self.structure.with_performance(self.plant.performance, self.plant.exogenous)
+
+    def certified(self, K: StateSpace) -> Peak | None:
+        """The peak of the loop; None where it is unstable."""
+        return conditions(self.plant, K, tolerance=TOLERANCE).robust_performance
+
+    def answer(self, K: StateSpace, history: tuple[Iterate, ...] = ()) -> MuController | None:
+        """A controller with its certified peak; None where it does not stabilise."""
+        peak = self.certified(K)
+        if peak is None:
+            return None
+        return MuController(K, peak.lower, peak.upper, peak.omega, history)
+
+    # --- checks -------------------------------------------------------------------------------
+
+    def checks(self, answer: MuController, tolerance: float) -> list[Check]:
+        K = answer.K
+        fits = (K.noutputs, K.ninputs) == (self.plant.controls, self.plant.measurements)
+        statement = "whether K has other outputs and inputs than controls and measurements"
+        found = [Check("dimensions", statement, float(not fits), 0.0)]
+        if not fits:
+            return found
+        stability = stability_of(self.plant.close(K))
+        found.append(stability)
+        peak = self.certified(K) if stability.holds else None
+        upper = peak.upper if peak else np.inf
+        statement = "certified supremum of mixed mu over the claimed bound, less 1"
+        found.append(Check("peak", statement, upper / answer.upper - 1, TOLERANCE))
+        statement = "claimed lower over certified upper bound, less 1"
+        found.append(Check("lower", statement, answer.lower / upper - 1, 1e-9))
+        return found
+
+    def metrics(self, answer: MuController) -> dict[str, float]:
+        return {
+            "peak": answer.upper,
+            "peak_lower": answer.lower,
+            "order": float(answer.K.nstates),
+            "iterations": float(len(answer.history)),
+        }
+
+    # --- datasets and figures -----------------------------------------------------------------
+
+    def to_dataset(self, answer: MuController) -> xr.Dataset:
+        import xarray as xr
+
+        one = {"units": "1"}
+        rounds: dict[str, Any] = {
+            f"round_{name}": ("round", [getattr(each, name) for each in answer.history], one)
+            for name in ("peak", "level", "order", "fit")
+        }
+        return xr.Dataset(
+            {
+                **stored("plant", self.plant.system),
+                **stored("controller", answer.K),
+                "peak": ("bound", [answer.lower, answer.upper], one | {"long_name": "mixed mu"}),
+                "peak_omega": ((), answer.omega, {"units": "rad/s"}),
+                **rounds,
+            },
+            coords={"bound": ["lower", "upper"]},
+        )
+
+    def from_dataset(self, data: xr.Dataset) -> MuController:
+        names = ("peak", "level", "order", "fit")
+        rows = zip(*(data[f"round_{name}"].values for name in names), strict=True)
+        history = tuple(Iterate(float(p), float(g), int(n), float(f)) for p, g, n, f in rows)
+        lower, upper = data["peak"].values.tolist()
+        omega = float(data["peak_omega"])
+        return MuController(restored(data, "controller"), lower, upper, omega, history)
+
+    def figures(self, answer: MuController) -> dict[str, Figure]:
+        from workbench.synthesis.mu_figures import bounds, controller, rounds
+
+        found = {"mu": bounds(self, answer), "controller": controller(self, answer)}
+        return found | ({"rounds": rounds(answer)} if answer.history else {})
