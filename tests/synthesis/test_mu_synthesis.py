@@ -10,7 +10,7 @@ import workbench as wb
 from problems.mass_spring.plant import two_mass_plant
 from workbench.errors import InputError
 from workbench.structure import Complex
-from workbench.synthesis import MuController, MuSynthesis
+from workbench.synthesis import MuController, MuSynthesis, hinf
 from workbench.uncertainty import generalised_plant
 
 
@@ -79,3 +79,28 @@ def test_bad_input_is_named():
         MuSynthesis(replace(plant, structure=None))
     with pytest.raises(InputError, match="does not stabilise"):
         MuSynthesis(unstable_plant(), start=control.ss([], [], [], [[0.0]]))
+
+
+def test_a_fixed_order_is_optimised_from_its_start():
+    plant = unstable_plant()
+    K = hinf(plant).K
+    program = MuSynthesis(plant, start=K)
+    before = program.answer(K)
+    solution = wb.solve(program, "fixed")
+    assert solution.certificate.holds, solution.certificate
+    assert solution.answer.K.nstates == K.nstates == 3
+    assert solution.answer.upper < 0.75 < 1.4 < before.upper
+    peaks = [each.peak for each in solution.answer.history]
+    assert (np.diff(peaks) < 0).all()
+    assert "start" in wb.solve(MuSynthesis(plant), "fixed").message
+
+
+@pytest.mark.slow
+def test_two_masses_are_below_one_where_complex_scalings_end_above():
+    plant = two_mass_plant()
+    first = wb.solve(MuSynthesis(plant), "dk")
+    assert first.certificate.holds
+    assert 1.0 < first.answer.upper < 1.1
+    chained = wb.solve(MuSynthesis(plant, start=first.answer.K), "fixed")
+    assert chained.certificate.holds, chained.certificate
+    assert chained.answer.upper < 0.95

@@ -12,6 +12,7 @@ from workbench.errors import InputError
 from workbench.mu import Peak, conditions
 from workbench.program import Check, Program
 from workbench.structure import Structure
+from workbench.synthesis.families import Family
 from workbench.synthesis.loops import restored, stability_of, stored
 from workbench.synthesis.scaling import visible
 from workbench.uncertainty.generalised import GeneralisedPlant
@@ -69,6 +70,9 @@ class MuSynthesis(Program):
         Of the perturbation; None: the plant's own.
     start
         A stabilising controller to begin with; None: the method's own.
+    family
+        Controllers that method "fixed" may choose from, the start among them; None: all of the
+        start's order.
 
     Raises
     ------
@@ -80,6 +84,7 @@ class MuSynthesis(Program):
     plant: GeneralisedPlant
     structure: Structure | None = None
     start: StateSpace | None = None
+    family: Family | None = None
 
     default_method: ClassVar[str] = "dk"
     headline: ClassVar[str] = "peak"

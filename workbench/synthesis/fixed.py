@@ -1,0 +1,201 @@
+"""Controllers of fixed structure: mixed mu's peak minimised over their parameters.
+
+The peak is a maximum over frequency of functions that are smooth almost everywhere, with known
+gradients. A step minimises the largest of their linearisations at all frequencies near the peak,
+plus half the quadratic form of a quasi-Newton Hessian, within a trust region; it is taken if the
+loop is stable and the peak falls.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.errors import InputError
+from workbench.executor import Context
+from workbench.mu import UpperBound, gradient, upper_bound
+from workbench.mu.sweep import starting_grid
+from workbench.program import Claim, method
+from workbench.solvers import Outcome
+from workbench.structure import Structure
+from workbench.synthesis.families import Family, Modal
+from workbench.synthesis.mu_synthesis import Iterate, MuSynthesis
+from workbench.uncertainty.generalised import GeneralisedPlant, response
+
+if TYPE_CHECKING:
+    from control import StateSpace
+
+Array = NDArray[Any]
+Real = NDArray[np.float64]
+ROUNDS = 300
+NEAR = 0.6
+"""Share of the peak from which a frequency's bound is among those that a step lowers."""
+TOP, FLAT, HALVINGS = 0.8, 5e-4, 5
+"""Maxima above that share of the peak are resolved to where neighbours are as near, relative."""
+FIRST, LARGEST, SMALLEST = 0.1, 2.0, 1e-8
+"""Trust radius, in units of the parameters."""
+TAKEN, SHRUNK, GROWN = 0.02, 0.25, 0.7
+"""Shares of the promised fall at which a step is taken, and its radius halved or enlarged."""
+SETTLED, PATIENCE = 1e-4, 12
+"""Relative fall of the peak over so many rounds at which it counts as settled."""
+LEFT = 1e-8
+"""How far left of the imaginary axis the loop's poles stay, relative to the fastest."""
+
+
+@method(MuSynthesis, "fixed", optimal=False)
+def _fixed(program: MuSynthesis, context: Context) -> Claim:
+    """Parameters of the start's structure, or of its order, by nonsmooth optimisation."""
+    if program.start is None:
+        raise InputError("a controller to start from is needed: give start, of the order wanted")
+    family, x = program.family, None
+    if family is None:
+        family, x = Modal.of(program.start)
+    else:
+        x = family.parameters(program.start)
+    problem = _Problem(program.plant, program.closed, family)
+    x, peaks, said = _minimised(problem, x, context)
+    order = family.system(x).nstates
+    history = tuple(Iterate(peak, np.nan, order, np.nan) for peak in peaks)
+    return program.answer(family.system(x), history), Outcome.SOLVED, said
+
+
+@dataclass(frozen=True, eq=False)
+class _Problem:
+    """Mixed mu of the loop with a member of a family."""
+
+    plant: GeneralisedPlant
+    structure: Structure
+    family: Family
+
+    def loop(self, x: Real) -> StateSpace | None:
+        """The closed loop; None where it is not stable."""
+        loop = self.plant.close(self.family.system(x))
+        poles = loop.poles()
+        return loop if poles.real.max(initial=-1.0) < -LEFT * np.abs(poles).max(initial=0) else None
+
+    def curve(self, loop: StateSpace) -> tuple[Real, Real]:
+        """Frequencies [rad/s], its maxima resolved, and bounds (F,)."""
+        omega = starting_grid(loop.poles())
+        omega = omega[(omega > 0) & np.isfinite(omega)]
+        bound = self._bound(loop, omega)
+        for _ in range(HALVINGS):
+            new = _beside(omega, bound)
+            if not new.size:
+                break
+            place = np.argsort(np.concatenate([omega, new]))
+            bound = np.concatenate([bound, self._bound(loop, new)])[place]
+            omega = np.concatenate([omega, new])[place]
+        return omega, bound
+
+    def linear(self, x: Real, omega: Real) -> tuple[Real, Real]:
+        """Bounds (F,) at frequencies and their gradients (F, k) with the parameters."""
+        P = response(self.plant.system, omega)
+        m, p = self.plant.controls, self.plant.measurements
+        K, slopes = self.family.response(x, omega)
+        into, out = P[:, :-p, -m:], P[:, -p:, :-m]
+        through = np.linalg.inv(np.eye(p) - P[:, -p:, -m:] @ K)
+        back = np.linalg.inv(np.eye(m) - K @ P[:, -p:, -m:])
+        N = P[:, :-p, :-m] + into @ K @ through @ out
+        bound: UpperBound = upper_bound(N, self.structure)
+        # dN = into back dK through out
+        with_K = through @ out @ gradient(N, self.structure, bound) @ into @ back
+        return bound.value, np.einsum("fij,fkji->fk", with_K, slopes).real
+
+    def _bound(self, loop: StateSpace, omega: Real) -> Real:
+        value: Real = upper_bound(response(loop, omega), self.structure).value
+        return value
+
+
+def _beside(omega: Real, bound: Real) -> Real:
+    """Frequencies on either side of maxima that are not resolved."""
+    top = bound.max()
+    left = np.concatenate([[0.0], bound[:-1]])
+    right = np.concatenate([bound[1:], [0.0]])
+    peak = (bound >= left) & (bound >= right) & (bound > TOP * top)
+    steep = np.abs(np.diff(bound)) > FLAT * top
+    wanted = steep & (peak[1:] | peak[:-1])
+    middle: Real = np.sqrt(omega[1:] * omega[:-1])[wanted]
+    return middle
+
+
+def _minimised(problem: _Problem, x: Real, context: Context) -> tuple[Real, list[float], str]:
+    """The best parameters found, the peaks on the way, and why it ended."""
+    loop = problem.loop(x)
+    assert loop is not None  # a start stabilises, as its Program has seen
+    omega, bound = problem.curve(loop)
+    peaks, radius = [float(bound.max())], FIRST
+    hessian = np.zeros((x.size, x.size))
+    for _ in context.track(range(ROUNDS), "fixed structure"):
+        units = problem.family.units(x)
+        near = omega[bound > NEAR * peaks[-1]]
+        value, slope = problem.linear(x, near)
+        step = None
+        while radius > SMALLEST:
+            scaled = hessian * units[:, None] * units
+            step, level, weights = _step(scaled, slope * units, value, radius)
+            promised = peaks[-1] - level
+            if promised < 1e-6 * peaks[-1]:
+                return x, peaks, "no step promises less"
+            trial = x + units * step
+            loop = problem.loop(trial)
+            if loop is not None:
+                omega_, bound_ = problem.curve(loop)
+                share = (peaks[-1] - float(bound_.max())) / promised
+                if share > TAKEN:
+                    break
+            radius = 0.35 * min(radius, float(np.abs(step).max()))
+        else:
+            return x, peaks, "no step lowers the peak"
+        _, slope_ = problem.linear(trial, near)
+        hessian = _updated(hessian, trial - x, (slope_ - slope).T @ weights)
+        at_bound = float(np.abs(step).max()) > 0.8 * radius
+        if share > GROWN and at_bound:
+            radius = min(2.5 * radius, LARGEST)
+        elif share < SHRUNK:
+            radius *= 0.5
+        x, omega, bound = trial, omega_, bound_
+        peaks.append(float(bound.max()))
+        if len(peaks) > PATIENCE and peaks[-1] > (1 - SETTLED) * peaks[-1 - PATIENCE]:
+            return x, peaks, "settled"
+    return x, peaks, f"stopped after {ROUNDS} rounds"
+
+
+def _step(hessian: Real, slope: Real, value: Real, radius: float) -> tuple[Real, float, Real]:
+    """The step d that minimises max(value + slope d) + d H d / 2 in a box, the level of the
+    maximum, and the weights of the values in it."""
+    import clarabel
+    from scipy.sparse import block_diag, csc_matrix, triu
+
+    n = len(hessian)
+    values, vectors = np.linalg.eigh((hessian + hessian.T) / 2)
+    convex = (vectors * np.maximum(values, 1e-9)) @ vectors.T
+    box = np.hstack([np.eye(n), np.zeros((n, 1))])
+    rows = np.vstack([np.column_stack([slope, -np.ones(len(value))]), box, -box])
+    sides = np.concatenate([-value, np.full(2 * n, radius)])
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    solution = clarabel.DefaultSolver(
+        csc_matrix(triu(block_diag([convex, csc_matrix((1, 1))]))),
+        np.append(np.zeros(n), 1.0),
+        csc_matrix(rows),
+        sides,
+        [clarabel.NonnegativeConeT(len(sides))],
+        settings,
+    ).solve()
+    found = np.array(solution.x)
+    return found[:n], float(found[n]), np.maximum(np.array(solution.z)[: len(value)], 0.0)
+
+
+def _updated(hessian: Real, step: Real, change: Real) -> Real:
+    """Powell's damped BFGS update of the Hessian by a step and the gradient's change along it."""
+    along = hessian @ step
+    curved, seen = float(step @ along), float(step @ change)
+    if curved <= 0.0:
+        return np.outer(change, change) / seen if seen > 0 else hessian
+    share = 1.0 if seen >= 0.2 * curved else 0.8 * curved / (curved - seen)
+    blend = share * change + (1 - share) * along
+    update: Real = np.outer(blend, blend) / float(step @ blend) - np.outer(along, along) / curved
+    return hessian + update
