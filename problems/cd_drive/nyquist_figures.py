@@ -55,7 +55,11 @@ def _draw(panel: Axes, one: xr.Dataset, colour: str) -> None:
     panel.add_collection(sets)
     sets.set_label("sets")
     L = one["L"].values
-    panel.plot(L.real.ravel(), L.imag.ravel(), ".", color="0.3", markersize=1, label="drives")
+    (dots,) = panel.plot(
+        L.real.ravel(), L.imag.ravel(), ".", color="0.3", markersize=1, label="drives"
+    )
+    for many in (sets, dots):
+        many.set_rasterized(True)  # outlines of so many would make a vector figure large
     panel.plot(-1, 0, "x", color=figures.ORANGE, markersize=9, markeredgewidth=2, label="-1")
     panel.autoscale()
 

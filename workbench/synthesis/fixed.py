@@ -22,6 +22,7 @@ from workbench.program import Claim, method
 from workbench.solvers import Outcome
 from workbench.structure import Structure
 from workbench.synthesis.families import Family, Modal
+from workbench.synthesis.loops import stability_of
 from workbench.synthesis.mu_synthesis import Iterate, MuSynthesis
 from workbench.uncertainty.generalised import GeneralisedPlant, response
 
@@ -41,8 +42,6 @@ TAKEN, SHRUNK, GROWN = 0.02, 0.25, 0.7
 """Shares of the promised fall at which a step is taken, and its radius halved or enlarged."""
 SETTLED, PATIENCE = 1e-4, 12
 """Relative fall of the peak over so many rounds at which it counts as settled."""
-LEFT = 1e-8
-"""How far left of the imaginary axis the loop's poles stay, relative to the fastest."""
 
 
 @method(MuSynthesis, "fixed", optimal=False)
@@ -73,8 +72,7 @@ class _Problem:
     def loop(self, x: Real) -> StateSpace | None:
         """The closed loop; None where it is not stable."""
         loop = self.plant.close(self.family.system(x))
-        poles = loop.poles()
-        return loop if poles.real.max(initial=-1.0) < -LEFT * np.abs(poles).max(initial=0) else None
+        return loop if stability_of(loop).holds else None
 
     def curve(self, loop: StateSpace) -> tuple[Real, Real]:
         """Frequencies [rad/s], its maxima resolved, and bounds (F,)."""
