@@ -95,6 +95,21 @@ def test_a_fixed_order_is_optimised_from_its_start():
     assert "start" in wb.solve(MuSynthesis(plant), "fixed").message
 
 
+def test_mu_dk_is_dk_where_nothing_is_real(solved):
+    _, first = solved
+    program = MuSynthesis(unstable_plant())
+    solution = wb.solve(program, "mu-dk")
+    assert solution.certificate.holds
+    assert solution.answer.upper == pytest.approx(first.answer.upper, rel=2e-3)
+
+
+@pytest.mark.slow
+def test_mu_dk_lowers_the_mixed_peak_of_two_masses_below_what_dk_reaches():
+    solution = wb.solve(MuSynthesis(two_mass_plant()), "mu-dk")
+    assert solution.certificate.holds, solution.certificate
+    assert solution.answer.upper < 0.95
+
+
 @pytest.mark.slow
 def test_two_masses_are_below_one_where_complex_scalings_end_above():
     plant = two_mass_plant()

@@ -1,4 +1,10 @@
-"""D-K iteration: scalings for the controller, a controller for the scalings."""
+"""D-K and (mu, D)-K iteration: scalings for the controller, a controller for the scalings.
+
+An H-infinity controller lowers sigma_max(gamma D N D^-1). With gamma = 1 and D that makes this the
+complex bound, that is D-K iteration. With gamma the mixed over the complex bound it is the mixed
+bound that is lowered: the (mu, D)-K iteration of Toffner-Clausen, Andersen, Stoustrup and Niemann
+(1995). Since gamma depends on K, it moves a share of the way each round.
+"""
 
 from __future__ import annotations
 
@@ -16,6 +22,7 @@ from workbench.program import Claim, method
 from workbench.solvers import Outcome
 from workbench.structure import Structure
 from workbench.synthesis.hinf_riccati import central
+from workbench.synthesis.loops import stability_of
 from workbench.synthesis.mu_synthesis import Iterate, MuSynthesis
 from workbench.synthesis.scalings import SPREAD, Scalings
 from workbench.uncertainty.generalised import response
@@ -29,7 +36,12 @@ LEVEL = 2e-3
 """Relative width of the interval in which the least level of a K step is found."""
 SETTLED = 3e-4
 """Relative fall of the peak over `PATIENCE` rounds at which it counts as settled."""
-PATIENCE = 3
+PATIENCE, LONG_PATIENCE = 3, 8
+BLEND = 0.4
+"""Share of the way that gamma goes in a round: much less is slow, much more diverges."""
+SMOOTH = 0.1
+LEAST, UNIMPORTANT = 0.05, 0.05
+"""Least gamma asked for, and weight of frequencies where mu is small."""
 MOST_BIQUADS = 4
 GOOD = 0.002
 """By how much fitted scalings may miss the bound where more biquads are not worth it, relative."""
@@ -51,53 +63,116 @@ class Loop:
         return cls(omega, response(system, omega))
 
 
+@dataclass(frozen=True, eq=False)
+class Round:
+    """A round's scalings: ``D`` of each block, ``gamma`` of all but the measurements.
+
+    ``target`` is the log of gamma that was asked for, at log frequencies ``at``.
+    """
+
+    D: tuple[Scalings, Real]
+    gamma: Real
+    at: Real
+    target: Real
+
+
+GAMMA = Scalings(1, 2)
+"""Gamma of the (mu, D)-K iteration: a gain and two biquads."""
+
+
 @method(MuSynthesis, "dk", optimal=False)
 def _dk(program: MuSynthesis, context: Context) -> Claim:
     """D-K iteration: real scalars count as complex; scalings fitted by their effect on the loop."""
-    structure = program.closed.complexified()
-    K, found = program.start, None
+    return _iterated(program, context, 0.0)
+
+
+@method(MuSynthesis, "mu-dk", optimal=False)
+def _mu_dk(program: MuSynthesis, context: Context) -> Claim:
+    """(mu, D)-K iteration: a scalar gamma makes the complex bound that K lowers the mixed one."""
+    return _iterated(program, context, BLEND)
+
+
+def _iterated(program: MuSynthesis, context: Context, blend: float) -> Claim:
+    """Rounds of K and D steps; of those with a blend the peak may rise, and the best is kept."""
     history: list[Iterate] = []
-    best: tuple[float, StateSpace] | None = None
-    said, level = "settled", np.nan
-    for _ in context.track(range(ROUNDS), "D-K iteration"):
+    best: tuple[float, StateSpace, Round | None] | None = None
+    K, level, used = program.start, np.nan, None
+    said, patience = f"stopped after {ROUNDS} rounds", LONG_PATIENCE if blend else PATIENCE
+    for _ in context.track(range(ROUNDS), "mu synthesis"):
         if K is None:
             try:
-                K, level = k_step(program, found)
+                K, level = k_step(program, used)
             except (SolverError, InputError) as error:
-                said = f"ended by its H-infinity step: {error}"
+                said, K = f"its H-infinity step failed: {error}", None
+        loop = None if K is None else _loop(program, K)
+        if K is None or loop is None:
+            said = said if K is None else "rounding made a loop unstable"
+            if best is None or best[2] is None or not blend or blend < 0.1 * BLEND:
                 break
-        system = program.plant.close(K)
-        if system.poles().real.max() >= 0:
-            said = "ended by a loop that rounding made unstable"
-            break
-        loop = Loop.of(system)
-        bound = upper_bound(loop.M, structure).value
-        peak = float(upper_bound(loop.M, program.closed).value.max())
+            used, blend, K = best[2], blend / 2, None  # back to where it was well, more slowly
+            continue
+        mixed = upper_bound(loop.M, program.closed).value
+        peak = float(mixed.max())
+        used, missed = _scalings(program, loop, mixed, used, blend)
         if best is None or peak < best[0]:
-            best = peak, K
-        found, missed = d_step(structure, loop, bound, len(program.structure or ()), found)
+            best = peak, K, used
         history.append(Iterate(peak, level, K.nstates, float(np.expm1(missed))))
         K = None
         peaks = np.minimum.accumulate([each.peak for each in history])
-        if len(peaks) > PATIENCE and peaks[-1] > (1 - SETTLED) * peaks[-1 - PATIENCE]:
+        if len(peaks) > patience and peaks[-1] > (1 - SETTLED) * peaks[-1 - patience]:
+            said = "settled"
             break
-    else:
-        said = f"stopped after {ROUNDS} rounds"
     if best is None:
         return None, Outcome.FAILED, said
     return program.answer(best[1], tuple(history)), Outcome.SOLVED, said
 
 
-def k_step(program: MuSynthesis, found: tuple[Scalings, Real] | None) -> tuple[StateSpace, float]:
+def _loop(program: MuSynthesis, K: StateSpace) -> Loop | None:
+    """The loop's response; None where the loop is not stable."""
+    system = program.plant.close(K)
+    return Loop.of(system) if stability_of(system).holds else None
+
+
+def k_step(program: MuSynthesis, used: Round | None) -> tuple[StateSpace, float]:
     """The H-infinity controller of the scaled plant, and its level."""
     import control
 
     plant = program.plant
-    system = plant.system if found is None else _scaled(program, *found)
+    system = plant.system if used is None else _scaled(program, used)
     made = central(
         system.A, system.B, system.C, system.D, plant.controls, plant.measurements, LEVEL
     )
     return control.ss(*made.K), made.gamma
+
+
+def _scalings(
+    program: MuSynthesis, loop: Loop, mixed: Real, before: Round | None, blend: float
+) -> tuple[Round, float]:
+    """The next scalings, and by how much D misses its bound.
+
+    Gamma moves by a share ``blend`` of its logarithm to the mixed over the complex bound, smoothed.
+    """
+    structure, at = program.closed.complexified(), np.log(loop.omega)
+    bound = upper_bound(loop.M, structure).value
+    gamma, target, size = np.zeros((1, GAMMA.size)), np.zeros(len(at)), np.ones(len(at))
+    if blend:
+        wanted = _smoothed(at, np.log(np.maximum(mixed / bound, LEAST)))
+        old = np.interp(at, before.at, before.target) if before else target
+        target = (1 - blend) * old + blend * wanted
+        weight = np.maximum(mixed / mixed.max(), UNIMPORTANT)
+        gamma = GAMMA.follow(target[None], loop.omega, weight)
+        size = np.exp(GAMMA.log_magnitude(gamma, loop.omega)[0][0])
+    weighted = Loop(loop.omega, size[:, None, None] * loop.M)
+    blocks = len(program.structure or ())
+    D, missed = d_step(structure, weighted, size * bound, blocks, before.D if before else None)
+    return Round(D, gamma, at, target), missed
+
+
+def _smoothed(at: Real, values: Real) -> Real:
+    """A moving mean over SMOOTH of the log frequency."""
+    weight = np.exp(-(((at[:, None] - at) / SMOOTH) ** 2) / 2)
+    mean: Real = weight @ values / weight.sum(axis=1)
+    return mean
 
 
 def d_step(
@@ -120,7 +195,8 @@ def d_step(
     gains = np.median((logs[:, :blocks] - logs[:, blocks:]).T[:, high], axis=1)
     middle = float(np.log(loop.omega[np.argmax(bound)]))
     best: tuple[tuple[Scalings, Real], float] | None = None
-    for biquads in range(MOST_BIQUADS + 1):
+    least = max(0, before[0].biquads - 1) if before else 0
+    for biquads in range(least, MOST_BIQUADS + 1):
         scalings = Scalings(blocks, biquads)
         starts = [scalings.guess(gains, middle, spread) for spread in SPREAD]
         if before is not None and before[0] == scalings:
@@ -135,12 +211,13 @@ def d_step(
     return best
 
 
-def _scaled(program: MuSynthesis, scalings: Scalings, x: Real) -> StateSpace:
-    """The plant with D at its perturbation's outputs and D^-1 at its inputs."""
+def _scaled(program: MuSynthesis, used: Round) -> StateSpace:
+    """The plant with D at its perturbation's outputs, D^-1 at its inputs, gamma at all outputs."""
     import control
 
     assert program.structure is not None
-    pairs = list(zip(program.structure, scalings.systems(x), strict=True))
+    scalings, x = used.D
+    pairs = zip(program.structure, scalings.systems(x), strict=True)
     inverses = zip(program.structure, scalings.systems(scalings.inverse(x)), strict=True)
     out = [d for block, d in pairs for _ in range(block.columns)]
     into = [d for block, d in inverses for _ in range(block.rows)]
@@ -148,4 +225,11 @@ def _scaled(program: MuSynthesis, scalings: Scalings, x: Real) -> StateSpace:
     one = control.ss([], [], [], [[1.0]])
     left = control.append(*out, *[one] * (system.noutputs - len(out)))
     right = control.append(*into, *[one] * (system.ninputs - len(into)))
-    return left * system * right
+    found = left * system * right
+    if not used.gamma.any():
+        return found
+    (gamma,) = GAMMA.systems(used.gamma)
+    measurements = program.plant.measurements
+    return (
+        control.append(*[gamma] * (system.noutputs - measurements), *[one] * measurements) * found
+    )

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize
+from scipy.optimize import least_squares, minimize
 
 from workbench.structure import Structure
 
@@ -30,11 +30,15 @@ DAMPING = (0.1, 20.0)
 """Least and largest damping of zeros and poles; above 1 they are pairs of real ones."""
 BEYOND = 2.0
 """How far, in natural logarithms, corners may lie beyond the frequencies."""
+LARGEST = 50.0
+"""Of log gains: what is farther from 1 is so for lack of any effect."""
 SHARPNESS = (6.0, 25.0, 100.0, 400.0)
 """Exponents of the mean that stands for the worst, each started from the one before."""
 STEPS = 80
 PLAIN = 1e-4
 """Weight of the logarithms of damping: what the loop does not need stays plain."""
+STARTS = 7
+"""Log frequencies about which corners start, when they are to follow a target."""
 SPREAD = (0.6, 2.6)
 """Distances of the corners of a first guess, in natural logarithms."""
 
@@ -99,7 +103,7 @@ class Scalings:
         M (F, c, r) at omega (F,) [rad/s], reference (F,).
         """
         low, high = np.log(omega[[0, -1]])
-        bounds = [(None, None)] * self.size
+        bounds = [(-LARGEST, LARGEST)] * self.size
         for first, _ in self._corners():
             bounds[first] = (low - BEYOND, high + BEYOND)
             bounds[first + 1] = (np.log(DAMPING[0]), np.log(DAMPING[1]))
@@ -131,6 +135,38 @@ class Scalings:
         best = flat.reshape(x.shape)
         size, _ = _scaled_size(M, structure, self.log_magnitude(best, omega)[0])
         return best, float(np.max(size - log_reference))
+
+    def follow(self, target: Real, omega: Real, weight: Real) -> Real:
+        """Parameters for which log|d| is near a target (blocks, F), weighted (F,) least squares."""
+        low, high = np.log(omega[[0, -1]])
+        bounds = np.array(
+            [[-LARGEST, LARGEST]] + [[low, high], np.log(DAMPING)] * (2 * self.biquads)
+        )
+        bounds = np.tile(bounds, (self.blocks, 1)).T
+        shape = (self.blocks, self.size)
+
+        def missed(flat: Real) -> Real:
+            value, _ = self.log_magnitude(flat.reshape(shape), omega)
+            return np.asarray((weight * (value - target)).ravel())
+
+        def slopes(flat: Real) -> Real:
+            _, slope = self.log_magnitude(flat.reshape(shape), omega)
+            found = np.zeros((self.blocks, len(omega), self.blocks, self.size))
+            for block in range(self.blocks):
+                found[block, :, block] = weight[:, None] * slope[block].T
+            return found.reshape(self.blocks * len(omega), -1)
+
+        gains = np.average(target, axis=1, weights=weight)
+        middles = np.linspace(low, high, STARTS + 2)[1:-1]
+        starts = [self.guess(gains, middle, SPREAD[0]) for middle in middles]
+        fits = [
+            least_squares(
+                missed, np.clip(x.ravel(), *bounds), slopes, bounds=bounds, max_nfev=STEPS
+            )
+            for x in starts
+        ]
+        best = min(fits, key=lambda fit: fit.cost)
+        return np.asarray(best.x.reshape(shape))
 
     def _corners(self) -> list[tuple[int, int]]:
         """Places of the corners in a row, and 1 for zeros, -1 for poles."""
