@@ -2,17 +2,38 @@
 
 from workbench.synthesis import hinf_conic, hinf_methods
 from workbench.synthesis.assumptions import regularised
+from workbench.synthesis.discretise import discretised
+from workbench.synthesis.export import export, load
+from workbench.synthesis.fixed_point import FixedCascade, FixedPoint, fixed_point
 from workbench.synthesis.hinf import HinfController, HinfSynthesis, hinf
 from workbench.synthesis.loop_shaping import LoopShaping
 from workbench.synthesis.mixed_sensitivity import MixedSensitivity
+from workbench.synthesis.reduction import Reduced, Reduction, reduce, reduced
+from workbench.synthesis.sampled_loop import Margins, SampledConditions, sampled_conditions
+from workbench.synthesis.second_order import Sections, second_order_sections
 
 __all__ = [
+    "FixedCascade",
+    "FixedPoint",
     "HinfController",
     "HinfSynthesis",
     "LoopShaping",
+    "Margins",
     "MixedSensitivity",
+    "Reduced",
+    "Reduction",
+    "SampledConditions",
+    "Sections",
+    "discretised",
+    "export",
+    "fixed_point",
     "hinf",
     "hinf_conic",
     "hinf_methods",
+    "load",
+    "reduce",
+    "reduced",
     "regularised",
+    "sampled_conditions",
+    "second_order_sections",
 ]

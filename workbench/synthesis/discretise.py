@@ -81,8 +81,8 @@ def discretised(
         shifted = np.eye(len(A)) - half * A
         if len(A) and np.linalg.cond(shifted) > 1e12:
             raise InputError(
-                f"K has a pole at 1 / {half:.6g} s, which the bilinear transform takes to infinity; "
-                "another sample_time does not"
+                f"K has a pole at 1 / ({half:.6g} s), which the bilinear transform takes to "
+                "infinity; take another sample_time"
             )
         back = np.linalg.inv(shifted)
         root = math.sqrt(2.0 * half)

@@ -208,13 +208,13 @@ def _hammarling(A: Real, C: Real) -> Real:
     n = len(A)
     # SLICOT works in the arrays that it is given, puts the factor where C was, and slycot gives it
     # room for n rows.
-    C = np.linalg.qr(C, mode="r") if len(C) > n else C
+    rows = np.asarray(np.linalg.qr(C, mode="r")) if len(C) > n else C
     place = np.zeros((n, n))
-    place[: len(C)] = C
+    place[: len(rows)] = rows
     with warnings.catch_warnings():
         warnings.simplefilter("error", SlycotResultWarning)
         try:
-            U, scale, _ = sb03od(n, len(C), A.copy(), np.zeros((n, n)), place, "C")
+            U, scale, _ = sb03od(n, len(rows), A.copy(), np.zeros((n, n)), place, "C")
         except SlycotResultWarning as warning:
             raise InputError(
                 f"the Gramians do not exist: {' '.join(str(warning).split())}"

@@ -147,13 +147,13 @@ class _Loop:
             turned = np.exp(-1j * angle * whole)[:, None, None]
             columns.append(response(held, angle / self.period) * turned)
         L = -self.sign * response(self.K, angle / self.period) @ np.concatenate(columns, axis=-1)
-        rest = np.delete(np.arange(m), channel)
+        other = np.delete(np.arange(m), channel)
         own = L[:, channel, channel]
         if m == 1:
             return own
-        others = np.eye(m - 1) + L[:, rest[:, None], rest]
-        through = np.linalg.solve(others, L[:, rest, channel, None])[..., 0]
-        return own - (L[:, channel, rest] * through).sum(axis=-1)
+        others = np.eye(m - 1) + L[:, other[:, None], other]
+        through = np.linalg.solve(others, L[:, other, channel, None])[..., 0]
+        return own - (L[:, channel, other] * through).sum(axis=-1)
 
     def margins(self, channel: int) -> Margins:
         angle = self.angles()

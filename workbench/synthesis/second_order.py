@@ -84,9 +84,7 @@ def second_order_sections(K: StateSpace) -> Sections:
     """
     if not K.dt or K.dt is True:
         raise InputError(f"K has dt = {K.dt}; discretise it first, with a sampling time in seconds")
-    channels = tuple(
-        tuple(_channel(K, i, j) for j in range(K.ninputs)) for i in range(K.noutputs)
-    )
+    channels = tuple(tuple(_channel(K, i, j) for j in range(K.ninputs)) for i in range(K.noutputs))
     found = Sections(channels, float(K.dt))
     omega = CHECKED / found.dt
     expected = response(K, omega)
