@@ -188,6 +188,8 @@ def _cascade_tables(K: Sections) -> dict[str, Any]:
 
 def _limit_tables(limits: Limits, outputs: int) -> dict[str, Real]:
     low, high = (np.asarray(limit, dtype=float) for limit in limits)
+    if not (np.isfinite(low).all() and np.isfinite(high).all()):
+        raise InputError(f"limits are {limits}; they must be finite")
     if low.shape != (outputs,) or high.shape != (outputs,) or not (low < high).all():
         raise InputError(
             f"limits are {limits}; they must be the lowest and the highest values of {outputs} "
@@ -211,7 +213,5 @@ def _number(value: Any, precision: str) -> str:
     with np.errstate(over="ignore", under="ignore"):
         near = kind(value)
     if not math.isfinite(near) or (near == 0.0) != (value == 0.0):
-        raise InputError(
-            f"controller or limits have the number {value}, which {precision} cannot hold"
-        )
+        raise InputError(f"the controller has the number {value}, which {precision} cannot hold")
     return f"{near!s}{suffix}"

@@ -1,13 +1,10 @@
 """Fewer states for a controller: balanced truncation, Glover's approximation, the closed loop's.
 
-All are square-root methods: Gramians are never formed, only their factors P = S S^T and Q = R^T R
-(S. Hammarling, Numerical solution of the stable, non-negative definite Lyapunov equation, IMA J.
-Numerical Analysis 2 (1982) 303-323, as SLICOT SB03OD), in scaled time and states.
+All are square-root methods, in scaled time and states (see `gramians`).
 """
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -16,13 +13,13 @@ from scipy.linalg import schur, solve_sylvester, sqrtm
 
 from workbench.errors import InputError
 from workbench.mu.peak import Peak
-from workbench.synthesis.scaling import ROUNDING, speed, state_units
+from workbench.synthesis.gramians import balancing, factors
+from workbench.synthesis.scaling import EPS, ROUNDING, speed, state_units
 from workbench.synthesis.standard import Matrices, Real
 from workbench.uncertainty.generalised import GeneralisedPlant
 
 Reducer = Callable[[int], Matrices]
 """Gives the controller with at most that many states."""
-EPS = float(np.finfo(float).eps)
 EQUAL = 1e-9
 """Hankel singular values this close, relative, are one value with several states."""
 SEEN = 1e-12
@@ -59,8 +56,8 @@ def balanced(K: Matrices) -> tuple[int, Reducer]:
     rate, parts = _scaled(K)
     split = _split(parts)
     A, B, C, D = split.stable
-    S, R = _factors(A, B, C)
-    left, right, _ = _balancing(S, R)
+    S, R = factors(A, B, C)
+    left, right, _ = balancing(S, R)
 
     def of(order: int) -> Matrices:
         T, V = left[: order - split.count], right[:, : order - split.count]
@@ -83,8 +80,8 @@ def hankel(K: Matrices) -> tuple[int, Reducer]:
     rate, parts = _scaled(K)
     split = _split(parts)
     A, B, C, D = split.stable
-    S, R = _factors(A, B, C)
-    left, right, values = _balancing(S, R)
+    S, R = factors(A, B, C)
+    left, right, values = balancing(S, R)
     seen = int((values > SEEN * values.max(initial=0.0)).sum())
     left, right, values = left[:seen], right[:, :seen], values[:seen]
     minimal = left @ A @ right, left @ B, C @ right, D
@@ -138,9 +135,9 @@ def weighted(K: Matrices, plant: GeneralisedPlant, loop: Matrices, peak: Peak) -
     B, C = B @ entering, output @ C
     rate = speed(A)
     units = state_units(A / rate, B, C)
-    S, R = _factors(A / rate * units[:, None] / units, B * units[:, None], C / units)
+    S, R = factors(A / rate * units[:, None] / units, B * units[:, None], C / units)
     own = units[len(A) - n :]
-    left, right, _ = _balancing(S[len(A) - n :], R[:, len(A) - n :])
+    left, right, _ = balancing(S[len(A) - n :], R[:, len(A) - n :])
     left, right = left * own, right / own[:, None]
     Ak, Bk, Ck, Dk = K
 
@@ -191,44 +188,3 @@ def _split(K: Matrices) -> Split:
     B, C = Q.T @ B, C @ Q
     kept = T[:k, :k], B[:k] - X @ B[k:], C[:, :k], np.zeros_like(D)
     return Split(kept, (T[k:, k:], B[k:], C[:, k:] + C[:, :k] @ X, D))
-
-
-def _factors(A: Real, B: Real, C: Real) -> tuple[Real, Real]:
-    """S and R with P = S S^T and Q = R^T R the Gramians of a stable system."""
-    if not len(A):
-        return np.zeros((0, 0)), np.zeros((0, 0))
-    return _hammarling(A.T, B.T).T, _hammarling(A, C)
-
-
-def _hammarling(A: Real, C: Real) -> Real:
-    """Upper triangular R with A^T R^T R + R^T R A = -C^T C."""
-    from slycot import sb03od
-    from slycot.exceptions import SlycotResultWarning
-
-    n = len(A)
-    # SLICOT works in the arrays that it is given, puts the factor where C was, and slycot gives it
-    # room for n rows.
-    rows = np.asarray(np.linalg.qr(C, mode="r")) if len(C) > n else C
-    place = np.zeros((n, n))
-    place[: len(rows)] = rows
-    with warnings.catch_warnings():
-        warnings.simplefilter("error", SlycotResultWarning)
-        try:
-            U, scale, _ = sb03od(n, len(rows), A.copy(), np.zeros((n, n)), place, "C")
-        except SlycotResultWarning as warning:
-            raise InputError(
-                f"the Gramians do not exist: {' '.join(str(warning).split())}"
-            ) from None
-    return np.asarray(U) / scale
-
-
-def _balancing(S: Real, R: Real) -> tuple[Real, Real, Real]:
-    """Left and right projection on the minimal part, and its (weighted) Hankel singular values."""
-    if not S.size:
-        return np.zeros((0, len(S))), np.zeros((len(S), 0)), np.zeros(0)
-    U, values, Vh = np.linalg.svd(R @ S)
-    rank = int((values > len(S) * EPS * values[0]).sum())
-    values, root = values[:rank], np.sqrt(values[:rank])
-    left = (U[:, :rank] / root).T @ R
-    right = S @ Vh[:rank].T / root
-    return left, right, values
