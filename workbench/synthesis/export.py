@@ -79,6 +79,8 @@ def load(path: str | Path) -> tuple[StateSpace, dict[str, Any]]:
     ResultError
         A file that cannot be read or is none of these.
     """
+    from control import ControlDimension
+
     path = Path(path)
     try:
         content = path.read_bytes()
@@ -93,7 +95,7 @@ def load(path: str | Path) -> tuple[StateSpace, dict[str, Any]]:
             outputs=fields["outputs"],
             states=fields["states"],
         )
-    except (OSError, ValueError, KeyError, TypeError, NotImplementedError) as error:
+    except (OSError, ValueError, KeyError, TypeError, ControlDimension) as error:
         raise ResultError(
             f"{path} holds no controller that export wrote as json or mat: {error}"
         ) from None
@@ -162,7 +164,10 @@ def _to_mat(fields: dict[str, Any]) -> bytes:
 def _from_mat(content: bytes) -> dict[str, Any]:
     from scipy.io import loadmat
 
-    found = loadmat(BytesIO(content))
+    try:
+        found = loadmat(BytesIO(content))
+    except Exception as error:  # of many classes, where bytes are no MATLAB file
+        raise ValueError(f"no JSON, and as a MATLAB file: {error}") from None
     dt = float(found["dt"].item())
     texts = {
         key: [str(text.item()) for text in found[key].ravel()]

@@ -172,7 +172,7 @@ def _reducer(
 def _certified(plant: GeneralisedPlant, K: StateSpace) -> tuple[Conditions, Reduced]:
     found = conditions(plant, K)
     peak = _peak(found)
-    stable = peak is not None and stability_of(plant.close(K)).holds
+    stable = peak is not None and bool(stability_of(plant.close(K)).holds)
     bounds = (peak.lower, peak.upper) if peak is not None and stable else (math.inf, math.inf)
     return found, Reduced(K, stable, *bounds)
 
