@@ -170,6 +170,26 @@ def test_a_small_gain_has_endless_margins():
     assert margins.gain[0] == 0.0 and margins.gain[1] > 10
 
 
+def test_the_static_gain_and_integrators():
+    """An unstable plant needs a least gain; an integrator has none although Re L < 0 at first."""
+    plant = control.ss(1.0, 1.0, 1.0, 0.0)
+    K = control.ss([], [], [], [[3.0]], 0.1)
+    low, high = sampled_conditions(plant, K, 0.1).margins[0].gain
+    assert low == pytest.approx(1 / 3)
+    # x+ = e^T x + (e^T - 1) u leaves the circle at -1: k = (e^T + 1) / (e^T - 1).
+    assert high == pytest.approx((np.exp(0.1) + 1) / (np.exp(0.1) - 1) / 3)
+    s = control.tf("s")
+    slow = control.ss(1 / (s * (s + 1)))
+    (margins,) = sampled_conditions(slow, control.ss([], [], [], [[0.5]], 0.1), 0.1).margins
+    assert margins.gain[0] == 0.0 and margins.gain[1] > 10
+
+
+def test_no_gain_at_all():
+    plant = control.ss(-1.0, 1.0, 1.0, 0.0)
+    (margins,) = sampled_conditions(plant, control.ss([], [], [], [[0.0]], 0.1), 0.1).margins
+    assert margins.gain == (0.0, math.inf) and margins.delay == math.inf
+
+
 # --- second-order sections --------------------------------------------------------------------
 
 

@@ -79,8 +79,6 @@ def load(path: str | Path) -> tuple[StateSpace, dict[str, Any]]:
     ResultError
         A file that cannot be read or is none of these.
     """
-    from control import ControlDimension
-
     path = Path(path)
     try:
         content = path.read_bytes()
@@ -95,7 +93,7 @@ def load(path: str | Path) -> tuple[StateSpace, dict[str, Any]]:
             outputs=fields["outputs"],
             states=fields["states"],
         )
-    except (OSError, ValueError, KeyError, TypeError, ControlDimension) as error:
+    except (OSError, ValueError, KeyError, TypeError) as error:
         raise ResultError(
             f"{path} holds no controller that export wrote as json or mat: {error}"
         ) from None

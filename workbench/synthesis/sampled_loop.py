@@ -7,26 +7,29 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.optimize import brentq
+from scipy.optimize import brentq, root
 
 from workbench.errors import InputError, SolverError
-from workbench.simulation.discretise import sampled, split_delay
+from workbench.simulation.discretise import split_delay
 from workbench.synthesis.loops import stability_of
+from workbench.synthesis.sampled_response import Complex, SampledLoop
 from workbench.synthesis.standard import Real, realisation
-from workbench.uncertainty.connection import connected, part_of
-from workbench.uncertainty.generalised import response
 
 if TYPE_CHECKING:
     from control import StateSpace
 
-Complex = NDArray[np.complex128]
-POINTS = 4000
-"""Frequencies between the slowest mode and half the sampling rate; more about each mode."""
-ABOUT = np.concatenate([-np.logspace(2, -2, 25), [0.0], np.logspace(-2, 2, 25)])
-"""Of a mode, in units of its damping."""
-SETTLED = 1e-9
-"""Change of the delay margin [samples] at which it is found."""
+STATIC = 1e-8
+"""Share of the lowest frequency at which the static gain is read."""
+REAL = 1e-3
+"""Imaginary part of a static gain, relative to the real one: with an integrator it is larger."""
+SETTLED = 1e-10
+"""Relative change at which the search for a delay margin ends."""
+FRACTIONS = tuple(k / 12 for k in range(12))
+"""Delays [samples] from whose crossovers that search begins; crossovers between two are missed."""
+REACH = 1.1
+"""Factor on a lag within which, and a sample, its delay is."""
+CRITICAL = 1e-6
+"""Distance of log L from -1 at which it has found one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +38,8 @@ class Margins:
 
     gain          factors below and above 1 between which the loop stays stable;
     phase         [deg], either way, infinite where the gain never passes 1; at `phase_at` [rad/s];
-    delay         [samples] that may be added before the signal acts, in fractions too.
+    delay         [samples] that may be added before the signal acts, in fractions too; the held
+                  plant is taken anew for each.
     """
 
     gain: tuple[float, float]
@@ -94,114 +98,79 @@ def sampled_conditions(
     if sign not in (-1, 1):
         raise InputError(f"sign is {sign}; it must be -1 or 1")
     split_delay(delay)
-    loop = _Loop(plant, realisation((K.A, K.B, K.C, K.D), sample_time), sample_time, delay, sign)
+    sampled_K = realisation((K.A, K.B, K.C, K.D), sample_time)
+    loop = SampledLoop(plant, sampled_K, sample_time, delay, sign)
     closed = loop.closed
     poles = closed.poles()
     pole = complex(poles[np.argmax(np.abs(poles))]) if len(poles) else 0j
     if not stability_of(closed).holds:
         return SampledConditions(False, pole, ())
-    return SampledConditions(True, pole, tuple(map(loop.margins, range(plant.ninputs))))
+    return SampledConditions(True, pole, tuple(_margins(loop, i) for i in range(plant.ninputs)))
 
 
-@dataclass(frozen=True, eq=False)
-class _Loop:
-    plant: StateSpace
-    K: StateSpace
-    period: float
-    delay: float
-    sign: int
+def _margins(loop: SampledLoop, channel: int) -> Margins:
+    angle = loop.angles()
 
-    @property
-    def closed(self) -> StateSpace:
-        """The loop without inputs and outputs, with every state."""
-        G = sampled(self.plant, self.period, self.delay)
-        m, p = self.plant.ninputs, self.plant.noutputs
-        links = np.zeros((m + p, p + m))
-        links[:m, p:], links[m:, :p] = self.sign * np.eye(m), np.eye(p)
-        # One signal each, for python-control systems have some.
-        enters, leaves = np.eye(m + p, 1), np.eye(1, m + p)
-        M, n = connected((part_of(G), part_of(self.K)), links, enters, leaves)
-        return realisation((M[:n, :n], M[:n, n:], M[n:, :n], M[n:, n:]), self.period)
+    def at(x: float) -> complex:
+        return complex(loop.gain(np.array([x]), channel)[0])
 
-    def angles(self) -> Real:
-        """Frequencies [rad/sample] in (0, pi], dense where a mode makes the response steep."""
-        G = sampled(self.plant, self.period, self.delay)
-        modes = np.concatenate([s.poles() for s in (G, self.K, self.closed)]).astype(complex)
-        modes = np.log(modes[np.abs(modes) > 1e-6])
-        size = np.abs(modes)
-        slowest = size[size > 1e-9].min(initial=math.pi)
-        grid = np.geomspace(slowest / 100, math.pi, POINTS)
-        damping = np.maximum(np.abs(modes.real), 1e-6 * size)
-        near = np.abs(modes.imag)[:, None] + damping[:, None] * ABOUT
-        near = near[(near > grid[0]) & (near < math.pi)]
-        return np.unique(np.concatenate([grid, near]))
+    L = loop.gain(angle, channel)
+    real = [*_crossings(angle, L.imag, lambda x: at(x).imag), math.pi]
+    start = at(STATIC * angle[0])
+    if abs(start.imag) <= REAL * abs(start.real):  # no integrator
+        real.append(STATIC * angle[0])
+    values = np.array([at(x).real for x in real])
+    factors = -1.0 / values[values < 0.0]
+    gain = (
+        float(factors[factors < 1.0].max(initial=0.0)),
+        float(factors[factors > 1.0].min(initial=math.inf)),
+    )
+    delay = _delay_margin(loop, channel, angle)
+    passing = _crossings(angle, _level(L), lambda x: math.log(abs(at(x))))
+    if not passing:
+        return Margins(gain, math.inf, math.nan, delay)
+    away = np.abs(np.angle([-at(x) for x in passing]))
+    least = int(np.argmin(away))
+    return Margins(gain, math.degrees(away[least]), passing[least] / loop.period, delay)
 
-    def gain(self, angle: Real, channel: int, more: float = 0.0) -> Complex:
-        """L of one signal (F,), -1 being critical, its delay raised by `more` [samples]."""
-        m = self.plant.ninputs
-        columns = []
-        for j in range(m):
-            whole, rest = split_delay(self.delay + (more if j == channel else 0.0))
-            parts = self.plant.A, self.plant.B[:, [j]], self.plant.C, self.plant.D[:, [j]]
-            held = sampled(realisation(parts, 0.0), self.period, rest)
-            turned = np.exp(-1j * angle * whole)[:, None, None]
-            columns.append(response(held, angle / self.period) * turned)
-        L = -self.sign * response(self.K, angle / self.period) @ np.concatenate(columns, axis=-1)
-        other = np.delete(np.arange(m), channel)
-        own = L[:, channel, channel]
-        if m == 1:
-            return own
-        others = np.eye(m - 1) + L[:, other[:, None], other]
-        through = np.linalg.solve(others, L[:, other, channel, None])[..., 0]
-        return own - (L[:, channel, other] * through).sum(axis=-1)
 
-    def margins(self, channel: int) -> Margins:
-        angle = self.angles()
+def _delay_margin(loop: SampledLoop, channel: int, grid: Real) -> float:
+    """The least delay [samples] that makes the loop critical, L(angle, delay) = -1.
 
-        def at(x: float, more: float = 0.0) -> complex:
-            return complex(self.gain(np.array([x]), channel, more)[0])
+    Fractions of a sample change the gain of the held plant, so that the crossovers of some of
+    them, and the lags at which a pure delay would do there, are where the search begins.
+    """
+    starts: list[tuple[float, float]] = []
+    for more in FRACTIONS:
+        L = loop.gain(grid, channel, more)
+        places = np.flatnonzero(np.diff(np.sign(_level(L))))
+        lags = more + np.mod(np.angle(-L[places]), 2 * math.pi) / grid[places]
+        starts += list(zip(lags.tolist(), grid[places].tolist(), strict=True))
+    if not starts:
+        return math.inf
 
-        L = self.gain(angle, channel)
-        real = [*_crossings(angle, L.imag, lambda x: at(x).imag), math.pi]
-        values = np.array([at(x).real for x in real] + [L[0].real])
-        factors = -1.0 / values[values < 0.0]
-        gain = (
-            float(factors[factors < 1.0].max(initial=0.0)),
-            float(factors[factors > 1.0].min(initial=math.inf)),
-        )
-        passing = _crossings(angle, np.log(np.abs(L)), lambda x: math.log(abs(at(x))))
-        if not passing:
-            return Margins(gain, math.inf, math.nan, math.inf)
-        away = np.angle([-at(x) for x in passing])
-        least = int(np.argmin(np.abs(away)))
-        lag = np.mod(away, 2 * math.pi) / passing
-        first = int(np.argmin(lag))
-        delay = self._delay(channel, float(passing[first]), float(lag[first]))
-        phase = math.degrees(abs(away[least]))
-        return Margins(gain, phase, passing[least] / self.period, delay)
+    def away(unknowns: Real) -> list[float]:
+        angle, more = math.exp(unknowns[0]), max(unknowns[1], 0.0)
+        L = complex(loop.gain(np.array([angle]), channel, more)[0])
+        return [math.log(abs(L)), float(np.angle(-L))]
 
-    def _delay(self, channel: int, angle: float, delay: float) -> float:
-        """Where the crossover that a pure lag of `delay` makes critical is so for the held plant.
+    found: list[float] = []
+    for lag, angle in sorted(starts):
+        if found and lag > 1.0 + REACH * min(found):
+            break
+        solution = root(away, [math.log(angle), lag], tol=SETTLED)
+        near = 0.0 < solution.x[1] < 1.0 + REACH * lag
+        if near and np.abs(solution.fun).max() <= CRITICAL:
+            found.append(float(solution.x[1]))
+    if not found:
+        raise SolverError(f"no delay margin found near {min(starts)[0]:.6g} samples")
+    return min(found)
 
-        Fractions of a sample change the sampled plant's gain, so that the crossover moves a little.
-        """
-        for _ in range(50):
 
-            def level(x: float, more: float = delay) -> float:
-                return math.log(abs(complex(self.gain(np.array([x]), channel, more)[0])))
-
-            near = np.linspace(0.8 * angle, min(1.2 * angle, math.pi), 400)
-            values = np.log(np.abs(self.gain(near, channel, delay)))
-            found = _crossings(near, values, level)
-            if not found:
-                break
-            angle = min(found, key=lambda x: abs(x - angle))
-            L = complex(self.gain(np.array([angle]), channel, delay)[0])
-            change = float(np.angle(-L)) / angle
-            delay += change
-            if abs(change) <= SETTLED * max(delay, 1.0):
-                return delay
-        raise SolverError(f"no delay margin found near {delay:.6g} samples")
+def _level(L: Complex) -> Real:
+    with np.errstate(divide="ignore"):
+        level: Real = np.log(np.abs(L))
+    return level
 
 
 def _crossings(x: Real, values: Real, of: Any) -> list[float]:
