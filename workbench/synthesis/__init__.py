@@ -1,27 +1,48 @@
-"""Synthesis: H-infinity and mu controllers, every loop certified."""
+"""Synthesis: H-infinity and mu controllers, certified, reduced, discretised, exported."""
 
 from workbench.synthesis import dk, fixed, hinf_conic, hinf_methods
 from workbench.synthesis.assumptions import regularised
+from workbench.synthesis.discretise import discretised
+from workbench.synthesis.export import export, load
 from workbench.synthesis.families import Family, Modal
+from workbench.synthesis.fixed_point import FixedCascade, FixedPoint, fixed_point
 from workbench.synthesis.hinf import HinfController, HinfSynthesis, hinf
 from workbench.synthesis.loop_shaping import LoopShaping
 from workbench.synthesis.mixed_sensitivity import MixedSensitivity
 from workbench.synthesis.mu_synthesis import Iterate, MuController, MuSynthesis
+from workbench.synthesis.reduction import Reduced, Reduction, reduce, reduced
+from workbench.synthesis.sampled_loop import Margins, SampledConditions, sampled_conditions
+from workbench.synthesis.second_order import Sections, second_order_sections
 
 __all__ = [
     "Family",
+    "FixedCascade",
+    "FixedPoint",
     "HinfController",
     "HinfSynthesis",
     "Iterate",
     "LoopShaping",
+    "Margins",
     "MixedSensitivity",
     "Modal",
     "MuController",
     "MuSynthesis",
+    "Reduced",
+    "Reduction",
+    "SampledConditions",
+    "Sections",
+    "discretised",
     "dk",
+    "export",
     "fixed",
+    "fixed_point",
     "hinf",
     "hinf_conic",
     "hinf_methods",
+    "load",
+    "reduce",
+    "reduced",
     "regularised",
+    "sampled_conditions",
+    "second_order_sections",
 ]

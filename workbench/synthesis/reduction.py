@@ -1,0 +1,201 @@
+"""How low the order of a controller can go: reductions, each certified in the loop anew."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.errors import InputError
+from workbench.mu.margins import Conditions, conditions
+from workbench.mu.peak import Peak
+from workbench.synthesis import reduction_methods
+from workbench.synthesis.loops import stability_of
+from workbench.synthesis.standard import realisation
+from workbench.uncertainty.generalised import GeneralisedPlant
+
+if TYPE_CHECKING:
+    from control import StateSpace
+
+Method = Literal["weighted", "balanced", "hankel"]
+
+
+@dataclass(frozen=True, eq=False)
+class Reduced:
+    """A controller with fewer states, and what was certified of its loop.
+
+    The peak of mu with performance (of the gain where the plant has no uncertainty, of mu without
+    performance where it has none) lies between ``lower`` and ``upper``; where the loop is not
+    ``stable`` both are infinite.
+    """
+
+    K: StateSpace
+    stable: bool
+    lower: float
+    upper: float
+
+    @property
+    def order(self) -> int:
+        return int(self.K.nstates)
+
+
+@dataclass(frozen=True, eq=False)
+class Reduction:
+    """Controllers of every order tried, lowest first; the last one is the given controller.
+
+    ``smallest`` is the one of the least order with a stable loop whose certified peak is at most
+    the target; None where no order has one.
+    """
+
+    tried: tuple[Reduced, ...]
+    target: float
+
+    @property
+    def smallest(self) -> Reduced | None:
+        return next((one for one in self.tried if one.stable and one.upper <= self.target), None)
+
+    @property
+    def curve(self) -> NDArray[np.float64]:
+        """Order, lower and upper bound of the peak (N, 3); infinite where the loop is unstable."""
+        return np.array([[one.order, one.lower, one.upper] for one in self.tried])
+
+
+def reduced(
+    K: Any, order: int, method: Method = "weighted", plant: GeneralisedPlant | None = None
+) -> StateSpace:
+    """The controller with at most `order` states.
+
+    Fewer where its minimal part has fewer, or where Hankel singular values coincide.
+
+    Parameters
+    ----------
+    K
+        StateSpace or TransferFunction, continuous time.
+    method
+        ``"weighted"``: truncation by Gramians of the closed loop; ``"balanced"`` and ``"hankel"``:
+        of the stable part of K by itself, the rest is kept (see `reduction_methods`).
+    plant
+        Of the loop, u = K y; for ``"weighted"`` only.
+
+    Raises
+    ------
+    InputError
+        A sampled controller or plant, an order below 0, above that of K, or below the number of
+        poles that the method keeps; weighted without a plant or with one that K leaves unstable.
+    """
+    K = _continuous(K)
+    least, of = _reducer(K, method, plant, None)
+    _check_order(order, least, K, method)
+    return of(order)
+
+
+def reduce(
+    K: Any,
+    plant: GeneralisedPlant,
+    *,
+    target: float = 1.0,
+    order: int | None = None,
+    method: Method = "weighted",
+) -> Reduction:
+    """Reduce a controller to every order, or to one, and certify each loop from the plant alone.
+
+    Stability is that of the closed loop's poles, the peak that of `mu.conditions`; neither knows
+    how the controller was made. Peaks do not fall steadily with the order, so that all are tried.
+
+    Parameters
+    ----------
+    target
+        Largest certified peak that is accepted.
+    order
+        The only order to try; None: all.
+
+    Raises
+    ------
+    InputError
+        As `reduced`; a target that is not positive.
+    """
+    if not target > 0.0:
+        raise InputError(f"target is {target}; a peak of mu must be positive")
+    K = _continuous(K)
+    found, given = _certified(plant, K)
+    least, of = _reducer(K, method, plant, found)
+    if order is None:
+        orders = list(range(least, K.nstates))
+    else:
+        _check_order(order, least, K, method)
+        orders = [order] if order < K.nstates else []
+    tried: dict[int, StateSpace] = {}
+    for k in orders:
+        one = of(k)
+        if one.nstates < K.nstates:
+            tried.setdefault(one.nstates, one)
+    certified = [_certified(plant, tried[k])[1] for k in sorted(tried)]
+    return Reduction((*certified, given), target)
+
+
+def _reducer(
+    K: StateSpace, method: str, plant: GeneralisedPlant | None, found: Conditions | None
+) -> tuple[int, Callable[[int], StateSpace]]:
+    """The least order that a method reaches, and the controller of an order."""
+    parts = K.A, K.B, K.C, K.D
+    least = 0
+    if method == "balanced":
+        least, of = reduction_methods.balanced(parts)
+    elif method == "hankel":
+        least, of = reduction_methods.hankel(parts)
+    elif method == "weighted":
+        if plant is None:
+            raise InputError(
+                'the method "weighted" weighs with the closed loop; give the plant, or ask '
+                '"balanced" or "hankel"'
+            )
+        found = found or _certified(plant, K)[0]
+        peak = _peak(found)
+        if peak is None:
+            raise InputError(
+                f"the loop with the given controller is unstable, its rightmost pole "
+                f'{found.pole:.6g}; "weighted" needs a controller that stabilises the plant'
+            )
+        loop = plant.close(K)
+        closed = loop.A, loop.B, loop.C, loop.D
+        of = reduction_methods.weighted(parts, plant, closed, peak)
+    else:
+        raise InputError(f"method is {method!r}; it must be one of {get_args(Method)}")
+    labels = {"inputs": K.input_labels, "outputs": K.output_labels}
+    return least, lambda k: realisation(of(k), 0.0, **labels)
+
+
+def _certified(plant: GeneralisedPlant, K: StateSpace) -> tuple[Conditions, Reduced]:
+    found = conditions(plant, K)
+    peak = _peak(found)
+    stable = peak is not None and bool(stability_of(plant.close(K)).holds)
+    bounds = (peak.lower, peak.upper) if peak is not None and stable else (math.inf, math.inf)
+    return found, Reduced(K, stable, *bounds)
+
+
+def _peak(found: Conditions) -> Peak | None:
+    """The condition to be kept: robust performance, without performance robust stability."""
+    return found.robust_performance or found.robust_stability
+
+
+def _continuous(K: Any) -> StateSpace:
+    import control
+
+    K = control.ss(K)
+    if K.dt:
+        raise InputError(
+            f"K is sampled (dt = {K.dt}); reduce the continuous controller and discretise it then"
+        )
+    return K
+
+
+def _check_order(order: int, least: int, K: StateSpace, method: str) -> None:
+    if not least <= order <= K.nstates:
+        kept = f" ({method!r} keeps the {least} poles that are not stable)" if least else ""
+        raise InputError(
+            f"order is {order}; it must lie between {least}{kept} and {K.nstates}, that of K"
+        )

@@ -1,0 +1,179 @@
+"""A sampled controller around a continuous plant: stability and margins, recomputed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.optimize import brentq, root
+
+from workbench.errors import InputError, SolverError
+from workbench.simulation.discretise import split_delay
+from workbench.synthesis.loops import stability_of
+from workbench.synthesis.sampled_response import Complex, SampledLoop
+from workbench.synthesis.standard import Real, realisation
+
+if TYPE_CHECKING:
+    from control import StateSpace
+
+STATIC = 1e-8
+"""Share of the lowest frequency at which the static gain is read."""
+REAL = 1e-3
+"""Imaginary part of a static gain, relative to the real one: with an integrator it is larger."""
+SETTLED = 1e-10
+"""Relative change at which the search for a delay margin ends."""
+FRACTIONS = tuple(k / 12 for k in range(12))
+"""Delays [samples] from whose crossovers that search begins; crossovers between two are missed."""
+REACH = 1.1
+"""Factor on a lag within which, and a sample, its delay is."""
+CRITICAL = 1e-6
+"""Distance of log L from -1 at which it has found one."""
+
+
+@dataclass(frozen=True, eq=False)
+class Margins:
+    """What the loop of one control signal bears while the others stay closed.
+
+    gain          factors below and above 1 between which the loop stays stable;
+    phase         [deg], either way, infinite where the gain never passes 1; at `phase_at` [rad/s];
+    delay         [samples] that may be added before the signal acts, in fractions too; the held
+                  plant is taken anew for each.
+    """
+
+    gain: tuple[float, float]
+    phase: float
+    phase_at: float
+    delay: float
+
+
+@dataclass(frozen=True, eq=False)
+class SampledConditions:
+    """``pole`` is the closed loop's largest in modulus; ``margins`` of each control signal, if
+    the loop is stable."""
+
+    stable: bool
+    pole: complex
+    margins: tuple[Margins, ...]
+
+
+def sampled_conditions(
+    plant: Any, K: StateSpace, sample_time: float, delay: float = 0.0, *, sign: int = -1
+) -> SampledConditions:
+    """Stability and margins of a plant whose inputs are held, its outputs sampled, by K.
+
+    Parameters
+    ----------
+    plant
+        StateSpace or TransferFunction u -> y, continuous time; discretised exactly.
+    K
+        Sampled every `sample_time` [s].
+    delay
+        Of the computer [samples], any number from 0.
+    sign
+        u = sign K y: -1 negative, 1 positive feedback.
+
+    Raises
+    ------
+    InputError
+        A plant that is sampled, a K that is not or has another time or size, a bad sign or delay.
+    SolverError
+        A delay margin that is not found.
+    """
+    import control
+
+    plant = control.ss(plant)
+    if plant.dt:
+        raise InputError(f"the plant is sampled (dt = {plant.dt}); give the continuous plant")
+    if not 0.0 < sample_time < math.inf:
+        raise InputError(f"sample_time is {sample_time} s; it must be positive and finite")
+    if not K.dt or (K.dt is not True and not math.isclose(K.dt, sample_time)):
+        raise InputError(f"K has dt = {K.dt}; it must be sampled every {sample_time} s")
+    if (K.ninputs, K.noutputs) != (plant.noutputs, plant.ninputs):
+        raise InputError(
+            f"K has {K.ninputs} inputs and {K.noutputs} outputs; the plant has {plant.noutputs} "
+            f"outputs and {plant.ninputs} inputs"
+        )
+    if sign not in (-1, 1):
+        raise InputError(f"sign is {sign}; it must be -1 or 1")
+    split_delay(delay)
+    sampled_K = realisation((K.A, K.B, K.C, K.D), sample_time)
+    loop = SampledLoop(plant, sampled_K, sample_time, delay, sign)
+    closed = loop.closed
+    poles = closed.poles()
+    pole = complex(poles[np.argmax(np.abs(poles))]) if len(poles) else 0j
+    if not stability_of(closed).holds:
+        return SampledConditions(False, pole, ())
+    return SampledConditions(True, pole, tuple(_margins(loop, i) for i in range(plant.ninputs)))
+
+
+def _margins(loop: SampledLoop, channel: int) -> Margins:
+    angle = loop.angles()
+
+    def at(x: float) -> complex:
+        return complex(loop.gain(np.array([x]), channel)[0])
+
+    L = loop.gain(angle, channel)
+    real = [*_crossings(angle, L.imag, lambda x: at(x).imag), math.pi]
+    start = at(STATIC * angle[0])
+    if abs(start.imag) <= REAL * abs(start.real):  # no integrator
+        real.append(STATIC * angle[0])
+    values = np.array([at(x).real for x in real])
+    factors = -1.0 / values[values < 0.0]
+    gain = (
+        float(factors[factors < 1.0].max(initial=0.0)),
+        float(factors[factors > 1.0].min(initial=math.inf)),
+    )
+    delay = _delay_margin(loop, channel, angle)
+    passing = _crossings(angle, _level(L), lambda x: math.log(abs(at(x))))
+    if not passing:
+        return Margins(gain, math.inf, math.nan, delay)
+    away = np.abs(np.angle([-at(x) for x in passing]))
+    least = int(np.argmin(away))
+    return Margins(gain, math.degrees(away[least]), passing[least] / loop.period, delay)
+
+
+def _delay_margin(loop: SampledLoop, channel: int, grid: Real) -> float:
+    """The least delay [samples] that makes the loop critical, L(angle, delay) = -1.
+
+    Fractions of a sample change the gain of the held plant, so that the crossovers of some of
+    them, and the lags at which a pure delay would do there, are where the search begins.
+    """
+    starts: list[tuple[float, float]] = []
+    for more in FRACTIONS:
+        L = loop.gain(grid, channel, more)
+        places = np.flatnonzero(np.diff(np.sign(_level(L))))
+        lags = more + np.mod(np.angle(-L[places]), 2 * math.pi) / grid[places]
+        starts += list(zip(lags.tolist(), grid[places].tolist(), strict=True))
+    if not starts:
+        return math.inf
+
+    def away(unknowns: Real) -> list[float]:
+        angle, more = math.exp(unknowns[0]), max(unknowns[1], 0.0)
+        L = complex(loop.gain(np.array([angle]), channel, more)[0])
+        return [math.log(abs(L)), float(np.angle(-L))]
+
+    found: list[float] = []
+    for lag, angle in sorted(starts):
+        if found and lag > 1.0 + REACH * min(found):
+            break
+        solution = root(away, [math.log(angle), lag], tol=SETTLED)
+        near = 0.0 < solution.x[1] < 1.0 + REACH * lag
+        if near and np.abs(solution.fun).max() <= CRITICAL:
+            found.append(float(solution.x[1]))
+    if not found:
+        raise SolverError(f"no delay margin found near {min(starts)[0]:.6g} samples")
+    return min(found)
+
+
+def _level(L: Complex) -> Real:
+    with np.errstate(divide="ignore"):
+        level: Real = np.log(np.abs(L))
+    return level
+
+
+def _crossings(x: Real, values: Real, of: Any) -> list[float]:
+    """Where a function with these values changes its sign."""
+    places = np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0)
+    return [float(brentq(of, x[i], x[i + 1], xtol=1e-15)) for i in places]

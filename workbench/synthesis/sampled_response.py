@@ -1,0 +1,81 @@
+"""The loop of a sampled controller and a held plant: its poles and its response."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.simulation.discretise import sampled, split_delay
+from workbench.synthesis.standard import Real, realisation
+from workbench.uncertainty.connection import connected, part_of
+from workbench.uncertainty.generalised import response
+
+if TYPE_CHECKING:
+    from control import StateSpace
+
+Complex = NDArray[np.complex128]
+POINTS = 4000
+"""Frequencies between the slowest mode and half the sampling rate; more about each mode."""
+ABOUT = np.concatenate([-np.logspace(2, -2, 25), [0.0], np.logspace(-2, 2, 25)])
+"""Of a mode, in units of its damping."""
+INTEGRATOR = 1e-9
+"""Modes slower than this [rad/sample] are integrators."""
+
+
+@dataclass(frozen=True, eq=False)
+class SampledLoop:
+    """u = sign K y around a plant whose inputs are held `period` [s] and `delay` samples late."""
+
+    plant: StateSpace
+    K: StateSpace
+    period: float
+    delay: float
+    sign: int
+
+    @property
+    def closed(self) -> StateSpace:
+        """The loop without inputs and outputs, with every state."""
+        G = sampled(self.plant, self.period, self.delay)
+        m, p = self.plant.ninputs, self.plant.noutputs
+        links = np.zeros((m + p, p + m))
+        links[:m, p:], links[m:, :p] = self.sign * np.eye(m), np.eye(p)
+        # One signal each, for python-control systems have some.
+        enters, leaves = np.eye(m + p, 1), np.eye(1, m + p)
+        M, n = connected((part_of(G), part_of(self.K)), links, enters, leaves)
+        return realisation((M[:n, :n], M[:n, n:], M[n:, :n], M[n:, n:]), self.period)
+
+    def angles(self) -> Real:
+        """Frequencies [rad/sample] in (0, pi], dense where a mode makes the response steep."""
+        G = sampled(self.plant, self.period, self.delay)
+        modes = np.concatenate([s.poles() for s in (G, self.K, self.closed)]).astype(complex)
+        modes = np.log(modes[np.abs(modes) > 1e-6])
+        size = np.abs(modes)
+        slowest = size[size > INTEGRATOR].min(initial=math.pi)
+        grid = np.geomspace(slowest / 100, math.pi, POINTS)
+        damping = np.maximum(np.abs(modes.real), 1e-6 * size)
+        near = np.abs(modes.imag)[:, None] + damping[:, None] * ABOUT
+        near = near[(near > grid[0]) & (near < math.pi)]
+        return np.unique(np.concatenate([grid, near]))
+
+    def gain(self, angle: Real, channel: int, more: float = 0.0) -> Complex:
+        """L of one signal (F,), -1 being critical, its delay raised by `more` [samples]."""
+        m = self.plant.ninputs
+        columns = []
+        for j in range(m):
+            whole, rest = split_delay(self.delay + (more if j == channel else 0.0))
+            parts = self.plant.A, self.plant.B[:, [j]], self.plant.C, self.plant.D[:, [j]]
+            held = sampled(realisation(parts, 0.0), self.period, rest)
+            turned = np.exp(-1j * angle * whole)[:, None, None]
+            columns.append(response(held, angle / self.period) * turned)
+        L = -self.sign * response(self.K, angle / self.period) @ np.concatenate(columns, axis=-1)
+        other = np.delete(np.arange(m), channel)
+        own = L[:, channel, channel]
+        if m == 1:
+            return own
+        others = np.eye(m - 1) + L[:, other[:, None], other]
+        through = np.linalg.solve(others, L[:, other, channel, None])[..., 0]
+        return own - (L[:, channel, other] * through).sum(axis=-1)
