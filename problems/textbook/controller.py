@@ -1,0 +1,61 @@
+"""Benchmarks of mu synthesis, by any chain of methods."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from pydantic import Field
+
+from problems.mass_spring.plant import two_mass_plant
+from workbench import Run, problem, ref
+from workbench.errors import InputError
+from workbench.synthesis import MuSynthesis, reduced
+from workbench.synthesis.loops import restored
+from workbench.uncertainty import GeneralisedPlant
+
+from .distillation import distillation_column
+from .first_order import unstable_first_order
+
+if TYPE_CHECKING:
+    from control import StateSpace
+
+PLANTS: dict[str, Callable[[], GeneralisedPlant]] = {
+    "mass-spring": two_mass_plant,
+    "distillation": distillation_column,
+    "unstable-first-order": unstable_first_order,
+}
+After = Literal["", "dk", "mu-dk"]
+
+
+def earlier(plant: str, after: After = "", **_: Any) -> dict[str, Any]:
+    """The controller that a chain goes on from."""
+    return {"start": ref(f"{plant}/controller", method=after)} if after else {}
+
+
+@problem("{plant}/controller", plant=tuple(PLANTS), needs=earlier)
+def controller(
+    plant: Literal["mass-spring", "distillation", "unstable-first-order"],
+    start: Run | None = None,
+    after: After = "",
+    order: Annotated[int, Field(ge=0)] | None = None,
+) -> MuSynthesis:
+    """The controller with the least certified peak of mixed mu, by any method or chain of two.
+
+    The two masses with an uncertain spring, the ill-conditioned distillation column, an unstable
+    plant of first order. Method "fixed" goes on from an earlier one.
+
+    after: the method whose controller this one starts from. order: to which that is reduced first,
+    None: not.
+    """
+    chosen = PLANTS[plant]()
+    return MuSynthesis(chosen, start=_started(chosen, start, order))
+
+
+def _started(plant: GeneralisedPlant, start: Run | None, order: int | None) -> StateSpace | None:
+    if start is None:
+        if order is not None:
+            raise InputError(f"order = {order} reduces the controller of a run: say after which")
+        return None
+    K = restored(start.data, "controller")
+    return K if order is None else reduced(K, order, plant=plant)
