@@ -33,7 +33,11 @@ def earlier(plant: str, after: After = "", **_: Any) -> dict[str, Any]:
     return {"start": ref(f"{plant}/controller", method=after)} if after else {}
 
 
-@problem("{plant}/controller", plant=tuple(PLANTS), needs=earlier)
+@problem(
+    "{plant}/controller",
+    plant=("mass-spring", "distillation", "unstable-first-order"),
+    needs=earlier,
+)
 def controller(
     plant: Literal["mass-spring", "distillation", "unstable-first-order"],
     start: Run | None = None,

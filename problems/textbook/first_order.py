@@ -1,6 +1,6 @@
 """An unstable plant of first order: G = 1 / (s - 1), uncertain at its input.
 
-    v = (1 + W_I delta) u,   e = w + G v,   z = W_P e;   K acts on -e
+v = (1 + W_I delta) u,   e = w + G v,   z = W_P e;   K acts on -e
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ bound that is lowered: the (mu, D)-K iteration of Toffner-Clausen, Andersen, Sto
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -31,21 +31,23 @@ if TYPE_CHECKING:
     from control import StateSpace
 
 Real = NDArray[np.float64]
-ROUNDS = 20
-LEVEL = 2e-3
+ROUNDS = 30
+LEVEL = 1e-3
 """Relative width of the interval in which the least level of a K step is found."""
 SETTLED = 3e-4
 """Relative fall of the peak over `PATIENCE` rounds at which it counts as settled."""
-PATIENCE, LONG_PATIENCE = 3, 8
+PATIENCE, LONG_PATIENCE = 4, 8
 BLEND = 0.4
 """Share of the way that gamma goes in a round: much less is slow, much more diverges."""
 SMOOTH = 0.1
 LEAST, UNIMPORTANT = 0.05, 0.05
 """Least gamma asked for, and weight of frequencies where mu is small."""
 MOST_BIQUADS = 4
-GOOD = 0.002
+FARTHER = (1.0, 3.0, 7.0, 15.0, 31.0)
+"""How much farther than it went D is tried, in shares of its last change."""
+GOOD = 0.001
 """By how much fitted scalings may miss the bound where more biquads are not worth it, relative."""
-FLOOR = 0.5
+FLOOR = 0.8
 """Share of the peak below which scalings need not follow the bound."""
 
 
@@ -96,12 +98,14 @@ def _iterated(program: MuSynthesis, context: Context, blend: float) -> Claim:
     """Rounds of K and D steps; of those with a blend the peak may rise, and the best is kept."""
     history: list[Iterate] = []
     best: tuple[float, StateSpace, Round | None] | None = None
-    K, level, used = program.start, np.nan, None
+    K, level = program.start, np.nan
+    before: Round | None = None
+    used: Round | None = None
     said, patience = f"stopped after {ROUNDS} rounds", LONG_PATIENCE if blend else PATIENCE
     for _ in context.track(range(ROUNDS), "mu synthesis"):
         if K is None:
             try:
-                K, level = k_step(program, used)
+                K, level, used = _best_step(program, before, used)
             except (SolverError, InputError) as error:
                 said, K = f"its H-infinity step failed: {error}", None
         loop = None if K is None else _loop(program, K)
@@ -110,9 +114,11 @@ def _iterated(program: MuSynthesis, context: Context, blend: float) -> Claim:
             if best is None or best[2] is None or not blend or blend < 0.1 * BLEND:
                 break
             used, blend, K = best[2], blend / 2, None  # back to where it was well, more slowly
+            before = None
             continue
         mixed = upper_bound(loop.M, program.closed).value
         peak = float(mixed.max())
+        before = used
         used, missed = _scalings(program, loop, mixed, used, blend)
         if best is None or peak < best[0]:
             best = peak, K, used
@@ -131,6 +137,31 @@ def _loop(program: MuSynthesis, K: StateSpace) -> Loop | None:
     """The loop's response; None where the loop is not stable."""
     system = program.plant.close(K)
     return Loop.of(system) if stability_of(system).holds else None
+
+
+def _best_step(
+    program: MuSynthesis, before: Round | None, now: Round | None
+) -> tuple[StateSpace, float, Round | None]:
+    """The controller of least level, D as it is or farther in the direction of its last change.
+
+    The alternation may be slow, and a K step costs little beside a D step.
+    """
+    candidates = [now]
+    if before is not None and now is not None and before.D[0] == now.D[0]:
+        scalings, x = now.D
+        change = x - before.D[1]
+        candidates += [replace(now, D=(scalings, x + share * change)) for share in FARTHER]
+    K, level = k_step(program, now)
+    best = K, level, now
+    for candidate in candidates[1:]:
+        try:
+            K, level = k_step(program, candidate)
+        except (SolverError, InputError):
+            break
+        if level >= best[1]:
+            break
+        best = K, level, candidate
+    return best
 
 
 def k_step(program: MuSynthesis, used: Round | None) -> tuple[StateSpace, float]:
