@@ -139,6 +139,24 @@ def test_a_delay_margin_below_a_sample():
     assert not sampled_conditions(plant, K, period, 0.3 + margins.delay * (1 + 1e-6)).stable
 
 
+def test_a_mode_beyond_half_the_sampling_rate_comes_and_goes_with_the_delay():
+    """The gain is below 1 at the delay as it is, above 1 with a fraction of a sample more."""
+    s = control.tf("s")
+    plant = control.ss(1 / (s + 1)) + control.ss(0.4 * 7.3**2 / (s**2 + 0.05 * s + 7.3**2))
+    K = control.ss([], [], [], [[0.3]], 0.8)
+    hidden = 0
+    for delay in np.arange(0.0, 2.0, 0.25):
+        found = sampled_conditions(plant, K, 0.8, delay)
+        if found.stable and found.margins[0].delay < 20:
+            hidden += found.margins[0].phase == math.inf
+            later = [
+                sampled_conditions(plant, K, 0.8, delay + found.margins[0].delay * (1 + e)).stable
+                for e in (-0.5, -1e-6, 1e-6)
+            ]
+            assert later == [True, True, False]
+    assert hidden
+
+
 def test_two_loops_are_broken_one_at_a_time():
     s = control.tf("s")
     plant = control.ss([[-1.0, 0.3], [0.2, -2.0]], np.eye(2), [[1.0, 0.4], [-0.3, 1.0]], 0.0)
@@ -150,6 +168,15 @@ def test_two_loops_are_broken_one_at_a_time():
             gain = np.ones(2)
             gain[channel] = margins.gain[1] * (1 + e)
             changed = realisation((K.A, K.B, gain[:, None] * K.C, gain[:, None] * K.D), 0.1)
+            assert sampled_conditions(plant, changed, 0.1, 0.5).stable == expected
+    # A delay of one signal, by states of K before it: the margin lies in that sample.
+    z = control.tf([1.0, 0.0], [1.0], 0.1)
+    for channel, margins in enumerate(found.margins):
+        whole = math.floor(margins.delay)
+        for steps, expected in ((whole, True), (whole + 1, False)):
+            late = [control.ss([], [], [], [[1.0]], 0.1)] * 2
+            late[channel] = control.ss(1 / z**steps) if steps else late[channel]
+            changed = control.append(*late) * K
             assert sampled_conditions(plant, changed, 0.1, 0.5).stable == expected
 
 
