@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq, root
@@ -15,9 +15,6 @@ from workbench.synthesis.loops import stability_of
 from workbench.synthesis.sampled_response import Complex, SampledLoop
 from workbench.synthesis.standard import Real, realisation
 
-if TYPE_CHECKING:
-    from control import StateSpace
-
 STATIC = 1e-8
 """Share of the lowest frequency at which the static gain is read."""
 REAL = 1e-3
@@ -26,7 +23,7 @@ SETTLED = 1e-10
 """Relative change at which the search for a delay margin ends."""
 FRACTIONS = tuple(k / 12 for k in range(12))
 """Delays [samples] from whose crossovers that search begins."""
-STEP, SCANNED = 0.05, 20.0
+STEP, SCANNED = 0.05, 10.0
 """Delays [samples] at which the poles are looked at, and up to which."""
 REACH = 1.1
 """Factor on a lag within which, and a sample, its delay is."""
@@ -42,8 +39,8 @@ class Margins:
     phase         [deg], either way, infinite where the gain never passes 1; at `phase_at` [rad/s];
     delay         [samples] that may be added before the signal acts, in fractions too; the held
                   plant is taken anew for each. Infinite where the gain never passes 1; NaN, not
-                  known but above `SCANNED`, where it does so for some fractions of a sample only and
-                  none of them was found critical.
+                  known but above `SCANNED`, where it does so for some fractions of a sample only,
+                  none of which was found critical.
     """
 
     gain: tuple[float, float]
@@ -63,7 +60,7 @@ class SampledConditions:
 
 
 def sampled_conditions(
-    plant: Any, K: StateSpace, sample_time: float, delay: float = 0.0, *, sign: int = -1
+    plant: Any, K: Any, sample_time: float, delay: float = 0.0, *, sign: int = -1
 ) -> SampledConditions:
     """Stability and margins of a plant whose inputs are held, its outputs sampled, by K.
 
@@ -72,7 +69,7 @@ def sampled_conditions(
     plant
         StateSpace or TransferFunction u -> y, continuous time; discretised exactly.
     K
-        Sampled every `sample_time` [s].
+        StateSpace or TransferFunction, sampled every `sample_time` [s].
     delay
         Of the computer [samples], any number from 0.
     sign
@@ -85,7 +82,7 @@ def sampled_conditions(
     """
     import control
 
-    plant = control.ss(plant)
+    plant, K = control.ss(plant), control.ss(K)
     if plant.dt:
         raise InputError(f"the plant is sampled (dt = {plant.dt}); give the continuous plant")
     if not 0.0 < sample_time < math.inf:
