@@ -11,7 +11,7 @@ from scipy.signal import sosfilt
 
 from problems.cd_drive import drives
 from workbench.errors import InputError
-from workbench.simulation import respond
+from workbench.simulation import respond, sampled
 from workbench.synthesis import (
     Sections,
     discretised,
@@ -46,6 +46,12 @@ def random_system(seed, dt=None):
 
 def times(K, gain):
     return realisation((K.A, K.B, gain * K.C, gain * K.D), K.dt)
+
+
+def stable(plant, K, period, delay=0.0, sign=-1):
+    """By python-control's feedback."""
+    loop = control.feedback(sampled(plant, period, delay), K, sign)
+    return bool(np.abs(loop.poles()).max() < 1)
 
 
 # --- discretisation ---------------------------------------------------------------------------
@@ -119,13 +125,13 @@ def test_margins_are_where_the_poles_leave_the_circle(delay):
     K_d = discretised(K, T)
     (margins,) = sampled_conditions(plant, K_d, T, delay).margins
 
-    def stable(gain=1.0, more=0.0):
-        return sampled_conditions(plant, times(K_d, gain), T, delay + more).stable
+    def holds(gain=1.0, more=0.0):
+        return stable(plant, times(K_d, gain), T, delay + more)
 
     for factor, inside in zip(margins.gain, (1e-4, -1e-4), strict=True):
-        assert stable(factor * (1 + inside)) and not stable(factor * (1 - inside))
-    assert stable(more=margins.delay * (1 - 1e-5))
-    assert not stable(more=margins.delay * (1 + 1e-5))
+        assert holds(factor * (1 + inside)) and not holds(factor * (1 - inside))
+    assert holds(more=margins.delay * (1 - 1e-5))
+    assert not holds(more=margins.delay * (1 + 1e-5))
 
 
 def test_a_delay_margin_below_a_sample():
@@ -135,8 +141,26 @@ def test_a_delay_margin_below_a_sample():
     K = control.ss([], [], [], [[2.2]], period)
     (margins,) = sampled_conditions(plant, K, period, 0.3).margins
     assert 0.05 < margins.delay < 1.5
-    assert sampled_conditions(plant, K, period, 0.3 + margins.delay * (1 - 1e-6)).stable
-    assert not sampled_conditions(plant, K, period, 0.3 + margins.delay * (1 + 1e-6)).stable
+    assert stable(plant, K, period, 0.3 + margins.delay * (1 - 1e-6))
+    assert not stable(plant, K, period, 0.3 + margins.delay * (1 + 1e-6))
+
+
+def test_a_mode_beyond_half_the_sampling_rate_comes_and_goes_with_the_delay():
+    """The gain is below 1 at the delay as it is, above 1 with a fraction of a sample more."""
+    s = control.tf("s")
+    plant = control.ss(1 / (s + 1)) + control.ss(0.4 * 7.3**2 / (s**2 + 0.05 * s + 7.3**2))
+    K = control.ss([], [], [], [[0.3]], 0.8)
+    hidden = 0
+    for delay in (0.0, 0.5, 0.75, 1.25):
+        found = sampled_conditions(plant, K, 0.8, delay)
+        if found.stable and found.margins[0].delay < 10:
+            hidden += found.margins[0].phase == math.inf
+            later = [
+                stable(plant, K, 0.8, delay + found.margins[0].delay * (1 + e))
+                for e in (-0.5, -1e-6, 1e-6)
+            ]
+            assert later == [True, True, False]
+    assert hidden
 
 
 def test_two_loops_are_broken_one_at_a_time():
@@ -150,7 +174,16 @@ def test_two_loops_are_broken_one_at_a_time():
             gain = np.ones(2)
             gain[channel] = margins.gain[1] * (1 + e)
             changed = realisation((K.A, K.B, gain[:, None] * K.C, gain[:, None] * K.D), 0.1)
-            assert sampled_conditions(plant, changed, 0.1, 0.5).stable == expected
+            assert stable(plant, changed, 0.1, 0.5) == expected
+    # A delay of one signal, by states of K before it: the margin lies in that sample.
+    z = control.tf([1.0, 0.0], [1.0], 0.1)
+    for channel, margins in enumerate(found.margins):
+        whole = math.floor(margins.delay)
+        for steps, expected in ((whole, True), (whole + 1, False)):
+            late = [control.ss([], [], [], [[1.0]], 0.1)] * 2
+            late[channel] = control.ss(1 / z**steps) if steps else late[channel]
+            changed = control.append(*late) * K
+            assert stable(plant, changed, 0.1, 0.5) == expected
 
 
 def test_the_sign_of_the_feedback():

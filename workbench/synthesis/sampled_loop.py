@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq, root
 
-from workbench.errors import InputError, SolverError
+from workbench.errors import InputError
 from workbench.simulation.discretise import split_delay
 from workbench.synthesis.loops import stability_of
 from workbench.synthesis.sampled_response import Complex, SampledLoop
 from workbench.synthesis.standard import Real, realisation
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 STATIC = 1e-8
 """Share of the lowest frequency at which the static gain is read."""
@@ -25,7 +22,9 @@ REAL = 1e-3
 SETTLED = 1e-10
 """Relative change at which the search for a delay margin ends."""
 FRACTIONS = tuple(k / 12 for k in range(12))
-"""Delays [samples] from whose crossovers that search begins; crossovers between two are missed."""
+"""Delays [samples] from whose crossovers that search begins."""
+STEP, SCANNED = 0.05, 10.0
+"""Delays [samples] at which the poles are looked at, and up to which."""
 REACH = 1.1
 """Factor on a lag within which, and a sample, its delay is."""
 CRITICAL = 1e-6
@@ -39,7 +38,9 @@ class Margins:
     gain          factors below and above 1 between which the loop stays stable;
     phase         [deg], either way, infinite where the gain never passes 1; at `phase_at` [rad/s];
     delay         [samples] that may be added before the signal acts, in fractions too; the held
-                  plant is taken anew for each.
+                  plant is taken anew for each. Infinite where the gain never passes 1; NaN, not
+                  known but above `SCANNED`, where it does so for some fractions of a sample only,
+                  none of which was found critical.
     """
 
     gain: tuple[float, float]
@@ -59,7 +60,7 @@ class SampledConditions:
 
 
 def sampled_conditions(
-    plant: Any, K: StateSpace, sample_time: float, delay: float = 0.0, *, sign: int = -1
+    plant: Any, K: Any, sample_time: float, delay: float = 0.0, *, sign: int = -1
 ) -> SampledConditions:
     """Stability and margins of a plant whose inputs are held, its outputs sampled, by K.
 
@@ -68,7 +69,7 @@ def sampled_conditions(
     plant
         StateSpace or TransferFunction u -> y, continuous time; discretised exactly.
     K
-        Sampled every `sample_time` [s].
+        StateSpace or TransferFunction, sampled every `sample_time` [s].
     delay
         Of the computer [samples], any number from 0.
     sign
@@ -78,12 +79,10 @@ def sampled_conditions(
     ------
     InputError
         A plant that is sampled, a K that is not or has another time or size, a bad sign or delay.
-    SolverError
-        A delay margin that is not found.
     """
     import control
 
-    plant = control.ss(plant)
+    plant, K = control.ss(plant), control.ss(K)
     if plant.dt:
         raise InputError(f"the plant is sampled (dt = {plant.dt}); give the continuous plant")
     if not 0.0 < sample_time < math.inf:
@@ -100,7 +99,7 @@ def sampled_conditions(
     split_delay(delay)
     sampled_K = realisation((K.A, K.B, K.C, K.D), sample_time)
     loop = SampledLoop(plant, sampled_K, sample_time, delay, sign)
-    closed = loop.closed
+    closed = loop.closed()
     poles = closed.poles()
     pole = complex(poles[np.argmax(np.abs(poles))]) if len(poles) else 0j
     if not stability_of(closed).holds:
@@ -146,8 +145,6 @@ def _delay_margin(loop: SampledLoop, channel: int, grid: Real) -> float:
         places = np.flatnonzero(np.diff(np.sign(_level(L))))
         lags = more + np.mod(np.angle(-L[places]), 2 * math.pi) / grid[places]
         starts += list(zip(lags.tolist(), grid[places].tolist(), strict=True))
-    if not starts:
-        return math.inf
 
     def away(unknowns: Real) -> list[float]:
         angle, more = math.exp(unknowns[0]), max(unknowns[1], 0.0)
@@ -162,9 +159,26 @@ def _delay_margin(loop: SampledLoop, channel: int, grid: Real) -> float:
         near = 0.0 < solution.x[1] < 1.0 + REACH * lag
         if near and np.abs(solution.fun).max() <= CRITICAL:
             found.append(float(solution.x[1]))
-    if not found:
-        raise SolverError(f"no delay margin found near {min(starts)[0]:.6g} samples")
-    return min(found)
+    least = min(found, default=math.nan if starts else math.inf)
+    earlier = _unstable_from(loop, channel, SCANNED if math.isnan(least) else min(least, SCANNED))
+    return least if earlier is None else earlier
+
+
+def _unstable_from(loop: SampledLoop, channel: int, end: float) -> float | None:
+    """The delay [samples] before `end` at which a pole leaves the unit circle; None if none does.
+
+    It finds what lies between the fractions: modes near half the sampling rate or beyond come and
+    go with the delay.
+    """
+    own = np.eye(loop.plant.ninputs)[channel]
+
+    def outside(more: float) -> float:
+        return float(np.abs(loop.closed(more * own).poles()).max(initial=0.0)) - 1.0
+
+    for more in np.arange(STEP, end * (1.0 - STEP), STEP):
+        if outside(more) >= 0.0:
+            return float(brentq(outside, more - STEP, more, xtol=SETTLED))
+    return None
 
 
 def _level(L: Complex) -> Real:

@@ -36,22 +36,45 @@ class SampledLoop:
     delay: float
     sign: int
 
-    @property
-    def closed(self) -> StateSpace:
-        """The loop without inputs and outputs, with every state."""
-        G = sampled(self.plant, self.period, self.delay)
+    def held(self, more: Real | None = None) -> StateSpace:
+        """The sampled plant, its inputs `more` (inputs,) samples later still.
+
+        Columns have the same states of the plant and their own inputs on the way.
+        """
+        G = self.plant
+        n, m = G.nstates, G.ninputs
+        delays = self.delay + (np.zeros(m) if more is None else more)
+        columns = [
+            sampled(realisation((G.A, G.B[:, [j]], G.C, G.D[:, [j]]), 0.0), self.period, delays[j])
+            for j in range(m)
+        ]
+        ends = n + np.cumsum([column.nstates - n for column in columns])
+        size = int(ends[-1])
+        A, B = np.zeros((size, size)), np.zeros((size, m))
+        C, D = np.zeros((G.noutputs, size)), np.zeros((G.noutputs, m))
+        A[:n, :n], C[:, :n] = columns[0].A[:n, :n], G.C
+        for j, (column, end) in enumerate(zip(columns, ends, strict=True)):
+            own = slice(int(end) - column.nstates + n, int(end))
+            A[:n, own], A[own, own] = column.A[:n, n:], column.A[n:, n:]
+            B[:n, j], B[own, j] = column.B[:n, 0], column.B[n:, 0]
+            C[:, own], D[:, j] = column.C[:, n:], column.D[:, 0]
+        return realisation((A, B, C, D), self.period)
+
+    def closed(self, more: Real | None = None) -> StateSpace:
+        """The loop with every state, for its poles; inputs and outputs mean nothing."""
         m, p = self.plant.ninputs, self.plant.noutputs
         links = np.zeros((m + p, p + m))
         links[:m, p:], links[m:, :p] = self.sign * np.eye(m), np.eye(p)
         # One signal each, for python-control systems have some.
         enters, leaves = np.eye(m + p, 1), np.eye(1, m + p)
-        M, n = connected((part_of(G), part_of(self.K)), links, enters, leaves)
+        parts = part_of(self.held(more)), part_of(self.K)
+        M, n = connected(parts, links, enters, leaves)
         return realisation((M[:n, :n], M[:n, n:], M[n:, :n], M[n:, n:]), self.period)
 
     def angles(self) -> Real:
         """Frequencies [rad/sample] in (0, pi], dense where a mode makes the response steep."""
-        G = sampled(self.plant, self.period, self.delay)
-        modes = np.concatenate([s.poles() for s in (G, self.K, self.closed)]).astype(complex)
+        systems = self.held(), self.K, self.closed()
+        modes = np.concatenate([system.poles() for system in systems]).astype(complex)
         modes = np.log(modes[np.abs(modes) > 1e-6])
         size = np.abs(modes)
         slowest = size[size > INTEGRATOR].min(initial=math.pi)

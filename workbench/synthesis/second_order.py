@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -68,8 +68,8 @@ class Sections:
         return realisation((A, B, C, D), self.dt)
 
 
-def second_order_sections(K: StateSpace) -> Sections:
-    """Cascades of a sampled controller, poles paired with the zeros nearest to them.
+def second_order_sections(K: Any) -> Sections:
+    """Cascades of a sampled StateSpace or TransferFunction, poles with the zeros nearest to them.
 
     Poles nearest to the unit circle choose first and stand last (L. Jackson, Roundoff-noise
     analysis for fixed-point digital filters realized in cascade or parallel form, IEEE Trans.
@@ -82,6 +82,9 @@ def second_order_sections(K: StateSpace) -> Sections:
     SolverError
         Poles and zeros that do not give the response of K again, for rounding.
     """
+    import control
+
+    K = control.ss(K)
     if not K.dt or K.dt is True:
         raise InputError(f"K has dt = {K.dt}; discretise it first, with a sampling time in seconds")
     channels = tuple(tuple(_channel(K, i, j) for j in range(K.ninputs)) for i in range(K.noutputs))
