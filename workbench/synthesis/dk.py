@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 Real = NDArray[np.float64]
 ROUNDS = 30
-LEVEL = 1e-3
+LEVEL = 2e-3
 """Relative width of the interval in which the least level of a K step is found."""
 SETTLED = 3e-4
 """Relative fall of the peak over `PATIENCE` rounds at which it counts as settled."""
@@ -45,9 +45,9 @@ LEAST, UNIMPORTANT = 0.05, 0.05
 MOST_BIQUADS = 4
 FARTHER = (1.0, 3.0, 7.0, 15.0, 31.0)
 """How much farther than it went D is tried, in shares of its last change."""
-GOOD = 0.001
+GOOD = 0.002
 """By how much fitted scalings may miss the bound where more biquads are not worth it, relative."""
-FLOOR = 0.8
+FLOOR = 0.5
 """Share of the peak below which scalings need not follow the bound."""
 
 

@@ -1,0 +1,59 @@
+"""Benchmarks of mu synthesis: the plants are those of the literature, chains can be asked for."""
+
+import numpy as np
+import pytest
+
+import workbench as wb
+from problems.textbook.controller import PLANTS, controller, earlier
+from problems.textbook.distillation import distillation_column
+from problems.textbook.first_order import unstable_first_order
+from workbench.errors import InputError
+from workbench.uncertainty.generalised import response
+
+OMEGA = np.geomspace(1e-3, 1e3, 50)
+S = 1j * OMEGA
+
+
+def test_the_column_is_that_of_the_literature():
+    plant = distillation_column()
+    assert plant.structure.to_pairs() == [(1, 0), (1, 0)]
+    P = response(plant.system, OMEGA)
+    G = np.array([[87.8, -86.4], [108.2, -109.6]]) / (75 * S + 1)[:, None, None]
+    w_I, w_P = (S + 0.2) / (0.5 * S + 1), (S / 2 + 0.05) / (S + 1e-6)
+    # inputs d, w, u; outputs y, z, m
+    np.testing.assert_allclose(P[:, :2, 4:], w_I[:, None, None] * np.eye(2))
+    np.testing.assert_allclose(P[:, 2:4, 4:], w_P[:, None, None] * G, rtol=1e-9)
+    np.testing.assert_allclose(P[:, 2:4, :2], w_P[:, None, None] * G, rtol=1e-9)
+    np.testing.assert_allclose(P[:, 4:, 2:4], np.broadcast_to(-np.eye(2), G.shape), atol=1e-12)
+
+
+def test_the_first_order_plant_is_unstable_and_uncertain_at_its_input():
+    plant = unstable_first_order()
+    assert plant.system.poles().real.max() == pytest.approx(1.0)
+    P = response(plant.system, OMEGA)
+    np.testing.assert_allclose(P[:, 0, 2], 0.25 * (S / 2 + 1) / (S / 32 + 1), rtol=1e-9)
+    np.testing.assert_allclose(P[:, 2, 2], -1 / (S - 1), rtol=1e-9)
+
+
+def test_chains_need_what_they_go_on_from():
+    assert earlier("distillation") == {}
+    (need,) = earlier("distillation", after="dk").values()
+    assert (need.name, need.method) == ("distillation/controller", "dk")
+    with pytest.raises(InputError, match="after which"):
+        controller("mass-spring", order=5)
+
+
+@pytest.mark.parametrize("name", PLANTS)
+def test_every_plant_has_a_problem(name):
+    program = controller(name)
+    assert program.structure is not None
+    assert f"{name}/controller" in [entry.name for entry in wb.problems("*/controller")]
+
+
+@pytest.mark.slow
+def test_the_column_by_dk():
+    """A public package reaches 1.036 with 22 states in four iterations."""
+    solution = wb.solve(controller("distillation"), "dk")
+    assert solution.certificate.holds, solution.certificate
+    assert solution.answer.upper < 1.01
+    assert min(each.peak for each in solution.answer.history[:4]) < 1.036
