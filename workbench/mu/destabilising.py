@@ -72,6 +72,10 @@ def destabilising(peak: Peak, system: Any, structure: Structure) -> Any:
     """
     import control
 
+    if not isinstance(peak, Peak):
+        raise InputError(
+            f"peak must be what `peak(system, structure)` gives, not {type(peak).__name__}"
+        )
     if not peak.lower > 0:
         raise InputError("the peak's lower bound is 0: no destabilising perturbation is known")
     stable = fitting(system, structure)
