@@ -122,3 +122,10 @@ def test_things_of_another_kind():
 def test_improper_systems_are_told_their_zeros_and_poles():
     with pytest.raises(InputError, match="improper: it has 2 zeros and 1 poles"):
         peak(control.tf([1, 0, 0], [1, 1]), ONE)
+
+
+def test_a_destabilising_system_needs_the_structure_of_the_peak():
+    system = control.ss(-np.eye(4), np.eye(4), M.real, np.zeros((4, 4)))
+    found = peak(system, Structure([Full(4, 4)]))
+    with pytest.raises(InputError, match="has not the structure"):
+        destabilising(found, system, Structure([Complex(4)]))
