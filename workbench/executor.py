@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from workbench.errors import TimeLimitError, WorkbenchError
+from workbench.errors import InputError, TimeLimitError, WorkbenchError
 from workbench.solvers import Options
 
 WALL_TIME = {"wall_time": 1}
@@ -112,6 +112,10 @@ class Context:
     progress: Progress = silent
     statement_seconds: float = 0.0
     started: float = field(default_factory=time.perf_counter)
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.options, Options):
+            raise InputError(f"options must be Options(...), not {self.options!r}")
 
     @cached_property
     def rng(self) -> np.random.Generator:

@@ -143,6 +143,8 @@ class Structure:
     blocks: tuple[Block, ...]
 
     def __init__(self, blocks: Iterable[Block]) -> None:
+        if not isinstance(blocks, Iterable):
+            raise InputError(f"a list of blocks is needed, not {blocks!r}")
         object.__setattr__(self, "blocks", tuple(blocks))
         if not self.blocks:
             raise InputError("the structure has no blocks; give at least one")
@@ -161,6 +163,8 @@ class Structure:
         [-1 1] is accepted as a real scalar. [1 1] is a full 1-by-1 block, which is the same set
         as a complex scalar. Raises InputError for anything else.
         """
+        if not isinstance(pairs, Iterable):
+            raise InputError(f"a list of rows of two integers is needed, not {pairs!r}")
         return cls(_from_pair(pair) for pair in pairs)
 
     def to_pairs(self) -> list[tuple[int, int]]:

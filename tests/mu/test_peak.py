@@ -245,3 +245,14 @@ def test_conditions_of_an_unstable_loop_and_of_signals_that_are_not_there():
         conditions(plant, controller("focus"), exogenous="w_uu")
     with pytest.raises(InputError, match="no performance output 7"):
         conditions(plant, controller("focus"), performance=7)
+
+
+@pytest.mark.parametrize("scale", [1e-150, 1e-100, 1e100, 1e150])
+def test_peaks_have_the_scale_of_their_system(scale):
+    rng = np.random.default_rng(5)
+    A = np.kron(np.diag([0.3, 2.0]), [[-0.01, 1.0], [-1.0, -0.01]])
+    system = control.ss(A, rng.normal(size=(4, 4)), rng.normal(size=(4, 4)), 0.1 * np.eye(4))
+    structure = Structure([Real(1), Complex(1), Full(2, 2)])
+    one, other = peak(system, structure), peak(scale * system, structure)
+    assert other.upper / scale == pytest.approx(one.upper, rel=1e-3)
+    assert other.lower / scale == pytest.approx(one.lower, rel=1e-3)

@@ -14,14 +14,19 @@ from workbench.mu.sweep import Sweep, sweep
 from workbench.mu.upper import upper_bound
 from workbench.mu.upper_program import MuUpperBound, UpperBound
 from workbench.mu.worst_case import WorstCaseGain, worst_case_gain
+from workbench.structure import Complex, Full, Real, Structure
 
 __all__ = [
+    "Complex",
     "Conditions",
+    "Full",
     "LowerBound",
     "MuLowerBound",
     "MuUpperBound",
     "Peak",
+    "Real",
     "SkewBounds",
+    "Structure",
     "Sweep",
     "UpperBound",
     "WorstCaseGain",

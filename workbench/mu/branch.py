@@ -16,11 +16,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from numbers import Real as Number
 from typing import Any
 
 import numpy as np
 
 from workbench.errors import InputError
+from workbench.mu.given import need_count
 from workbench.mu.lower import lower_bound
 from workbench.mu.lower_program import as_matrices
 from workbench.solvers import Options
@@ -90,8 +92,9 @@ def branch_and_bound(
     M = as_matrices(M, structure)
     if M.ndim != 2:
         raise InputError(f"one matrix (columns, rows) is needed, M has shape {M.shape}")
-    if not (np.isfinite(gap) and gap > 0 and nodes > 0):
-        raise InputError(f"gap and nodes must be positive, they are {gap!r} and {nodes!r}")
+    if not (isinstance(gap, Number) and 0.0 < gap < np.inf):
+        raise InputError(f"gap is {gap!r}; it must be a number, positive and finite")
+    need_count("nodes", nodes)
     search = _Search(M, structure, upper or _own_upper(), nodes, options)
     if any(isinstance(block, Real) for block in structure):
         while search.upper > (1 + gap) * search.lower and search.nodes < nodes:

@@ -72,6 +72,10 @@ def destabilising(peak: Peak, system: Any, structure: Structure) -> Any:
     """
     import control
 
+    if not isinstance(peak, Peak):
+        raise InputError(
+            f"peak must be what `peak(system, structure)` gives, not {type(peak).__name__}"
+        )
     if not peak.lower > 0:
         raise InputError("the peak's lower bound is 0: no destabilising perturbation is known")
     stable = fitting(system, structure)
@@ -81,6 +85,9 @@ def destabilising(peak: Peak, system: Any, structure: Structure) -> Any:
             f"the peak has a Delta of shape {Delta.shape}; the structure {structure.to_pairs()} "
             f"needs ({structure.rows}, {structure.columns})"
         )
+    allowed = structure.complexified() if peak.complex_part else structure
+    if not allowed.contains(Delta):
+        raise InputError(f"the peak's Delta has not the structure {structure.to_pairs()}")
     omega = peak.omega
     constant = _constants(Delta, structure, 1 / peak.lower)
     M = stable.response([omega])[0]

@@ -18,8 +18,10 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from workbench.errors import InputError
+from workbench.mu.lower_program import as_matrices
 from workbench.mu.upper_pattern import basis, pattern_of, spread
 from workbench.mu.upper_program import UpperBound
 from workbench.structure import Structure
@@ -31,13 +33,13 @@ TRACE = 1e3
 """Weight of the multiplier's normalisation beside its stationarity."""
 
 
-def gradient(M: Array, structure: Structure, bound: UpperBound) -> Array:
+def gradient(M: ArrayLike, structure: Structure, bound: UpperBound) -> Array:
     """The change of the upper bound with M, the multipliers D and G following it.
 
     Parameters
     ----------
     M
-        Complex, shape (..., c, r).
+        Complex or real, shape (..., c, r), finite.
     bound
         That of M by `upper_bound`, positive.
 
@@ -45,11 +47,22 @@ def gradient(M: Array, structure: Structure, bound: UpperBound) -> Array:
     -------
     Gamma of shape (..., r, c): to first order the bound changes by Re tr(Gamma dM).
 
+    Raises
+    ------
+    InputError
+        M that does not fit the structure or is not finite; a bound of another batch, or one that
+        is 0, where it has no gradient.
+
     References
     ----------
     Overton, Womersley, Optimality conditions and duality theory for minimizing sums of the largest
     eigenvalues of symmetric matrices, Mathematical Programming 62 (1993) 321-357.
     """
+    M = as_matrices(M, structure)
+    if not isinstance(bound, UpperBound) or np.shape(bound.value) != M.shape[:-2]:
+        raise InputError("bound must be that of this M: `upper_bound(M, structure)`")
+    if not (bound.value > 0).all():
+        raise InputError("the bound is 0 somewhere, and has no gradient there; leave it out")
     return dual(M, structure, bound) @ _half(M, bound) / bound.value[..., None, None]
 
 

@@ -229,6 +229,11 @@ def _hamiltonian(A: Array, B: Array, C: Array, D: Array, frame: _Frame) -> Array
     S = C.conj().T @ (1j * frame.F.conj().T - frame.left @ D @ frame.right) @ inverse
     B = B @ frame.right @ inverse
     corner = A - B @ S.conj().T
+    # States in another unit, a power of two, make the other corners one size.
+    size = np.abs(B).max(initial=0.0), max(np.abs(part).max(initial=0.0) for part in (C, S))
+    if min(size) > 0:
+        unit = np.exp2(np.round(0.5 * (np.log2(size[1]) - np.log2(size[0]))))
+        B, C, S = B * unit, C / unit, S / unit
     H = np.block([[corner, -B @ B.conj().T], [C.conj().T @ C + S @ S.conj().T, -corner.conj().T]])
     return H if np.isfinite(H).all() else None
 

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.errors import InputError
 from workbench.mu.peak import Peak, peak
 from workbench.structure import Full, Real, Structure
 from workbench.uncertainty.generalised import GeneralisedPlant, Signals
@@ -100,6 +101,11 @@ def conditions(
     """
     import control
 
+    if not isinstance(plant, GeneralisedPlant):
+        raise InputError(
+            f"plant must be a GeneralisedPlant, not {type(plant).__name__}; it says which of a "
+            "system's inputs and outputs are perturbation, performance and control"
+        )
     N = plant.channel(performance, exogenous).close(K)
     poles = N.poles()
     pole = complex(poles[np.argmax(poles.real)]) if len(poles) else None

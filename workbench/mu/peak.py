@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from numbers import Real as Number
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 
 from workbench.errors import InputError
 from workbench.mu.between import certified_between
+from workbench.mu.given import need_count, need_tolerance
 from workbench.mu.hamiltonian import StableSystem, certified_interval, stable_system
 from workbench.mu.lower import lower_bound
 from workbench.mu.sweep import UpperSweep, bounds_at, fitting, refined
@@ -118,10 +120,10 @@ def peak(
     ------
     InputError
         A system that does not fit the structure, unstable, improper or sampled; real scalars only
-        without a complex part.
+        without a complex part; a tolerance, complex part or steps that make no sense.
     """
-    if not 0.0 < tolerance < 1.0:
-        raise InputError(f"tolerance is {tolerance}; it must lie between 0 and 1")
+    need_tolerance(tolerance)
+    need_count("steps", steps)
     original = fitting(system, structure)
     if complex_part:
         stable, larger = regularised(original, structure, complex_part)
@@ -160,8 +162,10 @@ def regularised(
     Packard, Pandey, Continuity properties of the real/complex structured singular value, IEEE
     Trans. Automatic Control 38 (1993) 415-428.
     """
-    if not 0.0 < complex_part < math.inf:
-        raise InputError(f"complex_part is {complex_part}; it must be positive and finite")
+    if not (isinstance(complex_part, Number) and 0.0 < complex_part < math.inf):
+        raise InputError(
+            f"complex_part is {complex_part!r}; it must be a number, positive and finite"
+        )
     places = zip(structure, structure.column_slices, structure.row_slices, strict=True)
     real = [(block, column, row) for block, column, row in places if isinstance(block, Real)]
     if not real:

@@ -11,8 +11,9 @@ acceptable uncertainty", Systems & Control Letters 18 (1992) 409-421.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from numbers import Integral
 from typing import Any
 
 import numpy as np
@@ -97,13 +98,15 @@ def _numbers(structure: Structure, fixed: Sequence[str | int] | str | int) -> se
     """Of the blocks named."""
     names = [block.name for block in structure]
     numbers = set()
-    for one in [fixed] if isinstance(fixed, str | int) else fixed:
+    for one in fixed if isinstance(fixed, Iterable) and not isinstance(fixed, str) else [fixed]:
         if isinstance(one, str):
             if names.count(one) > 1:
                 raise InputError(f"{names.count(one)} blocks are called {one!r}; give their number")
             if one not in names or not one:
                 raise UnknownNameError("block", one, [name for name in names if name])
             numbers.add(names.index(one))
+        elif isinstance(one, bool) or not isinstance(one, Integral):
+            raise InputError(f"fixed must be names or numbers of blocks, not {one!r}")
         elif not 0 <= one < len(names):
             raise InputError(f"there is no block {one}; the structure has {len(names)}, from 0")
         else:

@@ -94,7 +94,10 @@ def sweep(
     if omega is None:
         found = refined(stable, structure)
     else:
-        points = np.unique(np.asarray(omega, dtype=float))
+        try:
+            points = np.unique(np.asarray(omega, dtype=float))
+        except (TypeError, ValueError):
+            raise InputError(f"omega must be real frequencies [rad/s], not {omega!r}") from None
         if not points.size or np.isnan(points).any() or points[0] < 0:
             raise InputError("omega must have frequencies [rad/s], none of them negative or NaN")
         found = bounds_at(stable, structure, points)

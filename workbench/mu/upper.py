@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
-from numpy.typing import ArrayLike
 
 from workbench.errors import SolverError
 from workbench.executor import Context
@@ -24,7 +25,7 @@ __all__ = [
 
 
 def upper_bound(
-    M: ArrayLike, structure: Structure, method: str = "fast", options: Options | None = None
+    M: Any, structure: Structure, method: str = "fast", options: Options | None = None
 ) -> UpperBound:
     """Upper bound of mu for each matrix of a batch, with the multipliers that prove it.
 
@@ -50,7 +51,7 @@ def upper_bound(
     SolverError
         The method gave no answer.
     """
-    program = MuUpperBound(np.asarray(M), structure)
+    program = MuUpperBound(M, structure)
     chosen = find_method(program, method)
     answer, outcome, message = chosen.answer(program, Context(options or Options()))
     if answer is None or not np.all(np.isfinite(answer.value)):

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.errors import InputError
+from workbench.mu.given import need_structure, need_tolerance
 from workbench.mu.hamiltonian import StableSystem, stable_system
 from workbench.mu.peak import peak
 from workbench.mu.skew import Skew, upper_values
@@ -80,8 +81,8 @@ def worst_case_gain(system: Any, structure: Structure, tolerance: float = 1e-2) 
     InputError
         As `peak`; a system without performance outputs or exogenous inputs.
     """
-    if not 0.0 < tolerance < 1.0:
-        raise InputError(f"tolerance is {tolerance}; it must lie between 0 and 1")
+    need_tolerance(tolerance)
+    need_structure(structure)
     stable = stable_system(system)
     performance = stable.D.shape[0] - structure.columns
     exogenous = stable.D.shape[1] - structure.rows

@@ -75,7 +75,10 @@ def _companion(system: Any) -> tuple[Matrix, int]:
     num, den = (np.trim_zeros(part[0][0], "f") for part in (system.num, system.den))
     n = len(den) - 1
     if len(num) > n + 1:
-        raise InputError(f"the block {system.name!r} is improper; give its poles to another block")
+        raise InputError(
+            f"the transfer function {system.name!r} is improper: it has {len(num) - 1} zeros and "
+            f"{n} poles; add fast poles, or a pole that belongs to it and stands elsewhere"
+        )
     num = np.concatenate([np.zeros(n + 1 - len(num)), num]) / den[0]
     den = den / den[0]
     M = np.eye(n + 1, k=-1)

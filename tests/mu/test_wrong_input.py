@@ -1,0 +1,131 @@
+"""Wrong input to the functions of the room: an InputError that names what was given."""
+
+import math
+
+import control
+import numpy as np
+import pytest
+
+from workbench import Options
+from workbench.errors import InputError
+from workbench.mu import (
+    Complex,
+    Full,
+    Real,
+    Structure,
+    branch_and_bound,
+    conditions,
+    destabilising,
+    gradient,
+    lower_bound,
+    peak,
+    skew_bounds,
+    sweep,
+    upper_bound,
+    worst_case_gain,
+)
+
+MIXED = Structure([Real(1, "a"), Complex(1, "b"), Full(2, 2, "c")])
+M = np.random.default_rng(0).normal(size=(4, 4)) + 0.5j * np.eye(4)
+LIGHT = control.tf([1], [1, 0.02, 1])
+ONE = Structure([Full(1, 1)])
+
+
+@pytest.mark.parametrize("bound", [upper_bound, lower_bound])
+def test_matrices_and_options_that_are_none(bound):
+    with pytest.raises(InputError, match="array"):
+        bound([[1, 2], [3]], MIXED)
+    with pytest.raises(InputError, match="options must be Options"):
+        bound(M, MIXED, options={"tolerance": 1e-3})
+    assert bound(M, MIXED, options=Options()).value > 0
+
+
+@pytest.mark.parametrize("blocks", [None, 3, Real(1)])
+def test_what_is_no_list_of_blocks(blocks):
+    with pytest.raises(InputError, match="a list of blocks is needed"):
+        Structure(blocks)
+
+
+@pytest.mark.parametrize("pairs", [None, 3])
+def test_what_is_no_list_of_rows(pairs):
+    with pytest.raises(InputError, match="rows of two integers"):
+        Structure.from_pairs(pairs)
+
+
+@pytest.mark.parametrize("fixed", [None, 1.0, [0.5], True, [None]])
+def test_blocks_that_are_neither_names_nor_numbers(fixed):
+    with pytest.raises(InputError, match="names or numbers of blocks"):
+        skew_bounds(M, MIXED, fixed)
+
+
+def test_a_number_of_numpy_is_a_number_of_a_block():
+    assert skew_bounds(M, MIXED, np.int64(0)).upper == skew_bounds(M, MIXED, "a").upper
+
+
+@pytest.mark.parametrize("omega", ["fast", ["a"], [1j]])
+def test_frequencies_that_are_not_real(omega):
+    with pytest.raises(InputError, match="omega must be real frequencies"):
+        sweep(LIGHT, ONE, omega)
+
+
+@pytest.mark.parametrize("tolerance", ["high", None, math.nan, 0, 1])
+def test_tolerances_that_are_none(tolerance):
+    with pytest.raises(InputError, match="tolerance is"):
+        peak(LIGHT, ONE, tolerance)
+    with pytest.raises(InputError, match="tolerance is"):
+        worst_case_gain(control.append(LIGHT, LIGHT), ONE, tolerance)
+
+
+@pytest.mark.parametrize("steps", [0, -1, 2.5, None])
+def test_steps_that_are_none(steps):
+    with pytest.raises(InputError, match="steps is"):
+        peak(LIGHT, ONE, steps=steps)
+
+
+@pytest.mark.parametrize("part", ["little", -1.0, math.inf])
+def test_complex_parts_that_are_none(part):
+    with pytest.raises(InputError, match="complex_part is"):
+        peak(LIGHT, Structure([Real(1)]), complex_part=part)
+
+
+@pytest.mark.parametrize("asked", [{"gap": "5 %"}, {"gap": math.nan}, {"nodes": None}])
+def test_gaps_and_nodes_that_are_none(asked):
+    with pytest.raises(InputError, match=f"{next(iter(asked))} is"):
+        branch_and_bound(M, MIXED, **asked)
+
+
+def test_worst_case_gain_of_no_structure():
+    for structure in (None, [(1, 1)]):
+        with pytest.raises(InputError, match="must be a Structure"):
+            worst_case_gain(control.append(LIGHT, LIGHT), structure)
+
+
+def test_gradients_need_the_bound_of_their_matrices():
+    bound = upper_bound(M, MIXED)
+    assert np.array_equal(gradient(M.tolist(), MIXED, bound), gradient(M, MIXED, bound))
+    for wrong in (3.0, upper_bound([M, M], MIXED)):
+        with pytest.raises(InputError, match="bound must be that of this M"):
+            gradient(M, MIXED, wrong)
+    with pytest.raises(InputError, match="not finite"):
+        gradient(np.nan * M, MIXED, bound)
+    with pytest.raises(InputError, match="has no gradient"):
+        gradient([M, 0 * M], MIXED, upper_bound([M, 0 * M], MIXED))
+
+
+def test_things_of_another_kind():
+    with pytest.raises(InputError, match="must be a GeneralisedPlant, not StateSpace"):
+        conditions(control.ss(LIGHT), LIGHT)
+    with pytest.raises(InputError, match="not TransferFunction"):
+        destabilising(LIGHT, peak(LIGHT, ONE), ONE)
+
+
+def test_improper_systems_are_told_their_zeros_and_poles():
+    with pytest.raises(InputError, match="improper: it has 2 zeros and 1 poles"):
+        peak(control.tf([1, 0, 0], [1, 1]), ONE)
+
+
+def test_a_destabilising_system_needs_the_structure_of_the_peak():
+    system = control.ss(-np.eye(4), np.eye(4), M.real, np.zeros((4, 4)))
+    found = peak(system, Structure([Full(4, 4)]))
+    with pytest.raises(InputError, match="has not the structure"):
+        destabilising(found, system, Structure([Complex(4)]))
