@@ -30,6 +30,9 @@ from workbench.structure import Real, Structure
 
 BATCH = 32
 """Parts whose bounds are computed together."""
+ALLOWANCE = 1e-9
+"""For the rounding of recentred matrices, whose centres are regular to a condition of 1 / CLEAR."""
+CLEAR = 1e-6
 NARROWEST = 1e-9
 """Half-width, relative to the box, below which a block is not cut again."""
 
@@ -146,7 +149,7 @@ class _Search:
             N, regular = self._recentred(centres, widths, level)
             self.nodes += len(batch)
             values = np.asarray(self._bound(N, self._structure).value)
-            open_ = ~regular | ~(values < 1)
+            open_ = ~regular | ~(values < 1 - ALLOWANCE)
             usable = open_ & regular
             self._lower_from(N[usable], centres[usable], widths[usable], level)
             if self.lower >= level:
@@ -165,7 +168,7 @@ class _Search:
         """(I - M C)^-1 M R of each part, and whether its centre is regular (else M R)."""
         columns = len(self._M)
         loop = np.eye(columns) - self._M @ self._perturbations(centres)
-        regular = np.linalg.cond(loop) < 1e13
+        regular = np.linalg.cond(loop) < 1 / CLEAR
         loop[~regular] = np.eye(columns)
         return np.linalg.solve(loop, self._M * self._scale(widths, level)[:, None, :]), regular
 

@@ -13,6 +13,7 @@ from workbench.structure import Full, Structure
 
 SWEEPS = 6
 """Osborne's sweeps."""
+ROUNDING = 4 * float(np.finfo(float).eps)
 LARGEST = 60.0
 """Bound of the scalings, as a power of two; reducible matrices would ask for infinite ones."""
 
@@ -50,8 +51,11 @@ def scaled(M: np.ndarray, structure: Structure) -> tuple[np.ndarray, np.ndarray]
 def unscaled(
     value: np.ndarray, Delta: np.ndarray, exponent: np.ndarray, batch: tuple[int, ...]
 ) -> LowerBound:
-    """The bound of real eigenvalues (B,) of M Delta for normalised Deltas (B, rows, columns)."""
-    found = value > 0
+    """The bound of real eigenvalues (B,) of M Delta for normalised Deltas (B, rows, columns).
+
+    An eigenvalue that is rounding beside the balanced M is none.
+    """
+    found = value > Delta.shape[-1] * ROUNDING
     size = np.linalg.norm(np.where(found[:, None, None], Delta, 0), 2, axis=(1, 2))
     found &= size > 0
     bound = np.where(found, value / np.where(found, size, 1), 0.0)
