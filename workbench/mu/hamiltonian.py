@@ -151,7 +151,8 @@ def certified_interval(
     if H is None:
         return None
     z = np.linalg.eigvals(H)
-    limit = NEAR * np.abs(z) + ROUNDING * float(np.linalg.norm(H))
+    largest = float(np.abs(H).max(initial=0.0))
+    limit = NEAR * np.abs(z) + ROUNDING * largest * float(np.linalg.norm(H / (largest or 1.0)))
     crossing = z.imag[np.abs(z.real) <= limit]
     low, high = _ends(crossing, omega)
     suspects = _frequencies(z[np.abs(z.real) < 0.3 * np.abs(z)].imag, omega)
@@ -229,12 +230,9 @@ def _hamiltonian(A: Array, B: Array, C: Array, D: Array, frame: _Frame) -> Array
     S = C.conj().T @ (1j * frame.F.conj().T - frame.left @ D @ frame.right) @ inverse
     B = B @ frame.right @ inverse
     corner = A - B @ S.conj().T
-    # States in another unit, a power of two, make the other corners one size.
-    size = np.abs(B).max(initial=0.0), max(np.abs(part).max(initial=0.0) for part in (C, S))
-    if min(size) > 0:
-        unit = np.exp2(np.round(0.5 * (np.log2(size[1]) - np.log2(size[0]))))
-        B, C, S = B * unit, C / unit, S / unit
-    H = np.block([[corner, -B @ B.conj().T], [C.conj().T @ C + S @ S.conj().T, -corner.conj().T]])
+    with np.errstate(over="ignore"):
+        out, into = C.conj().T @ C + S @ S.conj().T, B @ B.conj().T
+    H = np.block([[corner, -into], [out, -corner.conj().T]])
     return H if np.isfinite(H).all() else None
 
 
