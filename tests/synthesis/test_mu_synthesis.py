@@ -8,32 +8,14 @@ import pytest
 
 import workbench as wb
 from problems.mass_spring.plant import two_mass_plant
+from problems.textbook.first_order import unstable_first_order
 from workbench.errors import InputError
-from workbench.structure import Complex
 from workbench.synthesis import MuController, MuSynthesis, hinf
-from workbench.uncertainty import generalised_plant
-
-
-def unstable_plant():
-    """1 / (s - 1) with uncertain dynamics at its input, and a sensitivity to keep low."""
-    return generalised_plant(
-        [
-            (control.tf(1, [1, -1]), "v", "g"),
-            (control.tf([0.125, 0.25], [1 / 32, 1]), "u", "y"),
-            (control.tf([0.25, 0.6], [1, 0.006]), "e", "z"),
-        ],
-        {"v": "u + d", "e": "g + w", "m": "- e"},
-        perturbation=[(Complex(1), "y", "d")],
-        exogenous="w",
-        control="u",
-        performance="z",
-        measurement="m",
-    )
 
 
 @pytest.fixture(scope="module")
 def solved():
-    program = MuSynthesis(unstable_plant())
+    program = MuSynthesis(unstable_first_order())
     return program, wb.solve(program, "dk")
 
 
@@ -78,11 +60,11 @@ def test_bad_input_is_named():
     with pytest.raises(InputError, match="no perturbation"):
         MuSynthesis(replace(plant, structure=None))
     with pytest.raises(InputError, match="does not stabilise"):
-        MuSynthesis(unstable_plant(), start=control.ss([], [], [], [[0.0]]))
+        MuSynthesis(unstable_first_order(), start=control.ss([], [], [], [[0.0]]))
 
 
 def test_a_fixed_order_is_optimised_from_its_start():
-    plant = unstable_plant()
+    plant = unstable_first_order()
     K = hinf(plant).K
     program = MuSynthesis(plant, start=K)
     before = program.answer(K)
@@ -97,7 +79,7 @@ def test_a_fixed_order_is_optimised_from_its_start():
 
 def test_mu_dk_is_dk_where_nothing_is_real(solved):
     _, first = solved
-    program = MuSynthesis(unstable_plant())
+    program = MuSynthesis(unstable_first_order())
     solution = wb.solve(program, "mu-dk")
     assert solution.certificate.holds
     assert solution.answer.upper == pytest.approx(first.answer.upper, rel=2e-3)

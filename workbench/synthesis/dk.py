@@ -17,12 +17,11 @@ from numpy.typing import NDArray
 from workbench.errors import InputError, SolverError
 from workbench.executor import Context
 from workbench.mu import upper_bound
-from workbench.mu.sweep import starting_grid
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
 from workbench.structure import Structure
 from workbench.synthesis.hinf_riccati import central
-from workbench.synthesis.loops import stability_of
+from workbench.synthesis.loops import frequencies_of, stability_of
 from workbench.synthesis.mu_synthesis import Iterate, MuSynthesis
 from workbench.synthesis.scalings import SPREAD, Scalings
 from workbench.uncertainty.generalised import response
@@ -60,8 +59,7 @@ class Loop:
 
     @classmethod
     def of(cls, system: StateSpace) -> Loop:
-        omega = starting_grid(system.poles())
-        omega = omega[(omega > 0) & np.isfinite(omega)]
+        omega = frequencies_of(system)
         return cls(omega, response(system, omega))
 
 

@@ -17,12 +17,11 @@ from numpy.typing import NDArray
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.mu import UpperBound, gradient, upper_bound
-from workbench.mu.sweep import starting_grid
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
 from workbench.structure import Structure
 from workbench.synthesis.families import Family, Modal
-from workbench.synthesis.loops import stability_of
+from workbench.synthesis.loops import frequencies_of, stability_of
 from workbench.synthesis.mu_synthesis import Iterate, MuSynthesis
 from workbench.uncertainty.generalised import GeneralisedPlant, response
 
@@ -76,8 +75,7 @@ class _Problem:
 
     def curve(self, loop: StateSpace) -> tuple[Real, Real]:
         """Frequencies [rad/s], its maxima resolved, and bounds (F,)."""
-        omega = starting_grid(loop.poles())
-        omega = omega[(omega > 0) & np.isfinite(omega)]
+        omega = frequencies_of(loop)
         bound = self._bound(loop, omega)
         for _ in range(HALVINGS):
             new = _beside(omega, bound)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from workbench.mu.peak import peak
+from workbench.mu.sweep import starting_grid
 from workbench.program import Check
 from workbench.structure import Full, Structure
 from workbench.synthesis.standard import realisation
@@ -50,6 +51,13 @@ def certified_norm(loop: StateSpace) -> float:
     sizes = (n, loop.ninputs, loop.noutputs)
     matrices = (loop.A, np.eye(n), loop.B, loop.C, loop.D)
     return (1.0 + CERTIFIED) * float(ab13dd("D", "I", "S", "D", *sizes, *matrices, CERTIFIED)[0])
+
+
+def frequencies_of(loop: StateSpace) -> np.ndarray:
+    """Frequencies [rad/s] that a stable loop's poles ask for, 0 and infinity left out."""
+    omega = starting_grid(loop.poles())
+    inside: np.ndarray = omega[(omega > 0) & np.isfinite(omega)]
+    return inside
 
 
 def stored(name: str, system: StateSpace) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from workbench.errors import InputError
-from workbench.mu import Peak, conditions
+from workbench.mu import Peak, peak
 from workbench.program import Check, Program
 from workbench.structure import Structure
 from workbench.synthesis.families import Family
@@ -126,14 +126,15 @@ class MuSynthesis(Program):
 
     def certified(self, K: StateSpace) -> Peak | None:
         """The peak of the loop; None where it is unstable."""
-        return conditions(self.plant, K, tolerance=TOLERANCE).robust_performance
+        loop = self.plant.close(K)
+        return peak(loop, self.closed, TOLERANCE) if stability_of(loop).holds else None
 
     def answer(self, K: StateSpace, history: tuple[Iterate, ...] = ()) -> MuController | None:
         """A controller with its certified peak; None where it does not stabilise."""
-        peak = self.certified(K)
-        if peak is None:
+        found = self.certified(K)
+        if found is None:
             return None
-        return MuController(K, peak.lower, peak.upper, peak.omega, history)
+        return MuController(K, found.lower, found.upper, found.omega, history)
 
     # --- checks -------------------------------------------------------------------------------
 
@@ -146,8 +147,8 @@ class MuSynthesis(Program):
             return found
         stability = stability_of(self.plant.close(K))
         found.append(stability)
-        peak = self.certified(K) if stability.holds else None
-        upper = peak.upper if peak else np.inf
+        certified = self.certified(K)
+        upper = certified.upper if certified else np.inf
         statement = "certified supremum of mixed mu over the claimed bound, less 1"
         found.append(Check("peak", statement, upper / answer.upper - 1, TOLERANCE))
         statement = "claimed lower over certified upper bound, less 1"
