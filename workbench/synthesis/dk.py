@@ -182,9 +182,9 @@ def _scalings(
     Gamma moves by a share ``blend`` of its logarithm to the mixed over the complex bound, smoothed.
     """
     structure, at = program.closed.complexified(), np.log(loop.omega)
-    bound = upper_bound(loop.M, structure).value
     gamma, target, size = np.zeros((1, GAMMA.size)), np.zeros(len(at)), np.ones(len(at))
     if blend:
+        bound = upper_bound(loop.M, structure).value
         wanted = _smoothed(at, np.log(np.maximum(mixed / bound, LEAST)))
         old = np.interp(at, before.at, before.target) if before else target
         target = (1 - blend) * old + blend * wanted
@@ -193,7 +193,7 @@ def _scalings(
         size = np.exp(GAMMA.log_magnitude(gamma, loop.omega)[0][0])
     weighted = Loop(loop.omega, size[:, None, None] * loop.M)
     blocks = len(program.structure or ())
-    D, missed = d_step(structure, weighted, size * bound, blocks, before.D if before else None)
+    D, missed = d_step(structure, weighted, blocks, before.D if before else None)
     return Round(D, gamma, at, target), missed
 
 
@@ -207,17 +207,17 @@ def _smoothed(at: Real, values: Real) -> Real:
 def d_step(
     structure: Structure,
     loop: Loop,
-    bound: Real,
     blocks: int,
     before: tuple[Scalings, Real] | None,
 ) -> tuple[tuple[Scalings, Real], float]:
     """Scalings of the first blocks, by as many biquads as are worth it, and what they miss.
 
-    ``bound`` (F,) is the upper bound at the loop's frequencies. What is missed is the logarithm of
-    the worst sigma_max(D M D^-1) over the bound, or over FLOOR of its peak where that is larger.
+    What is missed is the logarithm of the worst sigma_max(D M D^-1) over the upper bound, or over
+    FLOOR of its peak where that is larger.
     """
+    found = upper_bound(loop.M, structure)
+    bound, D = found.value, found.D_left
     reference = np.maximum(bound, FLOOR * bound.max())
-    D = upper_bound(loop.M, structure).D_left
     first = [row.start for row in structure.column_slices]
     logs = np.log(np.diagonal(D, axis1=1, axis2=2).real[:, first]) / 2
     high = bound > 0.8 * bound.max()
