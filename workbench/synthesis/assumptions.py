@@ -8,6 +8,7 @@ Robust and Optimal Control (1996), section 17.1). A sampled plant is tested by s
 from __future__ import annotations
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from workbench.errors import InputError
 from workbench.synthesis.scaling import (
@@ -16,15 +17,16 @@ from workbench.synthesis.scaling import (
     Scaled,
     has_rank,
     scaled,
-    speed,
     state_units,
 )
 from workbench.synthesis.standard import (
+    Matrices,
     Real,
     StandardPlant,
     continuous,
     realisation,
     standard_plant,
+    to_sampled,
 )
 from workbench.uncertainty.generalised import GeneralisedPlant
 from workbench.uncertainty.realisation import frequency_response
@@ -116,11 +118,13 @@ def regularised(plant: GeneralisedPlant, size: float) -> GeneralisedPlant:
     """The plant with the small exogenous inputs and performance outputs that make it regular.
 
     Where D12 lacks rank every control becomes a performance output, where D21 does every
-    measurement gets noise; where there are zeros on the stability boundary every state becomes a
-    performance output, or gets a disturbance. Their weights are `size` times: for u and for the
-    noise the largest response of u -> z and w -> y in the middle of the plant's frequencies, for
-    balanced states the largest entry of C1 and B1 (1 where these are zero). The closed loop has
-    the old channels as a part, so that its norm is at least theirs.
+    measurement gets noise, both through a high-pass of first order with the corner of the plant's
+    fastest pole: at low frequencies, where weights may integrate, they count nothing. Where
+    there are zeros on the stability boundary every state becomes a performance output, or gets a
+    disturbance. Their weights are `size` times: for u and for the noise the largest response of
+    u -> z and w -> y at that corner, for balanced states the largest entry of C1 and B1 (1 where
+    these are zero). The closed loop has the old channels as a part, so that its norm is at least
+    theirs.
 
     The new signals follow the old exogenous inputs and performance outputs, named ``regular_u0``
     (performance), ``regular_y0`` (noise), ``regular_x0`` and so on.
@@ -135,19 +139,25 @@ def regularised(plant: GeneralisedPlant, size: float) -> GeneralisedPlant:
     given = standard_plant(plant)
     u, x_out = _additions(given, size)
     y, x_in = _additions(given.dual, size)
-    n, m, p = given.states, given.controls, given.measurements
-    (z, w), more_z, more_w = given.D11.shape, len(u) + len(x_out), len(y) + len(x_in)
-    B = np.hstack([given.B1, np.zeros((n, len(y))), x_in.T, given.B2])
-    C = np.vstack([given.C1, np.zeros((len(u), n)), x_out, given.C2])
-    D = np.zeros((z + more_z + p, w + more_w + m))
-    D[:z, :w], D[:z, w + more_w :] = given.D11, given.D12
-    D[z + more_z :, :w], D[z + more_z :, w + more_w :] = given.D21, given.D22
-    D[z : z + len(u), w + more_w :] = u
-    D[z + more_z :, w : w + len(y)] = y.T
+    a, b, c, d = _high_pass(given)
+    (z, w), m, p = given.D11.shape, given.controls, given.measurements
+    # The states of the plant, those of the controls' high-passes, those of the noises'.
+    states, k, j = given.states, len(u), len(y)
+    A = block_diag(given.A, a * np.eye(k), a * np.eye(j))
+    B = np.zeros((len(A), w + j + len(x_in) + m))
+    C = np.zeros((z + k + len(x_out) + p, len(A)))
+    D = np.zeros((len(C), B.shape[1]))
+    noise, rows = slice(w, w + j), slice(z, z + k)
+    B[:states, :w], B[:states, w + j : -m], B[:states, -m:] = given.B1, x_in.T, given.B2
+    C[:z, :states], C[z + k : -p, :states], C[-p:, :states] = given.C1, x_out, given.C2
+    D[:z, :w], D[:z, -m:], D[-p:, :w], D[-p:, -m:] = given.D11, given.D12, given.D21, given.D22
+    out, into = slice(states, states + k), slice(states + k, None)
+    B[out, -m:], C[rows, out], D[rows, -m:] = b * u, c * np.eye(k), d * u
+    B[into, noise], C[-p:, into], D[-p:, noise] = b * np.eye(j), c * y.T, d * y.T
     system = plant.system
     before, after = list(system.input_labels), list(system.output_labels)
     larger = realisation(
-        (given.A, B, C, D),
+        (A, B, C, D),
         given.dt,
         inputs=[*before[:w], *_names("y", y), *_names("x", x_in), *before[w:]],
         outputs=[*after[:z], *_names("u", u), *_names("x", x_out), *after[z:]],
@@ -162,7 +172,7 @@ def _additions(given: StandardPlant, size: float) -> tuple[Real, Real]:
     u, x = np.zeros((0, m)), np.zeros((0, n))
     if not has_rank(plant.D12):
         M = np.block([[plant.A, plant.B2], [plant.C1, plant.D12]])
-        response = np.abs(frequency_response(M, n, [1j * speed(plant.A)])[0]).max(axis=0)
+        response = np.abs(frequency_response(M, n, [1j * _fastest(plant.A)])[0]).max(axis=0)
         u = size * np.diag(np.where(response > 0.0, response, response.max() or 1.0))
     Q, R = np.linalg.qr(np.vstack([plant.D12, u]))
     B2, C1 = plant.B2 @ np.linalg.inv(R), np.vstack([plant.C1, np.zeros((len(u), n))])
@@ -171,6 +181,20 @@ def _additions(given: StandardPlant, size: float) -> tuple[Real, Real]:
     if _axis_zero(A, B2, C1, Q) is not None:
         x = size * (float(np.abs(C1).max(initial=0.0)) or 1.0) * np.diag(factor)
     return u, x
+
+
+def _high_pass(given: StandardPlant) -> tuple[float, float, float, float]:
+    """A, B, C, D of s / (s + c), its corner c that of the plant's fastest pole."""
+    corner = _fastest(continuous(given).A)
+    one = np.eye(1)
+    parts: Matrices = (-corner * one, corner * one, -one, one)
+    a, b, c, d = (float(part[0, 0]) for part in (to_sampled(parts) if given.dt else parts))
+    return a, b, c, d
+
+
+def _fastest(A: Real) -> float:
+    """The magnitude of the largest pole [rad/s]; 1 where all are 0."""
+    return float(np.abs(np.linalg.eigvals(A)).max(initial=0.0)) or 1.0
 
 
 def _names(kind: str, rows: Real) -> list[str]:

@@ -13,8 +13,10 @@ def stable(A: np.ndarray) -> bool:
     """Whether every eigenvalue lies left of the imaginary axis by more than rounding."""
     if not len(A):
         return True
-    rounding = len(A) * np.finfo(float).eps * float(np.abs(A).max())
-    return bool(np.linalg.eigvals(A).real.max() < -rounding)
+    # Of the modes, not of A: its entries are in the states' units, which LAPACK balances away.
+    modes = np.linalg.eigvals(A)
+    rounding = len(A) * np.finfo(float).eps * float(np.abs(modes).max())
+    return bool(modes.real.max() < -rounding)
 
 
 def norm(system: Matrices, tolerance: float = 1e-9) -> float:
