@@ -23,10 +23,10 @@ from workbench.uncertainty import GeneralisedPlant, ParametricModel, Uncertainty
 from workbench.uncertainty.storage import rational, shape
 
 from .control_problem import generalised
+from .design import uncertainty
 from .drives import Gain, controller
 from .mu_pid_checks import mu_pid_checks
 from .mu_pid_report import claims_table, conditions_table, mu_figures, sets_table
-from .parametric import parametric_plant
 from .rank_one import CHANNELS, channel_of
 from .sets import TABLES, Frequencies
 from .tables import Axis
@@ -114,11 +114,7 @@ class MuPidAnalysis(Study):
 
     def model(self, form: str, gain: str) -> UncertaintyModel | ParametricModel:
         """The uncertainty of u [V] -> f_en [units]; the parametric one has no gain variants."""
-        if form == "parametric":
-            return parametric_plant(self.axis)
-        data = self.runs[form, gain].data
-        nominal, W_c, W_r = (rational(data, name) for name in ("nominal", "W_c", "W_r"))
-        return UncertaintyModel(nominal, W_c, W_r)
+        return uncertainty(self.axis, self.runs.get((form, gain)))
 
     def plant(self, gain: str, speed: float, channel: str, form: str) -> GeneralisedPlant:
         """The generalised plant with the signals of one channel, or of both."""

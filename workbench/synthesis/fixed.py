@@ -39,6 +39,8 @@ FIRST, LARGEST, SMALLEST = 0.1, 2.0, 1e-8
 """Trust radius, in units of the parameters."""
 TAKEN, SHRUNK, GROWN = 0.02, 0.25, 0.7
 """Shares of the promised fall at which a step is taken, and its radius halved or enlarged."""
+LEAST = 1e-5
+"""Promised fall, relative, that is none; it is believed of a step without a Hessian only."""
 SETTLED, PATIENCE = 1e-4, 12
 """Relative fall of the peak over so many rounds at which it counts as settled."""
 
@@ -133,8 +135,11 @@ def _minimised(problem: _Problem, x: Real, context: Context) -> tuple[Real, list
             scaled = hessian * units[:, None] * units
             step, level, weights = _step(scaled, slope * units, value, radius)
             promised = peaks[-1] - level
-            if promised < 1e-6 * peaks[-1]:
-                return x, peaks, "no step promises less"
+            if promised < LEAST * peaks[-1]:
+                if not hessian.any():
+                    return x, peaks, "no step promises less"
+                hessian, radius = np.zeros_like(hessian), FIRST
+                continue
             trial = x + units * step
             loop = problem.loop(trial)
             if loop is not None:
