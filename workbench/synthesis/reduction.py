@@ -11,10 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.errors import InputError
+from workbench.executor import Context
 from workbench.mu.margins import Conditions, conditions
 from workbench.mu.peak import Peak
+from workbench.program import solve
 from workbench.synthesis import reduction_methods
 from workbench.synthesis.loops import stability_of
+from workbench.synthesis.mu_synthesis import MuSynthesis
 from workbench.synthesis.standard import realisation
 from workbench.uncertainty.generalised import GeneralisedPlant
 
@@ -100,6 +103,8 @@ def reduce(
     target: float = 1.0,
     order: int | None = None,
     method: Method = "weighted",
+    refine: bool = False,
+    context: Context | None = None,
 ) -> Reduction:
     """Reduce a controller to every order, or to one, and certify each loop from the plant alone.
 
@@ -112,11 +117,16 @@ def reduce(
         Largest certified peak that is accepted.
     order
         The only order to try; None: all.
+    refine
+        Improve each stable reduction by method "fixed" of `MuSynthesis`, from the highest order
+        down; the reduction of a refined controller may be the better start for the next order.
+    context
+        Progress and time limit of the refinement.
 
     Raises
     ------
     InputError
-        As `reduced`; a target that is not positive.
+        As `reduced`; a target that is not positive; refinement for a plant without uncertainty.
     """
     if not target > 0.0:
         raise InputError(f"target is {target}; a peak of mu must be positive")
@@ -134,7 +144,30 @@ def reduce(
         if one.nstates < K.nstates:
             tried.setdefault(one.nstates, one)
     certified = [_certified(plant, tried[k])[1] for k in sorted(tried)]
+    if refine:
+        certified = _refined(plant, certified, given, context or Context())
     return Reduction((*certified, given), target)
+
+
+def _refined(
+    plant: GeneralisedPlant, reductions: list[Reduced], given: Reduced, context: Context
+) -> list[Reduced]:
+    """Each of the reductions, or what method "fixed" makes of it; lowest order first as before."""
+    found: list[Reduced] = []
+    above = given
+    for one in context.track(reductions[::-1], "refinement"):
+        starts = [one]
+        if above is not given and above.order > one.order:
+            starts.append(_certified(plant, reduced(above.K, one.order, plant=plant))[1])
+        best = min(starts, key=lambda each: each.upper)
+        if best.stable:
+            solution = solve(MuSynthesis(plant, start=best.K), "fixed")
+            if solution.answer is not None:
+                refined = _certified(plant, solution.answer.K)[1]
+                best = min(best, refined, key=lambda each: each.upper)
+            above = best
+        found.append(best)
+    return found[::-1]
 
 
 def _reducer(

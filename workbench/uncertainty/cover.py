@@ -25,7 +25,13 @@ from workbench.uncertainty.joint import LENGTH
 from workbench.uncertainty.model import ROUNDING, UncertaintyModel, contains
 from workbench.uncertainty.responses import Responses
 from workbench.uncertainty.sets import Form, corners, deviations, kept
-from workbench.uncertainty.weights import complex_weight, damped, needed_radius, resolved
+from workbench.uncertainty.weights import (
+    complex_weight,
+    damped,
+    needed_radius,
+    resolved,
+    share_of_size,
+)
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -197,7 +203,8 @@ class UncertaintyCover(Program):
         # the deviations are as wrong as the plants' rounding, whatever their size
         radius = radius + OUTWARD * self.away_scale(nominal)
         extent = np.maximum(np.abs(away).max(axis=1), radius)
-        W_c = complex_weight(omega, radius, extent, self.complex_order, context)
+        share = share_of_size(radius, extent)
+        W_c = complex_weight(omega, radius, share, self.complex_order, context)
         model = UncertaintyModel(nominal, W_c, W_r, self.form)
         return CoverSteps(model, first, self.second_set(away), third)
 

@@ -54,20 +54,27 @@ def fitted(program: Program, context: Context) -> Rational:
 
 
 def complex_weight(
-    omega: Real, radius: Real, extent: Real, order: int, context: Context
+    omega: Real, radius: Real, weight: Real, order: int, context: Context
 ) -> Rational:
     """W_c (eq. 5.2, 5.15): covers radii (F,), also between the frequencies.
 
-    What it takes in excess counts against the size of the set: the radius of circles; of stadiums
-    the radius and SLACK times what the extent has beyond it, since a long set may be all but a
-    line where a low order cannot follow it.
+    What it takes in excess, relative to the radius, counts with a weight (F,).
     """
     fine = np.unique(np.concatenate([omega, between(omega)]))
-    log, size = np.log(fine), radius / (radius + SLACK * (extent - radius))
-    magnitude, weight = (np.exp(np.interp(log, np.log(omega), np.log(v))) for v in (radius, size))
-    grid, magnitude, weight = beyond(fine), lasting(magnitude), lasting(weight)
-    fit = fitted(MagnitudeFit(grid, magnitude, order, weight=weight, cover=True), context)
+    log = np.log(fine)
+    magnitude, counts = (np.exp(np.interp(log, np.log(omega), np.log(v))) for v in (radius, weight))
+    grid, magnitude, counts = beyond(fine), lasting(magnitude), lasting(counts)
+    fit = fitted(MagnitudeFit(grid, magnitude, order, weight=counts, cover=True), context)
     return raised(resolved(fit, fine), grid, magnitude)
+
+
+def share_of_size(radius: Real, extent: Real) -> Real:
+    """What an excess of the radius is, relative to the size of the set (F,).
+
+    Of circles it is all of it; the size of stadiums is the radius and SLACK times what the extent
+    has beyond it, since a long set may be all but a line where a low order cannot follow it.
+    """
+    return radius / (radius + SLACK * (extent - radius))
 
 
 def between(omega: Real) -> Real:
