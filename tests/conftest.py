@@ -28,6 +28,7 @@ import xarray as xr
 from workbench import Check, Outcome, Program, Study, method, problem, ref
 
 OFFSET = 0.0  # tests edit this line
+PAUSE = 0.0  # and this one
 
 
 @dataclass(frozen=True)
@@ -156,6 +157,23 @@ def patient(program, context):
     for _ in context.track(range(1000), "waiting"):
         time.sleep(0.001)
     return roots(program), Outcome.SOLVED, ""
+
+
+@method(Root, "newton", optimal=True)
+def newton(program, context):
+    """Newton's iteration from above, by which every round is valid and the last one exact."""
+    targets, kept = np.array(program.targets), context.checkpoint.load()
+    state = {"x": targets + 1, "excess": np.zeros(0)} if kept is None else kept
+    for number, excess in enumerate(state["excess"].tolist(), start=1):
+        context.record({"round": number, "excess": excess})
+    for done in context.rounds(12, "newton", len(state["excess"])):
+        x = (state["x"] + targets / state["x"]) / 2
+        excess = float(np.max(x / np.sqrt(targets) - 1))
+        context.record({"round": done + 1, "excess": excess})
+        state = {"x": x, "excess": np.append(state["excess"], excess)}
+        context.checkpoint.save(state)
+        time.sleep(PAUSE)
+    return state["x"] + OFFSET, Outcome.SOLVED, "twelve rounds"
 
 
 @method(Root, "hanging", optimal=True)

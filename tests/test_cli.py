@@ -230,6 +230,19 @@ def test_an_interrupt_says_that_results_are_kept(cli):
     assert "finished results are kept" in err
 
 
+def test_the_best_so_far_is_told_from_an_answer(project, cli):
+    project.edit("PAUSE = 0.0", "PAUSE = 0.2")
+    words = ("run", "toy/root", "--method", "newton", "--time-limit", "0.5")
+    status, out, _ = cli(*words)
+    assert status == 1
+    assert "best so far (time limit)" in out and "holds  reach" in out
+    assert "  time limit of 0.5 s reached after " in out and "goes on from there" in out
+    (row,) = json.loads(cli(*words, "--seed", "1", "--json")[1])
+    assert (row["outcome"], row["holds"]) == ("time limit", False)
+    status, _, err = cli("run", "toy/x/root", "toy/y/root", *words[2:])
+    assert "[1/2] toy/x/root: time limit: time limit of 0.5 s reached after" in err
+
+
 # --- where ------------------------------------------------------------------------------------
 
 

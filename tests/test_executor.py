@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from workbench.errors import TimeLimitError, WorkbenchError
-from workbench.executor import Context, InProcess, Processes
+from workbench.executor import Context, InProcess, Processes, shown
 from workbench.solvers import Options
 
 
@@ -148,6 +148,54 @@ def test_work_stops_at_the_limit_and_says_how_far_it_came():
     with pytest.raises(TimeLimitError, match=r"steps: time limit of 0.01 s reached at \d+ of 1000"):
         for _ in context.track(range(1000), "steps"):
             time.sleep(0.001)
+
+
+def test_rounds_are_counted_from_where_an_earlier_run_was_stopped():
+    told = []
+    context = Context(progress=lambda *what: told.append(what))
+    assert list(context.rounds(5, "newton", 3)) == [3, 4]
+    assert told == [("newton", 3, 5), ("newton", 4, 5), ("newton", 5, 5)]
+    assert context.stopped == ""
+
+
+@pytest.mark.parametrize(("answers", "after"), [(1, "after 1 round;"), (3, "after 3 rounds;")])
+def test_rounds_end_at_the_limit_with_the_best_so_far(answers, after):
+    context = Context(Options(time_limit=100))
+    for number in context.rounds(10, "newton"):
+        context.record({"round": number})
+        if number == answers - 1:
+            context.started -= 100  # seconds that pass
+    assert [row["round"] for row in context.rows] == list(range(answers))
+    assert context.stopped == f"time limit of 100 s reached {after} best so far"
+
+
+def test_rounds_without_an_answer_fail_at_the_limit():
+    context = Context(Options(time_limit=100))
+    with pytest.raises(TimeLimitError, match="newton: time limit of 100 s reached before any"):
+        for _ in context.rounds(10, "newton"):
+            context.started -= 100
+
+
+def test_whoever_watches_is_told_all_rounds_after_each():
+    told = []
+    context = Context(watch=lambda rows: told.append(list(rows)))
+    context.record({"round": 1, "peak": 2.0})
+    context.record({"round": 2, "peak": 1.5})
+    assert told == [[{"round": 1, "peak": 2.0}], context.rows]
+    assert [row["peak"] for row in context.rows] == [2.0, 1.5]
+
+
+def test_nothing_is_kept_where_nobody_keeps_it():
+    context = Context()
+    context.checkpoint.save({"x": np.ones(3)})
+    assert context.checkpoint.load() is None
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(3, "3"), (0.123456, "0.1235"), (float("nan"), "-"), ("dk", "dk")]
+)
+def test_entries_of_a_row_are_short(value, text):
+    assert shown(value) == text
 
 
 def test_one_generator_from_the_seed():

@@ -148,6 +148,44 @@ def test_a_method_stops_at_the_time_limit(root):
     assert "0.02 s" in solution.message and "of 1000" in solution.message
 
 
+def late(context):
+    """Progress after whose third round the time limit has passed."""
+
+    def progress(description, done, total):
+        if done == 3:
+            context.started -= 1000.0
+
+    return progress
+
+
+def test_an_iteration_that_meets_the_time_limit_gives_its_best_so_far(root):
+    context = Context(Options(time_limit=100.0))
+    context.progress = late(context)
+    solution = solve(root, "newton", context=context)
+    assert solution.claim is solution.outcome is Outcome.TIME_LIMIT
+    assert solution.message == "time limit of 100 s reached after 3 rounds; best so far"
+    assert solution.certificate.valid and not solution.certificate.gap.required
+    assert 1e-6 < solution.certificate.gap.value < 0.1
+
+
+def test_an_iteration_that_ends_in_time_is_not_stopped(root):
+    solution = solve(root, "newton", Options(time_limit=100.0))
+    assert (solution.outcome, solution.message) == (Outcome.SOLVED, "twelve rounds")
+
+
+@pytest.mark.parametrize(
+    ("factor", "outcome"),
+    [(1.5, Outcome.TIME_LIMIT), (1.0, Outcome.SOLVED), (0.5, Outcome.FAILED)],
+    ids=["valid", "best", "wrong"],
+)
+def test_what_a_solver_had_when_its_time_was_over_is_checked_too(toy, root, factor, outcome):
+    @method(toy.Root, "timed", optimal=True)
+    def timed(program, context):
+        return factor * toy.roots(program), Outcome.TIME_LIMIT, "out of time"
+
+    assert solve(root, "timed").outcome is outcome
+
+
 def test_a_method_that_panics_has_failed(toy):
     class Panic(BaseException):
         """As a Rust panic arrives from a solver that is called directly: no Exception."""

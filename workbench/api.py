@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from workbench.bench.project import registry, results_root
-from workbench.executor import Progress, silent
+from workbench.executor import Progress, Watch, silent, unwatched
 from workbench.solvers import Options
 
 if TYPE_CHECKING:
@@ -66,9 +66,10 @@ def run(
     seed: int = 0,
     fresh: bool = False,
     progress: Progress = silent,
+    watch: Watch = unwatched,
     **parameters: Any,
 ) -> Run:
-    """Run a named problem, or find its stored answer.
+    """Run a named problem, or find its stored answer; an iteration goes on where it was stopped.
 
     Parameters
     ----------
@@ -79,7 +80,9 @@ def run(
     tolerance, time_limit, verbose, seed
         As in `Options`.
     fresh
-        Compute anew even where the answer is stored.
+        Compute anew even where the answer is stored, or an iteration was stopped.
+    progress, watch
+        Told how far the work is; told the rows of an iteration's rounds after each.
     parameters
         Parameters of the problem.
 
@@ -87,12 +90,13 @@ def run(
     -------
     Run
         Its ``holds`` tells whether the certificate does; a failure is a Run too, whose
-        ``outcome`` and ``certificate`` say why.
+        ``outcome`` and ``certificate`` say why. So is the best so far of an iteration that met
+        its time limit: ``best_so_far``, of outcome "time limit", and not found again.
     """
     from workbench.bench.run import default_bench
 
     options = Options(tolerance, time_limit, verbose, seed)
-    return default_bench(options, progress, fresh=fresh).run(name, method, parameters)
+    return default_bench(options, progress, watch, fresh=fresh).run(name, method, parameters)
 
 
 def compare(

@@ -16,8 +16,8 @@ from workbench.terminal import (
     print_json,
     print_runs,
     print_table,
-    progress_bar,
     row,
+    shown_live,
     verdict,
 )
 
@@ -37,7 +37,7 @@ class Commands(click.Group):
             click.echo(f"workbench: {error}", err=True)
             sys.exit(2)
         except KeyboardInterrupt:
-            click.echo("workbench: interrupted; finished results are kept", err=True)
+            click.echo("workbench: interrupted; finished results are kept, and rounds", err=True)
             sys.exit(130)
 
 
@@ -122,7 +122,7 @@ def run(
     failed = False
     for position, name in enumerate(chosen, start=1):
         try:
-            with progress_bar(f"[{position}/{len(chosen)}] {name}") as progress:
+            with shown_live(f"[{position}/{len(chosen)}] {name}") as (progress, watch):
                 done = workbench.run(
                     name,
                     method,
@@ -132,6 +132,7 @@ def run(
                     verbose=verbose,
                     fresh=fresh,
                     progress=progress,
+                    watch=watch,
                     **parameters,
                 )
         except WorkbenchError as error:
@@ -179,7 +180,7 @@ def compare(
     # Only a process can be killed when its solver does not listen.
     processes = bool(jobs or time_limit)
     executor = Processes(jobs or 1, time_limit) if processes else InProcess()
-    with executor, progress_bar(f"compare {pattern}") as progress:
+    with executor, shown_live(f"compare {pattern}") as (progress, _):
         done = workbench.compare(
             pattern,
             methods.split(","),

@@ -1,4 +1,4 @@
-"""Where work runs, how it shows its progress, when it must stop.
+"""Where work runs, how it shows its progress, when it must stop, where it keeps its state.
 
 One interface for all of it: `concurrent.futures.Executor`. In-process, one killable process per
 task, or a cluster client's executor are the same to whoever submits.
@@ -6,9 +6,10 @@ task, or a cluster client's executor are the same to whoever submits.
 
 from __future__ import annotations
 
+import math
 import multiprocessing
 import time
-from collections.abc import Callable, Iterable, Iterator, Sized
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Sized
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -17,6 +18,7 @@ from multiprocessing.connection import Connection
 from typing import Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workbench.errors import InputError, TimeLimitError, WorkbenchError
 from workbench.solvers import Options
@@ -29,8 +31,36 @@ Progress = Callable[[str, int, int], None]
 """Called with what is being done, how much of it is done, and of how much."""
 
 
+Row = Mapping[str, float | int | str]
+"""One round of an iteration, by column."""
+Watch = Callable[[Sequence[Row]], None]
+"""Called after every round of an iteration with the rows of all its rounds."""
+
+
 def silent(description: str, done: int, total: int) -> None:
     """Progress that nobody watches."""
+
+
+def unwatched(rows: Sequence[Row]) -> None:
+    """Rounds that nobody watches."""
+
+
+def shown(value: float | int | str) -> str:
+    """An entry of a row as people read it."""
+    if not isinstance(value, float):
+        return str(value)
+    return "-" if math.isnan(value) else f"{value:.4g}"
+
+
+class Checkpoint:
+    """Where an iteration leaves its state after a round; here nothing is kept."""
+
+    def save(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Keep a state, arrays of numbers by name, in place of the one before."""
+
+    def load(self) -> dict[str, NDArray[Any]] | None:
+        """The state in which an earlier run of the same question was stopped, None without one."""
+        return None
 
 
 class InProcess(Executor):
@@ -106,12 +136,20 @@ def _send_result(
 
 @dataclass
 class Context:
-    """What a method is given besides its Program: options, progress, clock and randomness."""
+    """What a method is given besides its Program: options, progress, clock and randomness.
+
+    An iteration goes over `rounds`, tells each by `record`, and leaves its state in ``checkpoint``.
+    ``rows`` are the rounds told so far; ``stopped`` says how the time limit ended an iteration.
+    """
 
     options: Options = field(default_factory=Options)
     progress: Progress = silent
+    watch: Watch = unwatched
+    checkpoint: Checkpoint = field(default_factory=Checkpoint)
     statement_seconds: float = 0.0
     started: float = field(default_factory=time.perf_counter)
+    rows: list[Row] = field(default_factory=list)
+    stopped: str = ""
 
     def __post_init__(self) -> None:
         if not isinstance(self.options, Options):
@@ -136,10 +174,42 @@ class Context:
         total = len(items) if isinstance(items, Sized) else 0
         self.progress(description, 0, total)
         for done, item in enumerate(items, start=1):
-            limit = self.options.time_limit
-            if limit is not None and time.perf_counter() - self.started > limit:
+            if self._late:
                 raise TimeLimitError(
-                    f"{description}: time limit of {limit:g} s reached at {done - 1} of {total}"
+                    f"{description}: {self._limit} reached at {done - 1} of {total}"
                 )
             yield item
             self.progress(description, done, total)
+
+    def rounds(self, count: int, description: str, first: int = 0) -> Iterator[int]:
+        """Numbers of an iteration's rounds, those before ``first`` done by an earlier run.
+
+        Whatever is recorded must be an answer, if not the best. So the time limit ends the
+        iteration, and `solve` marks its answer as the best so far; before there is any it raises
+        `TimeLimitError`.
+        """
+        self.progress(description, first, count)
+        for number in range(first, count):
+            if self._late:
+                told = len(self.rows)
+                if not told:
+                    raise TimeLimitError(f"{description}: {self._limit} reached before any answer")
+                after = f"{told} rounds" if told > 1 else "1 round"
+                self.stopped = f"{self._limit} reached after {after}; best so far"
+                return
+            yield number
+            self.progress(description, number + 1, count)
+
+    def record(self, row: Row) -> None:
+        """Tell whoever watches of a round; an iteration that goes on tells the earlier ones too."""
+        self.rows.append(row)
+        self.watch(self.rows)
+
+    @property
+    def _late(self) -> bool:
+        limit = self.options.time_limit
+        return limit is not None and time.perf_counter() - self.started > limit
+
+    @property
+    def _limit(self) -> str:
+        return f"time limit of {self.options.time_limit:g} s"

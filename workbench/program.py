@@ -321,10 +321,18 @@ class Solution:
 
     @property
     def outcome(self) -> Outcome:
-        """Set by the certificate, whatever the method said."""
+        """Set by the certificate, whatever the method said.
+
+        But a valid answer of a method that the clock stopped is no more than its best so far,
+        unless the gap shows that there is no better one.
+        """
         if self.certificate is None:
             claims_an_answer = self.claim in (Outcome.SOLVED, Outcome.INACCURATE)
             return Outcome.FAILED if claims_an_answer else self.claim
+        gap = self.certificate.gap
+        best = gap is not None and gap.closed
+        if self.claim is Outcome.TIME_LIMIT and self.certificate.valid and not best:
+            return Outcome.TIME_LIMIT
         return self.certificate.outcome
 
 
@@ -366,6 +374,8 @@ def solve(
         answer, claim, message = None, Outcome.FAILED, f"{type(error).__name__}: {error}"
         trace = traceback.format_exc()
     total = time.perf_counter() - start
+    if answer is not None and context.stopped:
+        claim, message = Outcome.TIME_LIMIT, context.stopped
     # Whatever was not booked as statement is solve: a method without a statement books nothing.
     stated = context.statement_seconds
     seconds = {"statement": stated, "solve": total - stated}
@@ -373,6 +383,7 @@ def solve(
         return Solution(None, claim, message, None, seconds, trace)
 
     start = time.perf_counter()
+    optimal = optimal and claim is not Outcome.TIME_LIMIT
     try:
         certificate = task.certify(answer, context.options.accuracy, optimal=optimal)
     except Exception as error:

@@ -11,8 +11,14 @@ from typing import TYPE_CHECKING, Any
 import click
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from workbench.bench.results import Run
-    from workbench.executor import Progress
+    from workbench.executor import Progress, Row, Watch
+
+
+ROUNDS = 15
+"""Rounds of an iteration that are shown at a time."""
 
 
 def print_json(value: Any) -> None:
@@ -56,7 +62,7 @@ def print_runs(runs: Sequence[Run]) -> None:
             one.problem,
             one.method or "-",
             one.headline,
-            "holds" if one.holds else f"FAILS ({one.outcome})",
+            _word(one),
             f"{one.seconds['total']:.2f}",
             "stored" if one.reused else "",
         ]
@@ -65,6 +71,12 @@ def print_runs(runs: Sequence[Run]) -> None:
     print_table(
         ["problem", "method", "key metric", "certificate", "seconds", ""], rows, right=1, last=1
     )
+
+
+def _word(one: Run) -> str:
+    if one.holds:
+        return "holds"
+    return f"best so far ({one.outcome})" if one.best_so_far else f"FAILS ({one.outcome})"
 
 
 def print_details(one: Run) -> None:
@@ -83,7 +95,7 @@ def print_details(one: Run) -> None:
         if gap is not None:
             wanted = f" <= {gap.tolerance:.3g}" if gap.required else ""
             click.echo(f"  optimality gap {gap.value:.3g}{wanted}")
-    else:
+    if one.certificate is None or one.best_so_far:
         click.echo(f"  {one.info['message']}")
     if not one.holds:
         click.echo(f"  {one.outcome.advice}")
@@ -110,27 +122,44 @@ def print_table(
 
 
 @contextmanager
-def progress_bar(title: str) -> Iterator[Progress]:
-    """A progress bar on standard error, where somebody watches."""
-    from workbench.executor import silent
+def shown_live(title: str) -> Iterator[tuple[Progress, Watch]]:
+    """A progress bar, and a table of an iteration's last rounds, where somebody watches."""
+    from workbench.executor import silent, unwatched
 
     if not sys.stderr.isatty():
-        yield silent
+        yield silent, unwatched
         return
-    from rich.console import Console
+    from rich.console import Console, Group
+    from rich.live import Live
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-    with Progress(
+    bars = Progress(
         TextColumn(title),
         BarColumn(),
         TextColumn("{task.description} {task.completed:.0f}/{task.total:.0f}"),
         TimeRemainingColumn(),
-        console=Console(stderr=True),
-        transient=True,
-    ) as bars:
-        task = bars.add_task("working", total=1)
+    )
+    task = bars.add_task("working", total=1)
+    with Live(bars, console=Console(stderr=True), transient=True) as live:
 
         def show(description: str, done: int, total: int) -> None:
             bars.update(task, description=description, completed=done, total=total or 1)
 
-        yield show
+        def watch(rows: Sequence[Row]) -> None:
+            live.update(Group(_rounds(rows), bars))
+
+        yield show, watch
+
+
+def _rounds(rows: Sequence[Row]) -> Table:
+    """The last rounds, a line each."""
+    from rich.table import Table
+
+    from workbench.executor import shown
+
+    table = Table(*rows[-1], box=None)
+    for column in table.columns:
+        column.justify = "right"
+    for row in rows[-ROUNDS:]:
+        table.add_row(*map(shown, row.values()))
+    return table

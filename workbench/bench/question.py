@@ -10,7 +10,7 @@ import hashlib
 import json
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -36,6 +36,11 @@ class Question:
     def key(self) -> str:
         """Eight hexadecimal digits."""
         return digest(canonical(asdict(self)))[:8]
+
+    @property
+    def untimed(self) -> Question:
+        """The question without a time limit, which stops an iteration and changes no round."""
+        return replace(self, options={**self.options, "time_limit": None})
 
 
 def asked(options: Options) -> dict[str, Any]:

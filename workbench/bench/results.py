@@ -66,7 +66,10 @@ class Run:
 
     @property
     def seconds(self) -> dict[str, float]:
-        """Wall time by part: statement, solve, check, total [s]."""
+        """Wall time by part: statement, solve, check, total [s].
+
+        ``earlier`` is what runs took that were stopped, where this one went on from theirs.
+        """
         return dict(self.info["seconds"])
 
     @cached_property
@@ -77,7 +80,14 @@ class Run:
 
     @property
     def holds(self) -> bool:
-        return self.certificate is not None and self.certificate.holds
+        """The certificate holds, and the answer is not just the best so far."""
+        certified = self.certificate is not None and self.certificate.holds
+        return certified and not self.best_so_far
+
+    @property
+    def best_so_far(self) -> bool:
+        """There is a valid answer, of a method that the clock stopped."""
+        return self.outcome is Outcome.TIME_LIMIT and self.certificate is not None
 
     @cached_property
     def metrics(self) -> dict[str, float]:

@@ -7,22 +7,24 @@ import platform
 import time
 import traceback
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import workbench
 from workbench.bench import netcdf
+from workbench.bench.checkpoint import FileCheckpoint
 from workbench.bench.crate import write_crate
 from workbench.bench.declare import Ref
+from workbench.bench.notes import compared, log, went_on
 from workbench.bench.problem import Problem
 from workbench.bench.project import registry, results_root
-from workbench.bench.question import Question, asked, code_hash
+from workbench.bench.question import Question, asked, canonical, code_hash, digest
 from workbench.bench.results import FORMAT, Run, write_figures, write_json
 from workbench.bench.store import Store, Writer, damage
 from workbench.errors import InputError, RegistryError, ResultError
-from workbench.executor import Context, Progress, silent
-from workbench.program import Certificate, Program, Solution, Study, Task, find_method, solve
+from workbench.executor import Context, Progress, Watch, silent, unwatched
+from workbench.program import Certificate, Program, Study, Task, find_method, solve
 from workbench.solvers import Options, Outcome, versions
 
 
@@ -33,6 +35,7 @@ class Bench:
     store: Store
     options: Options
     progress: Progress = silent
+    watch: Watch = unwatched
     fresh: bool = False
 
     def load(self, name: str, parameters: Mapping[str, Any]) -> Bound:
@@ -100,8 +103,11 @@ class Bench:
         earlier = _earlier(writer.final, question)
         started = datetime.datetime.now(datetime.UTC)
         clock = time.perf_counter()
-        task, note, drawn = bound.task, "", []
-        solution = solve(task, question.method, context=Context(self.options, self.progress))
+        task, drawn = bound.task, []
+        checkpoint = self._checkpoint(question, code, writer)
+        context = Context(self.options, self.progress, self.watch, checkpoint)
+        solution = solve(task, question.method, context=context)
+        notes = went_on(solution, checkpoint)
         if solution.certificate is not None and isinstance(task, Study):
             solution = replace(solution, certificate=bound.inherit(solution.certificate))
 
@@ -111,13 +117,13 @@ class Bench:
             netcdf.write(data, folder / "data.nc")
             write_json(folder / "certificate.json", solution.certificate.to_json())
             write_json(folder / "metrics.json", task.metrics(solution.answer))
-            note = _compared(earlier, data, self.options)
+            notes += compared(earlier, data, self.options)
             try:
                 for name, table in task.tables(solution.answer).items():
                     (folder / f"{name}.md").write_text(table, encoding="utf-8")
                 drawn = write_figures(folder / "figures", task.figures(solution.answer))
             except Exception as error:  # the answer is worth more than its picture
-                note += f"not all figures and tables: {type(error).__name__}: {error}"
+                notes.append(f"not all figures and tables: {type(error).__name__}: {error}")
                 solution = replace(solution, trace=traceback.format_exc())
         info = {
             "format": FORMAT,
@@ -131,16 +137,32 @@ class Bench:
             "message": solution.message,
             "started": started.isoformat(timespec="seconds"),
             "finished": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
-            "seconds": dict(solution.seconds) | {"total": time.perf_counter() - clock},
+            "seconds": dict(solution.seconds)
+            | {"total": time.perf_counter() - clock}
+            | ({"earlier": checkpoint.earlier} if checkpoint.earlier else {}),
             "code": code,
             "versions": environment(),
             "platform": f"{platform.system()} {platform.machine()}",
         }
         write_json(folder / "run.json", info)
-        (folder / "log.txt").write_text(_log(info, solution, note), encoding="utf-8")
+        text = log(info, solution, context.rows, notes)
+        (folder / "log.txt").write_text(text, encoding="utf-8")
         write_crate(folder, info, bound.help)
-        path = writer.publish(failed=solution.outcome is not Outcome.SOLVED)
-        return Run(path, note=note)
+        solved = solution.outcome is Outcome.SOLVED
+        path = writer.publish(failed=not solved)
+        if solved:
+            checkpoint.drop()
+        return Run(path, note="; ".join(notes))
+
+    def _checkpoint(self, question: Question, code: str, writer: Writer) -> FileCheckpoint:
+        """Where the question's iteration was stopped, whatever its time limit was."""
+        untimed = question.untimed
+        file = self.store.checkpoint(untimed.problem, untimed.key)
+        mark = digest(canonical(asdict(untimed)) + code)
+        checkpoint = FileCheckpoint(file, writer.space / file.name, mark)
+        if self.fresh:
+            checkpoint.drop()
+        return checkpoint
 
 
 @dataclass(frozen=True)
@@ -224,40 +246,12 @@ def _earlier(folder: Path, question: Question) -> Run | None:
     return run
 
 
-def _compared(earlier: Run | None, data: Any, options: Options) -> str:
-    if earlier is None:
-        return ""
-    found = netcdf.differences(earlier.data, data, options.accuracy)
-    if not found:
-        return f"recomputed; agrees with the earlier answer within {options.accuracy:g}"
-    return "recomputed; differs from the earlier answer: " + "; ".join(found)
-
-
-def _log(info: Mapping[str, Any], solution: Solution, note: str) -> str:
-    lines = [
-        f"{info['problem']} {info['parameters']}",
-        f"method {info['method'] or '-'}, options {info['options']}",
-        f"claim: {solution.claim}. {solution.message}",
-        f"outcome: {solution.outcome}. {solution.outcome.advice}",
-    ]
-    if solution.certificate is not None:
-        lines += [
-            f"  {'holds' if check.holds else 'FAILS'}  {check.name}: "
-            f"{check.value:.3g} <= {check.limit:.3g} {check.where}".rstrip()
-            for check in solution.certificate.checks
-        ]
-        gap = solution.certificate.gap
-        if gap is not None:
-            lines.append(f"  gap {gap.value:.3g} ({gap.statement})")
-    if note:
-        lines.append(note)
-    if solution.trace:
-        lines.append(solution.trace)
-    return "\n".join(lines) + "\n"
-
-
 def default_bench(
-    options: Options | None = None, progress: Progress = silent, *, fresh: bool = False
+    options: Options | None = None,
+    progress: Progress = silent,
+    watch: Watch = unwatched,
+    *,
+    fresh: bool = False,
 ) -> Bench:
     """The bench over the project's results folder."""
-    return Bench(Store(results_root()), options or Options(), progress, fresh)
+    return Bench(Store(results_root()), options or Options(), progress, watch, fresh)

@@ -8,6 +8,7 @@ frees it when its holder dies. Whatever a dead holder left is mended under its l
     <root>/.partial/<slug>/new       a folder being written
     <root>/.partial/<slug>/old       an earlier result while it is being replaced
     <root>/.partial/<slug>/failure   an earlier failure, to be dropped
+    <root>/.partial/<slug>.npz       where an iteration was stopped
 """
 
 from __future__ import annotations
@@ -38,6 +39,10 @@ class Store:
     def folder(self, problem: str, key: str) -> Path:
         """Where the result of a question stands."""
         return self.root / problem / key
+
+    def checkpoint(self, problem: str, key: str) -> Path:
+        """Where an iteration that is asked a question leaves its state."""
+        return _partial(self.root, problem, key, ".npz")
 
     def folders(self) -> list[Path]:
         """Every finished result, failures left out, sorted by problem and key."""
@@ -92,8 +97,8 @@ class Writer:
 
     def __init__(self, store: Store, problem: str, key: str) -> None:
         self.final = store.folder(problem, key)
-        self.space = store.root / PARTIAL / f"{quote(problem, safe='')}-{key}"
-        self.lock = self.space.with_name(self.space.name + ".lock")
+        self.space = _partial(store.root, problem, key)
+        self.lock = _partial(store.root, problem, key, ".lock")
         self.new = self.space / "new"
         self.old = self.space / "old"
 
@@ -120,6 +125,10 @@ class Writer:
         if self.old.exists() and not self.final.exists():
             self.old.rename(self.final)
         shutil.rmtree(self.space, ignore_errors=True)
+
+
+def _partial(root: Path, problem: str, key: str, suffix: str = "") -> Path:
+    return root / PARTIAL / f"{quote(problem, safe='')}-{key}{suffix}"
 
 
 def seal(folder: Path) -> None:

@@ -18,8 +18,8 @@ from workbench.bench.results import Run, read_json
 from workbench.bench.run import Bench, Bound, environment
 from workbench.bench.store import CHECKSUMS, FAILED, Store, damage
 from workbench.errors import InputError, ResultError, WorkbenchError
-from workbench.program import Certificate, Program, Study, find_method
-from workbench.solvers import Options
+from workbench.program import Certificate, Program, Solution, Study, find_method
+from workbench.solvers import Options, Outcome
 
 SAME = 1e-9
 """Relative difference at which recomputed numbers count as the stored ones."""
@@ -74,6 +74,8 @@ def verify_folder(path: Path, *, rerun: bool = False) -> Verification:
             notes += _other_code(run, bound)
             certificate, wrong = _recheck(run, bound)
             found += wrong
+            if run.best_so_far:
+                notes.append(f"stopped by the clock: {run.info['message']}")
             if rerun:
                 found += _rerun(run, notes)
     except WorkbenchError as error:
@@ -166,12 +168,14 @@ def _recheck(run: Run, bound: Bound) -> tuple[Certificate | None, list[str]]:
     except (KeyError, ValueError, InputError) as error:
         return None, [f"data.nc holds no answer to the question: {error}"]
     wrong = [f"data.nc: {text}" for text in netcdf.differences(run.data, rebuilt, SAME)]
+    claim = Outcome(run.info["claim"])
     optimal = isinstance(task, Program) and find_method(task, run.method).optimal
+    optimal = optimal and claim is not Outcome.TIME_LIMIT
     certificate = task.certify(answer, float(run.info["options"]["tolerance"]), optimal=optimal)
     if isinstance(task, Study):
         certificate = bound.inherit(certificate)
     wrong += [f"certificate: {text}" for text in certificate.failures]
-    outcome = certificate.outcome
+    outcome = Solution(answer, claim, "", certificate).outcome
     if run.info["outcome"] != outcome:
         wrong.append(f"run.json says {run.info['outcome']!r}, the certificate {str(outcome)!r}")
     stored, fresh = read_json(run.path / "certificate.json"), plain(certificate.to_json())

@@ -9,8 +9,9 @@ from workbench.synthesis.fixed_point import FixedCascade, FixedPoint, fixed_poin
 from workbench.synthesis.hinf import HinfController, HinfSynthesis, hinf
 from workbench.synthesis.loop_shaping import LoopShaping
 from workbench.synthesis.mixed_sensitivity import MixedSensitivity
-from workbench.synthesis.mu_synthesis import Iterate, MuController, MuSynthesis
+from workbench.synthesis.mu_synthesis import MuController, MuSynthesis
 from workbench.synthesis.reduction import Reduced, Reduction, reduce, reduced
+from workbench.synthesis.rounds import Iterate
 from workbench.synthesis.sampled_loop import Margins, SampledConditions, sampled_conditions
 from workbench.synthesis.second_order import Sections, second_order_sections
 

@@ -8,7 +8,8 @@ bound that is lowered: the (mu, D)-K iteration of Toffner-Clausen, Andersen, Sto
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,7 +23,8 @@ from workbench.solvers import Outcome
 from workbench.structure import Structure
 from workbench.synthesis.hinf_riccati import central
 from workbench.synthesis.loops import frequencies_of, stability_of
-from workbench.synthesis.mu_synthesis import Iterate, MuSynthesis
+from workbench.synthesis.mu_synthesis import MuSynthesis
+from workbench.synthesis.rounds import Iterate, packed, unpacked
 from workbench.synthesis.scalings import SPREAD, Scalings
 from workbench.uncertainty.generalised import response
 
@@ -75,6 +77,49 @@ class Round:
     at: Real
     target: Real
 
+    @property
+    def parameters(self) -> dict[str, Real]:
+        """Of the scalings, by name; gamma where there is one."""
+        return {"D": self.D[1]} | ({"gamma": self.gamma} if self.gamma.any() else {})
+
+
+@dataclass(eq=False)
+class Standing:
+    """Where an iteration stands after a number of rounds tried.
+
+    ``before`` are the scalings of the last controller, ``used`` those fitted to its loop, ``well``
+    those fitted to the best one's.
+    """
+
+    blend: float
+    tried: int = 0
+    history: list[Iterate] = field(default_factory=list)
+    before: Round | None = None
+    used: Round | None = None
+    well: Round | None = None
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """All of it by name."""
+        found = {"blend": np.array(self.blend), "tried": np.array(self.tried)}
+        for name in ("before", "used", "well"):
+            one: Round | None = getattr(self, name)
+            if one is not None:
+                parts = {"D": one.D[1], "gamma": one.gamma, "at": one.at, "target": one.target}
+                found |= {f"{name}_{part}": value for part, value in parts.items()}
+        return found | packed(self.history)
+
+    @classmethod
+    def restored(cls, arrays: Mapping[str, NDArray[Any]]) -> Standing:
+        """From its arrays."""
+        rounds: list[Round | None] = []
+        for name in ("before", "used", "well"):
+            if f"{name}_D" not in arrays:
+                rounds.append(None)
+                continue
+            D, *rest = (arrays[f"{name}_{part}"] for part in ("D", "gamma", "at", "target"))
+            rounds.append(Round((Scalings.of(D), D), *rest))
+        return cls(float(arrays["blend"]), int(arrays["tried"]), unpacked(arrays), *rounds)
+
 
 GAMMA = Scalings(1, 2)
 """Gamma of the (mu, D)-K iteration: a gain and two biquads."""
@@ -94,41 +139,46 @@ def _mu_dk(program: MuSynthesis, context: Context) -> Claim:
 
 def _iterated(program: MuSynthesis, context: Context, blend: float) -> Claim:
     """Rounds of K and D steps; of those with a blend the peak may rise, and the best is kept."""
-    history: list[Iterate] = []
-    best: tuple[float, StateSpace, Round | None] | None = None
-    K, level = program.start, np.nan
-    before: Round | None = None
-    used: Round | None = None
+    kept = context.checkpoint.load()
+    now = Standing(blend) if kept is None else Standing.restored(kept)
+    for number, each in enumerate(now.history, start=1):
+        context.record(each.row(number))
+    K, level = (program.start if kept is None else None), np.nan
     said, patience = f"stopped after {ROUNDS} rounds", LONG_PATIENCE if blend else PATIENCE
-    for _ in context.track(range(ROUNDS), "mu synthesis"):
+    for tried in context.rounds(ROUNDS, "mu synthesis", now.tried):
         if K is None:
             try:
-                K, level, used = _best_step(program, before, used)
+                K, level, now.used = _best_step(program, now.before, now.used)
             except (SolverError, InputError) as error:
                 said, K = f"its H-infinity step failed: {error}", None
         loop = None if K is None else _loop(program, K)
         if K is None or loop is None:
             said = said if K is None else "rounding made a loop unstable"
-            if best is None or best[2] is None or not blend or blend < 0.1 * BLEND:
+            if now.well is None or now.blend < 0.1 * BLEND:
                 break
-            used, blend, K = best[2], blend / 2, None  # back to where it was well, more slowly
-            before = None
+            # back to where it was well, more slowly
+            now.used, now.blend, now.before, K = now.well, now.blend / 2, None, None
             continue
         mixed = upper_bound(loop.M, program.closed).value
         peak = float(mixed.max())
-        before = used
-        used, missed = _scalings(program, loop, mixed, used, blend)
-        if best is None or peak < best[0]:
-            best = peak, K, used
-        history.append(Iterate(peak, level, K.nstates, float(np.expm1(missed))))
+        now.before = now.used
+        now.used, missed = _scalings(program, loop, mixed, now.used, now.blend)
+        if not now.history or peak < min(each.peak for each in now.history):
+            now.well = now.used
+        fit = float(np.expm1(missed))
+        now.history.append(Iterate(peak, level, fit, K, now.used.parameters))
+        context.record(now.history[-1].row(len(now.history)))
         K = None
-        peaks = np.minimum.accumulate([each.peak for each in history])
+        peaks = np.minimum.accumulate([each.peak for each in now.history])
         if len(peaks) > patience and peaks[-1] > (1 - SETTLED) * peaks[-1 - patience]:
             said = "settled"
             break
-    if best is None:
+        now.tried = tried + 1
+        context.checkpoint.save(now.arrays())
+    if not now.history:
         return None, Outcome.FAILED, said
-    return program.answer(best[1], tuple(history)), Outcome.SOLVED, said
+    best = min(now.history, key=lambda each: each.peak)
+    return program.answer(best.K, tuple(now.history)), Outcome.SOLVED, said
 
 
 def _loop(program: MuSynthesis, K: StateSpace) -> Loop | None:

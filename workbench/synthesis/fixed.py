@@ -22,7 +22,8 @@ from workbench.solvers import Outcome
 from workbench.structure import Structure
 from workbench.synthesis.families import Family, Modal
 from workbench.synthesis.loops import frequencies_of, stability_of
-from workbench.synthesis.mu_synthesis import Iterate, MuSynthesis
+from workbench.synthesis.mu_synthesis import MuSynthesis
+from workbench.synthesis.rounds import Iterate, packed, unpacked
 from workbench.uncertainty.generalised import GeneralisedPlant, response
 
 if TYPE_CHECKING:
@@ -39,8 +40,6 @@ FIRST, LARGEST, SMALLEST = 0.1, 2.0, 1e-8
 """Trust radius, in units of the parameters."""
 TAKEN, SHRUNK, GROWN = 0.02, 0.25, 0.7
 """Shares of the promised fall at which a step is taken, and its radius halved or enlarged."""
-LEAST = 1e-5
-"""Promised fall, relative, that is none; it is believed of a step without a Hessian only."""
 SETTLED, PATIENCE = 1e-4, 12
 """Relative fall of the peak over so many rounds at which it counts as settled."""
 
@@ -56,10 +55,8 @@ def _fixed(program: MuSynthesis, context: Context) -> Claim:
     else:
         x = family.parameters(program.start)
     problem = _Problem(program.plant, program.closed, family)
-    x, peaks, said = _minimised(problem, x, context)
-    order = family.system(x).nstates
-    history = tuple(Iterate(peak, np.nan, order, np.nan) for peak in peaks)
-    return program.answer(family.system(x), history), Outcome.SOLVED, said
+    history, said = _minimised(problem, x, context)
+    return program.answer(history[-1].K, tuple(history)), Outcome.SOLVED, said
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,6 +99,10 @@ class _Problem:
         with_K = through @ out @ gradient(N, self.structure, bound) @ into @ back
         return bound.value, np.einsum("fij,fkji->fk", with_K, slopes).real
 
+    def iterate(self, x: Real, bound: Real) -> Iterate:
+        """The round that ends at x, with its bounds (F,)."""
+        return Iterate(float(bound.max()), np.nan, np.nan, self.family.system(x))
+
     def _bound(self, loop: StateSpace, omega: Real) -> Real:
         value: Real = upper_bound(response(loop, omega), self.structure).value
         return value
@@ -119,37 +120,40 @@ def _beside(omega: Real, bound: Real) -> Real:
     return middle
 
 
-def _minimised(problem: _Problem, x: Real, context: Context) -> tuple[Real, list[float], str]:
-    """The best parameters found, the peaks on the way, and why it ended."""
+def _minimised(problem: _Problem, x: Real, context: Context) -> tuple[list[Iterate], str]:
+    """The rounds, each better than the one before, and why they ended."""
+    radius, hessian = FIRST, np.zeros((x.size, x.size))
+    kept = context.checkpoint.load()
+    if kept is not None:
+        x, radius, hessian = kept["x"], float(kept["radius"]), kept["hessian"]
     loop = problem.loop(x)
     assert loop is not None  # a start stabilises, as its Program has seen
     omega, bound = problem.curve(loop)
-    peaks, radius = [float(bound.max())], FIRST
-    hessian = np.zeros((x.size, x.size))
-    for _ in context.track(range(ROUNDS), "fixed structure"):
+    history = unpacked(kept) if kept is not None else [problem.iterate(x, bound)]
+    for number, each in enumerate(history, start=1):
+        context.record(each.row(number))
+    for _ in context.rounds(ROUNDS, "fixed structure", len(history) - 1):
+        peak = history[-1].peak
         units = problem.family.units(x)
-        near = omega[bound > NEAR * peaks[-1]]
+        near = omega[bound > NEAR * peak]
         value, slope = problem.linear(x, near)
         step = None
         while radius > SMALLEST:
             scaled = hessian * units[:, None] * units
             step, level, weights = _step(scaled, slope * units, value, radius)
-            promised = peaks[-1] - level
-            if promised < LEAST * peaks[-1]:
-                if not hessian.any():
-                    return x, peaks, "no step promises less"
-                hessian, radius = np.zeros_like(hessian), FIRST
-                continue
+            promised = peak - level
+            if promised < 1e-6 * peak:
+                return history, "no step promises less"
             trial = x + units * step
             loop = problem.loop(trial)
             if loop is not None:
                 omega_, bound_ = problem.curve(loop)
-                share = (peaks[-1] - float(bound_.max())) / promised
+                share = (peak - float(bound_.max())) / promised
                 if share > TAKEN:
                     break
             radius = 0.35 * min(radius, float(np.abs(step).max()))
         else:
-            return x, peaks, "no step lowers the peak"
+            return history, "no step lowers the peak"
         _, slope_ = problem.linear(trial, near)
         hessian = _updated(hessian, trial - x, (slope_ - slope).T @ weights)
         at_bound = float(np.abs(step).max()) > 0.8 * radius
@@ -158,10 +162,14 @@ def _minimised(problem: _Problem, x: Real, context: Context) -> tuple[Real, list
         elif share < SHRUNK:
             radius *= 0.5
         x, omega, bound = trial, omega_, bound_
-        peaks.append(float(bound.max()))
-        if len(peaks) > PATIENCE and peaks[-1] > (1 - SETTLED) * peaks[-1 - PATIENCE]:
-            return x, peaks, "settled"
-    return x, peaks, f"stopped after {ROUNDS} rounds"
+        history.append(problem.iterate(x, bound))
+        context.record(history[-1].row(len(history)))
+        earlier = history[:-PATIENCE]
+        if earlier and history[-1].peak > (1 - SETTLED) * earlier[-1].peak:
+            return history, "settled"
+        state = {"x": x, "radius": np.array(radius), "hessian": hessian}
+        context.checkpoint.save(state | packed(history))
+    return history, f"stopped after {ROUNDS} rounds"
 
 
 def _step(hessian: Real, slope: Real, value: Real, radius: float) -> tuple[Real, float, Real]:

@@ -14,7 +14,9 @@ from workbench.program import Check, Program
 from workbench.structure import Structure
 from workbench.synthesis.families import Family
 from workbench.synthesis.loops import restored, stability_of, stored
+from workbench.synthesis.rounds import Iterate, packed, unpacked
 from workbench.synthesis.scaling import visible
+from workbench.synthesis.scalings import PARAMETERS
 from workbench.uncertainty.generalised import GeneralisedPlant
 
 if TYPE_CHECKING:
@@ -24,21 +26,8 @@ if TYPE_CHECKING:
 
 TOLERANCE = 1e-3
 """Of certified peaks, relative."""
-
-
-@dataclass(frozen=True)
-class Iterate:
-    """One round of an iteration.
-
-    ``peak`` is the largest mixed bound on the round's own frequencies, ``level`` the gamma of its
-    H-infinity controller (NaN: it had none), ``order`` that of the controller, ``fit`` by how much
-    the fitted scalings miss the bound where it is largest, relative.
-    """
-
-    peak: float
-    level: float
-    order: int
-    fit: float
+ROUND = "round_"
+"""How variables of a dataset begin that have a value for each round."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,25 +158,24 @@ class MuSynthesis(Program):
         import xarray as xr
 
         one = {"units": "1"}
-        rounds: dict[str, Any] = {
-            f"round_{name}": ("round", [getattr(each, name) for each in answer.history], one)
-            for name in ("peak", "level", "order", "fit")
-        }
         return xr.Dataset(
             {
                 **stored("plant", self.plant.system),
                 **stored("controller", answer.K),
                 "peak": ("bound", [answer.lower, answer.upper], one | {"long_name": "mixed mu"}),
                 "peak_omega": ((), answer.omega, {"units": "rad/s"}),
-                **rounds,
+                **_rounds(answer.history),
             },
             coords={"bound": ["lower", "upper"]},
         )
 
     def from_dataset(self, data: xr.Dataset) -> MuController:
-        names = ("peak", "level", "order", "fit")
-        rows = zip(*(data[f"round_{name}"].values for name in names), strict=True)
-        history = tuple(Iterate(float(p), float(g), int(n), float(f)) for p, g, n, f in rows)
+        arrays = {
+            str(name).removeprefix(ROUND): array.values
+            for name, array in data.data_vars.items()
+            if str(name).startswith(ROUND)
+        }
+        history = tuple(unpacked(arrays)) if arrays else ()
         lower, upper = data["peak"].values.tolist()
         omega = float(data["peak_omega"])
         return MuController(restored(data, "controller"), lower, upper, omega, history)
@@ -197,3 +185,28 @@ class MuSynthesis(Program):
 
         found = {"mu": bounds(self, answer), "controller": controller(self, answer)}
         return found | ({"rounds": rounds(answer)} if answer.history else {})
+
+
+def _rounds(history: tuple[Iterate, ...]) -> dict[str, Any]:
+    """Variables of a dataset: every round's numbers, controller and scalings."""
+    if not history:
+        return {}
+    controller = {
+        "A": ("round_state", "round_state_"),
+        "B": ("round_state", "controller_input"),
+        "C": ("controller_output", "round_state"),
+        "D": ("controller_output", "controller_input"),
+    }
+    found: dict[str, Any] = {"round": np.arange(1, len(history) + 1)}
+    for name, array in packed(history).items():
+        dims: tuple[str, ...] = ()
+        about = {"units": "1"}
+        kind, _, part = name.partition("_")
+        if kind == "controller":
+            dims = controller[part]
+            about = {"long_name": f"{part} of each round's controller, NaN beyond its order"}
+        elif kind == "scalings":
+            dims = (f"{part}_block", f"{part}_parameter")
+            about |= {"long_name": f"parameters of each round's scalings {part}: {PARAMETERS}"}
+        found[ROUND + name] = (("round", *dims), array, about)
+    return found

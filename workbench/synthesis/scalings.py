@@ -43,6 +43,9 @@ SPREAD = (0.6, 2.6)
 """Distances of the corners of a first guess, in natural logarithms."""
 
 
+PARAMETERS = "log gain and, for each biquad, log z, log a, log p, log b"
+
+
 @dataclass(frozen=True)
 class Scalings:
     """Scalings of `blocks` scalar blocks by so many biquads each; parameters are (blocks, P).
@@ -52,6 +55,11 @@ class Scalings:
 
     blocks: int
     biquads: int
+
+    @classmethod
+    def of(cls, x: Real) -> Scalings:
+        """Those that parameters (blocks, P) are of."""
+        return cls(len(x), (x.shape[1] - 1) // 4)
 
     @property
     def size(self) -> int:

@@ -38,6 +38,8 @@ class Entry:
         """What the certificate says, in a word."""
         if self.run.certificate is None:
             return "uncertified"
+        if self.run.best_so_far:
+            return "stopped"
         return "holds" if self.run.holds else "fails"
 
     @property

@@ -1,0 +1,220 @@
+"""Rounds are stored whole; an iteration that was stopped goes on to the same answer."""
+
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import control
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import workbench as wb
+from problems.textbook.first_order import unstable_first_order
+from workbench.bench import netcdf
+from workbench.executor import Checkpoint, Context
+from workbench.solvers import Options, Outcome
+from workbench.synthesis import Iterate, MuSynthesis, dk, fixed, hinf
+from workbench.synthesis.rounds import packed, unpacked
+from workbench.synthesis.scalings import Scalings
+
+ROOT = Path(__file__).parents[2]
+METHODS = ("dk", "mu-dk", "fixed")
+
+
+class Memory(Checkpoint):
+    """Keeps copies of the last state."""
+
+    state = None
+
+    def save(self, state):
+        self.state = {name: np.array(array) for name, array in state.items()}
+
+    def load(self):
+        return self.state
+
+
+def same(one, other):
+    """Whether histories are the same to the last bit, the controllers and scalings included."""
+    a, b = packed(one), packed(other)
+    return a.keys() == b.keys() and all(np.array_equal(a[k], b[k], equal_nan=True) for k in a)
+
+
+@pytest.fixture(scope="module")
+def program():
+    plant = unstable_first_order()
+    return MuSynthesis(plant, start=hinf(plant).K)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def few():
+    """Rounds enough to be stopped in the midst of them."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(dk, "ROUNDS", 5)
+        patch.setattr(fixed, "ROUNDS", 8)
+        yield
+
+
+@pytest.fixture(scope="module")
+def wholes(program, few):
+    """What each method gives that nobody stops."""
+    return {name: wb.solve(program, name) for name in METHODS}
+
+
+# --- stopped ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_an_interrupted_iteration_goes_on_to_the_same_answer(program, wholes, name):
+    whole = wholes[name]
+    kept, rows = Memory(), []
+    for after in (1, 3):
+
+        def stop(description, done, total, after=after):
+            if done == after:
+                raise KeyboardInterrupt
+
+        with pytest.raises(KeyboardInterrupt):
+            wb.solve(program, name, context=Context(progress=stop, checkpoint=kept))
+    context = Context(watch=lambda told: rows.append(len(told)), checkpoint=kept)
+    again = wb.solve(program, name, context=context)
+    assert same(again.answer.history, whole.answer.history)
+    assert (again.answer.lower, again.answer.upper) == (whole.answer.lower, whole.answer.upper)
+    np.testing.assert_array_equal(again.answer.K.A, whole.answer.K.A)
+    assert (again.message, again.outcome) == (whole.message, Outcome.SOLVED)
+    assert rows == list(range(1, len(whole.answer.history) + 1))
+    assert [row["peak"] for row in context.rows] == [each.peak for each in whole.answer.history]
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_an_iteration_out_of_time_gives_its_best_and_goes_on_with_more(program, wholes, name):
+    whole, kept = wholes[name], Memory()
+    context = Context(Options(time_limit=1000.0), checkpoint=kept)
+
+    def late(description, done, total):
+        if done == 3:
+            context.started -= 1000.0
+
+    context.progress = late
+    short = wb.solve(program, name, context=context)
+    rounds = len(short.answer.history)
+    assert rounds < len(whole.answer.history)
+    assert short.outcome is Outcome.TIME_LIMIT and short.certificate.holds
+    assert short.message == f"time limit of 1000 s reached after {rounds} rounds; best so far"
+    assert short.answer.upper == pytest.approx(
+        min(each.peak for each in short.answer.history), rel=1e-2
+    )
+    again = wb.solve(program, name, context=Context(checkpoint=kept))
+    assert again.outcome is Outcome.SOLVED and same(again.answer.history, whole.answer.history)
+
+
+def test_before_the_first_controller_there_is_no_answer(program):
+    options = Options(time_limit=1e-9)
+    solution = wb.solve(replace(program, start=None), "dk", options)
+    assert solution.outcome is Outcome.TIME_LIMIT and solution.answer is None
+    assert "before any answer" in solution.message
+
+
+def test_a_killed_run_of_the_command_goes_on_where_it_was(tmp_path, monkeypatch):
+    monkeypatch.setattr(dk, "ROUNDS", 30)  # as in a process of its own
+    monkeypatch.setenv("WORKBENCH_RESULTS", str(tmp_path))
+    command = [sys.executable, "-m", "workbench", "run", "unstable-first-order/controller"]
+    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL) as process:
+        while not list(tmp_path.glob(".partial/*.npz")):
+            assert process.poll() is None
+            time.sleep(0.005)
+        process.send_signal(signal.SIGKILL)
+    assert process.returncode == -signal.SIGKILL and wb.results() == []
+    told = []
+    run = wb.run("unstable-first-order/controller", progress=lambda *what: told.append(what))
+    first = next(done for description, done, _ in told if description == "mu synthesis")
+    whole = wb.solve(wb.load("unstable-first-order/controller"))
+    assert 0 < first < len(whole.answer.history)
+    assert run.holds and run.metrics["peak"] == pytest.approx(whole.answer.upper, rel=1e-9)
+    assert run.data.sizes["round"] == len(whole.answer.history)
+    assert wb.verify(run.path).holds and not list(tmp_path.glob(".partial/*.npz"))
+
+
+# --- stored -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_every_round_is_stored_with_its_controller_and_scalings(program, wholes, name, tmp_path):
+    answer = wholes[name].answer
+    netcdf.write(program.to_dataset(answer), tmp_path / "data.nc")
+    data = netcdf.read(tmp_path / "data.nc")
+    back = program.from_dataset(data)
+    assert same(back.history, answer.history)
+    assert data["round_peak"].values.tolist() == [each.peak for each in answer.history]
+    for each in back.history:  # a round's peak is that of its controller, on frequencies only
+        found = program.answer(each.K)
+        assert 0.99 * found.lower <= each.peak <= found.upper
+
+
+def test_the_scalings_are_those_that_were_fitted_to_the_loop(program, wholes):
+    """The bound of the scaled loop is the one that `fit` says it misses."""
+    from workbench.mu import upper_bound
+    from workbench.synthesis.scalings import diagonals
+
+    for each in wholes["dk"].answer.history:
+        loop = dk.Loop.of(program.plant.close(each.K))
+        x = each.scalings["D"]
+        value, _ = Scalings.of(x).log_magnitude(x, loop.omega)
+        rows, columns = diagonals(program.closed, value)
+        scaled = np.exp(rows)[:, :, None] * loop.M * np.exp(-columns)[:, None, :]
+        bound = upper_bound(loop.M, program.closed).value
+        ratio = np.linalg.norm(scaled, 2, axis=(1, 2)) / np.maximum(bound, dk.FLOOR * bound.max())
+        assert ratio.max() == pytest.approx(1.0 + each.fit, rel=1e-9)
+
+
+def test_an_answer_without_rounds_is_stored_too(program):
+    answer = program.answer(program.start)
+    back = program.from_dataset(program.to_dataset(answer))
+    assert back.history == () and back.upper == answer.upper
+
+
+SIZES = st.integers(0, 4)
+
+
+@st.composite
+def histories(draw):
+    """Rounds of controllers of any order with any scalings."""
+    outputs, inputs = draw(st.integers(1, 3)), draw(st.integers(1, 3))
+    rng = np.random.default_rng(draw(st.integers(0, 99)))
+    history = []
+    for _ in range(draw(st.integers(1, 4))):
+        n = draw(SIZES)
+        sizes = ((n, n), (n, inputs), (outputs, n), (outputs, inputs))
+        K = control.ss(*(rng.standard_normal(size) for size in sizes))
+        scalings = {
+            name: rng.standard_normal((draw(st.integers(1, 3)), 1 + 4 * draw(SIZES)))
+            for name in draw(st.sets(st.sampled_from(["D", "gamma", "G_1"])))
+        }
+        level = draw(st.sampled_from([np.nan, 1.5]))
+        history.append(Iterate(rng.random(), level, rng.random(), K, scalings))
+    return history
+
+
+@given(histories())
+def test_rounds_come_back_from_their_arrays(history):
+    back = unpacked(packed(history))
+    assert [each.order for each in back] == [each.K.nstates for each in history]
+    for one, other in zip(back, history, strict=True):
+        np.testing.assert_array_equal(
+            [one.peak, one.level, one.fit], [other.peak, other.level, other.fit]
+        )
+        for part in "ABCD":
+            np.testing.assert_array_equal(getattr(one.K, part), getattr(other.K, part))
+        assert one.scalings.keys() == other.scalings.keys()
+        for name, x in other.scalings.items():
+            np.testing.assert_array_equal(one.scalings[name], x)
+
+
+def test_a_row_of_the_table_has_what_people_follow():
+    each = Iterate(0.9, 1.1, 0.01, control.ss([[-1.0]], [[1.0]], [[1.0]], [[0.0]]))
+    row = {"round": 3, "peak": 0.9, "level": 1.1, "order": 1, "fit": 0.01}
+    assert each.row(3) == row and list(each.row(3)) == list(row)

@@ -1,0 +1,79 @@
+"""The state of an iteration in a file, so that a run that was stopped goes on where it was."""
+
+from __future__ import annotations
+
+import time
+import zipfile
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.executor import Checkpoint
+
+MARK, SECONDS, STATE = "mark", "seconds", "state/"
+
+
+class FileCheckpoint(Checkpoint):
+    """A state as an npz file without pickles, which is there whole or not at all.
+
+    Processes that ask the same question with different time limits share the file: each leaves a
+    state that any of them may go on from.
+
+    Parameters
+    ----------
+    file
+        Its place.
+    scratch
+        Where it is written before it is renamed to its place: of this process alone.
+    mark
+        Of the question and the code: a state with another mark is nobody's.
+
+    Attributes
+    ----------
+    earlier
+        Seconds that earlier runs took to reach the state that was loaded; 0 where none was.
+    """
+
+    def __init__(self, file: Path, scratch: Path, mark: str) -> None:
+        self._file, self._scratch, self._mark = file, scratch, mark
+        self._started = time.perf_counter()
+        self.earlier = 0.0
+
+    def save(self, state: Mapping[str, NDArray[Any]]) -> None:
+        spent = self.earlier + time.perf_counter() - self._started
+        content = {STATE + name: np.asarray(array) for name, array in state.items()}
+        content |= {MARK: np.array(self._mark), SECONDS: np.array(spent)}
+        self._scratch.parent.mkdir(parents=True, exist_ok=True)
+        with self._scratch.open("wb") as stream:
+            np.savez(stream, allow_pickle=False, **content)
+        self._scratch.replace(self._file)
+
+    def load(self) -> dict[str, NDArray[Any]] | None:
+        content = self._read()
+        if content is None:
+            return None
+        self.earlier = float(content[SECONDS])
+        return {k.removeprefix(STATE): v for k, v in content.items() if k.startswith(STATE)}
+
+    @property
+    def kept(self) -> bool:
+        """Whether there is a state to go on from."""
+        return self._read() is not None
+
+    def drop(self) -> None:
+        """Forget the state."""
+        self._file.unlink(missing_ok=True)
+
+    def _read(self) -> dict[str, NDArray[Any]] | None:
+        """The file's arrays; None where it is not there, is damaged, or has another mark."""
+        try:
+            # NumPy would leave a file open that it opened and found damaged.
+            with self._file.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
+                content = dict(stored)
+                return content if str(content[MARK]) == self._mark else None
+        except (OSError, EOFError, KeyError, ValueError, zipfile.BadZipFile, zlib.error):
+            return None

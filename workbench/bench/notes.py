@@ -1,0 +1,62 @@
+"""What a run tells of itself: its notes and its log."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from workbench.bench import netcdf
+from workbench.bench.checkpoint import FileCheckpoint
+from workbench.bench.results import Run
+from workbench.executor import Row, shown
+from workbench.program import Solution
+from workbench.solvers import Options, Outcome
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+def went_on(solution: Solution, checkpoint: FileCheckpoint) -> list[str]:
+    """Whether an iteration went on where it was stopped, and whether it may again."""
+    notes = []
+    if checkpoint.earlier:
+        notes.append(f"went on where a run was stopped after {checkpoint.earlier:.3g} s")
+    if solution.outcome is Outcome.TIME_LIMIT and checkpoint.kept:
+        notes.append("its rounds are kept: asked again, with any time limit, it goes on from there")
+    return notes
+
+
+def compared(earlier: Run | None, data: xr.Dataset, options: Options) -> list[str]:
+    """Whether an answer agrees with the one that was there."""
+    if earlier is None:
+        return []
+    found = netcdf.differences(earlier.data, data, options.accuracy)
+    if not found:
+        return [f"recomputed; agrees with the earlier answer within {options.accuracy:g}"]
+    return ["recomputed; differs from the earlier answer: " + "; ".join(found)]
+
+
+def log(
+    info: Mapping[str, Any], solution: Solution, rows: Sequence[Row], notes: Sequence[str]
+) -> str:
+    """Question, rounds, claim, certificate and notes as lines of text."""
+    lines = [
+        f"{info['problem']} {info['parameters']}",
+        f"method {info['method'] or '-'}, options {info['options']}",
+        *(", ".join(f"{name} {shown(value)}" for name, value in row.items()) for row in rows),
+        f"claim: {solution.claim}. {solution.message}",
+        f"outcome: {solution.outcome}. {solution.outcome.advice}",
+    ]
+    if solution.certificate is not None:
+        lines += [
+            f"  {'holds' if check.holds else 'FAILS'}  {check.name}: "
+            f"{check.value:.3g} <= {check.limit:.3g} {check.where}".rstrip()
+            for check in solution.certificate.checks
+        ]
+        gap = solution.certificate.gap
+        if gap is not None:
+            lines.append(f"  gap {gap.value:.3g} ({gap.statement})")
+    lines += notes
+    if solution.trace:
+        lines.append(solution.trace)
+    return "\n".join(lines) + "\n"
