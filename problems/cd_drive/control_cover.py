@@ -17,7 +17,14 @@ from workbench.executor import Context
 from workbench.fitting.rational import Complex, Rational, Real
 from workbench.fitting.sections import Sections
 from workbench.uncertainty import Responses, UncertaintyModel
-from workbench.uncertainty.weights import complex_weight, damped, needed_radius, resolved
+from workbench.uncertainty.weights import (
+    between,
+    beyond,
+    complex_weight,
+    damped,
+    needed_radius,
+    resolved,
+)
 
 from .least_mu import LoopWeights
 from .tables import Axis
@@ -28,6 +35,8 @@ if TYPE_CHECKING:
 POWERS = (8, 32, 128)
 """Of the norms over frequency that stand for the largest mu, one after the other."""
 STEPS = 100
+EXTRA = 0.05
+"""By which W_c may raise the largest mu, relative, before that counts."""
 ROOM = 0.03
 """Least excess of the radius that counts as room, relative."""
 OUTWARD = 1e-9
@@ -50,23 +59,25 @@ class ControlCover:
     ) -> None:
         self.axis, self.speed, self.nominal = axis, speed, nominal
         self.responses, self.complex_order = responses, complex_order
-        self.omega = responses.omega
-        G = nominal.response(self.omega)
+        G = nominal.response(responses.omega)
         self.away = responses.values / G[:, None] - 1
         self.rounding = OUTWARD * (1 + np.abs(responses.values).max(axis=1) / np.abs(G))
+        # Weights go on between the responses' frequencies and beyond them.
+        inside = np.concatenate([responses.omega, between(responses.omega)])
+        self.omega = beyond(np.unique(inside))
 
     def model(self, K: StateSpace, start: Rational, context: Context) -> UncertaintyModel:
         """The model for a controller, its real weight near one to start from."""
         T, loop = self.complementary(K), self.loop()
         W_r = self._real_weight(T, loop, start, context)
-        end = W_r.response(self.omega)
-        radius = self.radius(end)
+        omega, end = self.responses.omega, W_r.response(self.omega)
+        radius = self.radius(W_r.response(omega))
         # What |W_c| may be where mu is at most a little above its largest.
-        peak = float(replace(loop, real=end, circular=radius).mu(T).max())
-        room = _largest_radius(T, replace(loop, real=end), 1.05 * peak) / radius - 1
-        W_c = complex_weight(
-            self.omega, radius, 1 / np.maximum(room, ROOM), self.complex_order, context
-        )
+        peak = float(replace(loop, real=end, circular=self.lasting(radius)).mu(T).max())
+        most = _largest_radius(T, replace(loop, real=end), (1 + EXTRA) * peak)
+        room = np.interp(np.log(omega), np.log(self.omega), most) / radius - 1
+        weight = 1 / np.maximum(room, ROOM)
+        W_c = complex_weight(omega, radius, weight, self.complex_order, context)
         return UncertaintyModel(self.nominal, W_c, W_r)
 
     def complementary(self, K: StateSpace) -> Complex:
@@ -83,8 +94,13 @@ class ControlCover:
         model = UncertaintyModel(self.nominal, none)
         return LoopWeights.of(self.axis, model, self.speed, self.omega)
 
+    def lasting(self, radius: Real) -> Real:
+        """Radii at the responses' frequencies, between them and beyond."""
+        log = np.log(self.responses.omega)
+        return np.asarray(np.exp(np.interp(np.log(self.omega), log, np.log(radius))))
+
     def radius(self, end: Complex) -> Real:
-        """|W_c| (F,) that segments (F,) need."""
+        """|W_c| that segments need, both at the responses' frequencies."""
         return np.asarray(needed_radius(self.away, end) + self.rounding)
 
     def _real_weight(
@@ -99,14 +115,16 @@ class ControlCover:
             end = sections.response(y * units, self.omega)
             if not np.isfinite(end).all():
                 return np.inf
-            mu = replace(loop, real=end, circular=self.radius(end)).mu(T)
+            radius = self.lasting(self.radius(sections.response(y * units, self.responses.omega)))
+            mu = replace(loop, real=end, circular=radius).mu(T)
             top = float(mu.max())
             return top * float(np.mean((mu / top) ** power)) ** (1 / power)
 
         y = x / units
         for power in context.track(POWERS, "real weight"):
             y = minimize(largest, y, (power,), "BFGS", options={"maxiter": STEPS}).x
-        return damped(resolved(sections.rational(y * units), self.omega), self.omega)
+        omega = self.responses.omega
+        return damped(resolved(sections.rational(y * units), omega), omega)
 
 
 def _largest_radius(T: Complex, loop: LoopWeights, level: float) -> Real:
