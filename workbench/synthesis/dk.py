@@ -25,7 +25,8 @@ from workbench.synthesis.hinf_riccati import central
 from workbench.synthesis.loops import frequencies_of, stability_of
 from workbench.synthesis.mu_synthesis import MuSynthesis
 from workbench.synthesis.rounds import Iterate, packed, unpacked
-from workbench.synthesis.scalings import SPREAD, Scalings
+from workbench.synthesis.scaling_fit import Fit, worth
+from workbench.synthesis.scalings import Scalings
 from workbench.uncertainty.generalised import response
 
 if TYPE_CHECKING:
@@ -43,11 +44,8 @@ BLEND = 0.4
 SMOOTH = 0.1
 LEAST, UNIMPORTANT = 0.05, 0.05
 """Least gamma asked for, and weight of frequencies where mu is small."""
-MOST_BIQUADS = 4
 FARTHER = (1.0, 3.0, 7.0, 15.0, 31.0)
 """How much farther than it went D is tried, in shares of its last change."""
-GOOD = 0.002
-"""By how much fitted scalings may miss the bound where more biquads are not worth it, relative."""
 FLOOR = 0.5
 """Share of the peak below which scalings need not follow the bound."""
 
@@ -272,22 +270,8 @@ def d_step(
     logs = np.log(np.diagonal(D, axis1=1, axis2=2).real[:, first]) / 2
     high = bound > 0.8 * bound.max()
     gains = np.median((logs[:, :blocks] - logs[:, blocks:]).T[:, high], axis=1)
-    middle = float(np.log(loop.omega[np.argmax(bound)]))
-    best: tuple[tuple[Scalings, Real], float] | None = None
-    least = max(0, before[0].biquads - 1) if before else 0
-    for biquads in range(least, MOST_BIQUADS + 1):
-        scalings = Scalings(blocks, biquads)
-        starts = [scalings.guess(gains, middle, spread) for spread in SPREAD]
-        if before is not None and before[0] == scalings:
-            starts.append(before[1])
-        fits = [scalings.fit(loop.M, structure, loop.omega, reference, x) for x in starts]
-        x, missed = min(fits, key=lambda fit: fit[1])
-        if best is None or missed < best[1] - GOOD:
-            best = (scalings, x), missed
-        if missed < GOOD:
-            break
-    assert best is not None
-    return best
+    start = before or (Scalings(blocks, 0), gains[:, None])
+    return worth(Fit.of(structure, loop.omega, loop.M, reference), start)
 
 
 def _scaled(program: MuSynthesis, used: Round) -> StateSpace:

@@ -13,7 +13,9 @@ ASYMMETRY = 1e-4
 INDEFINITE = 1e-7
 """Negative eigenvalues of X, relative to the largest, that are rounding errors."""
 NEAR_AXIS = 10.0
-"""Multiple of the rounding error of a Hamiltonian up to which an eigenvalue is imaginary."""
+"""Multiple of the rounding error of a Hamiltonian up to which an eigenvalue may be imaginary."""
+PAIRED = 1e-2
+"""How far, relative, it may then be from its mirror image: rounding errors part imaginary ones."""
 
 
 def hamiltonian_solution(H: Real) -> Real | None:
@@ -34,23 +36,26 @@ def hamiltonian_solution(H: Real) -> Real | None:
         return None
     if stable != n:
         return None
-    # Of the real Schur form the diagonal has the real parts.
-    rounding, nearest = EPS * float(np.linalg.norm(H)), float(np.abs(np.diag(T)).min())
-    if nearest <= NEAR_AXIS * rounding:
+    # Of the real Schur form the diagonal has the real parts; eigenvalues have mirror images.
+    left, right = -float(np.diag(T)[:n].max()), float(np.diag(T)[n:].min())
+    rounding, nearest = EPS * float(np.linalg.norm(H)), min(left, right)
+    known = nearest > NEAR_AXIS * rounding
+    if not known and abs(left - right) > PAIRED * nearest:
         return None
     X1, X2 = U[:n, :n], U[n:, :n]
     product = X1.T @ X2
-    largest = max(float(np.abs(product).max()), rounding / nearest)
+    largest = max(float(np.abs(product).max()), rounding / nearest if known else 0.0)
     if np.abs(product - product.T).max() > ASYMMETRY * largest:
         return None
     try:
         X = np.linalg.solve(X1.T, X2.T)
     except LinAlgError:
         return None
+    error = rounding / nearest if known else float(np.abs(X - X.T).max())
     X = (X + X.T) / 2
     if not np.isfinite(X).all():
         return None
     values = np.linalg.eigvalsh(X)
-    if values[0] < -INDEFINITE * max(values[-1], 0.0) - NEAR_AXIS * rounding / nearest:
+    if values[0] < -INDEFINITE * max(values[-1], 0.0) - NEAR_AXIS * error:
         return None
     return X / half[:, None] / half

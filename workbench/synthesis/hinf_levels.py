@@ -16,9 +16,14 @@ from workbench.errors import SolverError
 from workbench.synthesis.hamiltonian import hamiltonian_solution
 from workbench.synthesis.norm import norm
 from workbench.synthesis.standard import Real, StandardPlant
+from workbench.uncertainty.realisation import frequency_response
 
 SMALLEST = 1e-6
 """Least level looked for, relative to the norm of the mean-square controller: less is zero."""
+CANCELLED = 1e-8
+"""The same, relative to w -> z without K at high and at middle frequencies: less is rounding."""
+MIDDLE = np.exp(0.5j)
+"""A point of middle frequency, off the axis, where poles may lie."""
 STEPS = 80
 """Levels tried."""
 
@@ -114,7 +119,10 @@ def level_ends(plant: StandardPlant) -> tuple[float, float]:
         ceiling = math.inf
     if not 0.0 < ceiling < math.inf:  # only a first level to try: whence does not matter
         ceiling = 2.0 * float(least) or 1.0
-    return max(float(least), SMALLEST * ceiling), ceiling
+    M = np.block([[plant.A, plant.B1], [plant.C1, D11]])
+    size = max(np.linalg.norm(D11), np.linalg.norm(frequency_response(M, plant.states, MIDDLE)))
+    floor = max(float(least), SMALLEST * ceiling, CANCELLED * float(size))
+    return floor, max(ceiling, floor)
 
 
 def level_at(plant: StandardPlant, gamma: float) -> Level | None:

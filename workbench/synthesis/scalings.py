@@ -13,18 +13,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import reduce
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares, minimize
+from scipy.optimize import least_squares
 
 from workbench.structure import Structure
 
 if TYPE_CHECKING:
     from control import StateSpace
 
-Array = NDArray[Any]
 Real = NDArray[np.float64]
 DAMPING = (0.1, 20.0)
 """Least and largest damping of zeros and poles; above 1 they are pairs of real ones."""
@@ -32,15 +31,11 @@ BEYOND = 2.0
 """How far, in natural logarithms, corners may lie beyond the frequencies."""
 LARGEST = 50.0
 """Of log gains: what is farther from 1 is so for lack of any effect."""
-SHARPNESS = (6.0, 25.0, 100.0, 400.0)
-"""Exponents of the mean that stands for the worst, each started from the one before."""
 STEPS = 80
-PLAIN = 1e-4
-"""Weight of the logarithms of damping: what the loop does not need stays plain."""
 STARTS = 7
 """Log frequencies about which corners start, when they are to follow a target."""
-SPREAD = (0.6, 2.6)
-"""Distances of the corners of a first guess, in natural logarithms."""
+SPREAD = 0.6
+"""Distance of the corners of a first guess, in natural logarithms."""
 
 
 PARAMETERS = "log gain and, for each biquad, log z, log a, log p, log b"
@@ -94,6 +89,19 @@ class Scalings:
             )
         return y
 
+    def grown(self, x: Real, omega: float, split: float) -> tuple[Scalings, Real]:
+        """With a biquad more about omega [rad/s], its zeros by `split` above it, poles below."""
+        larger = Scalings(self.blocks, self.biquads + 1)
+        y = np.zeros((self.blocks, larger.size))
+        y[:, : self.size] = x
+        y[:, self.size], y[:, self.size + 2] = np.log(omega) + split, np.log(omega) - split
+        return larger, y
+
+    def without(self, x: Real, biquad: int) -> tuple[Scalings, Real]:
+        """With a biquad less."""
+        first = 1 + 4 * biquad
+        return Scalings(self.blocks, self.biquads - 1), np.delete(x, range(first, first + 4), 1)
+
     def guess(self, gains: Real, middle: float, spread: float) -> Real:
         """Parameters with these log gains, the corners spread about one log frequency."""
         x = np.zeros((self.blocks, self.size))
@@ -103,46 +111,39 @@ class Scalings:
             x[:, first] = middle + places[first // 4] + 0.3 * sign
         return x
 
-    def fit(
-        self, M: Array, structure: Structure, omega: Real, reference: Real, x: Real
-    ) -> tuple[Real, float]:
-        """The best parameters near x, and log of the worst sigma_max(D M D^-1) over the reference.
+    def bending(self, x: Real, omega: Real, weight: Real) -> Real:
+        """Second derivatives (blocks, P, P) of the sum of log|d| times a weight (blocks, F)."""
+        found = np.zeros((self.blocks, self.size, self.size))
+        for first, sign in self._corners():
+            corner, damping = (np.exp(x[:, first + k, None]) for k in (0, 1))
+            real, imaginary = corner**2 - omega**2, 2 * damping * corner * omega
+            square = real**2 + imaginary**2
+            by_corner = (2 * real * corner**2 + imaginary**2) / square
+            by_damping = imaginary**2 / square
+            twice = (4 * corner**4 + 4 * real * corner**2 + 2 * imaginary**2) / square
+            corner_corner = (weight * (twice - 2 * by_corner**2)).sum(axis=1)
+            mixed = (weight * 2 * by_damping * (1 - by_corner)).sum(axis=1)
+            damping_damping = (weight * 2 * by_damping * (1 - by_damping)).sum(axis=1)
+            found[:, first, first] = sign * corner_corner
+            found[:, first, first + 1] = found[:, first + 1, first] = sign * mixed
+            found[:, first + 1, first + 1] = sign * damping_damping
+        return found
 
-        M (F, c, r) at omega (F,) [rad/s], reference (F,).
-        """
+    def bounds(self, omega: Real) -> tuple[Real, Real]:
+        """Least and largest parameters, flat, for frequencies [rad/s]."""
         low, high = np.log(omega[[0, -1]])
-        bounds = [(-LARGEST, LARGEST)] * self.size
+        least, largest = np.full((2, self.blocks, self.size), [[[-LARGEST]], [[LARGEST]]])
         for first, _ in self._corners():
-            bounds[first] = (low - BEYOND, high + BEYOND)
-            bounds[first + 1] = (np.log(DAMPING[0]), np.log(DAMPING[1]))
-        damping = [first + 1 for first, _ in self._corners()]
-        log_reference = np.log(reference)
+            least[:, first], largest[:, first] = low - BEYOND, high + BEYOND
+            least[:, first + 1], largest[:, first + 1] = np.log(DAMPING)
+        return least.ravel(), largest.ravel()
 
-        def cost(flat: Real, sharpness: float) -> tuple[float, Real]:
-            y = flat.reshape(x.shape)
-            value, slope = self.log_magnitude(y, omega)
-            size, by_block = _scaled_size(M, structure, value)
-            excess = size - log_reference
-            weight = np.exp(sharpness * (excess - excess.max()))
-            mean = excess.max() + np.log(weight.mean()) / sharpness
-            gradient = np.einsum("f,bf,bpf->bp", weight / weight.sum(), by_block, slope)
-            gradient[:, damping] += 2 * PLAIN * y[:, damping]
-            return float(mean + PLAIN * np.sum(y[:, damping] ** 2)), gradient.ravel()
-
-        flat = x.ravel()
-        for sharpness in SHARPNESS:
-            flat = minimize(
-                cost,
-                flat,
-                args=(sharpness,),
-                jac=True,
-                method="L-BFGS-B",
-                bounds=bounds * self.blocks,
-                options={"maxiter": STEPS},
-            ).x
-        best = flat.reshape(x.shape)
-        size, _ = _scaled_size(M, structure, self.log_magnitude(best, omega)[0])
-        return best, float(np.max(size - log_reference))
+    @property
+    def dampings(self) -> Real:
+        """1 for the parameters, flat, that are logarithms of damping, 0 for others."""
+        found = np.zeros((self.blocks, self.size))
+        found[:, [first + 1 for first, _ in self._corners()]] = 1.0
+        return found.ravel()
 
     def follow(self, target: Real, omega: Real, weight: Real) -> Real:
         """Parameters for which log|d| is near a target (blocks, F), weighted (F,) least squares."""
@@ -166,7 +167,7 @@ class Scalings:
 
         gains = np.average(target, axis=1, weights=weight)
         middles = np.linspace(low, high, STARTS + 2)[1:-1]
-        starts = [self.guess(gains, middle, SPREAD[0]) for middle in middles]
+        starts = [self.guess(gains, middle, SPREAD) for middle in middles]
         fits = [
             least_squares(
                 missed, np.clip(x.ravel(), *bounds), slopes, bounds=bounds, max_nfev=STEPS
@@ -191,17 +192,6 @@ def diagonals(structure: Structure, value: Real) -> tuple[Real, Real]:
     for one, row, column in places:
         rows[:, row], columns[:, column] = one[:, None], one[:, None]
     return rows, columns
-
-
-def _scaled_size(M: Array, structure: Structure, value: Real) -> tuple[Real, Real]:
-    """log sigma_max(D M D^-1) (F,) and its slopes (B, F) with log d."""
-    rows, columns = diagonals(structure, value)
-    scaled = np.exp(rows)[:, :, None] * M * np.exp(-columns)[:, None, :]
-    left, size, right = np.linalg.svd(scaled, full_matrices=False)
-    out, into = np.abs(left[:, :, 0]) ** 2, np.abs(right[:, 0, :]) ** 2
-    places = zip(value, structure.column_slices, structure.row_slices, strict=False)
-    slopes = [out[:, row].sum(axis=1) - into[:, column].sum(axis=1) for _, row, column in places]
-    return np.log(size[:, 0]), np.reshape(slopes, value.shape)
 
 
 def _split(row: Real) -> tuple[list[float], Real]:
