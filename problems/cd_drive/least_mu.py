@@ -40,7 +40,7 @@ HALVINGS = 40
 
 @dataclass(frozen=True)
 class LoopWeights:
-    """What mu of w_p -> (z_p, z_u) depends on beside T, at frequencies (F,).
+    """What mu of w_p -> (z_p, z_u) depends on beside T, at frequencies (F,), and its angles.
 
     ``performance`` |W_p|, ``control`` |W_u / ACT| and ``circular`` |W_c|, the first positive, the
     others not negative; ``real`` W_r, complex, 0 for circles.
@@ -108,10 +108,9 @@ class LoopWeights:
         """T of least mu for these angles."""
         zeta, kappa = self.zeta(psi), self.kappa(turned)
         share = self.performance / np.hypot(self.performance, self.control)
-        size = share * np.maximum(np.cos(zeta + kappa), 0.0) / np.cos(kappa)
+        modulus = share * np.maximum(np.cos(zeta + kappa), 0.0) / np.cos(kappa)
         towards = np.where(self.real.real * self.real.imag < 0.0, -1.0, 1.0)
-        found: Complex = size * np.exp(1j * towards * psi)
-        return found
+        return np.asarray(modulus * np.exp(1j * towards * psi), dtype=complex)
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,6 @@ from itertools import product
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, get_args
 
 import numpy as np
-from scipy.optimize import brentq
 
 from workbench import Check, Run, Study, problem, ref
 from workbench.executor import Context
@@ -25,6 +24,7 @@ from workbench.uncertainty.storage import rational, shape
 from .control_problem import generalised
 from .design import uncertainty
 from .drives import Gain, controller
+from .equal_channels import equalising_gain
 from .mu_pid_checks import mu_pid_checks
 from .mu_pid_report import claims_table, conditions_table, mu_figures, sets_table
 from .rank_one import CHANNELS, channel_of
@@ -47,8 +47,6 @@ CONDITIONS = {
 }
 TOLERANCE = 1e-4
 """Of the certified peaks, relative."""
-MOST_GAIN = 30.0
-"""Largest factor on the controller that is tried at 5X."""
 
 
 def needs(
@@ -225,22 +223,9 @@ class MuPidAnalysis(Study):
         """
         plants = [self.plant(GAINS[0], SPEEDS[-1], single, "stadium") for single in CHANNELS]
 
-        def apart(log_gain: float) -> float:
-            bounds = [
-                conditions(plant, np.exp(log_gain) * K, tolerance=1e-2).robust_performance
-                for plant in plants
-            ]
-            if bounds[0] is None or bounds[1] is None:  # unstable
-                return np.nan
-            return float(np.log(bounds[0].upper / bounds[1].upper))
-
-        logs = np.log(np.geomspace(1.0, MOST_GAIN, 12))
-        distance = np.array([apart(each) for each in logs])
-        crossing = np.flatnonzero((distance[:-1] > 0) & (distance[1:] <= 0))
-        if not crossing.size:
-            return np.nan, np.full((len(CHANNELS), 2, self.frequency.size), np.nan)
-        first = crossing[0]
-        gain = float(np.exp(brentq(apart, logs[first], logs[first + 1], xtol=1e-3)))
+        gain = equalising_gain(plants, K)
+        if np.isnan(gain):
+            return gain, np.full((len(CHANNELS), 2, self.frequency.size), np.nan)
         return gain, np.array([self._curve(plant, gain * K) for plant in plants])
 
     def checks(self, answer: xr.Dataset, tolerance: float) -> list[Check]:

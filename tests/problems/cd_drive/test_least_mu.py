@@ -1,0 +1,132 @@
+"""The least mu of any controller, against searches over all T, and what it bounds."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from problems.cd_drive.drives import ANTIALIASING
+from problems.cd_drive.least_mu import LoopWeights, largest_least_mu, least_mu
+from problems.cd_drive.rank_one import CHANNELS, channel_of, rank_one_mu
+from workbench.errors import InputError
+from workbench.fitting.rational import Rational
+from workbench.mu import upper_bound
+from workbench.structure import Complex, Full, Real, Structure
+from workbench.uncertainty import UncertaintyModel
+
+size = st.floats(-2, 2).map(lambda x: round(10**x, 4))
+angle = st.floats(-3.2, 3.2).map(lambda x: round(x, 3))
+
+
+def weights(count, seed):
+    rng = np.random.default_rng(seed)
+    sizes = 10 ** rng.uniform(-1.5, 1.5, (4, count))
+    return LoopWeights(*sizes[:3], sizes[3] * np.exp(2j * np.pi * rng.uniform(size=count)))
+
+
+@given(size, size, size, size, angle)
+def test_no_T_of_a_search_beats_it_and_the_best_comes_close(W_p, W_u, W_c, W_r, turn):
+    given_weights = LoopWeights(W_p, W_u, W_c, W_r * np.exp(1j * turn))
+    found = least_mu(given_weights)
+    moduli, angles = np.linspace(0, 1.2, 121)[:, None], np.linspace(-np.pi, np.pi, 181)
+    T = (moduli * np.exp(1j * angles)).reshape(-1, 1)
+    searched = given_weights.mu(T).min()
+    assert found.lower[0] <= searched * (1 + 1e-12)
+    assert searched <= found.upper[0] * 1.1  # what the search's steps leave
+    assert found.lower[0] <= found.upper[0] <= found.lower[0] / (1 - 1e-3) * (1 + 1e-12)
+    assert given_weights.mu(found.T)[0] == pytest.approx(found.upper[0], rel=1e-12)
+
+
+def test_a_tighter_tolerance_narrows_the_bounds_around_the_same_number():
+    many = weights(100, 1)
+    wide, narrow = least_mu(many, 1e-2), least_mu(many, 1e-4)
+    assert (narrow.lower >= wide.lower * (1 - 1e-12)).all()
+    assert (narrow.upper <= wide.upper * (1 + 1e-12)).all()
+    assert (narrow.upper / narrow.lower - 1).max() < 1.1e-4
+
+
+def test_circles_without_control_weight_leave_the_smaller_of_both_weights():
+    many = replace(weights(100, 2), control=np.zeros(100), real=np.zeros(100))
+    expected = np.minimum(many.performance, many.circular)
+    np.testing.assert_allclose(least_mu(many).upper, expected, rtol=1e-9)
+    np.testing.assert_allclose(least_mu(many).lower, expected, rtol=2e-3)
+
+
+def test_the_nominal_plant_leaves_what_its_two_weights_do():
+    many = replace(weights(100, 3), circular=np.zeros(100), real=np.zeros(100))
+    expected = many.performance * many.control / np.hypot(many.performance, many.control)
+    np.testing.assert_allclose(least_mu(many).upper, expected, rtol=1e-9)
+
+
+def test_a_real_weight_costs_at_most_what_the_same_complex_one_does():
+    many = weights(100, 4)
+    circles = replace(many, circular=many.circular + np.abs(many.real), real=np.zeros(100))
+    assert (least_mu(many).lower <= least_mu(circles).upper).all()
+    without = replace(many, real=np.zeros(100))
+    assert (least_mu(many).upper >= least_mu(without).lower).all()
+
+
+def test_mu_of_T_is_that_of_the_matrix():
+    many = weights(40, 5)
+    rng = np.random.default_rng(6)
+    T = rng.uniform(-1, 1.5, 40) + 1j * rng.uniform(-1, 1, 40)
+    left = [many.real * T, many.circular * T, many.performance * (1 - T), many.control * T]
+    right = [np.ones(40), np.ones(40), np.ones(40)]
+    M = np.array(left).T[:, :, None] * np.array(right).T[:, None, :]
+    structure = Structure([Real(1), Complex(1), Full(1, 2)])
+    np.testing.assert_allclose(many.mu(T), upper_bound(M, structure).value, rtol=1e-5)
+
+
+def test_weights_of_a_drive_give_the_mu_of_its_loop():
+    G = Rational([-300.0], [-20 + 200j, -20 - 200j, -9e3], 5e6)
+    W_c, W_r = Rational([-50.0], [-900.0], 0.3), Rational([-80.0], [-700.0], 0.2)
+    model = UncertaintyModel(G, W_c, W_r)
+    import control
+
+    K = control.tf([3e-3, 2.0], [1e-5, 1.0])
+    omega = np.geomspace(10, 1e5, 50)
+    found = LoopWeights.of("focus", model, 5.0, omega)
+    L = K(1j * omega) * G.response(omega) / (1 + 1j * omega / ANTIALIASING)
+    T = L / (1 + L)
+    for name in CHANNELS:
+        loop = channel_of("focus", G, K, name, 5.0, omega)
+        zero = np.zeros(omega.shape)
+        if name == "disturbance":
+            alone = replace(found, control=zero).mu(T)
+        else:
+            real, circular = found.real * T, found.circular * np.abs(T)
+            alone = rank_one_mu(real, circular + found.control * np.abs(T))
+        real = -W_r.response(omega) * -loop.uncertain
+        others = np.abs(W_c.response(omega) * loop.uncertain) + np.abs(loop.performance)
+        np.testing.assert_allclose(alone, rank_one_mu(real, others), rtol=1e-9)
+    circles = LoopWeights.of("focus", UncertaintyModel(G, W_c), 5.0, omega)
+    assert not circles.real.any()
+
+
+def test_the_largest_is_found_between_frequencies():
+    def resonant(omega):
+        peak = 2 / np.sqrt(1 + ((omega - 33.3) / 0.5) ** 2)
+        return LoopWeights(np.full(omega.shape, 9.0), 0.0, peak, 0.0)
+
+    bound, at = largest_least_mu(resonant, np.geomspace(1, 1e3, 100))
+    assert at == pytest.approx(33.3, abs=0.02)
+    assert bound == pytest.approx(2.0, rel=3e-3)
+    assert bound <= 2.0
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("performance", 0.0), ("control", -1.0), ("circular", np.nan), ("real", np.inf)],
+)
+def test_weights_that_are_none_are_refused(name, value):
+    parts = {"performance": 1.0, "control": 1.0, "circular": 1.0, "real": 1.0, name: value}
+    with pytest.raises(InputError, match=name):
+        LoopWeights(**parts)
+
+
+@pytest.mark.parametrize("tolerance", [0.0, 1.0, -1e-3])
+def test_a_tolerance_that_is_none_is_refused(tolerance):
+    with pytest.raises(InputError, match="tolerance"):
+        least_mu(weights(1, 7), tolerance)
