@@ -28,7 +28,7 @@ After = Literal["", "reference", "dk", "mu-dk", "dgk"]
 Speed = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 
 
-def needs(axis: str, after: After = "", **parameters: Any) -> dict[str, Any]:
+def needs(axis: str, after: After = "reference", **parameters: Any) -> dict[str, Any]:
     """The cover, and the controller that a chain goes on from."""
     found = cover_of(axis, **parameters)
     if after not in ("", "reference"):
@@ -47,7 +47,7 @@ def controller(
     gain: Gain = "own",
     frequencies: Frequencies = 400,
     speed: Speed = 1.0,
-    after: After = "",
+    after: After = "reference",
     order: Annotated[int, Field(ge=0)] | None = None,
 ) -> MuSynthesis:
     """The controller with the least certified peak of mixed mu, from w_p to z_p and z_u.

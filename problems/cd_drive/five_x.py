@@ -62,7 +62,7 @@ def needs(
 ) -> dict[str, Any]:
     """The stadium cover, and the controller designed with it for 5X."""
     choice: Any = {"form": "stadium", "cover": cover, "frequencies": frequencies, "gain": gain}
-    designed = ref(f"cd/{axis}/controller", method="dk", speed=SPEED, **choice)
+    designed = ref(f"cd/{axis}/controller", method="dk", speed=SPEED, after="", **choice)
     return cover_of(axis, **choice) | {"designed": designed}
 
 

@@ -118,8 +118,8 @@ def reduce(
     order
         The only order to try; None: all.
     refine
-        Improve each stable reduction by method "fixed" of `MuSynthesis`, from the highest order
-        down; the reduction of a refined controller may be the better start for the next order.
+        Improve those that exceed the target by method "fixed" of `MuSynthesis`, from the highest
+        order down; what a refined controller is reduced to may be the better start for the next.
     context
         Progress and time limit of the refinement.
 
@@ -145,29 +145,40 @@ def reduce(
             tried.setdefault(one.nstates, one)
     certified = [_certified(plant, tried[k])[1] for k in sorted(tried)]
     if refine:
-        certified = _refined(plant, certified, given, context or Context())
+        certified = _refined(plant, certified, given, target, context or Context())
     return Reduction((*certified, given), target)
 
 
 def _refined(
-    plant: GeneralisedPlant, reductions: list[Reduced], given: Reduced, context: Context
+    plant: GeneralisedPlant,
+    reductions: list[Reduced],
+    given: Reduced,
+    target: float,
+    context: Context,
 ) -> list[Reduced]:
-    """Each of the reductions, or what method "fixed" makes of it; lowest order first as before."""
+    """The reductions, lowest order first, those above the target as method "fixed" leaves them."""
     found: list[Reduced] = []
     above = given
     for one in context.track(reductions[::-1], "refinement"):
-        starts = [one]
-        if above is not given and above.order > one.order:
-            starts.append(_certified(plant, reduced(above.K, one.order, plant=plant))[1])
-        best = min(starts, key=lambda each: each.upper)
-        if best.stable:
-            solution = solve(MuSynthesis(plant, start=best.K), "fixed")
-            if solution.answer is not None:
-                refined = _certified(plant, solution.answer.K)[1]
-                best = min(best, refined, key=lambda each: each.upper)
-            above = best
+        if one.stable and one.upper <= target:
+            best = one
+        else:
+            best = _best_refined(plant, one, above)
+        above = best if best.stable else above
         found.append(best)
     return found[::-1]
+
+
+def _best_refined(plant: GeneralisedPlant, one: Reduced, above: Reduced) -> Reduced:
+    """A reduction, or what is left of the next higher order's, refined from the better of both."""
+    again = reduced(above.K, one.order, plant=plant)
+    best = min(one, _certified(plant, again)[1], key=lambda each: each.upper)
+    if not best.stable:
+        return best
+    solution = solve(MuSynthesis(plant, start=best.K), "fixed")
+    if solution.answer is None:
+        return best
+    return min(best, _certified(plant, solution.answer.K)[1], key=lambda each: each.upper)
 
 
 def _reducer(
