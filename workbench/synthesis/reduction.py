@@ -160,10 +160,7 @@ def _refined(
     found: list[Reduced] = []
     above = given
     for one in context.track(reductions[::-1], "refinement"):
-        if one.stable and one.upper <= target:
-            best = one
-        else:
-            best = _best_refined(plant, one, above)
+        best = one if one.stable and one.upper <= target else _best_refined(plant, one, above)
         above = best if best.stable else above
         found.append(best)
     return found[::-1]
