@@ -114,11 +114,15 @@ def _iterated(program: MuSynthesis, context: Context, blend: float) -> Claim:
             continue
         mixed = upper_bound(loop.M, program.closed).value
         peak = float(mixed.max())
+        last = Iterate(peak, level, K.nstates, np.nan)
+        reached = program.reaching(K, peak, (*history, last))
+        if reached is not None:
+            return reached, Outcome.SOLVED, "reached the target"
         before = used
         used, missed = _scalings(program, loop, mixed, used, blend)
         if best is None or peak < best[0]:
             best = peak, K, used
-        history.append(Iterate(peak, level, K.nstates, float(np.expm1(missed))))
+        history.append(replace(last, fit=float(np.expm1(missed))))
         K = None
         peaks = np.minimum.accumulate([each.peak for each in history])
         if len(peaks) > patience and peaks[-1] > (1 - SETTLED) * peaks[-1 - patience]:

@@ -22,7 +22,7 @@ from workbench.solvers import Outcome
 from workbench.structure import Structure
 from workbench.synthesis.families import Family, Modal
 from workbench.synthesis.loops import frequencies_of, stability_of
-from workbench.synthesis.mu_synthesis import Iterate, MuSynthesis
+from workbench.synthesis.mu_synthesis import TOLERANCE, Iterate, MuSynthesis
 from workbench.uncertainty.generalised import GeneralisedPlant, response
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ def _fixed(program: MuSynthesis, context: Context) -> Claim:
     else:
         x = family.parameters(program.start)
     problem = _Problem(program.plant, program.closed, family)
-    x, peaks, said = _minimised(problem, x, context)
+    x, peaks, said = _minimised(problem, x, context, (program.target or 0.0) / (1 + TOLERANCE))
     order = family.system(x).nstates
     history = tuple(Iterate(peak, np.nan, order, np.nan) for peak in peaks)
     return program.answer(family.system(x), history), Outcome.SOLVED, said
@@ -117,7 +117,9 @@ def _beside(omega: Real, bound: Real) -> Real:
     return middle
 
 
-def _minimised(problem: _Problem, x: Real, context: Context) -> tuple[Real, list[float], str]:
+def _minimised(
+    problem: _Problem, x: Real, context: Context, target: float
+) -> tuple[Real, list[float], str]:
     """The best parameters found, the peaks on the way, and why it ended."""
     loop = problem.loop(x)
     assert loop is not None  # a start stabilises, as its Program has seen
@@ -125,6 +127,8 @@ def _minimised(problem: _Problem, x: Real, context: Context) -> tuple[Real, list
     peaks, radius = [float(bound.max())], FIRST
     hessian = np.zeros((x.size, x.size))
     for _ in context.track(range(ROUNDS), "fixed structure"):
+        if peaks[-1] <= target:
+            return x, peaks, "reached the target"
         units = problem.family.units(x)
         near = omega[bound > NEAR * peaks[-1]]
         value, slope = problem.linear(x, near)
