@@ -10,7 +10,7 @@ import workbench as wb
 from problems.mass_spring.plant import two_mass_plant
 from problems.textbook.first_order import unstable_first_order
 from workbench.errors import InputError
-from workbench.synthesis import MuController, MuSynthesis, hinf
+from workbench.synthesis import MuController, MuSynthesis, hinf, reduced
 
 
 @pytest.fixture(scope="module")
@@ -43,6 +43,22 @@ def test_a_start_is_improved_on(solved):
     assert again.answer.upper <= solution.answer.upper * 1.001
 
 
+@pytest.mark.parametrize("method", ["dk", "fixed"])
+def test_a_target_ends_it_early_or_is_said_to_be_missed(solved, method):
+    _, whole = solved
+    start = None if method == "dk" else hinf(unstable_first_order()).K
+    within = MuSynthesis(unstable_first_order(), start=start, target=0.8)
+    early = wb.solve(within, method)
+    assert early.certificate.holds, early.certificate
+    assert "target" in early.message
+    assert 0.0 < early.answer.upper <= 0.8
+    assert method == "fixed" or len(early.answer.history) < len(whole.answer.history)
+    beyond = wb.solve(replace(within, target=0.5), method)
+    assert beyond.outcome is wb.Outcome.FAILED
+    assert beyond.answer.upper < 0.75  # the best there is, marked as short of the target
+    assert [one.split(":")[0] for one in beyond.certificate.failures] == ["target"]
+
+
 def test_what_does_not_hold_is_refused(solved):
     program, solution = solved
     answer = solution.answer
@@ -61,6 +77,9 @@ def test_bad_input_is_named():
         MuSynthesis(replace(plant, structure=None))
     with pytest.raises(InputError, match="does not stabilise"):
         MuSynthesis(unstable_first_order(), start=control.ss([], [], [], [[0.0]]))
+    for target in (0.0, -1.0, np.nan, np.inf):
+        with pytest.raises(InputError, match="target"):
+            MuSynthesis(unstable_first_order(), target=target)
 
 
 def test_a_fixed_order_is_optimised_from_its_start():
@@ -98,6 +117,7 @@ def test_two_masses_are_below_one_where_complex_scalings_end_above():
     first = wb.solve(MuSynthesis(plant), "dk")
     assert first.certificate.holds
     assert 1.0 < first.answer.upper < 1.1
-    chained = wb.solve(MuSynthesis(plant, start=first.answer.K), "fixed")
+    # Its states are more than it needs, and from too many the fixed structure gets nowhere.
+    chained = wb.solve(MuSynthesis(plant, start=reduced(first.answer.K, 20, plant=plant)), "fixed")
     assert chained.certificate.holds, chained.certificate
     assert chained.answer.upper < 0.95

@@ -87,10 +87,10 @@ def test_frequencies_that_tell_nothing_are_left_out():
 def test_a_biquad_more_and_a_biquad_less():
     scalings = Scalings(2, 1)
     x = np.random.default_rng(1).normal(size=(2, 5))
-    larger, y = scalings.grown(x, 3.0, 0.3)
+    larger, y = scalings.grown(x, 3.0, np.array([0.3, -0.3]))
     same, back = larger.without(y, 1)
     assert same == scalings
     np.testing.assert_array_equal(back, x)
-    neutral = scalings.grown(x, 3.0, 0.0)
+    neutral = scalings.grown(x, 3.0, np.zeros(2))
     log = neutral[0].log_magnitude(neutral[1], OMEGA)[0]
     np.testing.assert_allclose(log, scalings.log_magnitude(x, OMEGA)[0], atol=1e-12)

@@ -159,6 +159,9 @@ def _iterated(program: MuSynthesis, context: Context, blend: float) -> Claim:
             continue
         mixed = upper_bound(loop.M, program.closed).value
         peak = float(mixed.max())
+        reached = program.reaching(K, peak, (*now.history, Iterate(peak, level, np.nan, K)))
+        if reached is not None:
+            return reached, Outcome.SOLVED, "reached the target"
         now.before = now.used
         now.used, missed = _scalings(program, loop, mixed, now.used, now.blend)
         if not now.history or peak < min(each.peak for each in now.history):

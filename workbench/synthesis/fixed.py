@@ -22,7 +22,7 @@ from workbench.solvers import Outcome
 from workbench.structure import Structure
 from workbench.synthesis.families import Family, Modal
 from workbench.synthesis.loops import frequencies_of, stability_of
-from workbench.synthesis.mu_synthesis import MuSynthesis
+from workbench.synthesis.mu_synthesis import TOLERANCE, MuSynthesis
 from workbench.synthesis.rounds import Iterate, packed, unpacked
 from workbench.uncertainty.generalised import GeneralisedPlant, response
 
@@ -55,7 +55,8 @@ def _fixed(program: MuSynthesis, context: Context) -> Claim:
     else:
         x = family.parameters(program.start)
     problem = _Problem(program.plant, program.closed, family)
-    history, said = _minimised(problem, x, context)
+    target = (program.target or 0.0) / (1 + TOLERANCE)
+    history, said = _minimised(problem, x, context, target)
     return program.answer(history[-1].K, tuple(history)), Outcome.SOLVED, said
 
 
@@ -120,7 +121,9 @@ def _beside(omega: Real, bound: Real) -> Real:
     return middle
 
 
-def _minimised(problem: _Problem, x: Real, context: Context) -> tuple[list[Iterate], str]:
+def _minimised(
+    problem: _Problem, x: Real, context: Context, target: float
+) -> tuple[list[Iterate], str]:
     """The rounds, each better than the one before, and why they ended."""
     radius, hessian = FIRST, np.zeros((x.size, x.size))
     kept = context.checkpoint.load()
@@ -134,6 +137,8 @@ def _minimised(problem: _Problem, x: Real, context: Context) -> tuple[list[Itera
         context.record(each.row(number))
     for _ in context.rounds(ROUNDS, "fixed structure", len(history) - 1):
         peak = history[-1].peak
+        if peak <= target:
+            return history, "reached the target"
         units = problem.family.units(x)
         near = omega[bound > NEAR * peak]
         value, slope = problem.linear(x, near)

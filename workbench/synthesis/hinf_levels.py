@@ -24,8 +24,8 @@ CANCELLED = 1e-8
 """The same, relative to w -> z without K at high and at middle frequencies: less is rounding."""
 MIDDLE = np.exp(0.5j)
 """A point of middle frequency, off the axis, where poles may lie."""
-STEPS = 80
-"""Levels tried."""
+STEPS, CERTAIN = 80, 8
+"""Levels tried, and after how many every other one halves the interval."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,10 +80,11 @@ def _between(low: float, below: Level | None, best: Level, tolerance: float, ste
     """The next level: where the coupling is 1 by interpolation, or the middle."""
     high = best.gamma
     middle = math.sqrt(low * high)
-    if below is None or step % 3 == 2 or best.coupling <= 0.0:
+    if below is None or best.coupling <= 0.0 or (step > CERTAIN and step % 2):
         return middle
-    a, b = math.log(below.coupling), math.log(best.coupling)
-    root = low * (high / low) ** (a / (a - b))
+    # The inverse of the coupling is nearly linear in gamma.
+    a, b = 1.0 / below.coupling - 1.0, 1.0 / best.coupling - 1.0
+    root = low - (high - low) * a / (b - a)
     inside = 1.0 + tolerance / 4
     return min(max(root, low * inside), high / inside)
 
@@ -97,9 +98,14 @@ def level_ends(plant: StandardPlant) -> tuple[float, float]:
     m, p = plant.controls, plant.measurements
     state, estimate = _state_feedback(plant, math.inf), _state_feedback(plant.dual, math.inf)
     if state is None or estimate is None:
+        where = (
+            "(A, B2, C1, D12), of control," if state is None else "(A, B1, C2, D21), of estimation,"
+        )
+        more = "the weight on u" if state is None else "the noise on y"
         raise SolverError(
-            "the Riccati equation of gamma = infinity has no stabilising solution: an assumption "
-            "does not hold, numerically; see workbench.synthesis.assumptions"
+            f"the Riccati equation of {where} has no stabilising solution for gamma = infinity, "
+            "numerically: an assumption fails or nearly does (see synthesis.assumptions); move "
+            f"slow poles and zeros off the imaginary axis, or add to {more} (regularised() does)"
         )
     (X, F), (Y, L) = state, estimate
     D11 = plant.D11

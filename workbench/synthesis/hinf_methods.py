@@ -19,7 +19,7 @@ from workbench.synthesis.standard import (
 )
 
 DISTANCE = 1e-3
-"""Least relative distance from the least level: nearer, poles of K run away for nothing."""
+"""Relative distance from the least level: nearer, poles of K run away for nothing."""
 CANCELLED = 1e-3
 """Share of the level below which the norm of a loop is that of rounding errors."""
 
@@ -52,7 +52,8 @@ def claimed(program: HinfSynthesis, K: Matrices, size: float, gamma: float, said
 def _riccati(program: HinfSynthesis, context: Context) -> Claim:
     """Two Riccati equations and bisection of the level, to 1e-3 above the least one."""
     try:
-        found = central_of(program.scaled, distance(context), program.gamma)
+        # Half of the distance for the interval of the least level, half for the step above it.
+        found = central_of(program.scaled, distance(context) / 2, program.gamma)
     except InfeasibleError as error:
         return None, Outcome.INFEASIBLE, str(error)
     except SolverError as error:

@@ -7,6 +7,7 @@ Robust and Optimal Control (1996), theorem 17.1, called ZDG here.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -27,7 +28,8 @@ EXCESS = 1e-6
 class Central(NamedTuple):
     """A controller (A, B, C, D) whose loop has ``norm``, at most its level ``gamma``.
 
-    No level below ``lower`` has one, by the Riccati equations.
+    No level below ``lower`` has one, by the Riccati equations (where rounding lets the norm fall
+    below what they say, the norm).
     """
 
     K: Matrices
@@ -109,16 +111,27 @@ def _made(normal: Scaled, gammas: list[float], low: float) -> Central:
             continue
         try:
             K = normal.controller(_central(normal.plant, level))
-            size = norm(normal.given.close(K), EXCESS)
+            loop = normal.given.close(K)
+            size = norm(loop, EXCESS)
         except (LinAlgError, ArithmeticError) as error:
-            reached = str(error)
+            reached = " ".join(str(error).split())
             continue
         if size <= gamma * (1.0 + EXCESS):
-            return Central(K, gamma, low, size)
+            return Central(K, gamma, min(low, size), size)
         reached = f"the loop of level {gamma:.6g} has norm {size:.6g}"
-        if best is None or size < best.norm:
-            best = Central(K, size, low, size)
-    raise SolverError(f"the Riccati equations are too ill-conditioned: {reached}")
+        if not math.isfinite(size):
+            poles = np.abs(np.linalg.eigvals(loop[0]))
+            reached = (
+                f"the loop of level {gamma:.6g} is not stable, numerically: its poles lie between "
+                f"{poles.min():.3g} and {poles.max():.3g} rad/s"
+            )
+        elif best is None or size < best.norm:
+            best = Central(K, size, min(low, size), size)
+    raise SolverError(
+        f"the Riccati equations are too ill-conditioned: {reached}; slow weights, cheap control "
+        "and little noise part poles: add to the weight on u and to the noise on y, as "
+        "regularised() of a larger size does"
+    )
 
 
 def _central(plant: StandardPlant, level: Level) -> Matrices:

@@ -28,6 +28,8 @@ TOLERANCE = 1e-3
 """Of certified peaks, relative."""
 ROUND = "round_"
 """How variables of a dataset begin that have a value for each round."""
+ROUNDING = 1e-9
+"""By which bounds of the same loop may differ, relative."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,18 +64,22 @@ class MuSynthesis(Program):
     family
         Controllers that method "fixed" may choose from, the start among them; None: all of the
         start's order.
+    target
+        Certified peak that is low enough: methods end there, and an answer above it does not hold.
+        None: the least that they find.
 
     Raises
     ------
     InputError
         A plant without structure, performance or exogenous signals, or in discrete time; a start
-        that does not fit or does not stabilise.
+        that does not fit or does not stabilise; a target that is not positive and finite.
     """
 
     plant: GeneralisedPlant
     structure: Structure | None = None
     start: StateSpace | None = None
     family: Family | None = None
+    target: float | None = None
 
     default_method: ClassVar[str] = "dk"
     headline: ClassVar[str] = "peak"
@@ -81,6 +87,8 @@ class MuSynthesis(Program):
     def __post_init__(self) -> None:
         if not isinstance(self.plant, GeneralisedPlant):
             raise InputError(f"plant must be a GeneralisedPlant, not {type(self.plant).__name__}")
+        if self.target is not None and not 0.0 < self.target < np.inf:
+            raise InputError(f"target is {self.target}; it must be positive and finite, or None")
         plant, structure = self.plant, self.structure or self.plant.structure
         if structure is None:
             raise InputError(
@@ -125,6 +133,18 @@ class MuSynthesis(Program):
             return None
         return MuController(K, found.lower, found.upper, found.omega, history)
 
+    def reaching(
+        self, K: StateSpace, peak: float, history: tuple[Iterate, ...]
+    ) -> MuController | None:
+        """The answer of a controller whose peak at some frequencies is the target or lower.
+
+        None without a target, or where the certified peak is above it.
+        """
+        if self.target is None or peak > self.target:
+            return None
+        answer = self.answer(K, history)
+        return answer if answer is not None and answer.upper <= self.target else None
+
     # --- checks -------------------------------------------------------------------------------
 
     def checks(self, answer: MuController, tolerance: float) -> list[Check]:
@@ -141,7 +161,10 @@ class MuSynthesis(Program):
         statement = "certified supremum of mixed mu over the claimed bound, less 1"
         found.append(Check("peak", statement, upper / answer.upper - 1, TOLERANCE))
         statement = "claimed lower over certified upper bound, less 1"
-        found.append(Check("lower", statement, answer.lower / upper - 1, 1e-9))
+        found.append(Check("lower", statement, answer.lower / upper - 1, ROUNDING))
+        if self.target is not None:
+            statement = "certified supremum of mixed mu over the target, less 1"
+            found.append(Check("target", statement, upper / self.target - 1, ROUNDING))
         return found
 
     def metrics(self, answer: MuController) -> dict[str, float]:

@@ -34,8 +34,8 @@ PLAIN = 1e-4
 MOST_BIQUADS = 4
 GOOD = 5e-4
 """By how much fitted scalings may miss the reference where more biquads are not worth it."""
-SPLIT = (0.3, -0.3)
-"""Logarithms by which a new biquad's zeros start above its place and its poles below."""
+SPLIT = 0.3
+"""Logarithm by which a new biquad's zeros and poles start to either side of its place."""
 TINY = 1e-100
 """Least eigenvalue: of zero rows and columns they are zero."""
 SAME = 1e-7
@@ -71,6 +71,13 @@ class Fit:
         size = np.linalg.svd(scaled, compute_uv=False)[:, 0]
         worst = int(np.argmax(size))
         return float(np.log(size[worst])), float(self.omega[worst])
+
+    def grown(self, start: Fitted, omega: float) -> Fitted:
+        """With a biquad more about omega [rad/s], split the way that lowers the worst."""
+        scalings, x = start[0].grown(start[1], omega, np.zeros(start[0].blocks))
+        _, gradient, _ = self._cost(scalings, x.ravel(), SHARPNESS[1])
+        slope = gradient.reshape(x.shape)[:, start[0].size]
+        return start[0].grown(start[1], omega, -SPLIT * np.sign(slope))
 
     def near(self, scalings: Scalings, x: Real) -> Real:
         """The best parameters (blocks, P) near x."""
@@ -191,8 +198,7 @@ def worth(fit: Fit, start: Fitted) -> tuple[Fitted, float]:
         tried.sort(key=lambda one: one[1])
     found, missed, at = tried[0]
     while missed > GOOD and found[0].biquads < MOST_BIQUADS:
-        grown = [found[0].grown(found[1], at, split) for split in SPLIT]
-        found, missed, at = _best(fit, grown)
+        found, missed, at = _best(fit, [fit.grown(found, at)])
         tried.append((found, missed, at))
     least = min(missed for _, missed, _ in tried)
     good = [one for one in tried if one[1] <= least + GOOD]

@@ -89,8 +89,9 @@ class Scalings:
             )
         return y
 
-    def grown(self, x: Real, omega: float, split: float) -> tuple[Scalings, Real]:
-        """With a biquad more about omega [rad/s], its zeros by `split` above it, poles below."""
+    def grown(self, x: Real, omega: float, split: Real) -> tuple[Scalings, Real]:
+        """With a biquad more about omega [rad/s], its zeros by `split` (blocks,), in natural
+        logarithms, above it and its poles below."""
         larger = Scalings(self.blocks, self.biquads + 1)
         y = np.zeros((self.blocks, larger.size))
         y[:, : self.size] = x
