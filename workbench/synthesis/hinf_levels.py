@@ -54,8 +54,7 @@ def least_level(plant: StandardPlant, tolerance: float) -> tuple[float, Level]:
     Raises SolverError where none is found.
     """
     floor, ceiling = level_ends(plant)
-    low, below = floor, None
-    high = ceiling
+    low, high = floor, ceiling
     best = level_at(plant, high)
     for _ in range(STEPS):
         if best is not None and best.feasible:
@@ -64,6 +63,20 @@ def least_level(plant: StandardPlant, tolerance: float) -> tuple[float, Level]:
         best = level_at(plant, high)
     else:
         raise SolverError(f"no level up to gamma = {high:.3g} is feasible, numerically")
+    low, best = _bisected(plant, low, best, tolerance)
+    # Rounding hides slow modes, and so a feasible level, here and there.
+    for share in PROBES:
+        level = level_at(plant, share * best.gamma) if share * best.gamma > floor else None
+        if level is not None and level.feasible:
+            low, best = _bisected(plant, floor, level, tolerance)
+    return low, best
+
+
+def _bisected(
+    plant: StandardPlant, low: float, best: Level, tolerance: float
+) -> tuple[float, Level]:
+    """A level where no controller was found, and a feasible one close above it."""
+    below: Level | None = None
     step = 0
     while best.gamma > (1.0 + tolerance) * low and step < STEPS:
         trial = _between(low, below, best, tolerance, step)
