@@ -32,19 +32,20 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
-MODELS = {
-    "parametric": ("parametric", "steps"),
-    "circle": ("circle", "steps"),
-    "circle, joint nominal": ("circle", "joint"),
-    "stadium": ("stadium", "steps"),
-}
-"""Form of the uncertainty and method of its cover."""
 DESIGNS = {
     "third order": ("fixed", "reference"),
     "D-K": ("dk", ""),
     "(mu, D)-K": ("mu-dk", ""),
 }
 """Method, and where it starts."""
+MODELS = {
+    "parametric": ("parametric", "steps", tuple(DESIGNS)),
+    "circle": ("circle", "steps", ("third order", "D-K")),
+    "circle, joint nominal": ("circle", "joint", ("D-K",)),
+    "stadium": ("stadium", "steps", tuple(DESIGNS)),
+}
+"""Form of the uncertainty, method of its cover, and designs: circles have no real scalar, and the
+reference controller does not stabilise the jointly chosen nominal."""
 CONTROLLERS = ("mu-PID", *DESIGNS)
 FREQUENCIES = np.geomspace(1.0, 5e4, 240)
 """Of the curves [Hz]."""
@@ -55,12 +56,12 @@ TOLERANCE = 1e-3
 def needs(axis: str, frequencies: int = 400, gain: Gain = "own", **_: Any) -> dict[str, Any]:
     """The covers, and a controller of every design for every model."""
     found: dict[str, Any] = {"covers": [], "designed": []}
-    for form, cover in MODELS.values():
+    for form, cover, designs in MODELS.values():
         choice: Any = {"form": form, "cover": cover, "frequencies": frequencies, "gain": gain}
         found["covers"] += cover_of(axis, **choice).values()
         found["designed"] += [
             ref(f"cd/{axis}/controller", method=method, after=after, **choice)
-            for method, after in DESIGNS.values()
+            for method, after in (DESIGNS[name] for name in designs)
         ]
     return found
 
@@ -106,19 +107,19 @@ class Controllers(Study):
         omega = 2 * np.pi * FREQUENCIES
         shape = len(MODELS), len(CONTROLLERS), len(CHANNELS)
         peaks, curves = np.full((*shape, 2), np.nan), np.full((*shape, 2, len(omega)), np.nan)
-        orders = np.full(shape[:2], 3)
+        orders = np.full(shape[:2], np.nan)
         least, bounds = (
             np.full((len(MODELS), len(omega)), np.nan),
             np.full((len(MODELS), 2), np.nan),
         )
-        for m in context.track(range(len(MODELS)), "models"):
+        runs = iter(self.designed)
+        for m, (_, _, designs) in enumerate(context.track(list(MODELS.values()), "models")):
             whole = self.plant(m)
-            used = [control.ss(controller(self.axis))]
-            used += [
-                restored(run.data, "controller")
-                for run in self.designed[m * len(DESIGNS) : (m + 1) * len(DESIGNS)]
-            ]
-            for k, K in enumerate(used):
+            used = {"mu-PID": control.ss(controller(self.axis))}
+            for name in designs:
+                used[name] = restored(next(runs).data, "controller")
+            for name, K in used.items():
+                k = CONTROLLERS.index(name)
                 orders[m, k] = K.nstates
                 for c, (performance, exogenous) in enumerate(CHANNELS.values()):
                     plant = whole.channel(performance, exogenous)

@@ -53,6 +53,8 @@ def peaks_table(answer: xr.Dataset) -> str:
     for model in answer["model"].values:
         for name in answer["controller"].values:
             at = answer.sel(model=model, controller=name)
+            if not bool(at["order"].notnull()):
+                continue
             peaks = [f"{float(at['peak'].sel(channel=c, bound='upper')):.4f}" for c in channels]
             bound, where = float(at["least_peak"]), float(at["least_peak_frequency"])
             least = "" if bound != bound else f"{bound:.4f} at {where:.1f} Hz"

@@ -26,6 +26,8 @@ MIDDLE = np.exp(0.5j)
 """A point of middle frequency, off the axis, where poles may lie."""
 STEPS, CERTAIN = 80, 8
 """Levels tried, and after how many every other one halves the interval."""
+PROBES = (0.97, 0.9, 0.8, 0.65)
+"""Shares of the level found that are tried once more."""
 
 
 @dataclass(frozen=True, eq=False)
