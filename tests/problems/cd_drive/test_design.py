@@ -1,0 +1,79 @@
+"""The plants, covers and controllers of the design problems."""
+
+import control
+import numpy as np
+import pytest
+
+import workbench as wb
+from problems.cd_drive.control_cover import ControlCover, _largest_radius
+from problems.cd_drive.control_problem import generalised
+from problems.cd_drive.controller import controller as controller_problem
+from problems.cd_drive.covers import measured_drives
+from problems.cd_drive.design import NOISE, synthesis_plant, uncertainty
+from problems.cd_drive.drives import controller as reference
+from problems.cd_drive.least_mu import LoopWeights
+from problems.cd_drive.parametric import parametric_plant
+from workbench.errors import InputError
+from workbench.executor import Context
+from workbench.mu import conditions
+from workbench.synthesis import MuSynthesis
+from workbench.uncertainty import contains
+
+AXES = ["focus", "radial"]
+
+
+@pytest.mark.parametrize("axis", AXES)
+def test_the_synthesis_plant_adds_only_noise_to_one_disturbance_and_both_outputs(axis):
+    plant = synthesis_plant(axis, parametric_plant(axis))
+    assert (plant.exogenous, plant.performance) == (2, 2)
+    K = control.ss(reference(axis))
+    alone = generalised(axis, parametric_plant(axis)).channel(("z_p", "z_u"), "w_p")
+    without = conditions(alone, K).robust_performance
+    found = MuSynthesis(plant).certified(K)
+    assert without.lower <= found.upper
+    assert found.upper == pytest.approx(without.upper, rel=0.01 * NOISE + 2e-3)
+
+
+@pytest.mark.parametrize("axis", AXES)
+def test_a_third_order_controller_holds_parametric_uncertainty(axis):
+    program = controller_problem(axis)
+    before = program.certified(program.start)
+    solution = wb.solve(program, "fixed")
+    assert solution.certificate.holds, solution.certificate
+    assert solution.answer.K.nstates == 3
+    assert solution.answer.upper < 0.95 * before.lower
+    assert solution.answer.upper < 1.0
+
+
+def test_an_order_without_a_controller_to_reduce_is_named():
+    with pytest.raises(InputError, match="order = 3 reduces a controller: say after which"):
+        controller_problem("focus", after="", order=3)
+
+
+@pytest.fixture(scope="module")
+def measured():
+    return measured_drives("focus", 60, 5.0, 5000.0)
+
+
+def test_stadiums_for_a_controller_contain_the_drives_and_hurt_its_loop_less(measured):
+    K = control.ss(reference("focus"))
+    run = wb.run("cd/focus/stadium-cover", method="steps", frequencies=60)
+    given = uncertainty("focus", run)
+    cover = ControlCover("focus", 1.0, measured, given.nominal, 6)
+    model = cover.model(K, given.W_r, Context())
+    assert contains(model, measured)
+    peaks = [MuSynthesis(synthesis_plant("focus", each)).certified(K) for each in (given, model)]
+    assert peaks[1].upper < 0.9 * peaks[0].lower
+
+
+def test_the_radius_that_mu_leaves_room_for_makes_mu_the_level():
+    rng = np.random.default_rng(3)
+    T = rng.normal(size=50) + 1j * rng.normal(size=50)
+    end = 0.4 * (rng.normal(size=50) + 1j * rng.normal(size=50))
+    loop = LoopWeights(*rng.uniform(0.1, 0.5, (3, 50)), end)
+    level = 6.0
+    radius = _largest_radius(T, loop, level)
+    room = radius > 0
+    assert room.sum() > 10
+    there = LoopWeights(loop.performance, loop.control, np.maximum(radius, 0.0), end)
+    np.testing.assert_allclose(there.mu(T)[room], level, rtol=1e-9)
