@@ -47,14 +47,11 @@ def needs(
     cover: Cover = "steps",
     frequencies: int = 400,
     gain: Gain = "own",
-    real_order: int = 4,
-    complex_order: int = 6,
     **_: Any,
 ) -> dict[str, Any]:
     """The narrowest stadiums, their orientation limited where it is erratic."""
     name = f"cd/{axis}/stadium-cover"
-    orders = {"real_order": real_order, "complex_order": complex_order}
-    return {"narrowest": ref(name, method=cover, frequencies=frequencies, gain=gain, **orders)}
+    return {"narrowest": ref(name, method=cover, frequencies=frequencies, gain=gain)}
 
 
 @problem("cd/{axis}/cover-for-control", axis=("focus", "radial"), needs=needs, data=TABLES)
@@ -64,7 +61,6 @@ def cover_for_control(
     cover: Cover = "steps",
     frequencies: Frequencies = 400,
     gain: Gain = "own",
-    real_order: Order = 4,
     complex_order: Order = 6,
     rounds: Annotated[int, Field(ge=1, le=20)] = 4,
 ) -> CoverForControl:
@@ -73,8 +69,8 @@ def cover_for_control(
     A third-order controller and the stadiums' orientations and lengths are optimised in turn,
     about the nominal of the narrowest stadiums, from the reference controller.
 
-    cover, frequencies, gain, real_order, complex_order: of the narrowest stadiums, as
-    `cd/<axis>/stadium-cover`; the orders are those of the others too. rounds: of the alternation.
+    cover, frequencies, gain: of the narrowest stadiums, as `cd/<axis>/stadium-cover`.
+    complex_order: of the weight that is chosen for control. rounds: of the alternation.
     """
     responses = measured_drives(axis, frequencies, 5.0, 5000.0, gain)
     return CoverForControl(axis, narrowest, responses, complex_order, rounds)
