@@ -121,14 +121,16 @@ class MuSynthesis(Program):
         assert self.structure is not None
         return self.structure.with_performance(self.plant.performance, self.plant.exogenous)
 
-    def certified(self, K: StateSpace) -> Peak | None:
+    def certified(self, K: StateSpace, tolerance: float = TOLERANCE) -> Peak | None:
         """The peak of the loop; None where it is unstable."""
         loop = self.plant.close(K)
-        return peak(loop, self.closed, TOLERANCE) if stability_of(loop).holds else None
+        return peak(loop, self.closed, tolerance) if stability_of(loop).holds else None
 
-    def answer(self, K: StateSpace, history: tuple[Iterate, ...] = ()) -> MuController | None:
+    def answer(
+        self, K: StateSpace, history: tuple[Iterate, ...] = (), tolerance: float = TOLERANCE
+    ) -> MuController | None:
         """A controller with its certified peak; None where it does not stabilise."""
-        found = self.certified(K)
+        found = self.certified(K, tolerance)
         if found is None:
             return None
         return MuController(K, found.lower, found.upper, found.omega, history)
@@ -138,11 +140,12 @@ class MuSynthesis(Program):
     ) -> MuController | None:
         """The answer of a controller whose peak at some frequencies is the target or lower.
 
-        None without a target, or where the certified peak is above it.
+        None without a target, or where the certified peak is above it. Nothing is certified more
+        closely than that needs.
         """
         if self.target is None or peak > self.target:
             return None
-        answer = self.answer(K, history)
+        answer = self.answer(K, history, max((self.target / peak - 1.0) / 2, TOLERANCE))
         return answer if answer is not None and answer.upper <= self.target else None
 
     # --- checks -------------------------------------------------------------------------------

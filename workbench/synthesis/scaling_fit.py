@@ -151,28 +151,24 @@ class Fit:
         total = float(weight.sum())
         weight /= total
         value = (most + np.log(total / len(values))) / sharpness
-        B, F = log.shape
-        places = zip(
-            range(B), self.structure.column_slices, self.structure.row_slices, strict=False
-        )
-        R, C = np.empty((2, B, *U.shape), complex)
-        for b, rows, columns in places:
-            out, into = U[:, rows], Vh[:, :, columns]
+        R, C = np.empty((2, len(log), *U.shape), complex)
+        for b in range(len(log)):
+            out, into = (
+                U[:, self.structure.column_slices[b]],
+                Vh[:, :, self.structure.row_slices[b]],
+            )
             R[b], C[b] = out.conj().mT @ out, into @ into.conj().mT
         slopes = ((np.diagonal(R, 0, 2, 3) - np.diagonal(C, 0, 2, 3)).real * weight).sum(axis=-1)
         first = m * weight / values
         Z = size[:, :, None] * size[:, None, :] * R
         dX = 2 * Z - (values[:, :, None] + values[:, None, :]) * C
-        divided = _divided(values, first, m)
-        bent = np.empty((B, B, F))
-        for b in range(B):
-            for c in range(b + 1):
-                within = (divided * (dX[b] * dX[c].conj()).real).sum(axis=(1, 2))
-                second = -2 * (C[b] * dX[c].conj()).real - 4 * (C[c] * Z[b].conj()).real
-                own = second.sum(axis=2)
-                if b == c:
-                    own += 4 * np.diagonal(Z[b], 0, 1, 2).real
-                bent[b, c] = bent[c, b] = (within + (first * own).sum(axis=1)) / sharpness
+        # d2X_bc, jj = -2 Re (C_b dX_c)_jj - 4 Re (C_c Z_b)_jj, and 4 Z_b, jj where b is c.
+        bent = _products(_divided(values, first, m) * dX, dX)
+        bent -= _products(2 * first[:, :, None] * C, dX)
+        bent -= _products(4 * first[:, :, None] * Z, C)
+        own = np.arange(len(log))
+        bent[:, own, own] += 4 * (first * np.diagonal(Z, 0, 2, 3).real).sum(axis=-1).T
+        bent = bent.transpose(1, 2, 0) / sharpness
         return value, slopes, bent
 
     def _scaled(self, log: Real) -> Array:
@@ -184,21 +180,29 @@ class Fit:
         return scaled
 
 
+def _products(left: Array, right: Array) -> Real:
+    """Sums over entries of left_b conj(right_c), real parts: (B, F, n, n) twice to (F, B, B)."""
+    B, F = left.shape[:2]
+    a, b = (np.moveaxis(one.reshape(B, F, -1), 0, 1) for one in (left, right))
+    product: Real = (a @ b.conj().mT).real
+    return product
+
+
 def worth(fit: Fit, start: Fitted) -> tuple[Fitted, float]:
     """Scalings by as few biquads as do, and the logarithm of what they miss.
 
-    From the start, which may have none: those with a biquad more where most is missed, again and
-    again while that is worth it, and those without one of its own.
+    From the start, which may have none: those without the one of its own that matters least, and
+    those with one more where most is missed, again and again while that is worth it.
     """
-    scalings, x = start
-    x = fit.near(scalings, x)
-    tried = [((scalings, x), *fit.missed(scalings, x))]
+    tried = [_near(fit, start)]
+    (scalings, x), _, _ = tried[0]
     if scalings.biquads:
-        tried.append(_best(fit, [scalings.without(x, k) for k in range(scalings.biquads)]))
+        fewer = [scalings.without(x, k) for k in range(scalings.biquads)]
+        tried.append(_near(fit, min(fewer, key=lambda one: fit.missed(*one)[0])))
         tried.sort(key=lambda one: one[1])
     found, missed, at = tried[0]
     while missed > GOOD and found[0].biquads < MOST_BIQUADS:
-        found, missed, at = _best(fit, [fit.grown(found, at)])
+        found, missed, at = _near(fit, fit.grown(found, at))
         tried.append((found, missed, at))
     least = min(missed for _, missed, _ in tried)
     good = [one for one in tried if one[1] <= least + GOOD]
@@ -206,10 +210,10 @@ def worth(fit: Fit, start: Fitted) -> tuple[Fitted, float]:
     return found, missed
 
 
-def _best(fit: Fit, starts: list[Fitted]) -> tuple[Fitted, float, float]:
-    """Of the scalings near some, those that miss least, by how much, and where."""
-    near = [(scalings, fit.near(scalings, x)) for scalings, x in starts]
-    return min(((one, *fit.missed(*one)) for one in near), key=lambda one: one[1])
+def _near(fit: Fit, start: Fitted) -> tuple[Fitted, float, float]:
+    """The best scalings near some, what they miss, and where."""
+    found = start[0], fit.near(*start)
+    return found, *fit.missed(*found)
 
 
 def _divided(values: Real, first: Real, m: float) -> Real:

@@ -63,17 +63,34 @@ class Scalings:
 
     def log_magnitude(self, x: Real, omega: Real) -> tuple[Real, Real]:
         """log|d| (blocks, F) at frequencies [rad/s], and its slopes (blocks, P, F)."""
-        value = np.repeat(x[:, :1], len(omega), axis=1)
-        slope = np.zeros((self.blocks, self.size, len(omega)))
-        slope[:, 0] = 1.0
-        for first, sign in self._corners():
-            corner, damping = (np.exp(x[:, first + k, None]) for k in (0, 1))
-            real, imaginary = corner**2 - omega**2, 2 * damping * corner * omega
-            square = real**2 + imaginary**2
-            value += sign * (np.log(square) / 2 - 2 * np.log(corner))
-            slope[:, first] = sign * ((2 * real * corner**2 + imaginary**2) / square - 2)
-            slope[:, first + 1] = sign * imaginary**2 / square
+        r, damped, square, signs = self._relative(x, omega)
+        value = x[:, :1] + (signs * np.log(square)).sum(axis=1) / 2
+        slope = np.ones((self.blocks, self.size, len(omega)))
+        slope[:, 1::2] = signs * ((2 * (1 - r) + damped) / square - 2)
+        slope[:, 2::2] = signs * damped / square
         return value, slope
+
+    def bending(self, x: Real, omega: Real, weight: Real) -> Real:
+        """Second derivatives (blocks, P, P) of the sum of log|d| times a weight (blocks, F)."""
+        r, damped, square, signs = self._relative(x, omega)
+        weight = weight[:, None] * signs
+        by_corner, by_damping = (2 * (1 - r) + damped) / square, damped / square
+        twice = (4 + 4 * (1 - r) + 2 * damped) / square
+        found = np.zeros((self.blocks, self.size, self.size))
+        corner, damping = np.arange(1, self.size, 2), np.arange(2, self.size, 2)
+        found[:, corner, corner] = (weight * (twice - 2 * by_corner**2)).sum(axis=2)
+        mixed = (weight * 2 * by_damping * (1 - by_corner)).sum(axis=2)
+        found[:, corner, damping] = found[:, damping, corner] = mixed
+        found[:, damping, damping] = (weight * 2 * by_damping * (1 - by_damping)).sum(axis=2)
+        return found
+
+    def _relative(self, x: Real, omega: Real) -> tuple[Real, Real, Real, Real]:
+        """Of every zero and pole (blocks, corners, F): r = (omega / corner)^2, 4 damping^2 r, and
+        (1 - r)^2 + 4 damping^2 r, the square of its factor; signs (corners, 1), 1 for zeros."""
+        signs = np.tile([[1.0], [-1.0]], (self.biquads, 1))
+        r = np.exp(2 * (np.log(omega) - x[:, 1::2, None]))
+        damped = 4 * np.exp(2 * x[:, 2::2, None]) * r
+        return r, damped, (1 - r) ** 2 + damped, signs
 
     def systems(self, x: Real) -> list[StateSpace]:
         """d of each block."""
@@ -111,24 +128,6 @@ class Scalings:
         for first, sign in self._corners():
             x[:, first] = middle + places[first // 4] + 0.3 * sign
         return x
-
-    def bending(self, x: Real, omega: Real, weight: Real) -> Real:
-        """Second derivatives (blocks, P, P) of the sum of log|d| times a weight (blocks, F)."""
-        found = np.zeros((self.blocks, self.size, self.size))
-        for first, sign in self._corners():
-            corner, damping = (np.exp(x[:, first + k, None]) for k in (0, 1))
-            real, imaginary = corner**2 - omega**2, 2 * damping * corner * omega
-            square = real**2 + imaginary**2
-            by_corner = (2 * real * corner**2 + imaginary**2) / square
-            by_damping = imaginary**2 / square
-            twice = (4 * corner**4 + 4 * real * corner**2 + 2 * imaginary**2) / square
-            corner_corner = (weight * (twice - 2 * by_corner**2)).sum(axis=1)
-            mixed = (weight * 2 * by_damping * (1 - by_corner)).sum(axis=1)
-            damping_damping = (weight * 2 * by_damping * (1 - by_damping)).sum(axis=1)
-            found[:, first, first] = sign * corner_corner
-            found[:, first, first + 1] = found[:, first + 1, first] = sign * mixed
-            found[:, first + 1, first + 1] = sign * damping_damping
-        return found
 
     def bounds(self, omega: Real) -> tuple[Real, Real]:
         """Least and largest parameters, flat, for frequencies [rad/s]."""

@@ -1,0 +1,103 @@
+"""The peers of bench/synthesis, each used as its documentation says, and what they claim."""
+
+from __future__ import annotations
+
+import math
+import time
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+
+from workbench.errors import InputError
+from workbench.synthesis.standard import realisation
+from workbench.uncertainty import GeneralisedPlant
+
+if TYPE_CHECKING:
+    from control import StateSpace
+
+T = TypeVar("T")
+ITERATIONS, ORDER = 3, 4
+"""D-K iterations after the first controller and the order of scalings, as in dkpy's example."""
+OMEGA = np.logspace(-3, 3, 61)
+"""Its frequencies [rad/s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Claimed:
+    """A controller (None: none was given) and the norm or peak of mu that its maker claims.
+
+    ``failure`` is what was said instead of giving one.
+    """
+
+    K: StateSpace | None
+    claim: float
+    seconds: float
+    failure: str = ""
+
+
+def hinfsyn(plant: GeneralisedPlant) -> Claimed:
+    """python-control's H-infinity synthesis, SLICOT SB10AD on the plant as it is."""
+    import control
+
+    start = time.perf_counter()
+    try:
+        K, _, gamma, _ = _quiet(
+            lambda: control.hinfsyn(plant.system, plant.measurements, plant.controls)
+        )
+    except (ArithmeticError, ValueError, np.linalg.LinAlgError) as error:
+        said = " ".join(str(error).split())
+        return Claimed(None, math.nan, time.perf_counter() - start, said)
+    return Claimed(K, float(np.ravel(gamma)[0]), time.perf_counter() - start)
+
+
+def achieved(plant: GeneralisedPlant, K: StateSpace | None) -> float:
+    """The norm of the loop by SLICOT AB13DD; infinite without a controller that stabilises."""
+    import control
+
+    if K is None or not all(np.isfinite(getattr(K, part)).all() for part in "ABCD"):
+        return math.inf
+    loop = plant.close(realisation((K.A, K.B, K.C, K.D), 0.0))
+    if not (loop.poles().real < 0.0).all():
+        return math.inf
+    return float(_quiet(lambda: control.linfnorm(loop))[0])
+
+
+def dk_iteration() -> tuple[Claimed, StateSpace]:
+    """dkpy on its own example of the distillation column, and the plant of that example.
+
+    Raises
+    ------
+    InputError
+        dkpy is not installed.
+    """
+    try:
+        import dkpy
+    except ModuleNotFoundError:
+        raise InputError(
+            "bench/synthesis compares with dkpy: pip install 'workbench[benchmark]', or leave that "
+            "part out with distillation=false"
+        ) from None
+    example = dkpy.example_skogestad2006_p325()
+    iteration = dkpy.DkIterFixedOrder(
+        controller_synthesis=dkpy.HinfSynSlicot(),
+        structured_singular_value=dkpy.SsvLmiBisection(),
+        d_scale_fit=dkpy.DScaleFitSlicot(),
+        n_iterations=ITERATIONS,
+        fit_order=ORDER,
+    )
+    blocks = [dkpy.ComplexFullBlock(size, size) for size in (1, 1, 2)]
+    sizes = example["n_y"], example["n_u"]
+    start = time.perf_counter()
+    K, _, mu, _, _ = _quiet(lambda: iteration.synthesize(example["P"], *sizes, OMEGA, blocks))
+    return Claimed(K, float(mu), time.perf_counter() - start), example["P"]
+
+
+def _quiet(work: Callable[[], T]) -> T:
+    """Without the peers' warnings: what they give is judged by itself."""
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore")
+        found: Any = work()
+    return found
