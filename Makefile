@@ -37,7 +37,7 @@ reference: $(READY)
 	$(REFERENCE) 'cd/*/optical-gain' --set passes=10
 	$(REFERENCE) 'cd/*/nominal' 'cd/*/uncertainty-comparison' --set frequencies=120
 	$(REFERENCE) 'cd/*/mu-pid-analysis' 'cd/*/nyquist' --set frequencies=120
-	$(REFERENCE) 'cd/*/five-x' --set frequencies=120
+	$(REFERENCE) 'cd/*/five-x' 'cd/*/cover-for-control' --set frequencies=120
 	$(REFERENCE) 'cd/*/sensitivity' mass-spring/analysis '*/controller' bench/covers
 	rm -rf results/reference/.partial
 

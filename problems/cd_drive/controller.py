@@ -6,7 +6,7 @@ CD-players (2003).
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
@@ -26,6 +26,12 @@ if TYPE_CHECKING:
 
 After = Literal["", "reference", "dk", "mu-dk", "dgk"]
 Speed = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+
+
+class LoopController(MuSynthesis):
+    """Mu synthesis that goes on from a controller at hand."""
+
+    default_method: ClassVar[str] = "fixed"
 
 
 def needs(axis: str, after: After = "reference", **parameters: Any) -> dict[str, Any]:
@@ -49,13 +55,13 @@ def controller(
     speed: Speed = 1.0,
     after: After = "reference",
     order: Annotated[int, Field(ge=0)] | None = None,
-) -> MuSynthesis:
+) -> LoopController:
     """The controller with the least certified peak of mixed mu, from w_p to z_p and z_u.
 
     form: of the uncertainty. cover, gain, frequencies: of the circles' and stadiums' models, as
     `cd/<axis>/circle-cover` and `/stadium-cover`. speed: X of the disc. after: where the method
     starts, at the "reference" controller (eq. 6.12) or at that of another method, reduced to an
-    order (None: not). Method "fixed" needs one.
+    order (None: not). Method "fixed", the default, needs one.
     """
     plant = synthesis_plant(axis, uncertainty(axis, covered), speed)
     K: StateSpace | None = None
@@ -69,4 +75,4 @@ def controller(
         if K is None:
             raise InputError(f"order = {order} reduces a controller: say after which")
         K = reduced(K, order, plant=plant)
-    return MuSynthesis(plant, start=K)
+    return LoopController(plant, start=K)

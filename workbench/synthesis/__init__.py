@@ -14,14 +14,18 @@ from workbench.synthesis.reduction import Reduced, Reduction, reduce, reduced
 from workbench.synthesis.rounds import Iterate
 from workbench.synthesis.sampled_loop import Margins, SampledConditions, sampled_conditions
 from workbench.synthesis.second_order import Sections, second_order_sections
+from workbench.synthesis.structured import PID, Decentralised, LeadLag
 
 __all__ = [
+    "PID",
+    "Decentralised",
     "Family",
     "FixedCascade",
     "FixedPoint",
     "HinfController",
     "HinfSynthesis",
     "Iterate",
+    "LeadLag",
     "LoopShaping",
     "Margins",
     "MixedSensitivity",

@@ -8,6 +8,7 @@ loop is stable and the peak falls.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -40,6 +41,8 @@ FIRST, LARGEST, SMALLEST = 0.1, 2.0, 1e-8
 """Trust radius, in units of the parameters."""
 TAKEN, SHRUNK, GROWN = 0.02, 0.25, 0.7
 """Shares of the promised fall at which a step is taken, and its radius halved or enlarged."""
+SPREAD, DRAWS = 0.5, 20
+"""Of random starts, in units of the parameters, and how many are drawn for each that is wanted."""
 SETTLED, PATIENCE = 1e-4, 12
 """Relative fall of the peak over so many rounds at which it counts as settled."""
 
@@ -56,8 +59,27 @@ def _fixed(program: MuSynthesis, context: Context) -> Claim:
         x = family.parameters(program.start)
     problem = _Problem(program.plant, program.closed, family)
     target = (program.target or 0.0) / (1 + TOLERANCE)
-    history, said = _minimised(problem, x, context, target)
+    beside = Context(context.options, context.progress, started=context.started)
+    minima = [
+        _minimised(problem, x, context, target),
+        *(
+            _minimised(problem, member, beside, target)
+            for member in _members(problem, x, program.random, context.rng)
+        ),
+    ]
+    history, said = min(minima, key=lambda each: each[0][-1].peak)
     return program.answer(history[-1].K, tuple(history)), Outcome.SOLVED, said
+
+
+def _members(problem: _Problem, x: Real, count: int, rng: np.random.Generator) -> Iterator[Real]:
+    """Random parameters about x whose loops are stable; fewer than asked for where few are."""
+    units = problem.family.units(x)
+    found = 0
+    for _ in range(DRAWS * count):
+        member = x + SPREAD * units * rng.normal(size=x.size)
+        if found < count and problem.loop(member) is not None:
+            found += 1
+            yield member
 
 
 @dataclass(frozen=True, eq=False)

@@ -64,6 +64,9 @@ class MuSynthesis(Program):
     family
         Controllers that method "fixed" may choose from, the start among them; None: all of the
         start's order.
+    random
+        How many stabilising members of the family, drawn about the start, method "fixed" goes on
+        from as well; the best of all is the answer.
     target
         Certified peak that is low enough: methods end there, and an answer above it does not hold.
         None: the least that they find.
@@ -79,6 +82,7 @@ class MuSynthesis(Program):
     structure: Structure | None = None
     start: StateSpace | None = None
     family: Family | None = None
+    random: int = 0
     target: float | None = None
 
     default_method: ClassVar[str] = "dk"
