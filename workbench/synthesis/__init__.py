@@ -1,6 +1,6 @@
 """Synthesis: H-infinity and mu controllers, certified, reduced, discretised, exported."""
 
-from workbench.synthesis import dk, fixed, hinf_conic, hinf_methods
+from workbench.synthesis import dgk, dk, fixed, hinf_conic, hinf_methods
 from workbench.synthesis.assumptions import regularised
 from workbench.synthesis.discretise import discretised
 from workbench.synthesis.export import export, load
@@ -36,6 +36,7 @@ __all__ = [
     "Reduction",
     "SampledConditions",
     "Sections",
+    "dgk",
     "discretised",
     "dk",
     "export",

@@ -44,6 +44,7 @@ BLEND = 0.4
 SMOOTH = 0.1
 LEAST, UNIMPORTANT = 0.05, 0.05
 """Least gamma asked for, and weight of frequencies where mu is small."""
+REACHED = "reached the target"
 FARTHER = (1.0, 3.0, 7.0, 15.0, 31.0)
 """How much farther than it went D is tried, in shares of its last change."""
 FLOOR = 0.5
@@ -123,19 +124,13 @@ GAMMA = Scalings(1, 2)
 """Gamma of the (mu, D)-K iteration: a gain and two biquads."""
 
 
-@method(MuSynthesis, "dk", optimal=False)
-def _dk(program: MuSynthesis, context: Context) -> Claim:
-    """D-K iteration: real scalars count as complex; scalings fitted by their effect on the loop."""
-    return _iterated(program, context, 0.0)
-
-
 @method(MuSynthesis, "mu-dk", optimal=False)
 def _mu_dk(program: MuSynthesis, context: Context) -> Claim:
     """(mu, D)-K iteration: a scalar gamma makes the complex bound that K lowers the mixed one."""
-    return _iterated(program, context, BLEND)
+    return iterated(program, context, BLEND)
 
 
-def _iterated(program: MuSynthesis, context: Context, blend: float) -> Claim:
+def iterated(program: MuSynthesis, context: Context, blend: float) -> Claim:
     """Rounds of K and D steps; of those with a blend the peak may rise, and the best is kept."""
     kept = context.checkpoint.load()
     now = Standing(blend) if kept is None else Standing.restored(kept)
@@ -161,7 +156,7 @@ def _iterated(program: MuSynthesis, context: Context, blend: float) -> Claim:
         peak = float(mixed.max())
         reached = program.reaching(K, peak, (*now.history, Iterate(peak, level, np.nan, K)))
         if reached is not None:
-            return reached, Outcome.SOLVED, "reached the target"
+            return reached, Outcome.SOLVED, REACHED
         now.before = now.used
         now.used, missed = _scalings(program, loop, mixed, now.used, now.blend)
         if not now.history or peak < min(each.peak for each in now.history):
