@@ -7,6 +7,7 @@ from workbench.synthesis.export import export, load
 from workbench.synthesis.families import Family, Modal
 from workbench.synthesis.fixed_point import FixedCascade, FixedPoint, fixed_point
 from workbench.synthesis.hinf import HinfController, HinfSynthesis, hinf
+from workbench.synthesis.known_disturbance import known_disturbance_bound
 from workbench.synthesis.loop_shaping import LoopShaping
 from workbench.synthesis.mixed_sensitivity import MixedSensitivity
 from workbench.synthesis.mu_synthesis import MuController, MuSynthesis
@@ -45,6 +46,7 @@ __all__ = [
     "hinf",
     "hinf_conic",
     "hinf_methods",
+    "known_disturbance_bound",
     "load",
     "reduce",
     "reduced",

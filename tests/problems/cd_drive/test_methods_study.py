@@ -1,0 +1,130 @@
+"""Table 5.1 in numbers: each method is best at what it minimises, and none at everything."""
+
+import numpy as np
+import pytest
+
+import workbench as wb
+from problems.cd_drive.control_problem import generalised
+from problems.cd_drive.design import cover_of, uncertainty
+from problems.cd_drive.drives import ANTIALIASING, nominal_response
+from problems.cd_drive.method_designs import DESIGNS, FULL_ORDER, Setting, lqg, mixed_sensitivity
+from problems.cd_drive.methods import CONDITIONS, Methods, methods
+from problems.cd_drive.methods_checks import _plants
+from problems.cd_drive.methods_report import CLAIMS, LOOKS
+from problems.cd_drive.weighting import nominal_of, weighted
+from workbench.executor import Context
+from workbench.uncertainty.generalised import response
+
+QUICK = ("reference", "LQG", "mixed sensitivity", "loop shaping")
+HERTZ = np.geomspace(1, 1e4, 40)
+
+
+@pytest.fixture(scope="module")
+def solved():
+    study = Methods("focus", uncertainty("focus", None), 20, QUICK)
+    return study, wb.solve(study)
+
+
+@pytest.fixture(scope="module")
+def data(solved):
+    return solved[1].answer
+
+
+def test_its_certificate_holds(solved):
+    assert solved[1].certificate.failures == ()
+
+
+def test_the_simple_methods_do_not_see_the_resonance_move(data):
+    upper = data["peak"].sel(bound="upper")
+    assert (upper.sel(condition="nominal performance", design="mixed sensitivity") < 0.71).all()
+    robust = upper.sel(condition="robust performance")
+    assert float(robust.sel(design="reference")) == pytest.approx(0.871, abs=2e-3)
+    for name in ("LQG", "mixed sensitivity"):
+        assert float(robust.sel(design=name)) > 1.4
+        at = data["peak_frequency"].sel(condition="robust performance", design=name)
+        assert float(at) == pytest.approx(30, abs=3)
+
+
+def test_peaks_grow_with_the_uncertainty(data):
+    lower, upper = data["peak"].sel(bound="lower"), data["peak"].sel(bound="upper")
+    for small, large in (("robust performance", "complex scalars"), (CONDITIONS[4], CONDITIONS[5])):
+        assert (lower.sel(condition=small) <= upper.sel(condition=large)).all()
+
+
+def test_a_controller_that_is_not_the_best_at_its_own_is_found(solved, data):
+    study, _ = solved
+    worse = data.copy(deep=True)
+    for part in "ABCD":
+        worse[f"lqg_{part}"] = worse[f"reference_{part}"]
+    failed = {check.name for check in study.checks(worse, 1e-6) if not check.holds}
+    assert "LQG is best at its own" in failed
+
+
+def test_tables_and_figures_are_made(solved, data):
+    study, _ = solved
+    tables = study.tables(data)
+    assert "mixed sensitivity" in tables["methods"]
+    rows = tables["methods"].splitlines()
+    assert len(rows) == 2 + len(QUICK)
+    assert len({len(row) for row in rows}) == 1  # aligned
+    assert set(study.figures(data)) == {"mu", "sensitivity"}
+    assert set(CLAIMS) == set(LOOKS) == set(DESIGNS)
+    assert set(FULL_ORDER) < set(DESIGNS)
+
+
+@pytest.mark.parametrize("axis", ["focus", "radial"])
+def test_the_nominal_plant_is_that_of_the_generalised_one(axis):
+    setting = Setting(axis, uncertainty(axis, None))
+    omega = 2 * np.pi * HERTZ
+    np.testing.assert_allclose(
+        response(setting.G, omega)[:, 0, 0], nominal_response(axis, HERTZ), rtol=1e-9
+    )
+    P = nominal_of(generalised(axis, setting.uncertain)).response(omega)
+    np.testing.assert_allclose(-P[:, -1, -1], response(setting.G, omega)[:, 0, 0], rtol=1e-6)
+
+
+def test_covers_are_plants_too(covered):
+    _, answer = covered("focus", "circle", "steps")
+    setting = Setting("focus", answer.model)
+    omega = 2 * np.pi * HERTZ
+    filtered = ANTIALIASING / (1j * omega + ANTIALIASING)
+    G = answer.model.nominal.response(omega)
+    np.testing.assert_allclose(response(setting.G, omega)[:, 0, 0], G * filtered, rtol=1e-6)
+    for design in (lqg, mixed_sensitivity):
+        loop = nominal_of(setting.plant).close(design(setting, Context()))
+        assert loop.poles().real.max() < 0
+    away = abs(_plants(setting, 0.5, HERTZ) / G - 1)
+    np.testing.assert_allclose(away, 0.5 * abs(answer.model.W_c.response(omega))[None] + 0 * away)
+
+
+def test_weights_act_on_their_own_channels():
+    plant = generalised("focus", uncertainty("focus", None))
+    omega = 2 * np.pi * HERTZ
+    changed = weighted(plant, performance=[2.0], exogenous=[1.0, 3.0])
+    assert changed.system.output_labels == plant.system.output_labels
+    before, after = plant.response(omega), changed.response(omega)
+    rows, columns = plant.structure.columns, plant.structure.rows
+    before[:, rows] *= 2
+    before[:, :, columns + 1] *= 3
+    np.testing.assert_allclose(after, before, rtol=1e-8, atol=1e-10)
+
+
+def test_a_cover_is_needed_where_it_is_asked_for():
+    assert cover_of("focus") == {}
+    asked = cover_of("focus", form="circle", frequencies=60)
+    assert asked["covered"].parameters["frequencies"] == 60
+    assert methods("focus").names == tuple(DESIGNS)
+
+
+@pytest.mark.slow
+def test_mu_synthesis_lowers_what_it_sees():
+    """D-K has the least peak with complex scalars, (mu, D)-K does better with real ones."""
+    study = methods("radial", frequencies=20)
+    solution = wb.solve(study)
+    assert solution.certificate.failures == ()
+    upper = solution.answer["peak"].sel(bound="upper")
+    of = upper.sel(condition="complex scalars")
+    assert float(of.sel(design="D-K")) == pytest.approx(float(of.min()))
+    robust = upper.sel(condition="robust performance")
+    assert float(robust.sel(design="(mu,D)-K")) < float(robust.sel(design="D-K"))
+    assert float(robust.sel(design="fixed order")) == pytest.approx(float(robust.min()))
