@@ -38,7 +38,8 @@ reference: $(READY)
 	$(REFERENCE) 'cd/*/nominal' 'cd/*/uncertainty-comparison' --set frequencies=120
 	$(REFERENCE) 'cd/*/mu-pid-analysis' 'cd/*/nyquist' --set frequencies=120
 	$(REFERENCE) 'cd/*/five-x' 'cd/*/cover-for-control' --set frequencies=120
-	$(REFERENCE) 'cd/*/sensitivity' mass-spring/analysis '*/controller' bench/covers
+	$(REFERENCE) 'cd/*/sensitivity' mass-spring/analysis bench/covers
+	$(REFERENCE) '*/controller' 'cd/*/mu-pid' 'cd/*/two-controllers' 'cd/*/methods'
 	rm -rf results/reference/.partial
 
 $(READY): requirements.txt pyproject.toml
