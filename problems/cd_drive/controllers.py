@@ -36,6 +36,7 @@ DESIGNS = {
     "third order": ("fixed", "reference"),
     "D-K": ("dk", ""),
     "(mu, D)-K": ("mu-dk", ""),
+    "(D, G)-K": ("dgk", ""),
 }
 """Method, and where it starts."""
 MODELS = {

@@ -16,7 +16,8 @@ LOOKS = {
     "mu-PID": (":", figures.ORANGE),
     "third order": ("-", figures.GREEN),
     "D-K": ("--", figures.PURPLE),
-    "(mu, D)-K": ("-.", figures.BLUE),
+    "(mu, D)-K": ("-.", figures.SKY),
+    "(D, G)-K": ("-", figures.BLUE),
 }
 SIGNALS = {"disturbance": "w_p to z_p", "both": "w_p to both"}
 
