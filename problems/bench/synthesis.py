@@ -12,23 +12,21 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeVar
 import numpy as np
 from pydantic import Field
 
-from workbench import Check, Study, figures, problem, solve
+from workbench import Check, Study, problem, solve
 from workbench.errors import SolverError
 from workbench.executor import WALL_TIME, Context
 from workbench.mu import upper_bound
-from workbench.synthesis import MuController, MuSynthesis, hinf, regularised
+from workbench.synthesis import MuController, MuSynthesis, hinf
 from workbench.synthesis.hinf_riccati import central
 from workbench.synthesis.loops import restored, stored
-from workbench.synthesis.standard import realisation
 from workbench.uncertainty import GeneralisedPlant
 from workbench.uncertainty.generalised import response
 
-from ..cd_drive.control_problem import generalised
-from ..cd_drive.parametric import parametric_plant
 from ..cd_drive.sets import TABLES
-from ..cd_drive.tables import Axis
 from ..textbook.distillation import distillation_column
 from .synthesis_peers import ITERATIONS, OMEGA, achieved, dk_iteration, hinfsyn
+from .synthesis_plants import drive_plants, random_plant
+from .synthesis_report import of_packages, of_plants, times_and_norms
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -45,8 +43,6 @@ SAME = 1e-9
 """Largest difference of the two distillation plants, relative."""
 HONEST, WORSE = 1.01, 2.0
 """A peer fails whose loop's norm is larger than it claims, or than ours, by such a factor."""
-SMALL = 1e-4
-"""Size of what makes the CD drive's plant regular."""
 REPEATS = 3
 DENSE = np.logspace(-6, 6, 4000)
 """Frequencies [rad/s] at which the peak of dkpy's loop is looked for again."""
@@ -170,114 +166,11 @@ class SynthesisSpeed(Study):
     # --- figures and tables -------------------------------------------------------------------
 
     def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
-        figure, (times, norms) = figures.axes(1, 2, size=(10.0, 4.4))
-        place = np.arange(answer["case"].size)
-        own, theirs = (answer.sel(by=name) for name in answer["by"].values)
-        times.plot(own["seconds"], place, "o", label="workbench, certified")
-        times.plot(answer["riccati_seconds"], place, "|", ms=10, label="its Riccati method alone")
-        times.plot(theirs["seconds"], place, "s", label="hinfsyn")
-        times.set_xlabel("time of a controller [s]")
-        times.set_yticks(place, list(answer["case"].values))
-        norms.plot(own["norm"] / own["claim"], place, "o")
-        # Loops that are not stable stand at the right edge.
-        ratio = (theirs["norm"] / own["claim"]).values
-        stable = np.isfinite(ratio)
-        most = 10.0 ** np.ceil(np.log10(max(10.0, float(ratio[stable].max(initial=1.0))))) * 10.0
-        norms.plot(ratio[stable], place[stable], "s", color=figures.GREEN, label="hinfsyn, norm")
-        norms.plot(
-            np.full((~stable).sum(), most),
-            place[~stable],
-            "x",
-            color=figures.ORANGE,
-            label="hinfsyn, unstable",
-        )
-        norms.plot(
-            theirs["claim"] / own["claim"],
-            place,
-            "s",
-            mfc="none",
-            color=figures.GREEN,
-            label="hinfsyn, claim",
-        )
-        norms.set_xlabel("norm of the loop over our level")
-        norms.set_yticks(place, [""] * len(place))
-        for panel in (times, norms):
-            panel.set_xscale("log")
-            panel.invert_yaxis()
-        handles = [panel.get_legend_handles_labels() for panel in (times, norms)]
-        figure.legend(
-            *(a + b for a, b in zip(*handles, strict=True)),
-            loc="outside lower center",
-            ncols=3,
-            frameon=False,
-        )
-        return {"hinf": figure}
+        return {"hinf": times_and_norms(answer)}
 
     def tables(self, answer: xr.Dataset) -> dict[str, str]:
-        lines = [
-            "| plant | time | Riccati method | hinfsyn's | norm | hinfsyn's | it claims |",
-            "| :--- |" + " ---: |" * 6,
-        ]
-        for case in answer["case"].values:
-            one = answer.sel(case=case)
-            own, theirs = (one.sel(by=name) for name in answer["by"].values)
-            times = own["seconds"], one["riccati_seconds"], theirs["seconds"]
-            cells = [f"{float(value):.3g} s" for value in times]
-            values = own["norm"], theirs["norm"], theirs["claim"]
-            cells += [f"{float(value):.6g}" for value in values]
-            lines.append(f"| {case} | {' | '.join(cells)} |")
-        found = {"hinf": "\n".join(lines) + "\n"}
-        if not self.distillation:
-            return found
-        lines = [
-            "| package | time | controllers made | states | peak claimed | mu attained |",
-            "| :--- |" + " ---: |" * 5,
-        ]
-        for package in answer["package"].values:
-            one = answer.sel(package=package)
-            lines.append(
-                f"| {package} | {float(one['dk_seconds']):.3g} s | {int(one['dk_rounds'])} | "
-                f"{int(one['dk_states'])} | {float(one['dk_peak']):.4f} | "
-                f"{float(one['dk_lower']):.4f} |"
-            )
-        return found | {"distillation": "\n".join(lines) + "\n"}
-
-
-def random_plant(rng: np.random.Generator, states: int) -> GeneralisedPlant:
-    """Stable, its rightmost pole at -0.1 rad/s, with two controls and two measurements.
-
-    z = (C1 x, u) and y = C2 x + w2, so that every assumption of H-infinity synthesis holds.
-    """
-    import control
-
-    A = rng.normal(size=(states, states)) / math.sqrt(states)
-    A -= (np.linalg.eigvals(A).real.max() + 0.1) * np.eye(states)
-    B, C = rng.normal(size=(states, 6)), rng.normal(size=(6, states))
-    C[2:4], B[:, 2:4] = 0.0, 0.0
-    D = np.zeros((6, 6))
-    D[2:4, 4:], D[4:, 2:4] = np.eye(2), np.eye(2)
-    return GeneralisedPlant(control.ss(A, B / states**0.5, C / states**0.5, D), None, 2, 2)
-
-
-def drive_plants() -> dict[str, GeneralisedPlant]:
-    """The control problems of both axes, made regular: nominal ones and the whole ones."""
-    found = {}
-    axes: tuple[Axis, ...] = ("focus", "radial")
-    for axis in axes:
-        plant = generalised(axis, parametric_plant(axis))
-        for name, one in (("nominal", _nominal(plant)), ("parametric", plant)):
-            found[f"{axis} {name}"] = regularised(one, SMALL)
-    return found
-
-
-def _nominal(plant: GeneralisedPlant) -> GeneralisedPlant:
-    """w_p, u -> z_p, z_u, y without the perturbation."""
-    part = plant.channel(["z_p", "z_u"], "w_p")
-    assert part.structure is not None
-    system, rows, columns = part.system, part.structure.columns, part.structure.rows
-    matrices = system.A, system.B[:, columns:], system.C[rows:], system.D[rows:, columns:]
-    labels = {"inputs": system.input_labels[columns:], "outputs": system.output_labels[rows:]}
-    return GeneralisedPlant(realisation(matrices, 0.0, **labels), None, 1, 1)
+        found = {"hinf": of_plants(answer)}
+        return found | ({"distillation": of_packages(answer)} if self.distillation else {})
 
 
 def failed(some: xr.Dataset) -> np.ndarray:
@@ -294,13 +187,15 @@ def _compared(
     """Times, that of the bare method, norms and claims of us and of hinfsyn."""
     system = plant.system
     matrices = system.A, system.B, system.C, system.D
-    bare, _ = _timed(partial(central, *matrices, plant.controls, plant.measurements), REPEATS)
-    norm, level = math.inf, math.nan
+    bare = seconds = level = math.nan
+    norm = math.inf
     try:
+        method = partial(central, *matrices, plant.controls, plant.measurements)
+        bare, _ = _timed(method, REPEATS)
         seconds, answer = _timed(partial(hinf, plant), REPEATS)
         norm, level = achieved(plant, answer.K), answer.gamma
-    except SolverError:
-        seconds = math.nan
+    except SolverError:  # counted as a plant without a controller
+        pass
     theirs = hinfsyn(plant)
     reached = achieved(plant, theirs.K)
     return (seconds, theirs.seconds), bare, (norm, reached), (level, theirs.claim)

@@ -1,0 +1,55 @@
+"""The plants of bench/synthesis: random ones, and the CD drive's in SI units."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from workbench.synthesis import regularised
+from workbench.synthesis.standard import realisation
+from workbench.uncertainty import GeneralisedPlant
+
+from ..cd_drive.control_problem import generalised
+from ..cd_drive.parametric import parametric_plant
+from ..cd_drive.tables import Axis
+
+SMALL = 1e-4
+"""Size of what makes the CD drive's plant regular."""
+
+
+def random_plant(rng: np.random.Generator, states: int) -> GeneralisedPlant:
+    """Stable, its rightmost pole at -0.1 rad/s, with two controls and two measurements.
+
+    z = (C1 x, u) and y = C2 x + w2, so that every assumption of H-infinity synthesis holds.
+    """
+    import control
+
+    A = rng.normal(size=(states, states)) / math.sqrt(states)
+    A -= (np.linalg.eigvals(A).real.max() + 0.1) * np.eye(states)
+    B, C = rng.normal(size=(states, 6)), rng.normal(size=(6, states))
+    C[2:4], B[:, 2:4] = 0.0, 0.0
+    D = np.zeros((6, 6))
+    D[2:4, 4:], D[4:, 2:4] = np.eye(2), np.eye(2)
+    return GeneralisedPlant(control.ss(A, B / states**0.5, C / states**0.5, D), None, 2, 2)
+
+
+def drive_plants() -> dict[str, GeneralisedPlant]:
+    """The control problems of both axes, made regular: nominal ones and the whole ones."""
+    found = {}
+    axes: tuple[Axis, ...] = ("focus", "radial")
+    for axis in axes:
+        plant = generalised(axis, parametric_plant(axis))
+        for name, one in (("nominal", _nominal(plant)), ("parametric", plant)):
+            found[f"{axis} {name}"] = regularised(one, SMALL)
+    return found
+
+
+def _nominal(plant: GeneralisedPlant) -> GeneralisedPlant:
+    """w_p, u -> z_p, z_u, y without the perturbation."""
+    part = plant.channel(["z_p", "z_u"], "w_p")
+    assert part.structure is not None
+    system, rows, columns = part.system, part.structure.columns, part.structure.rows
+    matrices = system.A, system.B[:, columns:], system.C[rows:], system.D[rows:, columns:]
+    labels = {"inputs": system.input_labels[columns:], "outputs": system.output_labels[rows:]}
+    return GeneralisedPlant(realisation(matrices, 0.0, **labels), None, 1, 1)

@@ -1,0 +1,128 @@
+"""The speed of synthesis: a small one, whose arithmetic must be right whatever the clock says."""
+
+import sys
+
+import control
+import numpy as np
+import pytest
+
+import workbench as wb
+from problems.bench.synthesis import FASTER, SLOWER, SynthesisSpeed, failed
+from problems.bench.synthesis_peers import Claimed, achieved, dk_iteration, hinfsyn
+from problems.bench.synthesis_plants import drive_plants, random_plant
+from problems.textbook.distillation import distillation_column
+from workbench.errors import InputError
+from workbench.synthesis import hinf
+
+
+def a_peer():
+    """What dkpy would give, but by the first controller of D-K iteration, in no time."""
+    plant = distillation_column()
+    return Claimed(hinf(plant).K, 1.2, 3600.0), plant.system
+
+
+@pytest.fixture(scope="module")
+def solved():
+    study = SynthesisSpeed((3,), 2, drives=False, distillation=True)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("problems.bench.synthesis.dk_iteration", a_peer)
+        return study, wb.solve(study)
+
+
+def failures(study, answer):
+    return {check.name for check in study.checks(answer, 1e-6) if not check.holds}
+
+
+def test_the_small_one_holds(solved):
+    study, solution = solved
+    assert solution.certificate.holds, solution.certificate
+    assert (solution.answer["seconds"] > 0).all()
+    numbers = study.metrics(solution.answer)
+    ours, theirs = (solution.answer["seconds"].sel(by=by) for by in ("workbench", "hinfsyn"))
+    assert numbers["hinf_over_hinfsyn_3"] == pytest.approx(float((ours / theirs).max()))
+    assert numbers["hinf_over_hinfsyn_3"] < SLOWER
+    assert numbers["norm_over_hinfsyn_3"] <= 1.001
+    assert numbers["dkpy_over_ours"] > FASTER
+    assert numbers["peak"] <= numbers["peak_dkpy"] == 1.2
+
+
+def test_what_is_not_reached_is_found(solved):
+    study, solution = solved
+    answer = solution.answer.copy(deep=True)
+    answer["seconds"].loc[{"by": "hinfsyn"}] /= 1e6
+    answer["norm"].loc[{"by": "hinfsyn"}] *= 0.99
+    answer["dk_seconds"].loc[{"package": "dkpy"}] = 1e-3
+    answer["dk_peak"].loc[{"package": "dkpy"}] = 0.5
+    expected = {"3 states, time", "3 states, norm", "time to dkpy's peak", "peak"}
+    assert failures(study, answer) == expected
+    answer["norm"].loc[{"by": "workbench"}] = np.inf
+    answer["own_A"][:] = np.eye(len(answer["own_A"]))  # the peak is that of the stored controller
+    assert {"3 states, success", "peak"} <= failures(study, answer)
+
+
+def test_failures_of_the_peer_are_counted(solved):
+    _, solution = solved
+    answer = solution.answer.copy(deep=True)
+    assert not failed(answer).any()
+    answer["norm"][0, 1] = np.inf
+    answer["claim"][1, 1] /= 2.0
+    assert failed(answer).all()
+
+
+def test_the_run_is_shown(solved):
+    study, solution = solved
+    assert set(study.figures(solution.answer)) == {"hinf"}
+    tables = study.tables(solution.answer)
+    assert tables["hinf"].count("\n") == 2 + 2
+    assert "| dkpy | 3.6e+03 s |" in tables["distillation"]
+
+
+def test_without_dkpy(monkeypatch):
+    monkeypatch.setitem(sys.modules, "dkpy", None)
+    with pytest.raises(InputError, match=r"pip install 'workbench\[benchmark\]'.*distillation"):
+        dk_iteration()
+    study = wb.load("bench/synthesis", largest=10, plants=1, distillation=False, drives=False)
+    assert study.sizes == (10,)
+    assert study.groups == ["10 states"]
+
+
+def test_a_loop_without_stability_has_no_norm():
+    plant = random_plant(np.random.default_rng(3), 4)
+    K = hinf(plant).K
+    assert achieved(plant, K) == pytest.approx(control.linfnorm(plant.close(K))[0])
+    assert achieved(plant, 1e3 * K) == np.inf
+    assert achieved(plant, None) == np.inf
+
+
+def test_what_hinfsyn_raises_is_kept(monkeypatch):
+    def refuse(*_):
+        raise ArithmeticError("no\n  luck")
+
+    monkeypatch.setattr(control, "hinfsyn", refuse)
+    found = hinfsyn(random_plant(np.random.default_rng(0), 2))
+    assert found.K is None
+    assert found.failure == "no luck"
+    assert np.isnan(found.claim)
+
+
+@pytest.mark.parametrize("name", ["focus nominal", "radial parametric", "focus parametric"])
+def test_the_drives_in_si_units_have_controllers(name):
+    plant = drive_plants()[name]
+    assert achieved(plant, hinf(plant).K) < np.inf
+
+
+@pytest.mark.slow
+def test_hinfsyn_fails_on_the_focus_drive_in_si_units():
+    plant = drive_plants()["focus parametric"]
+    theirs = hinfsyn(plant)
+    assert theirs.claim < 1.0
+    assert achieved(plant, theirs.K) > 1e6 > 1e2 * achieved(plant, hinf(plant).K)
+
+
+@pytest.mark.slow
+def test_everything_asked_for_is_reached():
+    pytest.importorskip("dkpy")
+    study = wb.load("bench/synthesis")
+    solution = wb.solve(study)
+    assert solution.certificate.holds, solution.certificate
+    assert study.metrics(solution.answer)["hinfsyn_failures_CD_drive"] > 0
