@@ -50,7 +50,7 @@ LOW, HIGH = 1.0, 20e3
 """Ends of the frequencies shown [Hz]."""
 
 
-@problem("cd/{axis}/methods", axis=("focus", "radial"), needs=cover_of, data=TABLES)
+@problem("cd/{axis}/methods", axis=("focus", "radial"), needs=cover_of, data=TABLES, slow=True)
 def methods(
     axis: Axis,
     covered: Run | None = None,

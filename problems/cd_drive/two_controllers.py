@@ -53,7 +53,7 @@ LASTS = 6e-3
 INSTANTS = 600
 
 
-@problem("cd/{axis}/two-controllers", axis=("focus", "radial"), data=TABLES)
+@problem("cd/{axis}/two-controllers", axis=("focus", "radial"), data=TABLES, slow=True)
 def two_controllers(
     axis: Axis,
     designs: Annotated[int, Field(ge=2, le=200)] = 10,
