@@ -40,12 +40,12 @@ def drive_plants() -> dict[str, GeneralisedPlant]:
     axes: tuple[Axis, ...] = ("focus", "radial")
     for axis in axes:
         plant = generalised(axis, parametric_plant(axis))
-        for name, one in (("nominal", _nominal(plant)), ("parametric", plant)):
+        for name, one in (("nominal", nominal(plant)), ("parametric", plant)):
             found[f"{axis} {name}"] = regularised(one, SMALL)
     return found
 
 
-def _nominal(plant: GeneralisedPlant) -> GeneralisedPlant:
+def nominal(plant: GeneralisedPlant) -> GeneralisedPlant:
     """w_p, u -> z_p, z_u, y without the perturbation."""
     part = plant.channel(["z_p", "z_u"], "w_p")
     assert part.structure is not None

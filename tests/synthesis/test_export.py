@@ -201,7 +201,7 @@ def test_limits_clip_outputs_and_nothing_else(tmp_path):
         ("json", {"metadata": {"a": object()}}, "metadata"),
         ("mat", {"metadata": {1: 2}}, "metadata"),
         ("json", {"metadata": {"a": float("nan")}}, "metadata"),
-        ("json", {"K": control.ss(np.nan, 1, 1, 0)}, "A of the controller .* not finite"),
+        ("json", {"K": control.ss(np.nan, 1, 1, 0)}, "A of K .* not finite"),
     ],
 )
 def test_bad_input_is_named_and_writes_nothing(tmp_path, format, change, words):

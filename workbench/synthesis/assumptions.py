@@ -11,6 +11,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from workbench.errors import InputError
+from workbench.synthesis.given import need_plant, need_positive
 from workbench.synthesis.scaling import (
     EPS,
     ROUNDING,
@@ -134,8 +135,8 @@ def regularised(plant: GeneralisedPlant, size: float) -> GeneralisedPlant:
     InputError
         `size` not positive and finite; as `standard_plant` and `continuous`.
     """
-    if not 0.0 < size < np.inf:
-        raise InputError(f"size is {size}; it must be positive and finite, for instance 1e-4")
+    need_plant(plant)
+    need_positive(size, "size")
     given = standard_plant(plant)
     u, x_out = _additions(given, size)
     y, x_in = _additions(given.dual, size)

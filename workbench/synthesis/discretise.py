@@ -10,7 +10,8 @@ from scipy.linalg import schur
 
 from workbench.errors import InputError
 from workbench.simulation.discretise import hold
-from workbench.synthesis.sampled_loop import sampled_conditions
+from workbench.synthesis.given import as_system, is_real, need_positive
+from workbench.synthesis.sampled_loop import need_fitting, sampled_conditions
 from workbench.synthesis.scaling import speed, state_units
 from workbench.synthesis.standard import Real, realisation
 from workbench.uncertainty.generalised import response
@@ -59,17 +60,16 @@ def discretised(
         rate; a pole of K at 2 / sample_time; with a plant: half the sampling rate below the loop's
         bandwidth, or an unstable sampled loop.
     """
-    import control
-
-    K = control.ss(K)
+    K = as_system(K, "K")
     if K.dt:
         raise InputError(f"K is sampled already (dt = {K.dt}); give the continuous controller")
-    if not 0.0 < sample_time < math.inf:
-        raise InputError(f"sample_time is {sample_time} s; it must be positive and finite")
+    need_positive(sample_time, "sample_time")
     if method not in get_args(Method):
         raise InputError(f"method is {method!r}; it must be one of {get_args(Method)}")
     if plant is not None:
-        _check_bandwidth(K, control.ss(plant), sample_time)
+        plant = as_system(plant, "plant")
+        need_fitting(K, plant)
+        _check_bandwidth(K, plant, sample_time)
     A, B, C = block_diagonal(K.A, K.B, K.C)
     D = np.asarray(K.D, dtype=float)
     if method == "zoh":
@@ -127,9 +127,9 @@ def _half_step(sample_time: float, prewarp: float | None) -> float:
     if prewarp is None:
         return sample_time / 2
     nyquist = math.pi / sample_time
-    if not 0.0 < prewarp < nyquist:
+    if not (is_real(prewarp) and 0.0 < prewarp < nyquist):
         raise InputError(
-            f"prewarp is {prewarp} rad/s; it must lie between 0 and half the sampling rate, "
+            f"prewarp is {prewarp!r} rad/s; it must lie between 0 and half the sampling rate, "
             f"{nyquist:.6g} rad/s"
         )
     return math.tan(prewarp * sample_time / 2) / prewarp

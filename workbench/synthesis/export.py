@@ -15,6 +15,7 @@ import numpy as np
 
 from workbench.errors import InputError, ResultError
 from workbench.synthesis.export_c import Limits, Precision, header
+from workbench.synthesis.given import as_system
 from workbench.synthesis.second_order import Sections
 from workbench.synthesis.standard import realisation
 
@@ -101,13 +102,8 @@ def load(path: str | Path) -> tuple[StateSpace, dict[str, Any]]:
 
 
 def _fields(K: Any, metadata: Mapping[str, Any]) -> dict[str, Any]:
-    import control
-
-    K = control.ss(K.system if isinstance(K, Sections) else K)
+    K = as_system(K.system if isinstance(K, Sections) else K, "K")
     parts = {key: np.asarray(getattr(K, key), dtype=float) for key in "ABCD"}
-    for key, part in parts.items():
-        if not np.isfinite(part).all():
-            raise InputError(f"{key} of the controller has entries that are not finite")
     try:
         text = json.dumps(metadata, allow_nan=False)
         same = json.loads(text) == dict(metadata)

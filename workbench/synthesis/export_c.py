@@ -10,6 +10,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from workbench.errors import InputError
+from workbench.synthesis.given import as_system
 from workbench.synthesis.second_order import Sections
 from workbench.synthesis.standard import Real
 
@@ -156,9 +157,7 @@ def header(
 
 
 def _sampled(K: Any) -> Any:
-    import control
-
-    K = control.ss(K)
+    K = as_system(K, "K")
     if not K.dt or K.dt is True:
         raise InputError(
             f"K {K.name!r} has dt = {K.dt}; a computer needs a controller with a sampling time in "

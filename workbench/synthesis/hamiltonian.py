@@ -26,7 +26,8 @@ def hamiltonian_solution(H: Real) -> Real | None:
     if not np.isfinite(H).all():
         return None
     # A balance that keeps the structure, as of SciPy's own equations.
-    factor = matrix_balance(H - np.diag(np.diag(H)), permute=False, separate=True)[1][0]
+    with np.errstate(invalid="ignore"):  # SciPy makes integers of the factors, which is not used
+        factor = matrix_balance(H - np.diag(np.diag(H)), permute=False, separate=True)[1][0]
     half = np.exp2(np.round(np.log2(factor[:n] / factor[n:]) / 2))
     scale = np.concatenate([half, 1.0 / half])
     H = H / scale[:, None] * scale

@@ -12,6 +12,7 @@ from workbench.errors import InputError, SolverError
 from workbench.program import Check, Program, solve
 from workbench.solvers import Options
 from workbench.synthesis.assumptions import checked
+from workbench.synthesis.given import as_system, need_positive
 from workbench.synthesis.loops import (
     CERTIFIED,
     certified_norm,
@@ -78,8 +79,7 @@ class HinfSynthesis(Program):
                 f"plant must be a GeneralisedPlant, not {type(self.plant).__name__}; hinf() takes "
                 "a StateSpace with the numbers of measurements and controls"
             )
-        if self.gamma is not None and not 0.0 < self.gamma < np.inf:
-            raise InputError(f"gamma is {self.gamma}; it must be positive and finite, or None")
+        need_positive(self.gamma, "gamma", or_none=True)
         object.__setattr__(self, "plant", visible(self.plant))
         _ = self.scaled  # every assumption is tested now
 
@@ -172,10 +172,10 @@ def hinf(
     Parameters
     ----------
     plant
-        `GeneralisedPlant`, or a StateSpace whose last outputs are the measurements and whose last
-        inputs are the controls.
+        `GeneralisedPlant`, or a StateSpace or TransferFunction whose last outputs are the
+        measurements and whose last inputs are the controls.
     measurements, controls
-        Their numbers, with a StateSpace.
+        Their numbers, with a system that is no GeneralisedPlant.
     gamma
         As of `HinfSynthesis`.
     method
@@ -190,13 +190,16 @@ def hinf(
     """
     import control
 
-    if isinstance(plant, control.StateSpace):
+    if isinstance(plant, control.StateSpace | control.TransferFunction):
         if measurements is None or controls is None:
-            raise InputError("a StateSpace needs the numbers of measurements and controls")
-        plant = GeneralisedPlant(plant, None, controls, measurements)
+            raise InputError(
+                f"a {type(plant).__name__} needs the numbers of measurements and controls"
+            )
+        plant = GeneralisedPlant(as_system(plant, "plant"), None, controls, measurements)
     elif measurements is not None or controls is not None:
         raise InputError(
-            f"measurements and controls belong to a StateSpace; the plant is {type(plant).__name__}"
+            "measurements and controls belong to a StateSpace or TransferFunction; the plant is "
+            f"{type(plant).__name__}"
         )
     solution = solve(HinfSynthesis(plant, gamma), method, options)
     if solution.certificate is None:

@@ -20,10 +20,12 @@ from workbench.uncertainty.realisation import frequency_response
 
 SMALLEST = 1e-6
 """Least level looked for, relative to the norm of the mean-square controller: less is zero."""
-CANCELLED = 1e-8
-"""The same, relative to w -> z without K at high and at middle frequencies: less is rounding."""
+CANCELLED, ZERO = 1e-13, 1e-7
+"""Share of w -> z without K below which the norm of a loop is rounding, and a level for it."""
 MIDDLE = np.exp(0.5j)
 """A point of middle frequency, off the axis, where poles may lie."""
+LARGEST = 1e100
+"""Largest level that is told from infinity."""
 STEPS, CERTAIN = 80, 8
 """Levels tried, and after how many every other one halves the interval."""
 PROBES = (0.97, 0.9, 0.8, 0.65)
@@ -140,10 +142,17 @@ def level_ends(plant: StandardPlant) -> tuple[float, float]:
         ceiling = math.inf
     if not 0.0 < ceiling < math.inf:  # only a first level to try: whence does not matter
         ceiling = 2.0 * float(least) or 1.0
-    M = np.block([[plant.A, plant.B1], [plant.C1, D11]])
-    size = max(np.linalg.norm(D11), np.linalg.norm(frequency_response(M, plant.states, MIDDLE)))
-    floor = max(float(least), SMALLEST * ceiling, CANCELLED * float(size))
-    return floor, max(ceiling, floor)
+    size = without_control(plant)
+    if ceiling < CANCELLED * size:  # K cancels w -> z; any level that counts as zero will do
+        return ZERO * size, ZERO * size
+    return max(float(least), SMALLEST * ceiling), ceiling
+
+
+def without_control(plant: StandardPlant) -> float:
+    """The size of w -> z without K at high and at middle frequencies."""
+    M = np.block([[plant.A, plant.B1], [plant.C1, plant.D11]])
+    middle = frequency_response(M, plant.states, MIDDLE)
+    return float(max(np.linalg.norm(plant.D11), np.linalg.norm(middle)))
 
 
 def level_at(plant: StandardPlant, gamma: float) -> Level | None:

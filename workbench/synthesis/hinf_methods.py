@@ -9,7 +9,7 @@ from workbench.executor import Context
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
 from workbench.synthesis.hinf import HinfController, HinfSynthesis
-from workbench.synthesis.hinf_levels import level_ends
+from workbench.synthesis.hinf_levels import CANCELLED, level_ends, without_control
 from workbench.synthesis.hinf_riccati import InfeasibleError, central_of
 from workbench.synthesis.norm import norm
 from workbench.synthesis.standard import (
@@ -20,8 +20,10 @@ from workbench.synthesis.standard import (
 
 DISTANCE = 1e-3
 """Relative distance from the least level: nearer, poles of K run away for nothing."""
-CANCELLED = 1e-3
-"""Share of the level below which the norm of a loop is that of rounding errors."""
+SHARE = 1e-3
+"""Of the least level, below which the norm of a loop is that of rounding errors."""
+ROUNDING = 1e-8
+"""Share of w -> z without K that is claimed where it is cancelled but for rounding."""
 
 
 def distance(context: Context) -> float:
@@ -33,8 +35,12 @@ def claimed(program: HinfSynthesis, K: Matrices, size: float, gamma: float, said
     """The claim of a controller of the plant in continuous time; none unless it stabilises."""
     if not np.isfinite(size):
         return None, Outcome.FAILED, f"{said}; the controller found does not stabilise the plant"
-    if size < CANCELLED * gamma:
-        size = gamma  # what is left of signals that cancel is rounding: no norm to claim
+    # What is left of signals that cancel is rounding: no norm to claim.
+    open_loop = without_control(program.scaled.plant)
+    if program.gamma is None and size < SHARE * gamma:
+        size = gamma
+    elif size < CANCELLED * open_loop:
+        size = min(gamma, ROUNDING * open_loop)
     plant, system = program.plant, program.plant.system
     dt = float(system.dt or 0.0)
     try:
@@ -62,7 +68,11 @@ def _riccati(program: HinfSynthesis, context: Context) -> Claim:
     return claimed(program, found.K, found.norm, found.gamma, said)
 
 
-@method(HinfSynthesis, "sb10ad", optimal=False)
+def _static(program: HinfSynthesis) -> str | None:
+    return None if program.scaled.plant.states else "SB10AD needs a plant with states"
+
+
+@method(HinfSynthesis, "sb10ad", optimal=False, unfit=_static)
 def _sb10ad(program: HinfSynthesis, context: Context) -> Claim:
     """SLICOT SB10AD with its own bisection, on the scaled plant, then 1e-3 above its level."""
     from slycot import sb10ad
@@ -71,7 +81,7 @@ def _sb10ad(program: HinfSynthesis, context: Context) -> Claim:
     plant = normal.plant
     sizes = (plant.states, plant.B.shape[1], len(plant.C), plant.controls, plant.measurements)
     matrices = (plant.A, plant.B, plant.C, plant.D)
-    gamma, said = program.gamma, "SB10AD"
+    gamma, said = program.gamma, f"SB10AD with gamma = {program.gamma}"
     try:
         if gamma is None:
             _, ceiling = level_ends(plant)

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.linalg import LinAlgError
 
 from workbench.errors import SolverError
-from workbench.synthesis.hinf_levels import Level, least_level, level_at
+from workbench.synthesis.hinf_levels import LARGEST, Level, least_level, level_at
 from workbench.synthesis.norm import norm
 from workbench.synthesis.scaling import Scaled, scaled
 from workbench.synthesis.standard import Matrices, Real, StandardPlant
@@ -90,6 +90,7 @@ def central_of(normal: Scaled, tolerance: float, gamma: float | None = None) -> 
     if gamma is None:
         low, best = least_level(plant, tolerance)
         return _made(normal, [best.gamma * (1.0 + tolerance * k) for k in BACK_OFF], low)
+    gamma = min(gamma, LARGEST)
     level = level_at(plant, gamma)
     if level is None or not level.feasible:
         raise InfeasibleError(gamma, least_level(plant, tolerance)[0])

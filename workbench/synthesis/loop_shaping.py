@@ -8,6 +8,7 @@ Automatic Control 37 (1992) 759-769; K. Zhou, J. Doyle, K. Glover, Robust and Op
 from __future__ import annotations
 
 import math
+import warnings
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -19,11 +20,12 @@ from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.program import Check, Claim, method
 from workbench.solvers import Outcome
+from workbench.synthesis.given import as_system, as_weight
 from workbench.synthesis.hamiltonian import hamiltonian_solution
 from workbench.synthesis.hinf import HinfController, HinfSynthesis
+from workbench.synthesis.hinf_levels import LARGEST
 from workbench.synthesis.hinf_methods import claimed, distance
 from workbench.synthesis.loops import CERTIFIED
-from workbench.synthesis.mixed_sensitivity import as_system, as_weight
 from workbench.synthesis.norm import norm
 from workbench.synthesis.scaling import balanced, minimal, speed
 from workbench.synthesis.standard import (
@@ -33,6 +35,7 @@ from workbench.synthesis.standard import (
     standard_plant,
     to_continuous,
 )
+from workbench.uncertainty.connection import common_dt, part_of
 from workbench.uncertainty.generalised import GeneralisedPlant
 
 if TYPE_CHECKING:
@@ -83,13 +86,13 @@ class LoopShaping(HinfSynthesis):
             W1 = as_weight(W1, G.ninputs, "W1")
         if W1.noutputs != G.ninputs:
             raise InputError(f"W1 has {W1.noutputs} outputs; G has {G.ninputs} inputs")
+        dt = common_dt([part_of(one) for one in (W2, G, W1)])
+        if dt is True:
+            raise InputError("G is sampled at a time not given (dt True); give it in seconds")
         shaped = W2 * G * W1
         parts = [np.asarray(getattr(shaped, name), dtype=float) for name in "ABCD"]
-        if not all(np.isfinite(part).all() for part in parts):
-            raise InputError("G, W1 or W2 has entries that are not finite")
-        dt = float(shaped.dt or 0.0)
-        A, B, C = minimal(*balanced(*parts[:3]), dt)
-        shaped = realisation((A, B, C, parts[3]), dt)
+        A, B, C = minimal(*balanced(*parts[:3]), dt or 0.0)
+        shaped = realisation((A, B, C, parts[3]), dt or 0.0)
         fields = {"G": G, "W1": W1, "W2": W2, "shaped": shaped, "gamma": gamma}
         for name, value in fields.items():
             object.__setattr__(self, name, value)
@@ -119,8 +122,10 @@ class LoopShaping(HinfSynthesis):
         root = np.linalg.cholesky(R)
         stable, entering = A + H @ C, np.hstack([B + H @ D, H])
         leaving = np.linalg.solve(root, C)
-        P = solve_continuous_lyapunov(stable, -entering @ entering.T)
-        Q = solve_continuous_lyapunov(stable.T, -leaving.T @ leaving)
+        with warnings.catch_warnings():  # of a margin lost in rounding, which a check then shows
+            warnings.simplefilter("ignore", RuntimeWarning)
+            P = solve_continuous_lyapunov(stable, -entering @ entering.T)
+            Q = solve_continuous_lyapunov(stable.T, -leaving.T @ leaving)
         hankel = float(np.abs(np.linalg.eigvals(P @ Q)).max())
         return math.sqrt(max(1.0 - hankel, 0.0))
 
@@ -128,9 +133,11 @@ class LoopShaping(HinfSynthesis):
         found = super().checks(answer, tolerance)
         statement = "epsilon = 1 / norm over epsilon_max by the Hankel norm, less 1"
         largest = self.epsilon_max
+        if not largest > 0.0:
+            return [*found, Check("epsilon", statement, math.inf, 0.0, "(lost in rounding)")]
         excess = 1.0 / (answer.norm * largest) - 1.0
         # A small margin is a difference of numbers near 1.
-        rounding = CANCELLED * np.finfo(float).eps / max(largest, 1e-300) ** 2
+        rounding = CANCELLED * np.finfo(float).eps / largest**2
         return [*found, Check("epsilon", statement, excess, 2.0 * CERTIFIED + rounding)]
 
     def gap(self, answer: HinfController) -> tuple[str, float]:
@@ -172,7 +179,7 @@ def _coprime(program: LoopShaping, context: Context) -> Claim:
     X, Z = found
     least = math.sqrt(1.0 + float(np.abs(np.linalg.eigvals(X @ Z)).max(initial=0.0)))
     said = f"least level {least:.9g}"
-    gamma = program.gamma or least * (1.0 + distance(context))
+    gamma = min(program.gamma or least * (1.0 + distance(context)), LARGEST)
     if gamma <= least:
         return None, Outcome.INFEASIBLE, f"no controller is below gamma = {gamma:.6g}: {said}"
     try:

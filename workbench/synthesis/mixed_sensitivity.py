@@ -11,6 +11,7 @@ import numpy as np
 
 from workbench.errors import InputError
 from workbench.program import Check, worst
+from workbench.synthesis.given import as_system, as_weight
 from workbench.synthesis.hinf import HinfController, HinfSynthesis
 from workbench.synthesis.hinf_figures import grid
 from workbench.synthesis.loops import CERTIFIED
@@ -104,37 +105,3 @@ def _stack(G: StateSpace, weights: dict[str, StateSpace]) -> GeneralisedPlant:
         performance=[name for row in leaves.values() for name in row],
         measurement=e,
     )
-
-
-def as_system(system: Any, name: str) -> StateSpace:
-    """A StateSpace or TransferFunction as a StateSpace with names of its own.
-
-    Raises InputError for another type, and an improper one.
-    """
-    import control
-
-    if not isinstance(system, control.StateSpace | control.TransferFunction):
-        raise InputError(
-            f"{name} must be a StateSpace or TransferFunction, not {type(system).__name__}"
-        )
-    try:
-        return control.ss(system)
-    except ValueError as error:
-        raise InputError(f"{name} has no realisation: {error}") from None
-
-
-def as_weight(weight: Any, size: int, name: str) -> StateSpace:
-    """A weight with `size` inputs: a system, or a number or single channel for each of them.
-
-    Raises InputError as `as_system`, and for another size.
-    """
-    import control
-
-    if np.ndim(weight) == 0 and isinstance(weight, int | float | np.number):
-        return control.ss([], [], [], float(weight) * np.eye(size))
-    system = as_system(weight, name)
-    if (system.ninputs, system.noutputs) == (1, 1) and size > 1:
-        return control.append(*[system] * size)
-    if system.ninputs != size:
-        raise InputError(f"{name} has {system.ninputs} inputs; it must have {size}, or 1 and 1")
-    return system

@@ -13,6 +13,7 @@ from workbench.mu import Peak, peak
 from workbench.program import Check, Program
 from workbench.structure import Structure
 from workbench.synthesis.families import Family
+from workbench.synthesis.given import as_system, need_plant, need_positive
 from workbench.synthesis.loops import restored, stability_of, stored
 from workbench.synthesis.rounds import Iterate, packed, unpacked
 from workbench.synthesis.scaling import visible
@@ -89,10 +90,10 @@ class MuSynthesis(Program):
     headline: ClassVar[str] = "peak"
 
     def __post_init__(self) -> None:
-        if not isinstance(self.plant, GeneralisedPlant):
-            raise InputError(f"plant must be a GeneralisedPlant, not {type(self.plant).__name__}")
-        if self.target is not None and not 0.0 < self.target < np.inf:
-            raise InputError(f"target is {self.target}; it must be positive and finite, or None")
+        need_plant(self.plant)
+        need_positive(self.target, "target", or_none=True)
+        if self.family is not None and not isinstance(self.family, Family):
+            raise InputError(f"family must be a Family, not {type(self.family).__name__}")
         plant, structure = self.plant, self.structure or self.plant.structure
         if structure is None:
             raise InputError(
@@ -112,11 +113,13 @@ class MuSynthesis(Program):
         object.__setattr__(self, "plant", plant)
         object.__setattr__(self, "structure", structure)
         if self.start is not None:
+            object.__setattr__(self, "start", as_system(self.start, "start"))
             stability = stability_of(plant.close(self.start))
             if not stability.holds:
                 raise InputError(
                     "the start does not stabilise the plant: the loop has a pole with real part "
-                    f"{stability.value:.3g} {stability.where}"
+                    f"{stability.value:.3g} {stability.where}, which must be less than "
+                    f"{stability.limit:.3g}, its rounding error"
                 )
 
     @cached_property

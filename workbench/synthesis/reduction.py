@@ -16,6 +16,7 @@ from workbench.mu.margins import Conditions, conditions
 from workbench.mu.peak import Peak
 from workbench.program import solve
 from workbench.synthesis import reduction_methods
+from workbench.synthesis.given import as_system, need_positive, need_whole
 from workbench.synthesis.loops import stability_of
 from workbench.synthesis.mu_synthesis import MuSynthesis
 from workbench.synthesis.standard import realisation
@@ -128,8 +129,7 @@ def reduce(
     InputError
         As `reduced`; a target that is not positive; refinement for a plant without uncertainty.
     """
-    if not target > 0.0:
-        raise InputError(f"target is {target}; a peak of mu must be positive")
+    need_positive(target, "target")
     K = _continuous(K)
     found, given = _certified(plant, K)
     least, of = _reducer(K, method, plant, found)
@@ -224,9 +224,7 @@ def _peak(found: Conditions) -> Peak | None:
 
 
 def _continuous(K: Any) -> StateSpace:
-    import control
-
-    K = control.ss(K)
+    K = as_system(K, "K")
     if K.dt:
         raise InputError(
             f"K is sampled (dt = {K.dt}); reduce the continuous controller and discretise it then"
@@ -235,6 +233,7 @@ def _continuous(K: Any) -> StateSpace:
 
 
 def _check_order(order: int, least: int, K: StateSpace, method: str) -> None:
+    need_whole(order, "order")
     if not least <= order <= K.nstates:
         kept = f" ({method!r} keeps the {least} poles that are not stable)" if least else ""
         raise InputError(

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.optimize import brentq, root
 
 from workbench.errors import InputError
-from workbench.simulation.discretise import split_delay
+from workbench.synthesis.given import as_system, is_real, need_positive
 from workbench.synthesis.loops import stability_of
 from workbench.synthesis.sampled_response import Complex, SampledLoop
 from workbench.synthesis.standard import Real, realisation
+
+if TYPE_CHECKING:
+    from control import StateSpace
 
 STATIC = 1e-8
 """Share of the lowest frequency at which the static gain is read."""
@@ -27,6 +30,8 @@ STEP, SCANNED = 0.05, 10.0
 """Delays [samples] at which the poles are looked at, and up to which."""
 REACH = 1.1
 """Factor on a lag within which, and a sample, its delay is."""
+LONGEST = 1000
+"""Delay of the computer [samples], each a state of the loop for every control."""
 CRITICAL = 1e-6
 """Distance of log L from -1 at which it has found one."""
 
@@ -80,23 +85,19 @@ def sampled_conditions(
     InputError
         A plant that is sampled, a K that is not or has another time or size, a bad sign or delay.
     """
-    import control
-
-    plant, K = control.ss(plant), control.ss(K)
+    plant, K = as_system(plant, "plant"), as_system(K, "K")
     if plant.dt:
         raise InputError(f"the plant is sampled (dt = {plant.dt}); give the continuous plant")
-    if not 0.0 < sample_time < math.inf:
-        raise InputError(f"sample_time is {sample_time} s; it must be positive and finite")
-    if not K.dt or (K.dt is not True and not math.isclose(K.dt, sample_time)):
-        raise InputError(f"K has dt = {K.dt}; it must be sampled every {sample_time} s")
-    if (K.ninputs, K.noutputs) != (plant.noutputs, plant.ninputs):
+    need_positive(sample_time, "sample_time")
+    if K.dt not in (None, True) and not math.isclose(K.dt, sample_time):
         raise InputError(
-            f"K has {K.ninputs} inputs and {K.noutputs} outputs; the plant has {plant.noutputs} "
-            f"outputs and {plant.ninputs} inputs"
+            f"K has dt = {K.dt}; it must be sampled every {sample_time} s, as discretised() does"
         )
+    need_fitting(K, plant)
     if sign not in (-1, 1):
-        raise InputError(f"sign is {sign}; it must be -1 or 1")
-    split_delay(delay)
+        raise InputError(f"sign is {sign!r}; it must be -1 or 1")
+    if not (is_real(delay) and 0.0 <= delay <= LONGEST):
+        raise InputError(f"delay is {delay!r}; it must be a number of samples from 0 to {LONGEST}")
     sampled_K = realisation((K.A, K.B, K.C, K.D), sample_time)
     loop = SampledLoop(plant, sampled_K, sample_time, delay, sign)
     closed = loop.closed()
@@ -105,6 +106,15 @@ def sampled_conditions(
     if not stability_of(closed).holds:
         return SampledConditions(False, pole, ())
     return SampledConditions(True, pole, tuple(_margins(loop, i) for i in range(plant.ninputs)))
+
+
+def need_fitting(K: StateSpace, plant: StateSpace) -> None:
+    """Raise InputError for a controller of another size than the plant's outputs and inputs."""
+    if (K.ninputs, K.noutputs) != (plant.noutputs, plant.ninputs):
+        raise InputError(
+            f"K has {K.ninputs} inputs and {K.noutputs} outputs; the plant has {plant.noutputs} "
+            f"outputs and {plant.ninputs} inputs"
+        )
 
 
 def _margins(loop: SampledLoop, channel: int) -> Margins:

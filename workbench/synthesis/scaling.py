@@ -59,7 +59,9 @@ class Scaled:
         D22 = self.measurement @ self.given.D22 @ self.control
         loop = np.eye(len(D22)) + D22 @ D
         if np.linalg.cond(loop) > SINGULAR:
-            raise np.linalg.LinAlgError("the loop of the controller's direct term and D22")
+            raise np.linalg.LinAlgError(
+                "the loop through D22 and the direct term of the controller found is singular"
+            )
         feedback = np.linalg.solve(loop, np.hstack([D22 @ C, np.eye(len(loop))]))
         through, B_new = np.split(B @ feedback, [len(A)], axis=1)
         direct, D_new = np.split(D @ feedback, [len(A)], axis=1)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from workbench.errors import InputError, SolverError
+from workbench.synthesis.given import as_system
 from workbench.synthesis.scaling import balanced, minimal
 from workbench.synthesis.standard import Real, realisation
 from workbench.uncertainty.generalised import response
@@ -82,9 +83,7 @@ def second_order_sections(K: Any) -> Sections:
     SolverError
         Poles and zeros that do not give the response of K again, for rounding.
     """
-    import control
-
-    K = control.ss(K)
+    K = as_system(K, "K")
     if not K.dt or K.dt is True:
         raise InputError(f"K has dt = {K.dt}; discretise it first, with a sampling time in seconds")
     channels = tuple(tuple(_channel(K, i, j) for j in range(K.ninputs)) for i in range(K.noutputs))

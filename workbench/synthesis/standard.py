@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 Real = NDArray[np.float64]
 Matrices = tuple[Real, Real, Real, Real]
 """A, B, C and D of a realisation."""
+LARGEST = 1e100
+"""Of entries of a plant."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,13 +120,20 @@ def standard_plant(plant: GeneralisedPlant) -> StandardPlant:
     Raises
     ------
     InputError
-        Entries that are not finite; no exogenous input, performance, control or measurement.
+        Entries that are not finite, or too large; no exogenous input, performance, control or
+        measurement.
     """
     system = plant.system
     A, B, C, D = (np.asarray(getattr(system, name), dtype=float) for name in "ABCD")
     for name, part in zip("ABCD", (A, B, C, D), strict=True):
         if not np.isfinite(part).all():
             raise InputError(f"{name} of the plant has entries that are not finite")
+        size = float(np.abs(part).max(initial=0.0))
+        if size > LARGEST:
+            raise InputError(
+                f"{name} of the plant has an entry of size {size:.3g}, whose square overflows; "
+                "give time and signals in units that bring it nearer to 1"
+            )
     counts = {
         "controls": plant.controls,
         "measurements": plant.measurements,

@@ -45,6 +45,11 @@ def part_of(block: Any) -> Part:
         if inputs is not None and outputs is not None:
             inputs = (*block.input_labels[:r], *inputs)
             outputs = (*block.output_labels[:r], *outputs)
+    if not isinstance(block, control.StateSpace | control.TransferFunction):
+        raise InputError(
+            f"a block is a {type(block).__name__}; it must be a StateSpace, a TransferFunction or "
+            "a ParametricModel (fit measured responses first)"
+        )
     inputs = tuple(block.input_labels) if inputs is None else inputs
     outputs = tuple(block.output_labels) if outputs is None else outputs
     if (len(inputs), len(outputs)) != (block.ninputs, block.noutputs):
@@ -56,13 +61,8 @@ def part_of(block: Any) -> Part:
         # Of several inputs and outputs a realisation must share states: python-control's does.
         siso = (block.ninputs, block.noutputs) == (1, 1)
         M, states = _companion(block) if siso else _stacked(control.ss(block))
-    elif isinstance(block, control.StateSpace):
-        M, states = _stacked(block)
     else:
-        raise InputError(
-            f"a block is a {type(block).__name__}; it must be a StateSpace, a TransferFunction or "
-            "a ParametricModel (fit measured responses first)"
-        )
+        M, states = _stacked(block)
     return Part(M, states, block.dt, inputs, outputs)
 
 

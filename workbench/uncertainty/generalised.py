@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from numbers import Integral
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -41,7 +42,8 @@ class GeneralisedPlant:
     """A system with its uncertainty structure (None: no perturbation).
 
     The last `controls` inputs are K's, as are the last `measurements` outputs; what Delta leaves of
-    the others is exogenous and performance. Raises InputError where the system has too few.
+    the others is exogenous and performance. Raises InputError where the system has too few, and for
+    another type of system, structure or number.
     """
 
     system: StateSpace
@@ -50,6 +52,22 @@ class GeneralisedPlant:
     measurements: int
 
     def __post_init__(self) -> None:
+        import control
+
+        if not isinstance(self.system, control.StateSpace):
+            raise InputError(
+                f"system must be a StateSpace, not {type(self.system).__name__}; control.ss "
+                "converts a TransferFunction"
+            )
+        if not (self.structure is None or isinstance(self.structure, Structure)):
+            raise InputError(
+                f"structure must be a Structure, not {type(self.structure).__name__}; "
+                "Structure.from_pairs takes rows of two integers"
+            )
+        for name in ("controls", "measurements"):
+            count = getattr(self, name)
+            if isinstance(count, bool) or not isinstance(count, Integral):
+                raise InputError(f"{name} is {count!r}; it must be a whole number")
         if min(self.exogenous, self.performance, self.controls, self.measurements) < 0:
             raise InputError(
                 f"a system with {self.system.ninputs} inputs and {self.system.noutputs} outputs; "

@@ -1,0 +1,475 @@
+"""What every entry of the room says to input that it cannot take, and to input that looks bad."""
+
+from dataclasses import replace
+
+import control
+import numpy as np
+import pytest
+from plants import scalar_plant
+
+from problems.textbook.first_order import unstable_first_order
+from workbench import Outcome, solve
+from workbench.errors import InputError, ResultError, SolverError, UnknownNameError
+from workbench.structure import Complex, Full, Structure
+from workbench.synthesis import (
+    HinfSynthesis,
+    LoopShaping,
+    MixedSensitivity,
+    MuSynthesis,
+    discretised,
+    export,
+    hinf,
+    load,
+    reduce,
+    reduced,
+    regularised,
+    sampled_conditions,
+    second_order_sections,
+)
+from workbench.uncertainty import GeneralisedPlant
+
+S = control.tf("s")
+G = 1 / (S + 1)
+PLANT = scalar_plant(1.0)
+UNCERTAIN = unstable_first_order()
+K = hinf(UNCERTAIN).K
+KD = control.ss([[0.5]], [[1.0]], [[1.0]], [[0.0]], 0.1)
+NO_CONTROL = control.ss([], [], [], np.zeros((0, 0)))
+
+
+def changed(system, **parts):
+    dt = parts.pop("dt", system.dt)
+    given = [np.array(parts.get(name, getattr(system, name)), float) for name in "ABCD"]
+    return control.StateSpace(*given, dt, remove_useless_states=False)
+
+
+def entry(matrix, value, *place):
+    new = np.array(matrix, float)
+    new[place] = value
+    return new
+
+
+def sampled(system):
+    """Unstable in discrete time too, at z = 1.5 in place of s = 1."""
+    return changed(system, A=[[1.5]], dt=0.1)
+
+
+WRONG = [
+    (3.0, "not float"),
+    (np.eye(2), "not ndarray"),
+    (None, "not NoneType"),
+    ("K", "not str"),
+    (control.frd(G, [1.0, 2.0]), "not FrequencyResponseData"),
+    (control.tf([1, 1, 1], [1, 1]), "non-proper.*fast poles"),
+    (control.ss([[np.nan]], [[1.0]], [[1.0]], [[0.0]]), "A of .* not finite"),
+    (control.ss([[-1.0]], [[1.0]], [[1.0]], [[np.inf]]), "D of .* not finite"),
+    (NO_CONTROL, "0 inputs and 0 outputs"),
+]
+ENTRIES = {
+    "G of mixed sensitivity": lambda one: MixedSensitivity(one, 1.0, 1.0),
+    "G of loop shaping": LoopShaping,
+    "reduced": lambda one: reduced(one, 1, "balanced"),
+    "reduced hankel": lambda one: reduced(one, 1, "hankel"),
+    "reduced weighted": lambda one: reduced(one, 1, plant=UNCERTAIN),
+    "reduce": lambda one: reduce(one, UNCERTAIN),
+    "discretised": lambda one: discretised(one, 0.01),
+    "sections": second_order_sections,
+    "K of sampled conditions": lambda one: sampled_conditions(G, one, 0.1),
+    "plant of sampled conditions": lambda one: sampled_conditions(one, KD, 0.1),
+    "export json": lambda one: export(one, "never.json", "json"),
+    "export mat": lambda one: export(one, "never.mat", "mat"),
+    "export c": lambda one: export(one, "never.h", "c"),
+}
+
+
+@pytest.mark.parametrize("call", ENTRIES.values(), ids=ENTRIES)
+@pytest.mark.parametrize(("wrong", "said"), WRONG)
+def test_what_is_no_system(call, wrong, said):
+    with pytest.raises(InputError, match=said):
+        call(wrong)
+
+
+@pytest.mark.parametrize(("wrong", "said"), WRONG[:2] + WRONG[3:])
+def test_systems_that_may_be_left_out(wrong, said):
+    with pytest.raises(InputError, match=said):
+        discretised(K, 0.01, plant=wrong)
+    with pytest.raises(InputError, match=f"start|{said}"):
+        MuSynthesis(UNCERTAIN, start=wrong)
+    if not isinstance(wrong, float):
+        with pytest.raises(InputError, match=said):
+            MixedSensitivity(G, wrong, 1.0)
+        with pytest.raises(InputError, match=said):
+            LoopShaping(G, W1=wrong)
+
+
+# --- H-infinity, continuous and sampled ---------------------------------------------------------
+
+
+@pytest.mark.parametrize("form", [lambda system: system, sampled], ids=["continuous", "sampled"])
+class TestHinf:
+    @pytest.mark.parametrize(
+        ("parts", "said"),
+        [
+            ({"B": [[1.0, 0.0, 0.0]]}, r"not stabilisable.*mode (1|z = 1\.5)"),
+            ({"C": [[1.0], [0.0], [0.0]]}, r"not detectable.*mode (1|z = 1\.5)"),
+            ({"B": [[1.0, 0.0, 1e-310]]}, "not stabilisable"),
+            ({"B": [[0.0, 0.0, 0.0]]}, r"unstable mode 1.*take it out"),
+            ({"B": [[1.0, np.nan, 1.0]]}, "B of .*plant .*not finite"),
+            ({"D": np.full((3, 3), np.inf)}, "D of .*plant .*not finite"),
+            ({"C": [[1e200], [0.0], [1.0]]}, r"C of the plant .* 1e\+200.*nearer to 1"),
+            ({"C": [[0.0], [0.0], [1.0]], "D": entry(PLANT.D, 0.0, 1, 2)}, "D12.*weight on u"),
+        ],
+    )
+    def test_matrices(self, form, parts, said):
+        with pytest.raises(InputError, match=said):
+            hinf(changed(form(PLANT), **parts), 1, 1)
+
+    @pytest.mark.parametrize(
+        ("numbers", "said"),
+        [
+            ((), "needs the numbers"),
+            ((1, 9), "system with 3 inputs"),
+            ((-1, 1), "system with 3 inputs"),
+            ((0, 1), "no measurements"),
+            ((1, 3), "no exogenous inputs"),
+            ((3, 1), "no performance outputs"),
+            ((1.0, 1), "measurements is 1.0; it must be a whole number"),
+            (("1", 1), "measurements is '1'"),
+            ((1, True), "controls is True"),
+        ],
+    )
+    def test_numbers_of_signals(self, form, numbers, said):
+        with pytest.raises(InputError, match=said):
+            hinf(form(PLANT), *numbers)
+
+    @pytest.mark.parametrize("gamma", ["a", 1j, 0.0, -1.0, np.nan, np.inf, True])
+    def test_levels_that_are_none(self, form, gamma):
+        with pytest.raises(InputError, match=r"gamma is .* positive and finite, or None"):
+            hinf(form(PLANT), 1, 1, gamma=gamma)
+
+    @pytest.mark.parametrize("method", ["riccati", "sb10ad", "clarabel"])
+    def test_levels_that_cannot_be_had(self, form, method):
+        with pytest.raises(SolverError, match=r"0\.001"):
+            hinf(form(PLANT), 1, 1, gamma=1e-3, method=method)
+
+    def test_levels_that_ask_nothing(self, form):
+        within = hinf(form(PLANT), 1, 1, gamma=1e6).norm
+        for gamma in (1e12, 1e308):
+            answer = hinf(form(PLANT), 1, 1, gamma=gamma)
+            assert answer.norm == pytest.approx(within, rel=1e-3)
+
+    def test_methods_and_options(self, form):
+        with pytest.raises(UnknownNameError, match="riccati"):
+            hinf(form(PLANT), 1, 1, method="dk")
+        with pytest.raises(InputError, match=r"Options\(...\)"):
+            hinf(form(PLANT), 1, 1, options=3)
+
+    def test_plants_of_other_kinds(self, form):
+        system = form(PLANT)
+        least = hinf(system, 1, 1).gamma
+        assert hinf(control.ss2tf(system), 1, 1).gamma == pytest.approx(least, rel=1e-9)
+        with pytest.raises(InputError, match="TransferFunction needs the numbers"):
+            hinf(control.ss2tf(system))
+        with pytest.raises(InputError, match="system must be a StateSpace, not TransferFunction"):
+            GeneralisedPlant(control.ss2tf(system), None, 1, 1)
+        for wrong in (np.eye(3), control.frd(system, [1.0])):
+            with pytest.raises(InputError, match="belong to a StateSpace"):
+                hinf(wrong, 1, 1)
+            with pytest.raises(InputError, match="must be a GeneralisedPlant"):
+                hinf(wrong)
+        with pytest.raises(InputError, match="must be a GeneralisedPlant, not StateSpace"):
+            HinfSynthesis(system)
+
+    def test_a_direct_term_from_control_to_measurement_is_shifted_away(self, form):
+        without = hinf(form(PLANT), 1, 1)
+        for D22 in (-3.0, 0.7):
+            answer = hinf(changed(form(PLANT), D=entry(PLANT.D, D22, 2, 2)), 1, 1)
+            assert answer.gamma == pytest.approx(without.gamma, rel=1e-9)
+
+    def test_a_static_plant(self, form):
+        D = [[0.5, 2.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.3]]
+        static = control.ss([], [], [], D, form(PLANT).dt)
+        assert hinf(static, 1, 1).norm == pytest.approx(0.5 * np.sqrt(1.0 + 16.0), rel=2e-3)
+        for method, said in (("sb10ad", "with states"), ("clarabel", "no states")):
+            with pytest.raises(InputError, match=said):
+                hinf(static, 1, 1, method=method)
+
+    def test_a_controller_of_another_size(self, form):
+        plant = GeneralisedPlant(form(PLANT), None, 1, 1)
+        with pytest.raises(InputError, match="K has 2 inputs and 2 outputs; the plant has 1"):
+            plant.close(control.append(KD, KD))
+        with pytest.raises(InputError, match="a block is a float"):
+            plant.close(3.0)
+
+
+def test_direct_terms_of_a_sampled_plant_are_those_at_half_the_sampling_rate():
+    """D12 = 0 costs nothing continuous a control, but a sampled one acts on z one sample later."""
+    assert hinf(changed(sampled(PLANT), D=entry(PLANT.D, 0.0, 1, 2)), 1, 1).norm < np.inf
+    with pytest.raises(InputError, match="D12"):
+        hinf(changed(PLANT, D=entry(PLANT.D, 0.0, 1, 2)), 1, 1)
+    silent = {"C": [[0.0], [0.0], [1.0]], "D": entry(PLANT.D, 0.0, 1, 2)}
+    with pytest.raises(InputError, match=r"D12.*responses at z = -1"):
+        hinf(changed(sampled(PLANT), **silent), 1, 1)
+
+
+def test_zeros_on_the_stability_boundary_are_placed():
+    parts = [[1.0, 0.0, 1.0]], [[0.0], [1.0]], [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0]]
+    with pytest.raises(InputError, match=r"invariant zero.*at 0\+0j rad/s.*regularised"):
+        hinf(control.ss([[0.0]], *parts), 1, 1)
+    with pytest.raises(InputError, match=r"invariant zero.*at z = 1\+0j.*regularised"):
+        hinf(control.StateSpace([[1.0]], *parts, 0.1, remove_useless_states=False), 1, 1)
+
+
+def test_sampling_times_that_are_not_known():
+    with pytest.raises(InputError, match="dt True"):
+        hinf(changed(PLANT, dt=True), 1, 1)
+    with pytest.raises(InputError, match="dt True"):
+        LoopShaping(control.tf([1.0], [1.0, -0.5], True))
+    assert hinf(changed(PLANT, dt=None), 1, 1).K.dt == 0.0
+
+
+def test_zero_is_claimed_no_closer_than_it_is_known():
+    """K cancels w -> z, and what is left are rounding errors."""
+    system = control.ss([[-1.0]], [[1.0, 0.1]], [[1.0], [0.1]], [[0.5, 1.0], [1.0, 0.0]])
+    for gamma in (None, 1e-6):
+        assert 0.0 < hinf(system, 1, 1, gamma=gamma).norm <= 1e-6
+
+
+def test_poles_too_far_apart_are_said_to_be_so():
+    from problems.bench.synthesis_plants import nominal
+    from problems.cd_drive.control_problem import generalised
+    from problems.cd_drive.parametric import parametric_plant
+
+    plant = nominal(generalised("focus", parametric_plant("focus")))
+    with pytest.raises(SolverError, match=r"poles lie between 0\.001 and .*larger size"):
+        hinf(regularised(plant, 1e-7))
+    assert hinf(regularised(plant, 1e-6)).norm < 16.0
+
+
+# --- mixed sensitivity and loop shaping ---------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("weights", "said"),
+    [
+        ({}, "no weight"),
+        ({"W_S": S + 1, "W_KS": 1.0}, "W_S has no realisation.*fast poles"),
+        ({"W_S": 1 / S, "W_KS": 1.0}, r"not detectable.*mode 0.*integrators moved"),
+        ({"W_S": 1 / (S - 1), "W_KS": 1.0}, "not detectable.*weights must be stable"),
+        ({"W_S": np.nan, "W_KS": 1.0}, "W_S is nan"),
+        ({"W_S": 1.0, "W_KS": np.inf}, "W_KS is inf"),
+        ({"W_S": 1j, "W_KS": 1.0}, "W_S must be"),
+        ({"W_S": True, "W_KS": 1.0}, "W_S must be"),
+        ({"W_S": [1.0], "W_KS": 1.0}, "W_S must be"),
+        ({"W_S": 0.0, "W_KS": 0.0}, "D12"),
+        ({"W_S": 1 / (S + 1)}, "D12.*weight on u"),
+        ({"W_S": control.ss([], [], [], np.eye(3)), "W_KS": 1.0}, "W_S has 3 inputs"),
+        ({"W_S": control.tf(1, [1, -0.5], 0.1), "W_KS": 1.0}, "sampling times"),
+    ],
+)
+def test_weights_of_mixed_sensitivity(weights, said):
+    with pytest.raises(InputError, match=said):
+        MixedSensitivity(G, **weights)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ({"W1": np.inf}, "W1 is inf"),
+        ({"W1": None}, "W1 must be"),
+        ({"W1": S}, "W1 has no realisation"),
+        ({"W1": control.ss([], [], [], np.eye(2))}, "W1 has 2 outputs; G has 1"),
+        ({"W2": control.ss([], [], [], np.eye(2))}, "W2 has 2 inputs"),
+        ({"W1": control.tf([1.0], [1.0, -0.5], 0.1)}, "sampling times"),
+        ({"gamma": 0.0}, "gamma is"),
+    ],
+)
+def test_weights_of_loop_shaping(arguments, said):
+    with pytest.raises(InputError, match=said):
+        LoopShaping(G, **arguments)
+
+
+def test_an_unstable_pole_that_a_weight_cancels_is_named():
+    with pytest.raises(InputError, match=r"unstable mode 1.*take it out"):
+        LoopShaping(1 / (S - 1), W1=(S - 1) / (S + 1))
+
+
+def test_infeasible_and_idle_levels_of_loop_shaping():
+    below = solve(LoopShaping(G, gamma=0.9))
+    assert below.outcome is Outcome.INFEASIBLE
+    assert "0.9" in below.message
+    assert solve(LoopShaping(G, gamma=1e308)).certificate.holds
+
+
+def test_a_margin_that_rounding_hides_is_not_believed():
+    solution = solve(LoopShaping(1e12 / (S**2 + 1e-6 * S + 1)))
+    assert solution.outcome is Outcome.FAILED
+    assert "lost in rounding" in solution.certificate.failures[0]
+
+
+# --- regularised --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("size", ["a", None, 0.0, -1.0, np.nan, np.inf, True])
+def test_sizes_that_are_none(size):
+    with pytest.raises(InputError, match="size is"):
+        regularised(GeneralisedPlant(PLANT, None, 1, 1), size)
+
+
+def test_what_cannot_be_made_regular():
+    with pytest.raises(InputError, match="must be a GeneralisedPlant, not StateSpace"):
+        regularised(PLANT, 1e-3)
+    half = changed(PLANT, A=[[-1.0]], dt=0.1)
+    with pytest.raises(InputError, match="z = -1"):
+        regularised(GeneralisedPlant(half, None, 1, 1), 1e-3)
+
+
+# --- mu synthesis -------------------------------------------------------------------------------
+
+
+def without(**parts):
+    """The benchmark plant with some of its matrices replaced."""
+    return replace(UNCERTAIN, system=changed(UNCERTAIN.system, **parts))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ({"plant": None}, "GeneralisedPlant, not NoneType"),
+        ({"structure": [[1, 1]]}, "structure must be a Structure, not list.*from_pairs"),
+        ({"structure": Structure([Full(5, 5)])}, "structure needs 5 and 5"),
+        ({"structure": Structure([Complex(2)])}, "0 exogenous inputs"),
+        ({"start": control.append(K, K)}, "K has 2 inputs and 2 outputs"),
+        ({"start": control.ss([], [], [], [[0.0]])}, r"does not stabilise.*real part 1 at 1"),
+        ({"start": control.ss([], [], [], [[1e300]])}, "does not stabilise.*rounding error"),
+        ({"start": KD}, "sampling times"),
+        ({"family": "PID"}, "family must be a Family, not str"),
+        ({"target": "a"}, "target is 'a'"),
+        ({"plant": without(A=np.full((3, 3), np.nan))}, "A of the plant .* not finite"),
+        ({"plant": without(A=0.5 * np.eye(3), dt=0.1)}, "sampled.*continuous time"),
+    ],
+)
+def test_what_mu_synthesis_refuses(arguments, said):
+    with pytest.raises(InputError, match=said):
+        MuSynthesis(**{"plant": UNCERTAIN, **arguments})
+
+
+@pytest.mark.parametrize("method", ["dk", "mu-dk"])
+@pytest.mark.parametrize(
+    ("name", "place"), [("D21", (-1, slice(0, -1))), ("D12", (slice(0, -1), -1))]
+)
+def test_a_plant_without_an_h_infinity_step_is_named(method, name, place):
+    plant = without(D=entry(UNCERTAIN.system.D, 0.0, *place))
+    solution = solve(MuSynthesis(plant), method)
+    assert solution.outcome is Outcome.FAILED
+    assert name in solution.message
+    assert "regularised" in solution.message
+    assert solve(MuSynthesis(regularised(plant, 1e-2)), method).certificate.holds
+
+
+def test_a_start_outlives_a_step_that_is_impossible():
+    plant = without(D=entry(UNCERTAIN.system.D, 0.0, -1, slice(0, -1)))
+    solution = solve(MuSynthesis(plant, start=K), "dk")
+    assert solution.certificate.holds
+    assert "D21" in solution.message
+
+
+def test_methods_of_mu_synthesis_that_cannot_be_used():
+    with pytest.raises(UnknownNameError, match="mu-dk"):
+        solve(MuSynthesis(UNCERTAIN), "hinf")
+    assert "give start" in solve(MuSynthesis(UNCERTAIN), "fixed").message
+
+
+def test_a_direct_term_and_a_transfer_function_are_nothing_to_mu_synthesis():
+    plain = solve(MuSynthesis(UNCERTAIN)).answer.upper
+    direct = without(D=entry(UNCERTAIN.system.D, 0.3, -1, -1))
+    assert solve(MuSynthesis(direct)).answer.upper == pytest.approx(plain, rel=5e-3)
+    start = MuSynthesis(UNCERTAIN, start=control.ss2tf(K))
+    assert start.certified(start.start).upper == pytest.approx(start.certified(K).upper, rel=1e-3)
+
+
+@pytest.mark.parametrize("method", ["dk", "mu-dk"])
+def test_mu_synthesis_of_a_static_plant(method):
+    static = control.ss([], [], [], np.eye(3)[::-1] + 0.1)
+    solution = solve(MuSynthesis(GeneralisedPlant(static, Structure([Full(1, 1)]), 1, 1)), method)
+    assert solution.certificate.holds
+
+
+def test_a_performance_that_is_zero():
+    system = UNCERTAIN.system
+    silent = without(C=entry(system.C, 0.0, 1), D=entry(system.D, 0.0, 1))
+    solution = solve(MuSynthesis(silent), "dk")
+    assert solution.certificate.holds or "D12" in solution.message
+
+
+# --- reduction, sampling, files -----------------------------------------------------------------
+
+
+@pytest.mark.parametrize("order", [1.0, 1.5, "1", None, True, -1, 99])
+def test_orders_that_are_none(order):
+    with pytest.raises(InputError, match="order is"):
+        reduced(K, order, "balanced")
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (lambda: reduced(K, 1, "schur"), "method is 'schur'"),
+        (lambda: reduced(K, 1), "give the plant"),
+        (lambda: reduced(K, 1, plant=UNCERTAIN.system), "must be a GeneralisedPlant"),
+        (lambda: reduced(control.append(K, K), 1, plant=UNCERTAIN), "K has 2 inputs"),
+        (lambda: reduced(KD, 1, "balanced"), "K is sampled"),
+        (lambda: reduce(K, None), "must be a GeneralisedPlant"),
+        (lambda: reduce(K, UNCERTAIN, target="a"), "target is 'a'"),
+        (lambda: reduce(K, UNCERTAIN, target=np.nan), "target is nan"),
+        (lambda: reduce(K, UNCERTAIN, order="a"), "order is 'a'"),
+        (lambda: reduce(control.ss([], [], [], [[0.0]]), UNCERTAIN), "unstable.*stabilises"),
+        (lambda: discretised(K, "a"), r"sample_time is 'a'"),
+        (lambda: discretised(K, None), r"sample_time is None"),
+        (lambda: discretised(K, 0.0), r"sample_time is 0.0"),
+        (lambda: discretised(K, 0.1, "foh"), "method is 'foh'"),
+        (lambda: discretised(K, 0.1, prewarp="a"), "prewarp is 'a'"),
+        (lambda: discretised(K, 0.1, prewarp=np.nan), "prewarp is nan"),
+        (lambda: discretised(KD, 0.1), "sampled already"),
+        (lambda: discretised(K, 0.01, plant=control.append(G, G)), "the plant has 2 outputs"),
+        (lambda: discretised(K, 0.01, plant=KD), "the plant is sampled"),
+        (lambda: sampled_conditions(G, KD, "a"), r"sample_time is 'a'"),
+        (lambda: sampled_conditions(G, KD, 0.2), r"K has dt = 0.1.*every 0.2 s"),
+        (lambda: sampled_conditions(G, G, 0.1), r"K has dt = 0.*discretised\(\)"),
+        (lambda: sampled_conditions(KD, KD, 0.1), "the plant is sampled"),
+        (lambda: sampled_conditions(control.append(G, G), KD, 0.1), "the plant has 2 outputs"),
+        (lambda: sampled_conditions(G, KD, 0.1, sign="-"), "sign is '-'"),
+        (lambda: sampled_conditions(G, KD, 0.1, "a"), "delay is 'a'"),
+        (lambda: sampled_conditions(G, KD, 0.1, -0.5), "delay is -0.5"),
+        (lambda: sampled_conditions(G, KD, 0.1, np.inf), "delay is inf"),
+        (lambda: sampled_conditions(G, KD, 0.1, 1e9), "delay is 1000000000.0.*to 1000"),
+        (lambda: second_order_sections(K), "discretise it first"),
+        (lambda: export(K, "never.h", "c"), r"discretised\(\)"),
+        (lambda: export(K, "never.xml", "xml"), "format is 'xml'"),
+        (lambda: export(K, "no/such/folder.json", "json"), "cannot be written"),
+        (lambda: export(K, "never.json", "json", metadata=[1]), "metadata"),
+    ],
+)
+def test_what_is_refused(call, said):
+    with pytest.raises(InputError, match=said):
+        call()
+
+
+def test_a_gain_without_a_sampling_time_has_any():
+    gain = control.ss([], [], [], [[1.0]])
+    assert gain.dt is None
+    assert sampled_conditions(G, gain, 0.1).stable
+
+
+def test_a_target_that_no_order_reaches():
+    assert reduce(K, UNCERTAIN, target=1e-3).smallest is None
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"\x00\x01", b"{}", b'{"kind": "workbench controller"}', b"[1]", b"{a"]
+)
+def test_files_that_hold_no_controller(tmp_path, content):
+    (tmp_path / "file").write_bytes(content)
+    for path in (tmp_path / "file", tmp_path / "missing", tmp_path):
+        with pytest.raises(ResultError, match="holds no controller"):
+            load(path)
