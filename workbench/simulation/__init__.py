@@ -5,6 +5,7 @@ from workbench.simulation.converters import Converter
 from workbench.simulation.discretise import hold, respond, sampled
 from workbench.simulation.loop import SampledLoop, Trajectory
 from workbench.simulation.noise import band_limited
+from workbench.simulation.play import play
 
 __all__ = [
     "Controller",
@@ -15,6 +16,7 @@ __all__ = [
     "hold",
     "idle",
     "linear",
+    "play",
     "respond",
     "sampled",
 ]

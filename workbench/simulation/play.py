@@ -1,0 +1,58 @@
+"""A sampled controller, filter or estimator over a recorded series: no loop around it."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from workbench.compiled import compiled
+from workbench.errors import InputError
+from workbench.simulation.controllers import Controller
+from workbench.simulation.machine import pointer
+
+Real = NDArray[np.float64]
+
+
+def play(controller: Controller, measurement: ArrayLike) -> Real:
+    """Its outputs (N, p) for a record of its measurements (N, r), sample by sample from its state.
+
+    As in the loop: it sees nothing of what comes later. Raises InputError for a record that is not
+    finite or has no two axes, and when an output is not finite (at which sample).
+    """
+    record = np.ascontiguousarray(measurement, float)
+    if record.ndim != 2 or not record.size:
+        raise InputError(f"the record has shape {record.shape}; it must be (N, measurements)")
+    if not np.isfinite(record).all():
+        row = np.flatnonzero(~np.isfinite(record).all(axis=1))[0]
+        raise InputError(f"the record has values that are not finite, first in row {row}")
+    output = np.zeros((len(record), controller.outputs))
+    controller.step.compile(pointer(4).signature)
+    state = np.array(controller.state, float)
+    parameters = np.array(controller.parameters, float)
+    stop = _player()(controller.step, state, parameters, record, output)
+    if stop < len(record):
+        raise InputError(f"the output is not finite at sample {stop} of {len(record)}")
+    return output
+
+
+@cache
+def _player() -> Any:
+    from numba import types
+
+    vector, matrix = (types.Array(types.float64, n, "C") for n in (1, 2))
+    player = compiled(_play)
+    player.compile(types.int64(pointer(4), vector, vector, matrix, matrix))
+    player.disable_compile()
+    return player
+
+
+def _play(step: Any, state: Real, parameters: Real, record: Real, output: Real) -> int:
+    for k in range(len(record)):
+        step(state, parameters, record[k], output[k])
+        for i in range(output.shape[1]):
+            if not np.isfinite(output[k, i]):
+                return k
+    return len(record)
