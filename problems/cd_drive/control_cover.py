@@ -1,14 +1,15 @@
-"""Stadiums for a given controller: weights that cover the drives where they hurt its loop least.
+"""Stadiums for a loop: weights that cover the drives where they hurt it least.
 
-With T = L / (1 + L) of a controller, mu of its loop is that of `least_mu.LoopWeights`. The
-narrowest stadium is not the one of least mu: the real weight is chosen for the least largest mu of
-the sets that it needs about it, and the complex weight exceeds them where mu leaves room for it.
+With T = L / (1 + L) of a controller, mu of its loop is that of `least_mu.LoopWeights`, with the
+radius that the drives need about a real weight. The narrowest stadium is not the one of least mu:
+here the real weight is chosen for it, alone or together with nominal and controller, and the
+complex weight then exceeds the radius where mu leaves room for it.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Sequence
+from typing import Literal, NamedTuple
 
 import numpy as np
 from scipy.optimize import minimize
@@ -26,11 +27,10 @@ from workbench.uncertainty.weights import (
     resolved,
 )
 
+from .control_problem import LEAK, control_weight, optical_gain, performance_weight
+from .drives import ANTIALIASING
 from .least_mu import LoopWeights
 from .tables import Axis
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 POWERS = (8, 32, 128)
 """Of the norms over frequency that stand for the largest mu, one after the other."""
@@ -41,90 +41,146 @@ ROOM = 0.03
 """Least excess of the radius that counts as room, relative."""
 OUTWARD = 1e-9
 """Of radii, relative to the plants: what a response rounds to."""
+PER_DECADE = 10
+"""Frequencies where no response is known."""
+UNSTABLE = 1e6
+"""What an unstable loop counts as: differences of infinities are no slopes."""
+LEAST_UNIT = 1e-3
+"""Of a parameter that starts near zero."""
+
+Name = Literal["nominal", "real", "controller"]
+
+
+class Loop(NamedTuple):
+    """What mu depends on, over the frequencies (F,) of a `ControlCover`."""
+
+    T: Complex
+    weights: LoopWeights
+    radius: Real
 
 
 class ControlCover:
-    """Models G (1 + W_c delta_c + W_r delta_r) of measured responses about a nominal G.
+    """Models G (1 + W_c delta_c + W_r delta_r) of measured responses, chosen for a loop.
 
     Parameters
     ----------
     responses
         Of the drives, u [V] -> f_en [units].
     complex_order
-        Of W_c; that of W_r is its start's.
+        Of W_c.
     """
 
-    def __init__(
-        self, axis: Axis, speed: float, responses: Responses, nominal: Rational, complex_order: int
-    ) -> None:
-        self.axis, self.speed, self.nominal = axis, speed, nominal
-        self.responses, self.complex_order = responses, complex_order
-        G = nominal.response(responses.omega)
-        self.away = responses.values / G[:, None] - 1
-        self.rounding = OUTWARD * (1 + np.abs(responses.values).max(axis=1) / np.abs(G))
-        # Weights go on between the responses' frequencies and beyond them.
+    def __init__(self, axis: Axis, speed: float, responses: Responses, complex_order: int) -> None:
+        self.axis, self.responses, self.complex_order = axis, responses, complex_order
+        # Weights go on between the responses' frequencies and beyond them, to the slowest pole of
+        # W_p and past the fastest of a controller.
+        low, high = LEAK / 10, beyond(responses.omega)[-1]
+        outside = np.geomspace(low, high, round(PER_DECADE * np.log10(high / low)))
         inside = np.concatenate([responses.omega, between(responses.omega)])
-        self.omega = beyond(np.unique(inside))
-
-    def model(self, K: StateSpace, start: Rational, context: Context) -> UncertaintyModel:
-        """The model for a controller, its real weight near one to start from."""
-        T, loop = self.complementary(K), self.loop()
-        W_r = self._real_weight(T, loop, start, context)
-        omega, end = self.responses.omega, W_r.response(self.omega)
-        radius = self.radius(W_r.response(omega))
-        # What |W_c| may be where mu is at most a little above its largest.
-        peak = float(replace(loop, real=end, circular=self.lasting(radius)).mu(T).max())
-        most = _largest_radius(T, replace(loop, real=end), (1 + EXTRA) * peak)
-        room = np.interp(np.log(omega), np.log(self.omega), most) / radius - 1
-        weight = 1 / np.maximum(room, ROOM)
-        W_c = complex_weight(omega, radius, weight, self.complex_order, context)
-        return UncertaintyModel(self.nominal, W_c, W_r)
-
-    def complementary(self, K: StateSpace) -> Complex:
-        """T (F,) of the nominal loop."""
-        from .drives import ANTIALIASING
-
+        outside = outside[(outside < inside.min()) | (outside > inside.max())]
+        self.omega = np.unique(np.concatenate([inside, outside]))
         s = 1j * self.omega
-        L = K(s) * self.nominal.response(self.omega) / (1 + s / ANTIALIASING)
-        return np.asarray(L / (1 + L))
+        self._performance = np.abs(performance_weight(axis, speed)(s))
+        self._control = np.abs(control_weight(axis)(s)) * optical_gain(axis)
+        self._filter = 1 / (1 + s / ANTIALIASING)
 
-    def loop(self) -> LoopWeights:
-        """The weights of performance, without uncertainty."""
-        none = Rational(np.empty(0, complex), np.empty(0, complex), 0.0)
-        model = UncertaintyModel(self.nominal, none)
-        return LoopWeights.of(self.axis, model, self.speed, self.omega)
+    def chosen(
+        self, parts: dict[Name, Rational], moving: Sequence[Name], context: Context
+    ) -> Iterator[dict[Name, Rational]]:
+        """Nominal, real weight and controller, those that move chosen for the least largest mu.
 
-    def lasting(self, radius: Real) -> Real:
-        """Radii at the responses' frequencies, between them and beyond."""
-        log = np.log(self.responses.omega)
-        return np.asarray(np.exp(np.interp(np.log(self.omega), log, np.log(radius))))
-
-    def radius(self, end: Complex) -> Real:
-        """|W_c| that segments need, both at the responses' frequencies."""
-        return np.asarray(needed_radius(self.away, end) + self.rounding)
-
-    def _real_weight(
-        self, T: Complex, loop: LoopWeights, start: Rational, context: Context
-    ) -> Rational:
+        They stay stable, with as many poles and zeros as they have; the controller keeps its zeros
+        on the left, and the nominal loop stable. One choice for each of `POWERS`, from the one
+        before: the last is the best for the radii that are needed, and for a weight that is fitted
+        to them another may be.
+        """
         band = float(self.omega[0]), float(self.omega[-1])
-        sections = Sections.of(start, start.order, band, stable=True, minimum_phase=False)
-        x = sections.start
-        units = np.maximum(np.abs(x), 1e-3)
+        sections = {
+            name: Sections.of(parts[name], len(parts[name].zeros), band, True, name == "controller")
+            for name in moving
+        }
+        starts = [part.start for part in sections.values()]
+        ends = np.cumsum([len(start) for start in starts])[:-1]
+        x = np.concatenate(starts)
+        units = np.maximum(np.abs(x), LEAST_UNIT)
+        grids = self.omega, self.responses.omega
+        held = {name: [part.response(grid) for grid in grids] for name, part in parts.items()}
 
         def largest(y: Real, power: int) -> float:
-            end = sections.response(y * units, self.omega)
-            if not np.isfinite(end).all():
-                return np.inf
-            radius = self.lasting(self.radius(sections.response(y * units, self.responses.omega)))
-            mu = replace(loop, real=end, circular=radius).mu(T)
-            top = float(mu.max())
-            return top * float(np.mean((mu / top) ** power)) ** (1 / power)
+            vectors = zip(sections.items(), np.split(y * units, ends), strict=True)
+            moved = {
+                name: [part.response(vector, grid) for grid in grids]
+                for (name, part), vector in vectors
+            }
+            return _norm(self._loop(held | moved), power)
 
         y = x / units
-        for power in context.track(POWERS, "real weight"):
+        for power in context.track(POWERS, " and ".join(moving)):
             y = minimize(largest, y, (power,), "BFGS", options={"maxiter": STEPS}).x
+            vectors = zip(sections.items(), np.split(y * units, ends), strict=True)
+            found = {name: part.rational(vector) for (name, part), vector in vectors}
+            if "real" in found:
+                omega = self.responses.omega
+                found["real"] = damped(resolved(found["real"], omega), omega)
+            yield parts | found
+
+    def loop(self, parts: dict[Name, Rational]) -> Loop | None:
+        """The loop of these parts; None where the nominal one is unstable."""
+        grids = self.omega, self.responses.omega
+        return self._loop(
+            {name: [part.response(grid) for grid in grids] for name, part in parts.items()}
+        )
+
+    def model(self, parts: dict[Name, Rational], context: Context) -> UncertaintyModel:
+        """The model about nominal and real weight, its complex weight for the controller's loop."""
+        loop = self.loop(parts)
+        assert loop is not None  # `best` starts and ends at stable ones
         omega = self.responses.omega
-        return damped(resolved(sections.rational(y * units), omega), omega)
+        # What |W_c| may be where mu is at most a little above its largest.
+        most = _largest_radius(loop.T, loop.weights, (1 + EXTRA) * loop.weights.mu(loop.T).max())
+        log = np.log(self.omega)
+        radius, most = (np.interp(np.log(omega), log, values) for values in (loop.radius, most))
+        weight = 1 / np.maximum(most / radius - 1, ROOM)
+        nominal, W_r = parts["nominal"], parts["real"]
+        needed = self._radius(nominal.response(omega), W_r.response(omega))
+        W_c = complex_weight(omega, needed, weight, self.complex_order, context)
+        return UncertaintyModel(nominal, W_c, W_r)
+
+    def _loop(self, values: dict[Name, list[Complex]]) -> Loop | None:
+        """From responses of the parts at our frequencies and at the drives'."""
+        (G, at), (real, end), (K, _) = (values[name] for name in ("nominal", "real", "controller"))
+        radius = self._radius(at, end)
+        lasting = np.exp(
+            np.interp(np.log(self.omega), np.log(self.responses.omega), np.log(radius))
+        )
+        L = K * G * self._filter
+        if not np.isfinite(L).all() or _encirclements(L):
+            return None
+        weights = LoopWeights(self._performance, self._control / np.abs(G), lasting, real)
+        return Loop(L / (1 + L), weights, lasting)
+
+    def _radius(self, nominal: Complex, end: Complex) -> Real:
+        """|W_c| that segments need at the drives' frequencies."""
+        values = self.responses.values
+        away = values / nominal[:, None] - 1
+        rounding = OUTWARD * (1 + np.abs(values).max(axis=1) / np.abs(nominal))
+        return np.asarray(needed_radius(away, end) + rounding)
+
+
+def _norm(loop: Loop | None, power: int) -> float:
+    """The largest mu, smoothed: its mean of a power over frequency."""
+    if loop is None:
+        return UNSTABLE
+    mu = loop.weights.mu(loop.T)
+    top = float(mu.max())
+    return top * float(np.mean((mu / top) ** power)) ** (1 / power)
+
+
+def _encirclements(L: Complex) -> int:
+    """Of -1 by L over frequencies of either sign, where it vanishes at the last."""
+    back = 1 + L
+    turned = np.angle(back[0]) + np.angle(back[1:] / back[:-1]).sum()
+    return round(float(turned) / np.pi)
 
 
 def _largest_radius(T: Complex, loop: LoopWeights, level: float) -> Real:

@@ -16,7 +16,8 @@ if TYPE_CHECKING:
 LOOKS = {
     "narrowest": (":", figures.ORANGE, "narrowest stadiums, reference controller"),
     "controller for it": ("--", figures.GREEN, "narrowest stadiums, controller for them"),
-    "in turn": ("-", figures.BLUE, "stadiums and controller in turn"),
+    "in turn": ("-.", figures.PURPLE, "stadiums and controller in turn"),
+    "together": ("-", figures.BLUE, "nominal, stadiums and controller together"),
 }
 
 
@@ -36,7 +37,7 @@ def cover_figures(
 
     size, panels = figures.axes(1, 2, size=(10.0, 4.4), sharex=True, sharey=True)
     for panel, which, title in zip(panels, (0, 1), ("|W_c|", "|W_r|"), strict=True):
-        for name, one in zip(("narrowest", "in turn"), sizes, strict=True):
+        for name, one in zip(("narrowest", "together"), sizes, strict=True):
             dash, colour, _ = LOOKS[name]
             label = "narrowest" if name == "narrowest" else "for control"
             panel.loglog(answer["frequency"], one[which], dash, color=colour, label=label)

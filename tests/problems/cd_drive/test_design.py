@@ -15,6 +15,7 @@ from problems.cd_drive.least_mu import LoopWeights
 from problems.cd_drive.parametric import parametric_plant
 from workbench.errors import InputError
 from workbench.executor import Context
+from workbench.fitting.rational import from_system
 from workbench.mu import conditions
 from workbench.synthesis import MuSynthesis
 from workbench.uncertainty import contains
@@ -59,8 +60,10 @@ def test_stadiums_for_a_controller_contain_the_drives_and_hurt_its_loop_less(mea
     K = control.ss(reference("focus"))
     run = wb.run("cd/focus/stadium-cover", method="steps", frequencies=60)
     given = uncertainty("focus", run)
-    cover = ControlCover("focus", 1.0, measured, given.nominal, 6)
-    model = cover.model(K, given.W_r, Context())
+    cover = ControlCover("focus", 1.0, measured, 6)
+    parts = {"nominal": given.nominal, "real": given.W_r, "controller": from_system(K)}
+    *_, last = cover.chosen(parts, ["real"], Context())
+    model = cover.model(last, Context())
     assert contains(model, measured)
     peaks = [MuSynthesis(synthesis_plant("focus", each)).certified(K) for each in (given, model)]
     assert peaks[1].upper < 0.9 * peaks[0].lower
