@@ -24,7 +24,7 @@ from workbench.uncertainty.generalised import response
 
 from ..cd_drive.sets import TABLES
 from ..textbook.distillation import distillation_column
-from .synthesis_peers import ITERATIONS, OMEGA, achieved, dk_iteration, hinfsyn
+from .synthesis_peers import ITERATIONS, OMEGA, achieved, dk_iteration, hinfsyn, need_dkpy
 from .synthesis_plants import drive_plants, random_plant
 from .synthesis_report import of_packages, of_plants, times_and_norms
 
@@ -88,6 +88,8 @@ class SynthesisSpeed(Study):
     def compute(self, context: Context) -> xr.Dataset:
         import xarray as xr
 
+        if self.distillation:
+            need_dkpy()  # before the other work
         hinf(random_plant(np.random.default_rng(0), 2))  # compile before the clock starts
         cases = [
             (_states(size), f"random {number}", random_plant(context.rng, size))

@@ -65,14 +65,8 @@ def achieved(plant: GeneralisedPlant, K: StateSpace | None) -> float:
     return float(_quiet(lambda: control.linfnorm(loop))[0])
 
 
-def dk_iteration() -> tuple[Claimed, StateSpace]:
-    """dkpy on its own example of the distillation column, and the plant of that example.
-
-    Raises
-    ------
-    InputError
-        dkpy is not installed.
-    """
+def need_dkpy() -> Any:
+    """The package. Raises InputError where it is not installed."""
     try:
         import dkpy
     except ModuleNotFoundError:
@@ -80,6 +74,12 @@ def dk_iteration() -> tuple[Claimed, StateSpace]:
             "bench/synthesis compares with dkpy: pip install 'workbench[benchmark]', or leave that "
             "part out with distillation=false"
         ) from None
+    return dkpy
+
+
+def dk_iteration() -> tuple[Claimed, StateSpace]:
+    """dkpy on its own example of the distillation column, and the plant of that example."""
+    dkpy = need_dkpy()
     example = dkpy.example_skogestad2006_p325()
     iteration = dkpy.DkIterFixedOrder(
         controller_synthesis=dkpy.HinfSynSlicot(),
