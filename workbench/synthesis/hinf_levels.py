@@ -28,7 +28,7 @@ LARGEST = 1e100
 """Largest level that is told from infinity."""
 STEPS, CERTAIN = 80, 8
 """Levels tried, and after how many every other one halves the interval."""
-PROBES = (0.97, 0.9, 0.8, 0.65)
+PROBES = (0.65, 0.8, 0.9, 0.95, 0.97, 0.98, 0.99, 0.995, 0.998)
 """Shares of the level found that are tried once more."""
 
 
