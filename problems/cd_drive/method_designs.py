@@ -197,11 +197,12 @@ FULL_ORDER = ("LQG", "mixed sensitivity", "loop shaping", "full block", "D-K", "
 
 
 def _answer(program: Program, context: Context, method: str | None = None) -> Any:
-    """What a method answers, certified.
+    """What a method answers, certified; its rounds and checkpoints are its own.
 
     Raises SolverError where it has no valid answer.
     """
-    solution = solve(program, method, context.options, context)
+    own = Context(context.options, context.progress, started=context.started)
+    solution = solve(program, method, context=own)
     if solution.certificate is None or not solution.certificate.valid:
         failed = solution.certificate.failures if solution.certificate else (solution.message,)
         raise SolverError(f"{type(program).__name__}: {'; '.join(failed)}")

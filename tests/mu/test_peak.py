@@ -256,3 +256,21 @@ def test_peaks_have_the_scale_of_their_system(scale):
     one, other = peak(system, structure), peak(scale * system, structure)
     assert other.upper / scale == pytest.approx(one.upper, rel=1e-3)
     assert other.lower / scale == pytest.approx(one.lower, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    "band, omega", [((0.0, 0.4), 0.4), ((3.0, np.inf), 3.0), ((0.5, 2.0), None)]
+)
+def test_the_peak_of_a_band(band, omega):
+    system = control.tf([1.0], [1.0, 0.1, 1.0])
+    found = peak(system, Structure([Full(1, 1)]), band=band)
+    expected = abs(system(1j * omega)) if omega else abs(system(1j * np.sqrt(1 - 0.005)))
+    assert found.lower <= expected * (1 + 1e-9)
+    assert expected <= found.upper <= expected * (1 + 3e-3)
+    assert found.intervals[0].low <= band[0] and found.intervals[-1].high >= band[1]
+
+
+@pytest.mark.parametrize("band", [(2.0, 1.0), (-1.0, 1.0), (1.0, 1.0), (np.nan, 1.0)])
+def test_bands_that_are_none(band):
+    with pytest.raises(InputError, match="the lower one first"):
+        peak(control.tf([1.0], [1.0, 1.0]), Structure([Full(1, 1)]), band=band)

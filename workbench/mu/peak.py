@@ -70,11 +70,11 @@ class Interval:
 
 @dataclass(frozen=True, eq=False)
 class Peak:
-    """The supremum of mu over all frequencies lies between ``lower`` and ``upper``.
+    """The supremum of mu over a band lies between ``lower`` and ``upper``.
 
     ``Delta`` (r, c) makes I - M(j omega) Delta singular and has largest singular value 1 / lower;
     where lower is 0 it has NaN. ``omega`` [rad/s] is its frequency, or without one that of the
-    largest bound. ``intervals`` cover [0, infinity] unless upper is infinite. ``complex_part``
+    largest bound. ``intervals`` cover the band unless upper is infinite. ``complex_part``
     is what was added to real scalars, as a share of them: the peak is that of the larger set.
     """
 
@@ -86,6 +86,9 @@ class Peak:
     message: str
     complex_part: float = 0.0
 
+    def __repr__(self) -> str:
+        return f"Peak(lower={self.lower:.6g}, upper={self.upper:.6g}, omega={self.omega:.6g} rad/s)"
+
 
 def peak(
     system: Any,
@@ -93,9 +96,10 @@ def peak(
     tolerance: float = 1e-3,
     *,
     complex_part: float = 0.0,
+    band: tuple[float, float] = (0.0, math.inf),
     steps: int = 500,
 ) -> Peak:
-    """Bounds of the supremum of mu over all frequencies, 0 and infinity included.
+    """Bounds of the supremum of mu over a band of frequencies, its ends included.
 
     Parameters
     ----------
@@ -108,6 +112,8 @@ def peak(
         How far the bound may lie above the largest upper bound at any one frequency, relative.
     complex_part
         Complex uncertainty added to every real scalar, as a share of it; see `regularised`.
+    band
+        From and to [rad/s]; all frequencies with 0 and infinity.
     steps
         Intervals after which the tolerance is made ten times as large, and again after as many.
 
@@ -120,10 +126,13 @@ def peak(
     ------
     InputError
         A system that does not fit the structure, unstable, improper or sampled; real scalars only
-        without a complex part; a tolerance, complex part or steps that make no sense.
+        without a complex part; a tolerance, complex part, band or steps that make no sense.
     """
     need_tolerance(tolerance)
     need_count("steps", steps)
+    low, high = band
+    if not 0.0 <= low < high:
+        raise InputError(f"band is {band}; it must be two frequencies [rad/s], the lower one first")
     original = fitting(system, structure)
     if complex_part:
         stable, larger = regularised(original, structure, complex_part)
@@ -135,7 +144,8 @@ def peak(
         )
     else:
         stable, larger = original, structure
-    found = refined(stable, larger)
+    ends = bounds_at(stable, larger, np.array(band))
+    found = refined(stable, larger).joined(ends).within(*band)
     cover = _Cover(stable, larger, tolerance, found)
     message = cover.complete(steps)
     lower, omega, Delta = _lower(cover.found, larger)
@@ -198,7 +208,7 @@ def _summed(Delta: Array, structure: Structure, complex_part: float) -> Array:
 
 
 class _Cover:
-    """The axis, and what of it is covered at the present beta."""
+    """The band, and what of it is covered at the present beta."""
 
     def __init__(
         self, system: StableSystem, structure: Structure, tolerance: float, found: UpperSweep
@@ -208,14 +218,14 @@ class _Cover:
         size = float(np.abs(found.M).max())
         self.beta = max((1 + tolerance) * float(found.upper.max()), NOTHING * min(size, 1.0))
         self.intervals: list[Interval] = []
-        self.open = [(0.0, math.inf)]
+        self.open = [(float(found.omega[0]), float(found.omega[-1]))]
 
     @property
     def proven(self) -> float:
         return math.inf if self.open else self.beta
 
     def complete(self, steps: int) -> str:
-        """Cover the axis; what is to be said of it."""
+        """Cover the band; what is to be said of it."""
         if self.beta == 0.0:  # a rational function that is zero at so many points is zero
             self.open = []
             return "the response is zero"

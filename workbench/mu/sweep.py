@@ -49,6 +49,12 @@ class UpperSweep:
     D_right: Array
     G: Array
 
+    def within(self, low: float, high: float) -> UpperSweep:
+        """At the frequencies [rad/s] from one to another."""
+        inside = (self.omega >= low) & (self.omega <= high)
+        names = ("omega", "M", "upper", "D_left", "D_right", "G")
+        return UpperSweep(*(getattr(self, name)[inside] for name in names))
+
     def joined(self, other: UpperSweep) -> UpperSweep:
         """Both together, in the order of frequencies; of equal ones the first."""
         omega, first = np.unique(np.concatenate([self.omega, other.omega]), return_index=True)
