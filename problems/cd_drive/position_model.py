@@ -52,7 +52,7 @@ DIST_MIN, DIST_MAX, ALPHA = 0.16, 0.36, 1.0
 focus, so dist is up to 0.03 rms: dist_min is five of these, and no clean sample is called bad;
 at dist_max half of the light is gone."""
 KNOWN = 0.05
-"""White uncertainty of u [V rms] in the Kalman filter: a hundredth of what the disc's wobble takes,
+"""White uncertainty of u [V rms] in the Kalman filter: a sixtieth of what the largest wobble takes,
 for no drive is the nominal one."""
 WANDER = 3e-4
 """Step of the oscillators [V rms a sample]: a hundredth of the wobble's volts in a revolution."""
@@ -107,11 +107,16 @@ def itae(axis: Axis, rotation: Rotation, bandwidth: float) -> Estimator:
 
 
 def of_the_thesis(axis: Axis, rotation: Rotation) -> Estimator:
-    """K_obs for actuator and filter alone (eq. 7.33), and K_p of eq. 7.35 a second beside it."""
+    """K_obs for actuator and filter alone (eq. 7.33) and K_p of eq. 7.35 beside it.
+
+    What K_p multiplies is not stated. A sample, and with an oscillator whose second state has the
+    other sign, it makes the oscillator settle at 44 per second in focus; a second, at a thousandth;
+    with the sign of this one the estimator is unstable.
+    """
     believed = model(axis, rotation, coloured=False)
     poles = np.exp(prototype_poles("itae", 5, 2 * np.pi * OBSERVER) * PERIOD)
     K_obs = observer_gain(believed.plant.A, believed.plant.C[:1], poles, PERIOD)[:, 0]
-    L = np.concatenate([K_obs, PERIOD * PRINTED_K_P])
+    L = np.concatenate([K_obs, PRINTED_K_P * [1.0, -1.0]])
     n = believed.seen
     return Estimator(believed, np.linalg.solve(believed.A[:n, :n], L))
 
@@ -129,7 +134,7 @@ def companion_gain(axis: Axis) -> Real:
     system = sampled(plant(nominal_parameters(axis), total_gain(axis)), PERIOD)
     poles = np.exp(prototype_poles("itae", 5, 2 * np.pi * OBSERVER) * PERIOD)
     gain = observer_gain(system.A, system.C, poles, PERIOD)[:, 0]
-    form = companion(np.poly(system.A))
+    form = companion(np.asarray(np.poly(system.A), float))
     there, here = (_reachable(A, B) for A, B in (form, (system.A, system.B)))
     size = abs(here).max(axis=1, keepdims=True)
     transformed: Real = there @ np.linalg.solve(here / size, gain / size[:, 0])

@@ -20,6 +20,7 @@ LOOKS: dict[str, dict[str, Any]] = {
     "thesis": {"color": figures.PURPLE, "linestyle": ":"},
     "ITAE 5 kHz": {"color": figures.ORANGE, "linestyle": "--"},
     "ITAE 300 Hz": {"color": figures.GREEN, "linestyle": "-."},
+    "Kalman settled": {"color": figures.SKY},
     "Kalman": {"color": figures.BLUE},
 }
 TRUE: dict[str, Any] = {"color": figures.BLACK, "linewidth": 0.9}
@@ -36,7 +37,45 @@ def figures_of(answer: xr.Dataset, axis: Axis) -> dict[str, Figure]:
     }
 
 
-def tables_of(answer: xr.Dataset, axis: Axis) -> dict[str, str]:
+def numbers_of(answer: xr.Dataset) -> dict[str, float]:
+    """Metrics that follow from the arrays alone, lengths in micrometres."""
+    um = 1e6 * answer["error"]
+    numbers = {}
+    for name in answer["estimator"].values:
+        for case in answer["case"].values:
+            word = _word(name) + ("" if case == "known" else f"_{case}")
+            one = um.sel(estimator=name, case=case)
+            numbers[f"spike_{word}_um"] = float(one.sel(phase="after", size="largest"))
+            numbers[f"during_{word}_um"] = float(one.sel(phase="during", size="largest"))
+            numbers[f"rms_quiet_{word}_um"] = float(one.sel(phase="quiet", size="rms"))
+    for name in answer["fixed"].values:
+        level = answer["growth"].sel(fixed=name)
+        numbers[f"growth_{_word(name)}_per_s"] = float(level.max())
+    for phase in ("during", "after", "quiet"):
+        measured = 1e6 * answer["error_measured"].sel(phase=phase)
+        numbers[f"{phase}_measured_um"] = float(measured.sel(size="largest"))
+    for name in answer["rival"].values:
+        word = _word(name)
+        one = 1e6 * answer["drive_error"].sel(rival=name, size="largest").max("drive")
+        numbers[f"drives_during_{word}_um"] = float(one.sel(phase="during"))
+        numbers[f"drives_spike_{word}_um"] = float(one.sel(phase="after"))
+        numbers[f"followed_{word}_hz"] = float(answer["followed"].sel(rival=name)[-1])
+    worst = 1e6 * answer["drive_measured"].sel(size="largest").max("drive")
+    numbers["drives_during_measured_um"] = float(worst.sel(phase="during"))
+    if "K_obs_printed" in answer:
+        off = answer["K_obs"] / answer["K_obs_printed"] - 1
+        numbers |= {f"K_obs_{k + 1}_deviation": float(value) for k, value in enumerate(off.values)}
+    for noise in answer["noise"].values:
+        one = 1e6 * answer["prompt_error"].sel(noise=noise, phase="after", size="largest")
+        numbers[f"spike_thesis_prompt_noise_{noise}_um"] = float(one)
+    return numbers
+
+
+def _word(name: Any) -> str:
+    return "_".join(str(name).lower().split())
+
+
+def tables_of(answer: xr.Dataset) -> dict[str, str]:
     """Errors by estimator and case, and the gains of eq. 7.34."""
     head = "| estimator | rotation | in a scratch | 5 ms after | otherwise, rms |"
     lines = [head, "| --- | --- |" + " ---: |" * 3]
@@ -51,7 +90,7 @@ def tables_of(answer: xr.Dataset, axis: Axis) -> dict[str, str]:
         cells = [one.sel(phase="during")[1], one.sel(phase="after")[1], one.sel(phase="quiet")[0]]
         lines.append(f"| {name} | {case} | " + " | ".join(f"{float(c):.3g}" for c in cells) + " |")
     found = {"errors": "Largest errors of x_cd - x [um].\n\n" + "\n".join(lines) + "\n"}
-    if axis == "focus":
+    if "K_obs_printed" in answer:
         lines = ["| K_obs | printed | computed | deviation |", "| --- |" + " ---: |" * 3]
         pairs = zip(answer["K_obs"].values, answer["K_obs_printed"].values, strict=True)
         for k, (own, printed) in enumerate(pairs, start=1):
@@ -90,14 +129,15 @@ def _error(answer: xr.Dataset, axis: Axis) -> Figure:
     above.plot(time, 1e6 * answer["measured_error"], color="0.55", label="measured")
     for panel in (above, below):
         panel.plot(time, 1e6 * answer["true_error"], label="true", **TRUE)
-    for name in answer["estimator"].values:
+    for name in ("thesis", "ITAE 5 kHz", "ITAE 300 Hz", "Kalman"):
         one = 1e6 * answer["estimated_error"].sel(estimator=name)
-        if name in ("ITAE 300 Hz", "Kalman"):
-            below.plot(time, one, **LOOKS[str(name)])
-        above.plot(time, one, label=str(name), **LOOKS[str(name)])
+        if name in answer["rival"]:
+            below.plot(time, one, **LOOKS[name])
+        above.plot(time, one, label=name, **LOOKS[name])
     size = 1e6 * ACCEPTABLE_ERROR[axis]
     above.set_ylim(-4 * size, 4 * size)
     above.set_ylabel("$x_{cd} - x$ [um]")
+    above.set_title("above: all, cropped; below: those that bridge the scratch")
     below.set_ylabel("estimated $x_{cd} - x$ [um]")
     _quality(quality, answer)
     figures.legend_below(figure, above, columns=3)
@@ -115,8 +155,8 @@ def _rotation(answer: xr.Dataset) -> Figure:
     figure, (frequency, errors) = figures.axes(1, 2, size=(8.4, 3.8))
     time = np.concatenate([answer["early"], answer["time"]])
     for name in answer["rival"].values:
-        one = answer.sel(rival=name)
-        course = np.concatenate([one["followed_start"], one["followed"]])
+        parts = answer["followed_start"], answer["followed"]
+        course = np.concatenate([part.sel(rival=name) for part in parts])
         frequency.plot(time, course, label=str(name), **LOOKS[str(name)])
     frequency.set_xlabel("time [s]")
     frequency.set_ylabel("rotation followed [Hz]")
@@ -153,8 +193,8 @@ def _drives(answer: xr.Dataset) -> Figure:
 
 def _growth(answer: xr.Dataset) -> Figure:
     figure, (panel,) = figures.axes(size=(7.0, 4.2))
-    for name in answer["estimator_of_constant_gain"].values:
-        one = answer["growth"].sel(estimator_of_constant_gain=name)
+    for name in answer["fixed"].values:
+        one = answer["growth"].sel(fixed=name)
         panel.plot(answer["quality_level"], one, label=str(name), **LOOKS[str(name)])
     panel.axhline(0.0, color=figures.BLACK, linewidth=0.8)
     panel.set_yscale("symlog", linthresh=10.0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import accumulate, pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -82,8 +83,8 @@ class DisturbedPlant:
         """Where plant, oscillators, colour and what is beside stand in the state."""
         sizes = [self.plant.nstates, 2 * len(self.rotation.harmonics)]
         sizes += [0 if one is None else one.nstates for one in (self.colour, self.beside)]
-        ends = np.cumsum([0, *sizes])
-        a, b, c, d = (slice(int(i), int(j)) for i, j in zip(ends[:-1], ends[1:], strict=True))
+        ends = accumulate(sizes, initial=0)
+        a, b, c, d = (slice(*two) for two in pairwise(ends))
         return a, b, c, d
 
     @property

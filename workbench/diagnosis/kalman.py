@@ -23,16 +23,9 @@ from scipy.linalg import block_diag, solve_discrete_are
 
 from workbench.compiled import compiled
 from workbench.diagnosis.disturbed import DisturbedPlant
-from workbench.diagnosis.estimator import (
-    HEADER,
-    Estimator,
-    correct,
-    layout,
-    predict,
-    surprise,
-    tell,
-)
+from workbench.diagnosis.estimator import Estimator
 from workbench.diagnosis.observers import balanced
+from workbench.diagnosis.streaming import HEADER, correct, layout, predict, surprise, tell
 from workbench.errors import InputError, SolverError
 from workbench.simulation import Controller
 
@@ -136,8 +129,13 @@ class KalmanEstimator:
         state[2 * n + 1 : 3 * n + 1] = gain
         state[3 * n + 1] = 1.0
         state[3 * n + 2 : 3 * n + 2 + m * m] = self.stationary.ravel()
-        own = [self.noise.measurement**2, self.noise.defect**2]
-        parameters = [layout(model, gain), own, self.Q.ravel(), _entries(model.A[:m, :m])]
+        own = np.array([self.noise.measurement**2, self.noise.defect**2])
+        parameters: list[Real] = [
+            layout(model, gain),
+            own,
+            self.Q.ravel(),
+            _entries(model.A[:m, :m]),
+        ]
         return Controller(_step, state, np.concatenate(parameters), len(model.Z) + 2)
 
 

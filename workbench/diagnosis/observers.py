@@ -97,11 +97,13 @@ def _described(mode: complex, period: float | None) -> str:
 def _place(a: Real, c: Real, poles: Complex) -> Real:
     import control
 
+    real, upper = poles[poles.imag == 0.0], poles[poles.imag > 0.0]
+    pairs = np.column_stack([upper, upper.conj()]).ravel()  # SB01BD wants a pair side by side
     try:
         with warnings.catch_warnings():
             # Large gains are what a fast observer of slow modes needs; the residual judges them.
             warnings.simplefilter("ignore")
-            gain: Real = np.asarray(control.place_varga(a.T, c.T, poles)).T
+            gain: Real = np.asarray(control.place_varga(a.T, c.T, np.append(real, pairs))).T
     except Exception as fault:  # slycot's own family of errors
         raise SolverError(f"pole placement failed: {fault}") from fault
     return gain
@@ -125,7 +127,9 @@ def _checked(
     if outside.size:
         region = "the left half-plane" if period is None else "the unit circle"
         raise InputError(f"the pole {outside[0]:.6g} is not inside {region}")
-    to_conjugate = abs(wanted[:, None] - wanted.conj()).min(axis=1)
-    if (to_conjugate > 1e-9 * abs(wanted)).any():
+    tiny = abs(wanted.imag) <= 1e-12 * abs(wanted)
+    upper, lower = (np.sort_complex(wanted[~tiny & (wanted.imag * one > 0)]) for one in (1, -1))
+    lower = np.sort_complex(lower.conj())
+    if upper.shape != lower.shape or (abs(upper - lower) > 1e-9 * abs(upper)).any():
         raise InputError(f"poles {wanted.tolist()} are not in conjugate pairs")
-    return a, c, wanted
+    return a, c, np.concatenate([wanted[tiny].real.astype(complex), upper, upper.conj()])

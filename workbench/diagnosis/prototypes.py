@@ -29,17 +29,20 @@ ITAE = {
 }
 """Polynomials of D. Graham and R. C. Lathrop, The synthesis of optimum transient response,
 Trans. AIEE 72 (1953). Found by hand on an analogue computer: near the least integral of time times
-absolute error of a step, not at it."""
+absolute error of a step, not at it: the integral is above the least one by 4 % up to order 4, by
+15 % at orders 5 and 6 and by two fifths at 7 and 8. They are kept because they are what the field
+means by ITAE poles."""
 
 
 def prototype_poles(kind: Prototype, order: int, bandwidth: float) -> Complex:
     """Poles [rad/s] (order,) of a prototype of this bandwidth [rad/s], sorted by magnitude.
 
     "itae": nearly least integral of t |1 - y(t)| of the step response y, orders 1 to 8;
-    "bessel": flattest group delay, orders 1 to 25, roots of the reverse Bessel polynomial.
+    "bessel": flattest group delay, roots of the reverse Bessel polynomial, orders 1 to 16 (beyond,
+    they lose digits).
     Raises InputError for another kind or order and unless the bandwidth is positive and finite.
     """
-    limit = {"itae": max(ITAE), "bessel": 25}.get(kind)
+    limit = {"itae": max(ITAE), "bessel": 16}.get(kind)
     if limit is None:
         raise InputError(f'kind of prototype is {kind!r}; it must be "itae" or "bessel"')
     if isinstance(order, bool) or not isinstance(order, int) or not 1 <= order <= limit:
