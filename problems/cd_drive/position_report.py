@@ -126,8 +126,8 @@ def _error(answer: xr.Dataset, axis: Axis) -> Figure:
         3, 1, size=(7.2, 8.0), sharex=True, height_ratios=(1.0, 1.0, 0.4)
     )
     time = answer["zoomed"]
-    above.plot(time, 1e6 * answer["measured_error"], color="0.55", label="measured")
     for panel in (above, below):
+        panel.plot(time, 1e6 * answer["measured_error"], color="0.6", label="measured")
         panel.plot(time, 1e6 * answer["true_error"], label="true", **TRUE)
     for name in ("thesis", "ITAE 5 kHz", "ITAE 300 Hz", "Kalman"):
         one = 1e6 * answer["estimated_error"].sel(estimator=name)
@@ -137,7 +137,8 @@ def _error(answer: xr.Dataset, axis: Axis) -> Figure:
     size = 1e6 * ACCEPTABLE_ERROR[axis]
     above.set_ylim(-4 * size, 4 * size)
     above.set_ylabel("$x_{cd} - x$ [um]")
-    above.set_title("above: all, cropped; below: those that bridge the scratch")
+    above.set_title("all estimators, cropped")
+    below.set_title("those that bridge the scratch")
     below.set_ylabel("estimated $x_{cd} - x$ [um]")
     _quality(quality, answer)
     figures.legend_below(figure, above, columns=3)

@@ -96,6 +96,7 @@ def _described(mode: complex, period: float | None) -> str:
 
 def _place(a: Real, c: Real, poles: Complex) -> Real:
     import control
+    from slycot.exceptions import SlycotError
 
     real, upper = poles[poles.imag == 0.0], poles[poles.imag > 0.0]
     pairs = np.column_stack([upper, upper.conj()]).ravel()  # SB01BD wants a pair side by side
@@ -104,7 +105,7 @@ def _place(a: Real, c: Real, poles: Complex) -> Real:
             # Large gains are what a fast observer of slow modes needs; the residual judges them.
             warnings.simplefilter("ignore")
             gain: Real = np.asarray(control.place_varga(a.T, c.T, np.append(real, pairs))).T
-    except Exception as fault:  # slycot's own family of errors
+    except SlycotError as fault:
         raise SolverError(f"pole placement failed: {fault}") from fault
     return gain
 

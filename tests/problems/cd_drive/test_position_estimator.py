@@ -99,8 +99,8 @@ def test_estimators_have_the_poles_that_were_asked_for(axis):
     assert abs(found[:, None] - np.array(wanted)).min(axis=0).max() < 0.1
 
 
-def test_the_kalman_filter_knows_how_wrong_it_is():
-    """Innovations of a noisy record without a scratch are near as large as it states."""
+def test_innovations_of_the_kalman_filter_have_the_size_that_it_states():
+    """Innovations of a record without a scratch are no larger than it states, nor far smaller."""
     scratches = Scratches("focus", 1.2e-3, 0.0, 0.0, "printed")
     trial = scratches.trial("nominal", 3)
     filtering = kalman("focus", ROTATION)
@@ -113,8 +113,8 @@ def test_the_kalman_filter_knows_how_wrong_it_is():
         innovations.append(y - filtering.model.C @ x)
         x = A @ (x + gain * innovations[-1]) + B * u
     size = np.std(innovations[20_000:])
-    print(size/stated)
-    assert 0.1 * stated < size < 1.5 * stated
+    # Stated for drives that differ from the nominal one, and for noise without a sharp end.
+    assert 0.2 * stated < size < stated
 
 
 def test_quality_of_clean_and_covered_samples():
