@@ -8,7 +8,7 @@ learnt. With the covariance P of the prediction x^,
     S = C P C' + R(w),   M = P C' / S,   P := A (P - M C P) A' + Q        (Kalman, 1960)
 
 is run on line, for the gain has to grow while nothing is learnt and to fall again afterwards; it
-rests where it has settled.
+rests where it has settled. A sample of nine states costs three times what it does at rest.
 """
 
 from __future__ import annotations

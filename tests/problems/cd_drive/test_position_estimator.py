@@ -22,7 +22,7 @@ from problems.cd_drive.position_model import (
 )
 from problems.cd_drive.position_trials import Scratches
 from workbench import solve
-from workbench.diagnosis import Rotation, estimate, prototype_poles
+from workbench.diagnosis import Rotation, prototype_poles
 from workbench.simulation import band_limited
 from workbench.solvers import Options, Outcome
 
