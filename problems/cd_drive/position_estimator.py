@@ -247,11 +247,7 @@ class PositionEstimator(Study):
         """Rate [1/s] of the slowest decaying mode at qualities that stay, gains scaled by them."""
         fixed = self.estimator(name, "known")
         assert isinstance(fixed, Estimator)
-        n = fixed.model.seen
-        A, C = fixed.model.A[:n, :n], fixed.model.C[:n]
-        radii = [
-            abs(np.linalg.eigvals(A - w * np.outer(A @ fixed.gain, C))).max() for w in QUALITIES
-        ]
+        radii = [abs(fixed.poles(quality)).max() for quality in QUALITIES]
         return np.log(radii) / PERIOD
 
     def _effort(self, time: Real) -> Real:
@@ -269,7 +265,7 @@ class PositionEstimator(Study):
         numbers = numbers_of(answer)
         thesis = self.estimator("thesis", "known")
         assert isinstance(thesis, Estimator)
-        numbers["K_p_settles_per_s"] = float(-np.log(abs(thesis.poles).max()) / PERIOD)
+        numbers["K_p_settles_per_s"] = float(-np.log(abs(thesis.poles()).max()) / PERIOD)
         numbers["scratch_ms"] = 1e3 * self.scratches.length / VELOCITY
         return numbers
 

@@ -58,16 +58,18 @@ class Estimator:
         n = self.model.seen
         if np.shape(self.gain) != (n,) or not np.isfinite(self.gain).all():
             raise InputError(f"gain has shape {np.shape(self.gain)}; it must be finite, ({n},)")
-        radius = abs(self.poles).max()
+        radius = abs(self.poles()).max()
         if not radius < 1.0:
             raise InputError(f"the observer with this gain is unstable: |z| = {radius:.6g}")
 
-    @property
-    def poles(self) -> Complex:
-        """Discrete poles (seen,) of the observer at quality 1."""
+    def poles(self, quality: float = 1.0) -> Complex:
+        """Discrete poles (seen,) of the observer at a quality that stays, 0 to 1.
+
+        A gain that is stable whole need not be so in part: look at the qualities between.
+        """
         n = self.model.seen
         A, C = self.model.A[:n, :n], self.model.C[:n]
-        return np.linalg.eigvals(A - np.outer(A @ self.gain, C)).astype(complex)
+        return np.linalg.eigvals(A - quality * np.outer(A @ self.gain, C)).astype(complex)
 
     @cached_property
     def controller(self) -> Controller:

@@ -201,26 +201,26 @@ def _spread(state: Real, p: Real, gain: Real) -> None:
     """P := A (P - M C P) A' + Q of the states that are seen; C P as `_weigh` left it."""
     n, z, h, m = int(p[0]), int(p[1]), int(p[3]), int(p[4])
     at_a, at_q, at_p = HEADER + h + (3 + z) * n, _own(p) + 2, 3 * n + 2
-    at_e = at_q + m * m
-    P = state[at_p : at_p + m * m]
-    moved = state[at_p + m * m : at_p + 2 * m * m]
+    A = p[at_a : at_a + n * n].reshape(n, n)
+    Q = p[at_q : at_q + m * m].reshape(m, m)
+    entries = p[at_q + m * m : at_q + m * (2 * m + 1)].reshape(m, m + 1)
+    P = state[at_p : at_p + m * m].reshape(m, m)
+    moved = state[at_p + m * m : at_p + 2 * m * m].reshape(m, m)
     for i in range(m):
         for j in range(m):
-            P[i * m + j] -= gain[i] * moved[j]
+            P[i, j] -= gain[i] * moved[0, j]
     for i in range(m):
-        row = at_e + i * (m + 1)
-        moved[i * m : (i + 1) * m] = 0.0
-        for e in range(int(p[row])):
-            k = int(p[row + 1 + e])
-            factor = p[at_a + i * n + k]
+        moved[i] = 0.0
+        for e in range(int(entries[i, 0])):
+            k = int(entries[i, 1 + e])
+            factor = A[i, k]
             for j in range(m):
-                moved[i * m + j] += factor * P[k * m + j]
+                moved[i, j] += factor * P[k, j]
     for j in range(m):
-        row = at_e + j * (m + 1)
+        count = int(entries[j, 0])
         for i in range(j + 1):
-            total = p[at_q + i * m + j]
-            for e in range(int(p[row])):
-                k = int(p[row + 1 + e])
-                total += moved[i * m + k] * p[at_a + j * n + k]
-            P[i * m + j] = total
-            P[j * m + i] = total
+            total = Q[i, j]
+            for e in range(count):
+                k = int(entries[j, 1 + e])
+                total += moved[i, k] * A[j, k]
+            P[i, j] = P[j, i] = total
