@@ -39,7 +39,7 @@ reference: $(READY)
 	$(REFERENCE) 'cd/*/mu-pid-analysis' 'cd/*/nyquist' --set frequencies=120
 	$(REFERENCE) 'cd/*/five-x' 'cd/*/cover-for-control' --set frequencies=120
 	$(REFERENCE) 'cd/*/sensitivity' mass-spring/analysis bench/covers
-	$(REFERENCE) '*/controller' 'cd/*/mu-pid'
+	$(REFERENCE) '*/controller' 'cd/*/mu-pid' 'cd/*/position-estimator'
 	rm -rf results/reference/.partial
 
 $(READY): requirements.txt pyproject.toml

@@ -1,0 +1,226 @@
+"""Kalman filters whose measurement noise follows the quality of the measurement.
+
+    R(w) = r^2 + d^2 (1/w^2 - 1)
+
+r: white noise of a good measurement; d: what a bad one may be off by. At quality 0 nothing is
+learnt. With the covariance P of the prediction x^,
+
+    S = C P C' + R(w),   M = P C' / S,   P := A (P - M C P) A' + Q        (Kalman, 1960)
+
+is run on line, for the gain has to grow while nothing is learnt and to fall again afterwards; it
+rests where it has settled. A sample of nine states costs three times what it does at rest.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import isfinite
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag, solve_discrete_are
+
+from workbench.compiled import compiled
+from workbench.diagnosis.disturbed import DisturbedPlant
+from workbench.diagnosis.estimator import Estimator
+from workbench.diagnosis.observers import balanced
+from workbench.diagnosis.streaming import HEADER, correct, layout, predict, surprise, tell
+from workbench.errors import InputError, SolverError
+from workbench.simulation import Controller
+
+Real = NDArray[np.float64]
+
+SETTLED = 1e-9
+"""Relative change of the gain a sample at which the covariance rests."""
+SOLVED = 1e-6
+"""Largest relative residual of the stationary covariance."""
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Standard deviations a sample of what is white.
+
+    known        of the input u of the plant, in its unit;
+    disturbance  of the steps of every oscillator state, in the unit of the disturbance;
+    measurement  r of y at quality 1; defect: d, that at quality w adds d sqrt(1/w^2 - 1);
+                 both in the unit of y. The coloured noise is the model's.
+
+    Raises InputError unless finite, measurement and disturbance positive, the others not negative.
+    """
+
+    known: float
+    disturbance: float
+    measurement: float
+    defect: float
+
+    def __post_init__(self) -> None:
+        values = (self.known, self.disturbance, self.measurement, self.defect)
+        if not all(isfinite(one) for one in values) or min(values) < 0.0:
+            raise InputError(f"{self}: deviations must be finite and not negative")
+        if self.measurement == 0.0 or self.disturbance == 0.0:
+            raise InputError(f"{self}: measurement and disturbance must be positive")
+
+
+@dataclass(frozen=True, eq=False)
+class KalmanEstimator:
+    """The least-variance estimator of a disturbed plant, its noise following the quality.
+
+    Adaptation of the rotation, if the model has it, moves the oscillators; the covariance keeps the
+    rotation's first frequency. Raises SolverError when there is no stationary filter to start at.
+    """
+
+    model: DisturbedPlant
+    noise: Noise
+
+    @cached_property
+    def Q(self) -> Real:
+        """Covariance (seen, seen) of what drives the state in a sample."""
+        model, noise = self.model, self.noise
+        plant = np.outer(model.plant.B[:, 0], model.plant.B[:, 0]) * noise.known**2
+        turning = np.eye(2 * len(model.rotation.harmonics)) * noise.disturbance**2
+        parts = [plant, turning]
+        if model.colour is not None:
+            parts.append(model.colour.B @ model.colour.B.T)
+        covariance: Real = block_diag(*parts)
+        return covariance
+
+    @cached_property
+    def stationary(self) -> Real:
+        """Covariance (seen, seen) of the prediction when all of a long record was good."""
+        n, r = self.model.seen, self.noise.measurement
+        # In units of the states' own size and of the noise: the equation's solver needs it.
+        A, scale = balanced(self.model.A[:n, :n])
+        C = self.model.C[:n] * scale / r
+        Q = self.Q / np.outer(scale, scale)
+        size = max(float(np.linalg.norm(Q, 2)), np.finfo(float).tiny)
+        level = float(np.linalg.norm(C, 2))
+        try:
+            P = solve_discrete_are(A.T, C[:, None] / level, Q / size, np.eye(1) / (size * level**2))
+        except (ValueError, np.linalg.LinAlgError) as fault:
+            raise SolverError(f"no stationary Kalman filter: {fault}") from fault
+        P = size * (P + P.T) / 2
+        M = P @ C / (C @ P @ C + 1.0)
+        residual = A @ (P - np.outer(M, C @ P)) @ A.T + Q - P
+        if not abs(residual).max() <= SOLVED * abs(P).max():
+            worst = abs(residual).max() / abs(P).max()
+            raise SolverError(f"the stationary covariance has the relative residual {worst:.2g}")
+        found: Real = P * np.outer(scale, scale)
+        return found
+
+    @cached_property
+    def settled(self) -> Estimator:
+        """The estimator of constant gain that this one is on a long good record."""
+        C, P = self.model.C[: self.model.seen], self.stationary
+        return Estimator(self.model, P @ C / (C @ P @ C + self.noise.measurement**2))
+
+    @cached_property
+    def controller(self) -> Controller:
+        """The streaming filter: `estimator.MEASURED` -> outputs (z,), disturbance, frequency [Hz].
+
+        Starts with the stationary covariance. A quality outside 0 to 1 makes its outputs NaN.
+        """
+        model, m, n = self.model, self.model.seen, len(self.model.A)
+        gain = np.zeros(n)
+        gain[:m] = self.settled.gain
+        # state: x^, room for the next x^, frequency; gain; rests; P; room for A P.
+        state = np.zeros(3 * n + 2 + 2 * m * m)
+        state[2 * n] = model.rotation.frequency
+        state[2 * n + 1 : 3 * n + 1] = gain
+        state[3 * n + 1] = 1.0
+        state[3 * n + 2 : 3 * n + 2 + m * m] = self.stationary.ravel()
+        own = np.array([self.noise.measurement**2, self.noise.defect**2])
+        parameters: list[Real] = [
+            layout(model, gain),
+            own,
+            self.Q.ravel(),
+            _entries(model.A[:m, :m]),
+        ]
+        return Controller(_step, state, np.concatenate(parameters), len(model.Z) + 2)
+
+
+def _entries(A: Real) -> Real:
+    """Of each row of A (m, m) how many entries are not zero and in which columns (m (m + 1),)."""
+    rows = np.zeros((len(A), len(A) + 1))
+    for row, entries in zip(rows, A, strict=True):
+        columns = np.flatnonzero(entries)
+        row[0] = len(columns)
+        row[1 : len(columns) + 1] = columns
+    return rows.ravel()
+
+
+@compiled
+def _own(p: Real) -> int:
+    """Where this filter's own parameters start: r^2, d^2, Q, entries of A."""
+    n, z, h = int(p[0]), int(p[1]), int(p[3])
+    return HEADER + h + (3 + z) * n + n * n
+
+
+@compiled
+def _step(state: Real, parameters: Real, measurement: Real, output: Real) -> None:
+    quality, n = measurement[2], int(parameters[0])
+    gain = state[2 * n + 1 : 3 * n + 1]
+    moving = quality != 1.0 or state[3 * n + 1] == 0.0
+    if moving:
+        change = _weigh(state, parameters, quality, gain)
+        state[3 * n + 1] = 1.0 if quality == 1.0 and change < SETTLED else 0.0
+    error = surprise(state, parameters, measurement[0])
+    correct(state, parameters, error, gain)
+    tell(state, parameters, quality, output)
+    predict(state, parameters, measurement[1])
+    if moving:
+        _spread(state, parameters, gain)
+
+
+@compiled
+def _weigh(state: Real, p: Real, quality: float, gain: Real) -> float:
+    """Set the gain M of a quality; its largest change relative to its own size."""
+    n, h, m = int(p[0]), int(p[3]), int(p[4])
+    at_c, at_p, own = HEADER + h + 2 * n, 3 * n + 2, _own(p)
+    shown = state[at_p + m * m : at_p + m * m + m]
+    total = 0.0
+    for i in range(m):
+        shown[i] = 0.0
+        for j in range(m):
+            shown[i] += state[at_p + i * m + j] * p[at_c + j]
+        total += p[at_c + i] * shown[i]
+    if not quality > 0.0:
+        gain[:] = 0.0
+        return 1.0
+    total += p[own] + p[own + 1] * (1.0 / (quality * quality) - 1.0)
+    change = 0.0
+    for i in range(m):
+        new = shown[i] / total
+        change = max(change, abs(new - gain[i]) / max(abs(new), 1e-300))
+        gain[i] = new
+    return change
+
+
+@compiled
+def _spread(state: Real, p: Real, gain: Real) -> None:
+    """P := A (P - M C P) A' + Q of the states that are seen; C P as `_weigh` left it."""
+    n, z, h, m = int(p[0]), int(p[1]), int(p[3]), int(p[4])
+    at_a, at_q, at_p = HEADER + h + (3 + z) * n, _own(p) + 2, 3 * n + 2
+    A = p[at_a : at_a + n * n].reshape(n, n)
+    Q = p[at_q : at_q + m * m].reshape(m, m)
+    entries = p[at_q + m * m : at_q + m * (2 * m + 1)].reshape(m, m + 1)
+    P = state[at_p : at_p + m * m].reshape(m, m)
+    moved = state[at_p + m * m : at_p + 2 * m * m].reshape(m, m)
+    for i in range(m):
+        for j in range(m):
+            P[i, j] -= gain[i] * moved[0, j]
+    for i in range(m):
+        moved[i] = 0.0
+        for e in range(int(entries[i, 0])):
+            k = int(entries[i, 1 + e])
+            factor = A[i, k]
+            for j in range(m):
+                moved[i, j] += factor * P[k, j]
+    for j in range(m):
+        count = int(entries[j, 0])
+        for i in range(j + 1):
+            total = Q[i, j]
+            for e in range(count):
+                k = int(entries[j, 1 + e])
+                total += moved[i, k] * A[j, k]
+            P[i, j] = P[j, i] = total
