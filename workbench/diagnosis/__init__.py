@@ -1,0 +1,44 @@
+"""Diagnosis: faults modelled, told apart by residuals, estimated and judged."""
+
+from workbench.diagnosis.detectability import (
+    Detectability,
+    attainable_structures,
+    detectability,
+    isolability,
+    masking,
+    unattainable,
+)
+from workbench.diagnosis.exact import fault_detection, fault_isolation
+from workbench.diagnosis.fault_model import FaultModel, multiplicative_lft
+from workbench.diagnosis.generators import ResidualGenerator, transfer
+from workbench.diagnosis.matching import (
+    ModelMatch,
+    matching_bound,
+    model_matching,
+    null_space_generator,
+)
+from workbench.diagnosis.parity_space import ParityRelation, parity_relation
+from workbench.diagnosis.performance_index import PerformanceIndex, performance_index
+
+__all__ = [
+    "Detectability",
+    "FaultModel",
+    "ModelMatch",
+    "ParityRelation",
+    "PerformanceIndex",
+    "ResidualGenerator",
+    "attainable_structures",
+    "detectability",
+    "fault_detection",
+    "fault_isolation",
+    "isolability",
+    "masking",
+    "matching_bound",
+    "model_matching",
+    "multiplicative_lft",
+    "null_space_generator",
+    "parity_relation",
+    "performance_index",
+    "transfer",
+    "unattainable",
+]
