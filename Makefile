@@ -38,7 +38,7 @@ reference: $(READY)
 	$(REFERENCE) 'cd/*/nominal' 'cd/*/uncertainty-comparison' --set frequencies=120
 	$(REFERENCE) 'cd/*/mu-pid-analysis' 'cd/*/nyquist' --set frequencies=120
 	$(REFERENCE) 'cd/*/five-x' 'cd/*/cover-for-control' --set frequencies=120
-	$(REFERENCE) 'cd/*/sensitivity' mass-spring/analysis bench/covers
+	$(REFERENCE) 'cd/*/sensitivity' mass-spring/analysis bench/covers textbook/fault-detection
 	$(REFERENCE) '*/controller' 'cd/*/mu-pid'
 	rm -rf results/reference/.partial
 

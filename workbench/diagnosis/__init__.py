@@ -10,7 +10,7 @@ from workbench.diagnosis.detectability import (
 )
 from workbench.diagnosis.exact import fault_detection, fault_isolation
 from workbench.diagnosis.fault_model import FaultModel, multiplicative_lft
-from workbench.diagnosis.generators import ResidualGenerator, transfer
+from workbench.diagnosis.generators import ResidualGenerator, structure_matrix, transfer
 from workbench.diagnosis.matching import (
     ModelMatch,
     matching_bound,
@@ -39,6 +39,7 @@ __all__ = [
     "null_space_generator",
     "parity_relation",
     "performance_index",
+    "structure_matrix",
     "transfer",
     "unattainable",
 ]

@@ -38,6 +38,8 @@ GENERIC = 1e-8
 """Singular values of a scaled response at random points below this share count as 0."""
 BOUNDARY = 1e-9
 """Modes nearer than this to the stability boundary, of the fastest, count as unstable."""
+NEAR_ZERO = 1e-7
+"""A singular value of a pencil below this share of the largest may be a zero's."""
 POINTS = 5
 
 
@@ -224,6 +226,29 @@ class Parity:
             return direct
         resolvent = np.linalg.solve(points[:, None, None] * np.eye(len(A_b)) - A_b, P.T @ B)
         return direct + (self.observability(order) @ P) @ resolvent
+
+    def left_at(self, names: Sequence[str], point: complex) -> tuple[Array, Array] | None:
+        """What a whole basis leaves of inputs at one scaled point, (rows, k), and sizes (k,).
+
+        From the left null space (xi, eta) of [W'(A - s) W, W' B_d; C W, D_d], without powers of A.
+        The sizes are what would be left without cancelling. None where the pencil has a zero at
+        the point: its null space there is larger than the basis.
+        """
+        W, P = self._split
+        A_b, _ = self.rest
+        B_d, D_d, _ = self.scaled_entry(self.decoupled)
+        B_f, D_f, _ = self.scaled_entry(names)
+        pencil = np.block(
+            [[W.T @ self.A @ W - point * np.eye(W.shape[1]), W.T @ B_d], [self.C @ W, D_d]]
+        )
+        U, sizes, _ = np.linalg.svd(pencil)
+        rank = len(pencil) - self.count
+        if rank and sizes[rank - 1] <= NEAR_ZERO * sizes[0]:
+            return None
+        rows = U[:, rank:].conj().T
+        b = np.linalg.solve(point * np.eye(len(A_b)) - A_b, P.T @ B_f)
+        reached = np.vstack([W.T @ (B_f + self.A @ P @ b), D_f + self.C @ P @ b])
+        return rows @ reached, np.linalg.norm(reached, axis=0)
 
     def points_at(self, omega: Array) -> Array:
         """Scaled points on the stability boundary of `omega` [rad/s]."""

@@ -203,10 +203,15 @@ def _remaining(parity: Parity, faults: Sequence[str]) -> NDArray[Any]:
 
 def _left(parity: Parity, faults: Sequence[str], omega: NDArray[Any]) -> NDArray[np.bool_]:
     """Whether rows of a whole basis leave anything of the faults at `omega`: (k, F)."""
+    shown = np.zeros((len(faults), omega.size), dtype=bool)
     if not parity.count:
-        return np.zeros((len(faults), omega.size), dtype=bool)
-    order = parity.complete
-    there = parity.effects(order, faults, parity.points_at(omega))
-    left = np.linalg.norm(parity.rows(order) @ there, axis=1)
-    size = np.linalg.norm(there, axis=1)
-    return (left > EFFECT * size).T
+        return shown
+    for place, point in enumerate(parity.points_at(omega)):
+        direct = parity.left_at(faults, point)
+        if direct is None:  # a zero of the disturbances: rows of a polynomial basis lose no rank
+            order = parity.complete
+            there = parity.effects(order, faults, np.array([point]))[0]
+            direct = parity.rows(order) @ there, np.linalg.norm(there, axis=0)
+        left, size = direct
+        shown[:, place] = np.linalg.norm(left, axis=0) > EFFECT * size
+    return shown

@@ -17,7 +17,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from workbench.diagnosis.decoupling import Array, Parity
 from workbench.diagnosis.detectability import (
-    EFFECT,
     detectability,
     frequencies,
     masking,
@@ -31,6 +30,7 @@ from workbench.diagnosis.generators import (
     denominator,
     realised,
     stacked,
+    transfer,
 )
 from workbench.errors import InputError, SolverError
 from workbench.synthesis.standard import realisation
@@ -39,10 +39,16 @@ from workbench.uncertainty.generalised import response
 if TYPE_CHECKING:
     from control import StateSpace
 
+SHOWN = 1e-10
+"""What rows leave of a detectable fault below this share of what there was is rounding."""
+LEAK = 1e-6
+"""Gain from what is decoupled, relative to the largest from a fault, that a residual may have."""
 CANDIDATES = 400
 """Combinations of rows among which the one with the largest least sensitivity is taken."""
 GRID = np.geomspace(1e-2, 1e2, 33)
 """Frequencies of that choice, in units of the model's fastest pole."""
+CHECKED = np.array([0.0173, 0.061, 0.23, 0.71])
+"""Frequencies at which the result is looked at, in those units or in those of pi / dt."""
 
 
 def fault_detection(
@@ -70,6 +76,8 @@ def fault_detection(
     InputError
         Some fault cannot be detected: which, and what masks it. Poles that are unstable, too few
         or without their conjugates.
+    SolverError
+        Rounding spoils the decoupling, of orders from about 20 on.
     """
     need_faults(model)
     return fault_isolation(model, np.ones((1, len(model.faults)), dtype=bool), poles, omega=omega)
@@ -134,7 +142,9 @@ def _residual(
         v = _combination(parity, order, shown, poles, omega)
         if v is not None:
             found = realised(parity, [v.reshape(order + 1, -1)], poles)
-            return _normalised(found, shown, omega, parity.rate)
+            found = _normalised(found, shown, omega, parity.rate)
+            _need_decoupled(found, parity, shown)
+            return found
     raise SolverError(
         f"no residual shows {', '.join(shown)}, though each can be detected: their effects are "
         "too small beside others for the tolerances; scale the faults' entries"
@@ -159,9 +169,9 @@ def _combination(
     before = parity.effects(order, shown, points)
     after = rows @ before  # (points, rows, faults)
     if omega is None:  # what counts is the sum over the grid
-        seen = np.linalg.norm(after, axis=(0, 1)) > EFFECT * np.linalg.norm(before, axis=(0, 1))
+        seen = np.linalg.norm(after, axis=(0, 1)) > SHOWN * np.linalg.norm(before, axis=(0, 1))
     else:
-        seen = np.linalg.norm(after, axis=1) > EFFECT * np.linalg.norm(before, axis=1)
+        seen = np.linalg.norm(after, axis=1) > SHOWN * np.linalg.norm(before, axis=1)
     if not seen.all():
         return None
     after = after / np.abs(np.polynomial.polynomial.polyval(points, d))[:, None, None]
@@ -189,6 +199,22 @@ def _normalised(
     gain = abs(gains[k, j]) * (1.0 if gains[k, j].real >= 0.0 else -1.0)
 
     return replace(found, Q=_over(found.Q, gain), R=_over(found.R, gain))
+
+
+def _need_decoupled(found: ResidualGenerator, parity: Parity, shown: Sequence[str]) -> None:
+    """Raise SolverError where rounding lets more than LEAK of what is decoupled through."""
+    model = parity.model
+    names = (*model.controls, *parity.decoupled, *shown)
+    dt = model.dt
+    at = CHECKED * (np.pi / dt if dt else parity.rate)
+    gains = np.abs(transfer(found.Q, model, names, at)).max(axis=(0, 1))
+    leak, most = gains[: -len(shown)].max(initial=0.0), gains[-len(shown) :].max()
+    if not leak <= LEAK * most:
+        worst = names[int(gains[: -len(shown)].argmax())]
+        raise SolverError(
+            f"the residual of {', '.join(shown)} has order {found.Q.nstates}, at which rounding "
+            f"leaves a gain of {leak / most:.2g} from {worst}; reduce the model, or measure more"
+        )
 
 
 def _over(system: StateSpace, gain: float) -> StateSpace:

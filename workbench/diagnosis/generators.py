@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from workbench.diagnosis.decoupling import Parity
+from workbench.diagnosis.detectability import frequencies, need_faults
 from workbench.diagnosis.fault_model import FaultModel
 from workbench.errors import InputError
 from workbench.synthesis.standard import realisation
@@ -21,6 +22,10 @@ if TYPE_CHECKING:
 
 Array = NDArray[Any]
 Poles = complex | Sequence[complex]
+CANCELLED = 1e-8
+"""See `structure_matrix`."""
+SPREAD = 12
+"""Frequencies at which a weak structure is looked at."""
 CONJUGATE = 1e-9
 """How far a polynomial's coefficients may be from real, relative."""
 
@@ -37,17 +42,6 @@ class ResidualGenerator:
     R: StateSpace
     faults: tuple[str, ...]
     noise: tuple[str, ...]
-
-    @property
-    def fault_part(self) -> StateSpace:
-        """G_rf: R from the faults alone."""
-        R, k = self.R, len(self.faults)
-        return realisation(
-            (R.A, R.B[:, :k], R.C, R.D[:, :k]),
-            float(R.dt or 0.0),
-            inputs=list(self.faults),
-            outputs=list(R.output_labels),
-        )
 
 
 def transfer(
@@ -77,6 +71,36 @@ def transfer(
     filtered = response(Q, omega)
     found: NDArray[np.complex128] = filtered[:, :, :p] @ model.response(names, omega)
     return found + filtered[:, :, p:] @ into.reshape(m, len(names))
+
+
+def structure_matrix(
+    Q: StateSpace, model: FaultModel, omega: ArrayLike | None = None
+) -> NDArray[np.bool_]:
+    """Which residual reacts to which fault: (q, k).
+
+    A gain counts as 0 below `CANCELLED` of what the outputs' parts of it would add up to without
+    cancelling.
+
+    Parameters
+    ----------
+    omega
+        Frequencies [rad/s] at every one of which a residual must react (strong structure); None:
+        it must at one of some that are spread at random over the model's poles (weak structure).
+
+    Raises InputError as `transfer`; frequencies as of `detectability`.
+    """
+    need_faults(model)
+    if omega is None:
+        rate = float(np.abs(model.system.poles()).max(initial=0.0)) or 1.0
+        spread = np.random.default_rng(7).uniform(-1.5, 1.5, SPREAD)
+        at = np.pi / model.dt * 10.0 ** (spread - 1.6) if model.dt else rate * 10.0**spread
+    else:
+        at = frequencies(model, omega)
+    found = np.abs(transfer(Q, model, model.faults, at))
+    parts = np.abs(response(Q, at)[:, :, : len(model.outputs)])
+    reacts = found > CANCELLED * (parts @ np.abs(model.response(model.faults, at)))
+    over = np.any if omega is None else np.all
+    return np.asarray(over(reacts, axis=0))
 
 
 def stacked(generators: Sequence[ResidualGenerator]) -> ResidualGenerator:
@@ -183,7 +207,7 @@ def _observer_form(N: Array, d: Array) -> tuple[Array, Array, Array, Array]:
     A = np.eye(order, k=-1)
     if order:
         A[:, -1] = -d[:-1]
-    return A, N[:-1] - d[:-1, None] * N[-1], np.eye(order)[-1:].reshape(-1, order), N[-1:]
+    return A, N[:-1] - d[:-1, None] * N[-1], np.eye(1, order, order - 1), N[-1:]
 
 
 def _diagonal(parts: Sequence[tuple[Array, ...]]) -> tuple[Array, Array, Array, Array]:

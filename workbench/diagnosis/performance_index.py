@@ -17,8 +17,8 @@ from scipy.linalg import eigvals
 
 from workbench.diagnosis.detectability import need_faults
 from workbench.diagnosis.fault_model import FaultModel
-from workbench.diagnosis.generators import transfer
-from workbench.errors import InputError, SolverError
+from workbench.diagnosis.generators import structure_matrix, transfer
+from workbench.errors import InputError, SolverError, UnknownNameError
 from workbench.synthesis.standard import to_continuous
 
 if TYPE_CHECKING:
@@ -31,7 +31,9 @@ ROUNDS = 60
 AXIS = 1e-6
 """Zeros nearer to the axis than this share of their size count as on it."""
 SMALL = 1e-10
-"""An index below this is 0 to rounding, one above its inverse infinite."""
+"""An index below this is 0 to rounding."""
+VANISHED = 1e-6
+"""A gain from the faults below this share of the largest, at a zero on the axis, is 0."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +81,8 @@ def performance_index(
 
     Raises
     ------
+    UnknownNameError
+        A fault or disturbance that the model has not.
     InputError
         A range that is none, no fault or disturbance, a residual that shows none of the faults;
         as `generators.transfer`.
@@ -89,8 +93,14 @@ def performance_index(
     over = tuple(model.faults if faults is None else faults)
     under = (*model.disturbances, *model.noise) if disturbances is None else tuple(disturbances)
     low, high = _band(model, band)
+    for name in over:
+        if name not in model.faults:
+            raise UnknownNameError("fault", name, model.faults)
     if not (over and under):
         raise InputError("the index needs one fault and one disturbance or noise input at least")
+    shown = structure_matrix(Q, model)[:, [model.faults.index(name) for name in over]].any(axis=1)
+    if not shown.all():
+        raise InputError(f"residual {int(shown.argmin()) + 1} shows none of {', '.join(over)}")
     found = np.array(
         [_peak(Q, model, i, over, under, low, high, tolerance) for i in range(int(Q.noutputs))]
     )
@@ -111,30 +121,37 @@ def _peak(
 
     def ratio(omega: Array) -> Array:
         top = np.linalg.norm(transfer(Q, model, disturbances, omega)[:, residual], axis=1)
-        base = np.linalg.norm(transfer(Q, model, faults, omega)[:, residual], axis=1)
-        if not base.any():
-            raise InputError(f"residual {residual + 1} shows none of {', '.join(faults)}")
-        return np.divide(top, base, out=np.full(len(top), np.inf), where=base > SMALL * top)
+        return top / fault_gain(omega)
+
+    def fault_gain(omega: Array) -> Array:
+        return np.linalg.norm(transfer(Q, model, faults, omega)[:, residual], axis=1)
 
     omega = np.geomspace(low, high, GRID)
     values = ratio(omega)
     best, at = float(values.max()), float(omega[values.argmax()])
     if best < SMALL:
         return 0.0, SMALL, at
+    vanish = _axis_zeros(_joined(Q, model, residual, faults), np.ones(len(faults)), model.dt)
+    vanish = vanish[(vanish >= low) & (vanish <= high)]
+    if vanish.size:
+        least = fault_gain(vanish)
+        if least.min() < VANISHED * fault_gain(omega).max():
+            return np.inf, np.inf, float(vanish[least.argmin()])
     system = _joined(Q, model, residual, (*faults, *disturbances))
     for _ in range(ROUNDS):
-        if not np.isfinite(best) or best > 1.0 / SMALL:
-            return np.inf, np.inf, at
         level = (1.0 + tolerance) * best
-        signs = np.array([level**2] * len(faults) + [-1.0] * len(disturbances))
-        zeros = _axis_zeros(system, signs, model.dt)
+        # the spectrum over level^2, whose pencil has entries of one size
+        weights = np.array([1.0] * len(faults) + [-1.0 / level**2] * len(disturbances))
+        zeros = _axis_zeros(system, weights, model.dt)
         inside = np.sort(zeros[(zeros > low) & (zeros < high)])
         if not inside.size:
             return best, level, at
         edges = np.concatenate([[low], inside, [high]])
         tried = np.unique(np.concatenate([np.sqrt(edges[1:] * edges[:-1]), inside]))
         values = ratio(tried)
-        if values.max() <= best:  # zeros of rounding: the level touches nothing between them
+        if values.max() <= best:
+            # Near a narrow peak zeros beside the axis count too. Every true one is among them, and
+            # between them no point exceeds the level.
             return best, level, at
         best, at = float(values.max()), float(tried[values.argmax()])
     raise SolverError(f"the index of residual {residual + 1} does not settle; give a narrower band")
@@ -178,10 +195,10 @@ def _minimal(A: Array, B: Array, C: Array, D: Array) -> tuple[Array, ...]:
     return A[:order, :order], B_wide[:order, :m], C_wide[:p, :order], D
 
 
-def _axis_zeros(system: tuple[Array, ...], signs: Array, dt: float) -> Array:
-    """Positive frequencies [rad/s] of the zeros on the boundary of N J N~, N the system."""
+def _axis_zeros(system: tuple[Array, ...], weights: Array, dt: float) -> Array:
+    """Frequencies [rad/s] of the zeros on the boundary of N J N~, N the system, J = diag(weights)."""
     A, B, C, D = to_continuous(system) if dt else system  # type: ignore[arg-type]
-    n, J = len(A), np.diag(signs)
+    n, J = len(A), np.diag(weights)
     spectrum = np.block(
         [
             [A, B @ J @ B.T, B @ J @ D.T],
