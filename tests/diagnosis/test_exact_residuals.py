@@ -136,6 +136,14 @@ def test_unstable_generators_are_refused(pole):
         fault_detection(two_actuators(), pole)
 
 
+@pytest.mark.parametrize(
+    ("poles", "words"), [(np.nan, "must be finite"), ("fast", "one number"), ([], "give as many")]
+)
+def test_poles_that_are_none(poles, words):
+    with pytest.raises(InputError, match=words):
+        fault_detection(two_actuators(), poles)
+
+
 def test_what_cannot_be_detected_is_named():
     B = np.array([[1.0, 2.0, 0.0], [0.0, 0.0, 1.0]])
     system = control.ss(-np.eye(2), B, np.eye(2), np.zeros((2, 3)), inputs=["d", "f1", "f2"])

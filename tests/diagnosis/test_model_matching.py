@@ -60,6 +60,26 @@ def test_the_bound_of_one_output_is_a_projection_by_hand():
     assert expected.max() <= found.norm < 1.05 * expected.max()
 
 
+def test_a_published_model_with_two_faults_and_noise():
+    """Varga's example 5.6, M_r = [1 1]: 1 / sqrt(2) at 0 for any generator, by hand."""
+    system = control.ss(
+        np.diag([-2.0, -3.0]),
+        [[-1.0, -1.0, 0.0, 1.0], [-1.0, 0.0, 0.0, 0.0]],
+        np.eye(2),
+        [[1.0, 1.0, 0.0, 0.0], [1.0, 0.0, 1.0, 0.0]],
+        inputs=["u", "f1", "f2", "w"],
+    )
+    model = FaultModel(system, ("u",), (), ("f1", "f2"), ("w",))
+    M_r = realisation((np.zeros((0, 0)), np.zeros((0, 2)), np.zeros((1, 0)), np.ones((1, 2))), 0.0)
+    found = model_matching(model, M_r, -3.0)
+    Q_1 = null_space_generator(model, -3.0).Q
+    omega = np.array([0.0, 1.0, 5.0])
+    bound = matching_bound(model, Q_1, M_r, omega)
+    np.testing.assert_allclose(bound, 1 / np.sqrt(omega**2 + 2), rtol=1e-9)
+    assert found.norm == pytest.approx(1 / np.sqrt(2), rel=2e-3)
+    assert found.generator.Q.poles().real.max() < 0.0
+
+
 def test_without_noise_the_reference_is_met():
     s = control.tf("s")
     model = with_faults_and_noise([(s + 2) / (s + 1)], [])

@@ -15,7 +15,7 @@ from workbench.diagnosis import (
     performance_index,
     transfer,
 )
-from workbench.errors import InputError
+from workbench.errors import InputError, UnknownNameError
 from workbench.synthesis.standard import realisation
 
 PASS = realisation((np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.eye(1)), 0.0)
@@ -83,6 +83,10 @@ def test_bad_questions():
     for band in [(1.0, 1.0), (0.0, 1.0), (1.0, np.inf), 3.0]:
         with pytest.raises(InputError, match="two frequencies"):
             performance_index(Q, model, band)
+    with pytest.raises(InputError, match="tolerance"):
+        performance_index(Q, model, (1.0, 2.0), tolerance=0.0)
+    with pytest.raises(UnknownNameError):
+        performance_index(Q, model, (1.0, 2.0), faults=["w1"])
     with pytest.raises(InputError, match="one disturbance or noise"):
         performance_index(Q, model, (1.0, 2.0), disturbances=())
     with pytest.raises(InputError, match="residual 2 shows none of f_u1"):

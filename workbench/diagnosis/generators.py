@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from numbers import Number
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -68,8 +67,9 @@ def transfer(
     if float(Q.dt or 0.0) != model.dt:
         raise InputError(f"Q has the sampling time {Q.dt}, the model {model.dt} (0: continuous)")
     into = np.array([[name == u for name in names] for u in model.controls], dtype=float)
-    filtered = response(Q, omega)
-    found: NDArray[np.complex128] = filtered[:, :, :p] @ model.response(names, omega)
+    at = frequencies(model, omega)
+    filtered = response(Q, at)
+    found: NDArray[np.complex128] = filtered[:, :, :p] @ model.response(names, at)
     return found + filtered[:, :, p:] @ into.reshape(m, len(names))
 
 
@@ -172,11 +172,13 @@ def denominator(poles: Poles, order: int, dt: float, rate: float = 1.0) -> Array
     Raises InputError for poles that are not finite, not stable, too few, or whose complex ones are
     not in conjugate pairs.
     """
-    if isinstance(poles, Number):
-        chosen = np.full(order, poles, dtype=complex)
-        given = np.array([poles], dtype=complex)
-    else:
+    try:
         given = np.asarray(poles, dtype=complex).reshape(-1)
+    except (TypeError, ValueError):
+        raise InputError(f"poles are {poles!r}; one number or a list of them is needed") from None
+    if np.ndim(poles) == 0:
+        chosen = np.full(order, given[0])
+    else:
         if given.size < order:
             raise InputError(
                 f"{given.size} poles for a residual generator of order {order}: give as many, or "

@@ -19,6 +19,7 @@ from workbench.diagnosis.detectability import need_faults
 from workbench.diagnosis.fault_model import FaultModel
 from workbench.diagnosis.generators import structure_matrix, transfer
 from workbench.errors import InputError, SolverError, UnknownNameError
+from workbench.synthesis.given import need_positive
 from workbench.synthesis.standard import to_continuous
 
 if TYPE_CHECKING:
@@ -93,6 +94,7 @@ def performance_index(
     over = tuple(model.faults if faults is None else faults)
     under = (*model.disturbances, *model.noise) if disturbances is None else tuple(disturbances)
     low, high = _band(model, band)
+    need_positive(tolerance, "tolerance")
     for name in over:
         if name not in model.faults:
             raise UnknownNameError("fault", name, model.faults)
@@ -196,7 +198,7 @@ def _minimal(A: Array, B: Array, C: Array, D: Array) -> tuple[Array, ...]:
 
 
 def _axis_zeros(system: tuple[Array, ...], weights: Array, dt: float) -> Array:
-    """Frequencies [rad/s] of the zeros on the boundary of N J N~, N the system, J = diag(weights)."""
+    """Frequencies [rad/s] of zeros on the boundary of N J N~, N the system, J = diag(weights)."""
     A, B, C, D = to_continuous(system) if dt else system  # type: ignore[arg-type]
     n, J = len(A), np.diag(weights)
     spectrum = np.block(
