@@ -19,6 +19,7 @@ from workbench.diagnosis.matching import (
 )
 from workbench.diagnosis.parity_space import ParityRelation, parity_relation
 from workbench.diagnosis.performance_index import PerformanceIndex, performance_index
+from workbench.diagnosis.whitening import WhitenedResidual, whitened_residual
 
 __all__ = [
     "Detectability",
@@ -27,6 +28,7 @@ __all__ = [
     "ParityRelation",
     "PerformanceIndex",
     "ResidualGenerator",
+    "WhitenedResidual",
     "attainable_structures",
     "detectability",
     "fault_detection",
@@ -42,4 +44,5 @@ __all__ = [
     "structure_matrix",
     "transfer",
     "unattainable",
+    "whitened_residual",
 ]

@@ -101,7 +101,7 @@ def model_matching(
     K = hinf(regularised(generalised, regularisation), gamma=gamma, method=method).K
     names = [f"r{i + 1}" for i in range(k)]
     generator = ResidualGenerator(
-        _series(K, base.Q, names), _series(K, R, names), model.faults, model.noise
+        series(K, base.Q, names), series(K, R, names), model.faults, model.noise
     )
     error = generalised.close(K)
     norm = certified_norm(error) if stability_of(error).holds else np.inf
@@ -159,7 +159,7 @@ def _reference(model: FaultModel, reference: Any) -> StateSpace:
     return realisation((M_r.A, M_r.B, M_r.C, M_r.D), model.dt)
 
 
-def _series(K: StateSpace, first: StateSpace, names: list[str]) -> StateSpace:
+def series(K: StateSpace, first: StateSpace, names: list[str]) -> StateSpace:
     """K after the first, with every state."""
     matrices = (
         np.block([[first.A, np.zeros((first.nstates, K.nstates))], [K.B @ first.C, K.A]]),
