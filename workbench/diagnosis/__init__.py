@@ -9,7 +9,7 @@ from workbench.diagnosis.detectability import (
     unattainable,
 )
 from workbench.diagnosis.exact import fault_detection, fault_isolation
-from workbench.diagnosis.fault_model import FaultModel, multiplicative_lft
+from workbench.diagnosis.fault_model import FaultModel
 from workbench.diagnosis.generators import ResidualGenerator, structure_matrix, transfer
 from workbench.diagnosis.matching import (
     ModelMatch,
@@ -17,6 +17,7 @@ from workbench.diagnosis.matching import (
     model_matching,
     null_space_generator,
 )
+from workbench.diagnosis.parameter_faults import multiplicative_lft
 from workbench.diagnosis.parity_space import ParityRelation, parity_relation
 from workbench.diagnosis.performance_index import PerformanceIndex, performance_index
 from workbench.diagnosis.whitening import WhitenedResidual, whitened_residual

@@ -10,25 +10,23 @@ is the linear fractional transformation of `multiplicative_lft`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from workbench.diagnosis.parameter_faults import factors
 from workbench.errors import InputError, UnknownNameError
-from workbench.structure import Real, Structure
 from workbench.synthesis.standard import realisation
-from workbench.uncertainty.generalised import GeneralisedPlant, response
+from workbench.uncertainty.generalised import response
 
 if TYPE_CHECKING:
     from control import StateSpace
 
 Matrix = NDArray[Any]
 KINDS = ("controls", "disturbances", "faults", "noise")
-RANK = 1e-12
-"""Singular values of a parameter's matrix below this share of the largest are rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,92 +189,13 @@ class FaultModel:
         InputError
             Another shape, entries that are not finite, all zero, or a name that is taken.
         """
-        left, _ = _factors(self, name, (dA, dB, dC, dD))
+        left, _ = factors(self, name, (dA, dB, dC, dD))
         n, rank = int(self.system.nstates), left.shape[1]
         model = self
         for k, column in enumerate(left.T):
             each = name if rank == 1 else f"{name}_{k + 1}"
             model = model.with_fault(each, column[:n], column[n:])
         return model
-
-
-def multiplicative_lft(
-    model: FaultModel, changes: Mapping[str, tuple[ArrayLike | None, ...]]
-) -> GeneralisedPlant:
-    """The system as a linear fractional transformation of its parameter faults delta: exact.
-
-    Parameters
-    ----------
-    model
-        Its other inputs stay, controls last; its outputs are the measurements.
-    changes
-        For each parameter its (dA, dB, dC, dD), None: zero. A parameter of rank k is the block
-        `Real(k)` of its name, in that order.
-
-    Raises
-    ------
-    InputError
-        As `FaultModel.with_multiplicative_fault`; no parameter.
-    """
-    if not changes:
-        raise InputError("changes is empty; it needs the matrices of one parameter or more")
-    factors = {name: _factors(model, name, _four(name, dM)) for name, dM in changes.items()}
-    left = np.hstack([L for L, _ in factors.values()])
-    right = np.vstack([R for _, R in factors.values()])
-    blocks = [Real(L.shape[1], name) for name, (L, _) in factors.items()]
-    exogenous = (*model.disturbances, *model.faults, *model.noise)
-    B_w, D_w = model.matrices(exogenous)
-    B_u, D_u = model.matrices(model.controls)
-    system, n, k, w = model.system, int(model.system.nstates), left.shape[1], len(exogenous)
-    through = np.hstack([np.zeros((k, k + w)), right[:, n:]])
-    signals = [f"{name}_{i}" for name, (L, _) in factors.items() for i in range(L.shape[1])]
-    plant = realisation(
-        (
-            system.A,
-            np.hstack([left[:n], B_w, B_u]),
-            np.vstack([right[:, :n], system.C]),
-            np.vstack([through, np.hstack([left[n:], D_w, D_u])]),
-        ),
-        model.dt,
-        inputs=[*(f"d_{s}" for s in signals), *exogenous, *model.controls],
-        outputs=[*(f"q_{s}" for s in signals), *model.outputs],
-    )
-    return GeneralisedPlant(plant, Structure(blocks), len(model.controls), len(model.outputs))
-
-
-def _factors(
-    model: FaultModel, name: str, parts: tuple[ArrayLike | None, ...]
-) -> tuple[Matrix, Matrix]:
-    """L (n + p, k) and R (k, n + m) of full rank with L R = [dA dB; dC dD]."""
-    n, p, m = int(model.system.nstates), len(model.outputs), len(model.controls)
-    shapes = {"dA": (n, n), "dB": (n, m), "dC": (p, n), "dD": (p, m)}
-    given: list[Matrix] = []
-    for (label, shape), part in zip(shapes.items(), parts, strict=True):
-        matrix = np.zeros(shape) if part is None else np.asarray(part, dtype=float)
-        if matrix.shape != shape:
-            raise InputError(
-                f"{label} of fault {name!r} has shape {matrix.shape}; the model has {n} states, "
-                f"{p} outputs and {m} controls: {shape} is needed"
-            )
-        if not np.isfinite(matrix).all():
-            raise InputError(f"{label} of fault {name!r} has entries that are not finite")
-        given.append(matrix)
-    dM = np.block([given[:2], given[2:]])
-    if not dM.any():
-        raise InputError(f"fault {name!r} changes nothing: dA, dB, dC and dD are zero")
-    U, sizes, V = np.linalg.svd(dM)
-    rank = int((sizes > RANK * sizes[0]).sum())
-    if rank == 1:  # one column of a matrix stays what it was, as I_i in equation 7.2
-        pivot = int(np.abs(dM).sum(axis=0).argmax())
-        L = dM[:, [pivot]]
-        return L, np.linalg.lstsq(L, dM, rcond=None)[0]
-    return U[:, :rank], sizes[:rank, None] * V[:rank]
-
-
-def _four(name: str, parts: tuple[ArrayLike | None, ...]) -> tuple[ArrayLike | None, ...]:
-    if not (isinstance(parts, tuple) and len(parts) == 4):
-        raise InputError(f"parameter {name!r} needs the four matrices (dA, dB, dC, dD)")
-    return parts
 
 
 def _need_system(system: Any) -> None:

@@ -219,8 +219,7 @@ def _diagonal(parts: Sequence[tuple[Array, ...]]) -> tuple[Array, Array, Array, 
     A = block_diag(*[part[0] for part in parts])
     C = block_diag(*[part[2] for part in parts])
     B, D = np.vstack([part[1] for part in parts]), np.vstack([part[3] for part in parts])
-    # block_diag takes the (0, 0) of a static part for (1, 0) rows of its own
-    return A.reshape(len(B), len(B)), B, C.reshape(len(D), len(B)), D
+    return A, B, C, D
 
 
 def _stack(systems: Sequence[StateSpace]) -> StateSpace:

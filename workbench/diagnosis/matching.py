@@ -20,7 +20,7 @@ from workbench.diagnosis.decoupling import Parity
 from workbench.diagnosis.detectability import masking, need_faults
 from workbench.diagnosis.fault_model import FaultModel
 from workbench.diagnosis.generators import Poles, ResidualGenerator, realised, transfer
-from workbench.errors import InputError
+from workbench.errors import InputError, SolverError
 from workbench.synthesis.assumptions import regularised
 from workbench.synthesis.given import as_system
 from workbench.synthesis.hinf import hinf
@@ -78,7 +78,7 @@ def model_matching(
         No fault; a reference that is unstable or does not fit; disturbances that leave no null
         space; poles as of `generators.denominator`.
     SolverError
-        As `workbench.synthesis.hinf`.
+        As `workbench.synthesis.hinf`; an error that rounding makes unstable.
     """
     need_faults(model)
     M_r = _reference(model, reference)
@@ -90,7 +90,7 @@ def model_matching(
     through_r = np.hstack([M_r.D, np.zeros((k, len(model.noise)))])
     plant = realisation(
         (
-            block_diag(R.A, M_r.A).reshape(n + n_r, n + n_r),
+            block_diag(R.A, M_r.A),
             np.hstack([np.vstack([R.B, into_r]), np.zeros((n + n_r, k))]),
             np.block([[np.zeros((k, n)), -M_r.C], [R.C, np.zeros((R.noutputs, n_r))]]),
             np.block([[-through_r, np.eye(k)], [R.D, np.zeros((R.noutputs, k))]]),
@@ -104,8 +104,9 @@ def model_matching(
         series(K, base.Q, names), series(K, R, names), model.faults, model.noise
     )
     error = generalised.close(K)
-    norm = certified_norm(error) if stability_of(error).holds else np.inf
-    return ModelMatch(generator, error, norm)
+    if not stability_of(error).holds:
+        raise SolverError("the error is not stable, numerically; choose slower poles of the basis")
+    return ModelMatch(generator, error, certified_norm(error))
 
 
 def null_space_generator(model: FaultModel, poles: Poles) -> ResidualGenerator:
