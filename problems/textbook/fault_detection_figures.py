@@ -71,5 +71,5 @@ def matching(answer: xr.Dataset) -> Figure:
     )
     panel.set_xlabel("frequency [Hz]")
     panel.set_ylabel("largest singular value of the error")
-    figures.legend_below(figure, panel, columns=4)
+    figures.legend_below(figure, panel, columns=2)
     return figure

@@ -33,8 +33,17 @@ def hamiltonian_solution(H: Real) -> Real | None:
     with np.errstate(invalid="ignore"):  # SciPy makes integers of the factors, which is not used
         factor = matrix_balance(H - np.diag(np.diag(H)), permute=False, separate=True)[1][0]
     half = np.exp2(np.round(np.log2(factor[:n] / factor[n:]) / 2))
-    # States that only rounding errors couple to others would be taken to any size.
-    half = np.where((half < RUNAWAY) & (half > 1.0 / RUNAWAY), half, 1.0)
+    X = _balanced_solution(H, half)
+    # States that only rounding errors couple to others may have been taken to any size.
+    alone = (half >= RUNAWAY) | (half <= 1.0 / RUNAWAY)
+    if X is None and alone.any():
+        X = _balanced_solution(H, np.where(alone, 1.0, half))
+    return X
+
+
+def _balanced_solution(H: Real, half: Real) -> Real | None:
+    """The same with states in units (n,)."""
+    n = len(half)
     scale = np.concatenate([half, 1.0 / half])
     H = H / scale[:, None] * scale
     try:
