@@ -16,6 +16,8 @@ NEAR_AXIS = 10.0
 """Multiple of the rounding error of a Hamiltonian up to which an eigenvalue may be imaginary."""
 PAIRED = 1e-2
 """How far, relative, it may then be from its mirror image: rounding errors part imaginary ones."""
+RUNAWAY = EPS**-0.5
+"""Factors of a balance from here on say that a state is not coupled, not that it is large."""
 
 
 def hamiltonian_solution(H: Real) -> Real | None:
@@ -25,10 +27,23 @@ def hamiltonian_solution(H: Real) -> Real | None:
         return np.zeros((0, 0))
     if not np.isfinite(H).all():
         return None
+    if not H[n:, :n].any() and np.linalg.eigvals(H[:n, :n]).real.max() < 0.0:
+        return np.zeros((n, n))  # what costs nothing and is stable is left alone
     # A balance that keeps the structure, as of SciPy's own equations.
     with np.errstate(invalid="ignore"):  # SciPy makes integers of the factors, which is not used
         factor = matrix_balance(H - np.diag(np.diag(H)), permute=False, separate=True)[1][0]
     half = np.exp2(np.round(np.log2(factor[:n] / factor[n:]) / 2))
+    X = _balanced_solution(H, half)
+    # States that only rounding errors couple to others may have been taken to any size.
+    alone = (half >= RUNAWAY) | (half <= 1.0 / RUNAWAY)
+    if X is None and alone.any():
+        X = _balanced_solution(H, np.where(alone, 1.0, half))
+    return X
+
+
+def _balanced_solution(H: Real, half: Real) -> Real | None:
+    """The same with states in units (n,)."""
+    n = len(half)
     scale = np.concatenate([half, 1.0 / half])
     H = H / scale[:, None] * scale
     try:

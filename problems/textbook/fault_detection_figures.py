@@ -1,0 +1,75 @@
+"""What people look at: the residuals' steps, and their errors over frequency."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from workbench import figures
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
+
+LOOKS = {"exact": (figures.ORANGE, "exact isolation"), "approximate": (figures.BLUE, "least error")}
+TITLES = {
+    "f_u1": "fault of actuator 1",
+    "f_u2": "fault of actuator 2",
+    "u1": "control 1",
+    "u2": "control 2",
+}
+
+
+def steps(answer: xr.Dataset) -> Figure:
+    """Residuals after unit steps, nominal and over the uncertain plants."""
+    rows, columns = answer["residual"].values, answer["input"].values
+    figure, panels = figures.axes(2, 4, size=(9.6, 5.0), sharex=True, sharey="row")
+    places = [(row, column) for row in rows for column in columns]
+    for panel, (row, column) in zip(panels, places, strict=True):
+        for name, (colour, label) in LOOKS.items():
+            one = answer["step"].sel(generator=name, residual=row, input=column)
+            low, high = one.sel(curve="least"), one.sel(curve="most")
+            panel.fill_between(
+                answer["time"],
+                low,
+                high,
+                color=colour,
+                alpha=0.25,
+                linewidth=0.0,
+                label=f"{label}, uncertain plants",
+            )
+            panel.plot(answer["time"], one.sel(curve="nominal"), color=colour, label=label)
+        if row == rows[0]:
+            panel.set_title(TITLES[str(column)], fontsize=10)
+        else:
+            panel.set_xlabel("time [s]")
+        if column == columns[0]:
+            panel.set_ylabel(f"residual {row}")
+        panel.set_xlim(0.0, float(answer["time"].max()))
+    figures.legend_below(figure, panels[0], columns=4)
+    return figure
+
+
+def matching(answer: xr.Dataset) -> Figure:
+    """Errors against the reference model, and what no generator can go below."""
+    figure, (panel,) = figures.axes(size=(7.0, 4.2))
+    for name, (colour, label) in LOOKS.items():
+        error = answer["error"].sel(generator=name)
+        panel.loglog(answer["frequency"], error, color=colour, label=label)
+    panel.loglog(
+        answer["frequency"],
+        answer["bound"],
+        "--",
+        color=figures.BLACK,
+        label="no generator has less",
+    )
+    panel.axhline(
+        float(answer["norm"]),
+        color=figures.BLUE,
+        linewidth=0.8,
+        linestyle=":",
+        label=f"certified norm {float(answer['norm']):.4f}",
+    )
+    panel.set_xlabel("frequency [Hz]")
+    panel.set_ylabel("largest singular value of the error")
+    figures.legend_below(figure, panel, columns=2)
+    return figure
