@@ -38,10 +38,8 @@ reference: $(READY)
 	$(REFERENCE) 'cd/*/nominal' 'cd/*/uncertainty-comparison' --set frequencies=120
 	$(REFERENCE) 'cd/*/mu-pid-analysis' 'cd/*/nyquist' --set frequencies=120
 	$(REFERENCE) 'cd/*/five-x' 'cd/*/cover-for-control' --set frequencies=120
-	$(REFERENCE) 'cd/*/sensitivity' mass-spring/analysis bench/covers
-	$(REFERENCE) '*/controller' 'cd/*/mu-pid' 'cd/*/position-estimator'
 	$(REFERENCE) 'cd/*/sensitivity' mass-spring/analysis bench/covers textbook/fault-detection
-	$(REFERENCE) '*/controller' 'cd/*/mu-pid'
+	$(REFERENCE) '*/controller' 'cd/*/mu-pid' 'cd/*/position-estimator'
 	rm -rf results/reference/.partial
 
 $(READY): requirements.txt pyproject.toml

@@ -133,7 +133,7 @@ def laguerre(loop: FaultLoop, order: int, omega: Real) -> Complex:
     """T's basis (F, order): zero where the loop integrates, then all-pass factors."""
     s = 1j * omega[:, None]
     zero = (s + _slowest(loop)) / (s + CORNER)
-    return zero * ((s - CORNER) / (s + CORNER)) ** np.arange(order)
+    return np.asarray(zero * ((s - CORNER) / (s + CORNER)) ** np.arange(order), complex)
 
 
 def full_filter(loop: FaultLoop, coefficients: Real) -> StateSpace:
