@@ -28,7 +28,7 @@ BEAM = readout_beam(disc_formats()["CD"]).D
 """Diameter of the beam at the surface [m]."""
 SHOCK = 10e-3
 """Duration of a shock [s]: half a sine."""
-SHOCK_PEAK = {"focus": 10.0, "radial": 0.5}
+SHOCK_PEAK = {"focus": 10.0, "radial": 1.0}
 """Peak acceleration of a shock [m/s^2] that takes the error near the acceptable one."""
 
 Draw = Callable[[np.random.Generator, float], Defect]

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -99,7 +100,7 @@ def run(
     law = linear(controller(bench.axis), PERIOD)
     whole = bench.closed_loop(law, played, disc=disc, defects=placed, seed=seed)
     skip = round(SETTLING * RATE)
-    arrays = {
+    arrays: dict[str, Any] = {
         name: value[skip:] for name, value in vars(whole).items() if isinstance(value, np.ndarray)
     }
     faults = [

@@ -7,14 +7,22 @@ CD-players (2003).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 from scipy import stats
 
 from workbench import Check, Study, problem
-from workbench.diagnosis import Clusters, confusion, detection, hysteresis, quantile_threshold
+from workbench.diagnosis import (
+    UNKNOWN,
+    Clusters,
+    confusion,
+    detection,
+    hysteresis,
+    quantile_threshold,
+)
 from workbench.executor import Context
 from workbench.simulation import play
 
@@ -26,6 +34,7 @@ from .defect_runs import ROTATION, DefectRun, run
 from .diode_plane_report import figures_of, tables_of
 from .laboratory import STILL, Laboratory
 from .quality import FARTHEST, binary_detector, quality_signal
+from .red_book import ACCEPTABLE_ERROR
 from .sets import TABLES
 from .tables import Axis
 
@@ -52,6 +61,11 @@ ERROR_ALARMS = 0.01
 """False-alarm rate of the error's threshold on a wobbling disc, per block of ERROR_BLOCK."""
 ERROR_BLOCK = 350
 
+CLEAN_TIME = 1.0
+"""Of each run without defects [s]."""
+
+Point = tuple[int, Real | None]
+"""Kind of a defect and the features of its event; None where it made none."""
 Fraction = Annotated[float, Field(gt=0, lt=1)]
 
 
@@ -78,6 +92,21 @@ def diode_plane(
     return DiodePlane(axis, defects, dist_min or DIST_MIN[axis], dist_max, alpha, below)
 
 
+class OneDrive(NamedTuple):
+    """Of one drive: kind (F,) and delays (detector, F) of its defects, their events, false alarms.
+
+    False alarms (detector, condition) are counted; coupling is the squared correlation of sum and
+    error under shocks; lost, how often the loop was lost or regained.
+    """
+
+    labels: NDArray[np.int64]
+    delays: Real
+    points: list[Point]
+    false_alarms: Real
+    coupling: float
+    lost: int
+
+
 @dataclass(frozen=True)
 class DiodePlane(Study):
     """Runs on twelve drives, detectors compared on them, clusters made on half of them."""
@@ -101,117 +130,94 @@ class DiodePlane(Study):
         release = min(self.below + 0.1, 0.5 * (1.0 + self.below))
         return play(binary_detector(one.level, self.below, release), one.measured)[:, 0]
 
-    def alarms(self, one: DefectRun, error_level: float) -> dict[str, Real]:
+    def alarms(self, one: DefectRun, error_level: float) -> tuple[ArrayLike, ...]:
         """Alarm of each of DETECTORS (N,)."""
         error = abs(one.record.f_en)[:, None]
-        return {
-            "binary": self.binary(one),
-            "quality": self.quality(one)[:, 0] < 1.0,
-            "error": play(hysteresis(error_level, 0.5 * error_level), error)[:, 0],
-        }
+        above = play(hysteresis(error_level, 0.5 * error_level), error)[:, 0]
+        return self.binary(one), self.quality(one)[:, 0] < 1.0, above
 
     def compute(self, context: Context) -> xr.Dataset:
         import xarray as xr
 
-        kinds, rng = list(KINDS), context.rng
         names = [*TRAINED, *HELD_OUT]
-        lost, points, delays = 0, {name: [] for name in (TRAINED, HELD_OUT)}, []
-        false = np.zeros((len(DETECTORS), len(CONDITIONS)))
-        seconds, coupling = np.zeros(len(CONDITIONS)), []
-        for name in context.track(names, "drives"):
-            bench = Laboratory(self.axis, name)
-            seeds = rng.integers(2**31, size=4).tolist()
-            clean = self._clean(bench, seeds[:3])
-            wobble = clean["deviation"]
-            level = quantile_threshold(abs(wobble.record.f_en), ERROR_ALARMS, block=ERROR_BLOCK)
-            for c, one in enumerate(clean.values()):
-                for d, alarm in enumerate(self.alarms(one, level.level).values()):
-                    false[d, c] += detection(alarm, [], PERIOD).false_alarms
-                seconds[c] += len(one.record.time) * PERIOD
-                lost += len(one.record.events)
-            shaken = clean["shock"].record
-            coupling.append(np.corrcoef(shaken.sum, shaken.f_en)[0, 1] ** 2)
-            labels = rng.permutation(np.repeat(np.arange(len(kinds)), self.defects))
-            drawn = [draw(kinds[k], rng, self.axis) for k in labels]
-            dirty = run(bench, drawn, seeds[3])
-            lost += len(dirty.record.events)
-            found = [
-                detection(alarm, dirty.faults, PERIOD, LATE).delays
-                for alarm in self.alarms(dirty, level.level).values()
-            ]
-            delays.append((labels, np.array(found)))
-            dist = self.quality(dirty)[:, 1]
-            seen = events(dist, self.dist_min)
-            group = TRAINED if name in TRAINED else HELD_OUT
-            points[group] += [
-                (k, features(dirty, dist, seen[i]) if i >= 0 else None)
-                for k, i in zip(labels.tolist(), matched(seen, dirty.faults), strict=True)
-            ]
-        labels = np.concatenate([one[0] for one in delays])
-        delay = np.concatenate([one[1] for one in delays], axis=1)
-        of_kind = [delay[:, labels == k] for k in range(len(kinds))]
-        missed = [[float(np.isnan(row).mean()) for row in rows] for rows in of_kind]
-        mean = [[float(np.mean(r[~np.isnan(r)])) if (~np.isnan(r)).any() else np.nan for r in rows]
-                for rows in of_kind]  # fmt: skip
-        both = ~np.isnan(delay[:2]).any(axis=0)
+        every = [self._drive(name, context.rng) for name in context.track(names, "drives")]
+        labels = np.concatenate([one.labels for one in every])
+        delays = np.concatenate([one.delays for one in every], axis=1)
+        found = ~np.isnan(delays)
+        both = found[0] & found[1]
+        of_kind = [labels == k for k in range(len(KINDS))]
+        total = np.where(found, delays, 0.0)
+        mean = [
+            total[:, own].sum(axis=1) / np.maximum(1, found[:, own].sum(axis=1)) for own in of_kind
+        ]
+        missed = [1.0 - found[:, own].mean(axis=1) for own in of_kind]
+        trained = [point for one in every[: len(TRAINED)] for point in one.points]
+        held_out = [point for one in every[len(TRAINED) :] for point in one.points]
         detected, counted = ("kind", "detector"), ("detector", "condition")
         return xr.Dataset(
             {
-                **self._shown(int(rng.integers(2**31))),
-                **self._isolated(points[TRAINED], points[HELD_OUT]),
+                **self._shown(int(context.rng.integers(2**31))),
+                **isolated(trained, held_out),
                 "delay": (detected, mean, {"units": "s", "long_name": "mean over what was found"}),
                 "missed": (detected, missed, {"units": "1"}),
-                "lead": ((), float(np.mean(delay[0, both] - delay[1, both])), {"units": "s"}),
-                "false_alarms": (counted, false, {"units": "1"}),
-                "fault_free": ("condition", seconds, {"units": "s"}),
+                "lead": ((), float(np.mean(delays[0, both] - delays[1, both])), {"units": "s"}),
+                "false_alarms": (counted, sum(one.false_alarms for one in every)),
+                "fault_free": ((), CLEAN_TIME * len(every), {"units": "s"}),
                 "coupling": (
                     "drive",
-                    coupling,
-                    {"long_name": "squared correlation, sum and error"},
+                    [one.coupling for one in every],
+                    {"long_name": "squared correlation of sum and error under shocks"},
                 ),
-                "lost": lost,
+                "lost": sum(one.lost for one in every),
             },
             coords={
-                "kind": kinds,
+                "kind": list(KINDS),
                 "detector": list(DETECTORS),
                 "condition": list(CONDITIONS),
                 "drive": names,
                 "feature": list(FEATURES),
                 "diode": ["d1n", "d2n"],
-                "found": [*kinds, "missed"],
+                "found": [*KINDS, "missed"],
             },
         )
 
-    def _clean(self, bench: Laboratory, seeds: list[int]) -> dict[str, DefectRun]:
-        """Runs of a second without a defect, by condition."""
-        return {
-            "still disc": run(bench, [], seeds[0], duration=1.0, disc=STILL),
-            "deviation": run(bench, [], seeds[1], duration=1.0),
-            "shock": run(bench, [], seeds[2], SHOCK_PEAK[bench.axis], duration=1.0),
-        }
+    def _drive(self, name: str, rng: np.random.Generator) -> OneDrive:
+        """Detectors and events of one drive."""
+        bench = Laboratory(self.axis, name)
+        *seeds, last = rng.integers(2**31, size=len(CONDITIONS) + 1).tolist()
+        still, wobbling, shaken = self._clean(bench, seeds)
+        error = abs(wobbling.record.f_en)
+        level = quantile_threshold(error, ERROR_ALARMS, block=ERROR_BLOCK).level
+        false_alarms = np.zeros((len(DETECTORS), len(CONDITIONS)))
+        for c, one in enumerate((still, wobbling, shaken)):
+            for d, alarm in enumerate(self.alarms(one, level)):
+                false_alarms[d, c] = detection(alarm, [], PERIOD).false_alarms
+        labels = rng.permutation(np.repeat(np.arange(len(KINDS)), self.defects))
+        drawn = [draw(list(KINDS)[k], rng, self.axis) for k in labels]
+        dirty = run(bench, drawn, last)
+        delays = [
+            detection(a, dirty.faults, PERIOD, LATE).delays for a in self.alarms(dirty, level)
+        ]
+        dist = self.quality(dirty)[:, 1]
+        seen = events(dist, self.dist_min)
+        points = [
+            (k, features(dirty, dist, seen[i]) if i >= 0 else None)
+            for k, i in zip(labels.tolist(), matched(seen, dirty.faults), strict=True)
+        ]
+        coupling = np.corrcoef(shaken.record.sum, shaken.record.f_en)[0, 1] ** 2
+        lost = sum(len(one.record.events) for one in (still, wobbling, shaken, dirty))
+        return OneDrive(labels, np.array(delays), points, false_alarms, float(coupling), lost)
 
-    def _isolated(
-        self, trained: list[tuple[int, Real | None]], held: list[tuple[int, Real | None]]
-    ) -> dict[str, object]:
-        """Clusters of the first features, and what they say of the second."""
-        train, test = ([(k, x) for k, x in group if x is not None] for group in (trained, held))
-        clusters = Clusters.fit(
-            np.array([x for _, x in train]), np.array([k for k, _ in train]), tuple(KINDS)
-        )
-        measured, true = np.array([x for _, x in test]), np.array([k for k, _ in test])
-        said = clusters.classify(measured)
-        unseen = [k for k, x in held if x is None]
-        kinds = np.append(true, np.array(unseen, int))
-        counts = confusion(kinds, np.append(said, np.full(len(unseen), -1)), len(KINDS))
-        return {
-            "confusion": (("kind", "found"), counts),
-            "features": (("event", "feature"), measured),
-            "event_kind": ("event", true),
-            "cluster_mean": (("kind", "feature"), clusters.means),
-            "cluster_factor": (("kind", "feature", "also"), clusters.factors),
-        }
+    def _clean(self, bench: Laboratory, seeds: list[int]) -> list[DefectRun]:
+        """Runs without a defect, by condition."""
+        still, wobbling, shaken = seeds
+        return [
+            run(bench, [], still, duration=CLEAN_TIME, disc=STILL),
+            run(bench, [], wobbling, duration=CLEAN_TIME),
+            run(bench, [], shaken, SHOCK_PEAK[bench.axis], CLEAN_TIME),
+        ]
 
-    def _shown(self, seed: int) -> dict[str, object]:
+    def _shown(self, seed: int) -> dict[str, Any]:
         """What the figures show: the nominal drive, a trace of each kind, a scratch passing by."""
         bench, rng = Laboratory(self.axis, "nominal"), np.random.default_rng(seed)
         clean = run(bench, [], seed, duration=1.0).diodes[:: round(RATE / POINTS)]
@@ -231,6 +237,7 @@ class DiodePlane(Study):
             return least
 
         return {
+            "linear": bench.parameters.K_optn * ACCEPTABLE_ERROR[self.axis],
             "clean": (("point", "diode"), clean),
             "shaken": (("point", "diode"), shaken),
             "trace": (("kind", "along", "diode"), examples.diodes[windows]),
@@ -296,9 +303,7 @@ class DiodePlane(Study):
                 place = f"{detector}_{str(kind).replace(' ', '_')}"
                 numbers[f"delay_{place}_us"] = 1e6 * float(one["delay"].sel(kind=kind))
             for condition in CONDITIONS:
-                rate = one["false_alarms"].sel(condition=condition) / answer["fault_free"].sel(
-                    condition=condition
-                )
+                rate = one["false_alarms"].sel(condition=condition) / answer["fault_free"]
                 numbers[f"false_alarms_{detector}_{condition.replace(' ', '_')}_per_s"] = float(
                     rate
                 )
@@ -312,3 +317,21 @@ class DiodePlane(Study):
 
     def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
         return figures_of(answer, self.axis, self.dist_min, self.dist_max)
+
+
+def isolated(trained: list[Point], held_out: list[Point]) -> dict[str, Any]:
+    """Clusters of the first events, and what they say of the second."""
+    seen = [(k, x) for k, x in trained if x is not None]
+    kinds, points = np.array([k for k, _ in seen]), np.array([x for _, x in seen])
+    clusters = Clusters.fit(points, kinds, tuple(KINDS))
+    seen = [(k, x) for k, x in held_out if x is not None]
+    unseen = np.array([k for k, x in held_out if x is None], int)
+    true, measured = np.array([k for k, _ in seen]), np.array([x for _, x in seen])
+    said = np.append(clusters.classify(measured), np.full(len(unseen), UNKNOWN))
+    return {
+        "confusion": (("kind", "found"), confusion(np.append(true, unseen), said, len(KINDS))),
+        "features": (("event", "feature"), measured),
+        "event_kind": ("event", true),
+        "cluster_mean": (("kind", "feature"), clusters.means),
+        "cluster_factor": (("kind", "feature", "also"), clusters.factors),
+    }

@@ -5,7 +5,7 @@ Figure numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of C
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy import stats
@@ -39,8 +39,14 @@ def plane(answer: xr.Dataset, axis: Axis, dist_min: float, dist_max: float) -> F
     """The triangle, the linear area, the clean ellipse and a trace of each kind."""
     figure, panels = figures.axes(1, 2, size=(10.0, 5.6))
     names = ("d$_{1n}$", "d$_{2n}$") if axis == "focus" else ("s$_{1n}$", "s$_{2n}$")
+    along, across = float(answer["linear"]), dist_min / np.sqrt(2.0)
     for panel in panels:
-        panel.plot([0, 1, 0, 0], [0, 0, 1, 0], color=figures.BLACK, label="all there can be")
+        corners = [
+            (0.5 + a * along / 2 + b * across, 0.5 - a * along / 2 + b * across)
+            for a, b in ((1, 1), (1, -1), (-1, -1), (-1, 1))
+        ]
+        panel.fill(*np.transpose(corners), color=figures.SKY, alpha=0.15, lw=0, label="linear area")
+        panel.plot([0, 1, 0, 0], [0, 0, 1, 0], color=figures.BLACK, label="reachable")
         for dist, style in ((dist_min, "--"), (dist_max, ":")):
             reach = 1.0 - dist * np.sqrt(2.0)
             label = "dist$_{min}$" if style == "--" else "dist$_{max}$"
@@ -51,12 +57,17 @@ def plane(answer: xr.Dataset, axis: Axis, dist_min: float, dist_max: float) -> F
         panel.set_xlim(-0.05, 1.05)
         panel.set_ylim(-0.05, 1.05)
     clean, shaken = answer["clean"].values, answer["shaken"].values
-    dots = {"linestyle": "none", "marker": ".", "markersize": 2.0, "rasterized": True}
+    dots: dict[str, Any] = {
+        "linestyle": "none",
+        "marker": ".",
+        "markersize": 2.0,
+        "rasterized": True,
+    }
     panels[0].plot(*shaken.T, color=figures.AMBER, label="shocks", **dots)
     panels[0].plot(*clean.T, color=figures.SKY, label="deviation", **dots)
     for panel in panels:
         outline = ellipse(clean.mean(axis=0), np.cov(clean.T))
-        panel.plot(*outline, color=figures.BLUE, label=f"clean, {CLEAN:.0%}")
+        panel.plot(*outline, "-.", color=figures.BLACK, label=f"clean, {CLEAN:.0%}")
     panels[0].set_title("clean disc")
     for kind, colour in zip(answer["kind"].values, COLOURS, strict=True):
         trace = answer["trace"].sel(kind=kind).values
@@ -86,6 +97,7 @@ def over_time(answer: xr.Dataset) -> Figure:
     time = answer["block_time"].values
     above.plot(time, answer["block_sum"].values, color=figures.SKY, lw=0.8)
     above.plot(time, answer["block_quality"].values, color=figures.BLUE)
+    above.set_title("a scratch once a revolution; lowest values of every millisecond")
     above.set_xlabel("time [s]")
     zoom = 1e3 * answer["zoom_time"].values
     below.plot(zoom, answer["zoom_diodes"].sum("diode").values, color=figures.SKY, label="sum")
@@ -118,7 +130,12 @@ def clusters(answer: xr.Dataset) -> Figure:
             factor = answer["cluster_factor"].values[k]
             covariance = (factor @ factor.T)[np.ix_([x, y], [x, y])]
             own = points[kind_of == k]
-            style = {"marker": MARKERS[k], "linestyle": "none", "markersize": 3.5, "alpha": 0.7}
+            style: dict[str, Any] = {
+                "marker": MARKERS[k],
+                "linestyle": "none",
+                "markersize": 3.5,
+                "alpha": 0.7,
+            }
             panel.plot(own[:, x], own[:, y], color=COLOURS[k], label=str(kind), **style)
             mean = answer["cluster_mean"].values[k][[x, y]]
             panel.plot(*ellipse(mean, covariance), color=COLOURS[k], lw=1.0)
