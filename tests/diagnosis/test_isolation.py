@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import multivariate_normal
 
@@ -82,6 +82,7 @@ def test_far_points_are_unknown(clouds):
     assert 0.0 < share <= 0.06
 
 
+@settings(max_examples=30, deadline=None)
 @given(st.floats(-3, 3), st.floats(0.1, 10))
 def test_classes_do_not_depend_on_units(shift, scale):
     rng = np.random.default_rng(4)

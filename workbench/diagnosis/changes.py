@@ -107,7 +107,8 @@ def glr(window: int, deviation: float, mean: float = 0.0, signal: int = 0) -> Co
     """
     if window < 1 or not 0.0 < deviation < math.inf:
         raise InputError(f"window {window}, deviation {deviation}: need 1 or more, and positive")
-    parameters = np.array([window, deviation, mean, signal], float)
+    weights = 1.0 / (2.0 * deviation**2 * np.arange(1, window + 1))
+    parameters = np.array([window, mean, signal, *weights], float)
     return Controller(_glr, np.zeros(1 + window), parameters, outputs=3)
 
 
@@ -134,14 +135,15 @@ def _cusum(state: Real, parameters: Real, measurement: Real, output: Real) -> No
 @compiled
 def _glr(state: Real, parameters: Real, measurement: Real, output: Real) -> None:
     """State: samples seen, then the last `window` changes in a ring."""
-    window, variance = int(parameters[0]), parameters[1] ** 2
-    seen = int(state[0])
-    newest = seen % window
-    state[1 + newest] = measurement[int(parameters[3])] - parameters[2]
+    window, seen = int(parameters[0]), int(state[0])
+    place = 1 + seen % window
+    state[place] = measurement[int(parameters[2])] - parameters[1]
     state[0] = seen + 1
-    total, output[0] = 0.0, -1.0
+    total, best, age, change = 0.0, -1.0, 1, 0.0
     for j in range(1, min(seen + 1, window) + 1):
-        total += state[1 + (newest - j + 1) % window]
-        ratio = total * total / (2.0 * variance * j)
-        if ratio > output[0]:
-            output[0], output[1], output[2] = ratio, float(j), total / j
+        total += state[place]
+        place = place - 1 if place > 1 else window
+        ratio = parameters[2 + j] * total * total
+        if ratio > best:
+            best, age, change = ratio, j, total / j
+    output[0], output[1], output[2] = best, float(age), change

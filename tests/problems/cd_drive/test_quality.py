@@ -4,7 +4,7 @@ import time
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from problems.cd_drive.disc import Defect
@@ -35,6 +35,7 @@ positive = st.floats(1e-3, 1.0)
 limits = st.tuples(positive, positive).filter(lambda pair: pair[0] < pair[1])
 
 
+@settings(max_examples=50, deadline=None)
 @given(st.lists(st.floats(0.0, 2.0), min_size=2, max_size=20), limits, st.floats(0.1, 5.0))
 def test_quality_is_a_falling_share(dists, ends, alpha):
     found = np.array([quality(dist, *ends, alpha) for dist in sorted(dists)])
@@ -44,6 +45,7 @@ def test_quality_is_a_falling_share(dists, ends, alpha):
     assert quality(ends[1], *ends, alpha) == 0.0
 
 
+@settings(max_examples=50, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.floats(0.2, 3.0))
 def test_the_stream_is_the_equations_all_at_once(seed, alpha):
     rng = np.random.default_rng(seed)
