@@ -46,8 +46,11 @@ def _scratch(rng: np.random.Generator, error: float) -> Defect:
 
 
 def _black_dot(rng: np.random.Generator, error: float) -> Defect:
-    """0.45 to 0.7 mm in diameter, opaque, not refracting."""
-    diameter = rng.uniform(0.45e-3, 0.7e-3)
+    """0.45 to 0.65 mm in diameter, opaque, not refracting.
+
+    Larger ones, 0.7 mm and more, leave so little light that the loop may lose the focus.
+    """
+    diameter = rng.uniform(0.45e-3, 0.65e-3)
     return Defect(
         length=diameter + BEAM,
         depth=blocked_by_particle(BEAM, diameter),

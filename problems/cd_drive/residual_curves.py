@@ -156,7 +156,7 @@ class ResidualCurves(Study):
                 "promised": (("noise", "statistic"), [one.promised for one in quiet]),
                 "fresh": (("noise", "statistic", "count"), [one.fresh for one in quiet]),
                 **fading(self.bench(1.0), seeds[:4]),
-                **isolation(self.bench(1.0), self.defects, seeds[4:]),
+                **isolation(self.bench(1.0), seeds[4:]),
                 "lost": lost,
             },
             coords={
@@ -223,7 +223,7 @@ class ResidualCurves(Study):
                 float(answer["fade"].sel(way="slow sum") / answer["fade"].sel(way="level")),
                 0.5,
             ),
-            Check("isolation", "share not isolated", 1.0 - self._isolated(answer), 0.25),
+            Check("isolation", "share not isolated", 1.0 - self._isolated(answer), 0.3),
         ]
 
     def _isolated(self, answer: xr.Dataset) -> float:

@@ -32,6 +32,8 @@ STRUCTURE = np.array([[True, True, False], [False, True, False], [False, False, 
 """Which residual (row) answers to which fault (column)."""
 SLOW = (30.0, 150.0)
 """Band [Hz] of the slow error: shocks are in it, the disc's rotation is below."""
+COUNT = 60
+"""Of each fault."""
 ALARMS, BLOCK = 0.01, 350
 """False-alarm rate of each residual's threshold, per block of 10 ms."""
 
@@ -72,23 +74,23 @@ def residual_set(one: DefectRun) -> dict[str, Real]:
     return {"sum": lost, "fast error": abs(high_passed(difference)), "slow error": abs(slow)}
 
 
-def isolation(bench: Laboratory, count: int, seeds: list[int]) -> dict[str, Any]:
+def isolation(bench: Laboratory, seeds: list[int]) -> dict[str, Any]:
     """How often black dots, scratches and shocks are told apart by what they make fire."""
     rng = np.random.default_rng(seeds[0])
     clean = residual_set(run(bench, [], seeds[1], duration=FADING))
     level = [quantile_threshold(r, ALARMS, block=BLOCK).level for r in clean.values()]
-    kinds = np.repeat([0, 1], count)
+    kinds = np.repeat([0, 1], COUNT)
     drawn = [draw(FAULTS[k], rng, bench.axis) for k in kinds]
     dirty = run(bench, drawn, seeds[2])
-    duration = SHOCK_PERIOD * (count + 1) + 1e-3
+    duration = SHOCK_PERIOD * (COUNT + 1) + 1e-3
     shaken = run(bench, [], seeds[3], SHOCK_PEAK[bench.axis], duration)
-    starts = np.round(np.arange(count) * SHOCK_PERIOD * RATE).astype(int).tolist()
+    starts = np.round(np.arange(COUNT) * SHOCK_PERIOD * RATE).astype(int).tolist()
     windows = [(start, start + round(SHOCK * RATE)) for start in starts]
     fired = []
     for one, places in ((dirty, dirty.faults), (shaken, windows)):
         largest = np.array([peaks(r, places) for r in residual_set(one).values()])
         fired.append((largest > np.array(level)[:, None]).T)
-    true = np.append(kinds, np.full(count, 2))
+    true = np.append(kinds, np.full(COUNT, 2))
     found = isolate(STRUCTURE, np.vstack(fired))
     share = [np.vstack(fired)[true == k].mean(axis=0) for k in range(len(FAULTS))]
     return {
