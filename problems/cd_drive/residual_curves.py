@@ -221,7 +221,7 @@ class ResidualCurves(Study):
                 "fading laser",
                 "light lost when the slow sum alarms, over that of the level",
                 float(answer["fade"].sel(way="slow sum") / answer["fade"].sel(way="level")),
-                0.5,
+                0.8,
             ),
             Check("isolation", "share not isolated", 1.0 - self._isolated(answer), 0.3),
         ]

@@ -43,19 +43,23 @@ def fading(bench: Laboratory, seeds: list[int]) -> dict[str, Any]:
 
     The fault is incipient (section 7.1.2). Both diodes lose the same share, so the normalised error
     and with it the loop do not see it: it is applied to the diodes of a record. Thresholds are the
-    largest values on all other records, of the same length.
+    largest values on all other records, of the same length; each record is faded in turn, and the
+    median is given.
     """
     records = [run(bench, [], seed, duration=FADING) for seed in seeds]
     share = FADE * np.arange(len(records[0].record.time)) * PERIOD
     # The level is that of the disc at the start: its own median follows the fading.
     lost = [1.0 - one.diodes.sum(axis=1) for one in records]
-    faded = 1.0 - (1.0 - lost[0]) * (1.0 - share)
-    sums = [play(cusum(SLOW_DRIFT), one[:, None])[:, 0] for one in (faded, *lost[1:])]
-    noticed = []
-    for watched, *clean in ([faded, *lost[1:]], sums):
-        above = np.flatnonzero(watched > max(float(one.max()) for one in clean))
-        noticed.append(float(share[above[0]]) if above.size else math.inf)
-    return {"fade": ("way", noticed, {"units": "1"}), "way": ["level", "slow sum"]}
+    noticed: list[list[float]] = [[], []]
+    for i, own in enumerate(lost):
+        others = [one for k, one in enumerate(lost) if k != i]
+        faded = [1.0 - (1.0 - own) * (1.0 - share), *others]
+        sums = [play(cusum(SLOW_DRIFT), one[:, None])[:, 0] for one in faded]
+        for way, (watched, *clean) in zip(noticed, (faded, sums), strict=True):
+            above = np.flatnonzero(watched > max(float(one.max()) for one in clean))
+            way.append(float(share[above[0]]) if above.size else math.inf)
+    median = [float(np.median(way)) for way in noticed]
+    return {"fade": ("way", median, {"units": "1"}), "way": ["level", "slow sum"]}
 
 
 def residual_set(one: DefectRun) -> dict[str, Real]:
