@@ -26,10 +26,16 @@ def room(tmp_path):
     return folder
 
 
-def call(room):
+AS_THE_REGISTRY_DOES = (
+    "import sys, types\nmade = types.ModuleType('made')\nmade.__path__ = ['.']\n"
+    "sys.modules['made'] = made\n"
+)
+
+
+def call(room, code=CALL):
     """Value and cache hits in a new process."""
     done = subprocess.run(
-        [sys.executable, "-B", "-c", CALL],
+        [sys.executable, "-B", "-c", code],
         cwd=room.parent,
         capture_output=True,
         text=True,
@@ -52,3 +58,13 @@ def test_a_new_file_in_the_room_compiles_anew(room):
     call(room)
     (room / "other.py").touch()
     assert call(room) == (31.0, 0)
+
+
+def test_code_of_a_package_made_by_hand_is_kept_apart(room):
+    """It names a module that an ordinary process cannot import."""
+    (room / "outer.py").write_text(OUTER.replace("room.inner", ".inner"))
+    by_hand = AS_THE_REGISTRY_DOES + CALL.replace("room.outer", "made.room.outer")
+    assert call(room, by_hand) == (31.0, 0)
+    assert call(room) == (31.0, 0)
+    assert call(room, by_hand) == (31.0, 1)
+    assert call(room) == (31.0, 1)

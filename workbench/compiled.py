@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import sys
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -17,6 +18,9 @@ def compiled(function: Callable[..., Any]) -> Any:
     A compiled function may call compiled functions of its own room only. Numba looks for changes
     in the function's own file alone; a change in a sibling that it calls would go unseen and old
     code would run. So the stamp it compares covers every file of the room.
+
+    What is kept names the module it came from. The registry imports problem files under a package
+    of its own, which no other process can import by name; what it compiles is kept apart.
     """
     from numba import njit
 
@@ -24,7 +28,12 @@ def compiled(function: Callable[..., Any]) -> Any:
         dispatcher: Any = njit(cache=True, nogil=True)(function)
     except RuntimeError:  # nowhere to keep it: compile in every process
         return njit(nogil=True)(function)
-    dispatcher._cache._cache_file._source_stamp = _stamp(Path(inspect.getfile(function)).parent)
+    kept = dispatcher._cache
+    name, package = kept._impl.filename_base, function.__module__.partition(".")[0]
+    if sys.modules[package].__spec__ is None:
+        name = f"{package}.{name}"
+    stamp = _stamp(Path(inspect.getfile(function)).parent)
+    kept._cache_file = type(kept._cache_file)(kept._cache_path, name, stamp)
     return dispatcher
 
 

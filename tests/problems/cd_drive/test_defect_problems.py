@@ -1,0 +1,113 @@
+"""The problems cd/{axis}/diode-plane and cd/{axis}/residuals at a small size, and their checks."""
+
+import numpy as np
+import pytest
+
+import workbench as wb
+from problems.cd_drive.diode_plane import diode_plane
+from problems.cd_drive.residual_curves import residuals
+
+
+@pytest.fixture(scope="module")
+def plane():
+    study = diode_plane("focus", defects=6)
+    return study, wb.solve(study)
+
+
+@pytest.fixture(scope="module")
+def curves():
+    study = residuals("radial", runs=3, defects=10)
+    return study, wb.solve(study)
+
+
+def failures(study, answer):
+    return {check.name for check in study.checks(answer, 1e-6) if not check.holds}
+
+
+def test_the_plane_is_certified(plane):
+    study, solution = plane
+    assert solution.certificate is not None, solution.message
+    assert solution.certificate.holds, solution.certificate
+    numbers = study.metrics(solution.answer)
+    assert numbers["isolated"] > 0.9
+    assert numbers["false_alarms_error_shock_per_s"] > 10.0
+    assert numbers["missed_error"] > 0.3  # the error shows few of them: it is no detector
+
+
+def test_every_held_out_defect_is_counted(plane):
+    counts = plane[1].answer["confusion"]
+    assert (counts.sum("found") == 6 * 6).all()
+
+
+@pytest.mark.parametrize(
+    ("change", "name"),
+    [
+        ({"zoom_quality": 0.9}, "equation 7.13"),
+        ({"lost": 1.0}, "loop"),
+        ({"clean": -1.0}, "triangle"),
+        ({"coupling": 20.0}, "coupling"),
+        ({"missed": 1.1}, "quality finds all"),
+        ({"lead": -1.0}, "quality is not later"),
+    ],
+)
+def test_the_planes_checks_can_fail(plane, change, name):
+    study, solution = plane
+    ((key, factor),) = change.items()
+    spoiled = solution.answer.copy(deep=True)
+    spoiled[key] = spoiled[key] * factor + (1.0 if key in ("lost", "missed") else 0.0)
+    assert name in failures(study, spoiled)
+
+
+def test_alarms_of_the_sum_and_wrong_kinds_are_failures(plane):
+    study, solution = plane
+    spoiled = solution.answer.copy(deep=True)
+    spoiled["false_alarms"].loc[{"detector": "binary", "condition": "shock"}] = 1.0
+    spoiled["confusion"] = spoiled["confusion"].roll(found=1)
+    clean = spoiled["clean"].values  # some of them farther out than any Gaussian
+    clean[:80] += 4.0 * (clean[:80] - clean.mean(axis=0))
+    assert {"decoupled", "kinds", "clean ellipse"} <= failures(study, spoiled)
+
+
+def test_the_curves_are_certified(curves):
+    _, solution = curves
+    assert solution.certificate is not None, solution.message
+    assert solution.certificate.holds, solution.certificate
+    area = solution.answer["area"]
+    assert float(area.sel(statistic="sum").min()) > 0.5
+    assert (area.sel(statistic="quality", depth=0.4) > 0.99).all()
+
+
+def test_noise_makes_shallow_defects_harder(curves):
+    area = curves[1].answer["area"].sel(statistic="sum", depth=0.05)
+    assert (area.diff("noise") <= 0.05).all()
+    assert (area.isel(noise=-1) < area.isel(noise=0)).all()
+
+
+def test_the_curves_checks_can_fail(curves):
+    study, solution = curves
+    spoiled = solution.answer.copy(deep=True)
+    spoiled["area"] = 1.0 - spoiled["area"]
+    spoiled["detection"].values = spoiled["detection"].values[..., ::-1]
+    spoiled["fresh"].loc[{"count": "alarms"}] = spoiled["fresh"].sel(count="blocks") / 2
+    spoiled["fade"].values = spoiled["fade"].values[::-1]
+    spoiled["confusion"] = spoiled["confusion"].roll(isolated_as=1)
+    spoiled["lost"] = 2
+    expected = {"loop", "curves rise", "area", "promised rate", "deep defects", "depth"}
+    assert expected | {"fading laser", "isolation"} <= failures(study, spoiled)
+
+
+def test_figures_and_tables(plane, curves):
+    for study, solution in (plane, curves):
+        drawn = study.figures(solution.answer)
+        for figure in drawn.values():
+            assert all(panel.get_xlabel() or panel.get_subplotspec() for panel in figure.axes)
+            figure.canvas.draw()
+        assert all("|" in text for text in study.tables(solution.answer).values())
+    assert np.isfinite(list(curves[0].metrics(curves[1].answer).values())).sum() > 20
+
+
+@pytest.mark.parametrize("dist_max", [0.1, 0.18])
+def test_limits_out_of_order_end_the_study(dist_max):
+    solution = wb.solve(diode_plane("focus", dist_max=dist_max))
+    assert solution.answer is None
+    assert "dist_min < dist_max" in solution.message
