@@ -13,12 +13,14 @@ is certified elsewhere.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from workbench.errors import SolverError
+from workbench.executor import Context
 from workbench.fitting.rational import Complex, Rational, Real, paired
+from workbench.solvers import Outcome, conic_solvers, solve_conic
 from workbench.synthesis.standard import realisation
 from workbench.uncertainty.generalised import response
 
@@ -33,8 +35,8 @@ BAND = 1750.0
 MARGIN = 0.01
 """By which limits are tightened, relative: between grid points and boundary points is a little
 more."""
-CORNER = 2 * np.pi * 400.0
-"""Poles of the basis [rad/s]."""
+CORNER = 2 * np.pi * 600.0
+"""Poles of the Laguerre basis [rad/s]."""
 MICRO = 1e-6
 """Unit of length [m]."""
 
@@ -70,6 +72,13 @@ class FaultFront:
     def estimate(self, F: StateSpace) -> Complex:
         """T (F,) of a filter."""
         return np.asarray(response(F, self.omega)[:, 0, 0] / self.back)
+
+    def of_filter(self, F: StateSpace) -> Complex:
+        """Basis of T (F, n + 1) of the filters with the poles and the input matrix of one."""
+        n = F.nstates
+        states = realisation((F.A, F.B, np.eye(n), np.zeros((n, 1))), 0.0)
+        columns = [response(states, self.omega)[:, :, 0], np.ones((len(self.omega), 1))]
+        return np.asarray(np.hstack(columns) / self.back[:, None], complex)
 
     def judged(self, T: Complex) -> tuple[float, float, float]:
         """Relative error, leakage and noise [m] of T, on the grid."""
@@ -112,13 +121,21 @@ class FaultFront:
         if leakage is not None:
             limits.append(leakage >= E * MICRO)
         problem = cp.Problem(cp.Minimize(E + 3 * rms), limits)
-        problem.solve(solver=cp.CLARABEL)
-        if x.value is None or problem.status not in ("optimal", "optimal_inaccurate"):
-            raise SolverError(
-                f"no filter of this basis has a relative error of {error:g}: {problem.status}"
-            )
+        said = solved(problem)
+        if x.value is None:
+            raise SolverError(f"no filter of this basis has a relative error of {error:g}: {said}")
         T = basis @ x.value
         return Point(x.value / scale, *self.judged(T))
+
+
+def solved(problem: Any) -> str:
+    """Solve a cone program in place, without values where that fails; what the solver says."""
+    context = Context()
+    outcome, said = solve_conic(problem, conic_solvers()[0], context.options, context)
+    if outcome not in (Outcome.SOLVED, Outcome.INACCURATE):
+        for variable in problem.variables():
+            variable.value = None
+    return said
 
 
 def grid(loop: FaultLoop) -> Real:
@@ -130,7 +147,7 @@ def grid(loop: FaultLoop) -> Real:
 
 
 def laguerre(loop: FaultLoop, order: int, omega: Real) -> Complex:
-    """T's basis (F, order): zero where the loop integrates, then all-pass factors."""
+    """Basis of T (F, order): zero where the loop integrates, then all-pass factors."""
     s = 1j * omega[:, None]
     zero = (s + _slowest(loop)) / (s + CORNER)
     return np.asarray(zero * ((s - CORNER) / (s + CORNER)) ** np.arange(order), complex)
