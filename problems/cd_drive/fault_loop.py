@@ -105,10 +105,11 @@ class FaultLoop:
         """S_nominal / S (F, P) on the boundary of the set: 1 + T (W_c delta_c + W_r delta_r)."""
         L = self.open_loop(omega)
         T = L / (1 + L)
-        circular, real = self._extents(omega, T)
-        turned = np.exp(1j * (np.angle(real)[:, None] + np.linspace(-0.5, 0.5, sides // 2) * np.pi))
-        cap = real[:, None] + circular[:, None] * turned
-        return np.concatenate([1 + cap, 1 - cap], axis=1)
+        circular, real = (part[:, None] for part in self._extents(omega, T))
+        along = np.exp(1j * np.angle(real))
+        cap = real + circular * along * np.exp(1j * np.pi * np.linspace(-0.5, 0.5, sides // 2))
+        side = real * np.linspace(-1.0, 1.0, sides // 2)[1:-1] + 1j * circular * along
+        return np.concatenate([1 + cap, 1 - cap, 1 + side, 1 - side], axis=1)
 
     def amplification(self, omega: Real) -> Real:
         """Largest |S / S_nominal| (F,) over the set; infinite where the loop may be unstable."""

@@ -8,6 +8,7 @@ and detection of actuator and sensor faults, Sensor Review 17 (1997) 138-149).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -47,12 +48,14 @@ class FaultFilter:
     """u_f = K y with certified bounds for the whole set of plants, as shares of what is required.
 
     ``peaks`` (requirements, 2): the lower and upper bound of each; ``stacked`` (2,): of all at
-    once, at all frequencies.
+    once, at all frequencies. ``least``: no lower norm of all at once was found for the nominal
+    plant (NaN: not looked for).
     """
 
     K: StateSpace
     peaks: np.ndarray
     stacked: np.ndarray
+    least: float = math.nan
     history: tuple[float, ...] = field(default=())
     """Largest upper bound of each round of an iteration."""
 
@@ -144,13 +147,15 @@ class FaultEstimation(Program):
         band = EVERYWHERE if channel is None else channel.band
         return peak(loop.system, closed(loop), TOLERANCE, band=band)
 
-    def answer(self, K: StateSpace, history: tuple[float, ...] = ()) -> FaultFilter | None:
+    def answer(
+        self, K: StateSpace, history: tuple[float, ...] = (), least: float = math.nan
+    ) -> FaultFilter | None:
         """A filter with its certified peaks; None where it is not stable."""
         if not stability_of(K).holds:
             return None
         found = [self.certified(K, channel) for channel in (*self.channels, None)]
         bounds = np.array([[each.lower, each.upper] for each in found])
-        return FaultFilter(K, bounds[:-1], bounds[-1], history)
+        return FaultFilter(K, bounds[:-1], bounds[-1], least, history)
 
     # --- checks -------------------------------------------------------------------------------
 
@@ -184,6 +189,7 @@ class FaultEstimation(Program):
                 for channel, upper in zip(self.channels, answer.peaks[:, 1], strict=True)
             },
             "peak_stacked": float(answer.stacked[1]),
+            "least_stacked_nominal": answer.least,
             "order": float(answer.K.nstates),
             "iterations": float(len(answer.history)),
         }
@@ -200,6 +206,7 @@ class FaultEstimation(Program):
                 **stored("plant", self.plant.system),
                 **stored("filter", answer.K),
                 "peak": (("requirement", "bound"), bounds, one | {"long_name": "mixed mu"}),
+                "least": ((), answer.least, one | {"long_name": "no lower nominal norm was found"}),
                 "round_peak": ("round", list(answer.history), one),
             },
             coords={
@@ -211,7 +218,8 @@ class FaultEstimation(Program):
     def from_dataset(self, data: xr.Dataset) -> FaultFilter:
         bounds = data["peak"].values
         history = tuple(map(float, data["round_peak"].values))
-        return FaultFilter(restored(data, "filter"), bounds[:-1], bounds[-1], history)
+        least = float(data["least"])
+        return FaultFilter(restored(data, "filter"), bounds[:-1], bounds[-1], least, history)
 
     def figures(self, answer: FaultFilter) -> dict[str, Figure]:
         from workbench.diagnosis.estimation_figures import channels, fault_filter

@@ -73,7 +73,8 @@ class Constraint:
         low, high = channel.band
         own = frequencies_of(loop.system)
         ends = [end for end in channel.band if 0.0 < end < np.inf]
-        omega = np.unique(np.concatenate([own[(own >= low) & (own <= high)], ends, more]))
+        inside = own[(own >= low) & (own <= high)]
+        omega = np.unique(np.concatenate([inside, ends, more[np.isfinite(more)]]))
         M = response(loop.system, omega)
         structure = closed(loop)
         parts = program.plant.channel(None, list(channel.inputs))

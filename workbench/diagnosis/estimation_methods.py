@@ -29,22 +29,13 @@ def nominal_filter(program: FaultEstimation, context: Context, name: str) -> Cla
             f"no filter does better than u_f = 0, whose norm is {without:.4g}: with these weights "
             f"faults cannot be told from disturbances; {said}"
         )
-    return program.answer(found.K), outcome, said
+    return program.answer(found.K, least=found.least), outcome, said
 
 
 @method(FaultEstimation, "riccati", optimal=False)
 def _riccati(program: FaultEstimation, context: Context) -> Claim:
     """Least stacked norm of the nominal plant, by two Riccati equations."""
     return nominal_filter(program, context, "riccati")
-
-
-def _unfit(program: FaultEstimation) -> str | None:
-    solver = "clarabel"
-    try:
-        find_method(HinfSynthesis(program.nominal), solver)
-    except Exception as error:  # its reason is ours
-        return str(error)
-    return None
 
 
 @conic_method(FaultEstimation, optimal=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -34,12 +35,14 @@ if TYPE_CHECKING:
 class HinfController:
     """u = K y with positive feedback; the loop has the norm ``norm``, at most the level ``gamma``.
 
-    ``gamma`` is the level for which K was made.
+    ``gamma`` is the level for which K was made; ``least`` is one below which its method found none
+    (NaN: it was asked for one level).
     """
 
     K: StateSpace
     norm: float
     gamma: float
+    least: float = math.nan
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,13 +152,13 @@ class HinfSynthesis(Program):
                 **stored("controller", answer.K),
                 "norm": ((), answer.norm, units | {"long_name": "norm of the closed loop"}),
                 "gamma": ((), answer.gamma, units | {"long_name": "level of the controller"}),
+                "least": ((), answer.least, units | {"long_name": "no lower level was found"}),
             }
         )
 
     def from_dataset(self, data: xr.Dataset) -> HinfController:
-        return HinfController(
-            restored(data, "controller"), float(data["norm"]), float(data["gamma"])
-        )
+        numbers = (float(data[name]) for name in ("norm", "gamma", "least"))
+        return HinfController(restored(data, "controller"), *numbers)
 
 
 def hinf(

@@ -7,6 +7,7 @@ H-infinity synthesis, Automatica 32 (1996) 1007-1014.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -74,7 +75,8 @@ def _conic(program: HinfSynthesis, context: Context, solver: ConicSolver) -> Cla
             said = f"{said}; {error}"
             continue
         if size <= trial:
-            return claimed(program, K, size, trial, said)
+            none_below = least if program.gamma is None else math.nan
+            return claimed(program, K, size, trial, said, none_below)
         said = f"{said}; the loop of level {trial:.6g} has norm {size:.6g}"
     return None, Outcome.FAILED, said
 

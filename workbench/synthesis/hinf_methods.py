@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from workbench.errors import SolverError
@@ -31,7 +33,14 @@ def distance(context: Context) -> float:
     return max(context.options.accuracy, DISTANCE)
 
 
-def claimed(program: HinfSynthesis, K: Matrices, size: float, gamma: float, said: str) -> Claim:
+def claimed(
+    program: HinfSynthesis,
+    K: Matrices,
+    size: float,
+    gamma: float,
+    said: str,
+    least: float = math.nan,
+) -> Claim:
     """The claim of a controller of the plant in continuous time; none unless it stabilises."""
     if not np.isfinite(size):
         return None, Outcome.FAILED, f"{said}; the controller found does not stabilise the plant"
@@ -51,7 +60,8 @@ def claimed(program: HinfSynthesis, K: Matrices, size: float, gamma: float, said
         "inputs": list(system.output_labels[system.noutputs - plant.measurements :]),
         "outputs": list(system.input_labels[system.ninputs - plant.controls :]),
     }
-    return HinfController(realisation(matrices, dt, **labels), size, gamma), Outcome.SOLVED, said
+    K_found = realisation(matrices, dt, **labels)
+    return HinfController(K_found, size, gamma, least), Outcome.SOLVED, said
 
 
 @method(HinfSynthesis, "riccati", optimal=False)
@@ -65,7 +75,8 @@ def _riccati(program: HinfSynthesis, context: Context) -> Claim:
     except SolverError as error:
         return None, Outcome.FAILED, str(error)
     said = f"no level below {found.lower:.6g} is feasible" if found.lower else ""
-    return claimed(program, found.K, found.norm, found.gamma, said)
+    least = found.lower if program.gamma is None else math.nan
+    return claimed(program, found.K, found.norm, found.gamma, said, least)
 
 
 def _static(program: HinfSynthesis) -> str | None:
@@ -82,6 +93,7 @@ def _sb10ad(program: HinfSynthesis, context: Context) -> Claim:
     sizes = (plant.states, plant.B.shape[1], len(plant.C), plant.controls, plant.measurements)
     matrices = (plant.A, plant.B, plant.C, plant.D)
     gamma, said = program.gamma, f"SB10AD with gamma = {program.gamma}"
+    least = math.nan
     try:
         if gamma is None:
             _, ceiling = level_ends(plant)
@@ -90,6 +102,6 @@ def _sb10ad(program: HinfSynthesis, context: Context) -> Claim:
             gamma = least * (1.0 + step)
         _, *made = sb10ad(*sizes, gamma, *matrices, job=4)
         K = normal.controller((made[0], made[1], made[2], made[3]))
-        return claimed(program, K, norm(normal.given.close(K)), gamma, said)
+        return claimed(program, K, norm(normal.given.close(K)), gamma, said, least)
     except (ArithmeticError, SolverError, np.linalg.LinAlgError) as error:
         return None, Outcome.FAILED, f"{said}: {' '.join(str(error).split())}"

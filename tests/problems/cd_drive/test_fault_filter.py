@@ -1,0 +1,175 @@
+"""The fault filter's loop, front, bound and filters, against formulas and members of the set."""
+
+from pathlib import Path
+
+import control
+import numpy as np
+import pytest
+
+import workbench as wb
+from problems.cd_drive import fault_bound
+from problems.cd_drive.defect_estimates import (
+    SHAPES,
+    SIZE,
+    estimates,
+    relative_errors,
+    sampled_defect,
+)
+from problems.cd_drive.drives import controller
+from problems.cd_drive.fault_design import estimation, few_states, full_order
+from problems.cd_drive.fault_filter_peers import defect_weight, peer_filters
+from problems.cd_drive.fault_front import FaultFront, full_filter, laguerre
+from problems.cd_drive.fault_loop import (
+    FAST,
+    SLOW,
+    FaultLoop,
+    disc_weight,
+    resampled,
+    unsampled,
+)
+from problems.cd_drive.red_book import envelope
+from workbench.errors import SolverError
+from workbench.fitting.storage import function
+from workbench.uncertainty import UncertaintyModel
+from workbench.uncertainty.generalised import response
+
+REFERENCE = Path(__file__).parents[3] / "results" / "reference"
+
+
+@pytest.fixture(scope="module")
+def loops():
+    (folder,) = (REFERENCE / "cd" / "focus" / "cover-for-control").iterdir()
+    data = wb.open_run(folder).data
+    model = UncertaintyModel(*(function(data, f"{name}3_") for name in ("nominal", "W_c", "W_r")))
+    K = control.ss(controller("focus"))
+    return FaultLoop("focus", model, K), FaultLoop("focus", model, K, 1.0)
+
+
+@pytest.mark.parametrize("which", [0, 1])
+def test_the_set_of_a_loop_is_that_of_its_plant(loops, which):
+    loop = loops[which]
+    frequency = np.geomspace(1.0, 1e4, 60)
+    omega = loop.warped(frequency)
+    N = response(loop.plant.system, omega)
+    S = 1 / (1 + loop.open_loop(omega))
+    rng = np.random.default_rng(1)
+    p, most = loop.differences(omega, 400), loop.amplification(omega)
+    for _ in range(20):
+        delta = np.diag([rng.uniform(-1, 1), np.exp(2j * np.pi * rng.uniform())])
+        N11, N12 = N[:, :2, :2], N[:, :2, 2:]
+        N21, N22 = N[:, 2:, :2], N[:, 2:, 2:]
+        closed = N22 + N21 @ delta @ np.linalg.solve(np.eye(2) - N11 @ delta, N12)
+        assert closed[:, 0, 0] == pytest.approx(closed[:, 0, 1])  # a defect is as a deviation
+        ratio = closed[:, 0, 0] / S
+        assert (abs(ratio) <= most * (1 + 1e-9)).all()
+    assert 1 / abs(p).min(axis=1) == pytest.approx(most, rel=2e-2)
+
+
+def test_the_sampled_loop_is_held_and_delayed(loops):
+    frequency = np.geomspace(10.0, 3000.0, 20)
+    G, held = (response(loop.G, loop.warped(frequency))[:, 0, 0] for loop in loops)
+    half = 1.5 * 2 * np.pi * frequency / 35e3
+    assert held == pytest.approx(G * np.exp(-1j * half), rel=0.02)
+    F = control.ss([[-3e3]], [[1.0]], [[2e3]], [[0.5]])
+    z = np.exp(2j * np.pi * frequency / 35e3)
+    again = response(F, loops[1].warped(frequency))[:, 0, 0]
+    assert resampled(F)(z) == pytest.approx(again)
+    assert pytest.approx(F.A) == unsampled(resampled(F)).A
+
+
+def test_the_disc_weight_is_above_the_envelope():
+    frequency = np.geomspace(0.1, SLOW, 400)
+    size = abs(disc_weight("focus")(2j * np.pi * frequency))
+    ratio = size / envelope("focus", frequency)
+    assert ratio.min() >= 1 - 1e-9
+    assert ratio.max() < 1.16
+
+
+def test_a_full_filter_has_the_response_of_its_coefficients(loops):
+    rng = np.random.default_rng(2)
+    for loop in loops:
+        front = FaultFront(loop)
+        x = rng.standard_normal(9)
+        F = full_filter(loop, x)
+        assert (F.poles().real < 0).all()
+        expected = laguerre(loop, 9, front.omega) @ x
+        np.testing.assert_allclose(front.estimate(F), expected, atol=1e-9)
+
+
+def test_every_plant_costs_more_than_one_and_no_filter_beats_the_bound(loops, monkeypatch):
+    monkeypatch.setattr(fault_bound, "COEFFICIENTS", 24)
+    loop = loops[0]
+    fronts = [FaultFront(loop, nominal) for nominal in (True, False)]
+    points = [each.least(laguerre(loop, 12, each.omega), 0.3) for each in fronts]
+    assert points[0].total < points[1].total
+    assert all(point.error <= 0.3 for point in points)
+    bound = fault_bound.least_total(loop, 0.3)
+    assert 0.2 * points[0].total < bound < points[0].total
+
+
+def test_a_bound_of_more_coefficients_is_no_lower(loops, monkeypatch):
+    bounds = []
+    for count in (12, 24):
+        monkeypatch.setattr(fault_bound, "COEFFICIENTS", count)
+        bounds.append(fault_bound.least_total(loops[0], 0.4))
+    assert bounds[0] <= bounds[1] * (1 + 1e-3)
+
+
+def test_outer_functions_have_their_modulus(monkeypatch):
+    monkeypatch.setattr(fault_bound, "COEFFICIENTS", 400)
+    theta = 2 * np.pi * (np.arange(fault_bound.CIRCLE) + 0.5) / fault_bound.CIRCLE
+    modulus = 1 / abs(1 - 0.8 * np.exp(1j * theta))
+    expected = 0.8 ** np.arange(400)
+    np.testing.assert_allclose(fault_bound._outer(modulus), expected, atol=1e-10)
+
+
+def test_a_set_too_large_for_an_error_is_named(loops):
+    front = FaultFront(loops[0])
+    with pytest.raises(SolverError, match=r"no filter of this basis has a relative error of 0\.05"):
+        front.least(laguerre(loops[0], 8, front.omega), 0.05)
+
+
+def test_ten_states_keep_what_is_wanted_of_every_plant(loops):
+    loop = loops[1]
+    fine = full_order(loop, 20, 0.3, 0.5e-6)
+    few = few_states(loop, fine.F, 10, 0.3, 0.5e-6)
+    assert few.F.nstates == 10
+    assert few.answer.upper < 1.0
+    again = estimation(loop, 0.3, 0.5e-6).answer(few.F)
+    assert again.upper == pytest.approx(few.answer.upper)
+
+
+def test_the_weight_of_defects_is_one_at_high_frequency():
+    W = defect_weight()
+    assert abs(W(1e9j)) == pytest.approx(1.0, rel=1e-3)
+    assert abs(W(2j * np.pi * FAST)) < 0.1
+
+
+def test_peers_are_stable(loops):
+    for F in peer_filters(loops[0], 0.3, 0.5e-6).values():
+        assert (F.poles().real < 0).all()
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_defects_are_seen_through_the_filter(shape):
+    time, seen = sampled_defect(shape)
+    assert len(time) == len(seen)
+    assert abs(seen[time < 0]).max() == 0.0
+    assert 0.5 * SIZE < abs(seen).max() <= SIZE
+    assert abs(seen[-1]) < 1e-6 * SIZE
+
+
+def test_an_exact_inverse_estimates_a_defect_of_its_drive_exactly(loops):
+    # u_f = e has the error 1 - S; u_f = 0 the error 1.
+    _, seen, nothing = estimates("focus", control.ss([], [], [], [[0.0]], 1 / 35e3), "bump", 1.0)
+    assert relative_errors(seen, nothing) == pytest.approx(np.ones(12))
+
+
+@pytest.mark.slow
+def test_the_whole_study():
+    run = wb.run("cd/focus/fault-filter")
+    assert run.certificate.holds
+    assert run.metrics["fault_error"] <= 0.3
+    assert run.metrics["leakage"] <= 0.5e-6
+    assert run.metrics["peak"] < 1.0
+    assert run.metrics["order_discrete"] <= 10
