@@ -63,9 +63,9 @@ def fault_filter(
 ) -> FaultFilterStudy:
     """A filter that estimates surface defects on every drive, and leaves the disc's deviation out.
 
-    The point chosen is where the front bends: below a relative error of 0.3 every plant's total rises
-    steeply, by half for 0.05 less, above it falls by less than a third for 0.1 more; and there what
-    the disc leaks is a quarter of the 2 um that the loop itself may be off.
+    The point chosen is where the front bends: below a relative error of 0.3 every plant's total
+    rises steeply, by half for 0.05 less, above it falls by less than a third for 0.1 more; and
+    there what the disc leaks is a quarter of the 2 um that the loop itself may be off.
 
     frequencies, gain: of the stadiums, as `cd/focus/cover-for-control`. error: relative, allowed
     from 1.5 kHz on; leakage: of the Red Book's envelope into the estimate [m], allowed up to
