@@ -25,7 +25,7 @@ PLANTS: dict[str, Callable[[], GeneralisedPlant]] = {
     "distillation": distillation_column,
     "unstable-first-order": unstable_first_order,
 }
-After = Literal["", "dk", "mu-dk"]
+After = Literal["", "dk", "mu-dk", "dgk"]
 
 
 def earlier(plant: str, after: After = "", **_: Any) -> dict[str, Any]:

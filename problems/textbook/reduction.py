@@ -39,7 +39,7 @@ def needs(plant: str, after: str = "mu-dk", **_: Any) -> dict[str, Any]:
 def reduction(
     plant: Literal["mass-spring", "distillation", "unstable-first-order"],
     full: Run,
-    after: Literal["dk", "mu-dk"] = "mu-dk",
+    after: Literal["dk", "mu-dk", "dgk"] = "mu-dk",
     target: Annotated[float, Field(gt=0.0, allow_inf_nan=False)] = 1.0,
 ) -> ReductionCurve:
     """The certified peak of mu against the controller's order, and the least order below a target.
