@@ -19,7 +19,7 @@ from .bench_setup import PERIOD, RATE
 from .defect_kinds import shocks
 from .disc import VELOCITY, Defect, Disc
 from .drives import controller
-from .laboratory import MEASUREMENTS, Laboratory
+from .laboratory import Laboratory
 from .quality import clean_level
 from .record import Record
 from .tables import Axis, red_book
@@ -46,11 +46,6 @@ class DefectRun:
     record: Record
     level: float
     faults: list[Interval]
-
-    @property
-    def measured(self) -> Real:
-        """What a controller is given (N, 6)."""
-        return np.column_stack([getattr(self.record, name) for name in MEASUREMENTS])
 
     @property
     def diodes(self) -> Real:

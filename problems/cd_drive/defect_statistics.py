@@ -12,6 +12,7 @@ from .actuator import Real
 from .bench_setup import PERIOD
 from .defect_events import LATE
 from .defect_runs import DefectRun
+from .laboratory import measurements
 from .quality import quality_signal
 
 STATISTICS = ("sum", "quality", "error", "cusum", "glr")
@@ -41,7 +42,7 @@ def statistics_of(run: DefectRun, dist_min: float, dist_max: float) -> dict[str,
              noise's variance.
     """
     lost = 1.0 - run.diodes.sum(axis=1)
-    signal = play(quality_signal(run.level, dist_min, dist_max), run.measured)[:, 0]
+    signal = play(quality_signal(run.level, dist_min, dist_max), measurements(run.record))[:, 0]
     return {
         "sum": lost,
         "quality": 1.0 - signal,

@@ -27,7 +27,7 @@ from .bench_setup import PERIOD, RATE
 from .defect_events import LATE, events, features, matched
 from .defect_kinds import KINDS, SHOCK_PEAK, draw
 from .defect_runs import ROTATION, DefectRun, run
-from .laboratory import STILL, Laboratory
+from .laboratory import STILL, Laboratory, measurements
 from .quality import binary_detector, quality_signal
 from .red_book import ACCEPTABLE_ERROR
 from .tables import Axis
@@ -81,12 +81,12 @@ class Detectors:
     def quality(self, one: DefectRun) -> Real:
         """Quality, dist and held error of a run (N, 3)."""
         law = quality_signal(one.level, self.dist_min, self.dist_max, self.alpha)
-        return play(law, one.measured)
+        return play(law, measurements(one.record))
 
     def binary(self, one: DefectRun) -> Real:
         """Alarm of the binary detector (N,)."""
         release = min(self.below + 0.1, 0.5 * (1.0 + self.below))
-        return play(binary_detector(one.level, self.below, release), one.measured)[:, 0]
+        return play(binary_detector(one.level, self.below, release), measurements(one.record))[:, 0]
 
     def alarms(self, one: DefectRun, error_level: float) -> tuple[ArrayLike, ...]:
         """Alarm of each of DETECTORS (N,)."""

@@ -234,6 +234,11 @@ def _loop(laboratory: Laboratory) -> SampledLoop:
     )
 
 
+def measurements(record: Record) -> Real:
+    """What a controller was given at each sample of a record, MEASUREMENTS (N, 6)."""
+    return np.column_stack([getattr(record, name) for name in MEASUREMENTS])
+
+
 def _time(samples: int) -> Real:
     return np.arange(samples) / RATE
 

@@ -30,7 +30,6 @@ from workbench.simulation import hold, sampled
 from .actuator import Real, specific_model
 from .bench_setup import NOISE, PERIOD, coil_gain, find_drive
 from .drives import ANTIALIASING, nominal_parameters, plant, total_gain
-from .record import Record
 from .red_book import ACCEPTABLE_ERROR
 from .tables import Axis
 
@@ -47,10 +46,6 @@ PRINTED_K_OBS = 1e8 * np.array([4.9312, 4.0959, 3.2174, 2.3024, 1.3581])
 """Equation 7.34."""
 PRINTED_K_P = np.array([45.0, 45.0])
 """Equation 7.35."""
-DIST_MIN, DIST_MAX, ALPHA = 0.16, 0.36, 1.0
-"""Of the quality (eq. 7.13). The diodes' sum is as noisy as f_en, some 4 % rms of a clean sum in
-focus, so dist is up to 0.03 rms: dist_min is five of these, and no clean sample is called bad;
-at dist_max half of the light is gone."""
 KNOWN = 0.05
 """White uncertainty of u [V rms] in the Kalman filter: a sixtieth of what the largest wobble takes,
 for no drive is the nominal one."""
@@ -152,10 +147,3 @@ def _reachable(A: Real, B: Real) -> Real:
     for _ in range(len(A) - 1):
         columns.append(A @ columns[-1])
     return np.hstack(columns)
-
-
-def quality(record: Record, clean: float) -> Real:
-    """w_Q (N,) of a record (eq. 7.13, 7.14); clean: the diodes' sum on a clean disc [V]."""
-    dist = abs(1.0 - record.sum / clean) / 2**0.5
-    share: Real = np.clip((DIST_MAX - dist) / (DIST_MAX - DIST_MIN), 0.0, 1.0) ** ALPHA
-    return share

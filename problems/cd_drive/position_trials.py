@@ -11,14 +11,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from workbench.simulation import linear
+from workbench.simulation import linear, play
 
 from .actuator import Real
 from .bench_setup import PERIOD, RATE
 from .disc import Defect, Disc
 from .drives import controller
-from .laboratory import Laboratory
-from .position_model import quality
+from .laboratory import Laboratory, measurements
+from .quality import quality_signal
 from .record import Record
 from .red_book import ACCEPTABLE_ERROR
 from .tables import Axis, Values, red_book
@@ -29,6 +29,10 @@ DURATION, SCRATCHED, EVALUATED = 1.5, 0.3, 0.55
 """Length of a run, from when the disc is scratched and from when errors count [s]."""
 AFTER = 5e-3
 """How long after a defect errors count as its aftermath [s]."""
+DIST_MIN, DIST_MAX = 0.16, 0.36
+"""Of the quality (eq. 7.13). The diodes' sum is as noisy as f_en, some 4 % rms of a clean sum in
+focus, so dist is up to 0.03 rms: dist_min is five of these, and no clean sample is called bad;
+at dist_max half of the light is gone."""
 
 
 class Trial(NamedTuple):
@@ -94,7 +98,8 @@ class Scratches:
             law, duration=DURATION, disc=disc, defects=[self.defect], seed=seed
         )
         optics = bench.parameters
-        seen = quality(record, optics.K_opt / optics.K_optn)
+        signal = quality_signal(optics.K_opt / optics.K_optn, DIST_MIN, DIST_MAX)
+        seen = play(signal, measurements(record))[:, 0]
         if prompt:
             seen = (record.light == 1.0).astype(float)
         counted = record.time >= EVALUATED

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from workbench.compiled import compiled
 from workbench.diagnosis import above_noise, hysteresis
+from workbench.diagnosis.given import as_array, need_numbers
 from workbench.errors import InputError
 from workbench.simulation import Controller
 
@@ -34,7 +35,7 @@ def clean_level(total: ArrayLike) -> float:
     Defects dim the light for less than half of the time, so they do not move it. Raises InputError
     for a record that is empty or not finite, and without light.
     """
-    record = np.asarray(total, float)
+    record = as_array(total, "the sum signal")
     if record.ndim != 1 or not record.size or not np.isfinite(record).all():
         raise InputError(
             f"the sum signal has shape {record.shape}; it must be (N,), finite, not none"
@@ -65,6 +66,7 @@ def quality_signal(
     dist_min is not above the noise.
     """
     _check_level(level)
+    need_numbers(dist_min=dist_min, dist_max=dist_max, alpha=alpha)
     if not 0.0 <= dist_min < dist_max < math.inf:
         raise InputError(f"dist_min {dist_min}, dist_max {dist_max}: need 0 <= dist_min < dist_max")
     if not 0.0 < alpha < math.inf:
@@ -73,7 +75,7 @@ def quality_signal(
         above_noise(dist_min, noise)
     diodes = [MEASUREMENTS.index(name) for name in ("d1", "d2")]
     parameters = np.array([level, dist_min, dist_max, alpha, DARK * level, *diodes], float)
-    return Controller(_quality_signal, np.zeros(1), parameters, outputs=len(OUTPUTS))
+    return Controller(_quality_signal, np.zeros(1), parameters, len(OUTPUTS), len(MEASUREMENTS))
 
 
 def binary_detector(
@@ -86,6 +88,7 @@ def binary_detector(
     0 < below <= release, and when the margin 1 - release is not above the noise.
     """
     _check_level(level)
+    need_numbers(below=below, release=release)
     if not 0.0 < below <= release < 1.0:
         raise InputError(f"below {below}, release {release}: need 0 < below <= release < 1")
     if noise is not None:
@@ -118,5 +121,6 @@ def _quality_signal(state: Real, parameters: Real, measurement: Real, output: Re
 
 
 def _check_level(level: float) -> None:
+    need_numbers(level=level)
     if not 0.0 < level < math.inf:
         raise InputError(f"level is {level} V; a clean disc gives a positive, finite one")

@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from workbench.compiled import compiled
+from workbench.diagnosis.given import need_numbers, need_places
 from workbench.errors import InputError
 from workbench.simulation import Controller
+from workbench.synthesis.given import need_whole
 
 Real = NDArray[np.float64]
 
@@ -29,11 +31,15 @@ def hysteresis(on: float, off: float, signal: int = 0, falling: bool = False) ->
     falling: the other way round, raised below `on` until the signal is above `off`. Raises
     InputError unless off <= on, falling off >= on.
     """
+    need_numbers(on=on, off=off)
+    need_places(signal=signal)
     sign = -1.0 if falling else 1.0
     if not sign * off <= sign * on:
         order = "off >= on for a fall" if falling else "off <= on for a rise"
         raise InputError(f"the alarm is raised at {on} and ends at {off}: need {order}")
-    return Controller(_hysteresis, np.zeros(1), np.array([on, off, signal, sign], float))
+    return Controller(
+        _hysteresis, np.zeros(1), np.array([on, off, signal, sign], float), 1, signal + 1
+    )
 
 
 def cusum(
@@ -51,11 +57,15 @@ def cusum(
 
     Raises InputError unless drift >= 0 and ceiling > 0.
     """
+    need_numbers(drift=drift, mean=mean, ceiling=ceiling)
+    need_places(signal=signal)
     if not (0.0 <= drift < math.inf and math.isfinite(mean) and ceiling > 0.0):
         raise InputError(
             f"drift {drift}, mean {mean}, ceiling {ceiling}: need drift >= 0 < ceiling"
         )
-    return Controller(_cusum, np.zeros(2), np.array([drift, mean, ceiling, signal], float), 2)
+    return Controller(
+        _cusum, np.zeros(2), np.array([drift, mean, ceiling, signal], float), 2, signal + 1
+    )
 
 
 def cusum_threshold(run_length: float, drift: float, deviation: float) -> float:
@@ -69,24 +79,28 @@ def cusum_threshold(run_length: float, drift: float, deviation: float) -> float:
     `deviation` is sigma of the residual. Raises InputError unless all are positive and the run
     length is more than one of the threshold 0.
     """
-    if not (run_length > 0.0 and 0.0 < drift < math.inf and 0.0 < deviation < math.inf):
+    need_numbers(run_length=run_length, drift=drift, deviation=deviation)
+    if not (0.0 < run_length < math.inf and 0.0 < drift < math.inf and 0.0 < deviation < math.inf):
         raise InputError(
-            f"run_length {run_length}, drift {drift}, deviation {deviation}: all must be positive"
+            f"run_length {run_length}, drift {drift}, deviation {deviation}: all must be positive "
+            "and finite"
         )
     d = drift / deviation
+    fixed = math.log(2.0) + 2.0 * math.log(d)
 
     def log_run_length(b: float) -> float:
         x = 2.0 * d * b
         if x > 500.0:  # beyond the range of exp
-            return x - math.log(2.0 * d**2)
+            return x - fixed
         # expm1(x) - x loses all digits for small x, where it is x^2 / 2.
-        return math.log(math.expm1(x) - x if x > 1e-4 else x**2 / 2.0) - math.log(2.0 * d**2)
+        excess = math.log(math.expm1(x) - x) if x > 1e-4 else 2.0 * math.log(x) - math.log(2.0)
+        return excess - fixed
 
     wanted = math.log(run_length)
     if log_run_length(OVERSHOOT) > wanted:
         raise InputError(
             f"a run length of {run_length} samples is below that of a threshold of 0, "
-            f"{math.exp(log_run_length(OVERSHOOT)):.4g}"
+            f"exp({log_run_length(OVERSHOOT):.4g})"
         )
     top = OVERSHOOT
     while log_run_length(top) < wanted:
@@ -105,11 +119,16 @@ def glr(window: int, deviation: float, mean: float = 0.0, signal: int = 0) -> Co
 
     Raises InputError unless window >= 1 and deviation > 0.
     """
+    need_whole(window, "window")
+    need_numbers(deviation=deviation, mean=mean)
+    need_places(signal=signal)
+    if not math.isfinite(mean):
+        raise InputError(f"mean is {mean}; it must be finite")
     if window < 1 or not 0.0 < deviation < math.inf:
         raise InputError(f"window {window}, deviation {deviation}: need 1 or more, and positive")
     weights = 1.0 / (2.0 * deviation**2 * np.arange(1, window + 1))
     parameters = np.array([window, mean, signal, *weights], float)
-    return Controller(_glr, np.zeros(1 + window), parameters, outputs=3)
+    return Controller(_glr, np.zeros(1 + window), parameters, 3, signal + 1)
 
 
 @compiled

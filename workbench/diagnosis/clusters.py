@@ -10,7 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 from scipy.linalg import solve_triangular
 
+from workbench.diagnosis.given import as_array, need_numbers
 from workbench.errors import InputError
+from workbench.synthesis.given import need_whole
 
 Real = NDArray[np.float64]
 Whole = NDArray[np.int64]
@@ -37,6 +39,8 @@ class Clusters:
         a name, and for a kind whose covariance is singular: it has too few samples, or a feature
         that does not vary or is a combination of others.
         """
+        if not isinstance(names, Sequence):
+            raise InputError(f"names are {names!r}; a list of names is needed")
         points, kinds = _features(features), _labels("labels", labels, len(names))
         if len(kinds) != len(points):
             raise InputError(f"{len(points)} features and {len(kinds)} labels; need equally many")
@@ -63,6 +67,7 @@ class Clusters:
         UNKNOWN where the point is farther from every cluster than a share `reject` of the cluster's
         own points. Raises InputError unless 0 <= reject < 1, and as `distances`.
         """
+        need_numbers(reject=reject)
         if not 0.0 <= reject < 1.0:
             raise InputError(f"reject is {reject}; it is a share, 0 or more and below 1")
         squared = self.distances(features)
@@ -78,8 +83,12 @@ def confusion(true: ArrayLike, found: ArrayLike, kinds: int) -> Whole:
     The last column counts what was found to be none of them, a negative number. Raises InputError
     for different lengths and for numbers of kinds that there are not.
     """
+    need_whole(kinds, "kinds")
     rows = _labels("true", true, kinds)
-    columns = np.asarray(found)
+    columns = as_array(found, "found")
+    if (columns % 1 != 0.0).any():
+        raise InputError(f"found {found!r}: need whole numbers")
+    columns = columns.astype(np.int64)
     if rows.shape != columns.shape:
         raise InputError(f"{len(rows)} true kinds, {columns.shape} found; need equally many")
     columns = _labels("found", np.where(columns < 0, kinds, columns), kinds + 1)
@@ -104,7 +113,7 @@ def _gaussian(name: str, points: Real) -> tuple[Real, Real]:
 
 
 def _features(features: ArrayLike) -> Real:
-    points = np.asarray(features, float)
+    points = as_array(features, "features")
     if points.ndim != 2 or not points.size or not np.isfinite(points).all():
         raise InputError(
             f"features have shape {points.shape}; they must be (N, n), finite, not none"

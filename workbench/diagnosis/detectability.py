@@ -11,7 +11,7 @@ Problems (2017), section 3.3).
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from workbench.diagnosis.decoupling import GENERIC, Parity, scaled_response
 from workbench.diagnosis.fault_model import FaultModel
+from workbench.diagnosis.given import as_array
 from workbench.errors import InputError, UnknownNameError
 
 EFFECT = 1e-7
@@ -70,6 +71,7 @@ def detectability(
     """
     need_faults(model)
     at = frequencies(model, omega)
+    model.columns(decoupled)
     for name in decoupled:
         if name not in model.faults:
             raise UnknownNameError("fault", name, model.faults)
@@ -95,6 +97,7 @@ def masking(model: FaultModel, fault: str, among: Sequence[str]) -> tuple[str, .
     Empty where the fault moves no output at all. Raises InputError for a fault that they do not
     hide.
     """
+    need_faults(model)
     kept = list(among)
     if _remaining(Parity(model, tuple(kept)), [fault])[0] > GENERIC:
         raise InputError(f"{', '.join(among) or 'nothing'} does not hide the fault {fault!r}")
@@ -153,14 +156,17 @@ def attainable_structures(model: FaultModel, omega: ArrayLike | None = None) -> 
 
 
 def unattainable(
-    model: FaultModel, row: Iterable[bool], omega: ArrayLike | None = None
+    model: FaultModel, row: ArrayLike, omega: ArrayLike | None = None
 ) -> tuple[str, ...]:
     """The faults of a structure's row that no residual shows when those with 0 are decoupled.
 
     Empty where the row is attainable: residuals that each show one of its faults have a
     combination that shows all. Parameters and errors as of `attainable_structures`.
     """
-    chosen = tuple(row)
+    need_faults(model)
+    chosen = np.asarray(row)
+    if chosen.shape != (len(model.faults),) or not np.isin(chosen, (0, 1)).all():
+        raise InputError(f"row is {row!r}; it must be (k,), 0 or 1 for each of {model.faults}")
     zeros = tuple(name for name, one in zip(model.faults, chosen, strict=True) if not one)
     ones = [name for name, one in zip(model.faults, chosen, strict=True) if one]
     parity = Parity(model, (*model.disturbances, *zeros))
@@ -172,7 +178,7 @@ def unattainable(
 
 def frequencies(model: FaultModel, omega: ArrayLike) -> NDArray[np.float64]:
     """As an array (F,); raises InputError for what is negative, not finite or above pi / dt."""
-    at = np.atleast_1d(np.asarray(omega, dtype=float))
+    at = np.atleast_1d(as_array(omega, "omega"))
     if at.ndim != 1 or not (np.isfinite(at).all() and (at >= 0.0).all()):
         raise InputError(f"omega is {omega!r}; frequencies [rad/s] from 0 on are needed")
     if model.dt and (at > np.pi / model.dt).any():

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate, pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,12 +42,14 @@ class DisturbedPlant:
     beside: StateSpace | None = None
 
     def __post_init__(self) -> None:
+        if not isinstance(self.rotation, Rotation):
+            raise InputError(f"rotation must be a Rotation, not {type(self.rotation).__name__}")
         for name, system in (
             ("plant", self.plant),
             ("colour", self.colour),
             ("beside", self.beside),
         ):
-            if system is not None:
+            if system is not None or name == "plant":
                 self._check_system(name, system)
         if self.plant.ninputs != 2:
             raise InputError(
@@ -63,7 +65,16 @@ class DisturbedPlant:
         scaled, scale = balanced(self.A[:n, :n])
         check_observable(scaled, self.C[None, :n] * scale, self.period)
 
-    def _check_system(self, name: str, system: StateSpace) -> None:
+    def _check_system(self, name: str, system: Any) -> None:
+        import control
+
+        if not isinstance(system, control.StateSpace):
+            raise InputError(f"the {name} must be a StateSpace, not {type(system).__name__}")
+        if not system.noutputs:
+            raise InputError(f"the {name} has no output")
+        for part in "ABCD":
+            if not np.isfinite(getattr(system, part)).all():
+                raise InputError(f"{part} of the {name} has entries that are not finite")
         if not system.isdtime(strict=True) or system.dt is True:
             raise InputError(f"the {name} is continuous or has no sample time; sample it first")
         if not np.isclose(system.dt, self.period):
@@ -135,3 +146,9 @@ class DisturbedPlant:
         row = np.zeros(sum(part.stop - part.start for part in self.slices))
         row[self.slices[1]][::2] = 1.0
         return row
+
+
+def need_model(model: Any) -> None:
+    """Raise InputError where something else is given in a DisturbedPlant's place."""
+    if not isinstance(model, DisturbedPlant):
+        raise InputError(f"model must be a DisturbedPlant, not {type(model).__name__}")

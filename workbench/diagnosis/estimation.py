@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from workbench.diagnosis.weighting import EVERYWHERE, Requirement, estimation_plant
+from workbench.diagnosis.weighting import EVERYWHERE, TOGETHER, Requirement, estimation_plant
 from workbench.errors import InputError
 from workbench.mu import Peak, peak
 from workbench.program import Check, Program
@@ -122,6 +122,8 @@ class FaultEstimation(Program):
         )
         if start is not None:
             start = as_system(start, "start")
+            if start.dt:
+                raise InputError(f"the start is sampled at {start.dt} s; the plant is continuous")
             fits = (weighted.controls, weighted.measurements)
             if (start.noutputs, start.ninputs) != fits or not stability_of(start).holds:
                 raise InputError(
@@ -172,7 +174,7 @@ class FaultEstimation(Program):
             return found
         claims = (*answer.peaks, answer.stacked)
         for channel, (lower, upper) in zip((*self.channels, None), claims, strict=True):
-            name = "all together" if channel is None else channel.name
+            name = TOGETHER if channel is None else channel.name
             again = self.certified(K, channel).upper
             statement = "certified supremum of mixed mu over the claimed bound, less 1"
             found.append(Check(f"{name}: peak", statement, again / upper - 1, TOLERANCE))
@@ -211,7 +213,7 @@ class FaultEstimation(Program):
             },
             coords={
                 "bound": ["lower", "upper"],
-                "requirement": [*(channel.name for channel in self.channels), "all together"],
+                "requirement": [*(channel.name for channel in self.channels), TOGETHER],
             },
         )
 

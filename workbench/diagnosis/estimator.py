@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from workbench.compiled import compiled
-from workbench.diagnosis.disturbed import DisturbedPlant
+from workbench.diagnosis.disturbed import DisturbedPlant, need_model
+from workbench.diagnosis.given import as_array, need_numbers
 from workbench.diagnosis.observers import observer_gain
 from workbench.diagnosis.streaming import HEADER, correct, layout, predict, surprise, tell
 from workbench.errors import InputError
@@ -55,7 +56,9 @@ class Estimator:
     gain: Real
 
     def __post_init__(self) -> None:
+        need_model(self.model)
         n = self.model.seen
+        object.__setattr__(self, "gain", as_array(self.gain, "gain"))
         if np.shape(self.gain) != (n,) or not np.isfinite(self.gain).all():
             raise InputError(f"gain has shape {np.shape(self.gain)}; it must be finite, ({n},)")
         radius = abs(self.poles()).max()
@@ -67,6 +70,9 @@ class Estimator:
 
         A gain that is stable whole need not be so in part: look at the qualities between.
         """
+        need_numbers(quality=quality)
+        if not 0.0 <= quality <= 1.0:
+            raise InputError(f"quality is {quality}; it must be 0 to 1")
         n = self.model.seen
         A, C = self.model.A[:n, :n], self.model.C[:n]
         return np.linalg.eigvals(A - quality * np.outer(A @ self.gain, C)).astype(complex)
@@ -82,11 +88,12 @@ class Estimator:
         padded[: model.seen] = self.gain
         state = np.zeros(2 * len(padded) + 1)
         state[-1] = model.rotation.frequency
-        return Controller(_step, state, layout(model, padded), len(model.Z) + 2)
+        return Controller(_step, state, layout(model, padded), len(model.Z) + 2, 3)
 
 
 def placed(model: DisturbedPlant, poles: ArrayLike) -> Estimator:
     """The estimator whose `seen` poles are these discrete ones; InputError as `observer_gain`."""
+    need_model(model)
     n = model.seen
     A, C = model.A[:n, :n], model.C[None, :n]
     L = observer_gain(A, C, poles, model.period)[:, 0]
@@ -100,7 +107,8 @@ def estimate(
 
     Raises InputError for lengths that differ, values that are not finite, a quality outside 0 to 1.
     """
-    columns = [np.asarray(values, float) for values in (measurement, known, quality)]
+    given = dict(zip(MEASURED, (measurement, known, quality), strict=True))
+    columns = [as_array(values, f"the {name}") for name, values in given.items()]
     if len({column.shape for column in columns}) != 1 or columns[0].ndim != 1:
         shapes = {name: one.shape for name, one in zip(MEASURED, columns, strict=True)}
         raise InputError(f"shapes differ or are not (N,): {shapes}")
@@ -112,8 +120,8 @@ def estimate(
     if outside.size:
         row = outside[0]
         raise InputError(f"quality is {columns[2][row]} at sample {row}; it must be 0 to 1")
-    given = play(controller, np.column_stack(columns))
-    return Estimate(given[:, :-2], given[:, -2], given[:, -1])
+    played = play(controller, np.column_stack(columns))
+    return Estimate(played[:, :-2], played[:, -2], played[:, -1])
 
 
 @compiled

@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from workbench.compiled import compiled
+from workbench.diagnosis.given import as_array, need_places
 from workbench.errors import InputError
 from workbench.simulation import Controller
+from workbench.synthesis.given import need_whole
 
 Real = NDArray[np.float64]
 
@@ -23,10 +25,15 @@ def moving_rms(window: int, signals: Sequence[int] = (0,)) -> Controller:
     over fewer samples at the start. `signals` says which of the measurements are the residuals.
     Raises InputError for a window below one sample, and without signals.
     """
+    need_whole(window, "window")
+    if not isinstance(signals, Sequence):
+        raise InputError(f"signals are {signals!r}; a list of numbers of measurements is needed")
+    for one in signals:
+        need_places(signal=one)
     if window < 1 or not len(signals):
         raise InputError(f"window {window} over {len(signals)} signals; both must be 1 or more")
     parameters = np.array([window, *signals], float)
-    return Controller(_moving_rms, np.zeros(2 + window), parameters)
+    return Controller(_moving_rms, np.zeros(2 + window), parameters, reads=max(signals) + 1)
 
 
 @compiled
@@ -52,7 +59,7 @@ def series(name: str, values: ArrayLike) -> Real:
 
     Raises InputError, by its name, unless it is 1-D, finite and has a sample.
     """
-    array = np.asarray(values, float)
+    array = as_array(values, name)
     if array.ndim != 1 or not array.size:
         raise InputError(f"{name} has shape {array.shape}; it must be (N,) with a sample or more")
     if not np.isfinite(array).all():

@@ -32,6 +32,7 @@ from workbench.diagnosis.generators import (
     stacked,
     transfer,
 )
+from workbench.diagnosis.given import as_array
 from workbench.errors import InputError, SolverError
 from workbench.synthesis.standard import realisation
 from workbench.uncertainty.generalised import response
@@ -104,12 +105,14 @@ def fault_isolation(
     need_faults(model)
     rows = _structure(model, structure)
     at = None if omega is None else frequencies(model, omega)
+    if at is not None and not at.size:
+        raise InputError("omega is empty; give a frequency [rad/s], or None for a generic effect")
     denominator(poles, 0, model.dt)  # what is wrong with every order is said at once
     return stacked([_residual(model, i, row, poles, at) for i, row in enumerate(rows)])
 
 
 def _structure(model: FaultModel, structure: ArrayLike) -> NDArray[np.bool_]:
-    given = np.atleast_2d(np.asarray(structure))
+    given = np.atleast_2d(as_array(structure, "structure"))
     k = len(model.faults)
     if given.ndim != 2 or given.shape[1] != k or not len(given):
         raise InputError(

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from workbench.diagnosis.given import as_array
 from workbench.diagnosis.parameter_faults import factors
 from workbench.errors import InputError, UnknownNameError
 from workbench.synthesis.standard import realisation
@@ -63,7 +64,10 @@ class FaultModel:
         place: dict[str, str] = {}
         for kind in KINDS:
             given = getattr(self, kind)
-            names = (given,) if isinstance(given, str) else tuple(given)
+            try:
+                names = (given,) if isinstance(given, str) else tuple(given)
+            except TypeError:
+                raise InputError(f"{kind} are {given!r}; names of inputs are needed") from None
             object.__setattr__(self, kind, names)
             for name in names:
                 if name not in inputs:
@@ -94,6 +98,8 @@ class FaultModel:
     def columns(self, names: Sequence[str]) -> list[int]:
         """Numbers of inputs; UnknownNameError for a name that is none."""
         inputs = list(self.system.input_labels)
+        if isinstance(names, str) or not isinstance(names, Sequence):
+            raise InputError(f"names are {names!r}; a list of names of inputs is needed")
         for name in names:
             if name not in inputs:
                 raise UnknownNameError("input", name, inputs)
@@ -107,9 +113,12 @@ class FaultModel:
     def response(self, names: Sequence[str], omega: ArrayLike) -> Matrix:
         """From k inputs to the outputs at `omega` [rad/s] (F,): (F, p, k).
 
-        Raises InputError at a pole.
+        Raises InputError at a pole, and for what are no frequencies.
         """
-        return response(self.system, omega)[:, :, self.columns(names)]
+        at = as_array(omega, "omega").reshape(-1)
+        if not np.isfinite(at).all():
+            raise InputError(f"omega is {omega!r}; finite frequencies [rad/s] are needed")
+        return response(self.system, at)[:, :, self.columns(names)]
 
     # --- faults -------------------------------------------------------------------------------
 
@@ -120,8 +129,12 @@ class FaultModel:
         that is taken.
         """
         p = len(self.outputs)
-        entry = np.asarray(R1, dtype=float).reshape(-1)
-        through = np.zeros(p) if R2 is None else np.asarray(R2, dtype=float).reshape(-1)
+        if not isinstance(name, str):
+            raise InputError(f"the fault's name is {name!r}; it must be a string")
+        entry = as_array(R1, f"R1 of fault {name!r}").reshape(-1)
+        through = np.zeros(p)
+        if R2 is not None:
+            through = as_array(R2, f"R2 of fault {name!r}").reshape(-1)
         n = int(self.system.nstates)
         if entry.shape != (n,) or through.shape != (p,):
             raise InputError(

@@ -13,6 +13,7 @@ from workbench.diagnosis.decoupling import Parity
 from workbench.diagnosis.detectability import frequencies, need_faults
 from workbench.diagnosis.fault_model import FaultModel
 from workbench.errors import InputError
+from workbench.synthesis.given import as_system
 from workbench.synthesis.standard import realisation
 from workbench.uncertainty.generalised import response
 
@@ -59,6 +60,9 @@ def transfer(
     UnknownNameError
         A name that is no input of the model.
     """
+    if not isinstance(model, FaultModel):
+        raise InputError(f"model must be a FaultModel, not {type(model).__name__}")
+    Q = as_system(Q, "Q")
     p, m = len(model.outputs), len(model.controls)
     if int(Q.ninputs) != p + m:
         raise InputError(

@@ -22,8 +22,9 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag, solve_discrete_are
 
 from workbench.compiled import compiled
-from workbench.diagnosis.disturbed import DisturbedPlant
+from workbench.diagnosis.disturbed import DisturbedPlant, need_model
 from workbench.diagnosis.estimator import Estimator
+from workbench.diagnosis.given import need_numbers
 from workbench.diagnosis.observers import balanced
 from workbench.diagnosis.streaming import HEADER, correct, layout, predict, surprise, tell
 from workbench.errors import InputError, SolverError
@@ -55,9 +56,12 @@ class Noise:
     defect: float
 
     def __post_init__(self) -> None:
+        need_numbers(**vars(self))
         values = (self.known, self.disturbance, self.measurement, self.defect)
         if not all(isfinite(one) for one in values) or min(values) < 0.0:
             raise InputError(f"{self}: deviations must be finite and not negative")
+        if max(values) > np.finfo(float).max ** 0.5:
+            raise InputError(f"{self}: variances must be finite as well")
         if self.measurement == 0.0 or self.disturbance == 0.0:
             raise InputError(f"{self}: measurement and disturbance must be positive")
 
@@ -72,6 +76,11 @@ class KalmanEstimator:
 
     model: DisturbedPlant
     noise: Noise
+
+    def __post_init__(self) -> None:
+        need_model(self.model)
+        if not isinstance(self.noise, Noise):
+            raise InputError(f"noise must be a Noise, not {type(self.noise).__name__}")
 
     @cached_property
     def Q(self) -> Real:
@@ -136,7 +145,7 @@ class KalmanEstimator:
             self.Q.ravel(),
             _entries(model.A[:m, :m]),
         ]
-        return Controller(_step, state, np.concatenate(parameters), len(model.Z) + 2)
+        return Controller(_step, state, np.concatenate(parameters), len(model.Z) + 2, 3)
 
 
 def _entries(A: Real) -> Real:

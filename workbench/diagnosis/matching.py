@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import block_diag
 
 from workbench.diagnosis.decoupling import Parity
-from workbench.diagnosis.detectability import masking, need_faults
+from workbench.diagnosis.detectability import frequencies, masking, need_faults
 from workbench.diagnosis.fault_model import FaultModel
 from workbench.diagnosis.generators import Poles, ResidualGenerator, realised, transfer
 from workbench.errors import InputError, SolverError
@@ -114,6 +114,7 @@ def null_space_generator(model: FaultModel, poles: Poles) -> ResidualGenerator:
 
     Raises InputError where disturbances leave none, and as `generators.denominator`.
     """
+    need_faults(model)
     parity = Parity(model, model.disturbances)
     if not parity.count:
         masks = masking(model, model.faults[0], model.disturbances)
@@ -133,8 +134,9 @@ def matching_bound(
     What of [M_r 0] the rows of Q_1 [G_f G_w; 0] do not span there. Raises InputError as
     `generators.transfer` and for a reference that does not fit.
     """
+    need_faults(model)
     M_r = _reference(model, reference)
-    omega = np.atleast_1d(np.asarray(omega, dtype=float))
+    omega = frequencies(model, omega)
     target = response(M_r, omega)
     target = np.concatenate([target, np.zeros((*target.shape[:2], len(model.noise)))], axis=2)
     rows = transfer(Q_1, model, (*model.faults, *model.noise), omega)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import matrix_balance
 
+from workbench.diagnosis.given import as_array, need_numbers
 from workbench.errors import InputError, SolverError
 
 Real = NDArray[np.float64]
@@ -113,8 +114,8 @@ def _place(a: Real, c: Real, poles: Complex) -> Real:
 def _checked(
     A: ArrayLike, C: ArrayLike, poles: ArrayLike, period: float | None
 ) -> tuple[Real, Real, Complex]:
-    a, c = np.asarray(A, float), np.atleast_2d(np.asarray(C, float))
-    wanted = np.asarray(poles, complex)
+    a, c = as_array(A, "A"), np.atleast_2d(as_array(C, "C"))
+    wanted = as_array(poles, "poles", dtype=complex)
     n = len(a) if a.ndim == 2 else 0
     if not n or a.shape != (n, n) or c.shape[1:] != (n,):
         raise InputError(f"A has shape {a.shape} and C {c.shape}; need (n, n) and (p, n)")
@@ -122,6 +123,8 @@ def _checked(
         raise InputError(f"poles have shape {wanted.shape}; {n} states need ({n},)")
     if not (np.isfinite(a).all() and np.isfinite(c).all() and np.isfinite(wanted).all()):
         raise InputError("A, C and the poles must be finite")
+    if period is not None:
+        need_numbers(period=period)
     if period is not None and not 0.0 < period < np.inf:
         raise InputError(f"period is {period} s; it must be positive and finite")
     outside = wanted[wanted.real >= 0.0] if period is None else wanted[abs(wanted) >= 1.0]

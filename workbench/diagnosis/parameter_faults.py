@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from workbench.diagnosis.given import as_array
 from workbench.errors import InputError
 from workbench.structure import Real, Structure
 from workbench.synthesis.standard import realisation
@@ -73,7 +74,7 @@ def factors(
     shapes = {"dA": (n, n), "dB": (n, m), "dC": (p, n), "dD": (p, m)}
     given: list[Matrix] = []
     for (label, shape), part in zip(shapes.items(), parts, strict=True):
-        matrix = np.zeros(shape) if part is None else np.asarray(part, dtype=float)
+        matrix = np.zeros(shape) if part is None else as_array(part, f"{label} of {name}")
         if matrix.shape != shape:
             raise InputError(
                 f"{label} of fault {name!r} has shape {matrix.shape}; the model has {n} states, "

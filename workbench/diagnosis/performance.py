@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -9,7 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from workbench.diagnosis.evaluation import series
+from workbench.diagnosis.given import as_array, need_numbers
 from workbench.errors import InputError
+from workbench.synthesis.given import need_whole
 
 Real = NDArray[np.float64]
 Interval = tuple[int, int]
@@ -62,9 +65,15 @@ def detection(
     a record that is empty or not finite.
     """
     raised = series("alarm", alarm) != 0.0
-    if not period > 0.0 or tail < 0:
+    need_numbers(period=period)
+    need_whole(tail, "tail")
+    if not 0.0 < period < math.inf or tail < 0:
         raise InputError(f"period {period} s, tail {tail}: need a positive one and 0 or more")
     end_before = 0
+    pairs = as_array(faults, "faults")
+    if pairs.size and (pairs.ndim != 2 or pairs.shape[1] != 2 or (pairs % 1 != 0.0).any()):
+        raise InputError(f"faults are {faults!r}; give whole numbers, (first, one after the last)")
+    faults = [(int(start), int(end)) for start, end in pairs.reshape(-1, 2)]
     for start, end in faults:
         if not end_before <= start < end <= len(raised):
             raise InputError(

@@ -7,11 +7,13 @@ bandwidth. For slow sampling map them by z = exp(s T).
 from __future__ import annotations
 
 from math import factorial, isfinite
+from numbers import Integral
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.diagnosis.given import need_numbers
 from workbench.errors import InputError
 
 Complex = NDArray[np.complex128]
@@ -42,14 +44,15 @@ def prototype_poles(kind: Prototype, order: int, bandwidth: float) -> Complex:
     they lose digits).
     Raises InputError for another kind or order and unless the bandwidth is positive and finite.
     """
-    limit = {"itae": max(ITAE), "bessel": 16}.get(kind)
+    limit = {"itae": max(ITAE), "bessel": 16}.get(str(kind))
     if limit is None:
         raise InputError(f'kind of prototype is {kind!r}; it must be "itae" or "bessel"')
-    if isinstance(order, bool) or not isinstance(order, int) or not 1 <= order <= limit:
+    if isinstance(order, bool) or not isinstance(order, Integral) or not 1 <= order <= limit:
         raise InputError(f"order of the {kind} prototype is {order!r}; it must be 1 to {limit}")
+    need_numbers(bandwidth=bandwidth)
     if not (isfinite(bandwidth) and bandwidth > 0.0):
         raise InputError(f"bandwidth is {bandwidth} rad/s; it must be positive and finite")
-    roots = _bessel_roots(order) if kind == "bessel" else np.roots(ITAE[order]).astype(complex)
+    roots = _bessel_roots(order) if kind == "bessel" else np.roots(ITAE[int(order)]).astype(complex)
     sorted_roots: Complex = roots[np.lexsort((roots.imag, abs(roots).round(9)))]
     return bandwidth * sorted_roots
 

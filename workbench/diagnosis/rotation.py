@@ -17,7 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
+from workbench.diagnosis.given import need_numbers
 from workbench.errors import InputError
+from workbench.synthesis.given import is_real
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -47,13 +49,19 @@ class Rotation:
     floor: float = 0.0
 
     def __post_init__(self) -> None:
+        need_numbers(frequency=self.frequency, adaptation=self.adaptation, floor=self.floor)
         if not (math.isfinite(self.frequency) and self.frequency > 0.0):
             raise InputError(
                 f"rotation frequency is {self.frequency} Hz; it must be positive and finite"
             )
         h = self.harmonics
-        if not h or any(one != int(one) or one < 1 for one in h) or len(set(h)) < len(h):
+        whole = isinstance(h, tuple | list) and all(is_real(one) and one % 1 == 0 for one in h)
+        if not whole or not h or min(h) < 1 or len(set(h)) < len(h):
             raise InputError(f"harmonics are {h}; they must be different integers of 1 or more")
+        if self.range is not None:
+            pair = isinstance(self.range, tuple | list) and len(self.range) == 2
+            if not (pair and all(map(is_real, self.range))):
+                raise InputError(f"range of the rotation is {self.range!r}; give two numbers [Hz]")
         low, high = self.limits
         if not 0.0 < low <= self.frequency <= high < math.inf:
             raise InputError(
@@ -82,6 +90,7 @@ class Rotation:
 
         Raises InputError when a harmonic reaches half the sampling frequency.
         """
+        _need_period(period)
         highest = max(self.harmonics) * self.limits[1]
         if not highest < 0.5 / period:
             raise InputError(
@@ -95,8 +104,16 @@ class Rotation:
 
     def poles(self, period: float, decay: float) -> Complex:
         """Discrete poles (2 h,) of the oscillators moved to settle at the rate `decay` [1/s]."""
+        _need_period(period)
+        need_numbers(decay=decay)
         if not (math.isfinite(decay) and decay > 0.0):
             raise InputError(f"decay of the oscillators is {decay} 1/s; it must be positive")
         s = [-decay + 2j * np.pi * h * self.frequency for h in self.harmonics]
         upper = np.exp(np.array(s) * period)
         return np.concatenate([upper, upper.conj()])
+
+
+def _need_period(period: float) -> None:
+    need_numbers(period=period)
+    if not 0.0 < period < math.inf:
+        raise InputError(f"period is {period} s; it must be positive and finite")

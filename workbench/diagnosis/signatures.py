@@ -7,6 +7,8 @@ Model-Based Fault Diagnosis for Dynamic Systems, 1999, section 2.5).
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -33,7 +35,7 @@ def isolate(structure: ArrayLike, fired: ArrayLike) -> NDArray[np.int64]:
     Raises InputError when the numbers of residuals differ, and for entries that are not boolean.
     """
     matrix = _structure(structure)
-    flags = np.asarray(fired)
+    flags = _flags(fired, "fired")
     if flags.dtype != bool or flags.ndim != 2 or flags.shape[1] != len(matrix):
         raise InputError(
             f"fired has shape {flags.shape} of {flags.dtype}; it must be (N, {len(matrix)}) of bool"
@@ -46,9 +48,16 @@ def isolate(structure: ArrayLike, fired: ArrayLike) -> NDArray[np.int64]:
 
 
 def _structure(structure: ArrayLike) -> Flags:
-    matrix = np.asarray(structure)
+    matrix = _flags(structure, "structure")
     if matrix.dtype != bool or matrix.ndim != 2 or not matrix.size:
         raise InputError(
             f"structure has shape {matrix.shape} of {matrix.dtype}; it must be (R, F) of bool"
         )
     return matrix
+
+
+def _flags(values: ArrayLike, name: str) -> NDArray[Any]:
+    try:
+        return np.asarray(values)
+    except ValueError:
+        raise InputError(f"{name} is {values!r}; its rows must have one length") from None

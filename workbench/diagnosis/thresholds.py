@@ -15,8 +15,10 @@ from scipy import stats
 
 from workbench.compiled import compiled
 from workbench.diagnosis.evaluation import series
+from workbench.diagnosis.given import need_numbers, need_places
 from workbench.errors import InputError
 from workbench.simulation import Controller
+from workbench.synthesis.given import need_whole
 
 Real = NDArray[np.float64]
 
@@ -49,6 +51,8 @@ def quantile_threshold(
     Raises InputError when there are too few values for the rate, or they are not finite.
     """
     values = series("clean", clean)
+    need_numbers(false_alarm_rate=false_alarm_rate, confidence=confidence)
+    need_whole(block, "block")
     if not (0.0 < false_alarm_rate < 1.0 and 0.0 < confidence < 1.0 and block >= 1):
         raise InputError(
             f"false_alarm_rate {false_alarm_rate}, confidence {confidence}, block {block}: "
@@ -89,6 +93,7 @@ def bounded_threshold(gains: ArrayLike, bounds: ArrayLike, noise: float = 0.0) -
 
 def above_noise(level: float, noise: float) -> float:
     """The level itself; InputError unless it is finite and above the noise."""
+    need_numbers(level=level, noise=noise)
     if not (math.isfinite(level) and 0.0 <= noise < math.inf):
         raise InputError(f"level {level}, noise {noise}: both must be finite, noise not negative")
     if level <= noise:
@@ -112,12 +117,14 @@ def adaptive_alarm(
 
     Raises InputError unless base > 0, gain >= 0 and 0 <= decay < 1.
     """
+    need_numbers(base=base, gain=gain, decay=decay)
+    need_places(residual=residual, known=known)
     if not (0.0 < base < math.inf and 0.0 <= gain < math.inf and 0.0 <= decay < 1.0):
         raise InputError(
             f"base {base}, gain {gain}, decay {decay}: need base > 0, gain >= 0, 0 <= decay < 1"
         )
     parameters = np.array([base, gain, decay, residual, known], float)
-    return Controller(_adaptive, np.zeros(1), parameters, outputs=2)
+    return Controller(_adaptive, np.zeros(1), parameters, 2, max(residual, known) + 1)
 
 
 @compiled

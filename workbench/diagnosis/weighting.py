@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from workbench.errors import InputError
-from workbench.synthesis.given import as_weight, need_plant, need_positive
+from workbench.synthesis.given import as_weight, is_real, need_plant, need_positive
 from workbench.synthesis.loops import frequencies_of, stability_of
 from workbench.uncertainty.generalised import (
     GeneralisedPlant,
@@ -20,6 +20,8 @@ from workbench.uncertainty.generalised import (
 )
 
 EVERYWHERE = (0.0, math.inf)
+TOGETHER = "all together"
+"""What all requirements at once are called in results."""
 BLIND = 1e-9
 """Share of the largest response below which a fault is not seen."""
 
@@ -52,8 +54,10 @@ class Requirement:
 
     def __post_init__(self) -> None:
         need_positive(self.bound, f"the bound of {self.name!r}")
-        low, high = self.band
-        if not 0.0 <= low < high:
+        if not isinstance(self.name, str):
+            raise InputError(f"a requirement's name is {self.name!r}; it must be a string")
+        fits = isinstance(self.band, tuple | list) and len(self.band) == 2
+        if not (fits and all(map(is_real, self.band)) and 0.0 <= self.band[0] < self.band[1]):
             raise InputError(
                 f"the band of {self.name!r} is {self.band}; it must be two frequencies [rad/s], "
                 "the lower one first"
@@ -74,6 +78,7 @@ def estimation_plant(
     if requirements is None:
         requirements = [Requirement("faults", f)]
         requirements += [Requirement("disturbances", d)] if d else []
+    _need_requirements(requirements)
     concerned = [names_of(plant, each.signals) for each in requirements]
     if not any(set(names) & set(f) for names in concerned):
         raise InputError(f"no requirement is about the faults {f}: u_f = 0 would meet them all")
@@ -123,6 +128,20 @@ def estimation_plant(
     return weighted, requirements, ends
 
 
+def _need_requirements(requirements: Any) -> None:
+    """Raise InputError for what are no requirements, each with a name of its own."""
+    if not isinstance(requirements, list | tuple):
+        raise InputError(f"requirements are {requirements!r}; a list of Requirement is needed")
+    for each in requirements:
+        if not isinstance(each, Requirement):
+            raise InputError(f"{each!r} among the requirements is no Requirement")
+    names = [each.name for each in requirements]
+    if len({*names, TOGETHER}) <= len(names):
+        raise InputError(
+            f"requirements are called {names}; every one needs a name of its own, not {TOGETHER!r}"
+        )
+
+
 def names_of(plant: GeneralisedPlant, signals: Signals) -> list[str]:
     """Names of some exogenous inputs of a plant, or of all."""
     chosen = plant.channel(None, signals)
@@ -138,6 +157,11 @@ def _need_filtered(plant: Any) -> None:
             f"the plant has {plant.controls} controls, {plant.performance} performance outputs and "
             f"{plant.measurements} measurements; a filter sits on one without the first two, its "
             "controller closed (GeneralisedPlant.close), and with measurements"
+        )
+    if plant.system.dt:
+        raise InputError(
+            f"the plant is sampled at {plant.system.dt} s; fault estimation is in continuous time: "
+            "give the plant before it is sampled"
         )
     stability = stability_of(plant.system)
     if not stability.holds:

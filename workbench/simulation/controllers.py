@@ -26,7 +26,9 @@ class Controller:
                 updates the state and fills the output, all of them float arrays, in place;
     state       its first state (n,); a run works on a copy;
     parameters  whatever else it needs (p,);
-    outputs     how many signals it gives.
+    outputs     how many signals it gives;
+    reads       how many measurements it must be given at least: compiled, it would read beyond
+                fewer of them.
 
     Raises InputError when the step is not compiled.
     """
@@ -35,10 +37,16 @@ class Controller:
     state: Real
     parameters: Real
     outputs: int = 1
+    reads: int = 0
 
     def __post_init__(self) -> None:
         if not hasattr(self.step, "compile"):
             raise InputError(f"step {self.step!r} is not compiled; decorate it with @compiled")
+
+    def need_measurements(self, given: int) -> None:
+        """Raise InputError where it would read more measurements than there are."""
+        if given < self.reads:
+            raise InputError(f"the controller reads {self.reads} measurements; there are {given}")
 
 
 def idle(outputs: int = 1) -> Controller:
@@ -56,6 +64,8 @@ def linear(
     """
     import control
 
+    if any(one < 0 for one in measurements):
+        raise InputError(f"measurements {measurements}: they are numbered from 0 on")
     if len(measurements) != system.ninputs:
         raise InputError(
             f"{len(measurements)} measurements for a controller of {system.ninputs} inputs"
@@ -69,7 +79,8 @@ def linear(
     matrices = [matrix.ravel() for matrix in (system.A, system.B, system.C, system.D)]
     parameters = np.concatenate([sizes, list(measurements), *matrices])
     # The second half of the state is where the next one is put together.
-    return Controller(_linear, np.zeros(2 * system.nstates), parameters, system.noutputs)
+    state = np.zeros(2 * system.nstates)
+    return Controller(_linear, state, parameters, system.noutputs, max(measurements) + 1)
 
 
 @compiled

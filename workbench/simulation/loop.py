@@ -109,6 +109,7 @@ class SampledLoop:
         noise = _checked("noise", noise, samples, c)
         if controller.outputs != m:
             raise InputError(f"{controller.outputs} controller outputs, {m} inputs of the plant")
+        controller.need_measurements(self.measurements)
         sizes = (m, m, c, self.measurements, self.positions)
         command, output, channels, measurement, position = (np.zeros((samples, n)) for n in sizes)
         counts = np.zeros(m, np.int64), np.zeros(c, np.int64)

@@ -20,14 +20,23 @@ def play(controller: Controller, measurement: ArrayLike) -> Real:
     """Its outputs (N, p) for a record of its measurements (N, r), sample by sample from its state.
 
     As in the loop: it sees nothing of what comes later. Raises InputError for a record that is not
-    finite or has no two axes, and when an output is not finite (at which sample).
+    finite, has no two axes or too few measurements, and when an output is not finite (at which
+    sample).
     """
-    record = np.ascontiguousarray(measurement, float)
+    if not isinstance(controller, Controller):
+        raise InputError(
+            f"controller must be a Controller, not {type(controller).__name__}; estimators have one"
+        )
+    try:
+        record = np.ascontiguousarray(measurement, float)
+    except (TypeError, ValueError):
+        raise InputError("the record must be an array of numbers, (N, measurements)") from None
     if record.ndim != 2 or not record.size:
         raise InputError(f"the record has shape {record.shape}; it must be (N, measurements)")
     if not np.isfinite(record).all():
         row = np.flatnonzero(~np.isfinite(record).all(axis=1))[0]
         raise InputError(f"the record has values that are not finite, first in row {row}")
+    controller.need_measurements(record.shape[1])
     output = np.zeros((len(record), controller.outputs))
     controller.step.compile(pointer(4).signature)
     state = np.array(controller.state, float)

@@ -25,7 +25,10 @@ STEPS = 50
 def stability_of(loop: StateSpace) -> Check:
     """That its poles are left of the imaginary axis, or within the unit circle, by rounding."""
     poles = loop.poles()
-    rounding = np.finfo(float).eps * max(len(poles), 1) * float(np.abs(poles).max(initial=0.0))
+    size = float(np.abs(poles).max(initial=0.0))
+    limits = np.finfo(float)
+    # A pole at 0 is not stable, however small the others are.
+    rounding = max(float(limits.eps) * max(len(poles), 1) * size, float(limits.tiny))
     distance = np.abs(poles) - 1.0 if loop.dt else poles.real
     place = int(np.argmax(distance)) if len(poles) else 0
     value = float(distance[place]) if len(poles) else -np.inf

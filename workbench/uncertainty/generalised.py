@@ -268,7 +268,12 @@ def _chosen(signals: Signals, names: Sequence[str], kind: str) -> list[int]:
     """Their numbers among `names`."""
     if signals is None:
         return list(range(len(names)))
-    asked = [signals] if isinstance(signals, str | int) else list(signals)
+    try:
+        asked = [signals] if isinstance(signals, str | int) else list(signals)
+    except TypeError:
+        raise InputError(
+            f"{kind}s {signals!r}: give names, or numbers from 0 on, of the {len(names)} there are"
+        ) from None
     chosen = []
     for signal in asked:
         if isinstance(signal, str):

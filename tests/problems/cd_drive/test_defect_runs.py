@@ -8,7 +8,7 @@ from problems.cd_drive.defect_events import APART, LATE, events, features, match
 from problems.cd_drive.defect_kinds import BEAM, KINDS, SHOCK, draw, shocks
 from problems.cd_drive.defect_runs import SPACING, run
 from problems.cd_drive.disc import VELOCITY, Defect
-from problems.cd_drive.laboratory import STILL, Laboratory
+from problems.cd_drive.laboratory import STILL, Laboratory, measurements
 from problems.cd_drive.quality import quality_signal
 from problems.cd_drive.red_book import ACCEPTABLE_ERROR
 from workbench.errors import InputError
@@ -66,7 +66,7 @@ def test_the_diodes_are_one_on_a_clean_disc(dirty):
 
 def test_every_defect_is_an_event(dirty):
     one, kinds = dirty
-    dist = play(quality_signal(one.level, 0.18, 0.5), one.measured)[:, 1]
+    dist = play(quality_signal(one.level, 0.18, 0.5), measurements(one.record))[:, 1]
     seen = events(dist, 0.18)
     assert matched(seen, one.faults) == list(range(len(kinds)))
     for (start, end), (a, b) in zip(one.faults, seen, strict=True):

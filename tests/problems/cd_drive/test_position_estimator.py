@@ -18,9 +18,8 @@ from problems.cd_drive.position_model import (
     kalman,
     model,
     of_the_thesis,
-    quality,
 )
-from problems.cd_drive.position_trials import Scratches
+from problems.cd_drive.position_trials import DIST_MAX, DIST_MIN, Scratches
 from workbench import solve
 from workbench.diagnosis import Rotation, prototype_poles
 from workbench.simulation import band_limited
@@ -120,8 +119,10 @@ def test_innovations_of_the_kalman_filter_have_the_size_that_it_states():
 def test_quality_of_clean_and_covered_samples():
     trial = Scratches("focus", 1.2e-3, 0.8, 0.5, "printed").trial("CD3", 1)
     clean = Laboratory("focus", "CD3").parameters
-    seen = quality(trial.record, clean.K_opt / clean.K_optn)
-    assert (seen == trial.quality).all()
+    seen = trial.quality
+    dist = abs(1.0 - trial.record.sum * clean.K_optn / clean.K_opt) / 2**0.5
+    ramp = np.clip((DIST_MAX - dist) / (DIST_MAX - DIST_MIN), 0.0, 1.0)
+    np.testing.assert_allclose(seen, ramp, atol=1e-12)
     assert (seen[trial.record.light == 1.0] == 1.0).all()
     assert (seen[trial.record.light < 0.3] == 0.0).all()
     assert 0 < ((seen > 0) & (seen < 1)).sum() < 100
