@@ -18,9 +18,11 @@ from numpy.typing import ArrayLike
 
 from workbench.errors import InputError
 from workbench.simulation import (
+    Cascade,
     Controller,
     Converter,
     SampledLoop,
+    Schedule,
     idle,
     respond,
     sampled,
@@ -151,7 +153,7 @@ class Laboratory:
 
     def closed_loop(
         self,
-        controller: Controller,
+        controller: Controller | Cascade | Schedule,
         excitation: ArrayLike | None = None,
         duration: float = 1.0,
         disc: Disc = STILL,
@@ -159,6 +161,8 @@ class Laboratory:
         seed: int = 0,
     ) -> Record:
         """Run a controller of `MEASUREMENTS` from rest; an excitation u [V] (N,) adds to it.
+
+        It may be a cascade of parts, such as a strategy, or several from stated times on.
 
         Without excitation for `duration` [s]. Raises InputError for a duration without a sample,
         for an excitation that is no finite series, and when the controller's output is not finite.
@@ -191,6 +195,7 @@ class Laboratory:
             light=light,
             f_sd=f_sd,
             saturation=dict(zip(names, map(float, counts), strict=True)),
+            signals=run.signals,
             events=self._events(time, abs(x_cd - x) > photo_diodes.CAPTURE[self.axis]),
         )
 

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from workbench.compiled import compiled
+from workbench.compiled import kernel
 from workbench.diagnosis.disturbed import DisturbedPlant
 from workbench.diagnosis.observers import observer_gain
 from workbench.diagnosis.streaming import HEADER, correct, layout, predict, surprise, tell
@@ -116,7 +116,7 @@ def estimate(
     return Estimate(given[:, :-2], given[:, -2], given[:, -1])
 
 
-@compiled
+@kernel
 def _step(state: Real, parameters: Real, measurement: Real, output: Real) -> None:
     n, h = int(parameters[0]), int(parameters[3])
     quality = measurement[2]
