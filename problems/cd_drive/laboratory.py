@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
+from pydantic import with_config
 
 from workbench.errors import InputError
 from workbench.simulation import (
@@ -48,7 +49,7 @@ from .bench_setup import (
     optical_noise,
     split_arms,
 )
-from .disc import Defect, Disc
+from .disc import STRICT, Defect, Disc
 from .drives import ANTIALIASING, Gain
 from .record import CoilRecord, Event, Record
 from .tables import Axis, Drive, Values
@@ -63,6 +64,7 @@ STILL = Disc(rotation=0.0, run_up=0.0)
 """A flat disc that stands."""
 
 
+@with_config(STRICT)
 @dataclass(frozen=True)
 class Laboratory:
     """One axis of one drive on the bench.
@@ -115,16 +117,20 @@ class Laboratory:
         range. Hold and delay are in all of them, anti-aliasing in all but x. Raises InputError
         unless below half the sampling frequency.
         """
-        import control
-
         frequency = checked_frequency(frequency)
         if frequency.max() >= RATE / 2:
             raise InputError(f"{frequency.max()} Hz; sampled responses end at {RATE / 2} Hz")
         z = np.exp(2j * np.pi * frequency * PERIOD)
         x, v_r, u_m = _sampled(self)(z, squeeze=False)[:, 0]
-        optics = control.ss(-ANTIALIASING, ANTIALIASING, -self.parameters.K_optn, 0.0)
-        f_en = sampled(optics * _plant(self)[0, 0], PERIOD, self.delay)(z, squeeze=False)[0, 0]
+        f_en = self.sampled_error()(z, squeeze=False)[0, 0]
         return {"x": x, "v_r": v_r, "u_m": u_m, "f_en": f_en}
+
+    def sampled_error(self) -> StateSpace:
+        """Exact sampled model of u [V] -> f_en [units] within the linear range, delay included."""
+        import control
+
+        optics = control.ss(-ANTIALIASING, ANTIALIASING, -self.parameters.K_optn, 0.0)
+        return sampled(optics * _plant(self)[0, 0], PERIOD, self.delay)
 
     def coil(self, excitation: ArrayLike, seed: int = 0) -> CoilRecord:
         """Play an excitation u [V] (N,) and measure the coil's current; the optics stay out of it.

@@ -71,7 +71,8 @@ class Strategies:
     F            discrete: e = f_en / K_optn [m] -> the estimated fault u_f [m] of C; a stand-in
                  when left out;
     replacement  K', discrete or continuous, of the strategy of that name; likewise;
-    bumpless     K and K' follow each other while they are not in charge;
+    bumpless     K and K' follow each other while they are not in charge, which halves the
+                 excursion (measured; see the tests);
     false        detections where there is no defect, from and until [s];
     K            the controller; the axis' reference controller when left out.
     """

@@ -40,16 +40,33 @@ def test_its_response_is_that_of_the_equation():
     )
 
 
-def test_level_is_the_largest_on_a_grid_and_stable_loops_settle():
+def test_what_has_to_contract():
     loop = control.ss(0.9, 1.0, 0.3, 0.0, PERIOD)
     law = Repetitive(rotation=20.0, period=PERIOD, corner=100.0, gain=0.8)
-    z = np.exp(1j * np.linspace(0.0, np.pi, 20_001))
+    z = np.exp(1j * np.linspace(0.01, 3.1, 50))
     L = loop(z)
-    grid = abs(law.lowpass(z) * (1 - 0.8 * L / (1 + L))).max()
-    assert law.level(loop) == pytest.approx(grid, rel=1e-4)
-    assert law.level(loop) >= grid
-    assert law.level(loop) < 1.0
-    assert law.level(control.ss(0.9, 1.0, -0.3, 0.0, PERIOD)) == np.inf
+    np.testing.assert_allclose(
+        law.contraction(loop)(z), law.lowpass(z) * (1 - 0.8 * L / (1 + L)), rtol=1e-9
+    )
+    with pytest.raises(InputError, match=r"unstable: \|z\| = 1\.2"):
+        law.contraction(control.ss(0.9, 1.0, -0.3, 0.0, PERIOD))
+
+
+def test_a_periodic_disturbance_is_forgotten():
+    """And not by the loop alone, whose error stays."""
+    law = Repetitive(rotation=10.0, period=PERIOD, corner=100.0)
+    errors = []
+    for gain in (0.0, 1.0):
+        memory, parameters = law.controller.state.copy(), law.controller.parameters
+        x, told = 0.0, np.zeros(1)
+        for k in range(800):
+            e = np.sin(2 * np.pi * 10.0 * k * PERIOD) - 0.3 * x
+            law.controller.step(memory, parameters, np.array([e]), told)
+            x = 0.9 * x + e + gain * told[0]
+            errors.append(e)
+    alone, learning = abs(np.reshape(errors, (2, 8, 100))).max(axis=2)
+    assert alone[-1] > 0.2
+    assert learning[-1] < 0.02 * alone[-1]
 
 
 def test_refusals():

@@ -3,7 +3,7 @@
 from workbench.simulation.cascade import Cascade, Part
 from workbench.simulation.controllers import Controller, idle, in_discrete_time, linear
 from workbench.simulation.converters import Converter
-from workbench.simulation.discretise import hold, respond, sampled
+from workbench.simulation.discretise import continued, hold, respond, sampled
 from workbench.simulation.loop import SampledLoop, Schedule, Trajectory
 from workbench.simulation.noise import band_limited
 from workbench.simulation.play import play
@@ -21,6 +21,7 @@ __all__ = [
     "Trajectory",
     "band_limited",
     "blend",
+    "continued",
     "following",
     "hold",
     "idle",

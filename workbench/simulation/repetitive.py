@@ -86,19 +86,18 @@ class Repetitive:
         parameters = np.concatenate([[self.delay, self.gain], *matrices])
         return Controller(_repeat, np.zeros(3 + length), parameters, period=self.period)
 
-    def level(self, loop: StateSpace) -> float:
-        """Largest |Q (1 - g T)| over all frequencies of a discrete loop L; stable when below 1.
+    def contraction(self, loop: StateSpace) -> StateSpace:
+        """Q (1 - g T) of a discrete loop L under negative feedback; stable when its norm is < 1.
 
-        Infinite when the loop without repetitive control, L under negative feedback, is not stable.
+        Raises InputError when the loop without repetitive control is not stable.
         """
         import control
 
         closed = control.feedback(loop, 1.0)
-        if not abs(closed.poles()).max() < 1.0:
-            return math.inf
-        left = self.lowpass * (1.0 - self.gain * closed)
-        # A little outward: the norm is found to a relative 1e-10 or so.
-        return float(control.linfnorm(control.ss(left))[0]) * (1.0 + 1e-6)
+        radius = abs(closed.poles()).max(initial=0.0)
+        if not radius < 1.0:
+            raise InputError(f"the loop without repetitive control is unstable: |z| = {radius:.6g}")
+        return control.ss(self.lowpass * (1.0 - self.gain * closed))
 
 
 @kernel

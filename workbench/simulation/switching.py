@@ -53,7 +53,7 @@ def silenced(intervals: Sequence[tuple[float, float]], period: float) -> Control
 def following(
     system: StateSpace | TransferFunction,
     period: float,
-    rate: float = 2000.0,
+    rate: float = 500.0,
     substitute: bool = False,
 ) -> Controller:
     """A linear controller that follows who is in charge while it is not: bumpless transfer.
@@ -64,7 +64,8 @@ def following(
 
         x := A x + B e + (1 - q) L (v - y),    A - L C settles at `rate` [1/s].
 
-    Poles that are faster stay. Raises InputError for more than one input or output, a rate that is
+    A rate near the loop's bandwidth is too much: where the command is shared, each follows the
+    other. Poles that are faster stay. Raises InputError for more than one input or output, a rate that is
     not positive, and when a pole that is slower does not show in the output.
     """
     from scipy.signal import place_poles
