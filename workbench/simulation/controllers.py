@@ -30,7 +30,8 @@ class Controller:
     period      that it was made for [s]; None: any;
     carried     how many of its first states a controller takes over that is put in its place
                 during a run; None: all;
-    plain       the step is plain Python, as good for trying things out, and a hundred times slower.
+    plain       the step is plain Python: good for trying things out; the loop is then forty times
+                slower.
 
     Raises InputError when the step is neither compiled nor said to be plain.
     """

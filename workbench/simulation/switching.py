@@ -65,8 +65,10 @@ def following(
         x := A x + B e + (1 - q) L (v - y),    A - L C settles at `rate` [1/s].
 
     A rate near the loop's bandwidth is too much: where the command is shared, each follows the
-    other. Poles that are faster stay. Raises InputError for more than one input or output, a rate that is
-    not positive, and when a pole that is slower does not show in the output.
+    other. Poles that are faster stay.
+
+    Raises InputError for more than one input or output, a rate that is not positive, and when a
+    pole that is slower does not show in the output.
     """
     from scipy.signal import place_poles
 
