@@ -82,7 +82,7 @@ class Estimator:
         padded[: model.seen] = self.gain
         state = np.zeros(2 * len(padded) + 1)
         state[-1] = model.rotation.frequency
-        return Controller(_step, state, layout(model, padded), len(model.Z) + 2)
+        return Controller(_step, state, layout(model, padded), len(model.Z) + 2, model.period)
 
 
 def placed(model: DisturbedPlant, poles: ArrayLike) -> Estimator:

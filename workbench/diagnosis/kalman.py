@@ -136,7 +136,8 @@ class KalmanEstimator:
             self.Q.ravel(),
             _entries(model.A[:m, :m]),
         ]
-        return Controller(_step, state, np.concatenate(parameters), len(model.Z) + 2)
+        outputs = len(model.Z) + 2
+        return Controller(_step, state, np.concatenate(parameters), outputs, model.period)
 
 
 def _entries(A: Real) -> Real:
