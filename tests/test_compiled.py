@@ -3,7 +3,11 @@
 import subprocess
 import sys
 
+import numpy as np
 import pytest
+from numba.core.errors import TypingError
+
+from workbench.compiled import kernel
 
 INNER = "from workbench.compiled import compiled\n\n@compiled\ndef inner(x):\n    return {}\n"
 OUTER = (
@@ -68,3 +72,20 @@ def test_code_of_a_package_made_by_hand_is_kept_apart(room):
     assert call(room) == (31.0, 0)
     assert call(room, by_hand) == (31.0, 1)
     assert call(room) == (31.0, 1)
+
+
+def _double(values):
+    for i in range(len(values)):
+        values[i] *= 2.0
+
+
+def _make(values):
+    return np.zeros(len(values))
+
+
+def test_a_kernel_makes_no_array():
+    values = np.arange(3.0)
+    kernel(_double)(values)
+    assert values.tolist() == [0.0, 2.0, 4.0]
+    with pytest.raises(TypingError, match="zeros"):
+        kernel(_make)(values)

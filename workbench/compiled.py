@@ -22,12 +22,27 @@ def compiled(function: Callable[..., Any]) -> Any:
     What is kept names the module it came from. The registry imports problem files under a package
     of its own, which no other process can import by name; what it compiles is kept apart.
     """
-    from numba import njit
+    return _kept(function, {})
 
+
+def kernel(function: Callable[..., Any]) -> Any:
+    """As `compiled`, for a small function that is called very often and makes no array.
+
+    Numba counts the references to every array that a function is given, which takes longer than
+    the arithmetic of a small one. Here it does not; a function that does make an array does not
+    compile. Slices of what is given are no new arrays.
+    """
+    return _kept(function, {"_nrt": False})
+
+
+def _kept(function: Callable[..., Any], options: dict[str, bool]) -> Any:
+    import numba
+
+    njit: Any = numba.njit  # its annotations lack the options that have no documentation
     try:
-        dispatcher: Any = njit(cache=True, nogil=True)(function)
+        dispatcher = njit(cache=True, nogil=True, **options)(function)
     except RuntimeError:  # nowhere to keep it: compile in every process
-        return njit(nogil=True)(function)
+        return njit(nogil=True, **options)(function)
     kept = dispatcher._cache
     name, package = kept._impl.filename_base, function.__module__.partition(".")[0]
     if sys.modules[package].__spec__ is None:

@@ -15,12 +15,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
+from pydantic import with_config
 
 from workbench.errors import InputError
 from workbench.simulation import (
+    Cascade,
     Controller,
     Converter,
     SampledLoop,
+    Schedule,
     idle,
     respond,
     sampled,
@@ -46,7 +49,7 @@ from .bench_setup import (
     optical_noise,
     split_arms,
 )
-from .disc import Defect, Disc
+from .disc import STRICT, Defect, Disc
 from .drives import ANTIALIASING, Gain
 from .record import CoilRecord, Event, Record
 from .tables import Axis, Drive, Values
@@ -61,6 +64,7 @@ STILL = Disc(rotation=0.0, run_up=0.0)
 """A flat disc that stands."""
 
 
+@with_config(STRICT)
 @dataclass(frozen=True)
 class Laboratory:
     """One axis of one drive on the bench.
@@ -113,16 +117,20 @@ class Laboratory:
         range. Hold and delay are in all of them, anti-aliasing in all but x. Raises InputError
         unless below half the sampling frequency.
         """
-        import control
-
         frequency = checked_frequency(frequency)
         if frequency.max() >= RATE / 2:
             raise InputError(f"{frequency.max()} Hz; sampled responses end at {RATE / 2} Hz")
         z = np.exp(2j * np.pi * frequency * PERIOD)
         x, v_r, u_m = _sampled(self)(z, squeeze=False)[:, 0]
-        optics = control.ss(-ANTIALIASING, ANTIALIASING, -self.parameters.K_optn, 0.0)
-        f_en = sampled(optics * _plant(self)[0, 0], PERIOD, self.delay)(z, squeeze=False)[0, 0]
+        f_en = self.sampled_error()(z, squeeze=False)[0, 0]
         return {"x": x, "v_r": v_r, "u_m": u_m, "f_en": f_en}
+
+    def sampled_error(self) -> StateSpace:
+        """Exact sampled model of u [V] -> f_en [units] within the linear range, delay included."""
+        import control
+
+        optics = control.ss(-ANTIALIASING, ANTIALIASING, -self.parameters.K_optn, 0.0)
+        return sampled(optics * _plant(self)[0, 0], PERIOD, self.delay)
 
     def coil(self, excitation: ArrayLike, seed: int = 0) -> CoilRecord:
         """Play an excitation u [V] (N,) and measure the coil's current; the optics stay out of it.
@@ -151,7 +159,7 @@ class Laboratory:
 
     def closed_loop(
         self,
-        controller: Controller,
+        controller: Controller | Cascade | Schedule,
         excitation: ArrayLike | None = None,
         duration: float = 1.0,
         disc: Disc = STILL,
@@ -159,6 +167,8 @@ class Laboratory:
         seed: int = 0,
     ) -> Record:
         """Run a controller of `MEASUREMENTS` from rest; an excitation u [V] (N,) adds to it.
+
+        It may be a cascade of parts, such as a strategy, or several from stated times on.
 
         Without excitation for `duration` [s]. Raises InputError for a duration without a sample,
         for an excitation that is no finite series, and when the controller's output is not finite.
@@ -191,6 +201,7 @@ class Laboratory:
             light=light,
             f_sd=f_sd,
             saturation=dict(zip(names, map(float, counts), strict=True)),
+            signals=run.signals,
             events=self._events(time, abs(x_cd - x) > photo_diodes.CAPTURE[self.axis]),
         )
 

@@ -18,7 +18,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.compiled import compiled
+from workbench.compiled import kernel
 from workbench.errors import InputError
 
 from .actuator import Real
@@ -56,7 +56,7 @@ def diode_parameters(drive: Drive) -> Real:
     return np.array([drive.K_optn, level, bend])
 
 
-@compiled
+@kernel
 def s_curve(error: float, K_optn: float, bend: float) -> tuple[float, float]:
     """Normalised error and relative light of the focus diodes at an error [m].
 
@@ -73,7 +73,7 @@ def s_curve(error: float, K_optn: float, bend: float) -> tuple[float, float]:
     return math.copysign(size, error), light
 
 
-@compiled
+@kernel
 def focus_diodes(position: Real, exogenous: Real, parameters: Real, signals: Real) -> None:
     """Voltages of D1, D2 [V]; exogenous: x_cd [m], light, f_sd [m]."""
     error = exogenous[0] - position[0] + exogenous[2]
@@ -83,7 +83,7 @@ def focus_diodes(position: Real, exogenous: Real, parameters: Real, signals: Rea
     signals[1] = level * (1.0 - shape)
 
 
-@compiled
+@kernel
 def radial_diodes(position: Real, exogenous: Real, parameters: Real, signals: Real) -> None:
     """Voltages of S1, S2 [V]; exogenous: y_cd [m], light, f_sd [m]."""
     error = exogenous[0] - position[0] + exogenous[2]
@@ -93,7 +93,7 @@ def radial_diodes(position: Real, exogenous: Real, parameters: Real, signals: Re
     signals[1] = level * (1.0 - shape)
 
 
-@compiled
+@kernel
 def normalise(channels: Real, parameters: Real, measurement: Real) -> None:
     """The processor's reading (eq. 3.16): d1, d2, v_r, u_m -> f_en, sum, d1, d2, v_r, u_m.
 
@@ -103,7 +103,8 @@ def normalise(channels: Real, parameters: Real, measurement: Real) -> None:
     d1, d2 = channels[0], channels[1]
     measurement[0] = (d1 - d2) / max(d1 + d2, parameters[0])
     measurement[1] = d1 + d2
-    measurement[2:] = channels
+    for i in range(len(channels)):
+        measurement[2 + i] = channels[i]
 
 
 def diode_signals(drive: Drive, error: ArrayLike, light: float = 1.0) -> tuple[Real, Real]:

@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.compiled import compiled
+from workbench.compiled import kernel
 from workbench.diagnosis import above_noise, hysteresis
 from workbench.diagnosis.given import as_array, need_numbers
 from workbench.errors import InputError
@@ -97,7 +97,7 @@ def binary_detector(
     return hysteresis(below * level, release * level, total, falling=True)
 
 
-@compiled
+@kernel
 def quality(dist: float, dist_min: float, dist_max: float, alpha: float) -> float:
     """Equation 7.13."""
     if dist <= dist_min:
@@ -107,7 +107,7 @@ def quality(dist: float, dist_min: float, dist_max: float, alpha: float) -> floa
     return ((dist_max - dist) / (dist_max - dist_min)) ** alpha
 
 
-@compiled
+@kernel
 def _quality_signal(state: Real, parameters: Real, measurement: Real, output: Real) -> None:
     """State: the last error that could be read."""
     d1, d2 = measurement[int(parameters[5])], measurement[int(parameters[6])]

@@ -58,7 +58,8 @@ class Record(CoilRecord):
 
     d1, d2 and their sum [V] and the normalised error f_en, as measured; x and x_cd [m], the true
     positions of the focus point and of the layer; light, 1 where the disc is clean, and f_sd [m],
-    the false displacement. events: focus or track lost and regained, in the order of time.
+    the false displacement. events: focus or track lost and regained, in the order of time. signals
+    (N,) by name: what the parts of the controller told, see `SampledLoop`.
     """
 
     f_en: Real
@@ -70,3 +71,4 @@ class Record(CoilRecord):
     light: Real
     f_sd: Real
     events: tuple[Event, ...]
+    signals: dict[str, Real]

@@ -7,7 +7,7 @@ from scipy.integrate import quad
 from scipy.signal import cont2discrete
 
 from workbench.errors import InputError
-from workbench.simulation.discretise import hold, lowpass_weights, respond, sampled
+from workbench.simulation.discretise import continued, hold, lowpass_weights, respond, sampled
 
 PERIOD = 1e-3
 
@@ -71,3 +71,17 @@ def test_delays_that_are_none(delay):
 def test_inputs_of_another_shape():
     with pytest.raises(InputError, match=r"\(N, 2\)"):
         respond(sampled(plant(), PERIOD), np.zeros(5))
+
+
+def test_continued_has_the_response_of_the_discrete_system():
+    rng = np.random.default_rng(3)
+    A = 0.9 * np.linalg.qr(rng.standard_normal((4, 4)))[0]
+    B, C = rng.standard_normal((4, 2)), rng.standard_normal((3, 4))
+    system = control.ss(A, B, C, rng.standard_normal((3, 2)), 1e-3)
+    omega = np.array([1.0, 50.0, 700.0, 3000.0])
+    found = continued(system)(2e3j * np.tan(omega * 5e-4))
+    np.testing.assert_allclose(found, system(np.exp(1j * omega * 1e-3)), rtol=1e-9)
+    with pytest.raises(InputError, match="pole at -1"):
+        continued(control.ss(-1.0, 1.0, 1.0, 0.0, 1e-3))
+    with pytest.raises(InputError, match="is continuous"):
+        continued(control.ss(-1.0, 1.0, 1.0, 0.0))

@@ -39,3 +39,10 @@ def test_records_that_are_none(record):
 def test_an_output_that_is_not_finite_is_named_with_its_sample():
     with pytest.raises(InputError, match="at sample 2 of 4"):
         play(Controller(_root, np.zeros(0), np.zeros(0)), [[1.0], [2.0], [-1.0], [1.0]])
+
+
+def test_plain_python_gives_what_compiled_code_gives():
+    record = np.random.default_rng(0).uniform(0.0, 1.0, (50, 1))
+    compiled_root = Controller(_root, np.zeros(0), np.zeros(0))
+    plain_root = Controller(_root.py_func, np.zeros(0), np.zeros(0), plain=True)
+    assert (play(plain_root, record) == play(compiled_root, record)).all()

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from workbench.compiled import compiled
+from workbench.compiled import kernel
 from workbench.diagnosis.disturbed import DisturbedPlant, need_model
 from workbench.diagnosis.given import as_array, need_numbers
 from workbench.diagnosis.observers import observer_gain
@@ -88,7 +88,8 @@ class Estimator:
         padded[: model.seen] = self.gain
         state = np.zeros(2 * len(padded) + 1)
         state[-1] = model.rotation.frequency
-        return Controller(_step, state, layout(model, padded), len(model.Z) + 2, 3)
+        outputs = len(model.Z) + 2
+        return Controller(_step, state, layout(model, padded), outputs, 3, model.period)
 
 
 def placed(model: DisturbedPlant, poles: ArrayLike) -> Estimator:
@@ -124,7 +125,7 @@ def estimate(
     return Estimate(played[:, :-2], played[:, -2], played[:, -1])
 
 
-@compiled
+@kernel
 def _step(state: Real, parameters: Real, measurement: Real, output: Real) -> None:
     n, h = int(parameters[0]), int(parameters[3])
     quality = measurement[2]

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag, solve_discrete_are
 
-from workbench.compiled import compiled
+from workbench.compiled import kernel
 from workbench.diagnosis.disturbed import DisturbedPlant, need_model
 from workbench.diagnosis.estimator import Estimator
 from workbench.diagnosis.given import need_numbers
@@ -145,7 +145,8 @@ class KalmanEstimator:
             self.Q.ravel(),
             _entries(model.A[:m, :m]),
         ]
-        return Controller(_step, state, np.concatenate(parameters), len(model.Z) + 2, 3)
+        outputs = len(model.Z) + 2
+        return Controller(_step, state, np.concatenate(parameters), outputs, 3, model.period)
 
 
 def _entries(A: Real) -> Real:
@@ -158,14 +159,14 @@ def _entries(A: Real) -> Real:
     return rows.ravel()
 
 
-@compiled
+@kernel
 def _own(p: Real) -> int:
     """Where this filter's own parameters start: r^2, d^2, Q, entries of A."""
     n, z, h = int(p[0]), int(p[1]), int(p[3])
     return HEADER + h + (3 + z) * n + n * n
 
 
-@compiled
+@kernel
 def _step(state: Real, parameters: Real, measurement: Real, output: Real) -> None:
     quality, n = measurement[2], int(parameters[0])
     gain = state[2 * n + 1 : 3 * n + 1]
@@ -181,7 +182,7 @@ def _step(state: Real, parameters: Real, measurement: Real, output: Real) -> Non
         _spread(state, parameters, gain)
 
 
-@compiled
+@kernel
 def _weigh(state: Real, p: Real, quality: float, gain: Real) -> float:
     """Set the gain M of a quality; its largest change relative to its own size."""
     n, h, m = int(p[0]), int(p[3]), int(p[4])
@@ -205,7 +206,7 @@ def _weigh(state: Real, p: Real, quality: float, gain: Real) -> float:
     return change
 
 
-@compiled
+@kernel
 def _spread(state: Real, p: Real, gain: Real) -> None:
     """P := A (P - M C P) A' + Q of the states that are seen; C P as `_weigh` left it."""
     n, z, h, m = int(p[0]), int(p[1]), int(p[3]), int(p[4])

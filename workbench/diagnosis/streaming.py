@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.compiled import compiled
+from workbench.compiled import kernel
 from workbench.diagnosis.disturbed import DisturbedPlant
 
 Real = NDArray[np.float64]
@@ -29,7 +29,7 @@ def layout(model: DisturbedPlant, gain: Real) -> Real:
     return np.concatenate([header, *(np.asarray(one, float) for one in values)])
 
 
-@compiled
+@kernel
 def surprise(state: Real, p: Real, measured: float) -> float:
     """What was measured less what was expected."""
     n, h, seen = int(p[0]), int(p[3]), int(p[4])
@@ -39,7 +39,7 @@ def surprise(state: Real, p: Real, measured: float) -> float:
     return measured
 
 
-@compiled
+@kernel
 def correct(state: Real, p: Real, step: float, gain: Real) -> None:
     """Correct the state by gain times `step`, w (y - C x^), and follow the frequency.
 
@@ -57,7 +57,7 @@ def correct(state: Real, p: Real, step: float, gain: Real) -> None:
         state[i] += step * gain[i]
 
 
-@compiled
+@kernel
 def tell(state: Real, p: Real, quality: float, output: Real) -> None:
     """Fill the outputs from the corrected state."""
     n, z, q, h = int(p[0]), int(p[1]), int(p[2]), int(p[3])
@@ -72,7 +72,7 @@ def tell(state: Real, p: Real, quality: float, output: Real) -> None:
         output[:] = np.nan
 
 
-@compiled
+@kernel
 def predict(state: Real, p: Real, known: float) -> None:
     """Advance the state by one sample, by blocks; the oscillators at the followed frequency."""
     n, z, q, h, seen = int(p[0]), int(p[1]), int(p[2]), int(p[3]), int(p[4])
@@ -97,7 +97,7 @@ def predict(state: Real, p: Real, known: float) -> None:
         state[i] = state[n + i]
 
 
-@compiled
+@kernel
 def _disturbance(state: Real, first: int, oscillators: int) -> float:
     total = 0.0
     for k in range(oscillators):

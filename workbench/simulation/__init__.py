@@ -1,22 +1,36 @@
-"""Sampled-data loops: exact discretisation, converters, noise, and any controller in the loop."""
+"""Sampled-data loops: exact discretisation, converters, noise, any controller or strategy in it."""
 
-from workbench.simulation.controllers import Controller, idle, linear
+from workbench.simulation.cascade import Cascade, Part
+from workbench.simulation.controllers import Controller, idle, in_discrete_time, linear
 from workbench.simulation.converters import Converter
-from workbench.simulation.discretise import hold, respond, sampled
-from workbench.simulation.loop import SampledLoop, Trajectory
+from workbench.simulation.discretise import continued, hold, respond, sampled
+from workbench.simulation.loop import SampledLoop, Schedule, Trajectory
 from workbench.simulation.noise import band_limited
 from workbench.simulation.play import play
+from workbench.simulation.repetitive import Repetitive
+from workbench.simulation.switching import blend, following, removed, silenced, total
 
 __all__ = [
+    "Cascade",
     "Controller",
     "Converter",
+    "Part",
+    "Repetitive",
     "SampledLoop",
+    "Schedule",
     "Trajectory",
     "band_limited",
+    "blend",
+    "continued",
+    "following",
     "hold",
     "idle",
+    "in_discrete_time",
     "linear",
     "play",
+    "removed",
     "respond",
     "sampled",
+    "silenced",
+    "total",
 ]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.compiled import compiled
+from workbench.compiled import kernel
 from workbench.errors import InputError
 
 if TYPE_CHECKING:
@@ -29,8 +29,13 @@ class Controller:
     outputs     how many signals it gives;
     reads       how many measurements it must be given at least: compiled, it would read beyond
                 fewer of them.
+    period      that it was made for [s]; None: any;
+    carried     how many of its first states a controller takes over that is put in its place
+                during a run; None: all;
+    plain       the step is plain Python: good for trying things out; the loop is then forty times
+                slower.
 
-    Raises InputError when the step is not compiled.
+    Raises InputError when the step is neither compiled nor said to be plain.
     """
 
     step: Any
@@ -38,10 +43,16 @@ class Controller:
     parameters: Real
     outputs: int = 1
     reads: int = 0
+    period: float | None = None
+    carried: int | None = None
+    plain: bool = False
 
     def __post_init__(self) -> None:
-        if not hasattr(self.step, "compile"):
-            raise InputError(f"step {self.step!r} is not compiled; decorate it with @compiled")
+        if not (self.plain or hasattr(self.step, "compile")):
+            raise InputError(
+                f"step {self.step!r} is not compiled; decorate it with @compiled, or say "
+                "plain=True and wait longer"
+            )
 
     def need_measurements(self, given: int) -> None:
         """Raise InputError where it would read more measurements than there are."""
@@ -62,33 +73,43 @@ def linear(
     `measurements` says which of the measurements are its inputs. Raises InputError when these do
     not match, or when a discrete system has another period.
     """
-    import control
-
     if any(one < 0 for one in measurements):
         raise InputError(f"measurements {measurements}: they are numbered from 0 on")
     if len(measurements) != system.ninputs:
         raise InputError(
             f"{len(measurements)} measurements for a controller of {system.ninputs} inputs"
         )
-    if system.isctime():
-        system = control.sample_system(control.ss(system), period, "bilinear")
-    elif system.dt is not True and not np.isclose(system.dt, period):
-        raise InputError(f"a controller of period {system.dt} s in a loop of period {period} s")
-    system = control.ss(system)
+    system = in_discrete_time(system, period)
     sizes = [system.nstates, system.ninputs, system.noutputs]
     matrices = [matrix.ravel() for matrix in (system.A, system.B, system.C, system.D)]
     parameters = np.concatenate([sizes, list(measurements), *matrices])
     # The second half of the state is where the next one is put together.
     state = np.zeros(2 * system.nstates)
-    return Controller(_linear, state, parameters, system.noutputs, max(measurements) + 1)
+    reads = max(measurements) + 1
+    outputs, n = system.noutputs, system.nstates
+    return Controller(_linear, state, parameters, outputs, reads, period, n)
 
 
-@compiled
+def in_discrete_time(system: StateSpace | TransferFunction, period: float) -> StateSpace:
+    """A continuous system by the bilinear transform; a discrete one as it is.
+
+    Raises InputError when that has another sample time than `period` [s].
+    """
+    import control
+
+    if system.isctime():
+        system = control.sample_system(control.ss(system), period, "bilinear")
+    elif system.dt is not True and not np.isclose(system.dt, period, rtol=1e-9, atol=0.0):
+        raise InputError(f"a controller of period {system.dt} s in a loop of period {period} s")
+    return control.ss(system)
+
+
+@kernel
 def _idle(state: Real, parameters: Real, measurement: Real, output: Real) -> None:
     output[:] = 0.0
 
 
-@compiled
+@kernel
 def _linear(state: Real, parameters: Real, measurement: Real, output: Real) -> None:
     n, m, p = int(parameters[0]), int(parameters[1]), int(parameters[2])
     at_a = 3 + m

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from workbench.compiled import compiled
+from workbench.compiled import compiled, kernel
 from workbench.errors import InputError
 
 Real = NDArray[np.float64]
@@ -45,17 +45,16 @@ class Converter:
         return converted.reshape(array.shape), saturated / max(array.size, 1)
 
 
-@compiled
-def convert(value: float, levels: Real) -> tuple[float, bool]:
-    """One value through a converter with these levels (3,), and whether it saturated."""
-    if levels[0] > 0.0:
-        value = levels[0] * math.floor(value / levels[0] + 0.5)
+@kernel
+def convert(value: float, step: float, lowest: float, highest: float) -> tuple[float, bool]:
+    """One value through a converter of these levels, and whether it saturated."""
+    if step > 0.0:
+        value = step * math.floor(value / step + 0.5)
     # Half a step of slack: rounding of the products must not count as saturation.
-    slack = 0.5 * levels[0]
-    if value < levels[1] - slack:
-        return levels[1], True
-    if value > levels[2] + slack:
-        return levels[2], True
+    if value < lowest - 0.5 * step:
+        return lowest, True
+    if value > highest + 0.5 * step:
+        return highest, True
     return value, False
 
 
@@ -63,6 +62,6 @@ def convert(value: float, levels: Real) -> tuple[float, bool]:
 def _convert_all(values: Real, levels: Real) -> tuple[Real, int]:
     converted, saturated = np.empty_like(values), 0
     for k, value in enumerate(values):
-        converted[k], over = convert(value, levels)
+        converted[k], over = convert(value, levels[0], levels[1], levels[2])
         saturated += over
     return converted, saturated

@@ -74,6 +74,26 @@ def sampled(system: StateSpace, period: float, delay: float = 0.0) -> StateSpace
     return control.ss(a, b, c, d, period)
 
 
+def continued(system: StateSpace) -> StateSpace:
+    """The continuous system that the bilinear transform makes a discrete one of.
+
+    Its response at i (2/T) tan(w T / 2) is the discrete one's at w: stability and norm are the
+    same. Raises InputError for a continuous system, and for a pole at -1.
+    """
+    import control
+
+    if not system.isdtime(strict=True) or system.dt is True:
+        raise InputError("the system is continuous or has no sample time")
+    n, T = system.nstates, float(system.dt)
+    shifted = np.eye(n) + system.A
+    if n and np.linalg.cond(shifted) > 1e14:
+        raise InputError("the system has a pole at -1, half the sampling frequency")
+    inverse = np.linalg.inv(shifted)
+    a = 2 / T * inverse @ (system.A - np.eye(n))
+    b, c = 2 / math.sqrt(T) * inverse @ system.B, 2 / math.sqrt(T) * system.C @ inverse
+    return control.ss(a, b, c, system.D - system.C @ inverse @ system.B)
+
+
 def respond(system: StateSpace, inputs: ArrayLike) -> Real:
     """Outputs (N, outputs) of a discrete-time system, at rest at first, to inputs (N, inputs).
 

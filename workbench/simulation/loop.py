@@ -5,10 +5,10 @@
         |                                  +-> further outputs --------------------> A/D ----+
         +----------------------------------- reading <---------------------------------------+
 
-Three compiled functions make it particular: `sense(position, exogenous, parameters, signals)` is
-the sensor, `read(channels, parameters, measurement)` what the processor makes of the converted
-channels, and the controller's step. They are called through pointers, so the loop itself is
-compiled once, whatever it is given.
+Compiled functions make it particular: `sense(position, exogenous, parameters, signals)` is the
+sensor, `read(channels, parameters, measurement)` what the processor makes of the converted
+channels, and the steps of the controller, which may be a cascade of parts and change at stated
+times. They are called through pointers, so the loop itself is compiled once, whatever it is given.
 
 The plant is advanced exactly, its inputs being held. Between samples the exogenous signals are
 interpolated linearly and the sensor's signals quadratically, the latter through three points in
@@ -17,16 +17,20 @@ each of `refine` steps before and after the input changes.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from workbench.errors import InputError
+from workbench.simulation.cascade import Cascade, Slots, alone, carried, slots
 from workbench.simulation.controllers import Controller
 from workbench.simulation.discretise import hold, lowpass_weights, split_delay
 from workbench.simulation.machine import machine, pointer
+from workbench.simulation.plain import plain_loop
 
 if TYPE_CHECKING:
     from control import StateSpace
@@ -35,12 +39,18 @@ Real = NDArray[np.float64]
 Whole = NDArray[np.int64]
 
 
+Schedule = Sequence[tuple[float, Cascade]]
+"""From which time [s] on which cascade is in charge, in the order of time, the first from 0 on.
+A part that follows one of its name goes on from where that one was; others start afresh."""
+
+
 class Trajectory(NamedTuple):
     """What a run recorded at its N sampling instants.
 
     command (N, m) before the D/A converter, excitation included; output (N, m) behind it, before
     the delay; channels (N, c) as converted; measurement (N, r) as read; position (N, q) true.
-    Saturated samples are counted by output (m,) and by channel (c,).
+    Saturated samples are counted by output (m,) and by channel (c,). signals (N,) by name: what the
+    parts told, NaN while there was no such part.
     """
 
     command: Real
@@ -50,6 +60,7 @@ class Trajectory(NamedTuple):
     position: Real
     saturated_outputs: Whole
     saturated_channels: Whole
+    signals: dict[str, Real]
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,47 +105,106 @@ class SampledLoop:
             )
 
     def run(
-        self, controller: Controller, excitation: ArrayLike, exogenous: ArrayLike, noise: ArrayLike
+        self,
+        controller: Controller | Cascade | Schedule,
+        excitation: ArrayLike,
+        exogenous: ArrayLike,
+        noise: ArrayLike,
     ) -> Trajectory:
         """Run from rest for N samples.
 
         excitation (N, m) adds to the controller's output; exogenous (N + 1, w) at the sampling
         instants and one after; noise (N, c) adds to the channels before they are converted.
-        Raises InputError for other shapes, for values that are not finite, and when the controller
-        gives one.
+        Raises InputError for other shapes, for values that are not finite, for a controller of
+        another sample time, a schedule that is out of order or beyond the record, and when a part
+        of the controller tells a value that is not finite: which, and when.
         """
         exogenous = _checked("exogenous", exogenous, None, None)
         samples, m, c = len(exogenous) - 1, self.plant.ninputs, len(self.channel_levels)
         excitation = _checked("excitation", excitation, samples, m)
         noise = _checked("noise", noise, samples, c)
-        if controller.outputs != m:
-            raise InputError(f"{controller.outputs} controller outputs, {m} inputs of the plant")
-        controller.need_measurements(self.measurements)
         sizes = (m, m, c, self.measurements, self.positions)
         command, output, channels, measurement, position = (np.zeros((samples, n)) for n in sizes)
         counts = np.zeros(m, np.int64), np.zeros(c, np.int64)
-        recorded = Trajectory(command, output, channels, measurement, position, *counts)
-        kernels = (controller.step, self.sense, self.read)
-        for kernel, arguments in zip(kernels, (4, 4, 3), strict=True):
+        signals: dict[str, Real] = {}
+        recorded = Trajectory(command, output, channels, measurement, position, *counts, signals)
+        for kernel, arguments in ((self.sense, 4), (self.read, 3)):
             kernel.compile(pointer(arguments).signature)
-        stop = machine()(
-            *kernels,
-            np.array(controller.state, float),
-            np.array(controller.parameters, float),
-            self.sense_parameters,
-            self.read_parameters,
-            *self._advance(),
-            np.ascontiguousarray(self.plant.C),
-            self.channel_levels,
-            self.output_levels,
-            excitation,
-            exogenous,
-            noise,
-            *recorded,
+        n, q, s = self.plant.nstates, self.positions, self.signals
+        start = np.zeros(s)
+        self.sense(np.zeros(q), exogenous[0].copy(), self.sense_parameters, start)
+        memory = np.zeros(n), start.copy(), start
+        desk = (c, self.measurements, n, q, exogenous.shape[1], s, s)
+        rest = (
+            memory,
+            tuple(np.zeros(size) for size in desk),
+            (*self._advance(), np.ascontiguousarray(self.plant.C)),
+            (self.channel_levels, self.output_levels),
+            (excitation, exogenous, noise),
+            recorded[:-1],
         )
-        if stop < samples:
-            raise InputError(f"the controller's output is not finite at sample {stop} of {samples}")
+        states: dict[str, Real] = {}
+        for first, last, cascade in self._stages(controller, samples):
+            made = slots(cascade, states)
+            told = self._stage(cascade, made, rest, first, last, samples)
+            for part, state in zip(cascade.parts, made.states, strict=False):
+                states[part.name] = state[: carried(part)]
+            given = len(cascade.measurements)
+            for name, column in zip(cascade.signals[given:], told.T[given:], strict=True):
+                signals.setdefault(name, np.full(samples, np.nan))[first:last] = column
         return recorded
+
+    def _stages(
+        self, controller: Controller | Cascade | Schedule, samples: int
+    ) -> list[tuple[int, int, Cascade]]:
+        """First sample, one after the last, and cascade of every stage."""
+        if isinstance(controller, Controller):
+            controller = alone(controller, self.measurements)
+        schedule = [(0.0, controller)] if isinstance(controller, Cascade) else list(controller)
+        times = [time for time, _ in schedule]
+        starts = [round(time / self.period) for time in times]
+        ordered = all(a < b for a, b in pairwise([*starts, samples]))
+        if not starts or starts[0] != 0 or not ordered:
+            raise InputError(
+                f"stages start at {times} s; the first must start at 0, each later than the one "
+                f"before, and the last before the end at {samples * self.period:.6g} s"
+            )
+        for _, cascade in schedule:
+            outputs = len(cascade.previous)
+            if outputs != self.plant.ninputs:
+                raise InputError(
+                    f"{outputs} controller outputs, {self.plant.ninputs} inputs of the plant"
+                )
+            if len(cascade.measurements) != self.measurements:
+                raise InputError(
+                    f"a cascade of {len(cascade.measurements)} measurements; the loop has "
+                    f"{self.measurements}"
+                )
+            cascade.check_period(self.period)
+        cascades = [cascade for _, cascade in schedule]
+        return list(zip(starts, [*starts[1:], samples], cascades, strict=True))
+
+    def _stage(
+        self, cascade: Cascade, made: Slots, rest: Any, first: int, last: int, samples: int
+    ) -> Real:
+        """Run samples first to last - 1; the rows of their signals (last - first, S)."""
+        names = cascade.signals
+        row, rows = np.zeros(len(names)), np.zeros((last - first, len(names)))
+        ends = (self.sense_parameters, self.read_parameters, row, *rest, rows, first, last)
+        if cascade.plain:
+            turns = list(zip(*made, strict=True))[: len(cascade.parts)]
+            stop = plain_loop(turns, self.sense, self.read, *ends)
+        else:
+            loop = machine()[0]
+            stop = loop(*made.steps, self.sense, self.read, *made[1:], *ends)
+        if stop < last:
+            name = names[int(np.flatnonzero(~np.isfinite(row))[0])]
+            part = next((part.name for part in cascade.parts if name in part.signals), "reading")
+            raise InputError(
+                f"the {part}'s output {name!r} is not finite at sample {stop} of {samples}, "
+                f"{stop * self.period:.6g} s"
+            )
+        return rows
 
     def _advance(self) -> tuple[Real, Real, Whole, Real, Real]:
         """Matrices of each half step (H, ...) of a period, and weights of each step (H / 2, 4).

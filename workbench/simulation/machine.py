@@ -1,4 +1,9 @@
-"""The compiled loop of `SampledLoop`, for any controller, sensor and reading."""
+"""The compiled loop of `SampledLoop`, for any cascade of parts, sensor and reading.
+
+A sample is `look` at the plant, a turn of every part, and `move` to the next sample. The parts are
+called one by one, as many as there are `SLOTS`, and no array is cut inside the loop: counting the
+references to slices would cost more than the arithmetic.
+"""
 
 from __future__ import annotations
 
@@ -8,11 +13,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.compiled import compiled
+from workbench.compiled import kernel
 from workbench.simulation.converters import convert
 
 Real = NDArray[np.float64]
 Whole = NDArray[np.int64]
+
+SLOTS = 8
+"""Parts that a cascade has room for."""
 
 
 @cache
@@ -25,116 +33,271 @@ def pointer(arguments: int) -> Any:
 
 
 @cache
-def machine() -> Any:
-    """The compiled loop, for pointers: with any other signature each controller would need its own.
+def machine() -> tuple[Any, Any, Any]:
+    """The compiled loop, and the two ends of a sample, `look` and `move`.
 
-    Compiled at the first run.
+    For pointers: with any other signature each controller would need its own. Compiled at the first
+    run.
     """
-    from numba import types
+    from numba import types as numba_types
 
+    types: Any = numba_types  # has no annotations
     vector, matrix, cube = (types.Array(types.float64, n, "C") for n in (1, 2, 3))
     counts = types.Array(types.int64, 1, "C")
-    signature = types.int64(
-        *(pointer(arguments) for arguments in (4, 4, 3)),
-        *[vector] * 4,
-        *(cube, cube, counts, vector, matrix, matrix),
-        *[matrix] * 5,
-        *[matrix] * 5,
-        *(counts, counts),
-    )
-    loop = compiled(_loop)
-    loop.compile(signature)
-    loop.disable_compile()
-    return loop
+    each = types.UniTuple(vector, SLOTS)
+    seen = (vector, vector, vector, vector, matrix, matrix, matrix)
+    noted = (matrix, matrix, matrix, matrix, counts)
+    moved = (*[vector] * 8, cube, cube, counts, vector, matrix, matrix)
+    signatures = {
+        _loop: types.int64(
+            *[pointer(4)] * (SLOTS + 1),
+            pointer(3),
+            *(each, each, types.UniTuple(counts, SLOTS), each, each),
+            *(counts, vector, vector, vector),
+            types.UniTuple(vector, 3),
+            types.UniTuple(vector, 7),
+            types.Tuple((cube, cube, counts, vector, matrix, matrix)),
+            types.UniTuple(matrix, 2),
+            types.UniTuple(matrix, 3),
+            types.Tuple((matrix, matrix, matrix, matrix, matrix, counts, counts)),
+            *(matrix, types.int64, types.int64),
+        ),
+        look: types.void(types.int64, pointer(3), vector, vector, *seen, *noted),
+        move: types.void(types.int64, pointer(4), vector, vector, *moved, *[matrix] * 5, counts),
+    }
+    made = []
+    for function, signature in signatures.items():
+        function.compile(signature)
+        made.append(function)
+    return made[0], made[1], made[2]
 
 
-@compiled
-def _convert_row(row: Real, levels: Real, converted: Real, saturated: Whole) -> None:
-    for j in range(len(row)):
-        converted[j], over = convert(row[j], levels[j])
-        saturated[j] += over
-
-
-def _loop(
+@kernel
+def _turn(
     step: Any,
-    sense: Any,
-    read: Any,
     state: Real,
     parameters: Real,
-    sense_parameters: Real,
+    wires: Whole,
+    given: Real,
+    told: Real,
+    row: Real,
+    at: int,
+) -> None:
+    """One part: it is given what its wires name, and what it tells is written from `at` on."""
+    for i in range(len(wires)):
+        given[i] = row[wires[i]]
+    step(state, parameters, given, told)
+    for i in range(len(told)):
+        row[at + i] = told[i]
+
+
+@kernel
+def look(
+    k: int,
+    read: Any,
     read_parameters: Real,
+    row: Real,
+    x: Real,
+    filtered: Real,
+    converted: Real,
+    measured: Real,
+    to_output: Real,
+    limits: Real,
+    noise: Real,
+    output: Real,
+    channels: Real,
+    measurement: Real,
+    position: Real,
+    saturated: Whole,
+) -> None:
+    """Positions, channels and measurements of a sample; measurements and last outputs -> row."""
+    n, q, s, r = len(x), position.shape[1], len(filtered), len(measured)
+    for i in range(q):
+        total = 0.0
+        for j in range(n):
+            total += to_output[i, j] * x[j]
+        position[k, i] = total
+    for i in range(len(converted)):
+        raw = noise[k, i]
+        if i < s:
+            raw += filtered[i]
+        else:
+            for j in range(n):
+                raw += to_output[q + i - s, j] * x[j]
+        converted[i], over = convert(raw, limits[i, 0], limits[i, 1], limits[i, 2])
+        channels[k, i] = converted[i]
+        saturated[i] += over
+    read(converted, read_parameters, measured)
+    for i in range(r):
+        row[i] = measurement[k, i] = measured[i]
+    for i in range(output.shape[1]):
+        row[r + i] = output[k - 1, i] if k > 0 else 0.0
+
+
+@kernel
+def move(
+    k: int,
+    sense: Any,
+    sense_parameters: Real,
+    row: Real,
+    x: Real,
+    filtered: Real,
+    start: Real,
+    after: Real,
+    at: Real,
+    outside: Real,
+    middle: Real,
+    end: Real,
     transition: Real,
     drive: Real,
     age: Whole,
     fraction: Real,
     weights: Real,
     to_output: Real,
-    channel_levels: Real,
-    output_levels: Real,
+    limits: Real,
     excitation: Real,
     exogenous: Real,
-    noise: Real,
     command: Real,
     output: Real,
-    channels: Real,
-    measurement: Real,
-    position: Real,
-    saturated_outputs: Whole,
-    saturated_channels: Whole,
+    saturated: Whole,
+) -> None:
+    """Convert the command at the end of the row, and advance plant and filters by a sample."""
+    n, m, s = len(x), command.shape[1], len(filtered)
+    for i in range(m):
+        command[k, i] = row[len(row) - m + i] + excitation[k, i]
+        output[k, i], over = convert(command[k, i], limits[i, 0], limits[i, 1], limits[i, 2])
+        saturated[i] += over
+    for h in range(len(age)):
+        held = k - age[h]
+        for i in range(n):
+            total = 0.0
+            for j in range(n):
+                total += transition[h, i, j] * x[j]
+            if held >= 0:
+                for j in range(m):
+                    total += drive[h, i, j] * output[held, j]
+            after[i] = total
+        for i in range(n):
+            x[i] = after[i]
+        for i in range(len(at)):
+            total = 0.0
+            for j in range(n):
+                total += to_output[i, j] * x[j]
+            at[i] = total
+        for i in range(len(outside)):
+            old = exogenous[k, i]
+            outside[i] = old + fraction[h] * (exogenous[k + 1, i] - old)
+        if h % 2 == 0:
+            sense(at, outside, sense_parameters, middle)
+        else:
+            sense(at, outside, sense_parameters, end)
+            w = h // 2
+            for i in range(s):
+                inside = weights[w, 1] * start[i] + weights[w, 2] * middle[i]
+                filtered[i] = weights[w, 0] * filtered[i] + inside + weights[w, 3] * end[i]
+                start[i] = end[i]
+
+
+@kernel
+def _loop(
+    step0: Any,
+    step1: Any,
+    step2: Any,
+    step3: Any,
+    step4: Any,
+    step5: Any,
+    step6: Any,
+    step7: Any,
+    sense: Any,
+    read: Any,
+    states: Any,
+    parameters: Any,
+    wires: Any,
+    given: Any,
+    told: Any,
+    places: Whole,
+    sense_parameters: Real,
+    read_parameters: Real,
+    row: Real,
+    memory: Any,
+    desk: Any,
+    plant: Any,
+    levels: Any,
+    played: Any,
+    record: Any,
+    signals: Real,
+    first: int,
+    last: int,
 ) -> int:
-    """Fill the recorded arrays; the number of samples done."""
-    samples, m = excitation.shape
-    halves, n = transition.shape[:2]
-    c, q = channels.shape[1], position.shape[1]
-    s = c - (len(to_output) - q)
-    x, after, raw, outside = np.zeros(n), np.zeros(n), np.zeros(c), exogenous[0].copy()
-    at, start, middle, end = np.zeros(q), np.zeros(s), np.zeros(s), np.zeros(s)
-    sense(at, outside, sense_parameters, start)
-    filtered = start.copy()
-    for k in range(samples):
-        for i in range(q):
-            position[k, i] = 0.0
-            for j in range(n):
-                position[k, i] += to_output[i, j] * x[j]
-        for i in range(s):
-            raw[i] = filtered[i] + noise[k, i]
-        for i in range(s, c):
-            raw[i] = noise[k, i]
-            for j in range(n):
-                raw[i] += to_output[q + i - s, j] * x[j]
-        _convert_row(raw, channel_levels, channels[k], saturated_channels)
-        read(channels[k], read_parameters, measurement[k])
-        step(state, parameters, measurement[k], command[k])
-        for i in range(m):
-            command[k, i] += excitation[k, i]
-            if not np.isfinite(command[k, i]):
-                return k
-        _convert_row(command[k], output_levels, output[k], saturated_outputs)
-        for h in range(halves):
-            held = k - age[h]
-            for i in range(n):
-                total = 0.0
-                for j in range(n):
-                    total += transition[h, i, j] * x[j]
-                if held >= 0:
-                    for j in range(m):
-                        total += drive[h, i, j] * output[held, j]
-                after[i] = total
-            x, after = after, x
-            for i in range(q):
-                at[i] = 0.0
-                for j in range(n):
-                    at[i] += to_output[i, j] * x[j]
-            for i in range(len(outside)):
-                old = exogenous[k, i]
-                outside[i] = old + fraction[h] * (exogenous[k + 1, i] - old)
-            if h % 2 == 0:
-                sense(at, outside, sense_parameters, middle)
-            else:
-                sense(at, outside, sense_parameters, end)
-                w = weights[h // 2]
-                for i in range(s):
-                    inside = w[1] * start[i] + w[2] * middle[i] + w[3] * end[i]
-                    filtered[i] = w[0] * filtered[i] + inside
-                    start[i] = end[i]
-    return samples
+    """Run samples first to last - 1; the first one with a signal that is not finite, or last."""
+    s0, s1, s2, s3, s4, s5, s6, s7 = states
+    p0, p1, p2, p3, p4, p5, p6, p7 = parameters
+    w0, w1, w2, w3, w4, w5, w6, w7 = wires
+    g0, g1, g2, g3, g4, g5, g6, g7 = given
+    t0, t1, t2, t3, t4, t5, t6, t7 = told
+    x, filtered, start = memory
+    converted, measured, after, at, outside, middle, end = desk
+    transition, drive, age, fraction, weights, to_output = plant
+    channel_levels, output_levels = levels
+    excitation, exogenous, noise = played
+    command, output, channels, measurement, position, over_out, over_in = record
+    for k in range(first, last):
+        look(
+            k,
+            read,
+            read_parameters,
+            row,
+            x,
+            filtered,
+            converted,
+            measured,
+            to_output,
+            channel_levels,
+            noise,
+            output,
+            channels,
+            measurement,
+            position,
+            over_in,
+        )
+        _turn(step0, s0, p0, w0, g0, t0, row, places[0])
+        _turn(step1, s1, p1, w1, g1, t1, row, places[1])
+        _turn(step2, s2, p2, w2, g2, t2, row, places[2])
+        _turn(step3, s3, p3, w3, g3, t3, row, places[3])
+        _turn(step4, s4, p4, w4, g4, t4, row, places[4])
+        _turn(step5, s5, p5, w5, g5, t5, row, places[5])
+        _turn(step6, s6, p6, w6, g6, t6, row, places[6])
+        _turn(step7, s7, p7, w7, g7, t7, row, places[7])
+        finite = True
+        for i in range(len(row)):
+            signals[k - first, i] = row[i]
+            finite = finite and np.isfinite(row[i])
+        if not finite:
+            return k
+        move(
+            k,
+            sense,
+            sense_parameters,
+            row,
+            x,
+            filtered,
+            start,
+            after,
+            at,
+            outside,
+            middle,
+            end,
+            transition,
+            drive,
+            age,
+            fraction,
+            weights,
+            to_output,
+            output_levels,
+            excitation,
+            exogenous,
+            command,
+            output,
+            over_out,
+        )
+    return last

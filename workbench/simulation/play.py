@@ -38,10 +38,12 @@ def play(controller: Controller, measurement: ArrayLike) -> Real:
         raise InputError(f"the record has values that are not finite, first in row {row}")
     controller.need_measurements(record.shape[1])
     output = np.zeros((len(record), controller.outputs))
-    controller.step.compile(pointer(4).signature)
     state = np.array(controller.state, float)
     parameters = np.array(controller.parameters, float)
-    stop = _player()(controller.step, state, parameters, record, output)
+    if not controller.plain:
+        controller.step.compile(pointer(4).signature)
+    player = _play if controller.plain else _player()
+    stop = player(controller.step, state, parameters, record, output)
     if stop < len(record):
         raise InputError(f"the output is not finite at sample {stop} of {len(record)}")
     return output

@@ -1,0 +1,195 @@
+"""The strategies: stability, the order that the thesis found, speed, and what they refuse."""
+
+import time
+from dataclasses import replace
+
+import control
+import numpy as np
+import pytest
+
+from problems.cd_drive.bench_setup import PERIOD, RATE
+from problems.cd_drive.disc import Defect, Disc
+from problems.cd_drive.drives import controller
+from problems.cd_drive.laboratory import MEASUREMENTS, Laboratory, _loop
+from problems.cd_drive.strategies import STRATEGIES, Strategies, clean_level, stand_in_filter
+from problems.cd_drive.strategies_runs import LENGTH, Experiment, envelope
+from problems.cd_drive.strategies_stability import estimated_decay, repetitive_level
+from problems.cd_drive.strategies_study import strategies
+from workbench import solve
+from workbench.compiled import compiled
+from workbench.errors import InputError, UnknownNameError
+from workbench.simulation import Cascade, Controller, Part
+from workbench.solvers import Options
+
+AXES = ("focus", "radial")
+TWELVE = ("nominal", *(f"CD{n}" for n in range(1, 13)))
+DISC = Disc(warp=(500e-6,), eccentricity=(70e-6,), rotation=5.5)
+
+
+@pytest.fixture(scope="module")
+def studies():
+    """Study and solution by axis, on the nominal drive and one more, each computed once."""
+    found = {}
+
+    def run(axis):
+        if axis not in found:
+            task = strategies(axis, drive_count=1)
+            found[axis] = task, solve(task, options=Options(seed=4))
+        return found[axis]
+
+    return run
+
+
+@pytest.mark.parametrize("axis", AXES)
+def test_the_order_is_that_of_the_thesis(studies, axis):
+    task, solution = studies(axis)
+    assert solution.certificate.valid, solution.certificate.failures
+    numbers = task.metrics(solution.answer)
+    for name in "ABC":
+        assert numbers[f"excursion_{name}"] < 0.5 * numbers["excursion_reference"]
+    for name in "AB":
+        assert numbers[f"periodic_{name}"] < 0.05 * numbers["periodic_reference"]
+        if axis == "focus":
+            assert numbers[f"excursion_{name}"] < 0.7 * numbers["excursion_C"]
+    assert numbers["periodic_C"] == pytest.approx(numbers["periodic_reference"], rel=0.05)
+    assert set(task.tables(solution.answer)) == {"excursion", "periodic"}
+
+
+def test_checks_can_fail(studies):
+    task, solution = studies("focus")
+    worse = solution.answer.copy(deep=True)
+    worse["excursion"].loc[{"strategy": "A", "drive": "CD1"}] = 1e-5
+    worse["periodic"].loc[{"strategy": "B", "drive": "CD1"}] = 1e-5
+    worse["events"].loc[{"strategy": "C", "drive": "CD1"}] = 1
+    worse["repetitive_level"][0] = 1.0
+    worse["estimated_decay"][1] = -1.0
+    worse["excursion_half_step"][0] *= 1.2
+    failed = {check.name for check in task.checks(worse, 1e-6) if not check.holds}
+    names = {"excursion A", "periodic B", "kept", "repetitive loop", "estimated loop"}
+    assert failed == {*names, "half the step"}
+
+
+@pytest.mark.parametrize("axis", AXES)
+def test_figures(studies, axis):
+    task, solution = studies(axis)
+    made = task.figures(solution.answer)
+    assert set(made) == {"figure-8-6", "figure-8-7", "figure-8-8", "figure-8-9", "drives"}
+    assert all(ax.get_ylabel() for figure in made.values() for ax in figure.axes)
+
+
+def test_outcome_of_a_known_error():
+    """5 um after a scratch, 2 um at the rotation, and 1 um at twice it."""
+    experiment = Experiment("focus")
+    record = experiment.run("nominal", "reference", 0)
+    wave = 2 * np.pi * 5.5 * record.time
+    record.x[:] = record.x_cd - 2e-6 * np.sin(wave + 0.3) - 1e-6 * np.cos(2 * wave)
+    plain = experiment.outcome(record)
+    assert plain.periodic == pytest.approx(2e-6, rel=1e-3)
+    late = experiment.starts[-1] + LENGTH / 1.3 + 4.9e-3
+    record.x[round(late * RATE)] = record.x_cd[round(late * RATE)] - 5e-6
+    assert experiment.outcome(record).excursion == pytest.approx(5e-6)
+    record.x[round(late * RATE) + 5] = record.x_cd[round(late * RATE) + 5] - 9e-6
+    assert experiment.outcome(record).excursion == pytest.approx(5e-6)
+    bounds, _ = envelope(record.x)
+    assert bounds[0].min() == np.float32(record.x.min())
+    assert bounds[1].max() == np.float32(record.x.max())
+
+
+@pytest.mark.parametrize("axis", AXES)
+def test_repetitive_loops_are_stable_on_all_drives(axis):
+    """The level against the drives' exact responses and the controller's own formula."""
+    believed = Strategies(axis, 1.0, 5.5)
+    frequency = np.geomspace(1.0, 17.4e3, 3000)
+    z = np.exp(2j * np.pi * frequency * PERIOD)
+    K = controller(axis)(2 / PERIOD * (z - 1) / (z + 1))
+    Q = believed.repetitive.lowpass(z)
+    for name in TWELVE:
+        bench = Laboratory(axis, name)
+        L = -bench.response(frequency)["f_en"] * K
+        grid = abs(Q / (1 + L)).max()
+        level = repetitive_level(believed, bench)
+        assert grid <= level < 1.0
+        assert level == pytest.approx(grid, rel=1e-3)
+
+
+@pytest.mark.parametrize("axis", AXES)
+def test_estimated_loops_are_stable_on_all_drives(axis):
+    believed = Strategies(axis, 1.0, 5.5)
+    decay = [estimated_decay(believed, Laboratory(axis, name)) for name in TWELVE]
+    assert min(decay) > 10.0
+
+
+def test_a_controller_that_loses_the_drive_is_found_out():
+    """Ten times the gain has no stable loop, and neither analysis says it has."""
+    strong = control.ss(10.0 * controller("focus"))
+    believed, bench = Strategies("focus", 1.0, 5.5, K=strong), Laboratory("focus")
+    with pytest.raises(InputError, match="without repetitive control is unstable"):
+        repetitive_level(believed, bench)
+    assert estimated_decay(believed, bench) < 0.0
+
+
+def test_removing_nothing_is_the_controller_alone():
+    """With F = 0 strategy C feeds the controller what was measured, defect or not."""
+    bench = Laboratory("focus", "nominal")
+    nothing = control.ss([], [], [], [[0.0]], PERIOD)
+    made = Strategies("focus", clean_level(bench), 5.5, F=nothing)
+    defects = [Defect(1.2e-3, 0.25, 0.7)]
+    record = bench.closed_loop(made.named("C"), duration=0.3, disc=DISC, defects=defects)
+    np.testing.assert_array_equal(record.signals["seen"], record.f_en)
+    assert (record.signals["w_Q"] < 1.0).any()
+
+
+@pytest.mark.parametrize("axis", AXES)
+def test_bumpless_transfer_helps(axis):
+    experiment, sizes = Experiment(axis), {}
+    for bumpless in (False, True):
+        runs = [
+            replace(experiment.scenario("nominal", "K_prime", seed), bumpless=bumpless).run()
+            for seed in range(3)
+        ]
+        sizes[bumpless] = np.mean([experiment.outcome(run).excursion for run in runs])
+    assert sizes[True] < 0.8 * sizes[False]
+
+
+def test_the_stand_in_filter_leaves_a_low_pass():
+    F = stand_in_filter()
+    z = np.exp(2j * np.pi * 450.0 * PERIOD)
+    assert abs(1.0 - F(z)) == pytest.approx(0.5**0.5, rel=1e-2)
+    assert abs(F(np.exp(2j * np.pi * 1e-3 * PERIOD))) < 1e-5
+
+
+def test_speed():
+    """A million samples a second on an idle machine; a busy one may take three times as long."""
+    bench = Laboratory("focus", "nominal")
+    made = Strategies("focus", clean_level(bench), 5.5)
+    samples = 35_000
+    at = np.arange(samples + 1) / RATE
+    seen = DISC.surface([Defect(1.2e-3, 0.0, 0.7)], at)
+    exogenous = np.column_stack([DISC.deviation("focus", at), *seen])
+    excitation, noise = np.zeros((samples, 1)), np.zeros((samples, 4))
+    for name in STRATEGIES:
+        cascade, seconds = made.named(name), []
+        for _ in range(4):
+            start = time.perf_counter()
+            _loop(bench).run(cascade, excitation, exogenous, noise)
+            seconds.append(time.perf_counter() - start)
+        assert samples / min(seconds) > 1e6 / 3, name
+
+
+@compiled
+def _broken(state, parameters, given, told):
+    state[0] += 1.0
+    told[0] = np.nan if state[0] > 700.0 else 0.0
+
+
+def test_refusals():
+    made = Strategies("focus", 1.0, 5.5)
+    with pytest.raises(UnknownNameError, match="no strategy is called 'D'"):
+        made.named("D")
+    other = control.ss(0.5, 1.0, 1.0, 0.0, 1e-4)
+    with pytest.raises(InputError, match=r"a controller of period 0\.0001 s"):
+        Strategies("focus", 1.0, 5.5, F=other).named("C")
+    broken = Controller(_broken, np.zeros(1), np.zeros(0))
+    cascade = Cascade(MEASUREMENTS, [Part("my strategy", broken, ["f_en"], ["u"])])
+    with pytest.raises(InputError, match=r"my strategy's output 'u' .* sample 700 of .*, 0\.02 s"):
+        Laboratory().closed_loop(cascade, duration=0.1)

@@ -1,0 +1,76 @@
+"""Blends, removal, false alarms and controllers that follow each other."""
+
+import control
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from workbench.errors import InputError
+from workbench.simulation import blend, following, linear, play, removed, silenced, total
+
+PERIOD = 1e-3
+PI = control.tf([5.0, 100.0], [1.0, 1e-3])
+"""Nearly an integrator: left alone it would be anywhere."""
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.floats(0, 1), st.floats(-1e3, 1e3), st.floats(-1e3, 1e3))
+def test_arithmetic(w, a, b):
+    assert play(blend(), [[w, a, b]])[0, 0] == pytest.approx(w * a + (1 - w) * b, abs=1e-9)
+    assert play(blend(), [[w, a]])[0, 0] == pytest.approx(w * a, abs=1e-9)
+    assert play(removed(3.0), [[w, a, b]])[0, 0] == pytest.approx(a - (1 - w) * 3 * b, abs=1e-9)
+    assert play(total(), [[w, a, b]])[0, 0] == pytest.approx(w + a + b, abs=1e-9)
+
+
+@pytest.mark.parametrize("part", [blend(), removed(), following(PI, PERIOD)])
+@pytest.mark.parametrize("w", [-0.1, 1.1])
+def test_a_quality_that_is_none_is_reported(part, w):
+    row = [0.0, w, 0.0] if part.outputs == 1 and len(part.state) else [w, 1.0, 1.0]
+    with pytest.raises(InputError, match="not finite at sample 0"):
+        play(part, [row])
+
+
+def test_false_alarms():
+    record = np.ones((100, 1))
+    told = play(silenced([(0.010, 0.020), (0.05, 0.051)], PERIOD), record)[:, 0]
+    assert np.flatnonzero(told == 0.0).tolist() == [*range(10, 20), 50]
+    assert play(silenced([], PERIOD), record).all()
+    for wrong in ([(0.2, 0.1)], [(0.0, 0.2), (0.1, 0.3)], [(0.0, np.nan)]):
+        with pytest.raises(InputError, match="from < until"):
+            silenced(wrong, PERIOD)
+
+
+def test_one_in_charge_is_the_linear_controller():
+    e = np.random.default_rng(0).standard_normal(200)
+    record = np.column_stack([e, np.ones(200), np.full(200, 77.0)])
+    expected = play(linear(PI, PERIOD), e[:, None])
+    np.testing.assert_allclose(play(following(PI, PERIOD), record), expected, atol=1e-12)
+    record[:, 1] = 0.0
+    np.testing.assert_allclose(
+        play(following(PI, PERIOD, substitute=True), record), expected, atol=1e-12
+    )
+
+
+@pytest.mark.parametrize("law", [PI, PI * control.tf([200.0], [1.0, 200.0])])
+def test_one_not_in_charge_comes_to_the_command_of_the_other(law):
+    """And takes over from there without a bump, which it would not when left alone."""
+    e = np.full(300, 0.1)
+    v = np.full(300, 4.0)
+    w = np.concatenate([np.zeros(200), np.ones(100)])
+    told = play(following(law, PERIOD, rate=200.0), np.column_stack([e, w, v]))[:, 0]
+    jump = abs(np.diff(told))[199:205].max()
+    assert abs(told[199] - 4.0) < 0.1
+    assert jump < 0.1
+    alone = play(linear(law, PERIOD), e[:, None])[:, 0]
+    assert abs(alone[199] - 4.0) > 1.0
+
+
+def test_followers_that_cannot():
+    with pytest.raises(InputError, match="rate is 0"):
+        following(PI, PERIOD, rate=0.0)
+    with pytest.raises(InputError, match="2 inputs"):
+        following(control.ss([], [], [], [[1.0, 2.0]]), PERIOD)
+    hidden = control.ss(np.diag([0.999, 0.99]), [[1.0], [1.0]], [[1.0, 0.0]], 0.0, PERIOD)
+    with pytest.raises(InputError, match="no observer"):
+        following(hidden, PERIOD, rate=200.0)

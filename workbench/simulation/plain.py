@@ -1,0 +1,51 @@
+"""The loop with a part in plain Python: sample by sample, so that Python has its turn."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.simulation.machine import machine
+
+Real = NDArray[np.float64]
+
+
+def plain_loop(
+    turns: list[tuple[Any, ...]],
+    sense: Any,
+    read: Any,
+    sense_parameters: Real,
+    read_parameters: Real,
+    row: Real,
+    memory: Any,
+    desk: Any,
+    plant: Any,
+    levels: Any,
+    played: Any,
+    record: Any,
+    signals: Real,
+    first: int,
+    last: int,
+) -> int:
+    """As the machine's loop, for the turns of the parts: step, state, parameters, wires, ..."""
+    _, look, move = machine()
+    x, filtered, start = memory
+    converted, measured, *room = desk
+    excitation, exogenous, noise = played
+    command, output, channels, measurement, position, over_out, over_in = record
+    seen = (x, filtered, converted, measured, plant[-1], levels[0], noise)
+    noted = (output, channels, measurement, position, over_in)
+    moved = (x, filtered, start, *room, *plant, levels[1], excitation, exogenous)
+    for k in range(first, last):
+        look(k, read, read_parameters, row, *seen, *noted)
+        for step, state, parameters, wires, given, told, place in turns:
+            given[:] = row[wires]
+            step(state, parameters, given, told)
+            row[place : place + len(told)] = told
+        signals[k - first] = row
+        if not np.isfinite(row).all():
+            return k
+        move(k, sense, sense_parameters, row, *moved, command, output, over_out)
+    return last

@@ -1,0 +1,118 @@
+"""Repetitive control: the error of one period ago is added to that of now.
+
+    r(k) = Q (r + g e)(k - D),      the controller is given e + r            (the plug-in form)
+
+D and the phase of the low-pass Q are one period together at the period's own frequency. With the
+sensitivity S = 1 / (1 + L) of the loop without it and T = 1 - S, the error becomes
+
+    (1 - Q z^-D) / (1 - Q z^-D (1 - g T))  S      times what disturbs it:
+
+nearly nothing at the rotation's harmonics within Q. The loop is stable when S is and
+|Q (1 - g T)| < 1 at all frequencies, whatever the delay, by the small gain theorem. (S. Hara,
+Y. Yamamoto, T. Omata, M. Nakano, IEEE Transactions on Automatic Control 33, 659-668, 1988.)
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.compiled import kernel
+from workbench.errors import InputError
+from workbench.simulation.controllers import Controller, in_discrete_time
+
+if TYPE_CHECKING:
+    from control import StateSpace
+
+Real = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Repetitive:
+    """Repetitive control of what comes again with a frequency `rotation` [Hz].
+
+    period  sample time [s]; corner of Q, Butterworth's of order 2 [Hz]; gain g, above 0 to 1.
+
+    Raises InputError for values outside of that, above all for a rotation frequency of 0, and when
+    corner or rotation are too high for the sample time or for each other.
+    """
+
+    rotation: float
+    period: float
+    corner: float = 200.0
+    gain: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.rotation < math.inf:
+            raise InputError(
+                f"rotation frequency is {self.rotation} Hz; repetitive control needs a positive, "
+                "finite one"
+            )
+        if not (0.0 < self.period < math.inf and 0.0 < self.gain <= 1.0):
+            raise InputError(f"{self}: need period > 0 and gain above 0 to 1")
+        if not self.rotation < self.corner < 0.5 / self.period:
+            raise InputError(
+                f"corner is {self.corner} Hz; it must lie between the rotation's {self.rotation} "
+                f"Hz and half the sampling frequency, {0.5 / self.period} Hz"
+            )
+
+    @cached_property
+    def lowpass(self) -> StateSpace:
+        """Q, by the bilinear transform."""
+        import control
+
+        omega = 2 * math.pi * self.corner
+        butterworth = control.tf([omega**2], [1.0, math.sqrt(2.0) * omega, omega**2])
+        return in_discrete_time(butterworth, self.period)
+
+    @property
+    def delay(self) -> float:
+        """D [samples], no whole number; more than 1.5, for Q turns by less than 90 degrees."""
+        turn = 2 * math.pi * self.rotation * self.period
+        late = -float(np.angle(complex(self.lowpass(np.exp(1j * turn))))) / turn
+        return 1.0 / (self.rotation * self.period) - late
+
+    @property
+    def controller(self) -> Controller:
+        """Given e, tells r; at first it remembers nothing."""
+        length = math.floor(self.delay) + 2
+        Q = self.lowpass
+        matrices = (np.ravel(one) for one in (Q.A, Q.B, Q.C, Q.D))
+        parameters = np.concatenate([[self.delay, self.gain], *matrices])
+        return Controller(_repeat, np.zeros(3 + length), parameters, period=self.period)
+
+    def contraction(self, loop: StateSpace) -> StateSpace:
+        """Q (1 - g T) of a discrete loop L under negative feedback; stable when its norm is < 1.
+
+        Raises InputError when the loop without repetitive control is not stable.
+        """
+        import control
+
+        closed = control.feedback(loop, 1.0)
+        radius = abs(closed.poles()).max(initial=0.0)
+        if not radius < 1.0:
+            raise InputError(f"the loop without repetitive control is unstable: |z| = {radius:.6g}")
+        return control.ss(self.lowpass * (1.0 - self.gain * closed))
+
+
+@kernel
+def _repeat(state: Real, p: Real, given: Real, told: Real) -> None:
+    """State: place in the memory, both states of Q, the memory of r + g e."""
+    length = len(state) - 3
+    place, whole = int(state[0]), int(p[0])
+    rest = p[0] - whole
+    # The memory holds samples k - 1, k - 2, ... before place: linear between the two about k - D.
+    late = state[3 + (place - whole) % length]
+    later = state[3 + (place - whole - 1) % length]
+    past = (1.0 - rest) * late + rest * later
+    x, y = state[1], state[2]
+    told[0] = p[8] * x + p[9] * y + p[10] * past
+    state[1] = p[2] * x + p[3] * y + p[6] * past
+    state[2] = p[4] * x + p[5] * y + p[7] * past
+    state[3 + place] = told[0] + p[1] * given[0]
+    state[0] = (place + 1) % length
