@@ -60,11 +60,9 @@ class Cell:
 
     def halves(self, along: int) -> Iterator[Cell]:
         """Both halves along a parameter."""
-        middle = self.centre[along]
-        for side in ("low", "high"):
-            end = getattr(self, side).copy()
-            end[along] = middle
-            yield replace(self, **{"high" if side == "low" else "low": end}, depth=self.depth + 1)
+        for side, end in (("high", self.high.copy()), ("low", self.low.copy())):
+            end[along] = self.centre[along]
+            yield replace(self, **{side: end}, depth=self.depth + 1)
 
 
 @dataclass(frozen=True, eq=False)

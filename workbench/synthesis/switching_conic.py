@@ -15,6 +15,8 @@ from workbench.synthesis.switching import ROUNDING, Dwell, Real, SwitchedStabili
 
 ACCURACY = 1e-5
 """Finest accuracy asked of solvers: P is looked for well inside the inequalities."""
+BEGUN = 5
+"""Stays whose inequalities are stated from the start."""
 CUTS = 12
 """How often stays are added whose inequality did not hold."""
 LEAST = 1e-9
@@ -81,7 +83,7 @@ def _feasible(
     import cvxpy as cp
 
     modes, n = program.modes, program.states
-    stays = [sorted({s[0], s[-1]}) for s in (program.stays(mode, samples) for mode in modes)]
+    stays = [_some(program.stays(mode, samples)) for mode in modes]
     for _ in range(CUTS):
         with context.stating():
             P = [cp.Variable((n, n), symmetric=True) for _ in modes]
@@ -116,6 +118,12 @@ def _feasible(
         if not added:
             return None, f"{said}; its P does not hold when recomputed"
     return None, f"{said}; some stay's inequality failed in each of {CUTS} rounds"
+
+
+def _some(stays: range) -> list[int]:
+    """A few of the stays to begin with, the first and the last among them."""
+    places = np.unique(np.geomspace(1, len(stays), BEGUN).round().astype(int)) - 1
+    return [stays[int(place)] for place in places]
 
 
 def _falls(A: Real, P: Any, Q: Any, margin: Any) -> Any:
