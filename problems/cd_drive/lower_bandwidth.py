@@ -1,4 +1,4 @@
-"""K', one controller of lower bandwidth for while a surface defect passes (section 8.5, figure 8.6).
+"""K', one controller of lower bandwidth for while a defect passes (section 8.5, figure 8.6).
 
 The thesis makes it of the controller K and a filter, K' = K (1 - F), and finds it nearly unstable
 (figure 8.10); that it could be designed directly in the mu framework is said and not done there.
@@ -58,8 +58,8 @@ def lower_bandwidth(
     Least certified peak of mixed mu over the parametric set (Table 5.3), from the disc's deviation
     w to three channels:
 
-    - W_p / relaxed of S, eq. 6.11, relaxed = capture range over acceptable error (3 in focus): while
-      a defect passes the error may reach the ends of the s-curve, not only the 2 um of clean discs;
+    - W_p / relaxed of S, eq. 6.11, relaxed = capture range over acceptable error (3 in focus):
+      while a defect passes the error may reach the ends of the s-curve, not only 2 um;
     - share W_sd of T, W_sd = (s / (s + w_d))^3, w_d = 2 pi v / length: the lens may follow at most
       1 / share of what a defect of that length seems to displace;
     - W_u of K' S, 1 / (100 K_optn) as section 6.3 up to 2 kHz and rising in proportion beyond, so

@@ -24,9 +24,9 @@ from workbench.synthesis.switching_sets import TransitionSet, held_set
 from .actuator import SERIES_RESISTANCE, Real
 from .bench_setup import PERIOD
 from .control_problem import optical_gain
-from .drives import ANTIALIASING, total_gain
+from .drives import ANTIALIASING
 from .parametric import two_masses, uncertain_parameters
-from .switched_loop import MICRO, LensModel, Regulator, modal, switched
+from .switched_loop import MICRO, LensModel, Regulator, switched
 from .tables import Axis, nominal_table
 
 if TYPE_CHECKING:
@@ -98,7 +98,7 @@ class Box:
     def cells(self) -> list[Cell]:
         """Of the whole box, to begin with."""
         low, high = self.ends
-        edges = [np.linspace(*end, n + 1) for *end, n in zip(low, high, FIRST, strict=True)]
+        edges = [np.linspace(a, b, n + 1) for a, b, n in zip(low, high, FIRST, strict=True)]
         index = np.ndindex(*FIRST)
         return [
             Cell(
@@ -160,7 +160,7 @@ class Box:
     # --- proof --------------------------------------------------------------------------------
 
     def functions(self, sets: Sequence[TransitionSet]) -> Real | None:
-        """P of both modes (2, n, n) by LMIs at the vertices, for any switching; None: none found."""
+        """P of both modes (2, n, n) by LMIs at the vertices, for any switching; None: none."""
         clean, defect = (each.vertices for each in sets)
         if abs(np.linalg.eigvals([*clean, *defect])).max() >= 1.0:
             return None
@@ -174,7 +174,8 @@ class Box:
 
     def proven(self, context: Context) -> tuple[list[tuple[Cell, Real]], list[Cell]]:
         """Cells with the P that prove them, and cells given up."""
-        waiting, done, given_up = self.cells(), [], []
+        waiting, given_up = self.cells(), []
+        done: list[tuple[Cell, Real]] = []
         while waiting:
             context.progress("cells of the parametric set", len(done), len(done) + len(waiting))
             cell = waiting.pop()

@@ -20,7 +20,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-
 from numpy.typing import NDArray
 
 from .actuator import Complex, Real
@@ -48,28 +47,27 @@ class Deviations:
     @cached_property
     def turn(self) -> Complex:
         """What a sample turns the disc's phase by (F,)."""
-        angle: Complex = np.exp(1j * self.omega * PERIOD)
-        return angle
+        return np.asarray(np.exp(1j * self.omega * PERIOD))
 
     @cached_property
     def steady(self) -> Complex:
         """X (F, n): the loop's state without defects."""
         A, B = self.loop.clean
         measured = self.amplitude * filtered(self.omega)
-        found: Complex = np.linalg.solve(
+        found = np.linalg.solve(
             self.turn[:, None, None] * np.eye(len(A)) - A, B[None] * measured[:, None, None]
         )[..., 0]
-        return found
+        return np.asarray(found)
 
     @cached_property
     def steady_error(self) -> Complex:
         """w - lens x (F,) without defects."""
-        error: Complex = self.amplitude - (self.steady @ self.loop.lens.T)[:, 0]
-        return error
+        error = self.amplitude - (self.steady @ self.loop.lens.T)[:, 0]
+        return np.asarray(error)
 
     @cached_property
     def forced(self) -> Complex:
-        """d of the disc after 0 ... N samples of a defect (N + 1, F, n), at phase 0 of its start."""
+        """d of the disc after 0 ... N samples of a defect (N + 1, F, n), phase 0 at its start."""
         (A_c, B_c), (A_o, B_o) = self.loop.clean, self.loop.defect
         measured = self.amplitude * filtered(self.omega)
         q = self.steady @ (A_o - A_c).T + measured[:, None] * (B_o - B_c)[:, 0]

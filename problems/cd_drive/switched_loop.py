@@ -2,7 +2,7 @@
 
 With w the disc's deviation, x the lens, both in um, and AAF the anti-aliasing filter,
 
-    eps = k AAF (w - x)    measured error [units],    u = z + C_i f + D_i eps,    z' = a z + b_i eps.
+    eps = k AAF (w - x)    measured error [units],   u = z + C_i f + D_i eps,   z' = a z + b_i eps.
 
 z is the integrator, f the fast states of every controller and filter, which run all the time. Both
 controllers have the same slow pole a: the integrator is handed over, so that u keeps its slow part.
@@ -97,7 +97,8 @@ def modal(A: Real, B: Real, C: Real) -> tuple[Real, Real, Real]:
     for place, i in enumerate(up):
         v = vectors[:, i] / (C @ vectors[:, i])
         T[:, 2 * place], T[:, 2 * place + 1] = v.real, v.imag
-    return np.linalg.solve(T, A @ T), np.linalg.solve(T, B), C @ T
+    into = np.linalg.inv(T)
+    return into @ A @ T, into @ B, C @ T
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,5 +208,4 @@ def entering(model: LensModel, mode: Regulator) -> Real:
 
 def filtered(omega: Real) -> Complex:
     """Response of the anti-aliasing filter at omega [rad/s]."""
-    response: Complex = ANTIALIASING / (1j * omega + ANTIALIASING)
-    return response
+    return np.asarray(ANTIALIASING / (1j * omega + ANTIALIASING))

@@ -29,7 +29,10 @@ SAME = 1e-6
 
 
 def switching_checks(study: SwitchingStability, answer: xr.Dataset) -> list[Check]:
-    found = [_loops(study), *(_functions(study, answer, each) for each in answer["strategy"].values)]
+    found = [
+        _loops(study),
+        *(_functions(study, answer, each) for each in answer["strategy"].values),
+    ]
     found += [_ordered(answer), _bounded(answer), _replayed(study, answer)]
     found += [_cells(study, answer), _in_cells(study, answer)]
     return found + _figure(study, answer)
@@ -73,7 +76,10 @@ def _functions(study: SwitchingStability, answer: xr.Dataset, strategy: str) -> 
 
 def _worst(loop: SwitchedLoop, P: Real, dwell: int, longest: int) -> float:
     (A_c, _), (A_o, _) = loop.clean, loop.defect
-    if min(np.linalg.eigvalsh(each / np.outer(*[np.sqrt(np.diag(each))] * 2))[0] for each in P) <= 0:
+    if (
+        min(np.linalg.eigvalsh(each / np.outer(*[np.sqrt(np.diag(each))] * 2))[0] for each in P)
+        <= 0
+    ):
         return np.inf
     found = [_ratio(A_c, P[0], P[0]), _ratio(np.linalg.matrix_power(A_c, dwell), P[1], P[0])]
     power = np.eye(len(A_o))
@@ -98,8 +104,8 @@ def _ordered(answer: xr.Dataset) -> Check:
 
 
 def _bounded(answer: xr.Dataset) -> Check:
-    bound = answer["bound"].sel(length=answer["played"].values)
-    over = answer["simulated"].values / bound.values
+    bound = answer["bound"].sel(length=answer["played"].values, distance=answer["spaced"].values)
+    over = answer["simulated"].max("drive").values / bound.values
     statement = "largest simulated error over its bound"
     return Check("bounds", statement, float(over.max()), 1.0 + 1e-9)
 
@@ -107,12 +113,12 @@ def _bounded(answer: xr.Dataset) -> Check:
 def _replayed(study: SwitchingStability, answer: xr.Dataset) -> Check:
     """The largest error of six defects again, sample by sample in real time, at many phases."""
     off, where = 0.0, ""
-    distances = answer["distance"].values
+    distances = answer["spaced"].values
     for strategy in answer["strategy"].values:
         loop = study.loops(strategy)[0]
-        case, samples, distance = "rotation", int(answer["played"][3]), int(distances[4])
+        case, samples, distance = "rotation", int(answer["played"][-2]), int(distances[2])
         one = answer["simulated"].sel(strategy=strategy, case=case, played=samples)
-        told = float(one.isel(drive=0).sel(distance=distance))
+        told = float(one.isel(drive=0).sel(spaced=distance))
         again = _played(study, loop, case, samples, distance)
         off, where = max((off, where), (abs(again / told - 1), f"of {strategy}"))
     statement = "largest error of defects played sample by sample over the stored one, less 1"

@@ -107,7 +107,7 @@ def _errors(axis: Axis, answer: xr.Dataset) -> str:
     rows = []
     for case in answer["case"].values.tolist():
         for strategy in answer["strategy"].values.tolist():
-            one = answer.sel(strategy=strategy, case=case).max("drive").isel(distance=-1)
+            one = answer.sel(strategy=strategy, case=case).max("drive").isel(distance=-1, spaced=-1)
             cells = [case, WORDS[strategy], f"{float(one['bound'][-1]):.2f}"]
             cells.append(f"{float(one['simulated'][-1]):.2f}")
             for limit in (unit, CAPTURE[axis] * 1e6):
@@ -130,12 +130,7 @@ def switching_figures(axis: Axis, answer: xr.Dataset) -> dict[str, Figure]:
 
 def _open_loops(axis: Axis, answer: xr.Dataset) -> Figure:
     """Bode and Nyquist plots of the nominal loops, sampled without delay."""
-    from matplotlib.gridspec import GridSpec
-
-    figure, panels = figures.axes(2, 2, size=(10.0, 6.4))
-    size, nyquist, phase, spare = panels
-    spare.remove()
-    nyquist.set_subplotspec(GridSpec(2, 2, figure=figure)[:, 1])
+    figure, (size, phase, nyquist) = figures.axes(1, 3, size=(12.0, 4.4))
     frequency = answer["frequency"].values
     for name, (dash, colour) in LOOKS.items():
         one = answer.sel(controller=name)
@@ -146,15 +141,16 @@ def _open_loops(axis: Axis, answer: xr.Dataset) -> Figure:
     angle = np.linspace(0, 2 * np.pi, 200)
     nyquist.plot(np.cos(angle), np.sin(angle), color="0.7", linewidth=0.8)
     nyquist.plot(-1, 0, "+", color="0.2", markersize=9)
-    nyquist.set_xlim(-3.0, 1.5)
-    nyquist.set_ylim(-3.0, 1.5)
+    nyquist.set_xlim(-2.5, 1.25)
+    nyquist.set_ylim(-2.25, 1.5)
     nyquist.set_aspect("equal")
     size.axhline(1.0, color="0.4", linewidth=0.8)
     phase.axhline(-180.0, color="0.4", linewidth=0.8)
-    size.set_title(f"{axis}, nominal open loops sampled at 35 kHz")
+    phase.set_title(f"{axis}, nominal open loops sampled at 35 kHz")
     size.set_ylabel("|L| [1]")
     phase.set_ylabel("arg L [deg]")
-    phase.set_xlabel("frequency [Hz]")
+    for panel in (size, phase):
+        panel.set_xlabel("frequency [Hz]")
     nyquist.set_xlabel("Re L [1]")
     nyquist.set_ylabel("Im L [1]")
     figures.legend_below(figure, size)
@@ -195,17 +191,20 @@ def _region(axis: Axis, answer: xr.Dataset) -> Figure:
     figure, panels = figures.axes(
         len(cases), len(strategies), size=(10.5, 6.6), sharex=True, sharey=True
     )
-    distance = MM * answer["distance"].values
     limits = {ACCEPTABLE_ERROR[axis] * 1e6: figures.BLUE, CAPTURE[axis] * 1e6: figures.ORANGE}
     titles = {"rotation": "largest deviation, 3 to 9 Hz", "envelope": "any harmonic, 1 to 500 Hz"}
     handles = None
     for panel, (case, strategy) in zip(
         panels, [(case, each) for case in cases for each in strategies], strict=True
     ):
-        one = answer.sel(case=case, strategy=strategy).max("drive")
+        one = answer.sel(case=case, strategy=strategy)
+        errors = {"bound": one["bound"], "simulated": one["simulated"].max("drive")}
         for limit, colour in limits.items():
-            for key, length, dash in (("bound", "length", "-"), ("simulated", "played", "o:")):
-                inside = one[key].values <= limit
+            for key, length, along, dash in (
+                ("bound", "length", "distance", "-"),
+                ("simulated", "played", "spaced", "o:"),
+            ):
+                inside, distance = errors[key].values <= limit, MM * one[along].values
                 held = np.where(inside.any(axis=0), _last(inside), -1)
                 reach = np.where(held < 0, 0.0, MM * one[length].values[held])
                 word = "proven" if key == "bound" else "simulated"

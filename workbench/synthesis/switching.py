@@ -8,7 +8,7 @@ that is allowed and for every mode j that may follow
     (A_i^n)' P_j A_i^n < P_i,
 
 then V falls from entry to entry and the system is stable. In a mode without a longest stay n is the
-shortest one, and A_i' P_i A_i < P_i carries it on to all longer ones (J. C. Geromel and P. Colaneri,
+shortest one, and A_i' P_i A_i < P_i carries it on to all longer ones (J. C. Geromel, P. Colaneri,
 Stability and stabilization of discrete time switched systems, Int. J. Control 79 (2006) 719-728).
 """
 
@@ -178,8 +178,8 @@ class SwitchedStability(Program):
 
     def checks(self, answer: Dwell, tolerance: float) -> list[Check]:
         n, count = self.states, len(self.modes)
-        fits = answer.P.shape == (count, n, n) and np.isfinite(answer.P).all()
-        fits &= 0 < answer.samples <= self.limit
+        fits = answer.P.shape == (count, n, n) and bool(np.isfinite(answer.P).all())
+        fits = fits and 0 < answer.samples <= self.limit
         statement = "whether P has another shape, or the dwell time is none"
         found = [Check("dimensions", statement, float(not fits), 0.0)]
         if not fits:

@@ -64,7 +64,7 @@ class TransitionSet:
 def held_set(centre: Any, slopes: Sequence[Any], duration: float) -> TransitionSet:
     """exp(h (M_0 + sum d_i M_i)) over |d_i| <= 1: the vertices of its linear part, and the rest.
 
-    With [A B; 0 0] for M a plant whose inputs are held over h. With X = h M_0 and Y = h sum d_i M_i,
+    With [A B; 0 0] for M a plant whose inputs are held over h. With X = h M_0, Y = h sum d_i M_i
     and L the part that is linear in Y,
 
         |exp(X + Y) - exp(X) - L(X, Y)| <= exp(|X| + |Y|) - exp(|X|) - L(|X|, |Y|)
