@@ -29,6 +29,8 @@ from .switched_loop import SwitchedLoop, filtered
 NDArrayInt = NDArray[np.int64]
 HORIZON = 400
 """Samples after a defect that are followed one by one."""
+OUTWARD = 1.0 + 1e-9
+"""By which bounds are rounded up."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,7 +147,7 @@ class Deviations:
         product = g_o[:, None] * g_c
         with np.errstate(divide="ignore"):
             r = np.where(product < 1.0, g_c * b[:, None] / (1.0 - product), np.inf)
-        bound: Real = self.single(root_c)[:, None] + reach[:, None] * r
+        bound: Real = OUTWARD * (self.single(root_c)[:, None] + reach[:, None] * r)
         return bound
 
     def simulated(self, samples: int, distance: int, count: int) -> float:

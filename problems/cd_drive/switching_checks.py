@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,7 +14,8 @@ from workbench.synthesis import discretised
 from .actuator import Real
 from .bench_setup import PERIOD
 from .drives import ANTIALIASING
-from .switched_loop import SwitchedLoop, closed
+from .red_book import envelope
+from .switched_loop import MICRO, SwitchedLoop, closed
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -26,6 +28,8 @@ PLANTS = 200
 PRINTED = {"gain_margin": (3.0, 1.0), "phase_margin": (8.0, 2.0)}
 """Of K (1 - F) in figure 8.10, and how near is near: dB and degrees."""
 SAME = 1e-6
+BETWEEN, CLOSE = 131, 0.02
+"""Frequencies, and how near those stored are to the worst of them, relative."""
 
 
 def switching_checks(study: SwitchingStability, answer: xr.Dataset) -> list[Check]:
@@ -34,7 +38,7 @@ def switching_checks(study: SwitchingStability, answer: xr.Dataset) -> list[Chec
         *(_functions(study, answer, each) for each in answer["strategy"].values),
     ]
     found += [_ordered(answer), _bounded(answer), _replayed(study, answer)]
-    found += [_cells(study, answer), _in_cells(study, answer)]
+    found += [_between(study, answer), _cells(study, answer), _in_cells(study, answer)]
     return found + _figure(study, answer)
 
 
@@ -156,6 +160,22 @@ def _played(
                     x = mode[0] @ x + mode[1] * seen
                     k += 1
     return worst
+
+
+def _between(study: SwitchingStability, answer: xr.Dataset) -> Check:
+    """Errors of one defect at frequencies between those of the answer."""
+    worst, where = 0.0, ""
+    for strategy in answer["strategy"].values:
+        loop = study.loops(strategy)[0]
+        root = np.linalg.cholesky(answer[f"P_{strategy}"].values[0, 0])
+        at = study.deviations(loop, "envelope")
+        omega = np.geomspace(at.omega[0], at.omega[-1], BETWEEN)
+        amplitude = envelope(study.axis, omega / (2 * np.pi)) / MICRO
+        more = replace(at, amplitude=amplitude, omega=omega)
+        value = float((more.single(root) / at.single(root)).max())
+        worst, where = max((worst, where), (value, f"of {strategy}"))
+    statement = f"largest error of one defect at {BETWEEN} frequencies over that at those stored"
+    return Check("frequencies", statement, worst, 1.0 + CLOSE, where)
 
 
 def _cells(study: SwitchingStability, answer: xr.Dataset) -> Check:

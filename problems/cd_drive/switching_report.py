@@ -111,9 +111,13 @@ def _errors(axis: Axis, answer: xr.Dataset) -> str:
             cells = [case, WORDS[strategy], f"{float(one['bound'][-1]):.2f}"]
             cells.append(f"{float(one['simulated'][-1]):.2f}")
             for limit in (unit, CAPTURE[axis] * 1e6):
-                for key, length in (("bound", "length"), ("simulated", "played")):
-                    held = one[length].values[one[key].values <= limit]
-                    cells.append(f"{MM * held.max():.2f}" if held.size else "none")
+                cells += [
+                    f"{reach:.2f}" if reach > 0.0 else "none"
+                    for reach in (
+                        float(_proven(one["bound"].values[:, None], limit)[0]),
+                        float(_crossed(one["simulated"].values[:, None], one, limit)[0]),
+                    )
+                ]
             rows.append(cells)
         cells = [case, "K goes on", f"{float(answer['alone'].sel(case=case).max()):.2f}"]
         rows.append(cells + [""] * 5)
@@ -198,22 +202,19 @@ def _region(axis: Axis, answer: xr.Dataset) -> Figure:
         panels, [(case, each) for case in cases for each in strategies], strict=True
     ):
         one = answer.sel(case=case, strategy=strategy)
-        errors = {"bound": one["bound"], "simulated": one["simulated"].max("drive")}
         for limit, colour in limits.items():
-            for key, length, along, dash in (
-                ("bound", "length", "distance", "-"),
-                ("simulated", "played", "spaced", "o:"),
-            ):
-                inside, distance = errors[key].values <= limit, MM * one[along].values
-                held = np.where(inside.any(axis=0), _last(inside), -1)
-                reach = np.where(held < 0, 0.0, MM * one[length].values[held])
-                word = "proven" if key == "bound" else "simulated"
-                panel.semilogx(
-                    distance, reach, dash, color=colour, markersize=3,
-                    label=f"within {limit:g} um, {word}",
-                )  # fmt: skip
-                if key == "bound":
-                    panel.fill_between(distance, 0.0, reach, color=colour, alpha=0.12, linewidth=0)
+            proven = _proven(one["bound"].values, limit)
+            simulated = _crossed(one["simulated"].max("drive").values, one, limit)
+            panel.semilogx(
+                MM * one["distance"], proven, color=colour, label=f"within {limit:g} um, proven"
+            )
+            panel.semilogx(
+                MM * one["spaced"], simulated, "o:", color=colour, markersize=3,
+                label=f"within {limit:g} um, simulated",
+            )  # fmt: skip
+            panel.fill_between(
+                MM * one["distance"], 0.0, proven, color=colour, alpha=0.12, linewidth=0
+            )
         handles = handles or panel
         panel.set_title(f"{strategy}: {titles[case]}", fontsize=9)
         panel.set_ylim(-0.05, 1.05 * MM * answer.sizes["length"])
@@ -226,8 +227,26 @@ def _region(axis: Axis, answer: xr.Dataset) -> Figure:
     return figure
 
 
-def _last(inside: np.ndarray) -> np.ndarray:
-    """Index of the last row before the first that is not inside, by column; -1: none."""
-    first = np.where(inside.all(axis=0), len(inside), np.argmin(inside, axis=0))
-    last: np.ndarray = first - 1
-    return last
+def _proven(bound: np.ndarray, limit: float) -> np.ndarray:
+    """Length [mm] up to which bounds (lengths, distances), from one sample on, keep a limit."""
+    inside = bound <= limit
+    held: np.ndarray = np.where(inside.all(axis=0), len(inside), np.argmin(inside, axis=0))
+    return MM * held
+
+
+def _crossed(error: np.ndarray, answer: xr.Dataset, limit: float) -> np.ndarray:
+    """Length [mm] at which simulated errors (played, distances) first pass a limit.
+
+    Linearly between the lengths that were played; 0 where the shortest of them passes it.
+    """
+    played = answer["played"].values.astype(float)
+    found = np.zeros(error.shape[1])
+    for i, column in enumerate(error.T):
+        over = np.flatnonzero(column > limit)
+        if not over.size:
+            found[i] = played[-1]
+        elif over[0] > 0:
+            before, after = over[0] - 1, over[0]
+            share = (limit - column[before]) / (column[after] - column[before])
+            found[i] = played[before] + share * (played[after] - played[before])
+    return MM * found

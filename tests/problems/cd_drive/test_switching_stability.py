@@ -196,9 +196,8 @@ def test_wrong_input_is_named():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("axis", ["focus", "radial"])
-def test_switching_stability(axis):
-    run = wb.run(f"cd/{axis}/switching-stability")
+def test_switching_stability():
+    run = wb.run("cd/focus/switching-stability")
     assert run.certificate.failures == ()
     assert run.metrics["dwell_lower"] == 1
     assert run.metrics["box_volume"] == pytest.approx(1.0)
