@@ -27,8 +27,8 @@ from .bench_setup import PERIOD
 from .switched_loop import SwitchedLoop, filtered
 
 NDArrayInt = NDArray[np.int64]
-HORIZON = 400
-"""Samples after a defect that are followed one by one."""
+HORIZON, PLAYED = 2000, 400
+"""Samples after a defect that are followed one by one, in bounds and in what is simulated."""
 OUTWARD = 1.0 + 1e-9
 """By which bounds are rounded up."""
 
@@ -163,7 +163,7 @@ class Deviations:
             swing[k + 1] = A_o @ swing[k] + B_o[:, 0] * v[k]
         rest = np.linalg.matrix_power(A_c, distance)
         ahead = self.turn ** np.arange(samples + 1)[:, None]
-        rows, lens = self.rows[: distance + 1], self.loop.lens[0]
+        rows, lens = self.rows[: min(distance, PLAYED) + 1], self.loop.lens[0]
         d, false = np.zeros_like(self.steady), np.zeros(len(A_o))
         start, worst = np.ones_like(self.turn), 0.0
         for _ in range(count):
