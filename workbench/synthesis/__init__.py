@@ -1,6 +1,6 @@
 """Synthesis: H-infinity and mu controllers, certified, reduced, discretised, exported."""
 
-from workbench.synthesis import dgk, dk, fixed, hinf_conic, hinf_methods
+from workbench.synthesis import dgk, dk, fixed, hinf_conic, hinf_methods, switching_conic
 from workbench.synthesis.assumptions import regularised
 from workbench.synthesis.discretise import discretised
 from workbench.synthesis.export import export, load
@@ -16,10 +16,12 @@ from workbench.synthesis.rounds import Iterate
 from workbench.synthesis.sampled_loop import Margins, SampledConditions, sampled_conditions
 from workbench.synthesis.second_order import Sections, second_order_sections
 from workbench.synthesis.structured import PID, Decentralised, LeadLag
+from workbench.synthesis.switching import Dwell, Mode, SwitchedStability
 
 __all__ = [
     "PID",
     "Decentralised",
+    "Dwell",
     "Family",
     "FixedCascade",
     "FixedPoint",
@@ -31,12 +33,14 @@ __all__ = [
     "Margins",
     "MixedSensitivity",
     "Modal",
+    "Mode",
     "MuController",
     "MuSynthesis",
     "Reduced",
     "Reduction",
     "SampledConditions",
     "Sections",
+    "SwitchedStability",
     "dgk",
     "discretised",
     "dk",
@@ -53,4 +57,5 @@ __all__ = [
     "regularised",
     "sampled_conditions",
     "second_order_sections",
+    "switching_conic",
 ]

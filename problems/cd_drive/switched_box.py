@@ -1,0 +1,190 @@
+"""Switching between two controllers over the whole parametric set, not at samples of it.
+
+In g = 1 / (R + r), k1 and k2, the parameters of Table 5.3, the actuator is affine: all of the coil
+that depends on R is Bl g u and the damping Bl^2 g. A box of them is cut into cells. In each the
+plant behind its hold is an affine part, whose extremes are at the cell's vertices, and a remainder
+bounded in norm; P from the LMIs at the cell's centre prove the cell if they hold for all of that.
+Every plant keeps its parameters while the controllers switch, so cells may have P of their own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from workbench import solve
+from workbench.errors import InputError
+from workbench.synthesis import Mode, SwitchedStability
+from workbench.synthesis.switching_sets import TransitionSet, held_set
+
+from .actuator import SERIES_RESISTANCE, Real
+from .bench_setup import PERIOD
+from .control_problem import optical_gain
+from .drives import ANTIALIASING
+from .parametric import two_masses, uncertain_parameters
+from .switched_loop import MICRO, LensModel, Regulator, switched
+from .tables import Axis, nominal_table
+
+if TYPE_CHECKING:
+    from workbench.executor import Context
+
+NAMES = ("R", "k1", "k2")
+FIRST = (1, 1, 8)
+"""Cells of the whole box at the start, along g, k1 and k2."""
+HALVED = (2, 0, 2)
+"""Along which a cell is halved, one after the other, before it is given up."""
+SURE = 1.0 - 1e-9
+"""V must fall by more than the rounding of its change."""
+
+
+@dataclass(frozen=True, eq=False)
+class Cell:
+    """A box of g, k1, k2: ``low`` and ``high`` (3,)."""
+
+    low: Real
+    high: Real
+    depth: int = 0
+
+    @property
+    def centre(self) -> Real:
+        middle: Real = (self.low + self.high) / 2
+        return middle
+
+    @property
+    def volume(self) -> float:
+        return float(np.prod(self.high - self.low))
+
+    def halves(self, along: int) -> Iterator[Cell]:
+        """Both halves along a parameter."""
+        for side, end in (("high", self.high.copy()), ("low", self.low.copy())):
+            end[along] = self.centre[along]
+            yield replace(self, **{side: end}, depth=self.depth + 1)
+
+
+@dataclass(frozen=True, eq=False)
+class Box:
+    """A multiple of the parametric set of an axis, with one sample of delay."""
+
+    axis: Axis
+    modes: tuple[Regulator, Regulator]
+    share: float = 1.0
+
+    def __post_init__(self) -> None:
+        widest = 1 / max(p.tolerance for p in uncertain_parameters(self.axis))
+        if not 0.0 < self.share < widest:
+            raise InputError(
+                f"share is {self.share}; it must be above 0 and below {widest:.3g}, where a spring "
+                "has no stiffness"
+            )
+
+    @cached_property
+    def ends(self) -> tuple[Real, Real]:
+        """Of g [1/ohm], k1 and k2 [N/m]: the smallest box that has the share of the set in it."""
+        R, k1, k2 = (
+            [p.nominal * (1 + side * self.share * p.tolerance) for side in (-1, 1)]
+            for p in (
+                next(each for each in uncertain_parameters(self.axis) if each.name == name)
+                for name in NAMES
+            )
+        )
+        g = [1 / (R[1] + SERIES_RESISTANCE), 1 / (R[0] + SERIES_RESISTANCE)]
+        low, high = np.array([g, k1, k2]).T
+        return low, high
+
+    def cells(self) -> list[Cell]:
+        """Of the whole box, to begin with."""
+        low, high = self.ends
+        edges = [np.linspace(a, b, n + 1) for a, b, n in zip(low, high, FIRST, strict=True)]
+        index = np.ndindex(*FIRST)
+        return [
+            Cell(
+                np.array([edge[i] for edge, i in zip(edges, at, strict=True)]),
+                np.array([edge[i + 1] for edge, i in zip(edges, at, strict=True)]),
+            )
+            for at in index
+        ]
+
+    def continuous(self, parameters: Real) -> Real:
+        """[A B; 0 0] (6, 6) of actuator and filter, positions [um], affine in g, k1, k2."""
+        g, k1, k2 = parameters
+        values = {name: entry.nominal for name, entry in nominal_table(self.axis).items()}
+        given = values | {"R": 1 / g - SERIES_RESISTANCE, "k1": k1, "k2": k2}
+        A, B, C, _ = (np.asarray(part, float) for part in two_masses(**given))
+        M = np.zeros((6, 6))
+        M[:4, :4], M[:4, 5:] = A, B
+        M[4, :4] = ANTIALIASING * C[0] * self._micro
+        M[4, 4] = -ANTIALIASING
+        return M
+
+    @property
+    def _micro(self) -> float:
+        return 1.0 / (optical_gain(self.axis) * MICRO)
+
+    def sets(self, cell: Cell) -> tuple[TransitionSet, TransitionSet]:
+        """Transitions of both modes over a cell."""
+        centre = cell.centre
+        M = self.continuous(centre)
+        half = (cell.high - cell.low) / 2
+        slopes = [self.continuous(centre + step) - M for step in np.diag(half)]
+        held = held_set(M, slopes, PERIOD)
+        clean, defect = (self._set(held, mode) for mode in self.modes)
+        return clean, defect
+
+    def at(self, parameters: Real) -> tuple[Real, Real]:
+        """Transitions of both modes at one set of parameters."""
+        from scipy.linalg import expm
+
+        held = expm(PERIOD * self.continuous(parameters))
+        clean, defect = (self._loop(held, mode) for mode in self.modes)
+        return clean, defect
+
+    def _loop(self, held: Real, mode: Regulator) -> Real:
+        """A of the loop from [A B; 0 1] of the plant, its input a sample late."""
+        A, B = np.zeros((6, 6)), np.zeros((6, 1))
+        A[:5], B[5] = held[:5], 1.0
+        filtered, lens = np.zeros((1, 6)), np.zeros((1, 6))
+        filtered[0, 4] = 1.0
+        model = LensModel(A, B, lens, filtered, optical_gain(self.axis) * MICRO)
+        return switched(model, (mode, mode)).clean[0]
+
+    def _set(self, held: TransitionSet, mode: Regulator) -> TransitionSet:
+        vertices = np.stack([self._loop(each, mode) for each in held.vertices])
+        remainder = np.zeros(vertices.shape[1:])
+        remainder[:5, :6] = held.remainder[:5]
+        return TransitionSet(vertices, remainder)
+
+    # --- proof --------------------------------------------------------------------------------
+
+    def functions(self, sets: Sequence[TransitionSet]) -> Real | None:
+        """P of both modes (2, n, n) by LMIs at the vertices, for any switching; None: none."""
+        clean, defect = (each.vertices for each in sets)
+        if abs(np.linalg.eigvals([*clean, *defect])).max() >= 1.0:
+            return None
+        program = SwitchedStability((Mode("clean", clean, None), Mode("defect", defect, 1)), 1)
+        found = solve(program)
+        return found.answer.P if found.certificate and found.certificate.valid else None
+
+    def worst(self, sets: Sequence[TransitionSet], P: Real) -> float:
+        """The largest V after a sample over V before, whichever mode follows, over a cell."""
+        return max(each.ratio(P[i], Q) for i, each in enumerate(sets) for Q in P)
+
+    def proven(self, context: Context) -> tuple[list[tuple[Cell, Real]], list[Cell]]:
+        """Cells with the P that prove them, and cells given up."""
+        waiting, given_up = self.cells(), []
+        done: list[tuple[Cell, Real]] = []
+        while waiting:
+            context.progress("cells of the parametric set", len(done), len(done) + len(waiting))
+            cell = waiting.pop()
+            sets = self.sets(cell)
+            P = self.functions(sets)
+            if P is not None and self.worst(sets, P) <= SURE:
+                done.append((cell, P))
+            elif cell.depth == len(HALVED):
+                given_up.append(cell)
+            else:
+                waiting += cell.halves(HALVED[cell.depth])
+        return done, given_up

@@ -1,0 +1,461 @@
+"""Stability while controllers switch, which the thesis leaves open (sections 8.5 to 8.7).
+
+Section and figure numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
+CD-players (2003).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from workbench import Check, Run, Study, problem, ref, solve
+from workbench.errors import SolverError
+from workbench.executor import Context
+from workbench.mu import conditions
+from workbench.simulation import sampled
+from workbench.synthesis import Mode, SwitchedStability, discretised
+from workbench.synthesis.loops import restored, stored
+from workbench.uncertainty import GeneralisedPlant
+
+from .actuator import Complex, Real
+from .bench_setup import PERIOD, RATE
+from .disc import VELOCITY
+from .drives import Gain, controller, total_gains
+from .loops import Margins, loop_response, margins, plants
+from .photo_diodes import CAPTURE
+from .red_book import ACCEPTABLE_ERROR, envelope
+from .sets import TABLES
+from .switched_box import Box
+from .switched_error import Deviations
+from .switched_loop import (
+    FILTER,
+    MICRO,
+    LensModel,
+    SwitchedLoop,
+    closed,
+    lens_model,
+    regulators,
+    switched,
+)
+from .switching_checks import switching_checks
+from .switching_report import switching_figures, switching_tables
+from .tables import Axis, drives
+from .trade_off import CHANNELS, TradeOff
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from control import StateSpace
+    from matplotlib.figure import Figure
+
+STRATEGIES = ("open", "filter", "lower")
+CONTROLLERS = ("K", "K (1 - F)", "K'")
+SAMPLINGS = ("continuous", "sampled", "delayed")
+"""Sampled at 35 kHz, and with the delay beside it."""
+SHARES = (1.0, 1.5)
+"""Multiples of the parametric set that are tried, up to the first that is not proven."""
+CASES = ("rotation", "envelope")
+ROTATION = np.linspace(3.0, 9.0, 4)
+"""Rotation frequencies [Hz] of a disc of the largest deviation."""
+HARMONICS = np.geomspace(1.0, 500.0, 27)
+"""Frequencies [Hz] at which the Red Book's envelope is met."""
+DISTANCES = np.unique(np.geomspace(30, 4000, 12).round().astype(np.int64))
+"""Between two defects [samples]."""
+SPACED = DISTANCES[::2]
+LENGTHS = 12
+"""Of defects that are simulated, up to the longest, at every other distance."""
+DEFECTS = 6
+"""In a row, in what is simulated."""
+PADE = 3
+"""Order of the rational delay, whose phase is exact to 1e-6 rad up to 2 kHz."""
+MU = 1e-2
+"""Relative width of the intervals of mu."""
+LOW, HIGH, POINTS = 1.0, 17.4e3, 250
+PARASITIC = (400.0, 1100.0)
+"""Frequencies [Hz] about the parasitic resonances, shown closely."""
+
+
+@problem(
+    "cd/{axis}/switching-stability",
+    axis=("focus",),
+    needs=lambda axis, **_: {"lower": ref(f"cd/{axis}/lower-bandwidth")},
+    data=TABLES,
+)
+def switching_stability(
+    axis: Axis,
+    lower: Run,
+    defect_mm: Annotated[float, Field(gt=0, le=10)] = 2.5,
+    delay: Annotated[float, Field(ge=0, le=5)] = 1.0,
+    displacement: Annotated[float, Field(ge=0, le=10)] = 0.0,
+    gain: Gain = "own",
+    common: bool = False,
+) -> SwitchingStability:
+    """Whether the loop stays stable while surface defects switch its controller (figure 8.10).
+
+    In clean parts K (eq. 6.12) is in the loop; while a defect passes there is nothing (the
+    reference strategy), K (1 - F) with F a first-order high-pass of 450 Hz (strategy C, figure
+    8.6), or K' of `cd/<axis>/lower-bandwidth`; the integrator is handed over.
+
+    - Margins of K, K (1 - F) and K', and the share of the parametric set that each tolerates.
+    - Dwell times by LMIs: the shortest distance between defects for which any sequence of defects
+      up to the longest is stable, of each drive, beside the longest that a periodic switching
+      makes unstable; K to K' and back at any time over the whole parametric set, cell by cell.
+    - The true error at sampling instants, bounded for every sequence of defects by these functions
+      and simulated, for a disc that moves in one harmonic of the Red Book's envelope at a time.
+
+    defect_mm: longest defect [mm]; 2.5 is what the error correction repairs. delay: of the computer
+    [samples]; the parametric set has 1 always. displacement: largest false displacement of defects,
+    in acceptable errors. gain: of the twelve loops. common: one set of functions for all drives as
+    well, in the coordinates of each drive's resonances (minutes).
+    """
+    K_lower = restored(lower.data, "controller")
+    return SwitchingStability(axis, K_lower, defect_mm / 1e3, delay, displacement, gain, common)
+
+
+@dataclass(frozen=True, eq=False)
+class SwitchingStability(Study):
+    """Margins, dwell times, and errors of an axis."""
+
+    axis: Axis
+    lower: StateSpace
+    length: float
+    delay: float
+    displacement: float
+    gain: Gain
+    common: bool
+
+    headline: ClassVar[str] = "dwell_open"
+
+    # --- what is studied ----------------------------------------------------------------------
+
+    @cached_property
+    def longest(self) -> int:
+        """Samples of the longest defect."""
+        return max(1, math.ceil(self.length / VELOCITY * RATE))
+
+    @cached_property
+    def reference(self) -> StateSpace:
+        import control
+
+        return control.ss(controller(self.axis))
+
+    @cached_property
+    def controllers(self) -> dict[str, StateSpace]:
+        """Those of figure 8.10, and K'."""
+        import control
+
+        corner = 2 * np.pi * FILTER
+        F = control.ss(-corner, corner, 1.0, 0.0)
+        return dict(zip(CONTROLLERS, (self.reference, self.reference * F, self.lower), strict=True))
+
+    @cached_property
+    def systems(self) -> dict[str, StateSpace]:
+        """u -> f_en of the twelve drives and the nominal one."""
+        return plants(self.axis, self.gain, "printed")
+
+    @cached_property
+    def lenses(self) -> list[LensModel]:
+        """Of the twelve drives."""
+        twelve = drives(self.axis)
+        optical = [drive.K_optn for drive in twelve]
+        gains = total_gains(self.axis, twelve, optical, self.gain)
+        return [
+            lens_model(drive, float(K), K_optn, self.delay)
+            for drive, K, K_optn in zip(twelve, gains, optical, strict=True)
+        ]
+
+    def loops(self, strategy: Any) -> list[SwitchedLoop]:
+        """Of the twelve drives."""
+        modes = regulators(self.reference, strategy, self.lower)
+        return [switched(lens, modes) for lens in self.lenses]
+
+    def program(self, loops: list[SwitchedLoop]) -> SwitchedStability:
+        """Whose dwell in clean parts is sought; defects last from one sample to the longest."""
+        clean, defect = (
+            np.stack([getattr(loop, mode)[0] for loop in loops]) for mode in ("clean", "defect")
+        )
+        return SwitchedStability(
+            (Mode("clean", clean, None), Mode("defect", defect, 1, self.longest))
+        )
+
+    def disc(self, case: str) -> tuple[Real, Real]:
+        """Amplitudes [um] and angular frequencies [rad/s] of the disc."""
+        frequency = ROTATION if case == "rotation" else HARMONICS
+        return envelope(self.axis, frequency) / MICRO, 2 * np.pi * frequency
+
+    @property
+    def false(self) -> float:
+        """Largest false displacement [um]."""
+        return self.displacement * ACCEPTABLE_ERROR[self.axis] / MICRO
+
+    def deviations(self, loop: SwitchedLoop, case: str) -> Deviations:
+        return Deviations(loop, *self.disc(case), self.longest, self.false)
+
+    # --- answer -------------------------------------------------------------------------------
+
+    def compute(self, context: Context) -> xr.Dataset:
+        import xarray as xr
+
+        parts: dict[str, Any] = {**self._margins(), **self._robust(context)}
+        bounds, sims = [], []
+        dwell: list[list[float]] = []
+        excluded: list[list[int]] = []
+        lengths = self.lengths
+        for strategy in STRATEGIES:
+            loops = self.loops(strategy)
+            tracked = context.track(loops, f"dwell times, {strategy}")
+            found = [self._dwell(self.program([loop])) for loop in tracked]
+            P = np.stack([each[2] for each in found])
+            about = {"long_name": f"functions of {strategy}, V = x' P x at each mode's entry"}
+            state = f"state_{strategy}"
+            parts[f"P_{strategy}"] = (("drive", "mode", state, f"{state}_"), P, about)
+            dwell.append([each[0] for each in found])
+            excluded.append([each[1] for each in found])
+            bound, sim = self._errors(context, loops, P, strategy)
+            bounds.append(bound)
+            sims.append(sim)
+        parts |= self._common(context) | self._box(context)
+        samples, um = {"units": "1"}, {"units": "um"}
+        place = ("strategy", "case", "length", "distance")
+        return xr.Dataset(
+            {
+                **parts,
+                **stored("lower", self.lower),
+                "dwell": (
+                    ("strategy", "drive"),
+                    dwell,
+                    samples | {"long_name": "proven distance between defects, in samples"},
+                ),
+                "unstable": (
+                    ("strategy", "drive"),
+                    excluded,
+                    samples | {"long_name": "distance that a periodic switching makes unstable"},
+                ),
+                "bound": (
+                    place,
+                    bounds,
+                    um | {"long_name": "certified largest true error, all drives"},
+                ),
+                "simulated": (
+                    ("strategy", "case", "drive", "played", "spaced"),
+                    sims,
+                    um | {"long_name": "largest true error of six equal defects, worst phase"},
+                ),
+                "alone": (("case", "drive"), self._alone(), um | {"long_name": "no switching"}),
+            },
+            coords={
+                "strategy": list(STRATEGIES),
+                "case": list(CASES),
+                "drive": [drive.name for drive in drives(self.axis)],
+                "mode": ["clean", "defect"],
+                "length": ("length", np.arange(1, self.longest + 1), samples),
+                "played": ("played", lengths, samples),
+                "distance": ("distance", DISTANCES, samples),
+                "spaced": ("spaced", SPACED, samples),
+                "frequency": ("frequency", self.frequency, {"units": "Hz"}),
+                "controller": list(CONTROLLERS),
+                "sampling": list(SAMPLINGS),
+                "plant": list(self.systems),
+                "late": ["none", "delay"],
+                "limit": ["lower", "upper"],
+            },
+        )
+
+    @cached_property
+    def lengths(self) -> Any:
+        """Of the defects that are simulated [samples]."""
+        return np.unique(np.linspace(1, self.longest, LENGTHS + 1).round().astype(np.int64)[1:])
+
+    @cached_property
+    def frequency(self) -> Real:
+        return np.union1d(np.geomspace(LOW, HIGH, POINTS), np.geomspace(*PARASITIC, POINTS))
+
+    def open_loop(self, K: StateSpace, G: StateSpace, sampling: str) -> StateSpace:
+        if sampling == "continuous":
+            return G * K
+        delay = self.delay if sampling == "delayed" else 0.0
+        return sampled(G, PERIOD, delay) * discretised(K, PERIOD)
+
+    def growth(self, K: StateSpace, G: StateSpace, sampling: str) -> float:
+        """Rate [1/s] of the slowest decaying motion of the closed loop."""
+        if sampling == "continuous":
+            L = G * K
+            return float(np.linalg.eigvals(L.A - L.B @ L.C).real.max())
+        A = closed(G, discretised(K, PERIOD), self.delay if sampling == "delayed" else 0.0)
+        return math.log(abs(np.linalg.eigvals(A)).max()) / PERIOD
+
+    def _margins(self) -> dict[str, Any]:
+        shape = (len(CONTROLLERS), len(SAMPLINGS), len(self.systems))
+        gains, phases, growths = (np.full(shape, np.nan) for _ in range(3))
+        curves = np.zeros((len(CONTROLLERS), len(self.frequency)), complex)
+        for i, K in enumerate(self.controllers.values()):
+            for j, sampling in enumerate(SAMPLINGS):
+                for k, G in enumerate(self.systems.values()):
+                    growths[i, j, k] = self.growth(K, G, sampling)
+                    if growths[i, j, k] < 0.0:
+                        found: Margins = margins(self.open_loop(K, G, sampling))
+                        gains[i, j, k], phases[i, j, k] = found.gain_db, found.phase
+            loop = self.open_loop(K, self.systems["nominal"], "sampled")
+            curves[i] = self._curve(loop)
+        dims = ("controller", "sampling", "plant")
+        text = "of the loops that are stable"
+        return {
+            "gain_margin": (dims, gains, {"units": "dB", "long_name": f"gain margin {text}"}),
+            "phase_margin": (dims, phases, {"units": "deg", "long_name": f"phase margin {text}"}),
+            "growth": (dims, growths, {"units": "1/s", "long_name": "rate of the slowest motion"}),
+            "L_real": (("controller", "frequency"), curves.real, {"units": "1"}),
+            "L_imag": (("controller", "frequency"), curves.imag, {"units": "1"}),
+        }
+
+    def _curve(self, loop: StateSpace) -> Complex:
+        return loop_response(loop, self.frequency)
+
+    def _robust(self, context: Context) -> dict[str, Any]:
+        """Certified mu of robust stability of each loop, without delay and with all of it.
+
+        That of the hold, half a sample, and of the computer, as a rational approximation.
+        """
+        import control
+
+        uncertain = TradeOff(self.axis, self.length).uncertain.channel(CHANNELS[:1], "w")
+        late = control.ss(control.tf(*control.pade((0.5 + self.delay) * PERIOD, PADE)))
+        found = [
+            [self._mu(uncertain, K), self._mu(uncertain, late * K)]
+            for K in context.track(list(self.controllers.values()), "robust stability")
+        ]
+        about = {"units": "1", "long_name": "mixed mu of robust stability, parametric set"}
+        return {"mu": (("controller", "late", "limit"), found, about)}
+
+    def _mu(self, uncertain: GeneralisedPlant, K: StateSpace) -> tuple[float, float]:
+        """Bounds of the peak; infinite where the nominal loop is unstable already."""
+        peak = conditions(uncertain, K, tolerance=MU).robust_stability
+        return (math.inf, math.inf) if peak is None else (peak.lower, peak.upper)
+
+    def _dwell(self, program: SwitchedStability) -> tuple[float, int, Real]:
+        """The dwell time, what a periodic switching excludes, and the functions."""
+        found = solve(program)
+        if found.answer is None or not (found.certificate and found.certificate.valid):
+            raise SolverError(f"no dwell time is proven: {found.message}")
+        return found.answer.samples, program.destabilising[0], found.answer.P
+
+    def _errors(
+        self, context: Context, loops: list[SwitchedLoop], P: Real, strategy: str
+    ) -> tuple[Real, Real]:
+        """Bounds (case, length, distance), and simulated (case, drive, played, spaced)."""
+        bound = np.zeros((len(CASES), self.longest, len(DISTANCES)))
+        sim = np.zeros((len(CASES), len(loops), len(self.lengths), len(SPACED)))
+        for i, loop in enumerate(context.track(loops, f"errors, {strategy}")):
+            for c, case in enumerate(CASES):
+                deviations = self.deviations(loop, case)
+                bound[c] = np.maximum(bound[c], deviations.proven(P[i], DISTANCES))
+                sim[c, i] = [
+                    [deviations.simulated(int(n), int(d), DEFECTS) for d in SPACED]
+                    for n in self.lengths
+                ]
+        return bound, sim
+
+    def _alone(self) -> Real:
+        """Largest error of the loop that never switches (case, drive)."""
+        loops = self.loops("none")
+        return np.array(
+            [
+                [abs(self.deviations(loop, case).steady_error).max() for loop in loops]
+                for case in CASES
+            ]
+        )
+
+    def _common(self, context: Context) -> dict[str, Any]:
+        """With one set of functions for all drives."""
+        if not self.common:
+            return {}
+        found = [
+            self._dwell(self.program(self.loops(strategy)))
+            for strategy in context.track(list(STRATEGIES), "dwell times of all drives at once")
+        ]
+        about = {"units": "1", "long_name": "proven distance, one set of functions for all drives"}
+        parts: dict[str, Any] = {"dwell_common": ("strategy", [each[0] for each in found], about)}
+        for strategy, each in zip(STRATEGIES, found, strict=True):
+            state = f"state_{strategy}"
+            parts[f"P_common_{strategy}"] = (("mode", state, f"{state}_"), each[2])
+        return parts
+
+    def box(self, share: float) -> Box:
+        return Box(self.axis, regulators(self.reference, "lower", self.lower), share)
+
+    def _box(self, context: Context) -> dict[str, Any]:
+        """Cells of the largest multiple of the set that is proven, and how much of each is."""
+        volumes, kept, best = [], None, 0.0
+        for share in SHARES:
+            done, given_up = self.box(share).proven(context)
+            low, high = self.box(share).ends
+            volumes.append(sum(cell.volume for cell, _ in done) / float(np.prod(high - low)))
+            if kept is None or not given_up:
+                kept, best = done, share
+            if given_up:
+                break
+        assert kept is not None
+        tried = list(SHARES[: len(volumes)])
+        about = {"long_name": "g [1/ohm], k1 and k2 [N/m]"}
+        functions = np.array([P for _, P in kept]).reshape(len(kept), 2, *self._sizes)
+        return {
+            "box_volume": ("box_share", volumes, {"units": "1", "long_name": "proven volume"}),
+            "box_share": ("box_share", tried, {"units": "1", "long_name": "multiple of the set"}),
+            "box_of_cells": ((), best, {"units": "1", "long_name": "multiple that the cells fill"}),
+            "cell_low": (("cell", "parameter"), [cell.low for cell, _ in kept], about),
+            "cell_high": (("cell", "parameter"), [cell.high for cell, _ in kept], about),
+            "cell_P": (("cell", "mode", "state_box", "state_box_"), functions),
+        }
+
+    @cached_property
+    def _sizes(self) -> tuple[int, int]:
+        clean, _ = self.box(1.0).at(self.box(1.0).cells()[0].centre)
+        return clean.shape[0], clean.shape[1]
+
+    # --- checks, metrics, report --------------------------------------------------------------
+
+    def checks(self, answer: xr.Dataset, tolerance: float) -> list[Check]:
+        return switching_checks(self, answer)
+
+    def metrics(self, answer: xr.Dataset) -> dict[str, float]:
+        found = {}
+        for name, word in zip(CONTROLLERS, ("K", "filter", "lower"), strict=True):
+            one = answer.sel(controller=name, plant="nominal", sampling="sampled")
+            found[f"gain_margin_{word}_db"] = float(one["gain_margin"])
+            found[f"phase_margin_{word}_deg"] = float(one["phase_margin"])
+            found[f"mu_{word}"] = float(
+                answer["mu"].sel(controller=name, late="delay", limit="upper")
+            )
+        for strategy in STRATEGIES:
+            one = answer.sel(strategy=strategy)
+            found[f"dwell_{strategy}"] = float(one["dwell"].max())
+            found[f"unstable_{strategy}"] = float(one["unstable"].max())
+            if self.common:
+                found[f"dwell_common_{strategy}"] = float(one["dwell_common"])
+            for case in CASES:
+                reach = self.reaching(one["bound"].sel(case=case), ACCEPTABLE_ERROR[self.axis])
+                found[f"longest_{strategy}_{case}_mm"] = reach
+                reach = self.reaching(one["bound"].sel(case=case), CAPTURE[self.axis])
+                found[f"kept_{strategy}_{case}_mm"] = reach
+        found["box"] = float(answer["box_of_cells"])
+        found["box_volume"] = float(answer["box_volume"][0])
+        return found
+
+    def reaching(self, bound: xr.DataArray, limit: float) -> float:
+        """Length [mm] of the longest defect after which all errors are proven within a limit [m].
+
+        Of all drives, at the largest distance.
+        """
+        worst = bound.isel(distance=-1).values
+        held = int((worst * MICRO <= limit).sum())  # it grows with the length
+        return 1e3 * held * PERIOD * VELOCITY
+
+    def tables(self, answer: xr.Dataset) -> dict[str, str]:
+        return switching_tables(self.axis, answer)
+
+    def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
+        return switching_figures(self.axis, answer)

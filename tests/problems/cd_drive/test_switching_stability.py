@@ -1,0 +1,203 @@
+"""Loops that surface defects switch: their matrices, their errors, and the whole parametric set."""
+
+import control
+import numpy as np
+import pytest
+
+import workbench as wb
+from problems.cd_drive import switching_stability as module
+from problems.cd_drive.bench_setup import PERIOD
+from problems.cd_drive.drives import controller, nominal_parameters, plant, total_gain, total_gains
+from problems.cd_drive.loops import margins
+from problems.cd_drive.red_book import envelope
+from problems.cd_drive.switched_box import Box, Cell
+from problems.cd_drive.switched_error import Deviations
+from problems.cd_drive.switched_loop import (
+    FILTER,
+    closed,
+    lens_model,
+    modal,
+    parted,
+    regulators,
+    switched,
+)
+from problems.cd_drive.switching_checks import _played
+from problems.cd_drive.switching_stability import SwitchingStability
+from problems.cd_drive.tables import drives
+from workbench.errors import InputError
+from workbench.simulation import sampled
+from workbench.synthesis import Mode, SwitchedStability, discretised
+
+K = control.ss(controller("focus"))
+LOWER = K * (1 / 3)
+"""Stands in for K': figure 6.7's, with the same slow pole."""
+
+
+@pytest.fixture(scope="module")
+def lens():
+    drive = drives("focus")[0]
+    gains = total_gains("focus", drives("focus"), [each.K_optn for each in drives("focus")])
+    return lens_model(drive, float(gains[0]), drive.K_optn, 1.0)
+
+
+@pytest.fixture(scope="module")
+def loop(lens):
+    return switched(lens, regulators(K, "lower", LOWER))
+
+
+def deviations(loop, false=0.5, longest=30):
+    frequency = np.array([4.0, 9.0, 60.0])
+    return Deviations(
+        loop, 1e6 * envelope("focus", frequency), 2 * np.pi * frequency, longest, false
+    )
+
+
+def test_figure_8_10():
+    F = control.ss(-2 * np.pi * FILTER, 2 * np.pi * FILTER, 1.0, 0.0)
+    G = plant(nominal_parameters("focus"), total_gain("focus"))
+    found = margins(sampled(G, PERIOD) * discretised(K * F, PERIOD))
+    assert found.gain_db == pytest.approx(3.0, abs=0.5)
+    assert found.phase == pytest.approx(8.0, abs=1.0)
+
+
+def test_modal_states_have_the_same_response():
+    system = plant(nominal_parameters("focus"), 1e3, antialiasing=False)
+    A, B, C = modal(system.A, system.B, system.C)
+    s = 2j * np.pi * 137.0
+    assert complex(control.ss(A, B, C, 0.0)(s)) == pytest.approx(complex(system(s)), rel=1e-9)
+    np.testing.assert_allclose(C, [[1, 0, 1, 0]], atol=1e-9)
+    assert np.allclose(A[:2, 2:], 0.0, atol=1e-9 * abs(A).max())
+
+
+@pytest.mark.parametrize("strategy", ["open", "filter", "lower"])
+def test_poles_are_those_of_each_controller(lens, strategy):
+    """The controller in force, closed by itself; what only listens adds its own poles."""
+    one = switched(lens, regulators(K, strategy, LOWER))
+    drive = drives("focus")[0]
+    gains = total_gains("focus", drives("focus"), [each.K_optn for each in drives("focus")])
+    G = plant(drive, float(gains[0]))
+    F = control.ss(-2 * np.pi * FILTER, 2 * np.pi * FILTER, 1.0, 0.0)
+    clean = np.linalg.eigvals(closed(G, discretised(K, PERIOD), 1.0))
+    for pole in clean:
+        assert abs(np.linalg.eigvals(one.clean[0]) - pole).min() < 1e-7
+    if strategy == "open":
+        expected = [*sampled(G, PERIOD, 1.0).poles(), *discretised(K, PERIOD).poles()]
+    elif strategy == "filter":
+        both = discretised(K, PERIOD) * discretised(F, PERIOD)
+        expected = np.linalg.eigvals(closed(G, both, 1.0))
+    else:
+        expected = np.linalg.eigvals(closed(G, discretised(LOWER, PERIOD), 1.0))
+    for pole in expected:
+        assert abs(np.linalg.eigvals(one.defect[0]) - pole).min() < 1e-7
+
+
+def test_parted_controllers_respond_alike():
+    sampled_K = discretised(K, PERIOD)
+    a, b, A, B, C, D = parted(sampled_K)
+    z = np.exp(0.02j)
+    fast = (C @ np.linalg.solve(z * np.eye(len(A)) - A, B))[0, 0]
+    assert b / (z - a) + fast + D == pytest.approx(complex(sampled_K(z)), rel=1e-9)
+
+
+def test_without_a_switch_the_error_is_that_of_the_loop(lens):
+    found = deviations(switched(lens, regulators(K, "none")), false=0.0)
+    root = np.linalg.cholesky(np.eye(len(found.loop.clean[0])))
+    np.testing.assert_allclose(abs(found.forced).max(), 0.0, atol=1e-9)
+    assert found.simulated(20, 100, 3) == pytest.approx(abs(found.steady_error).max())
+    assert found.single(root)[0] >= abs(found.steady_error).max()
+
+
+def test_bounds_hold_for_random_defects(loop):
+    """Random lengths, distances, phases and false displacements, sample by sample."""
+    clean, defect = (Mode(n, A, s) for n, (A, _), s in (
+        ("clean", loop.clean, None), ("defect", loop.defect, 1)
+    ))  # fmt: skip
+    P = wb.solve(SwitchedStability((clean, defect))).answer.P
+    found = deviations(loop)
+    longest, distance = 20, 300
+    bound = found.proven(P, np.array([distance]))[longest - 1, 0]
+    assert np.isfinite(bound)
+    rng = np.random.default_rng(5)
+    worst = 0.0
+    for _ in range(6):
+        f = rng.integers(len(found.omega))
+        phase = np.exp(1j * rng.uniform(0, 2 * np.pi))
+        measured = 8e3 / (8e3 + 1j * found.omega[f] / (2 * np.pi))
+        x, turn = (found.steady[f] * phase).real, phase
+        for _ in range(4):
+            stays = (rng.integers(1, longest + 1), distance + rng.integers(50))
+            for stay, (A, B) in zip(stays, (loop.defect, loop.clean), strict=True):
+                for _ in range(stay):
+                    w = found.amplitude[f] * turn
+                    worst = max(worst, abs(w.real - float(loop.lens[0] @ x)))
+                    v = rng.choice([-1, 1]) * found.false if A is loop.defect[0] else 0.0
+                    x = A @ x + B[:, 0] * ((w * measured).real + v)
+                    turn = turn * found.turn[f]
+    assert 0.5 * abs(found.steady_error).max() < worst <= bound
+
+
+def test_longer_defects_and_shorter_distances_are_worse(loop):
+    clean, defect = Mode("clean", loop.clean[0], None), Mode("defect", loop.defect[0])
+    P = wb.solve(SwitchedStability((clean, defect))).answer.P
+    bound = deviations(loop).proven(P, np.array([50, 200, 1000]))
+    assert (np.diff(bound, axis=0) >= 0).all()
+    assert (np.diff(bound, axis=1) <= 0).all()
+
+
+def test_played_again(loop):
+    study = SwitchingStability("focus", LOWER, 2.5e-3, 1.0, 0.0, "own", False)
+    told = study.deviations(loop, "rotation").simulated(40, 150, module.DEFECTS)
+    assert _played(study, loop, "rotation", 40, 150) == pytest.approx(told, rel=5e-3)
+
+
+def test_halves_fill_their_cell():
+    cell = Cell(np.array([0.0, 1.0, 2.0]), np.array([1.0, 3.0, 5.0]))
+    for along in range(3):
+        low, high = sorted(cell.halves(along), key=lambda half: half.low[along])
+        assert low.volume + high.volume == pytest.approx(cell.volume)
+        assert low.high[along] == high.low[along]
+
+
+def test_a_part_of_the_parametric_set_is_proven():
+    box = Box("focus", regulators(K, "lower", LOWER), 0.1)
+    low, high = box.ends
+    cell = Cell(low, high)
+    sets = box.sets(cell)
+    P = box.functions(sets)
+    assert P is not None and box.worst(sets, P) < 1.0
+    # and a transition inside, held and sampled as such, is in the set
+    rng = np.random.default_rng(1)
+    for point in rng.uniform(low, high, (5, 3)):
+        for i, A in enumerate(box.at(point)):
+            root = np.linalg.cholesky(P[i])
+            size = np.linalg.norm(root.T @ A @ np.linalg.inv(root.T), 2)
+            assert size**2 <= box.worst(sets, P)
+
+
+def test_the_middle_of_the_set_is_the_nominal_drive():
+    box = Box("focus", regulators(K, "none"))
+    R, k1, k2 = (getattr(nominal_parameters("focus"), name) for name in ("R", "k1", "k2"))
+    clean, _ = box.at(np.array([1 / (R + 1.25), k1, k2]))
+    G = plant(nominal_parameters("focus"), total_gain("focus"))
+    for pole in np.linalg.eigvals(closed(G, discretised(K, PERIOD), 1.0)):
+        assert abs(np.linalg.eigvals(clean) - pole).min() < 1e-6
+
+
+def test_wrong_input_is_named():
+    with pytest.raises(InputError, match="strategy"):
+        regulators(K, "other")
+    with pytest.raises(InputError, match="none is given"):
+        regulators(K, "lower")
+    with pytest.raises(InputError, match="slow poles"):
+        regulators(K, "lower", control.ss(-1.0, 1.0, 1.0, 0.0) + control.ss(-9e3, 1.0, 1.0, 0.0))
+    for share in (0.0, 4.0, np.nan):
+        with pytest.raises(InputError, match="share"):
+            Box("focus", regulators(K, "none"), share)
+
+
+@pytest.mark.slow
+def test_switching_stability():
+    run = wb.run("cd/focus/switching-stability")
+    assert run.certificate.failures == ()
+    assert run.metrics["dwell_lower"] == 1
+    assert run.metrics["box_volume"] == pytest.approx(1.0)

@@ -1,0 +1,129 @@
+"""Dwell times of switched systems: closed forms, a published example, wrong input."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.linalg import expm
+
+import workbench as wb
+from workbench.errors import InputError
+from workbench.solvers import conic_solvers
+from workbench.synthesis import Dwell, Mode, SwitchedStability
+
+FIRST = np.array([[0.0, 1.0], [-10.0, -1.0]])
+SECOND = np.array([[0.0, 1.0], [-0.1, -0.5]])
+STABLE = np.diag([0.9, 0.5])
+
+
+def geromel_colaneri(step):
+    """The pair of Geromel and Colaneri (2006), sampled."""
+    return SwitchedStability(
+        (Mode("first", expm(step * FIRST), None), Mode("second", expm(step * SECOND), None))
+    )
+
+
+@pytest.mark.parametrize("solver", [each.name for each in conic_solvers()])
+def test_published_example(solver):
+    solution = wb.solve(geromel_colaneri(0.5), method=solver)
+    assert solution.answer.samples == 6  # as printed there for T = 0.5
+    assert solution.certificate.valid
+    assert solution.certificate.gap.value == pytest.approx(0.0)  # 5 samples are unstable
+
+
+def test_published_example_in_continuous_time():
+    answer = wb.solve(geromel_colaneri(0.04)).answer
+    assert 0.04 * (answer.samples - 1) < 2.76 + 0.04  # their bound: 2.76 s
+    assert 0.04 * answer.samples > 2.70  # no less is stable, they find
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.floats(0.5, 0.97), st.floats(1.02, 1.5), st.integers(1, 12))
+def test_one_state_has_a_closed_form(a, b, longest):
+    exact = longest * math.log(b) / -math.log(a)
+    if abs(exact - round(exact)) < 1e-3:
+        return
+    program = SwitchedStability((Mode("in", [[a]], None), Mode("out", [[b]], 1, longest)))
+    solution = wb.solve(program)
+    assert solution.certificate.valid
+    assert solution.answer.samples == math.floor(exact) + 1
+    assert program.destabilising[0] == math.floor(exact)
+
+
+def test_modes_that_commute_may_switch_at_any_time():
+    program = SwitchedStability((Mode("a", STABLE, None), Mode("b", np.diag([0.2, 0.99]), 1)))
+    assert wb.solve(program).answer.samples == 1
+    assert program.destabilising == (0, "")
+
+
+def test_one_family_of_functions_needs_as_long_as_each_plant():
+    plants = [0.9, 0.8]
+    each = [
+        wb.solve(SwitchedStability((Mode("in", [[a]], None), Mode("out", [[1.1]], 1, 5))))
+        for a in plants
+    ]
+    both = wb.solve(
+        SwitchedStability(
+            (
+                Mode("in", np.reshape(plants, (2, 1, 1)), None),
+                Mode("out", np.full((2, 1, 1), 1.1), 1, 5),
+            )
+        )
+    )
+    assert both.answer.samples == max(one.answer.samples for one in each)
+
+
+def test_a_wrong_answer_fails_its_check():
+    program = geromel_colaneri(0.5)
+    answer = wb.solve(program).answer
+    shorter = program.certify(replace(answer, samples=5), 1e-6)
+    assert not shorter.valid
+    assert not program.certify(Dwell(6, np.stack([np.eye(2)] * 2)), 1e-6).valid
+    assert not program.certify(Dwell(6, -answer.P), 1e-6).valid
+    assert not program.certify(Dwell(6, answer.P[:1]), 1e-6).valid
+
+
+def test_it_is_stored_and_read_back():
+    program = geromel_colaneri(0.5)
+    answer = wb.solve(program).answer
+    again = program.from_dataset(program.to_dataset(answer))
+    assert again.samples == answer.samples
+    np.testing.assert_array_equal(again.P, answer.P)
+    assert set(program.figures(answer)) == {"entries"}
+
+
+def test_no_dwell_within_the_limit():
+    program = SwitchedStability((Mode("in", [[0.99]], None), Mode("out", [[2.0]], 1, 9)), limit=20)
+    solution = wb.solve(program)
+    assert solution.answer is None
+    assert solution.outcome is wb.Outcome.INFEASIBLE
+
+
+@pytest.mark.parametrize(
+    ("modes", "words"),
+    [
+        (lambda: [Mode("a", STABLE, None)], "two at least"),
+        (lambda: [Mode("a", STABLE, None), Mode("b", [[0.5]])], "same plants and states"),
+        (lambda: [Mode("a", STABLE), Mode("b", STABLE)], "sought"),
+        (lambda: [Mode("a", STABLE, None), Mode("b", 2 * STABLE)], "no longest stay"),
+        (lambda: [Mode("a", STABLE, None, 5)], "longest must be None"),
+        (lambda: [Mode("a", STABLE, 0)], "positive number of samples"),
+        (lambda: [Mode("a", STABLE, 1.5)], "positive number of samples"),
+        (lambda: [Mode("a", STABLE, 1, -3)], "positive number of samples"),
+        (lambda: [Mode("a", STABLE, 4, 3)], "less than shortest"),
+        (lambda: [Mode("a", [[np.nan]])], "not finite"),
+        (lambda: [Mode("a", np.ones((2, 3)))], "square"),
+        (lambda: [Mode("a", "nothing")], "no array"),
+    ],
+)
+def test_wrong_input_is_named(modes, words):
+    with pytest.raises(InputError, match=words):
+        SwitchedStability(tuple(modes()))
+
+
+def test_a_limit_must_be_positive():
+    with pytest.raises(InputError, match="limit"):
+        SwitchedStability((Mode("a", STABLE, None), Mode("b", STABLE)), limit=0)

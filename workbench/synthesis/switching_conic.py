@@ -1,0 +1,137 @@
+"""Dwell times by linear matrix inequalities, for every conic solver."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from scipy.linalg import matrix_balance, solve_discrete_lyapunov
+
+from workbench.executor import Context
+from workbench.program import Claim, conic_method
+from workbench.solvers import ConicSolver, Options, Outcome, solve_conic
+from workbench.synthesis.switching import ROUNDING, Dwell, Real, SwitchedStability
+
+ACCURACY = 1e-5
+"""Finest accuracy asked of solvers: P is looked for well inside the inequalities."""
+BEGUN = 5
+"""Stays whose inequalities are stated from the start."""
+CUTS = 12
+"""How often stays are added whose inequality did not hold."""
+LEAST = 1e-9
+"""Margin below which the inequalities count as infeasible, the traces of P being n."""
+
+
+@conic_method(SwitchedStability, optimal=False)
+def _conic(program: SwitchedStability, context: Context, solver: ConicSolver) -> Claim:
+    """Feasibility of the inequalities by bisection over the dwell time."""
+    options = replace(context.options, tolerance=max(context.options.accuracy, ACCURACY))
+    units = coordinates(program)
+    said = ""
+
+    def proven(samples: int) -> Dwell | None:
+        nonlocal said
+        found = None
+        for _ in context.track([samples], "dwell time"):
+            found, said = _feasible(program, samples, units, solver, options, context)
+        return found
+
+    # What a periodic switching excludes need not be tried.
+    failed, step = program.destabilising[0], 1
+    best = None
+    while best is None and failed < program.limit:
+        trial = min(failed + step, program.limit)
+        best = proven(trial)
+        if best is None:
+            failed, step = trial, 2 * step
+    if best is None:
+        return None, Outcome.INFEASIBLE, f"{said}: no dwell up to {program.limit} samples is proven"
+    while best.samples - failed > 1:
+        middle = (failed + best.samples) // 2
+        found = proven(middle)
+        if found is None:
+            failed = middle
+        else:
+            best = found
+    return best, Outcome.SOLVED, said
+
+
+def coordinates(program: SwitchedStability) -> Real:
+    """L (n, n) of coordinates L' x in which a sought mode is a contraction."""
+    mode = next(mode for mode in program.modes if mode.shortest is None)
+    return contraction(mode.A[0])
+
+
+def contraction(A: Real) -> Real:
+    """L with L L' = sum of (A^k)' Q A^k, Q the squares of the units that balance A."""
+    balanced, (units, _) = matrix_balance(A, permute=False, separate=True)
+    P = solve_discrete_lyapunov(balanced.T, np.eye(len(A)))
+    root: Real = np.linalg.cholesky((P + P.T) / 2)
+    return root / units[:, None]
+
+
+def _feasible(
+    program: SwitchedStability,
+    samples: int,
+    L: Real,
+    solver: ConicSolver,
+    options: Options,
+    context: Context,
+) -> tuple[Dwell | None, str]:
+    """P for a dwell, all inequalities recomputed; None where none was found."""
+    import cvxpy as cp
+
+    modes, n = program.modes, program.states
+    stays = [_some(program.stays(mode, samples)) for mode in modes]
+    for _ in range(CUTS):
+        with context.stating():
+            P = [cp.Variable((n, n), symmetric=True) for _ in modes]
+            margin = cp.Variable()
+            held = [Q >> margin * np.eye(n) for Q in P]
+            held.append(sum(cp.trace(Q) for Q in P) == n * len(modes))
+            for i, mode in enumerate(modes):
+                A = np.stack([np.linalg.solve(L, (L.T @ one).T).T for one in mode.A])
+                if mode.longest is None:
+                    held += [_falls(one, P[i], P[i], margin) for one in A]
+                held += [
+                    _falls(np.linalg.matrix_power(one, stay), P[j], P[i], margin)
+                    for stay in stays[i]
+                    for one in A
+                    for j in range(len(modes))
+                    if j != i
+                ]
+        problem = cp.Problem(cp.Maximize(margin), held)
+        outcome, said = solve_conic(problem, solver, options, context)
+        if outcome not in (Outcome.SOLVED, Outcome.INACCURATE) or float(margin.value) < LEAST:
+            return None, said
+        found = Dwell(samples, np.stack([_symmetric(L @ Q.value @ L.T) for Q in P]))
+        if all(check.holds for check in program.checks(found, ROUNDING)):
+            return found, said
+        added = False
+        for i, mode in enumerate(modes):
+            ratio, _ = program.ratios(found, i)
+            worst = program.stays(mode, samples)[int(np.argmax(ratio))]
+            if ratio.max() > 1.0 - ROUNDING and worst not in stays[i]:
+                stays[i].append(worst)
+                added = True
+        if not added:
+            return None, f"{said}; its P does not hold when recomputed"
+    return None, f"{said}; some stay's inequality failed in each of {CUTS} rounds"
+
+
+def _some(stays: range) -> list[int]:
+    """A few of the stays to begin with, the first and the last among them."""
+    places = np.unique(np.geomspace(1, len(stays), BEGUN).round().astype(int)) - 1
+    return [stays[int(place)] for place in places]
+
+
+def _falls(A: Real, P: Any, Q: Any, margin: Any) -> Any:
+    """A' P A <= Q with a margin, symmetric by construction."""
+    left = A.T @ P @ A
+    return Q - (left + left.T) / 2 >> margin * np.eye(len(A))
+
+
+def _symmetric(P: Real) -> Real:
+    both: Real = (P + P.T) / 2
+    return both
