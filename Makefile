@@ -43,8 +43,8 @@ reference: $(READY)
 	$(REFERENCE) 'cd/*/five-x' 'cd/*/cover-for-control' --set frequencies=120
 	$(REFERENCE) 'cd/*/sensitivity' mass-spring/analysis bench/covers textbook/fault-detection
 	$(REFERENCE) '*/controller' 'cd/*/mu-pid' 'cd/*/position-estimator'
-	$(REFERENCE) 'cd/*/diode-plane' 'cd/*/strategies' cd/focus/fault-filter
-	$(REFERENCE) 'cd/*/lower-bandwidth' cd/focus/switching-stability
+	$(REFERENCE) 'cd/*/diode-plane' cd/focus/fault-filter
+	$(REFERENCE) 'cd/*/lower-bandwidth' 'cd/*/strategies' cd/focus/switching-stability
 	$(REFERENCE) 'cd/*/residuals' --set defects=20
 	rm -rf results/reference/.partial
 

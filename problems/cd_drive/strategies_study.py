@@ -7,18 +7,20 @@ CD-players (2003).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
-from workbench import Check, Study, problem
+from workbench import Check, Run, Study, problem, ref
+from workbench.errors import InputError
 from workbench.executor import Context
+from workbench.synthesis.loops import restored
 
 from .bench_setup import RATE
 from .laboratory import Laboratory
 from .sets import TABLES
-from .strategies import STRATEGIES, Strategies, stand_in_filter, stand_in_replacement
+from .strategies import STRATEGIES, Strategies, stand_in_filter
 from .strategies_checks import checks_of
 from .strategies_report import figures_of, numbers_of, tables_of
 from .strategies_runs import ROTATION, WINDOW, Experiment, envelope
@@ -36,13 +38,32 @@ SHOWN = ("u", "f_en", "error", "w_Q")
 """Signals about a scratch."""
 
 
-@problem("cd/{axis}/strategies", axis=("focus", "radial"), data=(*TABLES, "data/red_book.csv"))
+Filter = Literal["high-pass", "robust"]
+
+
+def needs(axis: str, fault_filter: Filter = "high-pass", **_: Any) -> dict[str, Any]:
+    """K', and the designed fault filter where it is asked for."""
+    found: dict[str, Any] = {"slower": ref(f"cd/{axis}/lower-bandwidth")}
+    if fault_filter == "robust" and axis == "focus":
+        found["designed"] = ref("cd/focus/fault-filter")
+    return found
+
+
+@problem(
+    "cd/{axis}/strategies",
+    axis=("focus", "radial"),
+    needs=needs,
+    data=(*TABLES, "data/red_book.csv"),
+)
 def strategies(
     axis: Axis,
+    slower: Run,
+    designed: Run | None = None,
     depth: Annotated[float, Field(ge=0.6, le=0.9)] = 0.7,
     displacement: Annotated[float, Field(ge=0, le=1)] = 0.5,
     drive_count: Annotated[int, Field(ge=0, le=12)] = 12,
     values: Values = "printed",
+    fault_filter: Filter = "high-pass",
 ) -> StrategiesStudy:
     """Strategies against surface defects (figures 8.7-8.9, A.1-A.6).
 
@@ -55,9 +76,16 @@ def strategies(
 
     depth, displacement: of the scratches, the latter in errors that can be read (2 um in focus,
     0.2 um radially). drive_count: how many of the twelve drives. values: of the drives.
+    fault_filter: of C, the "high-pass" with the margins of figure 8.10, or in focus the "robust"
+    one of `cd/focus/fault-filter`: made for an estimate beside the loop, it leaves C's loop
+    unstable while a defect lasts.
     """
-    # Stand-ins, until the designed ones are: the fault filter F, and K'.
-    F, replacement = stand_in_filter(), stand_in_replacement(axis)
+    F = stand_in_filter()
+    if fault_filter == "robust":
+        if designed is None:
+            raise InputError(f"there is no robust fault filter for {axis}; ask for the high-pass")
+        F = restored(designed.data, "discrete")
+    replacement = restored(slower.data, "sampled")
     experiment = Experiment(axis, values, depth, displacement)
     return StrategiesStudy(experiment, drive_count, F, replacement)
 
