@@ -10,7 +10,7 @@ import math
 import multiprocessing
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Sized
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from concurrent.futures import Executor, Future, ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -26,6 +26,7 @@ from workbench.solvers import Options
 WALL_TIME = {"wall_time": 1}
 """Attribute of stored arrays that no re-run reproduces."""
 
+S = TypeVar("S")
 T = TypeVar("T")
 Progress = Callable[[str, int, int], None]
 """Called with what is being done, how much of it is done, and of how much."""
@@ -132,6 +133,46 @@ def _send_result(
         pipe.send((True, fn(*args, **kwargs)))
     except Exception as error:
         pipe.send((False, WorkbenchError(f"{type(error).__name__}: {error}")))
+
+
+def spread(
+    function: Callable[[T], S],
+    items: Sequence[T],
+    executor: Executor,
+    progress: Progress = silent,
+    description: str = "",
+    batch: int = 1,
+) -> list[S]:
+    """Results of a function of many items, in their order; `batch` of them make one task.
+
+    A task of `Processes` starts a process, so it should be worth seconds. The first error that is
+    met is raised. Raises InputError for a batch below 1.
+    """
+    if batch < 1:
+        raise InputError(f"batch is {batch}; it must be 1 or more")
+    sizes: dict[Future[list[S]], int] = {}
+    told: set[Future[list[S]]] = set()
+
+    def tell(future: Future[list[S]]) -> None:
+        future.result()
+        told.add(future)
+        progress(description, sum(sizes[one] for one in told), len(items))
+
+    progress(description, 0, len(items))
+    for start in range(0, len(items), batch):
+        part = items[start : start + batch]
+        future = executor.submit(_each, function, part)
+        sizes[future] = len(part)
+        if future.done():  # in process it is over before the next one begins
+            tell(future)
+    for future in as_completed(sizes):
+        if future not in told:
+            tell(future)
+    return [result for future in sizes for result in future.result()]
+
+
+def _each(function: Callable[[T], S], items: Sequence[T]) -> list[S]:
+    return [function(item) for item in items]
 
 
 @dataclass

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
+from pydantic import with_config
 
 from workbench.errors import InputError
 from workbench.simulation import (
@@ -48,7 +49,7 @@ from .bench_setup import (
     optical_noise,
     split_arms,
 )
-from .disc import Defect, Disc
+from .disc import STRICT, Defect, Disc
 from .drives import ANTIALIASING, Gain
 from .record import CoilRecord, Event, Record
 from .tables import Axis, Drive, Values
@@ -63,6 +64,7 @@ STILL = Disc(rotation=0.0, run_up=0.0)
 """A flat disc that stands."""
 
 
+@with_config(STRICT)
 @dataclass(frozen=True)
 class Laboratory:
     """One axis of one drive on the bench.
