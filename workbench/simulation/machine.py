@@ -68,6 +68,7 @@ def machine() -> tuple[Any, Any, Any]:
     made = []
     for function, signature in signatures.items():
         function.compile(signature)
+        function.disable_compile()
         made.append(function)
     return made[0], made[1], made[2]
 
