@@ -6,7 +6,7 @@ Figure numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of C
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
-RINGS = (1e-4, 1e-3, 1e-2, 0.1, 0.5)
+RINGS = (1e-3, 1e-2, 0.1, 0.5)
 """Shares of time out of spec that are drawn as circles."""
 
 
@@ -42,7 +42,8 @@ def balloons(answer: xr.Dataset) -> Figure:
     figure, panels = figures.axes(1, 2, size=(11.0, 5.8), subplot_kw={"projection": "polar"})
     known = [str(name) for name in answer["known"].values]
     angle = 2 * np.pi * np.arange(len(known) + 1) / len(known)
-    for panel, axis in zip(panels, answer["axis"].values, strict=True):
+    polar: list[Any] = panels  # matplotlib calls them axes of any kind
+    for panel, axis in zip(polar, answer["axis"].values, strict=True):
         one = answer.sel(axis=axis)
         for n, (name, label) in enumerate(zip(one["strategy"].values, labels(one), strict=True)):
             own, colour = one.sel(strategy=name), figures.CYCLE[n % len(figures.CYCLE)]
@@ -57,12 +58,12 @@ def balloons(answer: xr.Dataset) -> Figure:
             panel.plot(angle, length, dashed, color=colour, marker="o", ms=3.0, label=label)
             panel.fill_between(angle, low, high, color=colour, alpha=0.12, lw=0)
         panel.set_xticks(angle[:-1], known)
-        panel.tick_params(axis="x", pad=12)
+        panel.tick_params(axis="x", pad=16)
         panel.set_ylim(0.0, 1.0)
-        panel.set_yticks([ring**POWER for ring in RINGS], [f"{ring:.2%}" for ring in RINGS])
+        panel.set_yticks([ring**POWER for ring in RINGS], [f"{ring:.1%}" for ring in RINGS])
         panel.set_rlabel_position(180.0 / len(known))
         panel.tick_params(axis="y", labelsize=7)
-        panel.set_title(f"{axis}: share of time out of spec [%]", pad=18)
+        panel.set_title(f"{axis}: share of time out of spec", pad=18)
     figures.legend_below(figure, panels[0], 6)
     return figure
 

@@ -39,7 +39,7 @@ REPAIRED = 2.5e-3
 """Burst that the error correction repairs, along the track [m] (section 2.5.1)."""
 BESIDE = (0.0, 5e-4, -5e-4, 1e-3, -1e-3)
 """Relative steps of the believed rotation until a Kalman filter is found: at one frequency in a
-hundred and fifty the Riccati equation's solver gives up. The belief itself is ten times less sure."""
+hundred and fifty the Riccati solver gives up. The belief itself is ten times less sure."""
 SCORES = ("out", "losses", "burst", "deviation")
 """Of a run: share of time out of spec; how often focus, or the track, was lost; longest stretch out
 of spec [m of track]; rms of the true error [m]."""

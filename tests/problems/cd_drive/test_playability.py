@@ -12,8 +12,9 @@ import workbench as wb
 from problems.cd_drive.balloon import arms, interval, resampled, size
 from problems.cd_drive.ensemble import circumstances
 from problems.cd_drive.playability import chosen, named, playability
+from problems.cd_drive.playability_checks import continuous_peak
 from problems.cd_drive.playability_runs import Design, Player, scored
-from problems.cd_drive.playability_search import BOUNDS, Search
+from problems.cd_drive.playability_search import BOUNDS, LARGEST, Search, peak_sensitivity
 from workbench.errors import InputError, UnknownNameError
 
 SMALL = {"scenarios": 14, "training": 7, "trials": 4, "drives": 2, "duration": 0.6}
@@ -56,12 +57,15 @@ def test_workers_do_not_change_the_answer(small):
         ("deviation", 1.1, "replay"),
         ("balloon", 2.0, "intervals"),
         ("best", 100.0, "bounds"),
+        ("best", 9.0, "margin"),
     ],
 )
 def test_the_checks_can_fail(small, name, change, check):
     study, solution = small
     spoiled = solution.answer.copy(deep=True)
     spoiled[name] = spoiled[name] * change
+    if name == "best" and change == 9.0:
+        spoiled["best"] = 0.0 * spoiled["best"] + change
     if name == "trace":
         spoiled[name] = spoiled[name] + 1e-5
     if name == "burst":
@@ -114,6 +118,14 @@ def test_arms_are_means_and_resampling_keeps_the_groups(groups, each):
     assert again.max() <= 1.0
     low, high = interval(size(again))
     assert low <= high
+
+
+@pytest.mark.parametrize("axis", ["focus", "radial"])
+def test_sampled_and_continuous_loops_are_as_near_to_instability(axis):
+    for gain_db in (-3.0, 0.0, 3.0):
+        sampled, continuous = peak_sensitivity(axis, gain_db), continuous_peak(axis, gain_db)
+        assert sampled == pytest.approx(continuous, rel=0.05)
+    assert peak_sensitivity(axis, 9.0) > LARGEST
 
 
 def test_the_search_finds_a_minimum_and_stays_within_bounds():
