@@ -82,7 +82,7 @@ def full(scenarios: Count = 1000, workers: Workers = 2) -> Playability:
 
     scenarios: circumstances of each axis. workers: threads.
     """
-    return Playability(scenarios, chosen(12), named(Names), "reference", 70, 30, 1.0, workers)
+    return Playability(scenarios, chosen(12), named(Names), "reference", 35, 20, 1.0, workers)
 
 
 def chosen(count: int) -> tuple[str, ...]:

@@ -59,6 +59,7 @@ def balloons(answer: xr.Dataset) -> Figure:
             panel.fill_between(angle, low, high, color=colour, alpha=0.12, lw=0)
         panel.set_xticks(angle[:-1], known)
         panel.tick_params(axis="x", pad=16)
+        panel.set_theta_zero_location("N")
         panel.set_ylim(0.0, 1.0)
         panel.set_yticks([ring**POWER for ring in RINGS], [f"{ring:.1%}" for ring in RINGS])
         panel.set_rlabel_position(180.0 / len(known))
@@ -108,7 +109,7 @@ def tuning(answer: xr.Dataset, tuned: str) -> Figure:
             [n], [gained], [[gained - low], [high - gained]], fmt="o", color=colour, capsize=4
         )
     panels[0].set_xlabel("trial")
-    panels[0].set_ylabel("size of the balloon, training discs [1]")
+    panels[0].set_ylabel("balloon on training discs; above 1: |S| > 2 [1]")
     panels[0].set_title(f"{titled(tuned)}: search")
     panels[1].axhline(0.0, color=figures.BLACK, lw=0.8)
     panels[1].set_xlim(-0.6, 1.6)
