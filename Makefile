@@ -42,7 +42,7 @@ reference: $(READY)
 	$(REFERENCE) '*/controller' 'cd/*/mu-pid' 'cd/*/position-estimator'
 	$(REFERENCE) 'cd/*/diode-plane'
 	$(REFERENCE) 'cd/*/residuals' --set defects=20
-	$(REFERENCE) 'cd/*/excursion' cd/playability
+	$(REFERENCE) 'cd/*/excursion' cd/playability 'cd/*/two-controllers-switched'
 	rm -rf results/reference/.partial
 
 $(READY): requirements.txt pyproject.toml

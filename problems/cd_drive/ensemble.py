@@ -51,7 +51,9 @@ class Spread:
     shock_time    duration of the half sine [s]: its spectrum reaches to 1.5 / duration (assumed);
     defects       per revolution, Poisson, one at least; each drawn from its kind's ranges, see
                   `defect_kinds` (sections 2.5, 7.1);
-    size          of a defect: what the length of one of its kind is multiplied by (assumed).
+    size          of a defect: what the length of one of its kind is multiplied by (assumed);
+    refraction    the same of its false displacement: at 1 no defect shifts the error by more than
+                  is acceptable, yet defects do drive the focus point away (section 2.5.1; assumed).
 
     Raises InputError for spreads that are negative, not finite, or out of order.
     """
@@ -67,6 +69,7 @@ class Spread:
     shock_time: Range = (5e-3, 20e-3)
     defects: float = 2.0
     size: Range = (0.7, 1.6)
+    refraction: Range = (0.5, 5.0)
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -181,4 +184,7 @@ def _drawn(
 
 def _placed(defect: Defect, rng: np.random.Generator, spread: Spread) -> Defect:
     length = defect.length * rng.uniform(*spread.size)
-    return replace(defect, length=length, angle=rng.uniform(), present=(BEGIN, np.inf))
+    shift = defect.displacement * rng.uniform(*spread.refraction)
+    return replace(
+        defect, length=length, displacement=shift, angle=rng.uniform(), present=(BEGIN, np.inf)
+    )

@@ -50,8 +50,8 @@ def playability(
     drives: Drives = 3,
     strategies: str = Names,
     tuned: str = "reference",
-    training: Count = 28,
-    trials: Annotated[int, Field(ge=4, le=500)] = 20,
+    training: Count = 21,
+    trials: Annotated[int, Field(ge=4, le=500)] = 14,
     duration: Annotated[float, Field(gt=0.5, le=60)] = 1.0,
     workers: Workers = 2,
 ) -> Playability:
