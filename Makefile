@@ -46,6 +46,7 @@ reference: $(READY)
 	$(REFERENCE) 'cd/*/diode-plane' cd/focus/fault-filter
 	$(REFERENCE) 'cd/*/lower-bandwidth' 'cd/*/strategies' cd/focus/switching-stability
 	$(REFERENCE) 'cd/*/residuals' --set defects=20
+	$(REFERENCE) 'cd/*/excursion' cd/playability 'cd/*/two-controllers-switched'
 	rm -rf results/reference/.partial
 
 $(READY): requirements.txt pyproject.toml

@@ -1,0 +1,216 @@
+"""A fast and a slow controller switched by the quality signal, against each of them alone.
+
+Section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
+"""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from workbench import Check, Study, problem
+from workbench.errors import InputError
+from workbench.executor import Context, InProcess, spread
+from workbench.simulation import Cascade, Part, in_discrete_time, linear
+from workbench.simulation.machine import machine
+
+from .actuator import Real
+from .balloon import arms, interval, resampled, size
+from .bench_setup import PERIOD
+from .drives import controller
+from .ensemble import GROUPS, Circumstance, circumstances
+from .laboratory import MEASUREMENTS, Laboratory
+from .playability import chosen, groups
+from .playability_runs import SCORES, evaluated, scored
+from .playability_search import LARGEST, peak_sensitivity
+from .sets import TABLES
+from .strategies import Strategies, clean_level
+from .switched_pair_report import figures_of, tables_of
+from .tables import Axis
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
+
+CASES = ("fast", "slow", "switched")
+BOOTSTRAP = 1000
+"""Samples of every interval."""
+
+
+@problem(
+    "cd/{axis}/two-controllers-switched",
+    axis=("focus", "radial"),
+    data=(*TABLES, "data/red_book.csv"),
+)
+def two_controllers_switched(
+    axis: Axis,
+    fast_db: Annotated[float, Field(ge=-20, le=6)] = 2.0,
+    slow_db: Annotated[float, Field(ge=-20, le=6)] = -5.0,
+    scenarios: Annotated[int, Field(ge=7, le=100_000)] = 42,
+    drives: Annotated[int, Field(ge=1, le=12)] = 3,
+    workers: Annotated[int, Field(ge=1, le=256)] = 2,
+) -> SwitchedPair:
+    """A fast and a slow controller switched by the quality signal, against each alone.
+
+    A high bandwidth resists shocks, a low one surface defects (section 2.5.1). Both controllers are
+    the reference one with another gain. Alone, each sees what the diodes say; switched, the slow
+    one has the command while the quality is bad and they follow each other (bumpless). The
+    ensemble is that of `cd/playability`.
+
+    fast_db, slow_db: gains over the reference controller's [dB]. scenarios: circumstances, 7 kinds
+    in turn. drives: how many of the twelve. workers: threads; the answer is the same with any.
+    """
+    return SwitchedPair(axis, fast_db, slow_db, scenarios, chosen(drives), workers)
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Three ways to use two controllers, on several drives: a task for an executor."""
+
+    fast_db: float
+    slow_db: float
+    drives: tuple[str, ...]
+    duration: float = 1.0
+
+    def cascade(self, case: str, one: Circumstance, level: float) -> Cascade:
+        """One of CASES for a clean disc's level [V]."""
+        law = in_discrete_time(controller(one.axis), PERIOD)
+        fast, slow = (
+            10.0 ** ((gain + one.gain_db) / 20.0) * law for gain in (self.fast_db, self.slow_db)
+        )
+        if case == "switched":
+            made = Strategies(one.axis, level, one.believed, K=fast, replacement=slow)
+            return made.named("K_prime")
+        alone = linear(fast if case == "fast" else slow, PERIOD)
+        return Cascade(MEASUREMENTS, [Part("K", alone, ["f_en"], ["u"])])
+
+    def error(self, case: str, one: Circumstance, drive: str) -> Real:
+        """True error [m] of a run, from when it is scored."""
+        bench = Laboratory(one.axis, drive)
+        record = bench.closed_loop(
+            self.cascade(case, one, clean_level(bench, one.disc.reflectivity)),
+            one.excitation(bench, self.duration),
+            disc=one.disc,
+            defects=one.defects,
+            seed=one.seed,
+        )
+        return evaluated(record)
+
+    def __call__(self, one: Circumstance) -> Real:
+        """Scores (drives, CASES, SCORES)."""
+        return np.array(
+            [
+                [scored(self.error(case, one, drive), one.axis) for case in CASES]
+                for drive in self.drives
+            ]
+        )
+
+
+@dataclass(frozen=True)
+class SwitchedPair(Study):
+    """Each controller alone and both switched, through the same circumstances."""
+
+    axis: Axis
+    fast_db: float
+    slow_db: float
+    scenarios: int
+    drives: tuple[str, ...]
+    workers: int
+
+    headline: ClassVar[str] = "balloon_switched"
+
+    def __post_init__(self) -> None:
+        if not self.slow_db < self.fast_db:
+            raise InputError(f"slow_db is {self.slow_db}; it must be below fast_db {self.fast_db}")
+
+    @property
+    def pair(self) -> Pair:
+        return Pair(self.fast_db, self.slow_db, self.drives)
+
+    def drawn(self, seed: int) -> list[Circumstance]:
+        rng = np.random.default_rng([seed, 0])
+        return circumstances(self.axis, self.scenarios, self.pair.duration, rng)
+
+    def compute(self, context: Context) -> xr.Dataset:
+        import xarray as xr
+
+        seed = int(context.rng.integers(2**31))
+        many = self.drawn(seed)
+        machine()  # threads that meet it at one time would each compile it
+        with InProcess() if self.workers == 1 else ThreadPoolExecutor(self.workers) as pool:
+            found = spread(self.pair, many, pool, context.progress, "circumstances")
+        every = np.transpose(found, (2, 1, 0, 3))
+        group = groups(many)
+        weight = resampled(group, BOOTSTRAP, np.random.default_rng([seed, 1]))
+        out = every[..., 0].mean(axis=1)
+        arm, again = arms(out, group), arms(out, group, weight)
+        sizes, samples = size(arm), size(again)
+        dims = ("case", "drive", "circumstance")
+        units = ("1", "1", "m", "m")
+        return xr.Dataset(
+            {
+                **{
+                    name: (dims, every[..., n], {"units": units[n]})
+                    for n, name in enumerate(SCORES)
+                },
+                "arm": (("case", "group"), arm),
+                "arm_interval": (("end", "case", "group"), interval(np.moveaxis(again, 1, -1))),
+                "balloon": ("case", sizes),
+                "balloon_interval": (("end", "case"), interval(samples)),
+                "gained": ("case", sizes[-1] - sizes, {"long_name": "switched less this one"}),
+                "gained_interval": (("end", "case"), interval(samples[-1] - samples)),
+                "seed": seed,
+            },
+            coords={
+                "case": list(CASES),
+                "drive": list(self.drives),
+                "group": list(GROUPS),
+                "end": ["low", "high"],
+            },
+        )
+
+    def checks(self, answer: xr.Dataset, tolerance: float) -> list[Check]:
+        peaks = [peak_sensitivity(self.axis, gain) for gain in (self.fast_db, self.slow_db)]
+        one = self.drawn(int(answer["seed"]))[-1]
+        last = answer["deviation"].isel(drive=0, circumstance=-1)
+        rms = [
+            float(scored(self.pair.error(case, one, self.drives[0]), self.axis)[-1])
+            for case in CASES
+        ]
+        off = float(abs(np.array(rms) / last.sel(case=list(CASES)).values - 1.0).max())
+        every = [slice(n, None, len(GROUPS)) for n in range(len(GROUPS))]
+        means = [
+            answer["out"].isel(circumstance=own).mean(["drive", "circumstance"]) for own in every
+        ]
+        apart = max(
+            float(abs(mean - answer["arm"].isel(group=n)).max()) for n, mean in enumerate(means)
+        )
+        return [
+            Check("margins", "largest |S| of either loop on twelve drives", max(peaks), LARGEST),
+            Check("replay", "relative change of the last scenario's rms error", off, 1e-9),
+            Check("arms", "off the mean of the stored runs", apart, 1e-9),
+        ]
+
+    def metrics(self, answer: xr.Dataset) -> dict[str, float]:
+        numbers: dict[str, float] = {}
+        for case in CASES:
+            own = answer.sel(case=case)
+            numbers |= {
+                f"balloon_{case}": float(own["balloon"]),
+                f"in_spec_{case}": 1.0 - float(own["out"].mean()),
+                f"lost_{case}": float((own["losses"] > 0).mean()),
+                f"switched_less_{case}": float(own["gained"]),
+                f"switched_less_{case}_low": float(own["gained_interval"].sel(end="low")),
+                f"switched_less_{case}_high": float(own["gained_interval"].sel(end="high")),
+            }
+        return {key: value for key, value in numbers.items() if "less_switched" not in key}
+
+    def tables(self, answer: xr.Dataset) -> dict[str, str]:
+        return tables_of(answer, self.metrics(answer))
+
+    def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
+        return figures_of(answer, self.axis)
