@@ -69,11 +69,16 @@ class Design:
             raise InputError(f"dist_max is {self.dist_max}; it must be above {DIST_MIN}, finite")
 
     def made(self, axis: Axis, rotation: float, gain_db: float) -> Cascade:
-        """The strategy for a loop whose gain is off by `gain_db`, for a clean level of 1 V."""
+        """The strategy for a loop whose gain is off by `gain_db`, for a clean level of 1 V.
+
+        K and K' do not follow each other: with scratches that refract, those that do lose focus.
+        """
         K, replacement = _controllers(axis, 10.0 ** ((self.gain_db + gain_db) / 20.0))
         for beside in BESIDE:
             believed = rotation * (1.0 + beside)
-            strategies = Strategies(axis, 1.0, believed, K=K, replacement=replacement)
+            strategies = Strategies(
+                axis, 1.0, believed, bumpless=False, K=K, replacement=replacement
+            )
             try:
                 made = strategies.named(self.strategy)
                 break

@@ -58,7 +58,7 @@ def two_controllers_switched(
 
     A high bandwidth resists shocks, a low one surface defects (section 2.5.1). Both controllers are
     the reference one with another gain. Alone, each sees what the diodes say; switched, the slow
-    one has the command while the quality is bad and they follow each other (bumpless). The
+    one has the command while the quality is bad, and both see the error at all times. The
     ensemble is that of `cd/playability`.
 
     fast_db, slow_db: gains over the reference controller's [dB]. scenarios: circumstances, 7 kinds
@@ -83,7 +83,9 @@ class Pair:
             10.0 ** ((gain + one.gain_db) / 20.0) * law for gain in (self.fast_db, self.slow_db)
         )
         if case == "switched":
-            made = Strategies(one.axis, level, one.believed, K=fast, replacement=slow)
+            made = Strategies(
+                one.axis, level, one.believed, K=fast, replacement=slow, bumpless=False
+            )
             return made.named("K_prime")
         alone = linear(fast if case == "fast" else slow, PERIOD)
         return Cascade(MEASUREMENTS, [Part("K", alone, ["f_en"], ["u"])])
