@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from workbench.errors import InputError, SolverError, UnknownNameError
+from workbench.errors import InputError, UnknownNameError
 from workbench.simulation import Cascade, Repetitive, in_discrete_time
 
 from .actuator import Real
@@ -37,9 +37,6 @@ SETTLING = 0.4
 """From when on a run is scored [s]: disc and loop have settled, repetitive control has learnt."""
 REPAIRED = 2.5e-3
 """Burst that the error correction repairs, along the track [m] (section 2.5.1)."""
-BESIDE = (0.0, 5e-4, -5e-4, 1e-3, -1e-3)
-"""Relative steps of the believed rotation until a Kalman filter is found: at one frequency in a
-hundred and fifty the Riccati solver gives up. The belief itself is ten times less sure."""
 SCORES = ("out", "losses", "burst", "deviation")
 """Of a run: share of time out of spec; how often focus, or the track, was lost; longest stretch out
 of spec [m of track]; rms of the true error [m]."""
@@ -74,17 +71,8 @@ class Design:
         K and K' do not follow each other: with scratches that refract, those that do lose focus.
         """
         K, replacement = _controllers(axis, 10.0 ** ((self.gain_db + gain_db) / 20.0))
-        for beside in BESIDE:
-            believed = rotation * (1.0 + beside)
-            strategies = Strategies(
-                axis, 1.0, believed, bumpless=False, K=K, replacement=replacement
-            )
-            try:
-                made = strategies.named(self.strategy)
-                break
-            except SolverError:
-                if beside == BESIDE[-1]:
-                    raise
+        strategies = Strategies(axis, 1.0, rotation, bumpless=False, K=K, replacement=replacement)
+        made = strategies.named(self.strategy)
         if self.corner == CORNER:
             return made
         law = Repetitive(rotation, PERIOD, self.corner).controller

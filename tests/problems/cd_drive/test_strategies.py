@@ -163,7 +163,7 @@ def test_the_stand_in_filter_leaves_a_low_pass():
 
 
 def test_speed():
-    """A million samples a second on an idle machine; a busy one may take three times as long."""
+    """A million samples a second of an idle core, whose caches others may have; in its own time."""
     bench = Laboratory("focus", "nominal")
     made = Strategies("focus", clean_level(bench), 5.5)
     samples = 35_000
@@ -174,10 +174,10 @@ def test_speed():
     for name in STRATEGIES:
         cascade, seconds = made.named(name), []
         for _ in range(4):
-            start = time.perf_counter()
+            start = time.thread_time()
             _loop(bench).run(cascade, excitation, exogenous, noise)
-            seconds.append(time.perf_counter() - start)
-        assert samples / min(seconds) > 1e6 / 3, name
+            seconds.append(time.thread_time() - start)
+        assert samples / min(seconds) > 1e6 / 2, name
 
 
 @compiled
