@@ -44,7 +44,7 @@ reference: $(READY)
 	$(REFERENCE) 'cd/*/sensitivity' mass-spring/analysis bench/covers textbook/fault-detection
 	$(REFERENCE) '*/controller' 'cd/*/mu-pid' 'cd/*/position-estimator'
 	$(REFERENCE) 'cd/*/diode-plane' cd/focus/fault-filter
-	$(REFERENCE) 'cd/*/lower-bandwidth' 'cd/*/strategies' cd/focus/switching-stability
+	$(REFERENCE) 'cd/*/lower-bandwidth' 'cd/*/strategies' 'cd/*/switching-stability'
 	$(REFERENCE) 'cd/*/residuals' --set defects=20
 	$(REFERENCE) 'cd/*/excursion' cd/playability 'cd/*/two-controllers-switched'
 	rm -rf results/reference/.partial

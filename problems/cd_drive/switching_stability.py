@@ -29,7 +29,7 @@ from .disc import VELOCITY
 from .drives import Gain, controller, total_gains
 from .loops import Margins, loop_response, margins, plants
 from .photo_diodes import CAPTURE
-from .red_book import ACCEPTABLE_ERROR, envelope
+from .red_book import ACCEPTABLE_ERROR, corners, envelope
 from .sets import TABLES
 from .switched_box import Box
 from .switched_error import Deviations
@@ -57,13 +57,13 @@ STRATEGIES = ("open", "filter", "lower")
 CONTROLLERS = ("K", "K (1 - F)", "K'")
 SAMPLINGS = ("continuous", "sampled", "delayed")
 """Sampled at 35 kHz, and with the delay beside it."""
-SHARES = (1.0, 1.5)
+SHARES: dict[Axis, tuple[float, ...]] = {"focus": (1.0, 1.5), "radial": (0.05, 0.1)}
 """Multiples of the parametric set that are tried, up to the first that is not proven."""
 CASES = ("rotation", "envelope")
 ROTATION = np.linspace(3.0, 9.0, 4)
 """Rotation frequencies [Hz] of a disc of the largest deviation."""
 HARMONICS = np.geomspace(1.0, 500.0, 27)
-"""Frequencies [Hz] at which the Red Book's envelope is met."""
+"""Frequencies [Hz] at which the Red Book's envelope is met, its lower corner among them."""
 DISTANCES = np.unique(np.geomspace(30, 4000, 12).round().astype(np.int64))
 """Between two defects [samples]."""
 SPACED = DISTANCES[::2]
@@ -82,7 +82,7 @@ PARASITIC = (400.0, 1100.0)
 
 @problem(
     "cd/{axis}/switching-stability",
-    axis=("focus",),
+    axis=("focus", "radial"),
     needs=lambda axis, **_: {"lower": ref(f"cd/{axis}/lower-bandwidth")},
     data=TABLES,
 )
@@ -185,7 +185,8 @@ class SwitchingStability(Study):
 
     def disc(self, case: str) -> tuple[Real, Real]:
         """Amplitudes [um] and angular frequencies [rad/s] of the disc."""
-        frequency = ROTATION if case == "rotation" else HARMONICS
+        harmonics = np.union1d(HARMONICS, corners(self.axis)[0])
+        frequency = ROTATION if case == "rotation" else harmonics
         return envelope(self.axis, frequency) / MICRO, 2 * np.pi * frequency
 
     @property
@@ -390,7 +391,7 @@ class SwitchingStability(Study):
     def _box(self, context: Context) -> dict[str, Any]:
         """Cells of the largest multiple of the set that is proven, and how much of each is."""
         volumes, kept, best = [], None, 0.0
-        for share in SHARES:
+        for share in SHARES[self.axis]:
             done, given_up = self.box(share).proven(context)
             low, high = self.box(share).ends
             volumes.append(sum(cell.volume for cell, _ in done) / float(np.prod(high - low)))
@@ -399,15 +400,15 @@ class SwitchingStability(Study):
             if given_up:
                 break
         assert kept is not None
-        tried = list(SHARES[: len(volumes)])
+        tried = list(SHARES[self.axis][: len(volumes)])
         about = {"long_name": "g [1/ohm], k1 and k2 [N/m]"}
         functions = np.array([P for _, P in kept]).reshape(len(kept), 2, *self._sizes)
         return {
             "box_volume": ("box_share", volumes, {"units": "1", "long_name": "proven volume"}),
             "box_share": ("box_share", tried, {"units": "1", "long_name": "multiple of the set"}),
             "box_of_cells": ((), best, {"units": "1", "long_name": "multiple that the cells fill"}),
-            "cell_low": (("cell", "parameter"), [cell.low for cell, _ in kept], about),
-            "cell_high": (("cell", "parameter"), [cell.high for cell, _ in kept], about),
+            "cell_low": (("cell", "parameter"), _rows([cell.low for cell, _ in kept]), about),
+            "cell_high": (("cell", "parameter"), _rows([cell.high for cell, _ in kept]), about),
             "cell_P": (("cell", "mode", "state_box", "state_box_"), functions),
         }
 
@@ -459,3 +460,8 @@ class SwitchingStability(Study):
 
     def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
         return switching_figures(self.axis, answer)
+
+
+def _rows(points: list[Real]) -> Real:
+    """g, k1, k2 of cells (N, 3), none among them."""
+    return np.reshape(points, (len(points), 3))

@@ -76,6 +76,20 @@ def test_one_family_of_functions_needs_as_long_as_each_plant():
     assert both.answer.samples == max(one.answer.samples for one in each)
 
 
+@pytest.mark.parametrize("unit", [1e-8, 1e-4, 1e4, 1e8])
+def test_units_of_a_state_that_one_mode_only_uses(unit):
+    """A controller that listens in one mode and acts in the other, as K' does."""
+
+    def program(unit):
+        clean = np.array([[0.9, 0.0], [unit, 0.2]])
+        defect = np.array([[0.9, 0.3 / unit], [unit, 0.2]])
+        return SwitchedStability((Mode("clean", clean, None), Mode("defect", defect, 1, 6)))
+
+    solution = wb.solve(program(unit))
+    assert solution.certificate.valid
+    assert solution.answer.samples == wb.solve(program(1.0)).answer.samples > 1
+
+
 def test_a_wrong_answer_fails_its_check():
     program = geromel_colaneri(0.5)
     answer = wb.solve(program).answer

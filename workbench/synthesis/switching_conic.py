@@ -58,17 +58,33 @@ def _conic(program: SwitchedStability, context: Context, solver: ConicSolver) ->
 
 
 def coordinates(program: SwitchedStability) -> Real:
-    """L (n, n) of coordinates L' x in which a sought mode is a contraction."""
-    mode = next(mode for mode in program.modes if mode.shortest is None)
-    return contraction(mode.A[0])
+    """L (n, n) of coordinates L' x in which the states are as large as any mode makes them.
+
+    L L' is the sum over modes and plants of what V = x' Q x adds up to while a mode is stayed in,
+
+        sum (A^k)' Q A^k,    k = 0, 1, ..., longest,
+
+    with Q the squares of the units that balance sum |A|. A single mode would leave the scale of
+    those states open that it does not use and another does.
+    """
+    every = np.concatenate([mode.A for mode in program.modes])
+    _, (units, _) = matrix_balance(abs(every).sum(axis=0), permute=False, separate=True)
+    sums = [
+        _summed(A / units[:, None] * units, mode.longest) for mode in program.modes for A in mode.A
+    ]
+    root = np.linalg.cholesky(_symmetric(np.sum(sums, axis=0)))
+    return np.asarray(root / units[:, None], dtype=float)
 
 
-def contraction(A: Real) -> Real:
-    """L with L L' = sum of (A^k)' Q A^k, Q the squares of the units that balance A."""
-    balanced, (units, _) = matrix_balance(A, permute=False, separate=True)
-    P = solve_discrete_lyapunov(balanced.T, np.eye(len(A)))
-    root: Real = np.linalg.cholesky((P + P.T) / 2)
-    return root / units[:, None]
+def _summed(A: Real, longest: int | None) -> Real:
+    """Sum of (A^k)' A^k for k = 0, ..., longest; of all k where there is none, A being stable."""
+    if longest is None:
+        return np.asarray(solve_discrete_lyapunov(A.T, np.eye(len(A))))
+    total = power = np.eye(len(A))
+    for _ in range(longest):
+        power = A @ power
+        total = total + power.T @ power
+    return total
 
 
 def _feasible(

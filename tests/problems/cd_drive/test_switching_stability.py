@@ -25,6 +25,7 @@ from problems.cd_drive.switching_checks import _played
 from problems.cd_drive.switching_stability import SwitchingStability
 from problems.cd_drive.tables import drives
 from workbench.errors import InputError
+from workbench.executor import Context
 from workbench.simulation import sampled
 from workbench.synthesis import Mode, SwitchedStability, discretised
 
@@ -195,9 +196,19 @@ def test_wrong_input_is_named():
             Box("focus", regulators(K, "none"), share)
 
 
+def test_a_set_without_a_proven_cell_is_stored_as_such(monkeypatch):
+    study = SwitchingStability("radial", LOWER, 2.5e-3, 1.0, 0.0, "own", False)
+    cells = Box("radial", regulators(K, "lower", LOWER), 1.0).cells()
+    monkeypatch.setattr(Box, "proven", lambda *_: ([], cells))
+    found = study._box(Context())
+    assert np.shape(found["cell_low"][1]) == np.shape(found["cell_high"][1]) == (0, 3)
+    assert found["box_volume"][1] == [0.0]
+
+
 @pytest.mark.slow
-def test_switching_stability():
-    run = wb.run("cd/focus/switching-stability")
+@pytest.mark.parametrize("axis", ["focus", "radial"])
+def test_switching_stability(axis):
+    run = wb.run(f"cd/{axis}/switching-stability")
     assert run.certificate.failures == ()
     assert run.metrics["dwell_lower"] == 1
     assert run.metrics["box_volume"] == pytest.approx(1.0)
