@@ -104,7 +104,8 @@ def switching_stability(
     - Margins of K, K (1 - F) and K', and the share of the parametric set that each tolerates.
     - Dwell times by LMIs: the shortest distance between defects for which any sequence of defects
       up to the longest is stable, of each drive, beside the longest that a periodic switching
-      makes unstable; K to K' and back at any time over the whole parametric set, cell by cell.
+      makes unstable; K to K' and back at any time over as much of the parametric set as the LMIs
+      reach, cell by cell: all of it in focus, a twentieth of its extent radially.
     - The true error at sampling instants, bounded for every sequence of defects by these functions
       and simulated, for a disc that moves in one harmonic of the Red Book's envelope at a time.
 
