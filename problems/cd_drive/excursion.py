@@ -15,9 +15,10 @@ import numpy as np
 from pydantic import Field
 from scipy.integrate import solve_ivp
 
-from workbench import Check, Study, problem
+from workbench import Check, Run, Study, problem, ref
 from workbench.executor import Context
 from workbench.simulation import Cascade
+from workbench.synthesis.loops import restored
 
 from .actuator import Real
 from .bench_setup import RATE
@@ -34,6 +35,7 @@ from .tables import Axis, red_book
 
 if TYPE_CHECKING:
     import xarray as xr
+    from control import StateSpace
     from matplotlib.figure import Figure
 
 MET = 0.45
@@ -48,9 +50,15 @@ THESIS = (9.0, 1.9e-3)
 """Rotation [Hz] and duration [s] with which eq. 8.1 gives 53.7 um."""
 
 
-@problem("cd/{axis}/excursion", axis=("focus", "radial"), data=(*TABLES, "data/red_book.csv"))
+@problem(
+    "cd/{axis}/excursion",
+    axis=("focus", "radial"),
+    needs=lambda axis, **_: {"slower": ref(f"cd/{axis}/lower-bandwidth")},
+    data=(*TABLES, "data/red_book.csv"),
+)
 def excursion(
     axis: Axis,
+    slower: Run,
     drive: str = "nominal",
     rotation: Annotated[float, Field(ge=3, le=20)] = 9.0,
     angles: Annotated[int, Field(ge=2, le=90)] = 6,
@@ -70,7 +78,8 @@ def excursion(
     fastest) to below 180 degrees. lengths: how many from 0.3 to 2.5 mm. depth: share of the light
     that the defect takes. swing: its false displacement as a share of the acceptable error.
     """
-    return Excursion(axis, drive, rotation, angles, lengths, depth, swing)
+    replacement = restored(slower.data, "sampled")
+    return Excursion(axis, replacement, drive, rotation, angles, lengths, depth, swing)
 
 
 class Cell(NamedTuple):
@@ -81,11 +90,12 @@ class Cell(NamedTuple):
     deviation: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Excursion(Study):
     """Every strategy over angle, length and deviation, and what eq. 8.1 says of them."""
 
     axis: Axis
+    replacement: StateSpace
     drive: str
     rotation: float
     angles: int
@@ -137,7 +147,7 @@ class Excursion(Study):
     def strategies(self) -> dict[str, Cascade]:
         """All of them, by name."""
         level = clean_level(Laboratory(self.axis, self.drive))
-        made = Strategies(self.axis, level, self.rotation)
+        made = Strategies(self.axis, level, self.rotation, replacement=self.replacement)
         return {name: made.named(name) for name in STRATEGIES}
 
     def compute(self, context: Context) -> xr.Dataset:

@@ -6,6 +6,7 @@ CD-players (2003).
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, ClassVar
@@ -13,10 +14,11 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 import numpy as np
 from pydantic import Field
 
-from workbench import Check, Study, problem
+from workbench import Check, Run, Study, problem, ref
 from workbench.errors import InputError
 from workbench.executor import Context, InProcess, spread
 from workbench.simulation.machine import machine
+from workbench.synthesis.loops import restored
 
 from .actuator import Real
 from .balloon import LEVEL, arms, interval, resampled, size
@@ -32,6 +34,7 @@ from .tables import Axis
 
 if TYPE_CHECKING:
     import xarray as xr
+    from control import StateSpace
     from matplotlib.figure import Figure
 
 BOOTSTRAP = 1000
@@ -44,8 +47,14 @@ Workers = Annotated[int, Field(ge=1, le=256)]
 Names = "reference,A,B,C,K_prime"
 
 
-@problem("cd/playability", data=(*TABLES, "data/red_book.csv"))
+SLOWER = {str(axis): ref(f"cd/{axis}/lower-bandwidth") for axis in AXES}
+"""K' of both axes."""
+
+
+@problem("cd/playability", needs=SLOWER, data=(*TABLES, "data/red_book.csv"))
 def playability(
+    focus: Run,
+    radial: Run,
     scenarios: Count = 28,
     drives: Drives = 3,
     strategies: str = Names,
@@ -72,17 +81,40 @@ def playability(
     the same with any.
     """
     return Playability(
-        scenarios, chosen(drives), named(strategies), tuned, training, trials, duration, workers
+        slower(focus, radial),
+        scenarios,
+        chosen(drives),
+        named(strategies),
+        tuned,
+        training,
+        trials,
+        duration,
+        workers,
     )
 
 
-@problem("cd/playability-full", data=(*TABLES, "data/red_book.csv"), slow=True)
-def full(scenarios: Count = 1000, workers: Workers = 2) -> Playability:
+@problem("cd/playability-full", needs=SLOWER, data=(*TABLES, "data/red_book.csv"), slow=True)
+def full(focus: Run, radial: Run, scenarios: Count = 1000, workers: Workers = 2) -> Playability:
     """All of `cd/playability`: twelve drives, both axes, five strategies, 1,000 scenarios of 1 s.
 
     scenarios: circumstances of each axis. workers: threads.
     """
-    return Playability(scenarios, chosen(12), named(Names), "reference", 35, 20, 1.0, workers)
+    return Playability(
+        slower(focus, radial),
+        scenarios,
+        chosen(12),
+        named(Names),
+        "reference",
+        35,
+        20,
+        1.0,
+        workers,
+    )
+
+
+def slower(focus: Run, radial: Run) -> dict[Axis, StateSpace]:
+    """K' of both axes, discrete."""
+    return {"focus": restored(focus.data, "sampled"), "radial": restored(radial.data, "sampled")}
 
 
 def chosen(count: int) -> tuple[str, ...]:
@@ -101,10 +133,11 @@ def named(names: str) -> tuple[str, ...]:
     return every
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Playability(Study):
     """Every strategy, and the tuned one, through the same circumstances on the same drives."""
 
+    replacements: Mapping[Axis, StateSpace]
     scenarios: int
     drives: tuple[str, ...]
     strategies: tuple[str, ...]
@@ -130,6 +163,10 @@ class Playability(Study):
     def split(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """Drives that are trained on, and the others; one drive alone is both."""
         return self.drives[::2], self.drives[1::2] or self.drives
+
+    def design(self, axis: Axis, name: str) -> Design:
+        """A strategy as it is before it is tuned."""
+        return Design(name, replacement=self.replacements[axis])
 
     def drawn(self, axis: Axis, part: str, seed: int) -> list[Circumstance]:
         """The circumstances of a part, "training" or "held-out": no seed is in both."""
@@ -172,13 +209,13 @@ class Playability(Study):
                 found = self.scores(context, (design,), self.split[0], many, f"tuning {axis}")
                 return float(size(arms(found[0, ..., 0].mean(axis=0), groups(many))))
 
-            search = Search(Design(self.tuned), cost, self.trials)
+            search = Search(self.design(axis, self.tuned), cost, self.trials)
             found, points, costs = search.run()
             best.append([getattr(found, name) for name in PARAMETERS])
             tried.append(points)
             values.append(costs)
             held_out = self.drawn(axis, "held-out", seed)
-            designs = (*(Design(name) for name in self.strategies), found)
+            designs = (*(self.design(axis, name) for name in self.strategies), found)
             every.append(self.scores(context, designs, self.drives, held_out, f"ensemble {axis}"))
             traces.append(
                 evaluated(played(held_out[-1], self.drives[0], designs[0], self.duration))
@@ -262,7 +299,8 @@ class Playability(Study):
     def checks(self, answer: xr.Dataset, tolerance: float) -> list[Check]:
         seed = int(answer["seed"])
         first = {axis: self.drawn(axis, "held-out", seed)[0] for axis in AXES}
-        return checks_of(answer, first, self.duration, len(self.strategies))
+        designs = {axis: [self.design(axis, name) for name in self.strategies] for axis in AXES}
+        return checks_of(answer, first, self.duration, designs)
 
     def metrics(self, answer: xr.Dataset) -> dict[str, float]:
         numbers: dict[str, float] = {}

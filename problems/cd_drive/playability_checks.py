@@ -5,7 +5,7 @@ Equation numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,9 +26,12 @@ if TYPE_CHECKING:
 
 
 def checks_of(
-    answer: xr.Dataset, first: Mapping[Axis, Circumstance], duration: float, strategies: int
+    answer: xr.Dataset,
+    first: Mapping[Axis, Circumstance],
+    duration: float,
+    designs: Mapping[Axis, Sequence[Design]],
 ) -> list[Check]:
-    """Checks of an answer; `first`: the first circumstance of each axis, to be replayed."""
+    """Checks of an answer; the first circumstance of each axis is replayed with its designs."""
     idle = answer["burst"].where(answer["out"] == 0.0, 0.0)
     low, high = (answer["balloon_interval"].sel(end=end) for end in ("low", "high"))
     outside = np.maximum(low - answer["balloon"], 0.0) + np.maximum(answer["balloon"] - high, 0.0)
@@ -36,7 +39,7 @@ def checks_of(
     best = answer["best"].values
     worse = float((answer["cost"].min("trial") - answer["cost"].isel(trial=0)).max())
     peaks = [continuous_peak(axis, float(best[n, 0])) for n, axis in enumerate(AXES)]
-    replay = _replay_off(answer, first, duration, strategies)
+    replay = _replay_off(answer, first, duration, designs)
     return [
         Check("stored traces", "score off what the trace says", _trace_off(answer), 1e-6),
         Check("replay", "relative change of the rms error at half the step", replay, 0.02),
@@ -79,16 +82,20 @@ def _trace_off(answer: xr.Dataset) -> float:
 
 
 def _replay_off(
-    answer: xr.Dataset, first: Mapping[Axis, Circumstance], duration: float, strategies: int
+    answer: xr.Dataset,
+    first: Mapping[Axis, Circumstance],
+    duration: float,
+    designs: Mapping[Axis, Sequence[Design]],
 ) -> float:
     """The first scenario of each strategy that kept its track, with the optics at half the step."""
     off = 0.0
     for axis, one in first.items():
-        for s in range(strategies):
-            stored = answer.sel(axis=axis).isel(strategy=s, drive=0, circumstance=0)
+        for design in designs[axis]:
+            own = answer.sel(axis=axis, strategy=design.strategy)
+            stored = own.isel(drive=0, circumstance=0)
             if float(stored["losses"]) > 0.0:  # what is lost is chaotic
                 continue
-            design, drive = Design(str(stored["strategy"].values)), str(stored["drive"].values)
+            drive = str(stored["drive"].values)
             error = evaluated(played(one, drive, design, duration, refine=2))
             off = max(
                 off, abs(float(np.sqrt(np.mean(error**2))) / float(stored["deviation"]) - 1.0)

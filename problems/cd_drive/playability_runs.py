@@ -7,7 +7,7 @@ CD-players (2003).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -27,7 +27,7 @@ from .position_trials import DIST_MAX, DIST_MIN
 from .quality import quality_signal
 from .record import Record
 from .red_book import ACCEPTABLE_ERROR
-from .strategies import CORNER, STRATEGIES, Strategies, clean_level, stand_in_replacement
+from .strategies import CORNER, STRATEGIES, Strategies, clean_level
 from .tables import Axis
 
 if TYPE_CHECKING:
@@ -48,7 +48,8 @@ class Design:
 
     gain_db   of its controllers over the reference ones [dB];
     dist_max  of the quality signal (eq. 7.13), from which on nothing is believed;
-    corner    of the repetitive control's low-pass [Hz], where the strategy has one.
+    corner    of the repetitive control's low-pass [Hz], where the strategy has one;
+    replacement  K', discrete, of the strategy that switches to it; see `Strategies`.
 
     Raises UnknownNameError for a strategy that is none, InputError for a dist_max that is not above
     the dist_min that the noise allows.
@@ -58,6 +59,7 @@ class Design:
     gain_db: float = 0.0
     dist_max: float = DIST_MAX
     corner: float = CORNER
+    replacement: StateSpace | None = field(default=None, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if self.strategy not in STRATEGIES:
@@ -70,8 +72,15 @@ class Design:
 
         K and K' do not follow each other: with scratches that refract, those that do lose focus.
         """
-        K, replacement = _controllers(axis, 10.0 ** ((self.gain_db + gain_db) / 20.0))
-        strategies = Strategies(axis, 1.0, rotation, bumpless=False, K=K, replacement=replacement)
+        factor = 10.0 ** ((self.gain_db + gain_db) / 20.0)
+        strategies = Strategies(
+            axis,
+            1.0,
+            rotation,
+            bumpless=False,
+            K=factor * _controller(axis),
+            replacement=None if self.replacement is None else factor * self.replacement,
+        )
         made = strategies.named(self.strategy)
         if self.corner == CORNER:
             return made
@@ -151,8 +160,7 @@ def scored(error: Real, axis: Axis) -> Sequence[float]:
     return float(out.mean()), float(lost.sum()), float(longest) / RATE * VELOCITY, float(rms)
 
 
-@lru_cache(maxsize=256)
-def _controllers(axis: Axis, factor: float) -> tuple[StateSpace, StateSpace]:
-    """K and K' of a loop gain, discrete."""
-    K = in_discrete_time(controller(axis), PERIOD)
-    return factor * K, factor * stand_in_replacement(axis)
+@lru_cache
+def _controller(axis: Axis) -> StateSpace:
+    """K, discrete."""
+    return in_discrete_time(controller(axis), PERIOD)

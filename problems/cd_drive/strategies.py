@@ -54,8 +54,8 @@ def stand_in_filter() -> StateSpace:
     return in_discrete_time(control.tf([1.0, 0.0], [1.0, corner]), PERIOD)
 
 
-def stand_in_replacement(axis: Axis) -> StateSpace:
-    """K' (discrete), stand-in of the controller of lower bandwidth: K behind a low-pass."""
+def filtered_controller(axis: Axis) -> StateSpace:
+    """K (1 - F) of figure 8.6 (discrete), F the stand-in: K behind a low-pass."""
     import control
 
     corner = 2 * np.pi * LOW_PASS
@@ -71,7 +71,9 @@ class Strategies:
     rotation     of the disc [Hz], which A and B have to know;
     F            discrete: e = f_en / K_optn [m] -> the estimated fault u_f [m] of C; a stand-in
                  when left out;
-    replacement  K', discrete or continuous, of the strategy of that name; likewise;
+    replacement  K', discrete or continuous, of the strategy that switches to it; K (1 - F) of
+                 figure 8.6 when left out, which is nearly unstable: better one of
+                 `cd/<axis>/lower-bandwidth`;
     bumpless     K and K' follow each other while they are not in charge, which halves the
                  excursion (measured; see the tests);
     false        detections where there is no defect, from and until [s];
@@ -148,7 +150,7 @@ class Strategies:
     def _replaced(self) -> list[Part]:
         """Figure 8.6 as one controller: K' has the command while w_Q is 0."""
         K = controller(self.axis) if self.K is None else self.K
-        other = stand_in_replacement(self.axis) if self.replacement is None else self.replacement
+        other = filtered_controller(self.axis) if self.replacement is None else self.replacement
         if not self.bumpless:
             return [
                 Part("K", linear(K, PERIOD), ["f_en"], ["u_k"]),

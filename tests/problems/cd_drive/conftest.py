@@ -1,12 +1,14 @@
-"""Covers of the twelve drives, each solved once."""
+"""What several problems need: covers, solved once, and stored designs of K'."""
 
 from functools import cache
+from pathlib import Path
 
 import pytest
 
 import workbench as wb
 from problems.cd_drive.covers import circle_cover, stadium_cover
 
+REFERENCE = Path(__file__).parents[3] / "results" / "reference" / "cd"
 COVERS = {"circle": circle_cover, "stadium": stadium_cover}
 
 
@@ -23,3 +25,12 @@ def covered():
         return program, solution.answer
 
     return find
+
+
+@pytest.fixture(scope="session")
+def slower():
+    """Stored runs of cd/<axis>/lower-bandwidth by axis."""
+    return {
+        axis: wb.open_run(next((REFERENCE / axis / "lower-bandwidth").iterdir()))
+        for axis in ("focus", "radial")
+    }

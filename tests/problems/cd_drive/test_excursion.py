@@ -12,8 +12,8 @@ from workbench.errors import InputError
 
 
 @pytest.fixture(scope="module")
-def focus():
-    study = excursion("focus", angles=2, lengths=2)
+def focus(slower):
+    study = excursion("focus", slower["focus"], angles=2, lengths=2)
     return study, wb.solve(study)
 
 
@@ -91,5 +91,8 @@ def test_parameters_out_of_range_are_named(wrong):
         wb.load("cd/focus/excursion", **wrong)
 
 
-def test_an_unknown_drive_is_named():
-    assert "CD13" in wb.solve(excursion("focus", drive="CD13", angles=2, lengths=2)).message
+def test_an_unknown_drive_is_named(slower):
+    assert (
+        "CD13"
+        in wb.solve(excursion("focus", slower["focus"], drive="CD13", angles=2, lengths=2)).message
+    )

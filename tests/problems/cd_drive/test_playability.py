@@ -21,8 +21,8 @@ SMALL = {"scenarios": 14, "training": 7, "trials": 4, "drives": 2, "duration": 0
 
 
 @pytest.fixture(scope="module")
-def small():
-    study = playability(**SMALL, strategies="reference,A", workers=2)
+def small(slower):
+    study = playability(**slower, **SMALL, strategies="reference,A", workers=2)
     return study, wb.solve(study)
 
 
@@ -152,14 +152,14 @@ def test_a_corner_changes_what_a_player_does():
     assert len(set(rms.tolist())) == 3
 
 
-def test_unknown_names_are_refused():
+def test_unknown_names_are_refused(slower):
     for names in ("reference,D", "", "A,A"):
         with pytest.raises(InputError, match="strategies"):
             named(names)
     with pytest.raises(UnknownNameError, match="D"):
         Design("D")
     with pytest.raises(InputError, match="tuned"):
-        playability(strategies="A,B", tuned="C")
+        playability(**slower, strategies="A,B", tuned="C")
     with pytest.raises(InputError, match="dist_max"):
         Design("A", dist_max=0.1)
 

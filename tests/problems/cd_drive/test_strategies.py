@@ -2,13 +2,11 @@
 
 import time
 from dataclasses import replace
-from pathlib import Path
 
 import control
 import numpy as np
 import pytest
 
-import workbench as wb
 from problems.cd_drive.bench_setup import PERIOD, RATE
 from problems.cd_drive.disc import Defect, Disc
 from problems.cd_drive.drives import controller
@@ -25,19 +23,17 @@ from workbench.solvers import Options
 
 AXES = ("focus", "radial")
 TWELVE = ("nominal", *(f"CD{n}" for n in range(1, 13)))
-REFERENCE = Path(__file__).parents[3] / "results" / "reference" / "cd"
 DISC = Disc(warp=(500e-6,), eccentricity=(70e-6,), rotation=5.5)
 
 
 @pytest.fixture(scope="module")
-def studies():
+def studies(slower):
     """Study and solution by axis, on the nominal drive and one more, each computed once."""
     found = {}
 
     def run(axis):
         if axis not in found:
-            (folder,) = (REFERENCE / axis / "lower-bandwidth").iterdir()
-            task = strategies(axis, wb.open_run(folder), drive_count=1)
+            task = strategies(axis, slower[axis], drive_count=1)
             found[axis] = task, solve(task, options=Options(seed=4))
         return found[axis]
 
@@ -199,7 +195,6 @@ def test_refusals():
         Laboratory().closed_loop(cascade, duration=0.1)
 
 
-def test_there_is_no_robust_filter_of_the_radial_loop():
-    (folder,) = (REFERENCE / "radial" / "lower-bandwidth").iterdir()
+def test_there_is_no_robust_filter_of_the_radial_loop(slower):
     with pytest.raises(InputError, match="no robust fault filter for radial"):
-        strategies("radial", wb.open_run(folder), fault_filter="robust")
+        strategies("radial", slower["radial"], fault_filter="robust")
