@@ -36,6 +36,16 @@ def test_the_answer_is_stored_whole(solved):
     assert set(program.figures(solution.answer)) == {"mu", "controller", "rounds"}
 
 
+def test_the_states_of_an_answer_are_balanced(solved):
+    program, solution = solved
+    K = solution.answer.K
+    units = 2.0 ** np.linspace(-20, 20, K.nstates).round()
+    crooked = control.ss(K.A * units[:, None] / units, K.B * units[:, None], K.C / units, K.D)
+    straight = program.answer(crooked)
+    assert np.linalg.norm(straight.K.A) < 2 * np.linalg.norm(K.A) < 1e-3 * np.linalg.norm(crooked.A)
+    assert straight.upper == pytest.approx(solution.answer.upper, rel=2e-3)
+
+
 def test_a_start_is_improved_on(solved):
     program, solution = solved
     again = wb.solve(replace(program, start=solution.answer.K), "dk")
