@@ -3,12 +3,13 @@
 In g = 1 / (R + r), k1 and k2, the parameters of Table 5.3, the actuator is affine: all of the coil
 that depends on R is Bl g u and the damping Bl^2 g. A box of them is cut into cells. In each the
 plant behind its hold is an affine part, whose extremes are at the cell's vertices, and a remainder
-bounded in norm; P from the LMIs at the cell's centre prove the cell if they hold for all of that.
+bounded in norm; P from the LMIs at the vertices prove the cell if they hold for all of that.
 Every plant keeps its parameters while the controllers switch, so cells may have P of their own.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -37,6 +38,8 @@ FIRST = (1, 1, 8)
 """Cells of the whole box at the start, along g, k1 and k2."""
 HALVED = (2, 0, 2)
 """Along which a cell is halved, one after the other, before it is given up."""
+DWELLS = (1, 10, 30)
+"""Samples of the clean mode between defects that are tried; the first is any switching."""
 SURE = 1.0 - 1e-9
 """V must fall by more than the rounding of its change."""
 
@@ -63,6 +66,15 @@ class Cell:
         for side, end in (("high", self.high.copy()), ("low", self.low.copy())):
             end[along] = self.centre[along]
             yield replace(self, **{side: end}, depth=self.depth + 1)
+
+
+@dataclass(frozen=True, eq=False)
+class Proof:
+    """Functions P (2, n, n) of both modes and the dwell they prove over a cell [samples]."""
+
+    cell: Cell
+    P: Real
+    dwell: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,30 +171,53 @@ class Box:
 
     # --- proof --------------------------------------------------------------------------------
 
-    def functions(self, sets: Sequence[TransitionSet]) -> Real | None:
-        """P of both modes (2, n, n) by LMIs at the vertices, for any switching; None: none."""
+    def functions(self, sets: Sequence[TransitionSet], dwell: int) -> Real | None:
+        """P of both modes (2, n, n) by LMIs at the vertices, for a dwell of the clean mode.
+
+        V_c falls there half as fast as the slowest motion. None where there are none.
+        """
         clean, defect = (each.vertices for each in sets)
-        if abs(np.linalg.eigvals([*clean, *defect])).max() >= 1.0:
+        slowest = float(abs(np.linalg.eigvals(clean)).max())
+        if max(slowest, abs(np.linalg.eigvals(defect)).max()) >= 1.0:
             return None
-        program = SwitchedStability((Mode("clean", clean, None), Mode("defect", defect, 1)), 1)
-        found = solve(program)
+        rate = 1.0 if dwell == 1 else math.sqrt(slowest)
+        modes = Mode("clean", clean, dwell, rate=rate), Mode("defect", defect, None)
+        found = solve(SwitchedStability(modes, 1))
         return found.answer.P if found.certificate and found.certificate.valid else None
 
-    def worst(self, sets: Sequence[TransitionSet], P: Real) -> float:
-        """The largest V after a sample over V before, whichever mode follows, over a cell."""
-        return max(each.ratio(P[i], Q) for i, each in enumerate(sets) for Q in P)
+    def dwell(self, sets: Sequence[TransitionSet], P: Real) -> int | None:
+        """Samples of the clean mode between defects of any length; None: nothing is proven.
 
-    def proven(self, context: Context) -> tuple[list[tuple[Cell, Real]], list[Cell]]:
-        """Cells with the P that prove them, and cells given up."""
+        V_c falls by r_cc at least in a sample of the clean mode, V_o by r_oo < 1 in a defect, over
+        the cell; over the last samples of both V_c becomes r_co V_o and V_o r_oc V_c at most. From
+        one defect to the next V then changes by r_cc^(n - 1) r_co r_oc.
+        """
+        r = np.array([[each.ratio(p, q) for q in P] for each, p in zip(sets, P, strict=True)])
+        if max(r[0, 0], r[1, 1]) > SURE:
+            return None
+        rises = math.log(r[0, 1] * r[1, 0] / SURE)
+        return 1 + max(0, math.ceil(-rises / math.log(r[0, 0])))
+
+    def proof(self, cell: Cell) -> Proof | None:
+        """For the first of DWELLS for which the LMIs give one; None: for none."""
+        sets = self.sets(cell)
+        for tried in DWELLS:
+            P = self.functions(sets, tried)
+            dwell = None if P is None else self.dwell(sets, P)
+            if P is not None and dwell is not None and dwell <= DWELLS[-1]:
+                return Proof(cell, P, dwell)
+        return None
+
+    def proven(self, context: Context) -> tuple[list[Proof], list[Cell]]:
+        """Cells that are proven, and cells given up."""
         waiting, given_up = self.cells(), []
-        done: list[tuple[Cell, Real]] = []
+        done: list[Proof] = []
         while waiting:
             context.progress("cells of the parametric set", len(done), len(done) + len(waiting))
             cell = waiting.pop()
-            sets = self.sets(cell)
-            P = self.functions(sets)
-            if P is not None and self.worst(sets, P) <= SURE:
-                done.append((cell, P))
+            found = self.proof(cell)
+            if found is not None:
+                done.append(found)
             elif cell.depth == len(HALVED):
                 given_up.append(cell)
             else:

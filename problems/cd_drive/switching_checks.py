@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 FALLS = 1.0 - 1e-9
 PLANTS = 200
 """Random plants of the parametric set."""
+STAYS = (1, 2, 5, 20, 100)
+"""Lengths [samples] of defects of those."""
 PRINTED = {"gain_margin": (3.0, 1.0), "phase_margin": (8.0, 2.0)}
 """Of K (1 - F) in figure 8.10, and how near is near: dB and degrees."""
 SAME = 1e-6
@@ -189,7 +191,7 @@ def _cells(study: SwitchingStability, answer: xr.Dataset) -> Check:
 
 
 def _in_cells(study: SwitchingStability, answer: xr.Dataset) -> Check:
-    """V falls at random plants of the set, held and sampled as such, not by any linear part."""
+    """V falls from defect to defect at random plants of the set, held and sampled as such."""
     box = study.box(float(answer["box_of_cells"]))
     low, high = box.ends
     rng = np.random.default_rng(0)
@@ -199,11 +201,18 @@ def _in_cells(study: SwitchingStability, answer: xr.Dataset) -> Check:
         inside = [i for i, (a, b) in enumerate(cells) if (a <= point).all() and (point <= b).all()]
         if not inside:
             continue
-        P = answer["cell_P"].values[inside[0]]
-        value = max(_ratio(A, Q, P[i]) for i, A in enumerate(box.at(point)) for Q in P)
+        P, dwell = (answer[name].values[inside[0]] for name in ("cell_P", "cell_dwell"))
+        value = _cycle(*box.at(point), P, int(dwell))
         worst, where = max((worst, where), (value, f"at g, k1, k2 = {point.round(4).tolist()}"))
-    statement = "largest V after a sample over V before, of random plants, any mode following"
+    statement = "largest V of random plants a sample or a defect and a dwell later over V before"
     return Check("plants of the set", statement, worst, FALLS, where)
+
+
+def _cycle(A_c: Real, A_o: Real, P: Real, dwell: int) -> float:
+    """Largest V of either mode after a sample, or after a defect and a dwell, over V before."""
+    longer = [_ratio(np.linalg.matrix_power(A_o, n), P[0], P[1]) for n in STAYS]
+    back = _ratio(np.linalg.matrix_power(A_c, dwell), P[1], P[0])
+    return max(_ratio(A_c, P[0], P[0]), _ratio(A_o, P[1], P[1]), back * max(longer))
 
 
 def _figure(study: SwitchingStability, answer: xr.Dataset) -> list[Check]:

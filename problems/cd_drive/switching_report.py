@@ -88,10 +88,12 @@ def _dwell(answer: xr.Dataset) -> str:
         rows.append(["all at once", *(cell for pair in cells for cell in pair)])
     share, volume = answer["box_share"].values, answer["box_volume"].values
     below = "\n".join(
-        f"K to K' and back at any time, {a:g} times the parametric set: {b:.1%} of its volume "
-        "proven."
+        f"K to K' and back, {a:g} times the parametric set: {b:.1%} of its volume proven."
         for a, b in zip(share, volume, strict=True)
     )
+    if answer.sizes["cell"]:
+        longest_dwell, best = int(answer["cell_dwell"].max()), float(answer["box_of_cells"])
+        below += f"\nAt most {longest_dwell} samples between defects are needed at {best:g} times."
     head = f"Samples of {1e6 * PERIOD:.1f} us; defects of 1 to {longest} samples.\n\n"
     return head + aligned(heads, rows) + "\n" + below + "\n"
 

@@ -57,7 +57,7 @@ STRATEGIES = ("open", "filter", "lower")
 CONTROLLERS = ("K", "K (1 - F)", "K'")
 SAMPLINGS = ("continuous", "sampled", "delayed")
 """Sampled at 35 kHz, and with the delay beside it."""
-SHARES: dict[Axis, tuple[float, ...]] = {"focus": (1.0, 1.5), "radial": (0.05, 0.1)}
+SHARES: dict[Axis, tuple[float, ...]] = {"focus": (1.0, 2.0), "radial": (1.0,)}
 """Multiples of the parametric set that are tried, up to the first that is not proven."""
 CASES = ("rotation", "envelope")
 ROTATION = np.linspace(3.0, 9.0, 4)
@@ -104,8 +104,8 @@ def switching_stability(
     - Margins of K, K (1 - F) and K', and the share of the parametric set that each tolerates.
     - Dwell times by LMIs: the shortest distance between defects for which any sequence of defects
       up to the longest is stable, of each drive, beside the longest that a periodic switching
-      makes unstable; K to K' and back at any time over as much of the parametric set as the LMIs
-      reach, cell by cell: all of it in focus, a twentieth of its extent radially.
+      makes unstable; from K to K' and back over all of the parametric set, cell by cell: at any
+      time in focus, even over twice its extent, with a millimetre between defects radially.
     - The true error at sampling instants, bounded for every sequence of defects by these functions
       and simulated, for a disc that moves in one harmonic of the Red Book's envelope at a time.
 
@@ -395,7 +395,7 @@ class SwitchingStability(Study):
         for share in SHARES[self.axis]:
             done, given_up = self.box(share).proven(context)
             low, high = self.box(share).ends
-            volumes.append(sum(cell.volume for cell, _ in done) / float(np.prod(high - low)))
+            volumes.append(sum(one.cell.volume for one in done) / float(np.prod(high - low)))
             if kept is None or not given_up:
                 kept, best = done, share
             if given_up:
@@ -403,14 +403,16 @@ class SwitchingStability(Study):
         assert kept is not None
         tried = list(SHARES[self.axis][: len(volumes)])
         about = {"long_name": "g [1/ohm], k1 and k2 [N/m]"}
-        functions = np.array([P for _, P in kept]).reshape(len(kept), 2, *self._sizes)
+        functions = np.array([one.P for one in kept]).reshape(len(kept), 2, *self._sizes)
+        dwell = np.array([one.dwell for one in kept], dtype=np.int64)
         return {
             "box_volume": ("box_share", volumes, {"units": "1", "long_name": "proven volume"}),
             "box_share": ("box_share", tried, {"units": "1", "long_name": "multiple of the set"}),
             "box_of_cells": ((), best, {"units": "1", "long_name": "multiple that the cells fill"}),
-            "cell_low": (("cell", "parameter"), _rows([cell.low for cell, _ in kept]), about),
-            "cell_high": (("cell", "parameter"), _rows([cell.high for cell, _ in kept]), about),
+            "cell_low": (("cell", "parameter"), _rows([one.cell.low for one in kept]), about),
+            "cell_high": (("cell", "parameter"), _rows([one.cell.high for one in kept]), about),
             "cell_P": (("cell", "mode", "state_box", "state_box_"), functions),
+            "cell_dwell": ("cell", dwell, {"long_name": "proven distance, in samples"}),
         }
 
     @cached_property
@@ -445,6 +447,7 @@ class SwitchingStability(Study):
                 found[f"kept_{strategy}_{case}_mm"] = reach
         found["box"] = float(answer["box_of_cells"])
         found["box_volume"] = float(answer["box_volume"][0])
+        found["box_dwell"] = float(answer["cell_dwell"].max()) if answer.sizes["cell"] else np.inf
         return found
 
     def reaching(self, bound: xr.DataArray, limit: float) -> float:

@@ -116,6 +116,24 @@ def test_no_dwell_within_the_limit():
     assert solution.outcome is wb.Outcome.INFEASIBLE
 
 
+def test_with_a_rate_the_dwell_holds_for_all_of_the_hull():
+    rng = np.random.default_rng(3)
+    clean = np.array([[[0.9, 0.5 + d], [-0.1 + d, 0.8]] for d in (-0.05, 0.05)])
+    defect = np.array([[[0.9, -0.1 + d], [0.6, 0.9 - d]] for d in (-0.05, 0.05)])
+    assert abs(np.linalg.eigvals(clean[0] @ defect[0])).max() > 1.0  # some dwell is needed
+    modes = Mode("clean", clean, None, rate=0.97), Mode("defect", defect, 1, 4)
+    solution = wb.solve(SwitchedStability(modes))
+    assert solution.certificate.valid, solution.certificate.failures
+    P_c, P_o = solution.answer.P
+    for share in rng.uniform(size=20):
+        A = share * clean[0] + (1 - share) * clean[1]
+        x = rng.normal(size=2)
+        after = np.linalg.matrix_power(A, solution.answer.samples) @ x
+        assert after @ P_o @ after < x @ P_c @ x
+    single = wb.solve(SwitchedStability((Mode("clean", clean, None), modes[1])))
+    assert single.answer.samples <= solution.answer.samples
+
+
 @pytest.mark.parametrize(
     ("modes", "words"),
     [
@@ -130,6 +148,9 @@ def test_no_dwell_within_the_limit():
         (lambda: [Mode("a", STABLE, 4, 3)], "less than shortest"),
         (lambda: [Mode("a", [[np.nan]])], "not finite"),
         (lambda: [Mode("a", np.ones((2, 3)))], "square"),
+        (lambda: [Mode("a", STABLE, rate=1.5)], "rate is 1.5"),
+        (lambda: [Mode("a", STABLE, 1, 9, 0.9)], "without a longest stay"),
+        (lambda: [Mode("a", STABLE, None, rate=0.01), Mode("b", STABLE)], "above the spectral"),
         (lambda: [Mode("a", "nothing")], "no array"),
     ],
 )

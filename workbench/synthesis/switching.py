@@ -10,6 +10,11 @@ that is allowed and for every mode j that may follow
 then V falls from entry to entry and the system is stable. In a mode without a longest stay n is the
 shortest one, and A_i' P_i A_i < P_i carries it on to all longer ones (J. C. Geromel, P. Colaneri,
 Stability and stabilization of discrete time switched systems, Int. J. Control 79 (2006) 719-728).
+
+Powers of A are known plant by plant. Where the A are vertices of a set, all of which is meant, a
+rate r < 1 keeps the inequalities linear in A:
+
+    A_i' P_i A_i < r^2 P_i,    r^(2 n - 2) A_i' P_j A_i < P_i.
 """
 
 from __future__ import annotations
@@ -52,18 +57,23 @@ class Mode:
         Samples that it is stayed in at least; None: that is what is sought.
     longest
         Samples that it is stayed in at most; None: no limit.
+    rate
+        By which V^(1/2) falls over a sample at least, and A^n is taken as rate^(n - 1) A, so that
+        what is proven holds for the convex hull of the A; None: powers of each A as they are.
 
     Raises
     ------
     InputError
         Matrices that are not square or not finite; stays that are not whole and positive, or in the
-        wrong order; a sought mode with a longest stay.
+        wrong order; a sought mode with a longest stay; a rate that is not between 0 and 1, or of a
+        mode with a longest stay.
     """
 
     name: str
     A: Real
     shortest: int | None = 1
     longest: int | None = None
+    rate: float | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "A", transitions(self.name, self.A))
@@ -73,6 +83,22 @@ class Mode:
                 f"mode {self.name!r}: its shortest stay is sought, so longest must be None, not "
                 f"{self.longest}"
             )
+        if self.rate is not None and not (0.0 < self.rate <= 1.0 and self.longest is None):
+            raise InputError(
+                f"mode {self.name!r}: rate is {self.rate!r}, longest {self.longest}; a rate must "
+                "be above 0, at most 1, and of a mode without a longest stay"
+            )
+
+    @property
+    def decaying(self) -> Real:
+        """A / rate (V, n, n), under which V must fall: A where there is no rate."""
+        return self.A / (self.rate or 1.0)
+
+    def over(self, stay: int) -> Real:
+        """What stands for A^stay (V, n, n) at the end of a stay."""
+        if self.rate is None:
+            return np.linalg.matrix_power(self.A, stay)
+        return self.rate ** (stay - 1) * self.A
 
     @cached_property
     def radius(self) -> Real:
@@ -111,7 +137,7 @@ class SwitchedStability(Program):
     ------
     InputError
         Fewer modes, none sought, other numbers of plants or states, a limit that is not positive, a
-        mode without a longest stay that is unstable.
+        mode without a longest stay that is unstable, a rate that a plant does not reach.
     """
 
     modes: tuple[Mode, ...]
@@ -134,6 +160,11 @@ class SwitchedStability(Program):
                     f"mode {mode.name!r} has no longest stay and is unstable: its spectral radius "
                     f"is {mode.radius[worst]:.9g} for plant {worst}; give the longest stay"
                 )
+            if mode.rate is not None and mode.radius[worst] >= mode.rate:
+                raise InputError(
+                    f"mode {mode.name!r}: rate is {mode.rate}; it must be above the spectral "
+                    f"radius, {mode.radius[worst]:.9g} for plant {worst}"
+                )
 
     @property
     def states(self) -> int:
@@ -152,12 +183,13 @@ class SwitchedStability(Program):
         mode, P = self.modes[i], answer.P
         others = [P[j] for j in range(len(self.modes)) if j != i]
         stays = self.stays(mode, answer.samples)
-        power = mode.powers(stays[:1])[0]
+        power = mode.over(stays[0])
         found = []
         for _ in stays:
             found.append(max(_largest(power.mT @ Q @ power, P[i]) for Q in others))
             power = mode.A @ power
-        decay = 0.0 if mode.longest else _largest(mode.A.mT @ P[i] @ mode.A, P[i])
+        own = mode.decaying
+        decay = 0.0 if mode.longest else _largest(own.mT @ P[i] @ own, P[i])
         return np.array(found), np.array(decay)
 
     @cached_property
@@ -200,7 +232,8 @@ class SwitchedStability(Program):
             name = f"{mode.name}, entries"
             found.append(Check(name, statement, float(at_entry[worst]), limit, where))
             if mode.longest is None:
-                statement = "largest V of this mode after a sample over V before"
+                of = "" if mode.rate is None else " and rate^2"
+                statement = f"largest V of this mode after a sample over V before{of}"
                 found.append(Check(f"{mode.name}, decay", statement, float(decay), limit))
         return found
 

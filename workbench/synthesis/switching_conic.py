@@ -19,6 +19,11 @@ BEGUN = 5
 """Stays whose inequalities are stated from the start."""
 CUTS = 12
 """How often stays are added whose inequality did not hold."""
+TURNS, NEAR = 2, 1.01
+"""How often the coordinates are turned to those of the P found, where V nearly falls. A margin that
+is small beside P is lost in the accuracy of a solver; where P is about 1 it shows."""
+FLAT = 1e-6
+"""Least eigenvalue of P for that, relative."""
 LEAST = 1e-9
 """Margin below which the inequalities count as infeasible, the traces of P being n."""
 
@@ -70,7 +75,9 @@ def coordinates(program: SwitchedStability) -> Real:
     every = np.concatenate([mode.A for mode in program.modes])
     _, (units, _) = matrix_balance(abs(every).sum(axis=0), permute=False, separate=True)
     sums = [
-        _summed(A / units[:, None] * units, mode.longest) for mode in program.modes for A in mode.A
+        _summed(A / units[:, None] * units, mode.longest)
+        for mode in program.modes
+        for A in (mode.A if mode.longest else mode.decaying)
     ]
     root = np.linalg.cholesky(_symmetric(np.sum(sums, axis=0)))
     return np.asarray(root / units[:, None], dtype=float)
@@ -96,50 +103,81 @@ def _feasible(
     context: Context,
 ) -> tuple[Dwell | None, str]:
     """P for a dwell, all inequalities recomputed; None where none was found."""
+    stays = [_some(program.stays(mode, samples)) for mode in program.modes]
+    turns = 0
+    for _ in range(CUTS):
+        P, margin, said = _program(program, stays, L, solver, options, context)
+        if P is None:
+            return None, said
+        found = Dwell(samples, np.stack([L @ _positive(Q) @ L.T for Q in P]))
+        if margin >= LEAST and all(check.holds for check in program.checks(found, ROUNDING)):
+            return found, said
+        worst = [program.ratios(found, i) for i in range(len(program.modes))]
+        if margin >= LEAST and _added(program, samples, stays, [ratio for ratio, _ in worst]):
+            continue
+        turns += 1
+        if turns > TURNS or max(max(ratio.max(), decay) for ratio, decay in worst) > NEAR:
+            return None, f"{said}; its P does not hold when recomputed"
+        L = L @ np.linalg.cholesky(_positive(np.mean(P, axis=0)))
+    return None, f"{said}; some stay's inequality failed in each of {CUTS} rounds"
+
+
+def _program(
+    program: SwitchedStability,
+    stays: list[list[int]],
+    L: Real,
+    solver: ConicSolver,
+    options: Options,
+    context: Context,
+) -> tuple[list[Real] | None, float, str]:
+    """P in coordinates L' x of the largest margin of the inequalities at some stays."""
     import cvxpy as cp
 
     modes, n = program.modes, program.states
-    stays = [_some(program.stays(mode, samples)) for mode in modes]
-    for _ in range(CUTS):
-        with context.stating():
-            P = [cp.Variable((n, n), symmetric=True) for _ in modes]
-            margin = cp.Variable()
-            held = [Q >> margin * np.eye(n) for Q in P]
-            held.append(sum(cp.trace(Q) for Q in P) == n * len(modes))
-            for i, mode in enumerate(modes):
-                A = np.stack([np.linalg.solve(L, (L.T @ one).T).T for one in mode.A])
-                if mode.longest is None:
-                    held += [_falls(one, P[i], P[i], margin) for one in A]
-                held += [
-                    _falls(np.linalg.matrix_power(one, stay), P[j], P[i], margin)
-                    for stay in stays[i]
-                    for one in A
-                    for j in range(len(modes))
-                    if j != i
-                ]
-        problem = cp.Problem(cp.Maximize(margin), held)
-        outcome, said = solve_conic(problem, solver, options, context)
-        if outcome not in (Outcome.SOLVED, Outcome.INACCURATE) or float(margin.value) < LEAST:
-            return None, said
-        found = Dwell(samples, np.stack([_symmetric(L @ Q.value @ L.T) for Q in P]))
-        if all(check.holds for check in program.checks(found, ROUNDING)):
-            return found, said
-        added = False
+    with context.stating():
+        P = [cp.Variable((n, n), symmetric=True) for _ in modes]
+        margin = cp.Variable()
+        held = [Q >> margin * np.eye(n) for Q in P]
+        held.append(sum(cp.trace(Q) for Q in P) == n * len(modes))
         for i, mode in enumerate(modes):
-            ratio, _ = program.ratios(found, i)
-            worst = program.stays(mode, samples)[int(np.argmax(ratio))]
-            if ratio.max() > 1.0 - ROUNDING and worst not in stays[i]:
-                stays[i].append(worst)
-                added = True
-        if not added:
-            return None, f"{said}; its P does not hold when recomputed"
-    return None, f"{said}; some stay's inequality failed in each of {CUTS} rounds"
+            if mode.longest is None:
+                held += [_falls(one, P[i], P[i], margin) for one in _turned(mode.decaying, L)]
+            held += [
+                _falls(one, P[j], P[i], margin)
+                for stay in stays[i]
+                for one in _turned(mode.over(stay), L)
+                for j in range(len(modes))
+                if j != i
+            ]
+    problem = cp.Problem(cp.Maximize(margin), held)
+    outcome, said = solve_conic(problem, solver, options, context)
+    if outcome not in (Outcome.SOLVED, Outcome.INACCURATE):
+        return None, -np.inf, said
+    return [_symmetric(Q.value) for Q in P], float(margin.value), said
+
+
+def _added(
+    program: SwitchedStability, samples: int, stays: list[list[int]], ratios: list[Real]
+) -> bool:
+    """Whether there are stays to add whose inequality does not hold; they are."""
+    added = False
+    for mode, own, ratio in zip(program.modes, stays, ratios, strict=True):
+        worst = program.stays(mode, samples)[int(np.argmax(ratio))]
+        if ratio.max() > 1.0 - ROUNDING and worst not in own:
+            own.append(worst)
+            added = True
+    return added
 
 
 def _some(stays: range) -> list[int]:
     """A few of the stays to begin with, the first and the last among them."""
     places = np.unique(np.geomspace(1, len(stays), BEGUN).round().astype(int)) - 1
     return [stays[int(place)] for place in places]
+
+
+def _turned(A: Real, L: Real) -> Real:
+    """A (V, n, n) in coordinates L' x."""
+    return np.asarray(np.linalg.solve(L, (L.T @ A).mT).mT, dtype=float)
 
 
 def _falls(A: Real, P: Any, Q: Any, margin: Any) -> Any:
@@ -151,3 +189,9 @@ def _falls(A: Real, P: Any, Q: Any, margin: Any) -> Any:
 def _symmetric(P: Real) -> Real:
     both: Real = (P + P.T) / 2
     return both
+
+
+def _positive(P: Real) -> Real:
+    """P with no eigenvalue below FLAT of its largest."""
+    values, vectors = np.linalg.eigh(P)
+    return _symmetric(vectors * np.maximum(values, FLAT * values[-1]) @ vectors.T)

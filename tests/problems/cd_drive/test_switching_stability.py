@@ -162,17 +162,36 @@ def test_halves_fill_their_cell():
 def test_a_part_of_the_parametric_set_is_proven():
     box = Box("focus", regulators(K, "lower", LOWER), 0.1)
     low, high = box.ends
-    cell = Cell(low, high)
-    sets = box.sets(cell)
-    P = box.functions(sets)
-    assert P is not None and box.worst(sets, P) < 1.0
+    sets = box.sets(Cell(low, high))
+    P = box.functions(sets, 1)
+    assert P is not None and box.dwell(sets, P) == 1
     # and a transition inside, held and sampled as such, is in the set
     rng = np.random.default_rng(1)
     for point in rng.uniform(low, high, (5, 3)):
-        for i, A in enumerate(box.at(point)):
-            root = np.linalg.cholesky(P[i])
-            size = np.linalg.norm(root.T @ A @ np.linalg.inv(root.T), 2)
-            assert size**2 <= box.worst(sets, P)
+        for A, each, before in zip(box.at(point), sets, P, strict=True):
+            for after in P:
+                assert size(A, before, after) <= each.ratio(before, after)
+
+
+def test_a_dwell_is_proven_where_any_switching_is_not():
+    box = Box("focus", regulators(K, "filter"), 0.01)
+    low, high = box.ends
+    sets = box.sets(Cell(low, high))
+    P = box.functions(sets, 30)
+    dwell = box.dwell(sets, P)
+    assert box.functions(sets, 1) is None
+    assert 1 < dwell <= 30
+    for point in np.random.default_rng(2).uniform(low, high, (5, 3)):
+        A_c, A_o = box.at(point)
+        for stay in (1, 7, 50):
+            V_o = size(np.linalg.matrix_power(A_c, dwell), P[0], P[1])
+            assert V_o * size(np.linalg.matrix_power(A_o, stay), P[1], P[0]) < 1.0
+
+
+def size(A, before, after):
+    """Largest V after A over V before."""
+    root = np.linalg.cholesky(after).T @ A
+    return np.linalg.norm(root @ np.linalg.inv(np.linalg.cholesky(before).T), 2) ** 2
 
 
 def test_the_middle_of_the_set_is_the_nominal_drive():
@@ -212,3 +231,5 @@ def test_switching_stability(axis):
     assert run.certificate.failures == ()
     assert run.metrics["dwell_lower"] == 1
     assert run.metrics["box_volume"] == pytest.approx(1.0)
+    assert run.metrics["box"] == {"focus": 2.0, "radial": 1.0}[axis]
+    assert run.metrics["box_dwell"] <= {"focus": 1, "radial": 30}[axis]
