@@ -11,11 +11,11 @@ REFERENCE := $(WORKBENCH) --results results/reference run
 
 # Run every named problem, print the table, write the HTML index.
 reproduce: $(READY)
-	@status=0; $(WORKBENCH) run '*' || status=$$?; $(WORKBENCH) report || status=$$?; exit $$status
+	@status=0; $(WORKBENCH) run '*' --jobs 2 || status=$$?; $(WORKBENCH) report || status=$$?; exit $$status
 
 # The same, with the problems marked slow.
 reproduce-all: $(READY)
-	@status=0; $(WORKBENCH) run '*' --slow || status=$$?; $(WORKBENCH) report || status=$$?; exit $$status
+	@status=0; $(WORKBENCH) run '*' --slow --jobs 2 || status=$$?; $(WORKBENCH) report || status=$$?; exit $$status
 
 # Two workers, each with one thread for its small matrices: more get in each other's way.
 PYTEST := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2

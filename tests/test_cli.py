@@ -1,6 +1,8 @@
 """The command line: what it prints; 0 only when every certificate holds, 2 for errors."""
 
 import json
+import os
+import signal
 import subprocess
 import sys
 import time
@@ -333,3 +335,41 @@ def test_the_installed_command_is_this_one(project):
     done = subprocess.run([COMMAND, "run", "toy/rot"], capture_output=True, text=True)
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.startswith("workbench: no problem is called 'toy/rot'")
+
+
+# --- several at once --------------------------------------------------------------------------
+
+
+def test_jobs_run_several_and_say_the_same(project, cli):
+    words = ("run", "toy/root", "toy/total", "toy/broken")
+    status, out, err = cli(*words, "--jobs", "2")
+    assert status == 2
+    assert "workbench: toy/broken: " in err and "one over nothing" in err
+    assert "/3] toy/root: certificate holds" in err and "/3] toy/total: certificate holds" in err
+    again = cli(*words)[1]
+    assert [line.split()[:5] for line in again.splitlines()[1:]] == [
+        line.split()[:5] for line in out.splitlines()[1:]
+    ]
+    assert "stored" in again
+
+
+def test_verbose_and_jobs_exclude_each_other(project, cli):
+    assert "leave out" in cli("run", "toy/root", "--verbose", "--jobs", "2")[2]
+
+
+def test_an_interrupt_of_jobs_ends_them_all(project):
+    project.edit("PAUSE = 0.0", "PAUSE = 2.0")
+    words = ["run", *(f"toy/{one}/root" for one in "xy"), "toy/root", "--method", "newton"]
+    running = subprocess.Popen(
+        [COMMAND, *words, "--jobs", "2"],
+        stderr=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    time.sleep(8)
+    os.killpg(running.pid, signal.SIGINT)  # as a terminal does, to all of them
+    _, err = running.communicate(timeout=30)
+    assert running.returncode == 130
+    assert "finished results are kept" in err and "Traceback" not in err
+    assert not list(project.results.rglob("run.json"))

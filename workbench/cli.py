@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 import workbench
+from workbench.batch import ended
 from workbench.bench.project import add_problems, registry, results_root, use_results
 from workbench.errors import WorkbenchError
 from workbench.terminal import (
@@ -97,6 +98,7 @@ def show(name: str, as_json: bool) -> None:
 @click.option("--verbose", is_flag=True, help="Let the solver print.")
 @click.option("--fresh", is_flag=True, help="Compute anew even where the answer is stored.")
 @click.option("--slow", is_flag=True, help="Run problems marked slow too.")
+@click.option("--jobs", type=click.IntRange(min=1), default=1, help="Run this many at once.")
 @AS_JSON
 def run(
     patterns: tuple[str, ...],
@@ -108,41 +110,40 @@ def run(
     verbose: bool,
     fresh: bool,
     slow: bool,
+    jobs: int,
     as_json: bool,
 ) -> None:
     """Run every problem that fits one of PATTERNS, and leave a results folder for each."""
     if verbose and as_json:
         raise click.UsageError("--verbose lets solvers print what is no JSON; leave out one")
+    if verbose and jobs > 1:
+        raise click.UsageError("--verbose lets solvers print all at once; leave out it or --jobs")
     parameters = dict(_setting(text) for text in settings)
     entries = {e.name: e for pattern in patterns for e in registry().match(pattern)}
     chosen = [e.name for e in entries.values() if slow or not e.slow or e.name in patterns]
     if not chosen:
         raise click.UsageError("every problem that fits is marked slow; add --slow to run them")
+    asked = {
+        "method": method,
+        "tolerance": tolerance,
+        "time_limit": time_limit,
+        "seed": seed,
+        "verbose": verbose,
+        "fresh": fresh,
+        **parameters,
+    }
     runs: list[Run] = []
     failed = False
-    for position, name in enumerate(chosen, start=1):
-        try:
-            with shown_live(f"[{position}/{len(chosen)}] {name}") as (progress, watch):
-                done = workbench.run(
-                    name,
-                    method,
-                    tolerance=tolerance,
-                    time_limit=time_limit,
-                    seed=seed,
-                    verbose=verbose,
-                    fresh=fresh,
-                    progress=progress,
-                    watch=watch,
-                    **parameters,
-                )
-        except WorkbenchError as error:
-            prefix = "" if name in str(error) else f"{name}: "
-            click.echo(f"workbench: {prefix}{error}", err=True)
+    for position, (name, done) in enumerate(ended(chosen, asked, jobs), start=1):
+        if isinstance(done, WorkbenchError):
+            prefix = "" if name in str(done) else f"{name}: "
+            click.echo(f"workbench: {prefix}{done}", err=True)
             failed = True
             continue
         runs.append(done)
         if not as_json and len(chosen) > 1:
             click.echo(f"[{position}/{len(chosen)}] {name}: {verdict(done)}", err=True)
+    runs.sort(key=lambda one: chosen.index(one.problem))
     if as_json:
         print_json([row(one) for one in runs])
     elif runs:

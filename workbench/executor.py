@@ -131,6 +131,8 @@ def _send_result(
 ) -> None:
     try:
         pipe.send((True, fn(*args, **kwargs)))
+    except KeyboardInterrupt:
+        pipe.send((False, WorkbenchError("interrupted")))
     except Exception as error:
         pipe.send((False, WorkbenchError(f"{type(error).__name__}: {error}")))
 

@@ -1,0 +1,71 @@
+"""Many problems for the command line: one after the other, or several at once."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import as_completed
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import workbench
+from workbench.bench.project import add_problems, added_problems
+from workbench.errors import WorkbenchError
+from workbench.terminal import shown_live
+
+if TYPE_CHECKING:
+    from workbench.bench.results import Run
+
+THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+def ended(
+    names: Sequence[str], asked: Mapping[str, Any], jobs: int
+) -> Iterator[tuple[str, Run | WorkbenchError]]:
+    """Runs of problems, or the errors that kept them from running, as they end.
+
+    ``asked`` as `workbench.run` takes it. Of several jobs each is a process, and the cores are
+    shared out among them: what two of them need is locked in the store.
+    """
+    return _several(names, asked, jobs) if jobs > 1 else _one_by_one(names, asked)
+
+
+def _one_by_one(
+    names: Sequence[str], asked: Mapping[str, Any]
+) -> Iterator[tuple[str, Run | WorkbenchError]]:
+    for position, name in enumerate(names, start=1):
+        done: Run | WorkbenchError
+        with shown_live(f"[{position}/{len(names)}] {name}") as (progress, watch):
+            try:
+                done = workbench.run(name, progress=progress, watch=watch, **asked)
+            except WorkbenchError as error:
+                done = error
+        yield name, done
+
+
+def _several(
+    names: Sequence[str], asked: Mapping[str, Any], jobs: int
+) -> Iterator[tuple[str, Run | WorkbenchError]]:
+    from workbench.executor import Processes
+
+    for variable in THREADS:
+        os.environ.setdefault(variable, str(max(1, (os.cpu_count() or 1) // jobs)))
+    with Processes(jobs) as executor, shown_live(f"{jobs} at once") as (progress, _):
+        futures = {
+            executor.submit(_run, name, dict(asked), added_problems()): name for name in names
+        }
+        try:
+            for count, future in enumerate(as_completed(futures), start=1):
+                error = future.exception()
+                if error is not None and not isinstance(error, WorkbenchError):
+                    raise error
+                progress("problems", count, len(names))
+                yield futures[future], error or future.result()
+        finally:
+            executor.shutdown(cancel_futures=True)
+
+
+def _run(name: str, asked: dict[str, Any], folders: Sequence[Path]) -> Run:
+    for folder in folders:
+        add_problems(folder)
+    return workbench.run(name, **asked)
