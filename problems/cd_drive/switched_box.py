@@ -10,10 +10,10 @@ Every plant keeps its parameters while the controllers switch, so cells may have
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -223,3 +223,40 @@ class Box:
             else:
                 waiting += cell.halves(HALVED[cell.depth])
         return done, given_up
+
+
+def proven_share(
+    box: Callable[[float], Box], shares: Sequence[float], context: Context
+) -> dict[str, Any]:
+    """Variables of a dataset: how much of each multiple of the set is proven, up to the first of
+    which not all is, and the cells of the largest of which all is, or else of the first."""
+    volumes: list[float] = []
+    kept: list[Proof] = []
+    best = shares[0]
+    for share in shares:
+        done, given_up = box(share).proven(context)
+        low, high = box(share).ends
+        volumes.append(sum(one.cell.volume for one in done) / float(np.prod(high - low)))
+        if len(volumes) == 1 or not given_up:
+            kept, best = done, share
+        if given_up:
+            break
+    n = len(box(best).at(box(best).cells()[0].centre)[0])
+    about = {"long_name": "g [1/ohm], k1 and k2 [N/m]"}
+    dwell = np.array([one.dwell for one in kept], dtype=np.int64)
+    tried = list(shares[: len(volumes)])
+    ends = {name: [getattr(one.cell, name) for one in kept] for name in ("low", "high")}
+    return {
+        "box_volume": ("box_share", volumes, {"units": "1", "long_name": "proven volume"}),
+        "box_share": ("box_share", tried, {"units": "1", "long_name": "multiple of the set"}),
+        "box_of_cells": ((), best, {"units": "1", "long_name": "multiple that the cells fill"}),
+        **{
+            f"cell_{name}": (("cell", "parameter"), np.reshape(rows, (len(kept), 3)), about)
+            for name, rows in ends.items()
+        },
+        "cell_P": (
+            ("cell", "mode", "state_box", "state_box_"),
+            np.reshape([one.P for one in kept], (len(kept), 2, n, n)),
+        ),
+        "cell_dwell": ("cell", dwell, {"long_name": "proven distance, in samples"}),
+    }

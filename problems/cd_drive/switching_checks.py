@@ -30,6 +30,8 @@ STAYS = (1, 2, 5, 20, 100)
 PRINTED = {"gain_margin": (3.0, 1.0), "phase_margin": (8.0, 2.0)}
 """Of K (1 - F) in figure 8.10, and how near is near: dB and degrees."""
 SAME = 1e-6
+OPTICS = 0.01
+"""What the optics bend a tenth of the error, relative."""
 BETWEEN, CLOSE = 131, 0.02
 """Frequencies, and how near those stored are to the worst of them, relative."""
 
@@ -39,7 +41,8 @@ def switching_checks(study: SwitchingStability, answer: xr.Dataset) -> list[Chec
         _loops(study),
         *(_functions(study, answer, each) for each in answer["strategy"].values),
     ]
-    found += [_ordered(answer), _bounded(answer), _replayed(study, answer)]
+    found += [_ordered(answer), _bounded(answer), _in_laboratory(answer)]
+    found += [_replayed(study, answer)]
     found += [_between(study, answer), _cells(study, answer), _in_cells(study, answer)]
     return found + _figure(study, answer)
 
@@ -48,7 +51,7 @@ def _loops(study: SwitchingStability) -> Check:
     """Poles of every clean loop, from the transfer u -> f_en and K as they stand elsewhere."""
     K = discretised(study.reference, PERIOD)
     worst, where = 0.0, ""
-    for (name, G), loop in zip(study.systems.items(), study.loops("open"), strict=False):
+    for (name, G), loop in zip(study.alone.plants.items(), study.loops("open"), strict=False):
         expected = _sorted(np.linalg.eigvals(closed(G, K, study.delay)))
         found = _sorted(np.linalg.eigvals(loop.clean[0]))
         off = float(abs(expected - found).max())
@@ -114,6 +117,15 @@ def _bounded(answer: xr.Dataset) -> Check:
     over = answer["simulated"].max("drive").values / bound.values
     statement = "largest simulated error over its bound"
     return Check("bounds", statement, float(over.max()), 1.0 + 1e-9)
+
+
+def _in_laboratory(answer: xr.Dataset) -> Check:
+    """With a disc so small that the optics are linear."""
+    bound = answer["bound"].sel(case="rotation", length=answer["tested"].values).isel(distance=-1)
+    small = answer["laboratory"].isel(size=0).max("drive")
+    over = small.values / float(small["size"]) / bound.values
+    statement = "largest error in the laboratory over its bound, both for a small disc"
+    return Check("laboratory", statement, float(over.max()), 1.0 + OPTICS)
 
 
 def _replayed(study: SwitchingStability, answer: xr.Dataset) -> Check:

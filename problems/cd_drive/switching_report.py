@@ -36,7 +36,12 @@ MM = 1e3 * PERIOD * VELOCITY
 
 
 def switching_tables(axis: Axis, answer: xr.Dataset) -> dict[str, str]:
-    return {"loops": _loops(answer), "dwell": _dwell(answer), "errors": _errors(axis, answer)}
+    return {
+        "loops": _loops(answer),
+        "dwell": _dwell(answer),
+        "errors": _errors(axis, answer),
+        "laboratory": _laboratory(answer),
+    }
 
 
 def _loops(answer: xr.Dataset) -> str:
@@ -124,6 +129,21 @@ def _errors(axis: Axis, answer: xr.Dataset) -> str:
         cells = [case, "K goes on", f"{float(answer['alone'].sel(case=case).max()):.2f}"]
         rows.append(cells + [""] * 5)
     return f"Of all drives, {MM * far:.0f} mm between defects.\n\n" + aligned(heads, rows)
+
+
+def _laboratory(answer: xr.Dataset) -> str:
+    """Bounds beside what the strategies do in the virtual laboratory."""
+    heads = ["strategy", "longest defect [mm]", "bound [um]"]
+    heads += [f"{float(size):g} of the disc [um]" for size in answer["size"].values]
+    rows = []
+    for strategy in answer["strategy"].values.tolist():
+        for length in answer["tested"].values.tolist():
+            one = answer.sel(strategy=strategy, tested=length)
+            bound = answer["bound"].sel(strategy=strategy, case="rotation", length=length)
+            cells = [WORDS[strategy], f"{MM * length:.2f}", f"{float(bound[-1]):.2f}"]
+            rows.append(cells + [f"{x:.2f}" for x in one["laboratory"].max("drive").values])
+    head = "Largest true error of all drives at 9 Hz; the bound is for the whole disc.\n\n"
+    return head + aligned(heads, rows)
 
 
 def switching_figures(axis: Axis, answer: xr.Dataset) -> dict[str, Figure]:

@@ -17,36 +17,32 @@ from pydantic import Field
 from workbench import Check, Run, Study, problem, ref, solve
 from workbench.errors import SolverError
 from workbench.executor import Context
-from workbench.mu import conditions
-from workbench.simulation import sampled
-from workbench.synthesis import Mode, SwitchedStability, discretised
+from workbench.synthesis import Mode, SwitchedStability
 from workbench.synthesis.loops import restored, stored
-from workbench.uncertainty import GeneralisedPlant
 
-from .actuator import Complex, Real
+from .actuator import Real
 from .bench_setup import PERIOD, RATE
 from .disc import VELOCITY
 from .drives import Gain, controller, total_gains
-from .loops import Margins, loop_response, margins, plants
+from .loops import plants
 from .photo_diodes import CAPTURE
 from .red_book import ACCEPTABLE_ERROR, corners, envelope
 from .sets import TABLES
-from .switched_box import Box
+from .switched_box import Box, proven_share
 from .switched_error import Deviations
+from .switched_laboratory import Rig
 from .switched_loop import (
-    FILTER,
     MICRO,
     LensModel,
     SwitchedLoop,
-    closed,
     lens_model,
     regulators,
     switched,
 )
+from .switched_margins import CONTROLLERS, LoopsAlone
 from .switching_checks import switching_checks
 from .switching_report import switching_figures, switching_tables
 from .tables import Axis, drives
-from .trade_off import CHANNELS, TradeOff
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -54,9 +50,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 STRATEGIES = ("open", "filter", "lower")
-CONTROLLERS = ("K", "K (1 - F)", "K'")
-SAMPLINGS = ("continuous", "sampled", "delayed")
-"""Sampled at 35 kHz, and with the delay beside it."""
 SHARES: dict[Axis, tuple[float, ...]] = {"focus": (1.0, 2.0), "radial": (1.0,)}
 """Multiples of the parametric set that are tried, up to the first that is not proven."""
 CASES = ("rotation", "envelope")
@@ -69,15 +62,10 @@ DISTANCES = np.unique(np.geomspace(30, 4000, 12).round().astype(np.int64))
 SPACED = DISTANCES[::2]
 LENGTHS = 12
 """Of defects that are simulated, up to the longest, at every other distance."""
+SIZES = (0.1, 1.0)
+"""Of the disc in the laboratory over the largest deviation: the optics are linear for the first."""
 DEFECTS = 6
 """In a row, in what is simulated."""
-PADE = 3
-"""Order of the rational delay, whose phase is exact to 1e-6 rad up to 2 kHz."""
-MU = 1e-2
-"""Relative width of the intervals of mu."""
-LOW, HIGH, POINTS = 1.0, 17.4e3, 250
-PARASITIC = (400.0, 1100.0)
-"""Frequencies [Hz] about the parasitic resonances, shown closely."""
 
 
 @problem(
@@ -107,7 +95,8 @@ def switching_stability(
       makes unstable; from K to K' and back over all of the parametric set, cell by cell: at any
       time in focus, even over twice its extent, with a millimetre between defects radially.
     - The true error at sampling instants, bounded for every sequence of defects by these functions
-      and simulated, for a disc that moves in one harmonic of the Red Book's envelope at a time.
+      and simulated, for a disc that moves in one harmonic of the Red Book's envelope at a time; the
+      strategies in the virtual laboratory beside it, at 9 Hz.
 
     defect_mm: longest defect [mm]; 2.5 is what the error correction repairs. delay: of the computer
     [samples]; the parametric set has 1 always. displacement: largest false displacement of defects,
@@ -146,18 +135,10 @@ class SwitchingStability(Study):
         return control.ss(controller(self.axis))
 
     @cached_property
-    def controllers(self) -> dict[str, StateSpace]:
-        """Those of figure 8.10, and K'."""
-        import control
-
-        corner = 2 * np.pi * FILTER
-        F = control.ss(-corner, corner, 1.0, 0.0)
-        return dict(zip(CONTROLLERS, (self.reference, self.reference * F, self.lower), strict=True))
-
-    @cached_property
-    def systems(self) -> dict[str, StateSpace]:
-        """u -> f_en of the twelve drives and the nominal one."""
-        return plants(self.axis, self.gain, "printed")
+    def alone(self) -> LoopsAlone:
+        """Of each controller, with the twelve drives and the nominal one."""
+        systems = plants(self.axis, self.gain, "printed")
+        return LoopsAlone(self.axis, self.reference, self.lower, systems, self.delay, self.length)
 
     @cached_property
     def lenses(self) -> list[LensModel]:
@@ -203,7 +184,7 @@ class SwitchingStability(Study):
     def compute(self, context: Context) -> xr.Dataset:
         import xarray as xr
 
-        parts: dict[str, Any] = {**self._margins(), **self._robust(context)}
+        parts: dict[str, Any] = self.alone.margins() | self.alone.robust(context)
         bounds, sims = [], []
         dwell: list[list[float]] = []
         excluded: list[list[int]] = []
@@ -221,7 +202,7 @@ class SwitchingStability(Study):
             bound, sim = self._errors(context, loops, P, strategy)
             bounds.append(bound)
             sims.append(sim)
-        parts |= self._common(context) | self._box(context)
+        parts |= self._common(context) | proven_share(self.box, SHARES[self.axis], context)
         samples, um = {"units": "1"}, {"units": "um"}
         place = ("strategy", "case", "length", "distance")
         return xr.Dataset(
@@ -249,6 +230,11 @@ class SwitchingStability(Study):
                     um | {"long_name": "largest true error of six equal defects, worst phase"},
                 ),
                 "alone": (("case", "drive"), self._alone(), um | {"long_name": "no switching"}),
+                "laboratory": (
+                    ("size", "strategy", "drive", "tested"),
+                    self._laboratory(context),
+                    um | {"long_name": "largest true error in the virtual laboratory"},
+                ),
             },
             coords={
                 "strategy": list(STRATEGIES),
@@ -257,86 +243,22 @@ class SwitchingStability(Study):
                 "mode": ["clean", "defect"],
                 "length": ("length", np.arange(1, self.longest + 1), samples),
                 "played": ("played", lengths, samples),
+                "tested": ("tested", self.tested, samples),
+                "size": ("size", list(SIZES), {"units": "1"}),
                 "distance": ("distance", DISTANCES, samples),
                 "spaced": ("spaced", SPACED, samples),
-                "frequency": ("frequency", self.frequency, {"units": "Hz"}),
-                "controller": list(CONTROLLERS),
-                "sampling": list(SAMPLINGS),
-                "plant": list(self.systems),
-                "late": ["none", "delay"],
-                "limit": ["lower", "upper"],
             },
         )
+
+    @property
+    def tested(self) -> Any:
+        """Of the defects in the laboratory, with the sample in which the light comes back."""
+        return self.lengths[3::4]
 
     @cached_property
     def lengths(self) -> Any:
         """Of the defects that are simulated [samples]."""
         return np.unique(np.linspace(1, self.longest, LENGTHS + 1).round().astype(np.int64)[1:])
-
-    @cached_property
-    def frequency(self) -> Real:
-        return np.union1d(np.geomspace(LOW, HIGH, POINTS), np.geomspace(*PARASITIC, POINTS))
-
-    def open_loop(self, K: StateSpace, G: StateSpace, sampling: str) -> StateSpace:
-        if sampling == "continuous":
-            return G * K
-        delay = self.delay if sampling == "delayed" else 0.0
-        return sampled(G, PERIOD, delay) * discretised(K, PERIOD)
-
-    def growth(self, K: StateSpace, G: StateSpace, sampling: str) -> float:
-        """Rate [1/s] of the slowest decaying motion of the closed loop."""
-        if sampling == "continuous":
-            L = G * K
-            return float(np.linalg.eigvals(L.A - L.B @ L.C).real.max())
-        A = closed(G, discretised(K, PERIOD), self.delay if sampling == "delayed" else 0.0)
-        return math.log(abs(np.linalg.eigvals(A)).max()) / PERIOD
-
-    def _margins(self) -> dict[str, Any]:
-        shape = (len(CONTROLLERS), len(SAMPLINGS), len(self.systems))
-        gains, phases, growths = (np.full(shape, np.nan) for _ in range(3))
-        curves = np.zeros((len(CONTROLLERS), len(self.frequency)), complex)
-        for i, K in enumerate(self.controllers.values()):
-            for j, sampling in enumerate(SAMPLINGS):
-                for k, G in enumerate(self.systems.values()):
-                    growths[i, j, k] = self.growth(K, G, sampling)
-                    if growths[i, j, k] < 0.0:
-                        found: Margins = margins(self.open_loop(K, G, sampling))
-                        gains[i, j, k], phases[i, j, k] = found.gain_db, found.phase
-            loop = self.open_loop(K, self.systems["nominal"], "sampled")
-            curves[i] = self._curve(loop)
-        dims = ("controller", "sampling", "plant")
-        text = "of the loops that are stable"
-        return {
-            "gain_margin": (dims, gains, {"units": "dB", "long_name": f"gain margin {text}"}),
-            "phase_margin": (dims, phases, {"units": "deg", "long_name": f"phase margin {text}"}),
-            "growth": (dims, growths, {"units": "1/s", "long_name": "rate of the slowest motion"}),
-            "L_real": (("controller", "frequency"), curves.real, {"units": "1"}),
-            "L_imag": (("controller", "frequency"), curves.imag, {"units": "1"}),
-        }
-
-    def _curve(self, loop: StateSpace) -> Complex:
-        return loop_response(loop, self.frequency)
-
-    def _robust(self, context: Context) -> dict[str, Any]:
-        """Certified mu of robust stability of each loop, without delay and with all of it.
-
-        That of the hold, half a sample, and of the computer, as a rational approximation.
-        """
-        import control
-
-        uncertain = TradeOff(self.axis, self.length).uncertain.channel(CHANNELS[:1], "w")
-        late = control.ss(control.tf(*control.pade((0.5 + self.delay) * PERIOD, PADE)))
-        found = [
-            [self._mu(uncertain, K), self._mu(uncertain, late * K)]
-            for K in context.track(list(self.controllers.values()), "robust stability")
-        ]
-        about = {"units": "1", "long_name": "mixed mu of robust stability, parametric set"}
-        return {"mu": (("controller", "late", "limit"), found, about)}
-
-    def _mu(self, uncertain: GeneralisedPlant, K: StateSpace) -> tuple[float, float]:
-        """Bounds of the peak; infinite where the nominal loop is unstable already."""
-        peak = conditions(uncertain, K, tolerance=MU).robust_stability
-        return (math.inf, math.inf) if peak is None else (peak.lower, peak.upper)
 
     def _dwell(self, program: SwitchedStability) -> tuple[float, int, Real]:
         """The dwell time, what a periodic switching excludes, and the functions."""
@@ -371,6 +293,20 @@ class SwitchingStability(Study):
             ]
         )
 
+    def _laboratory(self, context: Context) -> Real:
+        """Largest true errors [um] at the fastest rotation (size, strategy, drive, tested)."""
+        found = np.zeros((len(SIZES), len(STRATEGIES), len(self.lenses), len(self.tested)))
+        rigs = [
+            Rig(self.axis, size, ROTATION[-1], self.gain, self.delay, self.false * MICRO)
+            for size in SIZES
+        ]
+        for place in context.track(list(np.ndindex(found.shape)), "laboratory"):
+            size, strategy, drive, length = place
+            found[place] = rigs[size].largest_error(
+                f"CD{drive + 1}", STRATEGIES[strategy], int(self.tested[length]) - 1, self.lower
+            )
+        return found / MICRO
+
     def _common(self, context: Context) -> dict[str, Any]:
         """With one set of functions for all drives."""
         if not self.common:
@@ -387,38 +323,8 @@ class SwitchingStability(Study):
         return parts
 
     def box(self, share: float) -> Box:
+        """Of switching to K'."""
         return Box(self.axis, regulators(self.reference, "lower", self.lower), share)
-
-    def _box(self, context: Context) -> dict[str, Any]:
-        """Cells of the largest multiple of the set that is proven, and how much of each is."""
-        volumes, kept, best = [], None, 0.0
-        for share in SHARES[self.axis]:
-            done, given_up = self.box(share).proven(context)
-            low, high = self.box(share).ends
-            volumes.append(sum(one.cell.volume for one in done) / float(np.prod(high - low)))
-            if kept is None or not given_up:
-                kept, best = done, share
-            if given_up:
-                break
-        assert kept is not None
-        tried = list(SHARES[self.axis][: len(volumes)])
-        about = {"long_name": "g [1/ohm], k1 and k2 [N/m]"}
-        functions = np.array([one.P for one in kept]).reshape(len(kept), 2, *self._sizes)
-        dwell = np.array([one.dwell for one in kept], dtype=np.int64)
-        return {
-            "box_volume": ("box_share", volumes, {"units": "1", "long_name": "proven volume"}),
-            "box_share": ("box_share", tried, {"units": "1", "long_name": "multiple of the set"}),
-            "box_of_cells": ((), best, {"units": "1", "long_name": "multiple that the cells fill"}),
-            "cell_low": (("cell", "parameter"), _rows([one.cell.low for one in kept]), about),
-            "cell_high": (("cell", "parameter"), _rows([one.cell.high for one in kept]), about),
-            "cell_P": (("cell", "mode", "state_box", "state_box_"), functions),
-            "cell_dwell": ("cell", dwell, {"long_name": "proven distance, in samples"}),
-        }
-
-    @cached_property
-    def _sizes(self) -> tuple[int, int]:
-        clean, _ = self.box(1.0).at(self.box(1.0).cells()[0].centre)
-        return clean.shape[0], clean.shape[1]
 
     # --- checks, metrics, report --------------------------------------------------------------
 
@@ -464,8 +370,3 @@ class SwitchingStability(Study):
 
     def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
         return switching_figures(self.axis, answer)
-
-
-def _rows(points: list[Real]) -> Real:
-    """g, k1, k2 of cells (N, 3), none among them."""
-    return np.reshape(points, (len(points), 3))

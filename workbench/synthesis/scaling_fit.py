@@ -74,14 +74,14 @@ class Fit:
 
     def grown(self, start: Fitted, omega: float) -> Fitted:
         """With a biquad more about omega [rad/s], split the way that lowers the worst."""
-        scalings, x = start[0].grown(start[1], omega, np.zeros(start[0].blocks))
+        scalings, x = start[0].grown(start[1], omega, np.zeros(start[0].rows))
         _, gradient, _ = self._cost(scalings, x.ravel(), SHARPNESS[1])
         slope = gradient.reshape(x.shape)[:, start[0].size]
         return start[0].grown(start[1], omega, -SPLIT * np.sign(slope))
 
     def near(self, scalings: Scalings, x: Real) -> Real:
         """The best parameters (blocks, P) near x."""
-        low, high = scalings.bounds(self.omega[1:-1] if len(self.omega) > 2 else self.omega)
+        low, high = scalings.limits(self.omega[1:-1] if len(self.omega) > 2 else self.omega)
         flat = np.clip(x.ravel(), low, high)
         for sharpness in SHARPNESS:
             flat = self._minimum(scalings, flat, sharpness, low, high)
@@ -119,7 +119,7 @@ class Fit:
 
     def _cost(self, scalings: Scalings, flat: Real, sharpness: float) -> tuple[float, Real, Real]:
         """The smoothed worst, its gradient and Hessian with parameters."""
-        x = flat.reshape(scalings.blocks, scalings.size)
+        x = flat.reshape(scalings.rows, scalings.size)
         log, slope = scalings.log_magnitude(x, self.omega)
         value, by_log, bent = self._smoothed(log, sharpness)
         gradient = (slope @ by_log[:, :, None])[:, :, 0].ravel()

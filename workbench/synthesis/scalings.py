@@ -1,36 +1,22 @@
 """D scalings of an iteration: stable, minimum-phase, and fitted by what they do to the loop.
 
-A block's scaling is a gain times biquads with zeros and poles of any damping,
-
-    d(s) = g * prod (s^2 / z^2 + 2 a s / z + 1) / (s^2 / p^2 + 2 b s / p + 1),
-
-with every parameter positive, so that logarithms are free. D at a frequency is not unique and means
+A block's scaling is a gain times biquads, see `Biquads`. D at a frequency is not unique and means
 nothing where mu is small. So the parameters are not fitted to D at frequencies: they are those for
 which the worst of sigma_max(D M D^-1) over a reference is least.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import reduce
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from workbench.structure import Structure
-
-if TYPE_CHECKING:
-    from control import StateSpace
+from workbench.synthesis.biquads import DAMPING, LARGEST, Biquads
 
 Real = NDArray[np.float64]
-DAMPING = (0.1, 20.0)
-"""Least and largest damping of zeros and poles; above 1 they are pairs of real ones."""
 BEYOND = 2.0
 """How far, in natural logarithms, corners may lie beyond the frequencies."""
-LARGEST = 50.0
-"""Of log gains: what is farther from 1 is so for lack of any effect."""
 STEPS = 80
 STARTS = 7
 """Log frequencies about which corners start, when they are to follow a target."""
@@ -41,31 +27,19 @@ SPREAD = 0.6
 PARAMETERS = "log gain and, for each biquad, log z, log a, log p, log b"
 
 
-@dataclass(frozen=True)
-class Scalings:
-    """Scalings of `blocks` scalar blocks by so many biquads each; parameters are (blocks, P).
-
-    A row is log gain and, for each biquad, log z, log a, log p, log b.
-    """
-
-    blocks: int
-    biquads: int
+class Scalings(Biquads):
+    """Scalings of as many scalar blocks as there are rows; parameters are (blocks, P)."""
 
     @classmethod
     def of(cls, x: Real) -> Scalings:
         """Those that parameters (blocks, P) are of."""
         return cls(len(x), (x.shape[1] - 1) // 4)
 
-    @property
-    def size(self) -> int:
-        """Parameters of a block."""
-        return 1 + 4 * self.biquads
-
     def log_magnitude(self, x: Real, omega: Real) -> tuple[Real, Real]:
-        """log|d| (blocks, F) at frequencies [rad/s], and its slopes (blocks, P, F)."""
+        """As of `Biquads`, all biquads at once, as `bending` has it."""
         r, damped, square, signs = self._relative(x, omega)
         value = x[:, :1] + (signs * np.log(square)).sum(axis=1) / 2
-        slope = np.ones((self.blocks, self.size, len(omega)))
+        slope = np.ones((self.rows, self.size, len(omega)))
         slope[:, 1::2] = signs * ((2 * (1 - r) + damped) / square - 2)
         slope[:, 2::2] = signs * damped / square
         return value, slope
@@ -76,7 +50,7 @@ class Scalings:
         weight = weight[:, None] * signs
         by_corner, by_damping = (2 * (1 - r) + damped) / square, damped / square
         twice = (4 + 4 * (1 - r) + 2 * damped) / square
-        found = np.zeros((self.blocks, self.size, self.size))
+        found = np.zeros((self.rows, self.size, self.size))
         corner, damping = np.arange(1, self.size, 2), np.arange(2, self.size, 2)
         found[:, corner, corner] = (weight * (twice - 2 * by_corner**2)).sum(axis=2)
         mixed = (weight * 2 * by_damping * (1 - by_corner)).sum(axis=2)
@@ -92,25 +66,11 @@ class Scalings:
         damped = 4 * np.exp(2 * x[:, 2::2, None]) * r
         return r, damped, (1 - r) ** 2 + damped, signs
 
-    def systems(self, x: Real) -> list[StateSpace]:
-        """d of each block."""
-        return [reduce(lambda a, b: a * b, map(_biquad, *_split(row))) for row in x]
-
-    def inverse(self, x: Real) -> Real:
-        """The parameters of 1 / d: zeros are poles and poles zeros."""
-        y = -x
-        for zero in range(1, self.size, 4):
-            y[:, zero : zero + 2], y[:, zero + 2 : zero + 4] = (
-                x[:, zero + 2 : zero + 4],
-                x[:, zero : zero + 2],
-            )
-        return y
-
     def grown(self, x: Real, omega: float, split: Real) -> tuple[Scalings, Real]:
         """With a biquad more about omega [rad/s], its zeros by `split` (blocks,), in natural
         logarithms, above it and its poles below."""
-        larger = Scalings(self.blocks, self.biquads + 1)
-        y = np.zeros((self.blocks, larger.size))
+        larger = Scalings(self.rows, self.biquads + 1)
+        y = np.zeros((self.rows, larger.size))
         y[:, : self.size] = x
         y[:, self.size], y[:, self.size + 2] = np.log(omega) + split, np.log(omega) - split
         return larger, y
@@ -118,22 +78,13 @@ class Scalings:
     def without(self, x: Real, biquad: int) -> tuple[Scalings, Real]:
         """With a biquad less."""
         first = 1 + 4 * biquad
-        return Scalings(self.blocks, self.biquads - 1), np.delete(x, range(first, first + 4), 1)
+        return Scalings(self.rows, self.biquads - 1), np.delete(x, range(first, first + 4), 1)
 
-    def guess(self, gains: Real, middle: float, spread: float) -> Real:
-        """Parameters with these log gains, the corners spread about one log frequency."""
-        x = np.zeros((self.blocks, self.size))
-        x[:, 0] = gains
-        places = spread * (np.arange(self.biquads) - (self.biquads - 1) / 2)
-        for first, sign in self._corners():
-            x[:, first] = middle + places[first // 4] + 0.3 * sign
-        return x
-
-    def bounds(self, omega: Real) -> tuple[Real, Real]:
+    def limits(self, omega: Real) -> tuple[Real, Real]:
         """Least and largest parameters, flat, for frequencies [rad/s]."""
         low, high = np.log(omega[[0, -1]])
-        least, largest = np.full((2, self.blocks, self.size), [[[-LARGEST]], [[LARGEST]]])
-        for first, _ in self._corners():
+        least, largest = np.full((2, self.rows, self.size), [[[-LARGEST]], [[LARGEST]]])
+        for first, _ in self.corners:
             least[:, first], largest[:, first] = low - BEYOND, high + BEYOND
             least[:, first + 1], largest[:, first + 1] = np.log(DAMPING)
         return least.ravel(), largest.ravel()
@@ -141,8 +92,8 @@ class Scalings:
     @property
     def dampings(self) -> Real:
         """1 for the parameters, flat, that are logarithms of damping, 0 for others."""
-        found = np.zeros((self.blocks, self.size))
-        found[:, [first + 1 for first, _ in self._corners()]] = 1.0
+        found = np.zeros((self.rows, self.size))
+        found[:, [first + 1 for first, _ in self.corners]] = 1.0
         return found.ravel()
 
     def follow(self, target: Real, omega: Real, weight: Real) -> Real:
@@ -151,8 +102,8 @@ class Scalings:
         bounds = np.array(
             [[-LARGEST, LARGEST]] + [[low, high], np.log(DAMPING)] * (2 * self.biquads)
         )
-        bounds = np.tile(bounds, (self.blocks, 1)).T
-        shape = (self.blocks, self.size)
+        bounds = np.tile(bounds, (self.rows, 1)).T
+        shape = (self.rows, self.size)
 
         def missed(flat: Real) -> Real:
             value, _ = self.log_magnitude(flat.reshape(shape), omega)
@@ -160,10 +111,10 @@ class Scalings:
 
         def slopes(flat: Real) -> Real:
             _, slope = self.log_magnitude(flat.reshape(shape), omega)
-            found = np.zeros((self.blocks, len(omega), self.blocks, self.size))
-            for block in range(self.blocks):
+            found = np.zeros((self.rows, len(omega), self.rows, self.size))
+            for block in range(self.rows):
                 found[block, :, block] = weight[:, None] * slope[block].T
-            return found.reshape(self.blocks * len(omega), -1)
+            return found.reshape(self.rows * len(omega), -1)
 
         gains = np.average(target, axis=1, weights=weight)
         middles = np.linspace(low, high, STARTS + 2)[1:-1]
@@ -177,12 +128,6 @@ class Scalings:
         best = min(fits, key=lambda fit: fit.cost)
         return np.asarray(best.x.reshape(shape))
 
-    def _corners(self) -> list[tuple[int, int]]:
-        """Places of the corners in a row, and 1 for zeros, -1 for poles."""
-        return [
-            (1 + 4 * k + at, sign) for k in range(self.biquads) for at, sign in ((0, 1), (2, -1))
-        ]
-
 
 def diagonals(structure: Structure, value: Real) -> tuple[Real, Real]:
     """Rows (F, c) and columns (F, r) of values (B, F) of the first B blocks; 0 of the others."""
@@ -192,26 +137,3 @@ def diagonals(structure: Structure, value: Real) -> tuple[Real, Real]:
     for one, row, column in places:
         rows[:, row], columns[:, column] = one[:, None], one[:, None]
     return rows, columns
-
-
-def _split(row: Real) -> tuple[list[float], Real]:
-    """Gains and corners of the factors of a row: the gain is in the first."""
-    biquads = row[1:].reshape(-1, 4)
-    none = np.full((1, 4), np.nan)
-    factors = np.concatenate([none, biquads])
-    return [row[0], *np.zeros(len(biquads))], factors
-
-
-def _biquad(log_gain: float, corners: Real) -> StateSpace:
-    """exp(log_gain) and the biquad of log corners; without one where they are NaN."""
-    import control
-
-    gain = np.exp(log_gain)
-    if np.isnan(corners).any():
-        return control.ss([], [], [], [[gain]])
-    z, a, p, b = np.exp(corners)
-    direct = gain * p**2 / z**2
-    # (s^2 + 2 a z s + z^2) - (s^2 + 2 b p s + p^2) over the latter, in units of p
-    constant, linear = direct * (z**2 - p**2) / p, direct * (2 * a * z - 2 * b * p)
-    A = p * np.array([[0.0, 1.0], [-1.0, -2.0 * b]])
-    return control.ss(A, [[0.0], [1.0]], [[constant, linear]], [[direct]])

@@ -10,8 +10,9 @@ from problems.cd_drive.bench_setup import PERIOD
 from problems.cd_drive.drives import controller, nominal_parameters, plant, total_gain, total_gains
 from problems.cd_drive.loops import margins
 from problems.cd_drive.red_book import envelope
-from problems.cd_drive.switched_box import Box, Cell
+from problems.cd_drive.switched_box import Box, Cell, proven_share
 from problems.cd_drive.switched_error import Deviations
+from problems.cd_drive.switched_laboratory import Rig
 from problems.cd_drive.switched_loop import (
     FILTER,
     closed,
@@ -151,6 +152,18 @@ def test_played_again(loop):
     assert _played(study, loop, "rotation", 40, 150) == pytest.approx(told, rel=5e-3)
 
 
+@pytest.mark.parametrize(("strategy", "least"), [("open", 0.9), ("filter", 0.9), ("lower", 0.5)])
+def test_the_laboratory_is_within_what_is_proven(strategy, least):
+    """K' is handed over in another way there, and does better."""
+    study = SwitchingStability("focus", LOWER, 2.5e-3, 1.0, 0.0, "own", False)
+    one = study.loops(strategy)[2]
+    P = wb.solve(study.program([one])).answer.P
+    bound = study.deviations(one, "rotation").proven(P, np.array([4000]))[20 - 1, 0]
+    rig = Rig("focus", 0.1, 9.0, "own", 1.0, 0.0)
+    found = rig.largest_error("CD3", strategy, 20 - 1, LOWER) / 0.1 / 1e-6
+    assert least * bound < found < 1.01 * bound
+
+
 def test_halves_fill_their_cell():
     cell = Cell(np.array([0.0, 1.0, 2.0]), np.array([1.0, 3.0, 5.0]))
     for along in range(3):
@@ -219,7 +232,7 @@ def test_a_set_without_a_proven_cell_is_stored_as_such(monkeypatch):
     study = SwitchingStability("radial", LOWER, 2.5e-3, 1.0, 0.0, "own", False)
     cells = Box("radial", regulators(K, "lower", LOWER), 1.0).cells()
     monkeypatch.setattr(Box, "proven", lambda *_: ([], cells))
-    found = study._box(Context())
+    found = proven_share(study.box, (1.0, 2.0), Context())
     assert np.shape(found["cell_low"][1]) == np.shape(found["cell_high"][1]) == (0, 3)
     assert found["box_volume"][1] == [0.0]
 
