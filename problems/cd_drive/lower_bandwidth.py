@@ -9,7 +9,6 @@ CD-players (2003).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
@@ -19,7 +18,6 @@ from workbench import Check, figures, problem
 from workbench.mu import Peak, conditions
 from workbench.synthesis import LeadLag, MuController, MuSynthesis, discretised
 from workbench.synthesis.loops import stored
-from workbench.uncertainty import GeneralisedPlant
 
 from .bench_setup import PERIOD
 from .drives import controller as reference
@@ -96,11 +94,6 @@ class LowerBandwidth(MuSynthesis):
     axis: Axis = "focus"
 
     default_method: ClassVar[str] = "fixed"
-
-    @cached_property
-    def bare(self) -> GeneralisedPlant:
-        """The plant without weights: w to e and x."""
-        return TradeOff(self.axis, 1.0).uncertain
 
     def checks(self, answer: MuController, tolerance: float) -> list[Check]:
         found = super().checks(answer, tolerance)

@@ -25,7 +25,15 @@ from .balloon import LEVEL, arms, interval, resampled, size
 from .ensemble import GROUPS, Circumstance, circumstances
 from .playability_checks import checks_of
 from .playability_report import figures_of, tables_of
-from .playability_runs import REPAIRED, SCORES, Design, Player, evaluated, played
+from .playability_runs import (
+    REPAIRED,
+    SCORES,
+    Design,
+    Player,
+    evaluated,
+    played,
+    sampled_controller,
+)
 from .playability_search import LARGEST, PARAMETERS, Search, peak_sensitivity
 from .red_book import AXES
 from .sets import TABLES
@@ -203,7 +211,7 @@ class Playability(Study):
             def cost(
                 design: Design, axis: Axis = axis, many: list[Circumstance] = training
             ) -> float:
-                peak = peak_sensitivity(axis, design.gain_db)
+                peak = peak_sensitivity(axis, sampled_controller(axis, design.gain_db))
                 if peak > LARGEST:
                     return 1.0 + peak - LARGEST  # worse than any balloon
                 found = self.scores(context, (design,), self.split[0], many, f"tuning {axis}")
@@ -235,7 +243,10 @@ class Playability(Study):
                 "best": (("axis", "parameter"), best),
                 "peak": (
                     "axis",
-                    [peak_sensitivity(axis, one[0]) for axis, one in zip(AXES, best, strict=True)],
+                    [
+                        peak_sensitivity(axis, sampled_controller(axis, one[0]))
+                        for axis, one in zip(AXES, best, strict=True)
+                    ],
                     {"long_name": "largest |S| of the twelve drives with the tuned gain"},
                 ),
                 "tried": (("axis", "trial", "parameter"), tried),

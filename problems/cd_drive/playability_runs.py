@@ -68,18 +68,15 @@ class Design:
             raise InputError(f"dist_max is {self.dist_max}; it must be above {DIST_MIN}, finite")
 
     def made(self, axis: Axis, rotation: float, gain_db: float) -> Cascade:
-        """The strategy for a loop whose gain is off by `gain_db`, for a clean level of 1 V.
-
-        K and K' do not follow each other: with scratches that refract, those that do lose focus.
-        """
-        factor = 10.0 ** ((self.gain_db + gain_db) / 20.0)
+        """The strategy for a loop whose gain is off by `gain_db`, for a clean level of 1 V."""
+        total_db = self.gain_db + gain_db
+        other = self.replacement
         strategies = Strategies(
             axis,
             1.0,
             rotation,
-            bumpless=False,
-            K=factor * _controller(axis),
-            replacement=None if self.replacement is None else factor * self.replacement,
+            K=sampled_controller(axis, total_db),
+            replacement=None if other is None else 10.0 ** (total_db / 20.0) * other,
         )
         made = strategies.named(self.strategy)
         if self.corner == CORNER:
@@ -160,7 +157,7 @@ def scored(error: Real, axis: Axis) -> Sequence[float]:
     return float(out.mean()), float(lost.sum()), float(longest) / RATE * VELOCITY, float(rms)
 
 
-@lru_cache
-def _controller(axis: Axis) -> StateSpace:
-    """K, discrete."""
-    return in_discrete_time(controller(axis), PERIOD)
+@lru_cache(maxsize=256)
+def sampled_controller(axis: Axis, gain_db: float = 0.0) -> StateSpace:
+    """K of eq. 6.12, discrete, with its gain changed."""
+    return 10.0 ** (gain_db / 20.0) * in_discrete_time(controller(axis), PERIOD)

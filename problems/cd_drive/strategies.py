@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from workbench.diagnosis import Rotation
-from workbench.errors import UnknownNameError
+from workbench.errors import InputError, UnknownNameError
 from workbench.simulation import (
     Cascade,
     Controller,
@@ -54,15 +54,6 @@ def stand_in_filter() -> StateSpace:
     return in_discrete_time(control.tf([1.0, 0.0], [1.0, corner]), PERIOD)
 
 
-def filtered_controller(axis: Axis) -> StateSpace:
-    """K (1 - F) of figure 8.6 (discrete), F the stand-in: K behind a low-pass."""
-    import control
-
-    corner = 2 * np.pi * LOW_PASS
-    K = in_discrete_time(controller(axis), PERIOD)
-    return control.ss(K * in_discrete_time(control.tf([corner], [1.0, corner]), PERIOD))
-
-
 @dataclass(frozen=True, eq=False)
 class Strategies:
     """The strategies of one axis by name.
@@ -71,11 +62,10 @@ class Strategies:
     rotation     of the disc [Hz], which A and B have to know;
     F            discrete: e = f_en / K_optn [m] -> the estimated fault u_f [m] of C; a stand-in
                  when left out;
-    replacement  K', discrete or continuous, of the strategy that switches to it; K (1 - F) of
-                 figure 8.6 when left out, which is nearly unstable: better one of
+    replacement  K', discrete or continuous, of the strategy that switches to it, such as that of
                  `cd/<axis>/lower-bandwidth`;
-    bumpless     K and K' follow each other while they are not in charge, which halves the
-                 excursion (measured; see the tests);
+    bumpless     K and K' follow each other while they are not in charge; else what they gather
+                 drifts apart, and radially the track is lost (see the tests);
     false        detections where there is no defect, from and until [s];
     K            the controller; the axis' reference controller when left out.
     """
@@ -150,7 +140,12 @@ class Strategies:
     def _replaced(self) -> list[Part]:
         """Figure 8.6 as one controller: K' has the command while w_Q is 0."""
         K = controller(self.axis) if self.K is None else self.K
-        other = filtered_controller(self.axis) if self.replacement is None else self.replacement
+        other = self.replacement
+        if other is None:
+            raise InputError(
+                "the strategy K_prime needs a controller K', and no replacement is given; "
+                f"cd/{self.axis}/lower-bandwidth designs one"
+            )
         if not self.bumpless:
             return [
                 Part("K", linear(K, PERIOD), ["f_en"], ["u_k"]),

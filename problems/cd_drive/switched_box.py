@@ -3,7 +3,7 @@
 In g = 1 / (R + r), k1 and k2, the parameters of Table 5.3, the actuator is affine: all of the coil
 that depends on R is Bl g u and the damping Bl^2 g. A box of them is cut into cells. In each the
 plant behind its hold is an affine part, whose extremes are at the cell's vertices, and a remainder
-bounded in norm; P from the LMIs at the vertices prove the cell if they hold for all of that.
+bounded entry by entry; P from the LMIs at the vertices prove the cell if they hold for all of that.
 Every plant keeps its parameters while the controllers switch, so cells may have P of their own.
 """
 
@@ -40,6 +40,8 @@ HALVED = (2, 0, 2)
 """Along which a cell is halved, one after the other, before it is given up."""
 DWELLS = (1, 10, 30)
 """Samples of the clean mode between defects that are tried; the first is any switching."""
+UNITS = np.array([1 / MICRO, 1 / MICRO, PERIOD / MICRO, PERIOD / MICRO, 1.0, 1.0])
+"""Of positions, speeds, filter and command over SI."""
 SURE = 1.0 - 1e-9
 """V must fall by more than the rounding of its change."""
 
@@ -121,7 +123,10 @@ class Box:
         ]
 
     def continuous(self, parameters: Real) -> Real:
-        """[A B; 0 0] (6, 6) of actuator and filter, positions [um], affine in g, k1, k2."""
+        """[A B; 0 0] (6, 6) of actuator and filter, affine in g, k1, k2.
+
+        Positions are in um and speeds in um a sample, so that a sample's entries are about 1.
+        """
         g, k1, k2 = parameters
         values = {name: entry.nominal for name, entry in nominal_table(self.axis).items()}
         given = values | {"R": 1 / g - SERIES_RESISTANCE, "k1": k1, "k2": k2}
@@ -130,7 +135,8 @@ class Box:
         M[:4, :4], M[:4, 5:] = A, B
         M[4, :4] = ANTIALIASING * C[0] * self._micro
         M[4, 4] = -ANTIALIASING
-        return M
+        scaled: Real = M * UNITS[:, None] / UNITS
+        return scaled
 
     @property
     def _micro(self) -> float:
@@ -180,7 +186,8 @@ class Box:
         slowest = float(abs(np.linalg.eigvals(clean)).max())
         if max(slowest, abs(np.linalg.eigvals(defect)).max()) >= 1.0:
             return None
-        rate = 1.0 if dwell == 1 else math.sqrt(slowest)
+        rate = None if dwell == 1 else math.sqrt(slowest)
+        # What is sought is the defect's shortest stay: one sample, or nothing.
         modes = Mode("clean", clean, dwell, rate=rate), Mode("defect", defect, None)
         found = solve(SwitchedStability(modes, 1))
         return found.answer.P if found.certificate and found.certificate.valid else None
@@ -188,9 +195,10 @@ class Box:
     def dwell(self, sets: Sequence[TransitionSet], P: Real) -> int | None:
         """Samples of the clean mode between defects of any length; None: nothing is proven.
 
-        V_c falls by r_cc at least in a sample of the clean mode, V_o by r_oo < 1 in a defect, over
-        the cell; over the last samples of both V_c becomes r_co V_o and V_o r_oc V_c at most. From
-        one defect to the next V then changes by r_cc^(n - 1) r_co r_oc.
+        Over the cell, V_c becomes at most r_cc V_c in a sample of the clean mode, and V_o r_oo V_o
+        in one of a defect, both less than 1; over the last sample of either, V_o is at most r_co
+        times what V_c was, and V_c r_oc times V_o. From one defect to the next V then changes by
+        r_cc^(n - 1) r_co r_oc at most.
         """
         r = np.array([[each.ratio(p, q) for q in P] for each, p in zip(sets, P, strict=True)])
         if max(r[0, 0], r[1, 1]) > SURE:

@@ -16,6 +16,7 @@ g_o and g_c being the largest factors of V^(1/2) over a defect and over the dist
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -147,6 +148,8 @@ class Deviations:
         product = g_o[:, None] * g_c
         with np.errstate(divide="ignore"):
             r = np.where(product < 1.0, g_c * b[:, None] / (1.0 - product), np.inf)
+        if _factors(A_c, root_c, root_c, [1])[0] > 1.0:  # then longer distances may be worse
+            r[:] = np.inf
         bound: Real = OUTWARD * (self.single(root_c)[:, None] + reach[:, None] * r)
         return bound
 
@@ -181,7 +184,7 @@ class Deviations:
         return worst
 
 
-def _factors(A: Real, root: Real, after: Real, stays: NDArrayInt | range) -> Real:
+def _factors(A: Real, root: Real, after: Real, stays: NDArrayInt | Sequence[int]) -> Real:
     """Largest factors of V^(1/2) over stays in a mode, from its own V to the next mode's."""
     back = np.linalg.inv(root.T)
     return np.array(

@@ -142,7 +142,10 @@ def _laboratory(answer: xr.Dataset) -> str:
             bound = answer["bound"].sel(strategy=strategy, case="rotation", length=length)
             cells = [WORDS[strategy], f"{MM * length:.2f}", f"{float(bound[-1]):.2f}"]
             rows.append(cells + [f"{x:.2f}" for x in one["laboratory"].max("drive").values])
-    head = "Largest true error of all drives at 9 Hz; the bound is for the whole disc.\n\n"
+    head = (
+        "Largest true error of all drives at 9 Hz; the bound is for the whole disc. In the "
+        "laboratory K and K' follow each other; the bound is for a shared integrator.\n\n"
+    )
     return head + aligned(heads, rows)
 
 
@@ -218,7 +221,7 @@ def _region(axis: Axis, answer: xr.Dataset) -> Figure:
         len(cases), len(strategies), size=(10.5, 6.6), sharex=True, sharey=True
     )
     limits = {ACCEPTABLE_ERROR[axis] * 1e6: figures.BLUE, CAPTURE[axis] * 1e6: figures.ORANGE}
-    titles = {"rotation": "largest deviation, 3 to 9 Hz", "envelope": "any harmonic, 1 to 500 Hz"}
+    titles = {"rotation": "largest deviation, 3 to 9 Hz", "envelope": "one harmonic, 1 to 500 Hz"}
     handles = None
     for panel, (case, strategy) in zip(
         panels, [(case, each) for case in cases for each in strategies], strict=True

@@ -222,7 +222,7 @@ class SwitchingStability(Study):
                 "bound": (
                     place,
                     bounds,
-                    um | {"long_name": "certified largest true error, all drives"},
+                    um | {"long_name": "true error proven at the stored frequencies, all drives"},
                 ),
                 "simulated": (
                     ("strategy", "case", "drive", "played", "spaced"),
@@ -300,10 +300,11 @@ class SwitchingStability(Study):
             Rig(self.axis, size, ROTATION[-1], self.gain, self.delay, self.false * MICRO)
             for size in SIZES
         ]
+        names = [drive.name for drive in drives(self.axis)]
         for place in context.track(list(np.ndindex(found.shape)), "laboratory"):
             size, strategy, drive, length = place
             found[place] = rigs[size].largest_error(
-                f"CD{drive + 1}", STRATEGIES[strategy], int(self.tested[length]) - 1, self.lower
+                names[drive], STRATEGIES[strategy], int(self.tested[length]) - 1, self.lower
             )
         return found / MICRO
 

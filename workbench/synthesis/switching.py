@@ -83,10 +83,10 @@ class Mode:
                 f"mode {self.name!r}: its shortest stay is sought, so longest must be None, not "
                 f"{self.longest}"
             )
-        if self.rate is not None and not (0.0 < self.rate <= 1.0 and self.longest is None):
+        if self.rate is not None and not (0.0 < self.rate < 1.0 and self.longest is None):
             raise InputError(
                 f"mode {self.name!r}: rate is {self.rate!r}, longest {self.longest}; a rate must "
-                "be above 0, at most 1, and of a mode without a longest stay"
+                "be above 0, below 1, and of a mode without a longest stay"
             )
 
     @property
@@ -351,11 +351,19 @@ def _least(P: Real) -> float:
 
 
 def _largest(M: Real, P: Real) -> float:
-    """Largest x' M x over x' P x, for any of a batch of M."""
+    """Largest x' M x over x' P x, for any of a batch of M; rounded up."""
     units = np.sqrt(np.diag(P))
     L = np.linalg.cholesky(_scaled((P + P.T) / 2, units))
     inner = np.linalg.solve(L, np.linalg.solve(L, M / units[:, None] / units).mT)
-    return float(np.linalg.eigvalsh((inner + inner.mT) / 2)[..., -1].max())
+    return outward(P) * float(np.linalg.eigvalsh((inner + inner.mT) / 2)[..., -1].max())
+
+
+def outward(P: Real) -> float:
+    """By what ratios of quadratic functions to x' P x are to be multiplied for their rounding.
+
+    The more P's eigenvalues are apart, its diagonal being 1, the more of it is lost.
+    """
+    return 1.0 + len(P) ** 2 * np.finfo(float).eps / max(_least(P), np.finfo(float).eps)
 
 
 def _unstable(sought: Mode, other: Mode, limit: int) -> tuple[int, int]:
@@ -365,11 +373,8 @@ def _unstable(sought: Mode, other: Mode, limit: int) -> tuple[int, int]:
     # A stable mode's power is as good as zero when its radius says so, but for its transients.
     horizon = min(limit, 1000, max(4, math.ceil(40.0 / max(1e-6, 1.0 - sought.radius.max()))))
     n = _spread(1, horizon, many)
-    m = n[:: max(1, len(n) // few)] if both else _spread(
-        other.shortest or 1, other.longest or max(other.shortest or 1, horizon), few
-    )  # fmt: skip
-    if both:
-        m = n
+    longest = other.longest or max(other.shortest or 1, horizon)
+    m = n if both else _spread(other.shortest or 1, longest, few)
     radius = _radii(sought.powers(n), other.powers(m))
     dwell = np.minimum(n[:, None], m) if both else np.broadcast_to(n[:, None], radius.shape)
     unstable = np.where(radius > 1.0 + ROUNDING, dwell, 0)

@@ -33,17 +33,18 @@ def _conic(program: SwitchedStability, context: Context, solver: ConicSolver) ->
     """Feasibility of the inequalities by bisection over the dwell time."""
     options = replace(context.options, tolerance=max(context.options.accuracy, ACCURACY))
     units = coordinates(program)
-    said = ""
+    # What a periodic switching excludes need not be tried.
+    failed, said = program.destabilising
+    sure, step = True, 1
 
     def proven(samples: int) -> Dwell | None:
-        nonlocal said
+        nonlocal said, sure
         found = None
         for _ in context.track([samples], "dwell time"):
-            found, said = _feasible(program, samples, units, solver, options, context)
+            found, said, told = _feasible(program, samples, units, solver, options, context)
+            sure = sure and told
         return found
 
-    # What a periodic switching excludes need not be tried.
-    failed, step = program.destabilising[0], 1
     best = None
     while best is None and failed < program.limit:
         trial = min(failed + step, program.limit)
@@ -51,7 +52,8 @@ def _conic(program: SwitchedStability, context: Context, solver: ConicSolver) ->
         if best is None:
             failed, step = trial, 2 * step
     if best is None:
-        return None, Outcome.INFEASIBLE, f"{said}: no dwell up to {program.limit} samples is proven"
+        none = Outcome.INFEASIBLE if sure else Outcome.FAILED
+        return None, none, f"{said}: no dwell up to {program.limit} samples is proven"
     while best.samples - failed > 1:
         middle = (failed + best.samples) // 2
         found = proven(middle)
@@ -101,25 +103,30 @@ def _feasible(
     solver: ConicSolver,
     options: Options,
     context: Context,
-) -> tuple[Dwell | None, str]:
-    """P for a dwell, all inequalities recomputed; None where none was found."""
+) -> tuple[Dwell | None, str, bool]:
+    """P for a dwell, all inequalities recomputed; None where none was found, and whether there is
+    none as far as the solver can tell."""
     stays = [_some(program.stays(mode, samples)) for mode in program.modes]
     turns = 0
     for _ in range(CUTS):
-        P, margin, said = _program(program, stays, L, solver, options, context)
+        P, margin, outcome, said = _program(program, stays, L, solver, options, context)
         if P is None:
-            return None, said
+            return None, said, False
         found = Dwell(samples, np.stack([L @ _positive(Q) @ L.T for Q in P]))
-        if margin >= LEAST and all(check.holds for check in program.checks(found, ROUNDING)):
-            return found, said
+        checks = {check.name: check for check in program.checks(found, ROUNDING)}
+        if margin >= LEAST and all(check.holds for check in checks.values()):
+            return found, said, True
+        if not checks["positive"].holds:
+            return None, f"{said}; its P is not positive definite", False
         worst = [program.ratios(found, i) for i in range(len(program.modes))]
         if margin >= LEAST and _added(program, samples, stays, [ratio for ratio, _ in worst]):
             continue
         turns += 1
         if turns > TURNS or max(max(ratio.max(), decay) for ratio, decay in worst) > NEAR:
-            return None, f"{said}; its P does not hold when recomputed"
+            none = margin < LEAST and outcome is Outcome.SOLVED
+            return None, f"{said}; its P does not hold when recomputed", none
         L = L @ np.linalg.cholesky(_positive(np.mean(P, axis=0)))
-    return None, f"{said}; some stay's inequality failed in each of {CUTS} rounds"
+    return None, f"{said}; some stay's inequality failed in each of {CUTS} rounds", False
 
 
 def _program(
@@ -129,7 +136,7 @@ def _program(
     solver: ConicSolver,
     options: Options,
     context: Context,
-) -> tuple[list[Real] | None, float, str]:
+) -> tuple[list[Real] | None, float, Outcome, str]:
     """P in coordinates L' x of the largest margin of the inequalities at some stays."""
     import cvxpy as cp
 
@@ -152,8 +159,8 @@ def _program(
     problem = cp.Problem(cp.Maximize(margin), held)
     outcome, said = solve_conic(problem, solver, options, context)
     if outcome not in (Outcome.SOLVED, Outcome.INACCURATE):
-        return None, -np.inf, said
-    return [_symmetric(Q.value) for Q in P], float(margin.value), said
+        return None, -np.inf, outcome, said
+    return [_symmetric(Q.value) for Q in P], float(margin.value), outcome, said
 
 
 def _added(

@@ -17,12 +17,14 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from workbench.errors import InputError
+from workbench.synthesis.switching import outward
 
 Real = NDArray[np.float64]
 OUTWARD = 1e-9
 """By which bounds are rounded up, relative."""
-ROUNDING = 1e-14
-"""Of exponentials of matrices of magnitudes up to a few, relative."""
+EXPONENTIAL = 1e-14
+"""Rounding of exponentials of matrices of magnitudes up to LARGEST, relative."""
+LARGEST = 10.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +60,7 @@ class TransitionSet:
         back = np.linalg.inv(root_P.T)
         hull = np.linalg.norm(root_Q.T @ self.vertices @ back, 2, axis=(-2, -1)).max()
         rest = np.linalg.norm(abs(root_Q.T) @ self.remainder @ abs(back), 2)
-        return float((1.0 + OUTWARD) * (hull + rest) ** 2)
+        return float((1.0 + OUTWARD) * outward(P) * (hull + rest) ** 2)
 
 
 def held_set(centre: Any, slopes: Sequence[Any], duration: float) -> TransitionSet:
@@ -82,7 +84,8 @@ def held_set(centre: Any, slopes: Sequence[Any], duration: float) -> TransitionS
     Raises
     ------
     InputError
-        Matrices that are not finite or of other sizes; a duration that is not positive.
+        Matrices that are not finite, of other sizes or badly scaled; a duration that is not
+        positive.
     """
     M, parts = np.asarray(centre, float), [np.asarray(each, float) for each in slopes]
     n = len(M)
@@ -91,6 +94,11 @@ def held_set(centre: Any, slopes: Sequence[Any], duration: float) -> TransitionS
     if not 0.0 < duration < math.inf:
         raise InputError(f"duration is {duration}; it must be positive and finite")
     X, steps = duration * M, [duration * Y for Y in parts]
+    if abs(X).max(initial=0.0) > LARGEST:
+        raise InputError(
+            f"an entry of duration times centre is {abs(X).max():.3g}; scale states and inputs so "
+            f"that none is above {LARGEST:g}, or the rounding is not bounded"
+        )
     zero = np.zeros((n, n))
     linear = [_derivative(X, Y) for Y in steps]
     corners = product((-1.0, 1.0), repeat=len(steps))
@@ -100,7 +108,7 @@ def held_set(centre: Any, slopes: Sequence[Any], duration: float) -> TransitionS
     )
     size, far = abs(X), sum((abs(Y) for Y in steps), zero)
     grown, base = expm(size + far), expm(size)
-    rounding = ROUNDING * grown
+    rounding = EXPONENTIAL * grown
     remainder = np.maximum(grown - base - _derivative(size, far), 0.0) + rounding
     return TransitionSet(vertices, (1.0 + OUTWARD) * remainder)
 
