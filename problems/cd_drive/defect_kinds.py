@@ -10,7 +10,7 @@ Section and table numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant C
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -93,7 +93,7 @@ def draw(kind: str, rng: np.random.Generator, axis: Axis) -> Defect:
     return KINDS[kind](rng, ACCEPTABLE_ERROR[axis])
 
 
-def shocks(bench: Laboratory, acceleration: float, starts: Real, samples: int) -> Real:
+def shocks(bench: Laboratory, many: Sequence[tuple[float, float, float]], samples: int) -> Real:
     """Excitation u [V] (N,) that acts on the lens as shocks of the chassis do.
 
     Disc and carriage are accelerated together, the suspended lens m1 and frame m2 stay behind by
@@ -101,15 +101,15 @@ def shocks(bench: Laboratory, acceleration: float, starts: Real, samples: int) -
 
         u = (m1 + m2) a (R + r) / (Bl K),    K from u to the coil's voltage.
 
-    Half sines of SHOCK seconds of the given peak `acceleration` [m/s^2] start at `starts` [s]. They
-    are far below the parasitic resonance, about which it matters where the force attacks.
+    Half sines of given start [s], peak [m/s^2] and duration [s]. Those of SHOCK seconds are far
+    below the parasitic resonance, about which it matters where the force attacks.
     """
     drive = bench.parameters
     volts = float(bench.actuator.R) / (drive.Bl * bench.coil_gain)
     time = np.arange(samples) / RATE
     pulse = np.zeros(samples)
-    for start in starts:
-        inside = (time >= start) & (time < start + SHOCK)
-        pulse += np.where(inside, np.sin(np.pi * (time - start) / SHOCK), 0.0)
-    excitation: Real = (drive.m1 + drive.m2) * acceleration * volts * pulse
+    for start, peak, lasts in many:
+        inside = (time >= start) & (time < start + lasts)
+        pulse[inside] += peak * np.sin(np.pi * (time[inside] - start) / lasts)
+    excitation: Real = (drive.m1 + drive.m2) * volts * pulse
     return excitation

@@ -16,7 +16,7 @@ from workbench.simulation import linear
 
 from .actuator import Real
 from .bench_setup import PERIOD, RATE
-from .defect_kinds import shocks
+from .defect_kinds import SHOCK, shocks
 from .disc import VELOCITY, Defect, Disc
 from .drives import controller
 from .laboratory import Laboratory
@@ -91,7 +91,7 @@ def run(
         for defect, start in zip(defects, starts, strict=True)
     ]
     times = np.arange(SETTLING, SETTLING + evaluated - SHOCK_PERIOD, SHOCK_PERIOD)
-    played = shocks(bench, acceleration, times if acceleration else times[:0], samples)
+    played = shocks(bench, [(float(t), acceleration, SHOCK) for t in times], samples)
     law = linear(controller(bench.axis), PERIOD)
     whole = bench.closed_loop(law, played, disc=disc, defects=placed, seed=seed)
     skip = round(SETTLING * RATE)

@@ -16,7 +16,7 @@ from workbench.errors import InputError
 
 from .actuator import Real
 from .bench_setup import RATE
-from .defect_kinds import KINDS, SHOCK_PEAK, draw
+from .defect_kinds import KINDS, SHOCK_PEAK, draw, shocks
 from .disc import Defect, Disc
 from .laboratory import Laboratory
 from .tables import Axis, red_book
@@ -123,14 +123,7 @@ class Circumstance:
 
     def excitation(self, bench: Laboratory, duration: float) -> Real:
         """What acts on the lens as the shocks do [V] (N,), see `defect_kinds.shocks`."""
-        time = np.arange(round(duration * RATE)) / RATE
-        acceleration = np.zeros(len(time))
-        for start, peak, lasts in self.shocks:
-            inside = (time >= start) & (time < start + lasts)
-            acceleration[inside] += peak * np.sin(np.pi * (time[inside] - start) / lasts)
-        drive = bench.parameters
-        volts = float(bench.actuator.R) / (drive.Bl * bench.coil_gain)
-        return (drive.m1 + drive.m2) * volts * acceleration
+        return shocks(bench, self.shocks, round(duration * RATE))
 
 
 def circumstances(

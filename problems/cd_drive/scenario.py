@@ -45,7 +45,7 @@ from pydantic import TypeAdapter, ValidationError, with_config
 from workbench.errors import InputError
 
 from .bench_setup import RATE
-from .defect_kinds import shocks
+from .defect_kinds import SHOCK, shocks
 from .disc import STRICT, Defect, Disc
 from .laboratory import STILL, Laboratory
 from .record import Record
@@ -151,9 +151,8 @@ class Scenario:
         strategies = self.strategies(**designs)
         schedule = [(stage.time, strategies.named(stage.strategy)) for stage in self.stages]
         samples = round(self.duration * RATE)
-        excitation = np.zeros(samples)
-        for shock in self.shocks:
-            excitation += shocks(self.bench, shock.acceleration, np.array([shock.time]), samples)
+        played = [(shock.time, shock.acceleration, SHOCK) for shock in self.shocks]
+        excitation = shocks(self.bench, played, samples)
         return self.bench.closed_loop(
             schedule, excitation, disc=self.disc, defects=self.defects, seed=self.seed
         )

@@ -89,7 +89,7 @@ def test_events_close_to_each_other_are_one():
 def test_a_shock_accelerates_the_free_lens(axis):
     """Played in open loop, a shock moves the lens as the force (m1 + m2) a does by itself."""
     bench = Laboratory(axis, noise=0.0, bits=None, delay=0.0, electronics=0.0)
-    played = shocks(bench, 1e-3, np.array([0.0]), round(5 * SHOCK * RATE))
+    played = shocks(bench, [(0.0, 1e-3, SHOCK)], round(5 * SHOCK * RATE))
     x = bench.coil_gain * played
     moved = np.zeros(len(x))
     drive = bench.parameters

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from problems.cd_drive.bench_setup import RATE
-from problems.cd_drive.defect_kinds import SHOCK, SHOCK_PEAK, shocks
+from problems.cd_drive.defect_kinds import SHOCK_PEAK
 from problems.cd_drive.disc import Defect, Disc
 from problems.cd_drive.ensemble import BEGIN, GROUPS, Remembered, Spread, circumstances
-from problems.cd_drive.laboratory import Laboratory
 from problems.cd_drive.tables import red_book
 from workbench.errors import InputError
 
@@ -52,14 +51,6 @@ def test_no_spread_means_one_and_the_same():
     assert {(one.disc.rotation, one.believed, one.gain_db) for one in drawn(spread=spread)} == {
         (5.0, 5.0, 0.0)
     }
-
-
-def test_shocks_are_those_of_the_laboratory():
-    bench = Laboratory("focus", "CD4")
-    one = replace(drawn()[1], shocks=((0.5, 7.0, SHOCK),))
-    expected = shocks(bench, 7.0, np.array([0.5]), round(RATE))
-    np.testing.assert_allclose(one.excitation(bench, 1.0), expected, atol=1e-12)
-    assert abs(expected).max() > 0.0
 
 
 def test_a_remembered_disc_is_the_disc():
