@@ -121,7 +121,7 @@ def _errors(axis: Axis, answer: xr.Dataset) -> str:
                 cells += [
                     f"{reach:.2f}" if reach > 0.0 else "none"
                     for reach in (
-                        float(_proven(one["bound"].values[:, None], limit)[0]),
+                        float(proven(one["bound"].values[:, None], limit)[0]),
                         float(_crossed(one["simulated"].values[:, None], one, limit)[0]),
                     )
                 ]
@@ -228,17 +228,17 @@ def _region(axis: Axis, answer: xr.Dataset) -> Figure:
     ):
         one = answer.sel(case=case, strategy=strategy)
         for limit, colour in limits.items():
-            proven = _proven(one["bound"].values, limit)
+            reach = proven(one["bound"].values, limit)
             simulated = _crossed(one["simulated"].max("drive").values, one, limit)
             panel.semilogx(
-                MM * one["distance"], proven, color=colour, label=f"within {limit:g} um, proven"
+                MM * one["distance"], reach, color=colour, label=f"within {limit:g} um, proven"
             )
             panel.semilogx(
                 MM * one["spaced"], simulated, "o:", color=colour, markersize=3,
                 label=f"within {limit:g} um, simulated",
             )  # fmt: skip
             panel.fill_between(
-                MM * one["distance"], 0.0, proven, color=colour, alpha=0.12, linewidth=0
+                MM * one["distance"], 0.0, reach, color=colour, alpha=0.12, linewidth=0
             )
         handles = handles or panel
         panel.set_title(f"{strategy}: {titles[case]}", fontsize=9)
@@ -252,7 +252,7 @@ def _region(axis: Axis, answer: xr.Dataset) -> Figure:
     return figure
 
 
-def _proven(bound: np.ndarray, limit: float) -> np.ndarray:
+def proven(bound: np.ndarray, limit: float) -> np.ndarray:
     """Length [mm] up to which bounds (lengths, distances), from one sample on, keep a limit."""
     inside = bound <= limit
     held: np.ndarray = np.where(inside.all(axis=0), len(inside), np.argmin(inside, axis=0))

@@ -21,7 +21,7 @@ from workbench.synthesis import Mode, SwitchedStability
 from workbench.synthesis.loops import restored, stored
 
 from .actuator import Real
-from .bench_setup import PERIOD, RATE
+from .bench_setup import RATE
 from .disc import VELOCITY
 from .drives import Gain, controller, total_gains
 from .loops import plants
@@ -41,7 +41,7 @@ from .switched_loop import (
 )
 from .switched_margins import CONTROLLERS, LoopsAlone
 from .switching_checks import switching_checks
-from .switching_report import switching_figures, switching_tables
+from .switching_report import proven, switching_figures, switching_tables
 from .tables import Axis, drives
 
 if TYPE_CHECKING:
@@ -348,23 +348,13 @@ class SwitchingStability(Study):
             if self.common:
                 found[f"dwell_common_{strategy}"] = float(one["dwell_common"])
             for case in CASES:
-                reach = self.reaching(one["bound"].sel(case=case), ACCEPTABLE_ERROR[self.axis])
-                found[f"longest_{strategy}_{case}_mm"] = reach
-                reach = self.reaching(one["bound"].sel(case=case), CAPTURE[self.axis])
-                found[f"kept_{strategy}_{case}_mm"] = reach
+                far = one["bound"].sel(case=case).isel(distance=[-1]).values * MICRO
+                for word, limit in (("longest", ACCEPTABLE_ERROR), ("kept", CAPTURE)):
+                    found[f"{word}_{strategy}_{case}_mm"] = float(proven(far, limit[self.axis])[0])
         found["box"] = float(answer["box_of_cells"])
         found["box_volume"] = float(answer["box_volume"][0])
         found["box_dwell"] = float(answer["cell_dwell"].max()) if answer.sizes["cell"] else np.inf
         return found
-
-    def reaching(self, bound: xr.DataArray, limit: float) -> float:
-        """Length [mm] of the longest defect after which all errors are proven within a limit [m].
-
-        Of all drives, at the largest distance.
-        """
-        worst = bound.isel(distance=-1).values
-        held = int((worst * MICRO <= limit).sum())  # it grows with the length
-        return 1e3 * held * PERIOD * VELOCITY
 
     def tables(self, answer: xr.Dataset) -> dict[str, str]:
         return switching_tables(self.axis, answer)
