@@ -101,6 +101,13 @@ def _deviation(disc: Remembered, axis: Axis, samples: int) -> Real:
 
 
 @lru_cache(maxsize=8)
+def _excitation(
+    bench: Laboratory, many: tuple[tuple[float, float, float], ...], samples: int
+) -> Real:
+    return shocks(bench, many, samples)
+
+
+@lru_cache(maxsize=8)
 def _surface(disc: Remembered, defects: tuple[Defect, ...], samples: int) -> tuple[Real, Real]:
     return Disc.surface(disc, defects, np.arange(samples) / RATE)
 
@@ -123,7 +130,7 @@ class Circumstance:
 
     def excitation(self, bench: Laboratory, duration: float) -> Real:
         """What acts on the lens as the shocks do [V] (N,), see `defect_kinds.shocks`."""
-        return shocks(bench, self.shocks, round(duration * RATE))
+        return _excitation(bench, self.shocks, round(duration * RATE)).copy()
 
 
 def circumstances(

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -182,10 +182,7 @@ class Laboratory:
         x_cd = disc.deviation(self.axis, time)
         light, f_sd = disc.surface(defects, time)
         exogenous = np.column_stack([x_cd, light, f_sd])
-        rng, size = np.random.default_rng(seed), self.noise
-        size = NOISE[self.axis] if size is None else size
-        optical = optical_noise(rng, len(u), self.parameters, size, self.noise_band)
-        noise = np.hstack([optical, electronics_noise(rng, len(u), self.electronics)])
+        noise = _noise(self, seed, len(u)).copy()
         run = _loop(self).run(controller, u[:, None], exogenous, noise)
         x_cd, light, f_sd = exogenous[:-1].T
         names = ("u", *CHANNELS)
@@ -222,6 +219,15 @@ def _plant(laboratory: Laboratory) -> StateSpace:
 def _sampled(laboratory: Laboratory) -> StateSpace:
     """Exact sampled model of u -> x, v_r, u_m."""
     return sampled(_plant(laboratory), PERIOD, laboratory.delay)
+
+
+@lru_cache(maxsize=8)  # strategies are compared under the same noise
+def _noise(laboratory: Laboratory, seed: int, samples: int) -> Real:
+    """Of the diodes and of v_r and u_m (samples, 4)."""
+    rng, size = np.random.default_rng(seed), laboratory.noise
+    size = NOISE[laboratory.axis] if size is None else size
+    optical = optical_noise(rng, samples, laboratory.parameters, size, laboratory.noise_band)
+    return np.hstack([optical, electronics_noise(rng, samples, laboratory.electronics)])
 
 
 @cache
