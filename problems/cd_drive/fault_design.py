@@ -47,27 +47,31 @@ def full_order(loop: FaultLoop, states: int, error: float, leakage: float) -> De
 def few_states(loop: FaultLoop, F: StateSpace, order: int, error: float, leakage: float) -> Design:
     """The best filter for poles of a reduction of F to at most an order.
 
-    Raises SolverError where no reduction has poles that meet the relative error.
+    Of those that are certified to meet all requirements, if there are any.
+
+    Raises SolverError where no reduction has poles that meet the relative error and the leakage.
     """
-    front, program = FaultFront(loop), estimation(loop, error, leakage)
-    found: list[tuple[Point, StateSpace]] = []
+    program = estimation(loop, error, leakage)
+    found: list[Design] = []
     for method in REDUCTIONS:
         plant = program.plant if method == "weighted" else None
         try:
             poles = reduced(F, order, method, plant)  # type: ignore[arg-type]
-            point = front.least(front.of_filter(poles), error)
+            front = FaultFront(loop, poles=poles.poles())
+            point = front.least(front.of_filter(poles), error, leakage)
         except (InputError, SolverError):
             continue
         x = point.coefficients
         made = realisation((poles.A, poles.B, x[None, :-1], x[None, -1:]), 0.0)
         if stability_of(made).holds:
-            found.append((point, made))
+            found.append(certified(loop, made, point, error, leakage))
     if not found:
         raise SolverError(
-            f"no filter of order {order} with a relative error of {error:g} by {REDUCTIONS}"
+            f"no filter of order {order} with a relative error of {error:g} and a leakage of "
+            f"{leakage:g} m by {REDUCTIONS}"
         )
-    point, best = min(found, key=lambda each: each[0].total)
-    return certified(loop, best, point, error, leakage)
+    meeting = [each for each in found if each.answer.upper <= 1.0]
+    return min(meeting or found, key=lambda each: each.point.total)
 
 
 def estimation(loop: FaultLoop, error: float, leakage: float) -> FaultEstimation:

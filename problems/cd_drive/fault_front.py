@@ -37,6 +37,8 @@ MARGIN = 0.01
 more."""
 CORNER = 2 * np.pi * 600.0
 """Poles of the Laguerre basis [rad/s]."""
+RESONANT = (15.0, 60.0)
+"""Where the drives have their first resonances, and the set's sensitivities narrow peaks [Hz]."""
 MICRO = 1e-6
 """Unit of length [m]."""
 
@@ -56,11 +58,16 @@ class Point:
 
 
 class FaultFront:
-    """Filters F over a basis, for a loop's set of plants or (`nominal`) for its nominal one."""
+    """Filters F over a basis, for a loop's set of plants or (`nominal`) for its nominal one.
 
-    def __init__(self, loop: FaultLoop, nominal: bool = False) -> None:
+    Those of given poles are looked at about each resonance of these as well.
+    """
+
+    def __init__(
+        self, loop: FaultLoop, nominal: bool = False, poles: Complex | None = None
+    ) -> None:
         self.loop = loop
-        self.frequency = grid(loop)
+        self.frequency = grid(loop) if poles is None else about(loop, poles)
         self.omega = loop.warped(self.frequency)
         L = loop.open_loop(self.omega)
         self.back = 1 + L  # 1 / S
@@ -141,9 +148,19 @@ def solved(problem: Any) -> str:
 def grid(loop: FaultLoop) -> Real:
     """Frequencies [Hz], those where the drives resonate and where requirements end among them."""
     ends = [SLOW, FAST, BAND]
-    resonances = [np.geomspace(15.0, 60.0, 80), np.geomspace(350.0, 700.0, 30)]
+    resonances = [np.geomspace(*RESONANT, 80), np.geomspace(350.0, 700.0, 30)]
     top = 0.999 * RATE / 2 if loop.delay is not None else 1e5
     return np.unique(np.concatenate([np.geomspace(0.02, top, 220), *resonances, ends]))
+
+
+def about(loop: FaultLoop, poles: Complex) -> Real:
+    """The grid, finer where drives resonate, and frequencies [Hz] about poles [rad/s], the nearer
+    the less they are damped."""
+    known = np.union1d(grid(loop), np.geomspace(*RESONANT, 400))
+    upper = poles[poles.imag > 0.0]
+    near = (upper.imag[:, None] + upper.real[:, None] * np.linspace(-3.0, 3.0, 13)).ravel()
+    found = np.interp(near, loop.warped(known), known)
+    return np.union1d(known, found)
 
 
 def laguerre(loop: FaultLoop, order: int, omega: Real) -> Complex:
