@@ -7,7 +7,6 @@ CD-players (2003).
 from __future__ import annotations
 
 from collections.abc import Mapping
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
@@ -16,8 +15,7 @@ from pydantic import Field
 
 from workbench import Check, Run, Study, problem, ref
 from workbench.errors import InputError
-from workbench.executor import Context, InProcess, spread
-from workbench.simulation.machine import machine
+from workbench.executor import Context
 from workbench.synthesis.loops import restored
 
 from .actuator import Real
@@ -31,6 +29,7 @@ from .playability_runs import (
     Design,
     Player,
     evaluated,
+    met,
     played,
     sampled_controller,
 )
@@ -193,12 +192,7 @@ class Playability(Study):
     ) -> Real:
         """SCORES of designs: (designs, drives, circumstances, SCORES)."""
         player = Player(designs, drives, self.duration)
-        machine()  # threads that meet it at one time would each compile it
-        # The compiled loop lets other threads run, and a thread shares what is compiled.
-        pool = InProcess() if self.workers == 1 else ThreadPoolExecutor(self.workers)
-        with pool:
-            found = spread(player, many, pool, context.progress, what)
-        return np.transpose(found, (2, 1, 0, 3))
+        return met(player, many, self.workers, context.progress, what)
 
     def compute(self, context: Context) -> xr.Dataset:
         import xarray as xr

@@ -6,7 +6,8 @@ CD-players (2003).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
@@ -14,7 +15,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from workbench.errors import InputError, UnknownNameError
+from workbench.executor import InProcess, Progress, spread
 from workbench.simulation import Cascade, Repetitive, in_discrete_time
+from workbench.simulation.machine import machine
 
 from .actuator import Real
 from .bench_setup import PERIOD, RATE
@@ -117,6 +120,23 @@ class Player:
                 record = played(one, drive, design, self.duration, cascade)
                 scores[d, s] = scored(evaluated(record), one.axis)
         return scores
+
+
+def met(
+    task: Callable[[Circumstance], Real],
+    many: Sequence[Circumstance],
+    workers: int,
+    progress: Progress,
+    what: str,
+) -> Real:
+    """What a task makes of each circumstance, (drives, designs, SCORES), in threads.
+
+    As (designs, drives, circumstances, SCORES). The compiled loop lets other threads run, and a
+    thread shares what is compiled.
+    """
+    machine()  # threads that meet it at one time would each compile it
+    with InProcess() if workers == 1 else ThreadPoolExecutor(workers) as pool:
+        return np.transpose(spread(task, many, pool, progress, what), (2, 1, 0, 3))
 
 
 def played(

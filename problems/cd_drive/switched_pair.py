@@ -5,7 +5,6 @@ Section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of 
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
@@ -13,9 +12,8 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, Run, Study, problem, ref
-from workbench.executor import Context, InProcess, spread
+from workbench.executor import Context
 from workbench.simulation import Cascade, Part, linear
-from workbench.simulation.machine import machine
 from workbench.synthesis.loops import restored
 
 from .actuator import Real
@@ -25,7 +23,7 @@ from .ensemble import GROUPS, Circumstance, circumstances
 from .laboratory import MEASUREMENTS, Laboratory
 from .photo_diodes import CAPTURE
 from .playability import chosen, groups
-from .playability_runs import SCORES, evaluated, sampled_controller, scored
+from .playability_runs import SCORES, evaluated, met, sampled_controller, scored
 from .playability_search import LARGEST, peak_sensitivity
 from .red_book import ACCEPTABLE_ERROR
 from .sets import TABLES
@@ -137,10 +135,7 @@ class SwitchedPair(Study):
 
         seed = int(context.rng.integers(2**31))
         many = self.drawn(seed)
-        machine()  # threads that meet it at one time would each compile it
-        with InProcess() if self.workers == 1 else ThreadPoolExecutor(self.workers) as pool:
-            found = spread(self.pair, many, pool, context.progress, "circumstances")
-        every = np.transpose(found, (2, 1, 0, 3))
+        every = met(self.pair, many, self.workers, context.progress, "circumstances")
         group = groups(many)
         weight = resampled(group, BOOTSTRAP, np.random.default_rng([seed, 1]))
         out = every[..., 0].mean(axis=1)
