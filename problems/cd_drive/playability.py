@@ -225,7 +225,8 @@ class Playability(Study):
         scored_runs = np.array(every, np.float32)
         dims = ("axis", "strategy", "drive", "circumstance")
         rng = np.random.default_rng([seed, 99])
-        weight = resampled(groups(self.drawn("focus", "held-out", seed)), BOOTSTRAP, rng)
+        group = groups(self.drawn("focus", "held-out", seed))
+        weight = resampled(group, BOOTSTRAP, rng)
         data = {
             name: (dims, scored_runs[..., n], {"units": UNITS[name]})
             for n, name in enumerate(SCORES)
@@ -233,7 +234,7 @@ class Playability(Study):
         return xr.Dataset(
             {
                 **data,
-                **self._balloon(np.array(every)[..., 0], weight, seed),
+                **self._balloon(np.array(every)[..., 0], group, weight),
                 "best": (("axis", "parameter"), best),
                 "peak": (
                     "axis",
@@ -266,9 +267,8 @@ class Playability(Study):
             },
         )
 
-    def _balloon(self, out: Real, weight: Real, seed: int) -> dict[str, object]:
+    def _balloon(self, out: Real, group: np.ndarray, weight: Real) -> dict[str, object]:
         """Arms and sizes with their intervals, and the tuned strategy's differences."""
-        group = groups(self.drawn("focus", "held-out", seed))
         arm, again = (arms(out.mean(axis=2), group, w) for w in (None, weight))
         fresh = [self.drives.index(name) for name in self.split[1]]
         base = self.strategies.index(self.tuned)

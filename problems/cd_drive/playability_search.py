@@ -70,9 +70,8 @@ class Search:
         What is missing at an early end is the last one again.
         """
         first = np.array([getattr(self.start, name) for name in self.free])
-        scale = np.array([abs(STEPS[name]) for name in self.free])
-        steps = np.array([STEPS[name] for name in self.free])
-        simplex = np.vstack([first, first + np.diag(steps)]) / scale
+        scale = np.array([STEPS[name] for name in self.free])
+        simplex = np.vstack([first, first + np.diag(scale)]) / scale
         bounds = np.array([BOUNDS[name] for name in self.free]) / scale[:, None]
         minimize(
             lambda x: self._trial(x * scale),

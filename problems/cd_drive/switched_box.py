@@ -27,7 +27,7 @@ from .bench_setup import PERIOD
 from .control_problem import optical_gain
 from .drives import ANTIALIASING
 from .parametric import two_masses, uncertain_parameters
-from .switched_loop import MICRO, LensModel, Regulator, switched
+from .switched_loop import MICRO, LensModel, Regulator, transition
 from .tables import Axis, nominal_table
 
 if TYPE_CHECKING:
@@ -166,8 +166,7 @@ class Box:
         A[:5], B[5] = held[:5], 1.0
         filtered, lens = np.zeros((1, 6)), np.zeros((1, 6))
         filtered[0, 4] = 1.0
-        model = LensModel(A, B, lens, filtered, optical_gain(self.axis) * MICRO)
-        return switched(model, (mode, mode)).clean[0]
+        return transition(LensModel(A, B, lens, filtered, optical_gain(self.axis) * MICRO), mode)
 
     def _set(self, held: TransitionSet, mode: Regulator) -> TransitionSet:
         vertices = np.stack([self._loop(each, mode) for each in held.vertices])
