@@ -181,12 +181,8 @@ class ClosedLoop(Study):
 
     def _play(self, sine: SteppedSine, seed: int) -> Record:
         axis = self.bench.axis
-        size = (WOBBLE * red_book(axis).deviation,) if self.disturbances else ()
-        disc = Disc(
-            warp=size if axis == "focus" else (),
-            eccentricity=size if axis == "radial" else (),
-            rotation=ROTATION,
-        )
+        size = WOBBLE * red_book(axis).deviation if self.disturbances else 0.0
+        disc = Disc.along(axis, size, rotation=ROTATION)
         rest = np.zeros(round(SETTLING * RATE))
         played = np.concatenate([rest, *(signal for _, signal in sine)])
         law = linear(controller(axis), PERIOD)

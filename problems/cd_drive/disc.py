@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -110,6 +111,12 @@ class Disc:
             raise InputError(f"speed is {self.speed}; times must rise from 0 or later")
         if (points[:, 1] < 0.0).any():
             raise InputError(f"speed is {self.speed}; a disc does not turn back")
+
+    @classmethod
+    def along(cls, axis: Axis, *amplitudes: float, **rest: Any) -> Self:
+        """A disc that deviates by these harmonics [m] in one axis, and not in the other."""
+        name = "warp" if axis == "focus" else "eccentricity"
+        return cls(**{name: amplitudes}, **rest)
 
     def deviation(self, axis: Axis, time: Real) -> Real:
         """Position x_cd of the layer, or y_cd of the track [m], at times [s] (N,): (N,)."""

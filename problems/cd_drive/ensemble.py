@@ -157,9 +157,9 @@ def _drawn(
     rotation = rng.uniform(*spread.rotation)
     first = rng.uniform(*spread.deviation) * red_book(axis).deviation
     wobble = (first, *(first * rng.uniform(*spread.harmonics) for _ in range(2)))
-    disc = Remembered(
-        warp=wobble if axis == "focus" else (),
-        eccentricity=wobble if axis == "radial" else (),
+    disc = Remembered.along(
+        axis,
+        *wobble,
         rotation=rotation,
         phase=rng.uniform(),
         reflectivity=rng.uniform(*spread.reflectivity),
@@ -188,3 +188,8 @@ def _placed(defect: Defect, rng: np.random.Generator, spread: Spread) -> Defect:
     return replace(
         defect, length=length, displacement=shift, angle=rng.uniform(), present=(BEGIN, np.inf)
     )
+
+
+def groups(many: list[Circumstance]) -> np.ndarray:
+    """Number of the group of each circumstance (C,)."""
+    return np.array([GROUPS.index(one.group) for one in many])

@@ -11,19 +11,12 @@ from workbench import figures
 
 from .photo_diodes import CAPTURE
 from .red_book import ACCEPTABLE_ERROR
+from .strategy_looks import titled
 from .tables import Axis
 
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
-
-TITLES = {"K_prime": "K'"}
-"""How strategies are called where another name stands in the data."""
-
-
-def titled(name: str) -> str:
-    """A strategy's name in figures and tables."""
-    return TITLES.get(name, name)
 
 
 def figures_of(answer: xr.Dataset, axis: Axis) -> dict[str, Figure]:
@@ -58,8 +51,8 @@ def against_theory(answer: xr.Dataset, axis: Axis) -> Figure:
     panels[1].axhline(-capture, color=figures.PURPLE, lw=1.0, ls=":")
     for panel in panels:
         panel.axhline(capture, color=figures.PURPLE, lw=1.0, ls=":", label="capture")
-    panels[0].set_ylabel("|true error| at the defect's end [µm]")
-    panels[1].set_ylabel("true error at the defect's end [µm]")
+    panels[0].set_ylabel("|true error| at the defect's end [um]")
+    panels[1].set_ylabel("true error at the defect's end [um]")
     figures.legend_below(figure, panels[0], 3)
     return figure
 
@@ -104,13 +97,17 @@ def maps(answer: xr.Dataset, axis: Axis) -> Figure:
         panel.set_ylabel("length [mm]")
     assert above is not None and below is not None
     bar = figure.colorbar(
-        above, ax=panels[: len(names)], label="survives up to [Red Book's]", ticks=[0.0, *share]
+        above,
+        ax=panels[: len(names)],
+        label="deviation survived [Red Book's]",
+        ticks=(edges[1:] + edges[:-1]) / 2,
     )
+    bar.ax.tick_params(size=0)
     bar.ax.set_yticklabels(["none", *(f"{one:g}" for one in share)])
     figure.colorbar(
         below,
         ax=panels[len(names) :],
-        label="largest error [µm]",
+        label="largest error [um]",
         extend="both",
     )
     return figure
@@ -127,7 +124,7 @@ def survived_share(one: xr.Dataset, axis: Axis) -> np.ndarray:
 def tables_of(answer: xr.Dataset, numbers: Mapping[str, float]) -> dict[str, str]:
     """What each strategy survives, and the three answers for the reference strategy."""
     rows = [
-        "| strategy | kept, all | kept, Red Book | in spec, Red Book | worst [µm] | "
+        "| strategy | kept, all | kept, Red Book | in spec, Red Book | worst [um] | "
         "shortest defect lost [mm] |",
         "| --- | --- | --- | --- | --- | --- |",
     ]
@@ -141,7 +138,7 @@ def tables_of(answer: xr.Dataset, numbers: Mapping[str, float]) -> dict[str, str
             f"| {'none' if np.isnan(lost) else f'{lost:.2f}'} |"
         )
     theory = [
-        "| lens during the longest defect, worst angle | error [µm] |",
+        "| lens during the longest defect, worst angle | error [um] |",
         "| --- | --- |",
         *(
             f"| {label} | {numbers[f'{key}_um']:.2f} |"
@@ -151,6 +148,6 @@ def tables_of(answer: xr.Dataset, numbers: Mapping[str, float]) -> dict[str, str
                 ("driven", "driven by the blind controller"),
             )
         ),
-        f"| eq. 8.1 at 500 µm, 9 Hz, 1.9 ms | {numbers['thesis_um']:.2f} |",
+        f"| eq. 8.1 at 500 um, 9 Hz, 1.9 ms | {numbers['thesis_um']:.2f} |",
     ]
     return {"survival": "\n".join(rows), "theory": "\n".join(theory)}

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from control import StateSpace
 
 Complex = NDArray[np.complex128]
+WORST = (9.0, 1.9e-3)
+"""Rotation [Hz] and duration [s] with which eq. 8.1 gives the worst case of the thesis, 53.7 um."""
 
 
 def standing(amplitude: ArrayLike, rotation: float, duration: ArrayLike, middle: ArrayLike) -> Real:

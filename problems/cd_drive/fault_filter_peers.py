@@ -14,15 +14,13 @@ from workbench.program import solve
 from workbench.uncertainty import GeneralisedPlant
 
 from .fault_loop import FaultLoop, disc_weight
+from .stand_in import low_pass
 
 if TYPE_CHECKING:
     from control import StateSpace
 
 M, A, X, BANDWIDTH = 250.0, 0.001, 3.0, 2 * np.pi * 230.0
 """Of eq. 7.32."""
-THESIS = 450.0
-"""Corner [Hz] of a high-pass that has the margins of figure 8.10 in strategy C, as the thesis's
-filter has; its coefficients are not printed."""
 ELECTRONICS = 1e-9
 """Of the error as it is read [m]: S alone vanishes where the loop integrates."""
 
@@ -53,7 +51,6 @@ def peer_filters(loop: FaultLoop, error: float, leakage: float) -> dict[str, Sta
     the relative error and the disc for the leakage; "high-pass": first order.
     Raises SolverError where the synthesis fails.
     """
-    import control
 
     program = FaultEstimation(
         _nominal(loop),
@@ -67,8 +64,7 @@ def peer_filters(loop: FaultLoop, error: float, leakage: float) -> dict[str, Sta
     solution = solve(program, "riccati")
     if solution.answer is None:
         raise SolverError(f"the nominal H-infinity filter: {solution.message}")
-    corner = 2 * np.pi * THESIS
     return {
         "H-infinity": solution.answer.K,
-        "high-pass": control.ss(-corner, corner, -1.0, 1.0),
+        "high-pass": 1 - low_pass(),
     }

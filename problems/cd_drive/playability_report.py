@@ -13,8 +13,8 @@ import numpy as np
 from workbench import figures
 
 from .balloon import POWER
-from .excursion_report import titled
 from .playability_runs import REPAIRED
+from .strategy_looks import COLOURS, titled
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -37,6 +37,31 @@ def labels(answer: xr.Dataset) -> list[str]:
     return [titled(str(name)) for name in answer["strategy"].values]
 
 
+def numbers_of(answer: xr.Dataset) -> dict[str, float]:
+    """Scores of each axis and strategy, and what tuning gains."""
+    numbers: dict[str, float] = {}
+    over = answer["burst"] > REPAIRED
+    for axis in answer["axis"].values:
+        for name in answer["strategy"].values:
+            place, own = f"{axis}_{name}", {"axis": axis, "strategy": name}
+            numbers |= {
+                f"in_spec_{place}": 1.0 - float(answer["out"].sel(own).mean()),
+                f"lost_{place}": float((answer["losses"].sel(own) > 0).mean()),
+                f"unrepaired_{place}": float(over.sel(own).mean()),
+                f"burst_{place}_mm": 1e3 * float(answer["burst"].sel(own).median()),
+                f"balloon_{place}": float(answer["balloon"].sel(own)),
+            }
+        numbers[f"tuned_{axis}_peak_sensitivity"] = float(answer["peak"].sel(axis=axis))
+        for measure in answer["measure"].values:
+            gained = answer["gained_interval"].sel(axis=axis, measure=measure)
+            numbers |= {
+                f"tuned_{axis}_{measure}": float(answer["gained"].sel(axis=axis, measure=measure)),
+                f"tuned_{axis}_{measure}_low": float(gained.sel(end="low")),
+                f"tuned_{axis}_{measure}_high": float(gained.sel(end="high")),
+            }
+    return numbers
+
+
 def balloons(answer: xr.Dataset) -> Figure:
     """Figure 2.15 with numbers: an arm for every cause, a balloon for every strategy."""
     figure, panels = figures.axes(1, 2, size=(11.0, 5.8), subplot_kw={"projection": "polar"})
@@ -45,8 +70,8 @@ def balloons(answer: xr.Dataset) -> Figure:
     polar: list[Any] = panels  # matplotlib calls them axes of any kind
     for panel, axis in zip(polar, answer["axis"].values, strict=True):
         one = answer.sel(axis=axis)
-        for n, (name, label) in enumerate(zip(one["strategy"].values, labels(one), strict=True)):
-            own, colour = one.sel(strategy=name), figures.CYCLE[n % len(figures.CYCLE)]
+        for name, label in zip(one["strategy"].values, labels(one), strict=True):
+            own, colour = one.sel(strategy=name), COLOURS[str(name)]
             length, low, high = (
                 np.append(each, each[0])
                 for each in (
@@ -61,7 +86,7 @@ def balloons(answer: xr.Dataset) -> Figure:
         panel.tick_params(axis="x", pad=16)
         panel.set_theta_zero_location("N")
         panel.set_ylim(0.0, 1.0)
-        panel.set_yticks([ring**POWER for ring in RINGS], [f"{ring:.1%}" for ring in RINGS])
+        panel.set_yticks([ring**POWER for ring in RINGS], [f"{100 * ring:g} %" for ring in RINGS])
         panel.set_rlabel_position(180.0 / len(known))
         panel.tick_params(axis="y", labelsize=7)
         panel.set_title(f"{axis}: share of time out of spec", pad=18)
@@ -109,7 +134,7 @@ def tuning(answer: xr.Dataset, tuned: str) -> Figure:
             [n], [gained], [[gained - low], [high - gained]], fmt="o", color=colour, capsize=4
         )
     panels[0].set_xlabel("trial")
-    panels[0].set_ylabel("balloon on training discs; above 1: |S| > 2 [1]")
+    panels[0].set_ylabel("balloon, training discs; above 1: |S| > 2 [1]")
     panels[0].set_title(f"{titled(tuned)}: search")
     panels[1].axhline(0.0, color=figures.BLACK, lw=0.8)
     panels[1].set_xlim(-0.6, 1.6)

@@ -16,7 +16,7 @@ import numpy as np
 
 from workbench.errors import InputError, UnknownNameError
 from workbench.executor import InProcess, Progress, spread
-from workbench.simulation import Cascade, Repetitive, in_discrete_time
+from workbench.simulation import Cascade, in_discrete_time
 from workbench.simulation.machine import machine
 
 from .actuator import Real
@@ -80,13 +80,9 @@ class Design:
             rotation,
             K=sampled_controller(axis, total_db),
             replacement=None if other is None else 10.0 ** (total_db / 20.0) * other,
+            corner=self.corner,
         )
-        made = strategies.named(self.strategy)
-        if self.corner == CORNER:
-            return made
-        law = Repetitive(rotation, PERIOD, self.corner).controller
-        parts = [replace(one, controller=law) if one.name == "REP" else one for one in made.parts]
-        return Cascade(made.measurements, parts, made.previous)
+        return strategies.named(self.strategy)
 
     def seeing(self, made: Cascade, level: float) -> Cascade:
         """The same with the detector of a clean disc's level [V] and of this dist_max."""
@@ -181,3 +177,8 @@ def scored(error: Real, axis: Axis) -> Sequence[float]:
 def sampled_controller(axis: Axis, gain_db: float = 0.0) -> StateSpace:
     """K of eq. 6.12, discrete, with its gain changed."""
     return 10.0 ** (gain_db / 20.0) * in_discrete_time(controller(axis), PERIOD)
+
+
+def chosen(count: int) -> tuple[str, ...]:
+    """So many of the twelve drives, evenly spread."""
+    return tuple(f"CD{1 + n * 12 // count}" for n in range(count))

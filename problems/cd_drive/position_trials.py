@@ -87,12 +87,7 @@ class Scratches:
         noise as in `Laboratory`; prompt: the quality is 0 exactly where the scratch is, else 1.
         """
         bench = Laboratory(self.axis, drive, self.values, delay=1.0, noise=noise)
-        size = (red_book(self.axis).deviation,)
-        disc = Disc(
-            warp=size if self.axis == "focus" else (),
-            eccentricity=size if self.axis == "radial" else (),
-            rotation=ROTATION,
-        )
+        disc = Disc.along(self.axis, red_book(self.axis).deviation, rotation=ROTATION)
         law = linear(controller(self.axis), PERIOD)
         record = bench.closed_loop(
             law, duration=DURATION, disc=disc, defects=[self.defect], seed=seed

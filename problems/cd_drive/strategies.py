@@ -10,8 +10,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from workbench.diagnosis import Rotation
 from workbench.errors import InputError, UnknownNameError
 from workbench.simulation import (
@@ -34,24 +32,20 @@ from .laboratory import MEASUREMENTS, Laboratory
 from .position_model import kalman
 from .position_trials import DIST_MAX, DIST_MIN
 from .quality import quality_signal
+from .stand_in import low_pass
 from .tables import Axis
 
 if TYPE_CHECKING:
     from control import StateSpace
+    from control.lti import LTI
 
-LOW_PASS = 450.0
-"""Corner [Hz] of the low-pass that the thesis' fault filter leaves of f_en: a first-order one has
-the margins of figure 8.10."""
 CORNER = 200.0
 """Of the repetitive control's low-pass [Hz]: 36 harmonics of the rotation."""
 
 
 def stand_in_filter() -> StateSpace:
-    """F (discrete), stand-in of the fault filter: what a low-pass at LOW_PASS takes away."""
-    import control
-
-    corner = 2 * np.pi * LOW_PASS
-    return in_discrete_time(control.tf([1.0, 0.0], [1.0, corner]), PERIOD)
+    """F (discrete), stand-in of the fault filter: what the low-pass takes away."""
+    return in_discrete_time(1 - low_pass(), PERIOD)
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +61,8 @@ class Strategies:
     bumpless     K and K' follow each other while they are not in charge; else what they gather
                  drifts apart, and radially the track is lost (see the tests);
     false        detections where there is no defect, from and until [s];
-    K            the controller; the axis' reference controller when left out.
+    K            the controller; the axis' reference controller when left out;
+    corner       of the repetitive control's low-pass [Hz].
     """
 
     axis: Axis
@@ -78,6 +73,7 @@ class Strategies:
     bumpless: bool = True
     false: Sequence[tuple[float, float]] = ()
     K: StateSpace | None = None
+    corner: float = CORNER
 
     def named(self, name: str) -> Cascade:
         """The strategy of a name in STRATEGIES. Raises UnknownNameError for another."""
@@ -86,9 +82,14 @@ class Strategies:
         return Cascade(MEASUREMENTS, [*self._detector, *STRATEGIES[name](self)])
 
     @property
+    def controller(self) -> LTI:
+        """K, or the axis' reference controller."""
+        return controller(self.axis) if self.K is None else self.K
+
+    @property
     def repetitive(self) -> Repetitive:
         """REP of strategy A. Raises InputError for a rotation frequency of 0."""
-        return Repetitive(self.rotation, PERIOD, CORNER)
+        return Repetitive(self.rotation, PERIOD, self.corner)
 
     @property
     def _detector(self) -> list[Part]:
@@ -101,7 +102,7 @@ class Strategies:
 
     @property
     def _law(self) -> Controller:
-        return linear(controller(self.axis) if self.K is None else self.K, PERIOD)
+        return linear(self.controller, PERIOD)
 
     def _reference(self) -> list[Part]:
         """Figure 8.2: the loop is opened; the controller goes on with an error of 0."""
@@ -139,7 +140,6 @@ class Strategies:
 
     def _replaced(self) -> list[Part]:
         """Figure 8.6 as one controller: K' has the command while w_Q is 0."""
-        K = controller(self.axis) if self.K is None else self.K
         other = self.replacement
         if other is None:
             raise InputError(
@@ -148,12 +148,12 @@ class Strategies:
             )
         if not self.bumpless:
             return [
-                Part("K", linear(K, PERIOD), ["f_en"], ["u_k"]),
+                Part("K", linear(self.controller, PERIOD), ["f_en"], ["u_k"]),
                 Part("K'", linear(other, PERIOD), ["f_en"], ["u_k'"]),
                 Part("u", blend(), ["w_Q", "u_k", "u_k'"]),
             ]
         return [
-            Part("K", following(K, PERIOD), ["f_en", "w_Q", "u_last"], ["u_k"]),
+            Part("K", following(self.controller, PERIOD), ["f_en", "w_Q", "u_last"], ["u_k"]),
             Part(
                 "K'", following(other, PERIOD, substitute=True), ["f_en", "w_Q", "u_last"], ["u_k'"]
             ),

@@ -13,6 +13,7 @@ from workbench import figures
 
 from .red_book import ACCEPTABLE_ERROR
 from .strategies_runs import ENGAGED
+from .strategy_looks import COLOURS, titled
 from .tables import Axis
 
 if TYPE_CHECKING:
@@ -20,14 +21,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-COLOURS = {
-    "reference": figures.BLACK,
-    "A": figures.BLUE,
-    "B": figures.ORANGE,
-    "C": figures.GREEN,
-    "K_prime": figures.PURPLE,
-}
-LABELS = {"reference": "reference", "A": "A", "B": "B", "C": "C", "K_prime": "K'"}
 STEMS = {"A": "figure-8-7", "B": "figure-8-8", "C": "figure-8-9", "K_prime": "figure-8-6"}
 
 
@@ -54,7 +47,7 @@ def tables_of(answer: xr.Dataset) -> dict[str, str]:
         ("excursion", "Largest true error within 5 ms after the 1.2 mm scratch [um]"),
         ("periodic", "Amplitude of the true error at the rotation frequency [um]"),
     ):
-        lines = ["| drive | " + " | ".join(LABELS[name] for name in names) + " |"]
+        lines = ["| drive | " + " | ".join(titled(name) for name in names) + " |"]
         lines.append("| --- |" + " ---: |" * len(names))
         for drive in answer["drive"].values:
             row = 1e6 * answer[what].sel(drive=drive)
@@ -121,7 +114,7 @@ def _shade(panel: Axes, one: xr.Dataset, stage: str) -> None:
 
 
 def _title(name: str) -> str:
-    return "controller $K'$" if name == "K_prime" else f"strategy {LABELS[name]}"
+    return "controller $K'$" if name == "K_prime" else f"strategy {titled(name)}"
 
 
 def _seen(axis: Axis) -> str:
@@ -149,9 +142,10 @@ def _drives(answer: xr.Dataset, axis: Axis) -> Figure:
                 "marker": "os^vD"[k],
                 "linestyle": "none",
             }
-            panel.plot(places, values, label=LABELS[name], **look)
-        panel.set_yscale("log")
+            panel.plot(places, values, label=titled(name), **look)
         panel.set_ylabel(label)
+    panels[0].set_ylim(bottom=0.0)
+    panels[1].set_yscale("log")
     limit = 1e6 * ACCEPTABLE_ERROR[axis]
     panels[0].axhline(limit, color="0.4", linestyle="--", linewidth=0.9, label="allowed (Red Book)")
     panels[1].set_xticks(range(answer.sizes["drive"]), answer["drive"].values)

@@ -76,9 +76,7 @@ class Experiment:
 
     @cached_property
     def disc(self) -> Disc:
-        size = (red_book(self.axis).deviation,)
-        warp, eccentricity = (size, ()) if self.axis == "focus" else ((), size)
-        return Disc(warp=warp, eccentricity=eccentricity, rotation=ROTATION)
+        return Disc.along(self.axis, red_book(self.axis).deviation, rotation=ROTATION)
 
     def scenario(self, drive: str, strategy: str, seed: int, refine: int = 1) -> Scenario:
         swing = self.displacement * ACCEPTABLE_ERROR[self.axis]

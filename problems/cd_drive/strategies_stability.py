@@ -9,7 +9,6 @@ from workbench.simulation import continued, in_discrete_time
 from workbench.synthesis.loops import certified_norm
 
 from .bench_setup import PERIOD
-from .drives import controller
 from .laboratory import Laboratory
 from .position_model import kalman
 from .strategies import Strategies
@@ -22,8 +21,7 @@ def repetitive_level(strategies: Strategies, bench: Laboratory) -> float:
     SLICOT's norm of this discrete one is 4 % too small. Raises InputError when K alone does not
     stabilise the drive.
     """
-    K = strategies.K if strategies.K is not None else controller(bench.axis)
-    loop = -bench.sampled_error() * in_discrete_time(K, PERIOD)
+    loop = -bench.sampled_error() * in_discrete_time(strategies.controller, PERIOD)
     return certified_norm(continued(strategies.repetitive.contraction(loop)))
 
 
@@ -34,9 +32,7 @@ def estimated_decay(strategies: Strategies, bench: Laboratory) -> float:
     is added to the command of K and which is given the command of the sample before.
     """
     drive = bench.sampled_error()
-    K = in_discrete_time(
-        strategies.K if strategies.K is not None else controller(bench.axis), PERIOD
-    )
+    K = in_discrete_time(strategies.controller, PERIOD)
     settled = kalman(bench.axis, Rotation(strategies.rotation)).settled
     model, n = settled.model, settled.model.seen
     A, B, C = model.A[:n, :n], model.B[:n], model.C[:n]

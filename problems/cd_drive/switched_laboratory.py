@@ -47,9 +47,8 @@ class Rig:
 
     @property
     def disc(self) -> Disc:
-        deviation = (self.size * red_book(self.axis).deviation,)
-        warp, eccentricity = (deviation, ()) if self.axis == "focus" else ((), deviation)
-        return Disc(warp, eccentricity, self.rotation)
+        deviation = self.size * red_book(self.axis).deviation
+        return Disc.along(self.axis, deviation, rotation=self.rotation)
 
     def defects(self, samples: int) -> Sequence[Defect]:
         """One for every angle, each met in one revolution."""

@@ -32,14 +32,13 @@ from workbench.synthesis import discretised
 from .actuator import Complex, Real, specific_model
 from .bench_setup import PERIOD
 from .drives import ANTIALIASING
+from .stand_in import low_pass
 from .tables import ActuatorParameters
 
 if TYPE_CHECKING:
     from control import StateSpace
 
 Strategy = Literal["none", "open", "filter", "lower"]
-FILTER = 450.0
-"""Corner of F [Hz]: a stand-in for K_f that gives the margins of figure 8.10."""
 MICRO = 1e-6
 SAME = 1e-6
 """Relative distance of two slow poles that count as one."""
@@ -145,8 +144,6 @@ def regulators(
 
     Raises InputError for another strategy, a missing K', and one with another slow pole than K.
     """
-    import control
-
     a, b, A, B, C, D = parted(discretised(K, PERIOD))
     one = np.array([[1.0]])
     whole, enter = block_diag(a, A), np.vstack([[[b]], B])
@@ -156,8 +153,7 @@ def regulators(
     if strategy == "open":
         return alone, Regulator(whole, 0 * enter, alone.C, 0 * alone.D)
     if strategy == "filter":
-        corner = 2 * np.pi * FILTER
-        F = discretised(control.ss(-corner, corner, 1.0, 0.0), PERIOD)
+        F = discretised(low_pass(), PERIOD)
         both = block_diag(whole, F.A)
         wide = np.hstack([alone.C, [[0.0]]])
         clean = Regulator(both, np.vstack([enter, F.B]), wide, alone.D)

@@ -20,7 +20,8 @@ from workbench.uncertainty import GeneralisedPlant
 
 from .bench_setup import PERIOD
 from .loops import Margins, loop_response, margins
-from .switched_loop import FILTER, closed
+from .stand_in import low_pass
+from .switched_loop import closed
 from .tables import Axis
 from .trade_off import CHANNELS, TradeOff
 
@@ -56,11 +57,7 @@ class LoopsAlone:
     @property
     def controllers(self) -> dict[str, StateSpace]:
         """By the names of CONTROLLERS."""
-        import control
-
-        corner = 2 * np.pi * FILTER
-        F = control.ss(-corner, corner, 1.0, 0.0)
-        return dict(zip(CONTROLLERS, (self.K, self.K * F, self.lower), strict=True))
+        return dict(zip(CONTROLLERS, (self.K, self.K * low_pass(), self.lower), strict=True))
 
     def open_loop(self, K: StateSpace, G: StateSpace, sampling: str) -> StateSpace:
         if sampling == "continuous":

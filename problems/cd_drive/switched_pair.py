@@ -19,11 +19,10 @@ from workbench.synthesis.loops import restored
 from .actuator import Real
 from .balloon import arms, interval, resampled, size
 from .bench_setup import PERIOD
-from .ensemble import GROUPS, Circumstance, circumstances
+from .ensemble import GROUPS, Circumstance, circumstances, groups
 from .laboratory import MEASUREMENTS, Laboratory
 from .photo_diodes import CAPTURE
-from .playability import chosen, groups
-from .playability_runs import SCORES, evaluated, met, sampled_controller, scored
+from .playability_runs import SCORES, chosen, evaluated, met, sampled_controller, scored
 from .playability_search import LARGEST, peak_sensitivity
 from .red_book import ACCEPTABLE_ERROR
 from .sets import TABLES

@@ -241,7 +241,7 @@ def _region(axis: Axis, answer: xr.Dataset) -> Figure:
                 MM * one["distance"], 0.0, reach, color=colour, alpha=0.12, linewidth=0
             )
         handles = handles or panel
-        panel.set_title(f"{strategy}: {titles[case]}", fontsize=9)
+        panel.set_title(f"{WORDS[strategy]}:\n{titles[case]}", fontsize=9)
         panel.set_ylim(-0.05, 1.05 * MM * answer.sizes["length"])
     for panel in panels[:: len(strategies)]:
         panel.set_ylabel("longest defect [mm]")

@@ -26,8 +26,7 @@ def law(axis):
 def disc(axis, share=1.0, **options):
     """A share of the deviation that the Red Book allows."""
     red_book = share * tables.red_book(axis).deviation
-    warp, eccentricity = ((red_book,), ()) if axis == "focus" else ((), (red_book,))
-    return Disc(warp=warp, eccentricity=eccentricity, **options)
+    return Disc.along(axis, red_book, **options)
 
 
 def multisine(amplitude, periods=4):

@@ -11,9 +11,9 @@ from hypothesis.extra.numpy import arrays
 import workbench as wb
 from problems.cd_drive.balloon import arms, interval, resampled, size
 from problems.cd_drive.ensemble import circumstances
-from problems.cd_drive.playability import chosen, named, playability
+from problems.cd_drive.playability import named, playability
 from problems.cd_drive.playability_checks import continuous_peak
-from problems.cd_drive.playability_runs import Design, Player, sampled_controller, scored
+from problems.cd_drive.playability_runs import Design, Player, chosen, sampled_controller, scored
 from problems.cd_drive.playability_search import BOUNDS, LARGEST, Search, peak_sensitivity
 from workbench.errors import InputError, UnknownNameError
 

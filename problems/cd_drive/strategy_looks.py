@@ -1,0 +1,19 @@
+"""How the strategies are called and coloured, wherever they are drawn."""
+
+from __future__ import annotations
+
+from workbench import figures
+
+COLOURS = {
+    "reference": figures.BLACK,
+    "A": figures.BLUE,
+    "B": figures.ORANGE,
+    "C": figures.GREEN,
+    "K_prime": figures.PURPLE,
+    "tuned": figures.AMBER,
+}
+
+
+def titled(name: str) -> str:
+    """A strategy's name in figures and tables."""
+    return {"K_prime": "K'"}.get(name, name)
