@@ -4,13 +4,15 @@ import os
 import signal
 import sys
 import time
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from workbench.errors import TimeLimitError, WorkbenchError
-from workbench.executor import Context, InProcess, Processes, shown
+from workbench.executor import Context, InProcess, Processes, Threads, shown, spread
 from workbench.solvers import Options
 
 
@@ -51,6 +53,13 @@ def unpicklable():
     return lambda: None
 
 
+def leave_a_mark(folder, number):
+    time.sleep(0.05)
+    if number == 2:
+        raise ArithmeticError("number 2 failed")
+    (folder / str(number)).touch()
+
+
 @pytest.fixture(scope="module")
 def processes():
     with Processes(2) as executor:
@@ -60,7 +69,7 @@ def processes():
 EXECUTORS = {
     "in process": InProcess,
     "processes": lambda: Processes(1),
-    "threads": lambda: ThreadPoolExecutor(1),
+    "threads": lambda: Threads(1),
     "pool": lambda: ProcessPoolExecutor(1),
 }
 
@@ -127,6 +136,26 @@ def test_an_interrupt_passes_through_in_process_work():
 
     with InProcess() as executor, pytest.raises(KeyboardInterrupt):
         executor.submit(interrupt)
+
+
+def blas_threads():
+    return [one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas"]
+
+
+def test_blas_leaves_the_cores_to_the_threads():
+    with threadpool_limits(2, "blas"):
+        assert set(blas_threads()) == {2}
+        with Threads(2) as executor:
+            assert set(executor.submit(blas_threads).result()) == {1}
+        assert set(blas_threads()) == {2}
+
+
+@pytest.mark.parametrize("kind", [Threads, Processes])
+def test_after_an_error_nothing_more_is_begun(kind, tmp_path):
+    """An interrupted ensemble must not go on to its end before it says so."""
+    with kind(1) as executor, pytest.raises((ArithmeticError, WorkbenchError), match="number 2"):
+        spread(partial(leave_a_mark, tmp_path), range(12), executor)
+    assert len(list(tmp_path.iterdir())) < 6
 
 
 # --- context ----------------------------------------------------------------------------------

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import multiprocessing
+import os
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Sized
 from concurrent.futures import Executor, Future, ThreadPoolExecutor, as_completed
@@ -19,6 +20,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from workbench.errors import InputError, TimeLimitError, WorkbenchError
 from workbench.solvers import Options
@@ -74,6 +76,21 @@ class InProcess(Executor):
         except Exception as error:
             future.set_exception(error)
         return future
+
+
+class Threads(ThreadPoolExecutor):
+    """Runs tasks in threads of the caller's process, for compiled code that lets others run.
+
+    BLAS keeps to one thread meanwhile: its own threads spin while they wait, on the workers' cores.
+    """
+
+    def __init__(self, workers: int | None = None) -> None:
+        super().__init__(workers or os.cpu_count())
+        self._limits = threadpool_limits(1, "blas")
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        super().shutdown(wait, cancel_futures=cancel_futures)
+        self._limits.restore_original_limits()
 
 
 class Processes(Executor):
@@ -148,7 +165,8 @@ def spread(
     """Results of a function of many items, in their order; `batch` of them make one task.
 
     A task of `Processes` starts a process, so it should be worth seconds. The first error that is
-    met is raised. Raises InputError for a batch below 1.
+    met is raised, and what has not begun by then is not begun. Raises InputError for a batch below
+    1.
     """
     if batch < 1:
         raise InputError(f"batch is {batch}; it must be 1 or more")
@@ -161,15 +179,19 @@ def spread(
         progress(description, sum(sizes[one] for one in told), len(items))
 
     progress(description, 0, len(items))
-    for start in range(0, len(items), batch):
-        part = items[start : start + batch]
-        future = executor.submit(_each, function, part)
-        sizes[future] = len(part)
-        if future.done():  # in process it is over before the next one begins
-            tell(future)
-    for future in as_completed(sizes):
-        if future not in told:
-            tell(future)
+    try:
+        for start in range(0, len(items), batch):
+            part = items[start : start + batch]
+            future = executor.submit(_each, function, part)
+            sizes[future] = len(part)
+            if future.done():  # in process it is over before the next one begins
+                tell(future)
+        for future in as_completed(sizes):
+            if future not in told:
+                tell(future)
+    finally:
+        for future in sizes:
+            future.cancel()
     return [result for future in sizes for result in future.result()]
 
 

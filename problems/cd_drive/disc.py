@@ -115,8 +115,8 @@ class Disc:
     @classmethod
     def along(cls, axis: Axis, *amplitudes: float, **rest: Any) -> Self:
         """A disc that deviates by these harmonics [m] in one axis, and not in the other."""
-        name = "warp" if axis == "focus" else "eccentricity"
-        return cls(**{name: amplitudes}, **rest)
+        warp, eccentricity = (amplitudes, ()) if axis == "focus" else ((), amplitudes)
+        return cls(warp=warp, eccentricity=eccentricity, **rest)
 
     def deviation(self, axis: Axis, time: Real) -> Real:
         """Position x_cd of the layer, or y_cd of the track [m], at times [s] (N,): (N,)."""

@@ -7,7 +7,6 @@ CD-players (2003).
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
@@ -15,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from workbench.errors import InputError, UnknownNameError
-from workbench.executor import InProcess, Progress, spread
+from workbench.executor import Progress, Threads, spread
 from workbench.simulation import Cascade, in_discrete_time
 from workbench.simulation.machine import machine
 
@@ -131,7 +130,7 @@ def met(
     thread shares what is compiled.
     """
     machine()  # threads that meet it at one time would each compile it
-    with InProcess() if workers == 1 else ThreadPoolExecutor(workers) as pool:
+    with Threads(workers) as pool:
         return np.transpose(spread(task, many, pool, progress, what), (2, 1, 0, 3))
 
 

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import os
-from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 
 import numpy as np
 
-from workbench.executor import Context, InProcess
+from workbench.executor import Context, InProcess, Threads
 from workbench.mu.upper_batch import solve_each
 from workbench.mu.upper_certificate import certified
 from workbench.mu.upper_pattern import pattern_of, spread
@@ -43,7 +41,7 @@ def _fast(program: MuUpperBound, context: Context) -> Claim:
     def solve(part: slice) -> None:
         solve_each(batch[part], pattern, accuracy, D[part], G[part], gaps[part], iterations[part])
 
-    with ThreadPoolExecutor(os.cpu_count()) if len(parts) > 1 else InProcess() as executor:
+    with Threads() if len(parts) > 1 else InProcess() as executor:
         running = [executor.submit(solve, part) for part in parts]
         try:
             for one in context.track(running, "upper bounds"):
