@@ -93,12 +93,12 @@ def _dwell(answer: xr.Dataset) -> str:
         rows.append(["all at once", *(cell for pair in cells for cell in pair)])
     share, volume = answer["box_share"].values, answer["box_volume"].values
     below = "\n".join(
-        f"K to K' and back, {a:g} times the parametric set: {b:.1%} of its volume proven."
+        f"K to K' and back, the parametric set times {a:g}: {b:.1%} of its volume proven."
         for a, b in zip(share, volume, strict=True)
     )
     if answer.sizes["cell"]:
         longest_dwell, best = int(answer["cell_dwell"].max()), float(answer["box_of_cells"])
-        below += f"\nAt most {longest_dwell} samples between defects are needed at {best:g} times."
+        below += f"\nSamples between defects that are enough, times {best:g}: {longest_dwell}."
     head = f"Samples of {1e6 * PERIOD:.1f} us; defects of 1 to {longest} samples.\n\n"
     return head + aligned(heads, rows) + "\n" + below + "\n"
 
@@ -128,7 +128,7 @@ def _errors(axis: Axis, answer: xr.Dataset) -> str:
             rows.append(cells)
         cells = [case, "K goes on", f"{float(answer['alone'].sel(case=case).max()):.2f}"]
         rows.append(cells + [""] * 5)
-    return f"Of all drives, {MM * far:.0f} mm between defects.\n\n" + aligned(heads, rows)
+    return f"All drives; defects {MM * far:.0f} mm apart.\n\n" + aligned(heads, rows)
 
 
 def _laboratory(answer: xr.Dataset) -> str:
