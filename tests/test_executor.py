@@ -144,10 +144,11 @@ def blas_threads():
 
 def test_blas_leaves_the_cores_to_the_threads():
     with threadpool_limits(2, "blas"):
-        assert set(blas_threads()) == {2}
+        before = blas_threads()
+        assert 2 in before  # not each of the libraries takes more than it began with
         with Threads(2) as executor:
             assert set(executor.submit(blas_threads).result()) == {1}
-        assert set(blas_threads()) == {2}
+        assert blas_threads() == before
 
 
 @pytest.mark.parametrize("kind", [Threads, Processes])
