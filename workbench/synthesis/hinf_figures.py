@@ -30,9 +30,12 @@ def loop(closed: StateSpace, gamma: float) -> Figure:
 
 
 def controller(K: StateSpace, closed: StateSpace) -> Figure:
-    """Singular values of K over the frequencies of the loop."""
+    """Singular values of K over the frequencies of the loop; |K| of a scalar one."""
     figure, (panel,) = figures.axes()
     _singular_values(panel, K, grid(closed))
+    if K.issiso():
+        panel.set_ylabel("|K|")
+        return figure
     panel.set_ylabel("singular values of K")
     figures.legend_below(figure, panel)
     return figure
@@ -53,7 +56,7 @@ def grid(closed: StateSpace) -> np.ndarray:
 def _singular_values(panel: Axes, system: StateSpace, omega: np.ndarray) -> None:
     values = np.linalg.svd(response(system, omega), compute_uv=False)
     for k, row in enumerate(values.T):
-        panel.loglog(omega, np.maximum(row, 1e-300), label=f"number {k + 1}")
+        panel.loglog(omega, np.maximum(row, 1e-300), label=f"sigma {k + 1}")
     largest = max(float(values.max()), 1e-290)
     panel.set_ylim(max(float(values.min()), 1e-6 * largest) / 2, 3 * largest)
-    panel.set_xlabel("omega [rad/s]")
+    panel.set_xlabel("angular frequency [rad/s]")

@@ -46,7 +46,9 @@ def rounds(answer: MuController) -> Figure:
     count = np.arange(1, len(answer.history) + 1)
     figure, (peaks, orders) = figures.axes(2, 1, size=(7.0, 5.0), sharex=True)
     peaks.plot(count, [each.peak for each in answer.history], "o-", label="peak of mixed mu")
-    peaks.plot(count, [each.level for each in answer.history], "s:", label="H-infinity level")
+    levels = [each.level for each in answer.history]
+    if np.isfinite(levels).any():  # a structured controller has none
+        peaks.plot(count, levels, "s:", label="H-infinity level")
     peaks.axhline(answer.upper, color="0.4", linewidth=0.8, label="certified, best")
     orders.bar(count, [each.order for each in answer.history], color=figures.SKY)
     peaks.set_ylabel("mu, gamma [1]")
