@@ -85,7 +85,7 @@ class Threads(ThreadPoolExecutor):
     """
 
     def __init__(self, workers: int | None = None) -> None:
-        super().__init__(workers or os.cpu_count())
+        super().__init__(os.cpu_count() if workers is None else workers)
         self._limits = threadpool_limits(1, "blas")
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:

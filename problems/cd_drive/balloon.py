@@ -12,8 +12,8 @@ from workbench.errors import InputError
 
 from .actuator import Real
 
-LEVEL = 0.95
-"""Of every confidence interval."""
+BOOTSTRAP, LEVEL = 1000, 0.95
+"""Samples, and level, of every confidence interval."""
 POWER = 0.25
 """Of the share of time out of spec that an arm is long: from 0 in the centre, 1e-4 at a tenth of
 the way, to all of the time at 1."""

@@ -51,7 +51,6 @@ def peer_filters(loop: FaultLoop, error: float, leakage: float) -> dict[str, Sta
     the relative error and the disc for the leakage; "high-pass": first order.
     Raises SolverError where the synthesis fails.
     """
-
     program = FaultEstimation(
         _nominal(loop),
         "f_sd",

@@ -82,17 +82,7 @@ def full(focus: Run, radial: Run, scenarios: Count = 1000, workers: Workers = 2)
 
     scenarios: circumstances of each axis. workers: threads.
     """
-    return Playability(
-        slower(focus, radial),
-        scenarios,
-        chosen(12),
-        named(Names),
-        "reference",
-        35,
-        20,
-        1.0,
-        workers,
-    )
+    return playability(focus, radial, scenarios, drives=12, training=35, trials=20, workers=workers)
 
 
 def slower(focus: Run, radial: Run) -> dict[Axis, StateSpace]:

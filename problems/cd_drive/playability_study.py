@@ -16,7 +16,7 @@ from workbench.errors import InputError
 from workbench.executor import Context
 
 from .actuator import Real
-from .balloon import LEVEL, arms, interval, resampled, size
+from .balloon import BOOTSTRAP, LEVEL, arms, interval, resampled, size
 from .ensemble import GROUPS, Circumstance, circumstances, groups
 from .playability_checks import checks_of
 from .playability_report import figures_of, numbers_of, tables_of
@@ -30,8 +30,6 @@ if TYPE_CHECKING:
     from control import StateSpace
     from matplotlib.figure import Figure
 
-BOOTSTRAP = 1000
-"""Samples of every interval."""
 UNITS = {"out": "1", "losses": "1", "burst": "m", "deviation": "m"}
 
 

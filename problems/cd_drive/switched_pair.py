@@ -17,7 +17,7 @@ from workbench.simulation import Cascade, Part, linear
 from workbench.synthesis.loops import restored
 
 from .actuator import Real
-from .balloon import arms, interval, resampled, size
+from .balloon import BOOTSTRAP, arms, interval, resampled, size
 from .bench_setup import PERIOD
 from .ensemble import GROUPS, Circumstance, circumstances, groups
 from .laboratory import MEASUREMENTS, Laboratory
@@ -36,8 +36,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 CASES = ("fast", "slow", "switched")
-BOOTSTRAP = 1000
-"""Samples of every interval."""
 
 
 @problem(
