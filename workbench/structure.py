@@ -12,14 +12,12 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate, pairwise
 from numbers import Integral
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from workbench.arrays import Array
 from workbench.errors import InputError
-
-Matrix = NDArray[Any]
 
 
 class Block(ABC):
@@ -43,11 +41,11 @@ class Block(ABC):
         """Its row in the two-column integer form."""
 
     @abstractmethod
-    def nearest(self, matrix: Matrix) -> Matrix:
+    def nearest(self, matrix: Array) -> Array:
         """The block of this kind nearest to `matrix` (rows, columns) in the Frobenius norm."""
 
     @abstractmethod
-    def random(self, rng: np.random.Generator) -> Matrix:
+    def random(self, rng: np.random.Generator) -> Array:
         """A random block (rows, columns) with norm at most 1."""
 
 
@@ -78,10 +76,10 @@ class Real(_Repeated):
     def pair(self) -> tuple[int, int]:
         return -self.n, 0
 
-    def nearest(self, matrix: Matrix) -> Matrix:
+    def nearest(self, matrix: Array) -> Array:
         return np.trace(matrix).real / self.n * np.eye(self.n)
 
-    def random(self, rng: np.random.Generator) -> Matrix:
+    def random(self, rng: np.random.Generator) -> Array:
         return rng.uniform(-1.0, 1.0) * np.eye(self.n)
 
 
@@ -93,10 +91,10 @@ class Complex(_Repeated):
     def pair(self) -> tuple[int, int]:
         return self.n, 0
 
-    def nearest(self, matrix: Matrix) -> Matrix:
+    def nearest(self, matrix: Array) -> Array:
         return np.trace(matrix) / self.n * np.eye(self.n)
 
-    def random(self, rng: np.random.Generator) -> Matrix:
+    def random(self, rng: np.random.Generator) -> Array:
         radius, angle = np.sqrt(rng.uniform()), rng.uniform(0.0, 2.0 * np.pi)
         return radius * np.exp(1j * angle) * np.eye(self.n)
 
@@ -127,10 +125,10 @@ class Full(Block):
     def pair(self) -> tuple[int, int]:
         return self.outputs, self.inputs
 
-    def nearest(self, matrix: Matrix) -> Matrix:
+    def nearest(self, matrix: Array) -> Array:
         return matrix
 
-    def random(self, rng: np.random.Generator) -> Matrix:
+    def random(self, rng: np.random.Generator) -> Array:
         real, imag = rng.standard_normal((2, self.outputs, self.inputs))
         matrix = real + 1j * imag
         return rng.uniform() * matrix / np.linalg.norm(matrix, 2)
@@ -207,7 +205,7 @@ class Structure:
                 f"to its {self.columns} inputs"
             )
 
-    def diagonal(self, parts: Iterable[ArrayLike]) -> Matrix:
+    def diagonal(self, parts: Iterable[ArrayLike]) -> Array:
         """Delta (rows, columns) from its blocks."""
         arrays = [np.asarray(part) for part in parts]
         delta = np.zeros((self.rows, self.columns), np.result_type(*arrays, float))
@@ -231,7 +229,7 @@ class Structure:
         nearest = self.diagonal(b.nearest(array[row, column]) for b, row, column in places)
         return bool((abs(array - nearest) <= tolerance * abs(array).max()).all())
 
-    def random(self, rng: np.random.Generator) -> Matrix:
+    def random(self, rng: np.random.Generator) -> Array:
         """A random Delta (rows, columns), its largest singular value 1."""
         parts = [block.random(rng) for block in self.blocks]
         return self.diagonal(parts) / max(np.linalg.norm(part, 2) for part in parts)

@@ -17,14 +17,14 @@ from workbench.executor import WALL_TIME, Context
 from workbench.fitting import MagnitudeFit, ResponseFit
 from workbench.geometry import narrowest_stadium
 from workbench.uncertainty import CircleCover, CoverSteps, Responses, StadiumCover, limited
-from workbench.uncertainty.sets import stadiums_about_nominal
-from workbench.uncertainty.weights import needed_radius, unwrapped
+from workbench.uncertainty.covers.sets import stadiums_about_nominal
+from workbench.uncertainty.covers.weights import needed_radius, unwrapped
 
-from ..cd_drive.actuator import specific_model, stack
-from ..cd_drive.covers import measured_drives
-from ..cd_drive.drives import nominal_parameters, total_gain
-from ..cd_drive.sets import TABLES
-from ..cd_drive.tables import ActuatorParameters, nominal_table
+from ..cd_drive.drive.actuator import specific_model, stack
+from ..cd_drive.drive.plants import nominal_parameters, total_gain
+from ..cd_drive.drive.shared_parameters import TABLES
+from ..cd_drive.drive.tables import ActuatorParameters, nominal_table
+from ..cd_drive.uncertainty.measured_drives import measured_drives
 from .scanned import ScannedStadiums
 
 if TYPE_CHECKING:

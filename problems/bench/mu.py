@@ -16,7 +16,7 @@ from workbench import Check, Options, Study, figures, problem
 from workbench.executor import WALL_TIME, Context
 from workbench.mu import peak, upper_bound
 from workbench.structure import Block, Complex, Full, Real, Structure
-from workbench.uncertainty.generalised import response
+from workbench.systems.generalised_plant import response
 
 if TYPE_CHECKING:
     import xarray as xr

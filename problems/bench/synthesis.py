@@ -17,12 +17,12 @@ from workbench.errors import SolverError
 from workbench.executor import WALL_TIME, Context
 from workbench.mu import upper_bound
 from workbench.synthesis import MuController, MuSynthesis, hinf
-from workbench.synthesis.hinf_riccati import central
-from workbench.synthesis.loops import restored, stored
+from workbench.synthesis.hinf.riccati import central
+from workbench.systems.generalised_plant import response
+from workbench.systems.storage import restored, stored
 from workbench.uncertainty import GeneralisedPlant
-from workbench.uncertainty.generalised import response
 
-from ..cd_drive.sets import TABLES
+from ..cd_drive.drive.shared_parameters import TABLES
 from ..textbook.distillation import distillation_column
 from .synthesis_peers import ITERATIONS, OMEGA, achieved, dk_iteration, hinfsyn, need_dkpy
 from .synthesis_plants import drive_plants, random_plant

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from workbench.errors import InputError
-from workbench.synthesis.standard import realisation
+from workbench.systems.realisation import realisation
 from workbench.uncertainty import GeneralisedPlant
 
 if TYPE_CHECKING:

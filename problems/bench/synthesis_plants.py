@@ -7,12 +7,12 @@ import math
 import numpy as np
 
 from workbench.synthesis import regularised
-from workbench.synthesis.standard import realisation
+from workbench.systems.realisation import realisation
 from workbench.uncertainty import GeneralisedPlant
 
-from ..cd_drive.control_problem import generalised
-from ..cd_drive.parametric import parametric_plant
-from ..cd_drive.tables import Axis
+from ..cd_drive.control.control_problem import generalised
+from ..cd_drive.drive.tables import Axis
+from ..cd_drive.uncertainty.parametric_model import parametric_plant
 
 SMALL = 1e-4
 """Size of what makes the CD drive's plant regular."""

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field
 
-from problems.mass_spring.plant import two_mass_plant
 from workbench import Run, problem, ref
 from workbench.errors import InputError
 from workbench.synthesis import MuSynthesis, reduced
-from workbench.synthesis.loops import restored
+from workbench.systems.storage import restored
 from workbench.uncertainty import GeneralisedPlant
 
+from ..mass_spring.plant import two_mass_plant
 from .distillation import distillation_column
 from .first_order import unstable_first_order
 

@@ -10,6 +10,7 @@ from pydantic import Field
 from scipy.linalg import expm
 
 from workbench import Check, Study, problem
+from workbench.arrays import Array
 from workbench.diagnosis import (
     FaultModel,
     attainable_structures,
@@ -22,8 +23,8 @@ from workbench.diagnosis import (
 )
 from workbench.executor import Context
 from workbench.program import worst
-from workbench.synthesis.loops import restored, stored
-from workbench.synthesis.standard import realisation
+from workbench.systems.realisation import realisation
+from workbench.systems.storage import restored, stored
 
 from .fault_examples import (
     SUBOPTIMAL,
@@ -40,7 +41,7 @@ if TYPE_CHECKING:
     from control import StateSpace
     from matplotlib.figure import Figure
 
-Array = np.ndarray
+
 GENERATORS = ("exact", "approximate")
 INPUTS = ("f_u1", "f_u2", "u1", "u2")
 SPREAD = np.linspace(-0.25, 0.25, 5)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from workbench.diagnosis import FaultModel
-from workbench.synthesis.standard import realisation
+from workbench.systems.realisation import realisation
 
 if TYPE_CHECKING:
     from control import StateSpace

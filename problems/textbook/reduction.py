@@ -12,7 +12,7 @@ from workbench import Check, Run, Study, figures, problem, ref
 from workbench.executor import Context
 from workbench.program import worst
 from workbench.synthesis import MuSynthesis, reduce
-from workbench.synthesis.loops import restored, stored
+from workbench.systems.storage import restored, stored
 from workbench.uncertainty import GeneralisedPlant
 
 from .controller import PLANTS

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from workbench.diagnosis import FaultModel
-from workbench.diagnosis.decoupling import Parity
+from workbench.diagnosis.models.decoupling import Parity
 
 
 def polynomial_at(parity, s):

@@ -8,8 +8,8 @@ import pytest
 from faulty_plants import random_model, response_at
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from workbench.plants.textbook.fault_examples import four_compartments, unstable_sensor
 
-from problems.textbook.fault_examples import four_compartments, unstable_sensor
 from workbench.diagnosis import (
     FaultModel,
     attainable_structures,

@@ -5,9 +5,10 @@ import math
 import control
 import numpy as np
 import pytest
+from workbench.plants.cd_drive.diagnosis.quality import binary_detector, clean_level, quality_signal
+from workbench.plants.textbook.fault_examples import two_actuators, unstable_sensor
 
-from problems.cd_drive.quality import binary_detector, clean_level, quality_signal
-from problems.textbook.fault_examples import two_actuators, unstable_sensor
+from workbench.certify.stability import stability_of
 from workbench.diagnosis import (
     Clusters,
     DisturbedPlant,
@@ -47,7 +48,6 @@ from workbench.diagnosis import (
 )
 from workbench.errors import InputError, UnknownNameError
 from workbench.simulation import play
-from workbench.synthesis.loops import stability_of
 from workbench.uncertainty import GeneralisedPlant, generalised_plant
 
 NAN = math.nan

@@ -6,13 +6,13 @@ import pytest
 from faulty_plants import random_model, residual_at, response_at
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-
-from problems.textbook.fault_examples import (
+from workbench.plants.textbook.fault_examples import (
     four_compartments,
     two_actuators,
     unstable_sensor,
     unstable_sensor_residual,
 )
+
 from workbench.diagnosis import (
     FaultModel,
     attainable_structures,

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 import workbench as wb
+from workbench.certify.norms import certified_norm
 from workbench.diagnosis import FaultEstimation, Requirement
 from workbench.errors import InputError, UnknownNameError
 from workbench.structure import Complex, Real
-from workbench.synthesis.loops import certified_norm
-from workbench.uncertainty.generalised import GeneralisedPlant, generalised_plant, response
+from workbench.systems.generalised_plant import GeneralisedPlant, generalised_plant, response
 
 LAG = control.tf([1.0], [1.0, 0.5])
 SLOW, FAST = control.tf([1.0], [1.0, 0.01]), control.tf([1.0, 0.1], [1.0, 2.0])

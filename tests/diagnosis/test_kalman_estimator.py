@@ -174,7 +174,7 @@ def test_quality_outside_its_range_is_told():
 def test_doubling_solves_the_riccati_equation():
     from scipy.linalg import solve_discrete_are
 
-    from workbench.diagnosis.kalman import _doubled
+    from workbench.diagnosis.estimators.kalman import _doubled
 
     rng = np.random.default_rng(5)
     for _ in range(20):

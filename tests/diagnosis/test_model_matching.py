@@ -4,8 +4,8 @@ import control
 import numpy as np
 import pytest
 from faulty_plants import residual_at
+from workbench.plants.textbook.fault_examples import two_actuators
 
-from problems.textbook.fault_examples import two_actuators
 from workbench.diagnosis import (
     FaultModel,
     matching_bound,
@@ -14,7 +14,7 @@ from workbench.diagnosis import (
     transfer,
 )
 from workbench.errors import InputError
-from workbench.synthesis.standard import realisation
+from workbench.systems.realisation import realisation
 
 LOW_PASS = realisation((-10 * np.eye(2), np.eye(2), 10 * np.eye(2), np.zeros((2, 2))), 0.0)
 

@@ -8,7 +8,7 @@ from scipy.linalg import expm
 from scipy.signal import place_poles
 
 from workbench.diagnosis import observer_gain, prototype_poles
-from workbench.diagnosis.observers import placement_residual
+from workbench.diagnosis.estimators.observers import placement_residual
 from workbench.errors import InputError
 
 PERIOD = 1 / 35e3

@@ -5,8 +5,8 @@ import pytest
 from faulty_plants import random_model
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from workbench.plants.textbook.fault_examples import two_actuators
 
-from problems.textbook.fault_examples import two_actuators
 from workbench.diagnosis import FaultModel, parity_relation
 from workbench.errors import InputError
 

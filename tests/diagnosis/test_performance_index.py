@@ -6,8 +6,8 @@ import pytest
 from faulty_plants import random_model
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from workbench.plants.textbook.fault_examples import two_actuators, unstable_sensor
 
-from problems.textbook.fault_examples import two_actuators, unstable_sensor
 from workbench.diagnosis import (
     FaultModel,
     fault_detection,
@@ -16,7 +16,7 @@ from workbench.diagnosis import (
     transfer,
 )
 from workbench.errors import InputError, UnknownNameError
-from workbench.synthesis.standard import realisation
+from workbench.systems.realisation import realisation
 
 PASS = realisation((np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.eye(1)), 0.0)
 

@@ -8,7 +8,7 @@ from scipy.optimize import minimize
 from scipy.signal import bessel, lti, step
 
 from workbench.diagnosis import prototype_poles
-from workbench.diagnosis.prototypes import ITAE
+from workbench.diagnosis.estimators.prototypes import ITAE
 from workbench.errors import InputError
 
 TIME = np.linspace(0.0, 40.0, 4001)

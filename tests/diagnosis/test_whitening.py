@@ -13,7 +13,7 @@ from workbench.diagnosis import (
     whitened_residual,
 )
 from workbench.errors import InputError
-from workbench.synthesis.standard import realisation
+from workbench.systems.realisation import realisation
 
 
 def scalar(noise_zero, direct=1.0):

@@ -5,11 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from workbench.plants.cd_drive.drive.plants import responses
 
-from problems.cd_drive.drives import responses
 from workbench.errors import InputError, SolverError
-from workbench.fitting import magnitude_best, magnitude_nonlinear, magnitude_sb10yd  # noqa: F401
-from workbench.fitting.magnitude import MagnitudeFit, fit_magnitude
+from workbench.fitting.magnitude import sb10yd as magnitude_sb10yd  # noqa: F401
+from workbench.fitting.magnitude.program import MagnitudeFit, fit_magnitude
 from workbench.fitting.rational import Rational
 from workbench.geometry import smallest_circle
 from workbench.program import methods, solve

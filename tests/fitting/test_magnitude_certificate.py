@@ -4,16 +4,9 @@ import numpy as np
 import pytest
 
 from workbench.errors import InputError
-from workbench.fitting import (
-    magnitude_best,  # noqa: F401
-    magnitude_conic,  # noqa: F401
-    magnitude_nonlinear,  # noqa: F401
-    magnitude_sb10yd,  # noqa: F401
-    minimax,  # noqa: F401
-)
-from workbench.fitting.coverage import least_margin
-from workbench.fitting.magnitude import MagnitudeFit
-from workbench.fitting.magnitude_sb10yd import minimum_phase
+from workbench.fitting.magnitude.coverage import least_margin
+from workbench.fitting.magnitude.program import MagnitudeFit
+from workbench.fitting.magnitude.sb10yd import minimum_phase
 from workbench.fitting.rational import Rational
 from workbench.program import solve
 from workbench.solvers import Options, Outcome

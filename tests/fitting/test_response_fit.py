@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-import workbench.fitting.response_best
-import workbench.fitting.response_conic  # noqa: F401  registers the methods
+import workbench.fitting.response.best
+import workbench.fitting.response.conic  # noqa: F401  registers the methods
 from workbench.bench import netcdf
 from workbench.errors import InputError, SolverError
 from workbench.fitting.rational import Rational
-from workbench.fitting.response import ResponseFit, fit_response
+from workbench.fitting.response.program import ResponseFit, fit_response
 from workbench.program import solve
 from workbench.solvers import Options, Outcome
 

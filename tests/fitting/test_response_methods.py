@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from workbench.plants.cd_drive.drive import plants as drives
 
-import workbench.fitting.response_best  # noqa: F401  registers the methods
-from problems.cd_drive import drives
+import workbench.fitting.response.best  # noqa: F401  registers the methods
 from workbench.errors import InputError
 from workbench.fitting.rational import Rational
-from workbench.fitting.response import ResponseFit
+from workbench.fitting.response.program import ResponseFit
 from workbench.geometry import narrowest_stadium, smallest_circle
 from workbench.program import find_method, methods, solve
 from workbench.solvers import conic_solvers

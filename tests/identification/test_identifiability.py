@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from workbench.identification.identifiability import identifiability
+from workbench.identification.parameters.identifiability import identifiability
 
 NAMES = ("m", "k", "b", "Bl", "R")
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 from workbench.errors import InputError
-from workbench.identification.local_polynomial import local_polynomial
+from workbench.identification.responses.local_polynomial import local_polynomial
 
 
 def record(samples, noise, rng):

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from workbench.identification.pair import Pair
+from workbench.identification.parameters.complex_pair import Pair
 
 FORMULAS = {
     "polynomial": lambda a, b: 2 + 3 * a - b * a**2 + (1 - a) - 1j,

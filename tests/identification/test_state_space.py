@@ -8,10 +8,10 @@ import pytest
 from workbench import Options, Outcome, solve
 from workbench.errors import InputError
 from workbench.executor import Context
-from workbench.identification.innovations import InnovationsModel
-from workbench.identification.prediction_error import Criterion, refine
-from workbench.identification.state_space import Identified, StateSpaceFit
-from workbench.identification.subspace import best_subspace, subspace
+from workbench.identification.state_space.innovations import InnovationsModel
+from workbench.identification.state_space.prediction_error import Criterion, refine
+from workbench.identification.state_space.program import Identified, StateSpaceFit
+from workbench.identification.state_space.subspace import best_subspace, subspace
 
 TRUTH = InnovationsModel(
     A=np.array([[0.8, 0.4, 0.0], [-0.4, 0.8, 0.0], [0.0, 0.0, 0.5]]),

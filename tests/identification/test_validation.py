@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 from workbench.errors import InputError
-from workbench.identification import validation
+from workbench.identification.state_space import validation
 
 RNG = np.random.default_rng(0)
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 import slycot
 
-from workbench.mu.hamiltonian import stable_system
-from workbench.mu.lower import lower_bound
-from workbench.mu.peak import peak
-from workbench.mu.upper import upper_bound
+from workbench.certify.interval import stable_system
+from workbench.mu.frequency.peak import peak
+from workbench.mu.lower.bound import lower_bound
+from workbench.mu.upper.bound import upper_bound
 from workbench.structure import Complex, Full, Real, Structure
 
 

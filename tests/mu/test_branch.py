@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from workbench.errors import InputError
-from workbench.mu.branch import branch_and_bound
-from workbench.mu.lower import LowerBound, MuLowerBound
-from workbench.mu.lower_scaling import scaled
+from workbench.mu.lower.bound import LowerBound, MuLowerBound
+from workbench.mu.lower.scaling import scaled
+from workbench.mu.robust.branch import branch_and_bound
 from workbench.structure import Complex, Full, Real, Structure
 
 

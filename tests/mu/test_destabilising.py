@@ -6,10 +6,10 @@ import control
 import numpy as np
 import pytest
 
+from workbench.certify.interval import stable_system
 from workbench.errors import InputError
 from workbench.mu import destabilising, lower_bound
-from workbench.mu.hamiltonian import stable_system
-from workbench.mu.peak import Peak, peak
+from workbench.mu.frequency.peak import Peak, peak
 from workbench.structure import Complex, Full, Real, Structure
 
 STRUCTURES = [

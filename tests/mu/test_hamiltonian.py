@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from workbench.certify.interval import certified_interval, stable_system
 from workbench.errors import InputError
-from workbench.mu.hamiltonian import certified_interval, stable_system
 
 ONE, NONE = np.eye(1), np.zeros((1, 1))
 

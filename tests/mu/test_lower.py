@@ -6,7 +6,7 @@ from scipy.linalg import block_diag
 from scipy.optimize import minimize
 
 from workbench.errors import InputError
-from workbench.mu.lower import LowerBound, MuLowerBound, lower_bound
+from workbench.mu.lower.bound import LowerBound, MuLowerBound, lower_bound
 from workbench.program import methods, solve
 from workbench.structure import Complex, Full, Real, Structure
 

@@ -6,8 +6,8 @@ import control
 import numpy as np
 import pytest
 
-from workbench.mu.margins import Conditions
-from workbench.mu.peak import Peak, peak
+from workbench.mu.frequency.peak import Peak, peak
+from workbench.mu.robust.conditions import Conditions
 from workbench.structure import Full, Structure
 
 

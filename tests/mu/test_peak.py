@@ -7,15 +7,18 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from workbench.plants.cd_drive.control.control_problem import generalised
+from workbench.plants.cd_drive.drive.plants import controller
+from workbench.plants.cd_drive.uncertainty.parametric_model import (
+    parametric_nominal,
+    parametric_plant,
+)
 
-from problems.cd_drive.control_problem import generalised
-from problems.cd_drive.drives import controller
-from problems.cd_drive.parametric import parametric_nominal, parametric_plant
+from workbench.certify.interval import stable_system
 from workbench.errors import InputError, UnknownNameError
-from workbench.mu.hamiltonian import stable_system
-from workbench.mu.margins import conditions
-from workbench.mu.peak import peak, regularised
-from workbench.mu.sweep import sweep
+from workbench.mu.frequency.peak import peak, regularised
+from workbench.mu.frequency.sweep import sweep
+from workbench.mu.robust.conditions import conditions
 from workbench.structure import Complex, Full, Real, Structure
 from workbench.uncertainty import UncertaintyModel
 

@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 
 from workbench.errors import InputError
-from workbench.mu.sweep import starting_grid, sweep
+from workbench.mu.frequency.sweep import sweep
 from workbench.structure import Complex, Full, Real, Structure
+from workbench.systems.frequency_grid import starting_grid
 
 ONE = Structure([Full(1, 1)])
 

@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 import slycot
 
-import workbench.mu.upper_conic
+import workbench.mu.upper.conic
 from workbench.executor import Context
-from workbench.mu.lower import lower_bound
-from workbench.mu.upper import MuUpperBound, upper_bound
-from workbench.mu.upper_conic import _Statement
-from workbench.mu.upper_pattern import pattern_of
+from workbench.mu.lower.bound import lower_bound
+from workbench.mu.upper.bound import MuUpperBound, upper_bound
+from workbench.mu.upper.conic import _Statement
+from workbench.mu.upper.pattern import pattern_of
 from workbench.program import find_method, solve
 from workbench.solvers import Options, Outcome
 from workbench.structure import Complex, Full, Real, Structure

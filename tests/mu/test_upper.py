@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from workbench.errors import InputError
-from workbench.mu.upper import MuUpperBound, upper_bound
+from workbench.mu.upper.bound import MuUpperBound, upper_bound
 from workbench.program import methods, solve
 from workbench.solvers import Outcome
 from workbench.structure import Complex, Full, Real, Structure

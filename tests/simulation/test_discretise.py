@@ -7,7 +7,7 @@ from scipy.integrate import quad
 from scipy.signal import cont2discrete
 
 from workbench.errors import InputError
-from workbench.simulation.discretise import continued, hold, lowpass_weights, respond, sampled
+from workbench.systems.sampling import continued, hold, lowpass_weights, respond, sampled
 
 PERIOD = 1e-3
 

@@ -3,7 +3,7 @@
 import control
 import numpy as np
 
-from workbench.uncertainty.generalised import GeneralisedPlant
+from workbench.systems.generalised_plant import GeneralisedPlant
 
 
 def random_plant(seed, dt=0.0):

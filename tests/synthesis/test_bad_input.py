@@ -6,8 +6,8 @@ import control
 import numpy as np
 import pytest
 from plants import scalar_plant
+from workbench.plants.textbook.first_order import unstable_first_order
 
-from problems.textbook.first_order import unstable_first_order
 from workbench import Outcome, solve
 from workbench.errors import InputError, ResultError, SolverError, UnknownNameError
 from workbench.structure import Complex, Full, Structure
@@ -236,9 +236,9 @@ def test_zero_is_claimed_no_closer_than_it_is_known():
 
 
 def test_poles_too_far_apart_are_said_to_be_so():
-    from problems.bench.synthesis_plants import nominal
-    from problems.cd_drive.control_problem import generalised
-    from problems.cd_drive.parametric import parametric_plant
+    from workbench.plants.bench.synthesis_plants import nominal
+    from workbench.plants.cd_drive.control.control_problem import generalised
+    from workbench.plants.cd_drive.uncertainty.parametric_model import parametric_plant
 
     plant = nominal(generalised("focus", parametric_plant("focus")))
     with pytest.raises((InputError, SolverError), match=r"larger size|invariant zero.*at 0"):

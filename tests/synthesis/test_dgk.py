@@ -3,17 +3,17 @@
 import control
 import numpy as np
 import pytest
+from workbench.plants.mass_spring.plant import two_mass_plant
+from workbench.plants.textbook.first_order import unstable_first_order
 
 import workbench as wb
-from problems.mass_spring.plant import two_mass_plant
-from problems.textbook.first_order import unstable_first_order
 from workbench.mu import upper_bound
 from workbench.structure import Complex, Full, Real, Structure
 from workbench.synthesis import MuSynthesis
-from workbench.synthesis.multipliers import Multipliers
-from workbench.synthesis.scaled_loop import ScaledLoop
-from workbench.synthesis.scaled_plant import Multiplied
-from workbench.uncertainty.generalised import GeneralisedPlant
+from workbench.synthesis.mu.multipliers.functions import Multipliers
+from workbench.synthesis.mu.multipliers.scaled_loop import ScaledLoop
+from workbench.synthesis.mu.multipliers.scaled_plant import Multiplied
+from workbench.systems.generalised_plant import GeneralisedPlant
 
 OMEGA = np.geomspace(0.1, 10, 5)
 STRUCTURES = [
@@ -68,7 +68,7 @@ def test_a_controller_of_norm_one_for_the_scaled_plant_holds_the_bound_of_the_lo
     x = 0.3 * rng.normal(size=(scalings.rows, 5))
     x[scalings.minus, 0] = 0.0
     program = MuSynthesis(plant)
-    from workbench.synthesis.multiplier_k_step import k_step
+    from workbench.synthesis.mu.multipliers.k_step import k_step
 
     K, beta = k_step(program, scalings, x, 3.0)
     found = program.certified(K)

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import sosfilt
+from workbench.plants.cd_drive.drive import plants as drives
 
-from problems.cd_drive import drives
 from workbench.errors import InputError
 from workbench.simulation import respond, sampled
 from workbench.synthesis import (
@@ -19,8 +19,8 @@ from workbench.synthesis import (
     sampled_conditions,
     second_order_sections,
 )
-from workbench.synthesis.impulse import absolute_sum, squared_sum
-from workbench.synthesis.standard import realisation
+from workbench.synthesis.implementation.impulse import absolute_sum, squared_sum
+from workbench.systems.realisation import realisation
 
 T = 1 / 35e3
 """Sampling time of the laboratory's computer [s]."""

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from workbench.plants.cd_drive.drive import plants as drives
 
-from problems.cd_drive import drives
 from workbench.errors import InputError, ResultError
 from workbench.simulation import respond
 from workbench.synthesis import discretised, export, load, second_order_sections

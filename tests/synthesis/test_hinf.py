@@ -8,16 +8,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from plants import random_plant, scalar_plant, textbook_plants
+from workbench.plants.cd_drive.control.control_problem import generalised
+from workbench.plants.cd_drive.uncertainty.parametric_model import parametric_plant
 
-from problems.cd_drive.control_problem import generalised
-from problems.cd_drive.parametric import parametric_plant
 from workbench.errors import InputError, SolverError
 from workbench.program import solve
 from workbench.solvers import Options, Outcome
 from workbench.synthesis import HinfController, HinfSynthesis, MixedSensitivity, hinf, regularised
-from workbench.synthesis.hinf_riccati import central
-from workbench.synthesis.standard import StandardPlant
-from workbench.uncertainty.generalised import GeneralisedPlant
+from workbench.synthesis.hinf.riccati import central
+from workbench.systems.generalised_plant import GeneralisedPlant
+from workbench.systems.standard_plant import StandardPlant
 
 TEXTBOOK = {name: rest for name, *rest in textbook_plants()}
 

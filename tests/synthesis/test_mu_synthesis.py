@@ -5,10 +5,10 @@ from dataclasses import replace
 import control
 import numpy as np
 import pytest
+from workbench.plants.mass_spring.plant import two_mass_plant
+from workbench.plants.textbook.first_order import unstable_first_order
 
 import workbench as wb
-from problems.mass_spring.plant import two_mass_plant
-from problems.textbook.first_order import unstable_first_order
 from workbench.errors import InputError
 from workbench.synthesis import MuController, MuSynthesis, hinf, reduced
 

@@ -7,14 +7,14 @@ import slycot
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import solve_continuous_lyapunov
+from workbench.plants.mass_spring.plant import simple_controller, two_mass_plant
 
-from problems.mass_spring.plant import simple_controller, two_mass_plant
 from workbench.errors import InputError
 from workbench.mu import conditions
 from workbench.structure import Real, Structure
 from workbench.synthesis import MixedSensitivity, hinf, reduce, reduced
-from workbench.synthesis.gramians import factors
-from workbench.uncertainty.generalised import GeneralisedPlant
+from workbench.systems.generalised_plant import GeneralisedPlant
+from workbench.systems.gramians import factors
 
 
 def random_controller(seed, kept=0):

@@ -12,15 +12,17 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from workbench.plants.textbook.first_order import unstable_first_order
 
 import workbench as wb
-from problems.textbook.first_order import unstable_first_order
 from workbench.bench import netcdf
 from workbench.executor import Checkpoint, Context
 from workbench.solvers import Options, Outcome
-from workbench.synthesis import Iterate, MuSynthesis, dk, fixed, hinf
-from workbench.synthesis.rounds import packed, unpacked
-from workbench.synthesis.scalings import Scalings
+from workbench.synthesis import Iterate, MuSynthesis, hinf
+from workbench.synthesis.mu import dk
+from workbench.synthesis.mu.rounds import packed, unpacked
+from workbench.synthesis.mu.scalings import Scalings
+from workbench.synthesis.mu.structured import fixed
 
 ROOT = Path(__file__).parents[2]
 METHODS = ("dk", "mu-dk", "fixed")
@@ -158,7 +160,7 @@ def test_every_round_is_stored_with_its_controller_and_scalings(program, wholes,
 def test_the_scalings_are_those_that_were_fitted_to_the_loop(program, wholes):
     """The bound of the scaled loop is the one that `fit` says it misses."""
     from workbench.mu import upper_bound
-    from workbench.synthesis.scalings import diagonals
+    from workbench.synthesis.mu.scalings import diagonals
 
     for each in wholes["dk"].answer.history:
         loop = dk.Loop.of(program.plant.close(each.K))

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from workbench.mu import upper_bound
 from workbench.structure import Complex, Full, Structure
-from workbench.synthesis.scaling_fit import Fit, worth
-from workbench.synthesis.scalings import Scalings, diagonals
+from workbench.synthesis.mu.scaling_fit import Fit, worth
+from workbench.synthesis.mu.scalings import Scalings, diagonals
 
 OMEGA = np.geomspace(0.01, 100.0, 60)
 

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from workbench.plants.textbook.distillation import distillation_column
+from workbench.plants.textbook.first_order import unstable_first_order
 
 import workbench as wb
-from problems.textbook.distillation import distillation_column
-from problems.textbook.first_order import unstable_first_order
 from workbench.errors import InputError
 from workbench.synthesis import PID, Decentralised, LeadLag, MuSynthesis
 
@@ -46,7 +46,7 @@ def test_members_are_recognised(seed):
 
 
 def test_the_thesis_controller_is_a_lead_lag_one():
-    from problems.cd_drive.drives import controller
+    from workbench.plants.cd_drive.drive.plants import controller
 
     family, x = LeadLag.of(controller("focus"))
     assert (family.zeros, family.poles, family.sign) == (2, 2, 1.0)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.linalg import eigh, expm
 
 from workbench.errors import InputError
-from workbench.synthesis.switching_sets import TransitionSet, held_set
+from workbench.synthesis.switching.transition_sets import TransitionSet, held_set
 
 
 def parts(seed, size=0.3):

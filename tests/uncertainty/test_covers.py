@@ -24,7 +24,7 @@ from workbench.uncertainty import (
     limited,
     narrowest,
 )
-from workbench.uncertainty.joint import SmallSets
+from workbench.uncertainty.covers.joint import SmallSets
 
 OMEGA = np.geomspace(1, 1000, 14)
 KINDS = {"circle": CircleCover, "stadium": StadiumCover}

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from workbench.uncertainty.factorial import factorial_response
-from workbench.uncertainty.parameters import Parameter, levels
-from workbench.uncertainty.parametric import parametric
+from workbench.uncertainty.parametric.factorial import factorial_response
+from workbench.uncertainty.parametric.model import parametric
+from workbench.uncertainty.parametric.parameters import Parameter, levels
 
 
 def test_factorials_come_in_the_order_of_their_deltas():

@@ -3,20 +3,20 @@
 import control
 import numpy as np
 import pytest
-
-from problems.cd_drive.drives import (
+from workbench.plants.cd_drive.drive.plants import (
     controller,
     loop_response,
     nominal_parameters,
     plant,
     total_gain,
 )
-from problems.cd_drive.tables import drives
+from workbench.plants.cd_drive.drive.tables import drives
+
 from workbench.errors import InputError, UnknownNameError
 from workbench.structure import Complex, Full, Real, Structure
-from workbench.uncertainty.generalised import GeneralisedPlant, generalised_plant, response
-from workbench.uncertainty.parameters import Parameter
-from workbench.uncertainty.parametric import parametric
+from workbench.systems.generalised_plant import GeneralisedPlant, generalised_plant, response
+from workbench.uncertainty.parametric.model import parametric
+from workbench.uncertainty.parametric.parameters import Parameter
 
 FREQUENCY = np.geomspace(5.0, 50e3, 80)
 OMEGA = 2 * np.pi * FREQUENCY

@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from workbench.errors import InputError
-from workbench.uncertainty import cheapest, limited, narrowest, orientation, smooth
+from workbench.uncertainty import cheapest, limited, narrowest, smooth
+from workbench.uncertainty.covers import orientation
 
 OMEGA = np.array([1.0, 2.0, 3.0, 7.0, 9.0])
 

@@ -3,14 +3,14 @@
 import control
 import numpy as np
 import pytest
+from workbench.plants.cd_drive.drive.actuator import SERIES_RESISTANCE, specific_model
+from workbench.plants.cd_drive.drive.tables import ActuatorParameters, nominal_table
+from workbench.plants.cd_drive.uncertainty.parametric_model import two_masses
 
-from problems.cd_drive.actuator import SERIES_RESISTANCE, specific_model
-from problems.cd_drive.parametric import two_masses
-from problems.cd_drive.tables import ActuatorParameters, nominal_table
 from workbench.errors import InputError, UnknownNameError
 from workbench.structure import Real
-from workbench.uncertainty.parameters import Parameter, samples, vertices
-from workbench.uncertainty.parametric import parametric
+from workbench.uncertainty.parametric.model import parametric
+from workbench.uncertainty.parametric.parameters import Parameter, samples, vertices
 
 OMEGA = 2 * np.pi * np.geomspace(0.1, 1e5, 60)
 NAMES = ("K_total", "R", "Bl", "k1", "k2", "b1", "b2", "m1", "m2")

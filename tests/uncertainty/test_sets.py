@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from workbench.errors import InputError
 from workbench.geometry import narrowest_stadium
 from workbench.uncertainty import Responses
-from workbench.uncertainty.sets import (
+from workbench.uncertainty.covers.sets import (
     circles_about_nominal,
     deviations,
     kept,

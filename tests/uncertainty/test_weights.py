@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from workbench.plants.cd_drive.uncertainty.measured_drives import measured_drives
 
 import workbench as wb
-from problems.cd_drive.covers import measured_drives
 from workbench.fitting import Rational
 from workbench.uncertainty import CircleCover, Responses, StadiumCover
-from workbench.uncertainty.weights import resolved
+from workbench.uncertainty.covers.weights import resolved
 
 OMEGA = np.geomspace(1.0, 100.0, 60)
 

@@ -59,7 +59,8 @@ def problem(
         Verified results of other problems, by argument name: `ref` or a list of them, or a
         function of the parameters that returns such a mapping.
     data
-        Data files that the problem reads, relative to its source file; they enter its key.
+        Data files that the problem reads, relative to the plant's folder: the first folder below
+        the problem folder, or that itself. They enter its key.
     slow
         Left out of ``make reproduce``.
     axes

@@ -14,6 +14,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import workbench.plants
 from workbench.bench.declare import PLACEMENT, Needs, Ref, Settings
 from workbench.bench.discovery import Entry
 from workbench.bench.question import sources
@@ -60,7 +61,7 @@ class Problem:
 
     @property
     def folder(self) -> Path:
-        """The plant's folder, whose sources can change an answer."""
+        """The plant's folder: its sources can change an answer; data files are named from it."""
         entry = self.entry
         first = entry.root / entry.file.relative_to(entry.root).parts[0]
         return first if first.is_dir() else entry.root
@@ -138,14 +139,13 @@ class Problem:
 
     def data_hashes(self) -> dict[str, str]:
         """SHA-256 of every data file that the problem declares."""
-        folder = self.entry.file.parent
         hashes = {}
         for name in self.settings.data:
             try:
-                hashes[name] = hashlib.sha256((folder / name).read_bytes()).hexdigest()
+                hashes[name] = hashlib.sha256((self.folder / name).read_bytes()).hexdigest()
             except OSError as error:
                 raise InputError(
-                    f"{self.name}: data file {folder / name} cannot be read: {error.strerror}"
+                    f"{self.name}: data file {self.folder / name} cannot be read: {error.strerror}"
                 ) from None
         return hashes
 
@@ -213,18 +213,13 @@ def _fill(needs: Needs, entry: Entry) -> Needs:
 
 
 def _import(entry: Entry) -> types.ModuleType:
-    """Import a problem file under a package name of its root's own, so that roots never clash.
-
-    What was edited since its import is imported anew, with all of its root.
-    """
-    package = f"workbench_problems_{hashlib.sha256(str(entry.root).encode()).hexdigest()[:8]}"
+    """Import a problem file, anew with all of its root where one of them was edited since."""
+    package = _package(entry.root)
     state = {file: file.stat().st_mtime_ns for file in entry.root.rglob("*.py")}
-    if _imported.get(package) != state:
-        for name in [name for name in sys.modules if name.partition(".")[0] == package]:
+    if _imported.setdefault(package, state) != state:
+        _imported[package] = state
+        for name in [name for name in sys.modules if name.startswith(f"{package}.")]:
             del sys.modules[name]
-        module = types.ModuleType(package)
-        module.__path__ = [str(entry.root)]
-        sys.modules[package], _imported[package] = module, state
     parts = entry.file.relative_to(entry.root).with_suffix("").parts
     # Python tells stale byte code by whole seconds only; problem files are few, so none is kept.
     keep, sys.dont_write_bytecode = sys.dont_write_bytecode, True
@@ -236,6 +231,18 @@ def _import(entry: Entry) -> types.ModuleType:
         ) from error
     finally:
         sys.dont_write_bytecode = keep
+
+
+def _package(root: Path) -> str:
+    """The package of a problem folder: `workbench.plants`, or one of its own."""
+    if root == Path(workbench.plants.__path__[0]).resolve():
+        return workbench.plants.__name__
+    name = f"workbench_problems_{hashlib.sha256(str(root).encode()).hexdigest()[:8]}"
+    if name not in sys.modules:
+        module = types.ModuleType(name)
+        module.__path__ = [str(root)]
+        sys.modules[name] = module
+    return name
 
 
 _imported: dict[str, dict[Path, int]] = {}

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
-import workbench
+import workbench.plants
 from workbench.bench.registry import Registry
 from workbench.errors import RegistryError
 
@@ -50,9 +50,7 @@ class Project:
 
 def built_in() -> Path:
     """The problems that come with the workbench: inside the wheel, or beside the sources."""
-    package = Path(workbench.__file__).parent
-    installed = package / "problems"
-    return installed if installed.is_dir() else package.parent / "problems"
+    return Path(workbench.plants.__path__[0])
 
 
 _added: list[Path] = []

@@ -92,10 +92,10 @@ def _own() -> str:
 def sources(folder: Path) -> str:
     """Names and hashes of the sources of a folder."""
     files = sorted(folder.rglob("*.py"), key=lambda file: file.relative_to(folder).parts)
-    problems = folder / "problems"  # inside a wheel; a problem's own folder is hashed by itself
+    plants = folder / "plants"  # a problem's own folder is hashed by itself
     lines = (
         f"{file.relative_to(folder).as_posix()} {digest(file.read_bytes())}\n"
         for file in files
-        if problems not in file.parents
+        if plants not in file.parents
     )
     return "".join(lines)

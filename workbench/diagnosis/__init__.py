@@ -1,9 +1,39 @@
 """Diagnosis: faults modelled, detected, told apart, estimated, and what to put in their place."""
 
-from workbench.diagnosis import estimation_basis, estimation_methods
-from workbench.diagnosis.changes import cusum, cusum_threshold, glr, hysteresis
-from workbench.diagnosis.clusters import UNKNOWN, Clusters, confusion
-from workbench.diagnosis.detectability import (
+from workbench.diagnosis.estimation import basis as estimation_basis
+from workbench.diagnosis.estimation import methods as estimation_methods
+from workbench.diagnosis.estimation.program import FaultEstimation, FaultFilter
+from workbench.diagnosis.estimation.weighting import Requirement
+from workbench.diagnosis.estimators.disturbed import DisturbedPlant
+from workbench.diagnosis.estimators.estimator import Estimate, Estimator, estimate, placed
+from workbench.diagnosis.estimators.kalman import KalmanEstimator, Noise
+from workbench.diagnosis.estimators.observers import observer_gain
+from workbench.diagnosis.estimators.prototypes import prototype_poles
+from workbench.diagnosis.estimators.rotation import Rotation
+from workbench.diagnosis.evaluation.changes import cusum, cusum_threshold, glr, hysteresis
+from workbench.diagnosis.evaluation.clusters import UNKNOWN, Clusters, confusion
+from workbench.diagnosis.evaluation.performance import Detection, Roc, detection, intervals, roc
+from workbench.diagnosis.evaluation.residual_size import moving_rms
+from workbench.diagnosis.evaluation.signatures import AMBIGUOUS, NO_FAULT, isolable, isolate
+from workbench.diagnosis.evaluation.thresholds import (
+    Threshold,
+    above_noise,
+    adaptive_alarm,
+    bounded_threshold,
+    quantile_threshold,
+)
+from workbench.diagnosis.generators.exact import fault_detection, fault_isolation
+from workbench.diagnosis.generators.generator import ResidualGenerator, structure_matrix, transfer
+from workbench.diagnosis.generators.matching import (
+    ModelMatch,
+    matching_bound,
+    model_matching,
+    null_space_generator,
+)
+from workbench.diagnosis.generators.parity_space import ParityRelation, parity_relation
+from workbench.diagnosis.generators.performance_index import PerformanceIndex, performance_index
+from workbench.diagnosis.generators.whitening import WhitenedResidual, whitened_residual
+from workbench.diagnosis.models.detectability import (
     Detectability,
     attainable_structures,
     detectability,
@@ -11,37 +41,8 @@ from workbench.diagnosis.detectability import (
     masking,
     unattainable,
 )
-from workbench.diagnosis.disturbed import DisturbedPlant
-from workbench.diagnosis.estimation import FaultEstimation, FaultFilter
-from workbench.diagnosis.estimator import Estimate, Estimator, estimate, placed
-from workbench.diagnosis.evaluation import moving_rms
-from workbench.diagnosis.exact import fault_detection, fault_isolation
-from workbench.diagnosis.fault_model import FaultModel
-from workbench.diagnosis.generators import ResidualGenerator, structure_matrix, transfer
-from workbench.diagnosis.kalman import KalmanEstimator, Noise
-from workbench.diagnosis.matching import (
-    ModelMatch,
-    matching_bound,
-    model_matching,
-    null_space_generator,
-)
-from workbench.diagnosis.observers import observer_gain
-from workbench.diagnosis.parameter_faults import multiplicative_lft
-from workbench.diagnosis.parity_space import ParityRelation, parity_relation
-from workbench.diagnosis.performance import Detection, Roc, detection, intervals, roc
-from workbench.diagnosis.performance_index import PerformanceIndex, performance_index
-from workbench.diagnosis.prototypes import prototype_poles
-from workbench.diagnosis.rotation import Rotation
-from workbench.diagnosis.signatures import AMBIGUOUS, NO_FAULT, isolable, isolate
-from workbench.diagnosis.thresholds import (
-    Threshold,
-    above_noise,
-    adaptive_alarm,
-    bounded_threshold,
-    quantile_threshold,
-)
-from workbench.diagnosis.weighting import Requirement
-from workbench.diagnosis.whitening import WhitenedResidual, whitened_residual
+from workbench.diagnosis.models.fault_model import FaultModel
+from workbench.diagnosis.models.parameter_faults import multiplicative_lft
 
 __all__ = [
     "AMBIGUOUS",

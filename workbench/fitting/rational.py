@@ -10,15 +10,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
 
 if TYPE_CHECKING:
     from control import StateSpace
-
-Complex = NDArray[np.complex128]
-Real = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,8 +37,8 @@ class Rational:
         More zeros than poles, roots without their conjugates, anything not finite.
     """
 
-    zeros: Complex
-    poles: Complex
+    zeros: ComplexArray
+    poles: ComplexArray
     gain: float
 
     def __post_init__(self) -> None:
@@ -70,7 +68,7 @@ class Rational:
         """No zero on or right of the imaginary axis."""
         return bool(np.all(self.zeros.real < 0))
 
-    def __call__(self, s: ArrayLike) -> Complex:
+    def __call__(self, s: ArrayLike) -> ComplexArray:
         """Values at complex frequencies [rad/s], of the same shape."""
         s = np.asarray(s, dtype=complex)
         value = np.full(s.shape, self.gain, dtype=complex)
@@ -80,7 +78,7 @@ class Rational:
             value /= s - pole
         return value
 
-    def response(self, omega: ArrayLike) -> Complex:
+    def response(self, omega: ArrayLike) -> ComplexArray:
         """Values on the imaginary axis at angular frequencies [rad/s]."""
         return self(1j * np.asarray(omega, dtype=float))
 
@@ -113,11 +111,11 @@ class Rational:
         share = np.sqrt(abs(gain)) or 1.0  # input and output of the same size
         return control.ss(a, b * share, c * (gain / share), d * gain)
 
-    def _sections(self) -> list[tuple[Real, Real]]:
+    def _sections(self) -> list[tuple[RealArray, RealArray]]:
         """Numerators and denominators, highest power first, whose product is function / gain."""
         groups = _grouped(self.poles)
         zeros = sorted(_grouped(self.zeros), key=len, reverse=True)
-        taken: dict[int, Complex] = {}
+        taken: dict[int, ComplexArray] = {}
         for zero in zeros:
             free = [i for i, pole in enumerate(groups) if i not in taken and len(pole) >= len(zero)]
             nearest = min(free, key=lambda i: abs(_level(groups[i]) - _level(zero)))
@@ -128,7 +126,7 @@ class Rational:
         ]
 
 
-def paired(roots: ArrayLike) -> Complex:
+def paired(roots: ArrayLike) -> ComplexArray:
     """Roots of a real polynomial with their rounding repaired: exact conjugate pairs.
 
     A complex root is matched with the nearest root across the real axis; one without a partner is
@@ -191,11 +189,11 @@ def _scaled(system: StateSpace) -> tuple[StateSpace, float]:
     ), time
 
 
-def _ordered(roots: Complex) -> Complex:
+def _ordered(roots: ComplexArray) -> ComplexArray:
     return roots[np.lexsort((roots.imag, roots.real, np.abs(roots)))]
 
 
-def _grouped(roots: Complex) -> list[Complex]:
+def _grouped(roots: ComplexArray) -> list[ComplexArray]:
     """Conjugate pairs, real roots two by two from the lowest, and a last real root if odd."""
     real = roots[roots.imag == 0]
     real = real[np.argsort(np.abs(real))]
@@ -205,16 +203,18 @@ def _grouped(roots: Complex) -> list[Complex]:
     return sorted(groups, key=_level)
 
 
-def _level(roots: Complex) -> float:
+def _level(roots: ComplexArray) -> float:
     """Mean logarithm of the frequencies of some roots."""
     return float(np.mean(np.log(np.maximum(np.abs(roots), np.finfo(float).tiny))))
 
 
-def _coefficients(roots: Complex) -> Real:
+def _coefficients(roots: ComplexArray) -> RealArray:
     return np.atleast_1d(np.poly(roots)).real.astype(float)
 
 
-def _section(numerator: Real, denominator: Real) -> tuple[Real, Real, Real, Real]:
+def _section(
+    numerator: RealArray, denominator: RealArray
+) -> tuple[RealArray, RealArray, RealArray, RealArray]:
     """Realisation of a section whose states are measured at its own frequency."""
     n = denominator.size - 1
     scale = max(abs(denominator[-1]) ** (1 / n), np.finfo(float).tiny ** 0.25)

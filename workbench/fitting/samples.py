@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
-from workbench.fitting.rational import Complex, Real
 
 
-def as_frequencies(omega: ArrayLike) -> Real:
+def as_frequencies(omega: ArrayLike) -> RealArray:
     """Angular frequencies [rad/s] (F,), F >= 1, positive, finite and rising, or an `InputError`."""
     values = _as_array("omega", omega, "iuf").astype(float)
     if values.ndim != 1 or values.size == 0:
@@ -24,7 +24,7 @@ def as_frequencies(omega: ArrayLike) -> Real:
     return values
 
 
-def as_responses(response: ArrayLike, omega: Real) -> Complex:
+def as_responses(response: ArrayLike, omega: RealArray) -> ComplexArray:
     """Finite complex responses (F,), one for each frequency, or an `InputError`."""
     values = _as_array("response", response, "iufc").astype(complex)
     if values.shape != omega.shape:
@@ -33,7 +33,7 @@ def as_responses(response: ArrayLike, omega: Real) -> Complex:
     return values
 
 
-def as_weights(weight: ArrayLike | None, response: Complex, omega: Real) -> Real:
+def as_weights(weight: ArrayLike | None, response: ComplexArray, omega: RealArray) -> RealArray:
     """Weights (F,), some positive, none negative, 1 / |response| for None; or an `InputError`."""
     if weight is None:
         _refuse(
@@ -52,7 +52,7 @@ def as_weights(weight: ArrayLike | None, response: Complex, omega: Real) -> Real
     return values
 
 
-def as_positive(name: str, given: ArrayLike, omega: Real) -> Real:
+def as_positive(name: str, given: ArrayLike, omega: RealArray) -> RealArray:
     """Finite positive numbers (F,), one for each frequency, or an `InputError` that names them."""
     values = _as_array(name, given, "iuf").astype(float)
     if values.shape != omega.shape:
@@ -77,7 +77,7 @@ def as_count(name: str, value: Any) -> int:
     return int(value)
 
 
-def _refuse(needed: str, bad: Any, values: Any, omega: Real | None = None) -> None:
+def _refuse(needed: str, bad: Any, values: Any, omega: RealArray | None = None) -> None:
     if bad.any():
         i = int(np.argmax(bad))
         where = "" if omega is None else f" (at {omega[i]:.6g} rad/s)"

@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from workbench.fitting.rational import Complex, Rational, Real
+from workbench.arrays import ComplexArray, RealArray
+from workbench.fitting.rational import Rational
 
 NEAREST = 1e-9
 """Least coefficient, over the largest, of a section that starts on a logarithmic scale."""
@@ -31,12 +32,12 @@ class Section:
     """c0 + c1 (s / level) + c2 (s / level)^2, of which some coefficients move and one is held."""
 
     level: float
-    coefficients: Real
+    coefficients: RealArray
     moving: tuple[int, ...]
     positive: bool
 
     @property
-    def start(self) -> Real:
+    def start(self) -> RealArray:
         values = self.coefficients[list(self.moving)]
         return np.log(values) if self.positive else values
 
@@ -89,7 +90,7 @@ class Sections:
         return self.numerators + self.denominators
 
     @property
-    def start(self) -> Real:
+    def start(self) -> RealArray:
         return np.concatenate([*(part.start for part in self.parts), [self.gain]])
 
     def _split(self, vector: Any) -> list[Any]:
@@ -113,12 +114,12 @@ class Sections:
             real, imaginary = real * u - imaginary * v, real * v + imaginary * u
         return real, imaginary
 
-    def response(self, vector: Real, omega: Real) -> Complex:
+    def response(self, vector: RealArray, omega: RealArray) -> ComplexArray:
         """Values at frequencies (F,) [rad/s]."""
         real, imaginary = self.products(vector, omega)
         return real + 1j * imaginary * np.ones(omega.size)
 
-    def slopes(self, vector: Real, omega: Real) -> Complex:
+    def slopes(self, vector: RealArray, omega: RealArray) -> ComplexArray:
         """Derivatives of the values by the parameters, (F, P)."""
         count = len(self.numerators)
         factors, powers = [], []
@@ -141,11 +142,11 @@ class Sections:
             columns.append(outer[:, None] * power)
         return np.hstack([*columns, bare[:, None]])
 
-    def rational(self, vector: Real) -> Rational:
+    def rational(self, vector: RealArray) -> Rational:
         """The function itself, by its roots."""
         gain = float(vector[-1])
         count = len(self.numerators)
-        roots: list[Complex] = []
+        roots: list[ComplexArray] = []
         for i, (part, moved) in enumerate(zip(self.parts, self._split(vector), strict=True)):
             found, leading = _roots(part.at(moved))
             roots.append(found * part.level)
@@ -162,7 +163,7 @@ def bounded_exp(value: float) -> float:
 
 
 def _sections(
-    roots: Complex, count: int, band: tuple[float, float], left: bool, monic: bool
+    roots: ComplexArray, count: int, band: tuple[float, float], left: bool, monic: bool
 ) -> tuple[list[Section], float]:
     """Sections of ``count`` roots, and the factor that prod(s - roots) is of their product."""
     if left:
@@ -196,7 +197,7 @@ def _sections(
     return found, factor
 
 
-def _roots(coefficients: Sequence[float]) -> tuple[Complex, float]:
+def _roots(coefficients: Sequence[float]) -> tuple[ComplexArray, float]:
     """Roots of c0 + c1 s + c2 s^2 in exact conjugate pairs, and the leading coefficient."""
     c0, c1, c2 = (float(c) for c in coefficients)
     if abs(c2) < NEGLIGIBLE * max(abs(c0), abs(c1)):

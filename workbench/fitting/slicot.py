@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import SolverError
-from workbench.fitting.rational import Complex, Rational, Real, from_system
+from workbench.fitting.rational import Rational, from_system
 
 
-def sb10yd(omega: Real, response: Complex, order: int, minimum_phase: bool) -> Rational:
+def sb10yd(omega: RealArray, response: ComplexArray, order: int, minimum_phase: bool) -> Rational:
     """SB10YD's fit of a given order to a complex response (F,) at ``omega`` [rad/s] (F,).
 
     ``minimum_phase`` also makes it stable: unstable roots are mirrored.

@@ -1,31 +1,44 @@
 """From experiments to models: excitation, responses with confidence, physical parameters."""
 
-from workbench.identification import crest_factor_methods, parameter_methods
-from workbench.identification.assumptions import Assumptions
-from workbench.identification.crest_factor import CrestFactor, schroeder_phases
-from workbench.identification.distortion import (
+from workbench.identification.experiments import crest_factor_methods
+from workbench.identification.experiments.crest_factor import CrestFactor, schroeder_phases
+from workbench.identification.experiments.distortion import (
     LineDistortion,
     line_distortion,
     total_harmonic_distortion,
 )
-from workbench.identification.excitation import SteppedSine, sine_fit
-from workbench.identification.innovations import InnovationsModel
-from workbench.identification.least_squares import Parameter
-from workbench.identification.local_polynomial import LocalPolynomial, local_polynomial
-from workbench.identification.measured import MeasuredRecord, MeasuredResponse
-from workbench.identification.multisine import (
+from workbench.identification.experiments.multisine import (
     Multisine,
     line_amplitudes,
     odd_lines,
     random_multisine,
 )
-from workbench.identification.parameters import ParameterEstimate, ParameterFit, fit_parameters
-from workbench.identification.quality import IdentificationWarning, as_record, saturation
-from workbench.identification.records import read_record, read_response
-from workbench.identification.response import PeriodicResponse, ResponseEstimate, from_periods
-from workbench.identification.spectral import SpectralResponse, spectral_response
-from workbench.identification.state_space import StateSpaceFit
-from workbench.identification.variables import read_variables
+from workbench.identification.experiments.quality import (
+    IdentificationWarning,
+    as_record,
+    saturation,
+)
+from workbench.identification.experiments.records import read_record, read_response
+from workbench.identification.experiments.stepped_sine import SteppedSine, sine_fit
+from workbench.identification.experiments.variables import read_variables
+from workbench.identification.parameters import methods as parameter_methods
+from workbench.identification.parameters.least_squares import Parameter
+from workbench.identification.parameters.measured import MeasuredRecord, MeasuredResponse
+from workbench.identification.parameters.program import (
+    ParameterEstimate,
+    ParameterFit,
+    fit_parameters,
+)
+from workbench.identification.responses.assumptions import Assumptions
+from workbench.identification.responses.local_polynomial import LocalPolynomial, local_polynomial
+from workbench.identification.responses.periodic import (
+    PeriodicResponse,
+    ResponseEstimate,
+    from_periods,
+)
+from workbench.identification.responses.spectral import SpectralResponse, spectral_response
+from workbench.identification.state_space.innovations import InnovationsModel
+from workbench.identification.state_space.program import StateSpaceFit
 
 __all__ = [
     "Assumptions",

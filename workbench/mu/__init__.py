@@ -1,19 +1,21 @@
 """The structured singular value: certified bounds at frequencies and over all of them."""
 
-from workbench.mu import upper_ab13md, upper_conic, upper_fast
-from workbench.mu.branch import branch_and_bound
-from workbench.mu.destabilising import destabilising
-from workbench.mu.gradient import gradient
-from workbench.mu.lower import lower_bound
-from workbench.mu.lower_program import LowerBound, MuLowerBound
-from workbench.mu.margins import Conditions, conditions
-from workbench.mu.peak import Peak, peak, regularised
-from workbench.mu.sensitivity import sensitivity
-from workbench.mu.skew import SkewBounds, skew_bounds
-from workbench.mu.sweep import Sweep, sweep
-from workbench.mu.upper import upper_bound
-from workbench.mu.upper_program import MuUpperBound, UpperBound
-from workbench.mu.worst_case import WorstCaseGain, worst_case_gain
+from workbench.mu.frequency.peak import Peak, peak, regularised
+from workbench.mu.frequency.sweep import Sweep, sweep
+from workbench.mu.lower.bound import lower_bound
+from workbench.mu.lower.program import LowerBound, MuLowerBound
+from workbench.mu.robust.branch import branch_and_bound
+from workbench.mu.robust.conditions import Conditions, conditions
+from workbench.mu.robust.destabilising import destabilising
+from workbench.mu.robust.sensitivity import sensitivity
+from workbench.mu.robust.skew import SkewBounds, skew_bounds
+from workbench.mu.robust.worst_case import WorstCaseGain, worst_case_gain
+from workbench.mu.upper import ab13md as upper_ab13md
+from workbench.mu.upper import conic as upper_conic
+from workbench.mu.upper import fast as upper_fast
+from workbench.mu.upper.bound import upper_bound
+from workbench.mu.upper.gradient import gradient
+from workbench.mu.upper.program import MuUpperBound, UpperBound
 from workbench.structure import Complex, Full, Real, Structure
 
 __all__ = [

@@ -3,12 +3,12 @@
 from workbench.simulation.cascade import Cascade, Part
 from workbench.simulation.controllers import Controller, idle, in_discrete_time, linear
 from workbench.simulation.converters import Converter
-from workbench.simulation.discretise import continued, hold, respond, sampled
 from workbench.simulation.loop import SampledLoop, Schedule, Trajectory
 from workbench.simulation.noise import band_limited
 from workbench.simulation.play import play
 from workbench.simulation.repetitive import Repetitive
 from workbench.simulation.switching import blend, following, removed, silenced, total
+from workbench.systems.sampling import continued, hold, respond, sampled
 
 __all__ = [
     "Cascade",

@@ -15,11 +15,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.arrays import RealArray
 from workbench.errors import InputError
 from workbench.simulation.controllers import Controller, idle
 from workbench.simulation.machine import SLOTS, pointer
 
-Real = NDArray[np.float64]
 Whole = NDArray[np.int64]
 
 
@@ -120,15 +120,15 @@ class Slots(NamedTuple):
     """A cascade as the machine takes it, idle slots behind its parts; a copy of every state."""
 
     steps: tuple[Any, ...]
-    states: tuple[Real, ...]
-    parameters: tuple[Real, ...]
+    states: tuple[RealArray, ...]
+    parameters: tuple[RealArray, ...]
     wires: tuple[Whole, ...]
-    given: tuple[Real, ...]
-    told: tuple[Real, ...]
+    given: tuple[RealArray, ...]
+    told: tuple[RealArray, ...]
     places: Whole
 
 
-def slots(cascade: Cascade, memory: dict[str, Real]) -> Slots:
+def slots(cascade: Cascade, memory: dict[str, RealArray]) -> Slots:
     """Slots of a cascade; a part whose name has a state in `memory` goes on from it.
 
     Raises InputError when it would take over another number of states.
@@ -167,5 +167,5 @@ def carried(part: Part) -> int:
     return np.size(law.state) if law.carried is None else law.carried
 
 
-def _vector(values: Any) -> Real:
+def _vector(values: Any) -> RealArray:
     return np.ascontiguousarray(values, float)

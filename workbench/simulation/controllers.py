@@ -7,15 +7,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.arrays import RealArray
 from workbench.compiled import kernel
 from workbench.errors import InputError
 
 if TYPE_CHECKING:
     from control import StateSpace, TransferFunction
-
-Real = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,8 +37,8 @@ class Controller:
     """
 
     step: Any
-    state: Real
-    parameters: Real
+    state: RealArray
+    parameters: RealArray
     outputs: int = 1
     reads: int = 0
     period: float | None = None
@@ -105,12 +103,16 @@ def in_discrete_time(system: StateSpace | TransferFunction, period: float) -> St
 
 
 @kernel
-def _idle(state: Real, parameters: Real, measurement: Real, output: Real) -> None:
+def _idle(
+    state: RealArray, parameters: RealArray, measurement: RealArray, output: RealArray
+) -> None:
     output[:] = 0.0
 
 
 @kernel
-def _linear(state: Real, parameters: Real, measurement: Real, output: Real) -> None:
+def _linear(
+    state: RealArray, parameters: RealArray, measurement: RealArray, output: RealArray
+) -> None:
     n, m, p = int(parameters[0]), int(parameters[1]), int(parameters[2])
     at_a = 3 + m
     at_b = at_a + n * n

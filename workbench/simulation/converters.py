@@ -6,12 +6,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from workbench.arrays import RealArray
 from workbench.compiled import compiled, kernel
 from workbench.errors import InputError
-
-Real = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -34,11 +33,11 @@ class Converter:
         """Volts per code; 0 without codes."""
         return 0.0 if self.bits is None else 2.0 * self.limit / 2**self.bits
 
-    def levels(self, gain: float = 1.0) -> Real:
+    def levels(self, gain: float = 1.0) -> RealArray:
         """Step, lowest and highest level (3,), referred to the input of an amplifier before it."""
         return np.array([self.step, -self.limit, self.limit - self.step]) / gain
 
-    def convert(self, values: ArrayLike, gain: float = 1.0) -> tuple[Real, float]:
+    def convert(self, values: ArrayLike, gain: float = 1.0) -> tuple[RealArray, float]:
         """Converted values of the same shape, and the share of them that saturated."""
         array = np.ascontiguousarray(values, float)
         converted, saturated = _convert_all(array.ravel(), self.levels(gain))
@@ -59,7 +58,7 @@ def convert(value: float, step: float, lowest: float, highest: float) -> tuple[f
 
 
 @compiled
-def _convert_all(values: Real, levels: Real) -> tuple[Real, int]:
+def _convert_all(values: RealArray, levels: RealArray) -> tuple[RealArray, int]:
     converted, saturated = np.empty_like(values), 0
     for k, value in enumerate(values):
         converted[k], over = convert(value, levels[0], levels[1], levels[2])

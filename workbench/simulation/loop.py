@@ -25,17 +25,18 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from workbench.arrays import RealArray
 from workbench.errors import InputError
 from workbench.simulation.cascade import Cascade, Slots, alone, carried, slots
 from workbench.simulation.controllers import Controller
-from workbench.simulation.discretise import hold, lowpass_weights, split_delay
 from workbench.simulation.machine import machine, pointer
 from workbench.simulation.plain import plain_loop
+from workbench.systems.sampling import hold, lowpass_weights, split_delay
 
 if TYPE_CHECKING:
     from control import StateSpace
 
-Real = NDArray[np.float64]
+
 Whole = NDArray[np.int64]
 
 
@@ -53,14 +54,14 @@ class Trajectory(NamedTuple):
     parts told, NaN while there was no such part.
     """
 
-    command: Real
-    output: Real
-    channels: Real
-    measurement: Real
-    position: Real
+    command: RealArray
+    output: RealArray
+    channels: RealArray
+    measurement: RealArray
+    position: RealArray
     saturated_outputs: Whole
     saturated_channels: Whole
-    signals: dict[str, Real]
+    signals: dict[str, RealArray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,14 +80,14 @@ class SampledLoop:
     plant: StateSpace
     positions: int
     sense: Any
-    sense_parameters: Real
+    sense_parameters: RealArray
     signals: int
     corner: float
     read: Any
-    read_parameters: Real
+    read_parameters: RealArray
     measurements: int
-    channel_levels: Real
-    output_levels: Real
+    channel_levels: RealArray
+    output_levels: RealArray
     period: float
     delay: float = 0.0
     refine: int = 1
@@ -126,7 +127,7 @@ class SampledLoop:
         sizes = (m, m, c, self.measurements, self.positions)
         command, output, channels, measurement, position = (np.zeros((samples, n)) for n in sizes)
         counts = np.zeros(m, np.int64), np.zeros(c, np.int64)
-        signals: dict[str, Real] = {}
+        signals: dict[str, RealArray] = {}
         recorded = Trajectory(command, output, channels, measurement, position, *counts, signals)
         for kernel, arguments in ((self.sense, 4), (self.read, 3)):
             kernel.compile(pointer(arguments).signature)
@@ -143,7 +144,7 @@ class SampledLoop:
             (excitation, exogenous, noise),
             recorded[:-1],
         )
-        states: dict[str, Real] = {}
+        states: dict[str, RealArray] = {}
         for first, last, cascade in self._stages(controller, samples):
             made = slots(cascade, states)
             told = self._stage(cascade, made, rest, first, last, samples)
@@ -186,7 +187,7 @@ class SampledLoop:
 
     def _stage(
         self, cascade: Cascade, made: Slots, rest: Any, first: int, last: int, samples: int
-    ) -> Real:
+    ) -> RealArray:
         """Run samples first to last - 1; the rows of their signals (last - first, S)."""
         names = cascade.signals
         row, rows = np.zeros(len(names)), np.zeros((last - first, len(names)))
@@ -206,7 +207,7 @@ class SampledLoop:
             )
         return rows
 
-    def _advance(self) -> tuple[Real, Real, Whole, Real, Real]:
+    def _advance(self) -> tuple[RealArray, RealArray, Whole, RealArray, RealArray]:
         """Matrices of each half step (H, ...) of a period, and weights of each step (H / 2, 4).
 
         Also the age [samples] of the input that is held, and the fraction of the period at the
@@ -230,7 +231,7 @@ class SampledLoop:
         return np.array(transition), np.array(drive), ages, ends, np.array(weights)
 
 
-def _checked(name: str, values: ArrayLike, rows: int | None, columns: int | None) -> Real:
+def _checked(name: str, values: ArrayLike, rows: int | None, columns: int | None) -> RealArray:
     array = np.ascontiguousarray(values, float)
     wanted = tuple("N" if size is None else size for size in (rows, columns))
     fits = array.ndim == 2 and all(

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.arrays import RealArray
 from workbench.compiled import kernel
 from workbench.simulation.converters import convert
 
-Real = NDArray[np.float64]
 Whole = NDArray[np.int64]
 
 SLOTS = 8
@@ -76,12 +76,12 @@ def machine() -> tuple[Any, Any, Any]:
 @kernel
 def _turn(
     step: Any,
-    state: Real,
-    parameters: Real,
+    state: RealArray,
+    parameters: RealArray,
     wires: Whole,
-    given: Real,
-    told: Real,
-    row: Real,
+    given: RealArray,
+    told: RealArray,
+    row: RealArray,
     at: int,
 ) -> None:
     """One part: it is given what its wires name, and what it tells is written from `at` on."""
@@ -96,19 +96,19 @@ def _turn(
 def look(
     k: int,
     read: Any,
-    read_parameters: Real,
-    row: Real,
-    x: Real,
-    filtered: Real,
-    converted: Real,
-    measured: Real,
-    to_output: Real,
-    limits: Real,
-    noise: Real,
-    output: Real,
-    channels: Real,
-    measurement: Real,
-    position: Real,
+    read_parameters: RealArray,
+    row: RealArray,
+    x: RealArray,
+    filtered: RealArray,
+    converted: RealArray,
+    measured: RealArray,
+    to_output: RealArray,
+    limits: RealArray,
+    noise: RealArray,
+    output: RealArray,
+    channels: RealArray,
+    measurement: RealArray,
+    position: RealArray,
     saturated: Whole,
 ) -> None:
     """Positions, channels and measurements of a sample; measurements and last outputs -> row."""
@@ -139,27 +139,27 @@ def look(
 def move(
     k: int,
     sense: Any,
-    sense_parameters: Real,
-    row: Real,
-    x: Real,
-    filtered: Real,
-    start: Real,
-    after: Real,
-    at: Real,
-    outside: Real,
-    middle: Real,
-    end: Real,
-    transition: Real,
-    drive: Real,
+    sense_parameters: RealArray,
+    row: RealArray,
+    x: RealArray,
+    filtered: RealArray,
+    start: RealArray,
+    after: RealArray,
+    at: RealArray,
+    outside: RealArray,
+    middle: RealArray,
+    end: RealArray,
+    transition: RealArray,
+    drive: RealArray,
     age: Whole,
-    fraction: Real,
-    weights: Real,
-    to_output: Real,
-    limits: Real,
-    excitation: Real,
-    exogenous: Real,
-    command: Real,
-    output: Real,
+    fraction: RealArray,
+    weights: RealArray,
+    to_output: RealArray,
+    limits: RealArray,
+    excitation: RealArray,
+    exogenous: RealArray,
+    command: RealArray,
+    output: RealArray,
     saturated: Whole,
 ) -> None:
     """Convert the command at the end of the row, and advance plant and filters by a sample."""
@@ -217,16 +217,16 @@ def _loop(
     given: Any,
     told: Any,
     places: Whole,
-    sense_parameters: Real,
-    read_parameters: Real,
-    row: Real,
+    sense_parameters: RealArray,
+    read_parameters: RealArray,
+    row: RealArray,
     memory: Any,
     desk: Any,
     plant: Any,
     levels: Any,
     played: Any,
     record: Any,
-    signals: Real,
+    signals: RealArray,
     first: int,
     last: int,
 ) -> int:

@@ -5,27 +5,25 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.arrays import RealArray
 from workbench.simulation.machine import machine
-
-Real = NDArray[np.float64]
 
 
 def plain_loop(
     turns: list[tuple[Any, ...]],
     sense: Any,
     read: Any,
-    sense_parameters: Real,
-    read_parameters: Real,
-    row: Real,
+    sense_parameters: RealArray,
+    read_parameters: RealArray,
+    row: RealArray,
     memory: Any,
     desk: Any,
     plant: Any,
     levels: Any,
     played: Any,
     record: Any,
-    signals: Real,
+    signals: RealArray,
     first: int,
     last: int,
 ) -> int:

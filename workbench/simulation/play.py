@@ -6,17 +6,16 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from workbench.arrays import RealArray
 from workbench.compiled import compiled
 from workbench.errors import InputError
 from workbench.simulation.controllers import Controller
 from workbench.simulation.machine import pointer
 
-Real = NDArray[np.float64]
 
-
-def play(controller: Controller, measurement: ArrayLike) -> Real:
+def play(controller: Controller, measurement: ArrayLike) -> RealArray:
     """Its outputs (N, p) for a record of its measurements (N, r), sample by sample from its state.
 
     As in the loop: it sees nothing of what comes later. Raises InputError for a record that is not
@@ -60,7 +59,9 @@ def _player() -> Any:
     return player
 
 
-def _play(step: Any, state: Real, parameters: Real, record: Real, output: Real) -> int:
+def _play(
+    step: Any, state: RealArray, parameters: RealArray, record: RealArray, output: RealArray
+) -> int:
     for k in range(len(record)):
         step(state, parameters, record[k], output[k])
         for i in range(output.shape[1]):

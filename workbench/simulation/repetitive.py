@@ -20,16 +20,14 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.arrays import RealArray
 from workbench.compiled import kernel
 from workbench.errors import InputError
 from workbench.simulation.controllers import Controller, in_discrete_time
 
 if TYPE_CHECKING:
     from control import StateSpace
-
-Real = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -101,7 +99,7 @@ class Repetitive:
 
 
 @kernel
-def _repeat(state: Real, p: Real, given: Real, told: Real) -> None:
+def _repeat(state: RealArray, p: RealArray, given: RealArray, told: RealArray) -> None:
     """State: place in the memory, both states of Q, the memory of r + g e."""
     length = len(state) - 3
     place, whole = int(state[0]), int(p[0])

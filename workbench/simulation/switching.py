@@ -10,16 +10,14 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from workbench.arrays import RealArray
 from workbench.compiled import kernel
 from workbench.errors import InputError
 from workbench.simulation.controllers import Controller, in_discrete_time
 
 if TYPE_CHECKING:
     from control import StateSpace, TransferFunction
-
-Real = NDArray[np.float64]
 
 
 def blend() -> Controller:
@@ -99,7 +97,7 @@ def following(
 
 
 @kernel
-def _blend(state: Real, parameters: Real, given: Real, told: Real) -> None:
+def _blend(state: RealArray, parameters: RealArray, given: RealArray, told: RealArray) -> None:
     w, b = given[0], given[2] if len(given) > 2 else 0.0
     # Not w a + (1 - w) b: what is not wanted at all may be huge.
     told[0] = given[1] if w == 1.0 else b if w == 0.0 else w * given[1] + (1.0 - w) * b
@@ -108,20 +106,20 @@ def _blend(state: Real, parameters: Real, given: Real, told: Real) -> None:
 
 
 @kernel
-def _removed(state: Real, parameters: Real, given: Real, told: Real) -> None:
+def _removed(state: RealArray, parameters: RealArray, given: RealArray, told: RealArray) -> None:
     w = given[0]
     told[0] = given[1] - (1.0 - w) * parameters[0] * given[2] if 0.0 <= w <= 1.0 else np.nan
 
 
 @kernel
-def _total(state: Real, parameters: Real, given: Real, told: Real) -> None:
+def _total(state: RealArray, parameters: RealArray, given: RealArray, told: RealArray) -> None:
     told[0] = 0.0
     for i in range(len(given)):
         told[0] += given[i]
 
 
 @kernel
-def _silenced(state: Real, parameters: Real, given: Real, told: Real) -> None:
+def _silenced(state: RealArray, parameters: RealArray, given: RealArray, told: RealArray) -> None:
     told[0] = given[0]
     for i in range(0, len(parameters), 2):
         if parameters[i] <= state[0] < parameters[i + 1]:
@@ -130,7 +128,7 @@ def _silenced(state: Real, parameters: Real, given: Real, told: Real) -> None:
 
 
 @kernel
-def _following(state: Real, p: Real, given: Real, told: Real) -> None:
+def _following(state: RealArray, p: RealArray, given: RealArray, told: RealArray) -> None:
     """State: x, room for the next x, own output and share of the sample before."""
     n = int(p[0])
     at_b, at_c = 2 + n * n, 2 + n * n + n

@@ -1,22 +1,31 @@
 """Synthesis: H-infinity and mu controllers, certified, reduced, discretised, exported."""
 
-from workbench.synthesis import dgk, dk, fixed, hinf_conic, hinf_methods, switching_conic
-from workbench.synthesis.assumptions import regularised
-from workbench.synthesis.discretise import discretised
-from workbench.synthesis.export import export, load
-from workbench.synthesis.families import Family, Modal
-from workbench.synthesis.fixed_point import FixedCascade, FixedPoint, fixed_point
-from workbench.synthesis.hinf import HinfController, HinfSynthesis, hinf
-from workbench.synthesis.known_disturbance import known_disturbance_bound
-from workbench.synthesis.loop_shaping import LoopShaping
-from workbench.synthesis.mixed_sensitivity import MixedSensitivity
-from workbench.synthesis.mu_synthesis import MuController, MuSynthesis
-from workbench.synthesis.reduction import Reduced, Reduction, reduce, reduced
-from workbench.synthesis.rounds import Iterate
-from workbench.synthesis.sampled_loop import Margins, SampledConditions, sampled_conditions
-from workbench.synthesis.second_order import Sections, second_order_sections
-from workbench.synthesis.structured import PID, Decentralised, LeadLag
-from workbench.synthesis.switching import Dwell, Mode, SwitchedStability
+from workbench.synthesis.hinf import conic as hinf_conic
+from workbench.synthesis.hinf import methods as hinf_methods
+from workbench.synthesis.hinf.assumptions import regularised
+from workbench.synthesis.hinf.known_disturbance import known_disturbance_bound
+from workbench.synthesis.hinf.loop_shaping import LoopShaping
+from workbench.synthesis.hinf.mixed_sensitivity import MixedSensitivity
+from workbench.synthesis.hinf.program import HinfController, HinfSynthesis, hinf
+from workbench.synthesis.implementation.discretise import discretised
+from workbench.synthesis.implementation.export import export, load
+from workbench.synthesis.implementation.fixed_point import FixedCascade, FixedPoint, fixed_point
+from workbench.synthesis.implementation.reduction import Reduced, Reduction, reduce, reduced
+from workbench.synthesis.implementation.sampled_loop import (
+    Margins,
+    SampledConditions,
+    sampled_conditions,
+)
+from workbench.synthesis.implementation.second_order import Sections, second_order_sections
+from workbench.synthesis.mu import dk
+from workbench.synthesis.mu.multipliers import dgk
+from workbench.synthesis.mu.program import MuController, MuSynthesis
+from workbench.synthesis.mu.rounds import Iterate
+from workbench.synthesis.mu.structured import fixed
+from workbench.synthesis.mu.structured.families import Family, Modal
+from workbench.synthesis.mu.structured.named_families import PID, Decentralised, LeadLag
+from workbench.synthesis.switching import conic as switching_conic
+from workbench.synthesis.switching.program import Dwell, Mode, SwitchedStability
 
 __all__ = [
     "PID",

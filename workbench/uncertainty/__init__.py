@@ -1,23 +1,23 @@
 """Uncertainty models: covers of response sets, parametric models, generalised plants."""
 
-from workbench.uncertainty import cover_methods
-from workbench.uncertainty.circle_cover import CircleCover
-from workbench.uncertainty.cover import CoverSteps
-from workbench.uncertainty.extrapolation import widened
-from workbench.uncertainty.generalised import GeneralisedPlant, generalised_plant
-from workbench.uncertainty.lft import inverse, matrix, solve
-from workbench.uncertainty.model import Containment, UncertaintyModel, contains
-from workbench.uncertainty.orientation import (
+from workbench.systems.generalised_plant import GeneralisedPlant, generalised_plant
+from workbench.uncertainty.covers import methods as cover_methods
+from workbench.uncertainty.covers.circle_cover import CircleCover
+from workbench.uncertainty.covers.cover import CoverSteps
+from workbench.uncertainty.covers.extrapolation import widened
+from workbench.uncertainty.covers.model import Containment, UncertaintyModel, contains
+from workbench.uncertainty.covers.orientation import (
     Orientation,
     cheapest,
     limited,
     narrowest,
     smooth,
 )
-from workbench.uncertainty.parameters import Parameter, levels, samples, vertices
-from workbench.uncertainty.parametric import ParametricModel, parametric
-from workbench.uncertainty.responses import Responses, responses_of
-from workbench.uncertainty.stadium_cover import StadiumCover
+from workbench.uncertainty.covers.responses import Responses, responses_of
+from workbench.uncertainty.covers.stadium_cover import StadiumCover
+from workbench.uncertainty.parametric.lft import inverse, matrix, solve
+from workbench.uncertainty.parametric.model import ParametricModel, parametric
+from workbench.uncertainty.parametric.parameters import Parameter, levels, samples, vertices
 
 __all__ = [
     "CircleCover",

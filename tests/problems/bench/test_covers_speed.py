@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from workbench.plants.bench.covers import SECONDS, WANTED, CoverSpeed
+from workbench.plants.bench.scanned import ScannedStadiums
 
 import workbench as wb
-from problems.bench.covers import SECONDS, WANTED, CoverSpeed
-from problems.bench.scanned import ScannedStadiums
 from workbench import Options
 from workbench.executor import Context
 from workbench.geometry import narrowest_stadium

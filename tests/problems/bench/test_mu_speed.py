@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from workbench.plants.bench.mu import PEERS, WANTED, MuSpeed, random_system, smooth_responses
 
 import workbench as wb
-from problems.bench.mu import PEERS, WANTED, MuSpeed, random_system, smooth_responses
 
 
 @pytest.fixture(scope="module")

@@ -5,12 +5,12 @@ import sys
 import control
 import numpy as np
 import pytest
+from workbench.plants.bench.synthesis import FASTER, SLOWER, SynthesisSpeed, failed
+from workbench.plants.bench.synthesis_peers import Claimed, achieved, dk_iteration, hinfsyn
+from workbench.plants.bench.synthesis_plants import drive_plants, random_plant
+from workbench.plants.textbook.distillation import distillation_column
 
 import workbench as wb
-from problems.bench.synthesis import FASTER, SLOWER, SynthesisSpeed, failed
-from problems.bench.synthesis_peers import Claimed, achieved, dk_iteration, hinfsyn
-from problems.bench.synthesis_plants import drive_plants, random_plant
-from problems.textbook.distillation import distillation_column
 from workbench.errors import InputError
 from workbench.synthesis import hinf
 
@@ -25,7 +25,7 @@ def a_peer():
 def solved():
     study = SynthesisSpeed((3,), 2, drives=False, distillation=True)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("problems.bench.synthesis.dk_iteration", a_peer)
+        patch.setattr("workbench.plants.bench.synthesis.dk_iteration", a_peer)
         return study, wb.solve(study)
 
 

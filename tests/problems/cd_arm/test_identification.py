@@ -4,9 +4,9 @@ import sys
 
 import numpy as np
 import pytest
+from workbench.plants.bench.cd_arm import PeerComparison, fit
+from workbench.plants.cd_arm import identification
 
-from problems.cd_arm import identification
-from problems.cd_arm.peer import PeerComparison, fit
 from workbench import load, solve
 from workbench.errors import InputError
 

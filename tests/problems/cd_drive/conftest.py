@@ -4,9 +4,10 @@ from functools import cache
 from pathlib import Path
 
 import pytest
+from workbench.plants.cd_drive.uncertainty.circle_cover import circle_cover
+from workbench.plants.cd_drive.uncertainty.stadium_cover import stadium_cover
 
 import workbench as wb
-from problems.cd_drive.covers import circle_cover, stadium_cover
 
 REFERENCE = Path(__file__).parents[3] / "results" / "reference" / "cd"
 COVERS = {"circle": circle_cover, "stadium": stadium_cover}

@@ -5,15 +5,15 @@ import dataclasses
 import control
 import numpy as np
 import pytest
-
-from problems.cd_drive import tables
-from problems.cd_drive.actuator import (
+from workbench.plants.cd_drive.drive import tables
+from workbench.plants.cd_drive.drive.actuator import (
     general_model,
     resonances,
     specific_model,
     stack,
     transfer_coefficients,
 )
+
 from workbench.errors import InputError
 
 AXES = ("focus", "radial")

@@ -5,11 +5,13 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 import pytest
-
-from problems.cd_drive.actuator import resonances, specific_model
-from problems.cd_drive.bench_setup import RATE
-from problems.cd_drive.closed_loop import LIMITS, ClosedLoop
-from problems.cd_drive.in_the_loop import (
+from workbench.plants.cd_drive.drive.actuator import resonances, specific_model
+from workbench.plants.cd_drive.drive.tables import drives
+from workbench.plants.cd_drive.drive.two_masses import FITTED, Lumped, lens, lumped
+from workbench.plants.cd_drive.laboratory.bench_setup import RATE
+from workbench.plants.cd_drive.laboratory.closed_loop.problem import LIMITS, ClosedLoop
+from workbench.plants.cd_drive.laboratory.experiment import Laboratory
+from workbench.plants.cd_drive.laboratory.in_the_loop import (
     PERIODS,
     SETTLING,
     SWING,
@@ -18,9 +20,7 @@ from problems.cd_drive.in_the_loop import (
     excitation,
     neighbours_p,
 )
-from problems.cd_drive.laboratory import Laboratory
-from problems.cd_drive.tables import drives
-from problems.cd_drive.two_masses import FITTED, Lumped, lens, lumped
+
 from workbench import solve
 from workbench.identification import sine_fit
 from workbench.solvers import Options, Outcome

@@ -3,20 +3,24 @@
 import control
 import numpy as np
 import pytest
-
-from problems.cd_drive.control_problem import (
+from workbench.plants.cd_drive.control.control_problem import (
     control_weight,
     generalised,
     optical_gain,
     performance_weight,
 )
-from problems.cd_drive.drives import ANTIALIASING, controller, loop_response, plant
-from problems.cd_drive.parametric import parametric_nominal, parametric_plant, uncertain_parameters
-from problems.cd_drive.tables import ActuatorParameters, nominal_table
+from workbench.plants.cd_drive.drive.plants import ANTIALIASING, controller, loop_response, plant
+from workbench.plants.cd_drive.drive.tables import ActuatorParameters, nominal_table
+from workbench.plants.cd_drive.uncertainty.parametric_model import (
+    parametric_nominal,
+    parametric_plant,
+    uncertain_parameters,
+)
+
 from workbench.errors import InputError
 from workbench.structure import Complex, Full, Real, Structure
+from workbench.systems.generalised_plant import response
 from workbench.uncertainty import UncertaintyModel
-from workbench.uncertainty.generalised import response
 
 FREQUENCY = np.geomspace(2.0, 20e3, 60)
 OMEGA = 2 * np.pi * FREQUENCY

@@ -5,19 +5,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import xarray as xr
+from workbench.plants.cd_drive.drive.plants import crossover, nominal_response, responses
+from workbench.plants.cd_drive.drive.shared_parameters import WINDOWS
+from workbench.plants.cd_drive.drive.tables import drives
+from workbench.plants.cd_drive.laboratory.identified import NAMES
+from workbench.plants.cd_drive.uncertainty.circle_cover import circle_cover
+from workbench.plants.cd_drive.uncertainty.measured_drives import identified_drives, measured_drives
+from workbench.plants.cd_drive.uncertainty.stadium_cover import ORIENTATIONS, stadium_cover
 
 import workbench as wb
-from problems.cd_drive.covers import (
-    ORIENTATIONS,
-    circle_cover,
-    identified_drives,
-    measured_drives,
-    stadium_cover,
-)
-from problems.cd_drive.drives import crossover, nominal_response, responses
-from problems.cd_drive.identified import NAMES
-from problems.cd_drive.sets import WINDOWS
-from problems.cd_drive.tables import drives
 from workbench.errors import InputError, UnknownNameError
 from workbench.uncertainty import contains
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from workbench.plants.cd_drive.diagnosis.diode_plane.problem import diode_plane
+from workbench.plants.cd_drive.diagnosis.residuals.problem import residuals
 
 import workbench as wb
-from problems.cd_drive.diode_plane import diode_plane
-from problems.cd_drive.residual_curves import residuals
 
 
 @pytest.fixture(scope="module")

@@ -2,15 +2,15 @@
 
 import numpy as np
 import pytest
+from workbench.plants.cd_drive.diagnosis.defect_events import APART, LATE, events, features, matched
+from workbench.plants.cd_drive.diagnosis.defect_kinds import BEAM, KINDS, SHOCK, draw, shocks
+from workbench.plants.cd_drive.diagnosis.defect_runs import SPACING, run
+from workbench.plants.cd_drive.diagnosis.quality import quality_signal
+from workbench.plants.cd_drive.drive.disc import VELOCITY, Defect
+from workbench.plants.cd_drive.drive.red_book import ACCEPTABLE_ERROR
+from workbench.plants.cd_drive.laboratory.bench_setup import RATE
+from workbench.plants.cd_drive.laboratory.experiment import STILL, Laboratory, measurements
 
-from problems.cd_drive.bench_setup import RATE
-from problems.cd_drive.defect_events import APART, LATE, events, features, matched
-from problems.cd_drive.defect_kinds import BEAM, KINDS, SHOCK, draw, shocks
-from problems.cd_drive.defect_runs import SPACING, run
-from problems.cd_drive.disc import VELOCITY, Defect
-from problems.cd_drive.laboratory import STILL, Laboratory, measurements
-from problems.cd_drive.quality import quality_signal
-from problems.cd_drive.red_book import ACCEPTABLE_ERROR
 from workbench.errors import InputError
 from workbench.simulation import play
 

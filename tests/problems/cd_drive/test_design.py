@@ -3,16 +3,16 @@
 import control
 import numpy as np
 import pytest
+from workbench.plants.cd_drive.control.control_problem import generalised
+from workbench.plants.cd_drive.control.controller import controller as controller_problem
+from workbench.plants.cd_drive.control.cover_for_control.search import ControlCover, _largest_radius
+from workbench.plants.cd_drive.control.design import NOISE, synthesis_plant, uncertainty
+from workbench.plants.cd_drive.control.least_mu import LoopWeights
+from workbench.plants.cd_drive.drive.plants import controller as reference
+from workbench.plants.cd_drive.uncertainty.measured_drives import measured_drives
+from workbench.plants.cd_drive.uncertainty.parametric_model import parametric_plant
 
 import workbench as wb
-from problems.cd_drive.control_cover import ControlCover, _largest_radius
-from problems.cd_drive.control_problem import generalised
-from problems.cd_drive.controller import controller as controller_problem
-from problems.cd_drive.covers import measured_drives
-from problems.cd_drive.design import NOISE, synthesis_plant, uncertainty
-from problems.cd_drive.drives import controller as reference
-from problems.cd_drive.least_mu import LoopWeights
-from problems.cd_drive.parametric import parametric_plant
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.fitting.rational import from_system

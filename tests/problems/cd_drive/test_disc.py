@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from workbench.plants.cd_drive.drive.disc import VELOCITY, Defect, Disc
 
-from problems.cd_drive.disc import VELOCITY, Defect, Disc
 from workbench.errors import InputError
 
 TIME = np.arange(0.0, 2.0, 1 / 35e3)

@@ -3,9 +3,10 @@
 import control
 import numpy as np
 import pytest
+from workbench.plants.cd_drive.drive import plants as drives
+from workbench.plants.cd_drive.drive import tables
+from workbench.plants.cd_drive.drive.actuator import transfer_coefficients
 
-from problems.cd_drive import drives, tables
-from problems.cd_drive.actuator import transfer_coefficients
 from workbench.errors import InputError
 
 AXES = ("focus", "radial")

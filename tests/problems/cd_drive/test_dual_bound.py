@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from workbench.plants.cd_drive.control.allowed_sets import discs, polygons
+from workbench.plants.cd_drive.control.dual_bound import POLES, Proof, highest_proven, midpoints
+from workbench.plants.cd_drive.control.least_mu import LoopWeights, least_mu
 
-from problems.cd_drive.allowed_sets import discs, polygons
-from problems.cd_drive.dual_bound import POLES, Proof, highest_proven, midpoints
-from problems.cd_drive.least_mu import LoopWeights, least_mu
 from workbench.executor import Context
 from workbench.solvers import Options
 from workbench.synthesis import hinf, regularised

@@ -4,12 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from workbench.plants.cd_drive.diagnosis.defect_kinds import SHOCK_PEAK
+from workbench.plants.cd_drive.drive.disc import Defect, Disc
+from workbench.plants.cd_drive.drive.tables import red_book
+from workbench.plants.cd_drive.laboratory.bench_setup import RATE
+from workbench.plants.cd_drive.tolerance.ensemble import (
+    BEGIN,
+    GROUPS,
+    Remembered,
+    Spread,
+    circumstances,
+)
 
-from problems.cd_drive.bench_setup import RATE
-from problems.cd_drive.defect_kinds import SHOCK_PEAK
-from problems.cd_drive.disc import Defect, Disc
-from problems.cd_drive.ensemble import BEGIN, GROUPS, Remembered, Spread, circumstances
-from problems.cd_drive.tables import red_book
 from workbench.errors import InputError
 
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from workbench.plants.cd_drive.tolerance.excursion.problem import excursion
+from workbench.plants.cd_drive.tolerance.excursion.theory import BlindLens, standing
 
 import workbench as wb
-from problems.cd_drive.excursion import excursion
-from problems.cd_drive.excursion_theory import BlindLens, standing
 from workbench.errors import InputError
 
 

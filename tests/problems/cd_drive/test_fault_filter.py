@@ -5,21 +5,21 @@ from pathlib import Path
 import control
 import numpy as np
 import pytest
-
-import workbench as wb
-from problems.cd_drive import fault_bound
-from problems.cd_drive.defect_estimates import (
+from workbench.plants.cd_drive.diagnosis.fault_filter import bound as fault_bound
+from workbench.plants.cd_drive.diagnosis.fault_filter.defect_estimates import (
     SHAPES,
     SIZE,
     estimates,
     relative_errors,
     sampled_defect,
 )
-from problems.cd_drive.drives import controller
-from problems.cd_drive.fault_design import estimation, few_states, full_order
-from problems.cd_drive.fault_filter_peers import defect_weight, peer_filters
-from problems.cd_drive.fault_front import FaultFront, full_filter, laguerre
-from problems.cd_drive.fault_loop import (
+from workbench.plants.cd_drive.diagnosis.fault_filter.design import (
+    estimation,
+    few_states,
+    full_order,
+)
+from workbench.plants.cd_drive.diagnosis.fault_filter.front import FaultFront, full_filter, laguerre
+from workbench.plants.cd_drive.diagnosis.fault_filter.loop import (
     FAST,
     SLOW,
     FaultLoop,
@@ -27,11 +27,15 @@ from problems.cd_drive.fault_loop import (
     resampled,
     unsampled,
 )
-from problems.cd_drive.red_book import envelope
+from workbench.plants.cd_drive.diagnosis.fault_filter.peers import defect_weight, peer_filters
+from workbench.plants.cd_drive.drive.plants import controller
+from workbench.plants.cd_drive.drive.red_book import envelope
+
+import workbench as wb
 from workbench.errors import SolverError
 from workbench.fitting.storage import function
+from workbench.systems.generalised_plant import response
 from workbench.uncertainty import UncertaintyModel
-from workbench.uncertainty.generalised import response
 
 REFERENCE = Path(__file__).parents[3] / "results" / "reference"
 

@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
+from workbench.plants.cd_drive.uncertainty.measured_drives import measured_drives
 
-from problems.cd_drive.covers import measured_drives
 from workbench import solve
 from workbench.fitting import MagnitudeFit, ResponseFit
 from workbench.geometry import narrowest_stadium, smallest_circle
-from workbench.uncertainty.orientation import limited
-from workbench.uncertainty.sets import stadiums_about_nominal
-from workbench.uncertainty.weights import needed_radius, unwrapped
+from workbench.uncertainty.covers.orientation import limited
+from workbench.uncertainty.covers.sets import stadiums_about_nominal
+from workbench.uncertainty.covers.weights import needed_radius, unwrapped
 
 AXES = ("focus", "radial")
 ORDER = 4
@@ -21,7 +21,7 @@ def family(axis):
 
 
 def nominal(axis):
-    from problems.cd_drive.drives import nominal_response
+    from workbench.plants.cd_drive.drive.plants import nominal_response
 
     return nominal_response(axis, family(axis).frequency, antialiasing=False)
 

@@ -4,14 +4,14 @@ from types import SimpleNamespace
 
 import pytest
 import xarray as xr
+from workbench.plants.cd_drive.control.controller import controller
+from workbench.plants.cd_drive.control.design import synthesis_plant, uncertainty
+from workbench.plants.cd_drive.control.five_x.problem import CONTROLLERS, FiveX, needs
+from workbench.plants.cd_drive.control.five_x.report import conclusions_table
 
 import workbench as wb
-from problems.cd_drive.controller import controller
-from problems.cd_drive.design import synthesis_plant, uncertainty
-from problems.cd_drive.five_x import CONTROLLERS, FiveX, needs
-from problems.cd_drive.five_x_report import conclusions_table
 from workbench.synthesis import hinf
-from workbench.synthesis.loops import stored
+from workbench.systems.storage import stored
 
 
 @pytest.fixture(scope="module")

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import xarray as xr
 from scipy import stats
+from workbench.plants.cd_drive.drive.actuator import SERIES_RESISTANCE, specific_model
+from workbench.plants.cd_drive.drive.tables import drives
+from workbench.plants.cd_drive.laboratory.identified import NAMES, Identified
 
 import workbench as wb
-from problems.cd_drive.actuator import SERIES_RESISTANCE, specific_model
-from problems.cd_drive.identified import NAMES, Identified
-from problems.cd_drive.tables import drives
 
 
 def measured(axis):

@@ -5,11 +5,12 @@ import time
 import control
 import numpy as np
 import pytest
+from workbench.plants.cd_drive.drive import plants as drives
+from workbench.plants.cd_drive.drive import tables
+from workbench.plants.cd_drive.drive.disc import Defect, Disc
+from workbench.plants.cd_drive.laboratory.bench_setup import COIL_GAIN, PERIOD, RATE
+from workbench.plants.cd_drive.laboratory.experiment import MEASUREMENTS, Laboratory
 
-from problems.cd_drive import drives, tables
-from problems.cd_drive.bench_setup import COIL_GAIN, PERIOD, RATE
-from problems.cd_drive.disc import Defect, Disc
-from problems.cd_drive.laboratory import MEASUREMENTS, Laboratory
 from workbench.compiled import compiled
 from workbench.errors import InputError
 from workbench.simulation import Controller, linear

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from workbench.plants.cd_drive.control.least_mu import LoopWeights, largest_least_mu, least_mu
+from workbench.plants.cd_drive.control.rank_one import CHANNELS, channel_of, rank_one_mu
+from workbench.plants.cd_drive.drive.plants import ANTIALIASING
 
-from problems.cd_drive.drives import ANTIALIASING
-from problems.cd_drive.least_mu import LoopWeights, largest_least_mu, least_mu
-from problems.cd_drive.rank_one import CHANNELS, channel_of, rank_one_mu
 from workbench.errors import InputError
 from workbench.fitting.rational import Rational
 from workbench.mu import upper_bound

@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
-
-from problems.cd_drive.disc import Disc
-from problems.cd_drive.laboratory import STILL, Laboratory
-from problems.cd_drive.linearity import (
+from workbench.plants.cd_drive.drive.disc import Disc
+from workbench.plants.cd_drive.laboratory.experiment import STILL, Laboratory
+from workbench.plants.cd_drive.laboratory.linearity import (
     Linearity,
     closed_loop,
     closed_loop_amplitude,
 )
+
 from workbench import Options, solve
 
 QUIET = {"noise": 0.0, "electronics": 0.0, "bits": None}

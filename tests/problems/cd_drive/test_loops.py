@@ -5,10 +5,16 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-
-from problems.cd_drive.bench_setup import PERIOD
-from problems.cd_drive.drives import crossover, phase_margin
-from problems.cd_drive.loops import bands, bandwidths, crossings, margins, open_loop, plants
+from workbench.plants.cd_drive.control.loops import (
+    bands,
+    bandwidths,
+    crossings,
+    margins,
+    open_loop,
+    plants,
+)
+from workbench.plants.cd_drive.drive.plants import crossover, phase_margin
+from workbench.plants.cd_drive.laboratory.bench_setup import PERIOD
 
 HZ = 2 * np.pi
 

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from workbench.plants.cd_drive.laboratory.bench_setup import PERIOD
+from workbench.plants.cd_drive.tolerance.lower_bandwidth import ROLL_OFF, lower_bandwidth, roll_off
 
 import workbench as wb
-from problems.cd_drive.bench_setup import PERIOD
-from problems.cd_drive.lower_bandwidth import ROLL_OFF, lower_bandwidth, roll_off
 from workbench.errors import InputError
-from workbench.synthesis.loops import restored
+from workbench.systems.storage import restored
 
 
 @pytest.fixture(scope="module")

@@ -2,18 +2,24 @@
 
 import numpy as np
 import pytest
+from workbench.plants.cd_drive.control.control_problem import generalised
+from workbench.plants.cd_drive.control.design import cover_of, uncertainty
+from workbench.plants.cd_drive.control.methods.checks import _plants
+from workbench.plants.cd_drive.control.methods.designs import (
+    DESIGNS,
+    FULL_ORDER,
+    Setting,
+    lqg,
+    mixed_sensitivity,
+)
+from workbench.plants.cd_drive.control.methods.problem import CONDITIONS, Methods, methods
+from workbench.plants.cd_drive.control.methods.report import CLAIMS, LOOKS
+from workbench.plants.cd_drive.control.weighting import nominal_of, weighted
+from workbench.plants.cd_drive.drive.plants import ANTIALIASING, nominal_response
 
 import workbench as wb
-from problems.cd_drive.control_problem import generalised
-from problems.cd_drive.design import cover_of, uncertainty
-from problems.cd_drive.drives import ANTIALIASING, nominal_response
-from problems.cd_drive.method_designs import DESIGNS, FULL_ORDER, Setting, lqg, mixed_sensitivity
-from problems.cd_drive.methods import CONDITIONS, Methods, methods
-from problems.cd_drive.methods_checks import _plants
-from problems.cd_drive.methods_report import CLAIMS, LOOKS
-from problems.cd_drive.weighting import nominal_of, weighted
 from workbench.executor import Context
-from workbench.uncertainty.generalised import response
+from workbench.systems.generalised_plant import response
 
 QUICK = ("reference", "LQG", "mixed sensitivity", "loop shaping")
 HERTZ = np.geomspace(1, 1e4, 40)

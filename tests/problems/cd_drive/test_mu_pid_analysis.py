@@ -7,10 +7,15 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from workbench.plants.cd_drive.control.mu_pid_analysis.problem import (
+    COVERS,
+    GAINS,
+    MuPidAnalysis,
+    needs,
+)
+from workbench.plants.cd_drive.control.rank_one import rank_one_mu
 
 import workbench as wb
-from problems.cd_drive.mu_pid_analysis import COVERS, GAINS, MuPidAnalysis, needs
-from problems.cd_drive.rank_one import rank_one_mu
 from workbench.mu import lower_bound, upper_bound
 from workbench.structure import Complex, Real, Structure
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-
-from problems.cd_drive import nominal, tables
+from workbench.plants.cd_drive.drive import nominal_table as nominal
+from workbench.plants.cd_drive.drive import tables
 
 
 @pytest.mark.parametrize(

@@ -4,11 +4,16 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from workbench.plants.cd_drive.drive.plants import nominal_response
+from workbench.plants.cd_drive.drive.shared_parameters import WINDOWS
+from workbench.plants.cd_drive.uncertainty.nominal import (
+    CLOSE,
+    FORMS,
+    NominalModels,
+    steps_of_covers,
+)
 
 import workbench as wb
-from problems.cd_drive.drives import nominal_response
-from problems.cd_drive.nominal_models import CLOSE, FORMS, NominalModels, steps_of_covers
-from problems.cd_drive.sets import WINDOWS
 
 
 @pytest.fixture(scope="module", params=["focus", "radial"])

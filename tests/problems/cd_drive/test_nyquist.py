@@ -7,10 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-
-import workbench as wb
-from problems.cd_drive.drives import loop_response
-from problems.cd_drive.nyquist import (
+from workbench.plants.cd_drive.control.nyquist.problem import (
     CRITICAL,
     KINDS,
     METHODS,
@@ -21,6 +18,9 @@ from problems.cd_drive.nyquist import (
     distance_of,
     times,
 )
+from workbench.plants.cd_drive.drive.plants import loop_response
+
+import workbench as wb
 from workbench.geometry import Stadium
 
 number = st.floats(-10.0, 10.0)

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from workbench.plants.cd_drive.drive.tables import drives
+from workbench.plants.cd_drive.drive.two_masses import lumped
+from workbench.plants.cd_drive.laboratory.experiment import Laboratory
+from workbench.plants.cd_drive.laboratory.open_loop import PARAMETERS, OpenLoop, without_transient
 
-from problems.cd_drive.laboratory import Laboratory
-from problems.cd_drive.open_loop import PARAMETERS, OpenLoop, without_transient
-from problems.cd_drive.tables import drives
-from problems.cd_drive.two_masses import lumped
 from workbench import Options, solve
 
 COARSE = 1.0

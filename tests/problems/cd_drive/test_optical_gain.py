@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from workbench.plants.cd_drive.drive.tables import drives
+from workbench.plants.cd_drive.laboratory.bench_setup import RATE
+from workbench.plants.cd_drive.laboratory.experiment import Laboratory
+from workbench.plants.cd_drive.laboratory.optical_gain import GAINS, OpticalGain
+from workbench.plants.cd_drive.laboratory.scans import RANGE, SWEEP, focus_scan, radial_scan, ramps
 
-from problems.cd_drive.bench_setup import RATE
-from problems.cd_drive.laboratory import Laboratory
-from problems.cd_drive.optical_gain import GAINS, OpticalGain
-from problems.cd_drive.scans import RANGE, SWEEP, focus_scan, radial_scan, ramps
-from problems.cd_drive.tables import drives
 from workbench import Options, solve
 
 QUIET = {"noise": 0.0, "electronics": 0.0}

@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 import pytest
+from workbench.plants.cd_drive.drive import optics
+from workbench.plants.cd_drive.drive.tables import disc_formats
 
-from problems.cd_drive import optics
-from problems.cd_drive.tables import disc_formats
 from workbench import load, solve
 from workbench.errors import InputError
 

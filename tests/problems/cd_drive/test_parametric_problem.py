@@ -2,20 +2,27 @@
 
 import numpy as np
 import pytest
-
-from problems.cd_drive.actuator import transfer_coefficients
-from problems.cd_drive.drives import nominal_response
-from problems.cd_drive.parametric import (
+from workbench.plants.cd_drive.drive.actuator import transfer_coefficients
+from workbench.plants.cd_drive.drive.plants import nominal_response
+from workbench.plants.cd_drive.drive.tables import (
+    ActuatorParameters,
+    nominal_table,
+    reduced_tolerances,
+)
+from workbench.plants.cd_drive.uncertainty.parametric.problem import (
+    ParametricSpread,
+    parametric_spread,
+)
+from workbench.plants.cd_drive.uncertainty.parametric_model import (
     COPIES,
     parametric_nominal,
     parametric_plant,
     uncertain_parameters,
 )
-from problems.cd_drive.parametric_spread import ParametricSpread, parametric_spread
-from problems.cd_drive.tables import ActuatorParameters, nominal_table, reduced_tolerances
+
 from workbench import Options, solve
 from workbench.errors import InputError
-from workbench.uncertainty.generalised import response
+from workbench.systems.generalised_plant import response
 
 FREQUENCY = np.geomspace(5.0, 5000.0, 40)
 

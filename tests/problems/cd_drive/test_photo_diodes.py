@@ -4,9 +4,15 @@ import dataclasses
 
 import numpy as np
 import pytest
+from workbench.plants.cd_drive.drive import tables
+from workbench.plants.cd_drive.drive.photo_diodes import (
+    LINEAR,
+    PEAK,
+    PITCH,
+    diode_parameters,
+    diode_signals,
+)
 
-from problems.cd_drive import tables
-from problems.cd_drive.photo_diodes import LINEAR, PEAK, PITCH, diode_parameters, diode_signals
 from workbench.errors import InputError
 
 ERROR = np.linspace(-15e-6, 15e-6, 30_001)

@@ -7,14 +7,25 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from workbench.plants.cd_drive.tolerance.balloon import arms, interval, resampled, size
+from workbench.plants.cd_drive.tolerance.ensemble import circumstances
+from workbench.plants.cd_drive.tolerance.playability.checks import continuous_peak
+from workbench.plants.cd_drive.tolerance.playability.problem import named, playability
+from workbench.plants.cd_drive.tolerance.playability.runs import (
+    Design,
+    Player,
+    chosen,
+    sampled_controller,
+    scored,
+)
+from workbench.plants.cd_drive.tolerance.playability.search import (
+    BOUNDS,
+    LARGEST,
+    Search,
+    peak_sensitivity,
+)
 
 import workbench as wb
-from problems.cd_drive.balloon import arms, interval, resampled, size
-from problems.cd_drive.ensemble import circumstances
-from problems.cd_drive.playability import named, playability
-from problems.cd_drive.playability_checks import continuous_peak
-from problems.cd_drive.playability_runs import Design, Player, chosen, sampled_controller, scored
-from problems.cd_drive.playability_search import BOUNDS, LARGEST, Search, peak_sensitivity
 from workbench.errors import InputError, UnknownNameError
 
 SMALL = {"scenarios": 14, "training": 7, "trials": 4, "drives": 2, "duration": 0.6}

@@ -4,12 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
-from problems.cd_drive.bench_setup import NOISE, PERIOD, RATE, find_drive
-from problems.cd_drive.laboratory import Laboratory
-from problems.cd_drive.position_checks import PRINTED_POLES, exact_companion_gain
-from problems.cd_drive.position_estimator import CASES, ESTIMATORS, RIVALS, position_estimator
-from problems.cd_drive.position_model import (
+from workbench.plants.cd_drive.diagnosis.position_estimator.checks import (
+    PRINTED_POLES,
+    exact_companion_gain,
+)
+from workbench.plants.cd_drive.diagnosis.position_estimator.model import (
     PRINTED_K_OBS,
     PRINTED_K_P,
     colour,
@@ -19,7 +18,20 @@ from problems.cd_drive.position_model import (
     model,
     of_the_thesis,
 )
-from problems.cd_drive.position_trials import DIST_MAX, DIST_MIN, Scratches
+from workbench.plants.cd_drive.diagnosis.position_estimator.problem import (
+    CASES,
+    ESTIMATORS,
+    RIVALS,
+    position_estimator,
+)
+from workbench.plants.cd_drive.diagnosis.position_estimator.trials import (
+    DIST_MAX,
+    DIST_MIN,
+    Scratches,
+)
+from workbench.plants.cd_drive.laboratory.bench_setup import NOISE, PERIOD, RATE, find_drive
+from workbench.plants.cd_drive.laboratory.experiment import Laboratory
+
 from workbench import solve
 from workbench.diagnosis import Rotation, prototype_poles
 from workbench.simulation import band_limited

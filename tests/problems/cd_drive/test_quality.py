@@ -6,10 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
-from problems.cd_drive.disc import Defect
-from problems.cd_drive.laboratory import MEASUREMENTS, Laboratory
-from problems.cd_drive.quality import (
+from workbench.plants.cd_drive.diagnosis.quality import (
     DARK,
     FARTHEST,
     binary_detector,
@@ -17,6 +14,9 @@ from problems.cd_drive.quality import (
     quality,
     quality_signal,
 )
+from workbench.plants.cd_drive.drive.disc import Defect
+from workbench.plants.cd_drive.laboratory.experiment import MEASUREMENTS, Laboratory
+
 from workbench.errors import InputError
 from workbench.simulation import play
 

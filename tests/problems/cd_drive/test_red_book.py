@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from workbench.plants.cd_drive.drive import red_book, tables
 
-from problems.cd_drive import red_book, tables
 from workbench import load, solve
 from workbench.errors import InputError
 

@@ -5,10 +5,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from workbench.plants.cd_drive.drive.disc import Disc
+from workbench.plants.cd_drive.laboratory.bench_setup import RATE
+from workbench.plants.cd_drive.tolerance.scenario import (
+    Scenario,
+    Shock,
+    Stage,
+    read_scenario,
+    scenario,
+)
 
-from problems.cd_drive.bench_setup import RATE
-from problems.cd_drive.disc import Disc
-from problems.cd_drive.scenario import Scenario, Shock, Stage, read_scenario, scenario
 from workbench.errors import InputError
 from workbench.executor import InProcess, spread
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from workbench.plants.cd_drive.control.sensitivity.problem import sensitivity
 
 import workbench as wb
-from problems.cd_drive.sensitivity import sensitivity
 
 
 @pytest.fixture(scope="module", params=["focus", "radial"])

@@ -6,21 +6,29 @@ from dataclasses import replace
 import control
 import numpy as np
 import pytest
+from workbench.plants.cd_drive.drive.disc import Defect, Disc
+from workbench.plants.cd_drive.drive.plants import controller
+from workbench.plants.cd_drive.laboratory.bench_setup import PERIOD, RATE
+from workbench.plants.cd_drive.laboratory.experiment import MEASUREMENTS, Laboratory, _loop
+from workbench.plants.cd_drive.tolerance.strategies.problem import strategies
+from workbench.plants.cd_drive.tolerance.strategies.runs import LENGTH, Experiment, envelope
+from workbench.plants.cd_drive.tolerance.strategies.stability import (
+    estimated_decay,
+    repetitive_level,
+)
+from workbench.plants.cd_drive.tolerance.tactics import (
+    STRATEGIES,
+    Strategies,
+    clean_level,
+    stand_in_filter,
+)
 
-from problems.cd_drive.bench_setup import PERIOD, RATE
-from problems.cd_drive.disc import Defect, Disc
-from problems.cd_drive.drives import controller
-from problems.cd_drive.laboratory import MEASUREMENTS, Laboratory, _loop
-from problems.cd_drive.strategies import STRATEGIES, Strategies, clean_level, stand_in_filter
-from problems.cd_drive.strategies_runs import LENGTH, Experiment, envelope
-from problems.cd_drive.strategies_stability import estimated_decay, repetitive_level
-from problems.cd_drive.strategies_study import strategies
 from workbench import solve
 from workbench.compiled import compiled
 from workbench.errors import InputError, UnknownNameError
 from workbench.simulation import Cascade, Controller, Part
 from workbench.solvers import Options
-from workbench.synthesis.loops import restored
+from workbench.systems.storage import restored
 
 AXES = ("focus", "radial")
 TWELVE = ("nominal", *(f"CD{n}" for n in range(1, 13)))

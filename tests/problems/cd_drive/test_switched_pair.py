@@ -1,9 +1,12 @@
 """The problem cd/{axis}/two-controllers-switched at a small size, and its checks."""
 
 import pytest
+from workbench.plants.cd_drive.tolerance.two_controllers_switched.problem import (
+    CASES,
+    two_controllers_switched,
+)
 
 import workbench as wb
-from problems.cd_drive.switched_pair import CASES, two_controllers_switched
 from workbench.errors import InputError
 
 

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from workbench.plants.cd_drive.tolerance.switching_stability import checks
+from workbench.plants.cd_drive.tolerance.switching_stability.problem import SwitchingStability
 
 import workbench as wb
-from problems.cd_drive import switching_checks as checks
-from problems.cd_drive.switching_stability import SwitchingStability
-from workbench.synthesis.loops import restored
+from workbench.systems.storage import restored
 
 REFERENCE = Path(__file__).parents[3] / "results" / "reference" / "cd"
 

@@ -5,17 +5,19 @@ from dataclasses import replace
 import control
 import numpy as np
 import pytest
-
-import workbench as wb
-from problems.cd_drive import switching_stability as module
-from problems.cd_drive.bench_setup import PERIOD
-from problems.cd_drive.drives import controller, nominal_parameters, plant, total_gain, total_gains
-from problems.cd_drive.loops import margins
-from problems.cd_drive.red_book import envelope
-from problems.cd_drive.switched_box import Box, Cell, proven_share
-from problems.cd_drive.switched_error import Deviations
-from problems.cd_drive.switched_laboratory import Rig
-from problems.cd_drive.switched_loop import (
+from workbench.plants.cd_drive.control.loops import margins
+from workbench.plants.cd_drive.drive.plants import (
+    controller,
+    nominal_parameters,
+    plant,
+    total_gain,
+    total_gains,
+)
+from workbench.plants.cd_drive.drive.red_book import envelope
+from workbench.plants.cd_drive.drive.tables import drives
+from workbench.plants.cd_drive.laboratory.bench_setup import PERIOD
+from workbench.plants.cd_drive.tolerance.switched_laboratory import Rig
+from workbench.plants.cd_drive.tolerance.switched_loop import (
     closed,
     lens_model,
     modal,
@@ -23,9 +25,13 @@ from problems.cd_drive.switched_loop import (
     regulators,
     switched,
 )
-from problems.cd_drive.switching_checks import _played
-from problems.cd_drive.switching_stability import SwitchingStability
-from problems.cd_drive.tables import drives
+from workbench.plants.cd_drive.tolerance.switching_stability import problem as module
+from workbench.plants.cd_drive.tolerance.switching_stability.box import Box, Cell, proven_share
+from workbench.plants.cd_drive.tolerance.switching_stability.checks import _played
+from workbench.plants.cd_drive.tolerance.switching_stability.error import Deviations
+from workbench.plants.cd_drive.tolerance.switching_stability.problem import SwitchingStability
+
+import workbench as wb
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.simulation import sampled

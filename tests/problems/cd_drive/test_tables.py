@@ -3,8 +3,8 @@
 import dataclasses
 
 import pytest
+from workbench.plants.cd_drive.drive import tables
 
-from problems.cd_drive import tables
 from workbench.errors import InputError
 
 AXES = ("focus", "radial")

@@ -2,17 +2,17 @@
 
 import numpy as np
 import pytest
+from workbench.plants.cd_drive.control.loops import crossings
+from workbench.plants.cd_drive.control.trade_off import CHANNELS, TradeOff, defect_weight
+from workbench.plants.cd_drive.control.two_controllers import problem as module
+from workbench.plants.cd_drive.control.two_controllers.checks import _channels
+from workbench.plants.cd_drive.control.two_controllers.problem import TwoControllers
+from workbench.plants.cd_drive.drive.disc import VELOCITY
+from workbench.plants.cd_drive.drive.plants import controller
 
 import workbench as wb
-from problems.cd_drive import two_controllers as module
-from problems.cd_drive.disc import VELOCITY
-from problems.cd_drive.drives import controller
-from problems.cd_drive.loops import crossings
-from problems.cd_drive.trade_off import CHANNELS, TradeOff, defect_weight
-from problems.cd_drive.two_controllers import TwoControllers
-from problems.cd_drive.two_controllers_checks import _channels
 from workbench.errors import InputError
-from workbench.uncertainty.generalised import response
+from workbench.systems.generalised_plant import response
 
 LENGTH = 1.6e-3
 

@@ -5,11 +5,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-
-import workbench as wb
-from problems.cd_drive.parametric_spread import parametric_spread
-from problems.cd_drive.sets import WINDOWS
-from problems.cd_drive.uncertainty_comparison import (
+from workbench.plants.cd_drive.drive.shared_parameters import WINDOWS
+from workbench.plants.cd_drive.uncertainty.parametric.problem import parametric_spread
+from workbench.plants.cd_drive.uncertainty.uncertainty_comparison import (
     COVERS,
     GAINS,
     HIGH,
@@ -17,6 +15,8 @@ from problems.cd_drive.uncertainty_comparison import (
     Comparison,
     needs,
 )
+
+import workbench as wb
 
 
 @pytest.fixture(scope="module", params=["focus"])

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from workbench.plants.mass_spring.analysis import KINDS, QUESTIONS, analysis
+from workbench.plants.mass_spring.equations import characteristic_roots, real_spring_mu
 
 import workbench as wb
-from problems.mass_spring.analysis import KINDS, QUESTIONS, analysis
-from problems.mass_spring.equations import characteristic_roots, real_spring_mu
 
 
 @pytest.fixture(scope="module")

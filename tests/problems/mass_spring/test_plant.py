@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-
-from problems.mass_spring.equations import characteristic_roots, determinant
-from problems.mass_spring.plant import (
+from workbench.plants.mass_spring.equations import characteristic_roots, determinant
+from workbench.plants.mass_spring.plant import (
     B1,
     B2,
     K2,
@@ -16,6 +15,7 @@ from problems.mass_spring.plant import (
     two_mass_plant,
     weights,
 )
+
 from workbench.structure import Complex, Full, Real, Structure
 
 

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from workbench.plants.textbook.controller import PLANTS, controller, earlier
+from workbench.plants.textbook.distillation import distillation_column
+from workbench.plants.textbook.first_order import unstable_first_order
 
 import workbench as wb
-from problems.textbook.controller import PLANTS, controller, earlier
-from problems.textbook.distillation import distillation_column
-from problems.textbook.first_order import unstable_first_order
 from workbench.errors import InputError
-from workbench.uncertainty.generalised import response
+from workbench.systems.generalised_plant import response
 
 OMEGA = np.geomspace(1e-3, 1e3, 50)
 S = 1j * OMEGA

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from workbench.plants.textbook.fault_detection import detection
+from workbench.plants.textbook.fault_examples import YUAN_ROWS
 
 import workbench as wb
-from problems.textbook.fault_detection import detection
-from problems.textbook.fault_examples import YUAN_ROWS
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,224 @@
+"""The arm's models against the best subspace models of a public package, chosen the same way."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from workbench import Check, Run, Study, figures, problem, ref
+from workbench.errors import InputError
+from workbench.executor import Context
+from workbench.identification.state_space.innovations import InnovationsModel
+from workbench.identification.state_space.program import (
+    MODELS,
+    USES,
+    Fit,
+    Identified,
+    StateSpaceFit,
+)
+from workbench.identification.state_space.subspace import HORIZONS
+
+from ..cd_arm.identification import ESTIMATION, RECORD, read_record
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
+
+ALGORITHMS = ("N4SID", "MOESP", "CVA", "PARSIM-K")
+"""Subspace algorithms of the package; its PARSIM-S and PARSIM-P give no stable model here."""
+
+BLOCK = 50
+"""Samples over which errors are averaged before their spread is taken."""
+
+
+@problem("bench/cd-arm", data=RECORD, needs={"own": ref("cd-arm/identification")}, slow=True)
+def peer(own: Run) -> PeerComparison:
+    """The models of cd-arm/identification against the best subspace models of sippy_unipi.
+
+    Algorithm, horizon and order of the package's models are chosen among the same horizons and
+    orders as ours, and the same way, by validation within the first 1024 samples: its predictor
+    by the one-step fit and its simulator by the free-run fit. The rest judges, use by use.
+    """
+    orders = tuple(int(order) for order in own.data["order"].values)
+    program = StateSpaceFit(*read_record(), ESTIMATION, orders)
+    return PeerComparison(program, program.from_dataset(own.data))
+
+
+@dataclass(frozen=True, eq=False)
+class PeerComparison(Study):
+    """Fits on held-out data of our models and of the package's, each in its use."""
+
+    program: StateSpaceFit
+    own: Identified
+
+    headline: ClassVar[str] = "least_advantage"
+
+    def compute(self, context: Context) -> xr.Dataset:
+        import xarray as xr
+
+        program, orders, outputs = self.program, self.program.orders, self.program.y.shape[1]
+        scores = np.empty((len(ALGORITHMS), len(HORIZONS), len(orders), len(USES), outputs))
+        for place in context.track(list(np.ndindex(scores.shape[:3])), "sippy_unipi"):
+            scores[place] = program.validate(self._way(place))
+        chosen = [self._best(means) for means in np.moveaxis(scores.mean(axis=-1), -1, 0)]
+        labels = [
+            f"{ALGORITHMS[i]}, horizon {HORIZONS[j]}, order {orders[k]}" for (i, j, k), _ in chosen
+        ]
+        pairs = ((self.own.predictor, self.own.simulator), (chosen[0][1], chosen[1][1]))
+        rest = slice(program.estimation, None)
+        held_out = [program.fits(*pair, program.u[rest], program.y[rest]) for pair in pairs]
+        return xr.Dataset(
+            {
+                "validation_fit": (
+                    ("algorithm", "horizon", "order", "use", "output"),
+                    scores,
+                    {"units": "%"},
+                ),
+                "fit": (
+                    ("package", "use", "output"),
+                    held_out,
+                    {"units": "%", "long_name": "fit on held-out data"},
+                ),
+                "package_ahead": (
+                    ("use", "output"),
+                    self._ahead(*pairs),
+                    {"units": "standard errors"},
+                ),
+                "chosen_order": (
+                    ("package", "use"),
+                    [[model.order for model in pair] for pair in pairs],
+                ),
+            },
+            coords={
+                "algorithm": list(ALGORITHMS),
+                "horizon": list(HORIZONS),
+                "order": list(orders),
+                "use": list(USES),
+                "output": [f"y{n + 1}" for n in range(outputs)],
+                "package": ["workbench", "sippy_unipi"],
+            },
+            attrs=dict(zip(MODELS, labels, strict=True)),
+        )
+
+    def _way(self, place: tuple[int, ...]) -> Fit:
+        algorithm, horizon, order = place
+        return fit(ALGORITHMS[algorithm], HORIZONS[horizon], self.program.orders[order])
+
+    def _best(self, means: np.ndarray) -> tuple[tuple[int, ...], InnovationsModel]:
+        """Place (algorithm, horizon, order) of the best mean fit that gives a stable model of
+        the whole estimation part, and that model."""
+        used = slice(None, self.program.estimation)
+        for at in np.argsort(-means, axis=None, kind="stable"):
+            place = tuple(int(i) for i in np.unravel_index(int(at), means.shape))
+            model = self._way(place)(self.program.u[used], self.program.y[used])
+            if model is not None and np.isfinite(means[place]):
+                return place, model
+        raise InputError("the package gave no stable model of the whole estimation part")
+
+    def _ahead(
+        self,
+        own: tuple[InnovationsModel, InnovationsModel],
+        theirs: tuple[InnovationsModel, InnovationsModel],
+    ) -> np.ndarray:
+        """How far the package's squared errors are below ours, in standard errors, (uses, ny).
+
+        The standard error of the mean difference is that of blocks longer than errors are
+        correlated.
+        """
+        program, washout = self.program, self.program.washout
+        u, y = program.u[program.estimation :], program.y[program.estimation :]
+        rows = []
+        for use, *models in zip(USES, own, theirs, strict=True):
+            ours, other = ((y - getattr(model, use)(u, y, washout))[washout:] for model in models)
+            difference = ours**2 - other**2
+            count = len(difference) // BLOCK
+            blocks = difference[: count * BLOCK].reshape(count, BLOCK, -1).mean(axis=1)
+            rows.append(blocks.mean(axis=0) / (blocks.std(axis=0, ddof=1) / np.sqrt(count)))
+        return np.array(rows)
+
+    def checks(self, answer: xr.Dataset, tolerance: float) -> list[Check]:
+        own, theirs = (answer["fit"].sel(package=name) for name in answer["package"].values)
+        return [
+            Check(
+                f"{use.replace('_', ' ')} of {output}",
+                "the package's fit on held-out data [%], which ours must reach",
+                float(theirs.sel(use=use, output=output)),
+                float(own.sel(use=use, output=output)),
+            )
+            for use in USES
+            for output in answer["output"].values
+        ]
+
+    def metrics(self, answer: xr.Dataset) -> dict[str, float]:
+        numbers = {}
+        for package in answer["package"].values:
+            for use in USES:
+                for output in answer["output"].values:
+                    value = answer["fit"].sel(package=package, use=use, output=output)
+                    numbers[f"{package}_fit_{use}_{output}"] = float(value)
+            orders = answer["chosen_order"].sel(package=package)
+            numbers[f"{package}_order"] = float(orders.sel(use="one_step"))
+            numbers[f"{package}_order_free_run"] = float(orders.sel(use="free_run"))
+        for use in USES:
+            for output in answer["output"].values:
+                lead = answer["package_ahead"].sel(use=use, output=output)
+                numbers[f"package_ahead_{use}_{output}_standard_errors"] = float(lead)
+        ahead = answer["fit"].sel(package="workbench") - answer["fit"].sel(package="sippy_unipi")
+        return numbers | {"least_advantage": float(ahead.min())}
+
+    def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
+        figure, (panel,) = figures.axes(size=(7.0, 3.8))
+        pairs = [(use, output) for use in USES for output in answer["output"].values]
+        place = np.arange(len(pairs))
+        for shift, package in ((-0.18, "workbench"), (0.18, "sippy_unipi")):
+            fits = [
+                float(answer["fit"].sel(package=package, use=use, output=o)) for use, o in pairs
+            ]
+            bars = panel.bar(place + shift, fits, 0.32, label=package)
+            panel.bar_label(bars, fmt="%.1f", fontsize=8)
+        panel.set_xticks(place, [f"{use.replace('_', ' ')}, {output}" for use, output in pairs])
+        panel.set_ylabel("fit on held-out data [%]")
+        lines = [f"{name} of sippy_unipi: {answer.attrs[name]}" for name in MODELS]
+        panel.set_title("\n".join(lines), fontsize=9)
+        figures.legend_below(figure, panel)
+        return {"fits": figure}
+
+
+def fit(algorithm: str, horizon: int, order: int) -> Fit:
+    """A subspace algorithm of the package as a way of fitting; None where it fails."""
+    try:
+        from sippy_unipi import system_identification
+    except ModuleNotFoundError:
+        raise InputError(
+            "bench/cd-arm compares with sippy_unipi: pip install 'workbench[benchmark]'"
+        ) from None
+
+    def fitted(u: np.ndarray, y: np.ndarray) -> InnovationsModel | None:
+        u_offset, y_offset = u.mean(axis=0), y.mean(axis=0)
+        try:
+            with contextlib.redirect_stdout(io.StringIO()), np.errstate(all="ignore"):
+                system = system_identification(
+                    (y - y_offset).T,
+                    (u - u_offset).T,
+                    algorithm,
+                    SS_f=horizon,
+                    SS_p=horizon,
+                    SS_fixed_order=order,
+                    SS_D_required=True,
+                )
+        except (ArithmeticError, ValueError, np.linalg.LinAlgError):
+            return None
+        if np.shape(system.K) != (len(system.A), y.shape[1]):
+            return None  # no Kalman gain was found
+        if len(system.A) != order:
+            return None  # the package quietly lowers an order above its horizon
+        model = InnovationsModel(
+            system.A, system.B, system.C, system.D, system.K, u_offset, y_offset
+        )
+        return model if max(model.radius, model.predictor_radius) < 1 else None
+
+    return fitted

@@ -1,0 +1,78 @@
+"""Robust controllers of the CD drive for each form of uncertainty, by any method (section 6.3).
+
+Figure and section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
+CD-players (2003).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+
+from pydantic import Field
+
+from workbench import Run, problem, ref
+from workbench.errors import InputError
+from workbench.synthesis import MuSynthesis, reduced
+from workbench.systems.storage import restored
+
+from ..drive.plants import Gain
+from ..drive.plants import controller as reference
+from ..drive.shared_parameters import TABLES, Frequencies
+from ..drive.tables import Axis
+from .design import Cover, Form, cover_of, synthesis_plant, uncertainty
+
+if TYPE_CHECKING:
+    from control import StateSpace
+
+After = Literal["", "reference", "dk", "mu-dk", "dgk"]
+Speed = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+
+
+class LoopController(MuSynthesis):
+    """Mu synthesis that goes on from a controller at hand."""
+
+    default_method: ClassVar[str] = "fixed"
+
+
+def needs(axis: str, after: After = "reference", **parameters: Any) -> dict[str, Any]:
+    """The cover, and the controller that a chain goes on from."""
+    found = cover_of(axis, **parameters)
+    if after not in ("", "reference"):
+        parameters.pop("order", None)
+        found["start"] = ref(f"cd/{axis}/controller", method=after, **parameters)
+    return found
+
+
+@problem("cd/{axis}/controller", axis=("focus", "radial"), needs=needs, data=TABLES)
+def controller(
+    axis: Axis,
+    covered: Run | None = None,
+    start: Run | None = None,
+    form: Form = "parametric",
+    cover: Cover = "steps",
+    gain: Gain = "own",
+    frequencies: Frequencies = 400,
+    speed: Speed = 1.0,
+    after: After = "reference",
+    order: Annotated[int, Field(ge=0)] | None = None,
+) -> LoopController:
+    """The controller with the least certified peak of mixed mu, from w_p to z_p and z_u.
+
+    form: of the uncertainty. cover, gain, frequencies: of the circles' and stadiums' models, as
+    `cd/<axis>/circle-cover` and `/stadium-cover`. speed: X of the disc. after: where the method
+    starts, at the "reference" controller (eq. 6.12) or at that of another method, reduced to an
+    order (None: not). Method "fixed", the default, needs one.
+    """
+    plant = synthesis_plant(axis, uncertainty(axis, covered), speed)
+    K: StateSpace | None = None
+    if after == "reference":
+        import control
+
+        K = control.ss(reference(axis))
+    elif start is not None:
+        K = restored(start.data, "controller")
+    if order is not None:
+        if K is None:
+            raise InputError(f"order = {order} reduces a controller: say after which")
+        K = reduced(K, order, plant=plant)
+    return LoopController(plant, start=K)

@@ -1,0 +1,65 @@
+"""Figure 6.4 with all controllers, and their table."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from workbench import figures
+
+from ...drive.tables import Axis
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
+
+LOOKS = {
+    "mu-PID": (":", figures.ORANGE),
+    "third order": ("-", figures.GREEN),
+    "D-K": ("--", figures.PURPLE),
+    "(mu, D)-K": ("-.", figures.SKY),
+    "(D, G)-K": ("-", figures.BLUE),
+}
+SIGNALS = {"disturbance": "w_p to z_p", "both": "w_p to both"}
+
+
+def figure_6_4(axis: Axis, answer: xr.Dataset, channel: str) -> Figure:
+    """Mu of every controller with the uncertainty that it was made for, a panel for each model."""
+    figure, panels = figures.axes(2, 2, size=(10.0, 8.0), sharex=True, sharey=True)
+    for panel, model in zip(panels, answer["model"].values, strict=True):
+        at = answer.sel(model=model)
+        for name, (dash, colour) in LOOKS.items():
+            curve = at["mu"].sel(controller=name, channel=channel, bound="upper")
+            panel.loglog(answer["frequency"], curve, dash, color=colour, label=name)
+        if channel == "both" and bool(at["least_mu"].notnull().any()):
+            label = "no controller, at this frequency"
+            panel.fill_between(answer["frequency"], 1e-3, at["least_mu"], color="0.85", label=label)
+        panel.axhline(1.0, color="0.4", linewidth=0.8)
+        panel.set_ylim(0.05, 10.0)
+        panel.set_title(f"{axis}, 1X, {model}")
+    for panel in panels[2:]:
+        panel.set_xlabel("frequency [Hz]")
+    for panel in panels[::2]:
+        panel.set_ylabel(f"mu, {SIGNALS[channel]}")
+    figures.legend_below(figure, panels[-1], columns=5)
+    return figure
+
+
+def peaks_table(answer: xr.Dataset) -> str:
+    """Certified upper bounds, a line for every controller and model."""
+    channels = answer["channel"].values
+    lines = [
+        f"| uncertainty | controller | order | {' | '.join(channels)} | no controller below |",
+        "| --- | --- | ---: |" + " ---: |" * (len(channels) + 1),
+    ]
+    for model in answer["model"].values:
+        for name in answer["controller"].values:
+            at = answer.sel(model=model, controller=name)
+            if not bool(at["order"].notnull()):
+                continue
+            peaks = [f"{float(at['peak'].sel(channel=c, bound='upper')):.4f}" for c in channels]
+            bound, where = float(at["least_peak"]), float(at["least_peak_frequency"])
+            least = "" if bound != bound else f"{bound:.4f} at {where:.1f} Hz"
+            lines.append(
+                f"| {model} | {name} | {int(at['order'])} | {' | '.join(peaks)} | {least} |"
+            )
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,282 @@
+"""Stadiums and controller chosen for the least mu: what the thesis left open (5.4.3).
+
+Section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from workbench import Check, Run, Study, problem, ref
+from workbench.certify.stability import stability_of
+from workbench.errors import SolverError
+from workbench.executor import Context
+from workbench.fitting.rational import Rational, from_system
+from workbench.fitting.storage import function, roots
+from workbench.mu import peak, sweep
+from workbench.program import solve
+from workbench.synthesis import MuSynthesis
+from workbench.systems.storage import restored, stored
+from workbench.uncertainty import Responses, UncertaintyModel, contains
+from workbench.uncertainty.covers.model import ROUNDING
+
+from ...drive.plants import Gain, controller
+from ...drive.shared_parameters import TABLES, Frequencies
+from ...drive.tables import Axis
+from ...uncertainty.measured_drives import Order, measured_drives
+from ..design import Cover, synthesis_plant, uncertainty
+from .report import cover_figures, rounds_table
+from .search import ControlCover, Name
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from control import StateSpace
+    from matplotlib.figure import Figure
+
+    Stage = tuple[UncertaintyModel, StateSpace]
+
+STAGES = ("narrowest", "controller for it", "in turn", "together")
+LAST = STAGES[-1]
+TOLERANCE = 1e-3
+"""Of certified peaks, relative, as of `MuSynthesis`."""
+PARTS = ("nominal", "W_c", "W_r")
+
+Step = tuple[str, float]
+"""What was optimised, and the certified upper bound then."""
+
+
+def needs(
+    axis: str,
+    cover: Cover = "steps",
+    frequencies: int = 400,
+    gain: Gain = "own",
+    **_: Any,
+) -> dict[str, Any]:
+    """The narrowest stadiums, their orientation limited where it is erratic."""
+    name = f"cd/{axis}/stadium-cover"
+    return {"narrowest": ref(name, method=cover, frequencies=frequencies, gain=gain)}
+
+
+@problem("cd/{axis}/cover-for-control", axis=("focus", "radial"), needs=needs, data=TABLES)
+def cover_for_control(
+    axis: Axis,
+    narrowest: Run,
+    cover: Cover = "steps",
+    frequencies: Frequencies = 400,
+    gain: Gain = "own",
+    complex_order: Order = 6,
+    rounds: Annotated[int, Field(ge=1, le=20)] = 4,
+) -> CoverForControl:
+    """How much lower the certified peak gets when stadiums are chosen for it, not for their width.
+
+    A third-order controller and the stadiums' orientations and lengths are optimised in turn,
+    about the nominal of the narrowest stadiums, from the reference controller; then these and the
+    nominal together.
+
+    cover, frequencies, gain: of the narrowest stadiums, as `cd/<axis>/stadium-cover`.
+    complex_order: of the weight that is chosen for control. rounds: of the alternation.
+    """
+    responses = measured_drives(axis, frequencies, 5.0, 5000.0, gain)
+    return CoverForControl(axis, narrowest, responses, complex_order, rounds)
+
+
+@dataclass(frozen=True, eq=False)
+class CoverForControl(Study):
+    """Certified peaks of the rounds, and the models and controllers of four stages."""
+
+    axis: Axis
+    narrowest: Run
+    responses: Responses
+    complex_order: int
+    rounds: int
+
+    headline: ClassVar[str] = "peak"
+
+    @cached_property
+    def given(self) -> UncertaintyModel:
+        """The model of the narrowest stadiums."""
+        model = uncertainty(self.axis, self.narrowest)
+        assert isinstance(model, UncertaintyModel) and model.W_r is not None
+        return model
+
+    def program(self, model: UncertaintyModel, K: StateSpace | None) -> MuSynthesis:
+        return MuSynthesis(synthesis_plant(self.axis, model), start=K)
+
+    def compute(self, context: Context) -> xr.Dataset:
+        import control
+        import xarray as xr
+
+        reference = control.ss(controller(self.axis))
+        first = self._designed(self.given, reference)
+        stages = {
+            "narrowest": (self.given, reference),
+            "controller for it": (self.given, first),
+        }
+        steps = [
+            ("reference controller", self._peak(*stages["narrowest"])),
+            ("controller", self._peak(*stages["controller for it"])),
+        ]
+        cover = ControlCover(self.axis, 1.0, self.responses, self.complex_order)
+        stages["in turn"] = self._in_turn(cover, stages["controller for it"], steps, context)
+        stages["together"] = self._together(cover, stages["in turn"], steps, context)
+        omega = self.responses.omega
+        curves, bounds = [], []
+        variables: dict[str, Any] = {}
+        for number, (one, used) in enumerate(stages.values()):
+            plant = synthesis_plant(self.axis, one)
+            assert plant.structure is not None
+            whole = plant.structure.with_performance(plant.performance, plant.exogenous)
+            loop = plant.close(used)
+            found = sweep(loop, whole, omega)
+            curves.append([found.lower, found.upper])
+            certified = peak(loop, whole, TOLERANCE)
+            bounds.append([certified.lower, certified.upper])
+            variables |= stored(f"controller{number}", used)
+        unit = {"units": "1"}
+        data = xr.Dataset(
+            {
+                "peak": (
+                    ("stage", "bound"),
+                    bounds,
+                    unit | {"long_name": "certified bounds of the supremum of mu"},
+                ),
+                "mu": (
+                    ("stage", "bound", "frequency"),
+                    curves,
+                    unit | {"long_name": "mu of robust performance"},
+                ),
+                "step_peak": (
+                    "step",
+                    [peak for _, peak in steps],
+                    unit | {"long_name": "certified upper bound"},
+                ),
+                **variables,
+            },
+            coords={
+                "stage": list(STAGES),
+                "bound": ["lower", "upper"],
+                "frequency": ("frequency", omega / 2 / np.pi, {"units": "Hz"}),
+                "step": (
+                    "step",
+                    [what for what, _ in steps],
+                    {"long_name": "what was optimised"},
+                ),
+            },
+        )
+        for number, (one, _) in enumerate(stages.values()):
+            for name in PARTS:
+                part = getattr(one, name)
+                data = data.assign(roots(part, name, f"{name}{number}_"))
+        return data
+
+    def _in_turn(
+        self, cover: ControlCover, best: Stage, steps: list[Step], context: Context
+    ) -> Stage:
+        """Real weight and controller in turn, as long as the certified peak falls."""
+        model, K = best
+        for _ in context.track(range(self.rounds), "in turn"):
+            model, K = self._chosen(cover, (model, K), ["real"], context)
+            steps.append(("stadiums", self._peak(model, K)))
+            if not np.isfinite(steps[-1][1]):
+                break
+            K = self._designed(model, K)
+            steps.append(("controller", self._peak(model, K)))
+            if steps[-1][1] >= self._peak(*best) * (1 - TOLERANCE):
+                break
+            best = model, K
+        return best
+
+    def _together(
+        self, cover: ControlCover, best: Stage, steps: list[Step], context: Context
+    ) -> Stage:
+        """Nominal, real weight and controller at once; what came before where that is no better."""
+        found = self._chosen(cover, best, ["nominal", "real", "controller"], context)
+        steps.append(("nominal, stadiums, controller", self._peak(*found)))
+        return found if steps[-1][1] < self._peak(*best) else best
+
+    def _chosen(
+        self, cover: ControlCover, stage: Stage, moving: Sequence[Name], context: Context
+    ) -> Stage:
+        """The best of the choices by its certified peak."""
+        model, K = stage
+        assert model.W_r is not None
+        parts: dict[Name, Rational] = {
+            "nominal": model.nominal,
+            "real": model.W_r,
+            "controller": from_system(K),
+        }
+        found: list[Stage] = []
+        for each in cover.chosen(parts, moving, context):
+            same = K if "controller" not in moving else each["controller"].state_space()
+            found.append((cover.model(each, context), same))
+        return min(found, key=lambda each: self._peak(*each))
+
+    def _designed(self, model: UncertaintyModel, K: StateSpace) -> StateSpace:
+        """The controller of K's order that method "fixed" finds near it."""
+        solution = solve(self.program(model, K), "fixed")
+        if solution.certificate is None or not solution.certificate.valid:
+            raise SolverError(f"no controller for the stadiums: {solution.message}")
+        found: StateSpace = solution.answer.K
+        return found
+
+    def _peak(self, model: UncertaintyModel, K: StateSpace) -> float:
+        """Certified upper bound; infinite where the loop is unstable."""
+        certified = self.program(model, None).certified(K)
+        return np.inf if certified is None else certified.upper
+
+    def stage(self, answer: xr.Dataset, number: int) -> Stage:
+        """The model and controller of a stage."""
+        nominal, W_c, W_r = (function(answer, f"{name}{number}_") for name in PARTS)
+        return UncertaintyModel(nominal, W_c, W_r), restored(answer, f"controller{number}")
+
+    def checks(self, answer: xr.Dataset, tolerance: float) -> list[Check]:
+        checks = []
+        for number, name in enumerate(STAGES):
+            model, K = self.stage(answer, number)
+            inside = contains(model, self.responses)
+            statement = "largest distance of a drive beyond its stadium, relative to the radius"
+            checks.append(
+                Check(f"{name}: containment", statement, inside.worst, ROUNDING, inside.where)
+            )
+            loop = synthesis_plant(self.axis, model).close(K)
+            stability = stability_of(loop)
+            checks.append(
+                Check(f"{name}: {stability.name}", stability.statement, stability.value,
+                      stability.limit, stability.where)
+            )  # fmt: skip
+            bound = float(answer["peak"].sel(stage=name, bound="upper"))
+            statement = "certified supremum of mu over the bound that is claimed, less 1"
+            again = self._peak(model, K) / bound - 1
+            checks.append(Check(f"{name}: peak", statement, again, TOLERANCE))
+        uppers = answer["peak"].sel(bound="upper").values
+        for number, name in ((2, "in turn"), (3, "together")):
+            statement = f"peak {name} over that of the stage before"
+            value = float(uppers[number] / uppers[number - 1])
+            checks.append(Check(f"{name}: lower", statement, value, 1.0))
+        return checks
+
+    def metrics(self, answer: xr.Dataset) -> dict[str, float]:
+        upper = answer["peak"].sel(bound="upper")
+        K = restored(answer, "controller3")
+        return {
+            "peak": float(upper.sel(stage=LAST)),
+            "peak_lower": float(answer["peak"].sel(stage=LAST, bound="lower")),
+            "peak_in_turn": float(upper.sel(stage="in turn")),
+            "peak_narrowest": float(upper.sel(stage="narrowest")),
+            "peak_controller_only": float(upper.sel(stage="controller for it")),
+            "order": float(K.nstates),
+            "iterations": float(answer.sizes["step"]),
+        }
+
+    def tables(self, answer: xr.Dataset) -> dict[str, str]:
+        return {"rounds": rounds_table(answer)}
+
+    def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
+        sizes = [self.stage(answer, number)[0].sizes(self.responses.omega) for number in (0, 3)]
+        return cover_figures(self.axis, answer, sizes)

@@ -1,0 +1,59 @@
+"""What the design problems of a CD drive share: the plant to design for, and its uncertainty."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from workbench import Run, ref
+from workbench.synthesis import regularised
+from workbench.uncertainty import GeneralisedPlant, ParametricModel, UncertaintyModel
+from workbench.uncertainty.covers.storage import rational
+
+from ..drive.plants import Gain
+from ..drive.tables import Axis
+from ..uncertainty.parametric_model import parametric_plant
+from .control_problem import generalised
+
+Form = Literal["parametric", "circle", "stadium"]
+Cover = Literal["steps", "joint"]
+NOISE = 0.1
+"""Of f_en above the filter's corner: a controller's fastest pole is then near 0.4 MHz."""
+
+
+def cover_of(
+    axis: str,
+    form: Form = "parametric",
+    cover: Cover = "steps",
+    frequencies: int = 400,
+    gain: Gain = "own",
+    **_: Any,
+) -> dict[str, Any]:
+    """The need of a problem about a form of uncertainty; the parametric one has none."""
+    if form == "parametric":
+        return {}
+    name = f"cd/{axis}/{form}-cover"
+    return {"covered": ref(name, method=cover, frequencies=frequencies, gain=gain)}
+
+
+def uncertainty(axis: Axis, covered: Run | None) -> UncertaintyModel | ParametricModel:
+    """Of u [V] -> f_en [units]: that of a cover's run, or the parametric one."""
+    if covered is None:
+        return parametric_plant(axis)
+    nominal, W_c, W_r = (rational(covered.data, name) for name in ("nominal", "W_c", "W_r"))
+    assert nominal is not None and W_c is not None
+    return UncertaintyModel(nominal, W_c, W_r)
+
+
+def synthesis_plant(
+    axis: Axis, uncertain: UncertaintyModel | ParametricModel, speed: float = 1.0
+) -> GeneralisedPlant:
+    """The plant that controllers are made for: w_p and a little noise to (z_p, z_u), u to f_en.
+
+    w_p and w_u enter the loop at one place, so that w_p alone drives both channels: a 2 x 2
+    performance block would count one disturbance twice, and its mu be up to sqrt(2) times that of
+    the channels. No disturbance reaches f_en at once; noise above the corner of the anti-aliasing
+    filter, NOISE of f_en's response there, keeps controllers from being infinitely fast.
+
+    Raises InputError as `performance_weight`.
+    """
+    return regularised(generalised(axis, uncertain, speed).channel(("z_p", "z_u"), "w_p"), NOISE)

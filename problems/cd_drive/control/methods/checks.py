@@ -1,0 +1,196 @@
+"""Checks of the methods' comparison: loops by other equations, what must be least, sampled plants.
+
+Nothing here knows the generalised plants that controllers are judged on, but for the two criteria
+that are defined by one.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from workbench import Check
+from workbench.arrays import ComplexArray, RealArray
+from workbench.program import worst
+from workbench.systems.generalised_plant import response
+from workbench.uncertainty import ParametricModel
+from workbench.uncertainty.parametric.parameters import vertices
+
+from ...drive.plants import ANTIALIASING
+from ...uncertainty.parametric.checks import plants
+from ...uncertainty.parametric_model import uncertain_parameters
+from ..control_problem import control_weight, optical_gain
+from .designs import GAINS, SIZES, Setting, full_block_plant, shaped
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from control import StateSpace
+
+Controllers = dict[str, "StateSpace"]
+HERTZ = np.geomspace(0.01, 1e5, 5000)
+"""Where criteria are evaluated [Hz]."""
+WIDE = np.geomspace(1e-6, 1e8, 8000)
+"""Where mean squares are summed [Hz]."""
+QUADRATURE = 1e-4
+"""Their error, relative."""
+MADE = 2e-3
+"""By how much controllers may miss the least level, relative: they keep 1e-3 from it."""
+SEARCHED = 2.5e-2
+"""The same where the level was searched among sizes."""
+ROUNDING = 1e-6
+COMPLEX_PART = 1.01
+"""Robust stability is certified with 1 % of complex uncertainty added to real scalars."""
+SAMPLES = 100
+
+
+def method_checks(setting: Setting, controllers: Controllers, answer: xr.Dataset) -> list[Check]:
+    """That all stabilise, peaks are in order, each method is best at what it minimises."""
+    names = list(controllers)
+    poles = [_rightmost(setting, K) for K in controllers.values()]
+    right, where = worst(poles, lambda i: names[i[0]])
+    statement = "rightmost pole of G K / (1 + G K) [rad/s]"
+    found = [Check("nominal stability", statement, right, -ROUNDING, where)]
+    found += [*_order(answer), _sampled(setting, controllers, answer)]
+    criteria = {
+        "LQG": (_mean_squares, QUADRATURE, "its mean square over the least of the others, less 1"),
+        "mixed sensitivity": (_stacks, MADE, "its eq. 5.6 over the least of the others, less 1"),
+        "full block": (_full_blocks, SEARCHED, "its norm over the least of the others, less 1"),
+    }
+    for name, (criterion, slack, statement) in criteria.items():
+        if name in controllers:
+            values = criterion(setting, controllers)
+            others = min(value for each, value in values.items() if each != name)
+            excess = values[name] / others - 1
+            found.append(Check(f"{name} is best at its own", statement, excess, slack))
+    if "loop shaping" in controllers:
+        statement = "1 less its margin over the largest, by the Hankel norm"
+        missed = _margin_missed(setting, controllers["loop shaping"])
+        found.append(Check("loop shaping is best at its own", statement, missed, MADE))
+    return found
+
+
+def _rightmost(setting: Setting, K: StateSpace) -> float:
+    """Largest real part of the roots of den G den K + num G num K."""
+    import control
+
+    return float(control.feedback(setting.G * K, 1).poles().real.max())
+
+
+def _order(answer: xr.Dataset) -> list[Check]:
+    """More uncertainty or more channels: a larger peak."""
+    peak, names = answer["peak"], answer["design"].values
+    statements = [
+        ("nominal performance", "robust performance", 1.0),
+        ("disturbance alone", "robust performance", 1.0),
+        ("robust stability", "complex scalars", COMPLEX_PART),
+        ("robust performance", "complex scalars", 1.0),
+        ("complex scalars", "full block", 1.0),
+    ]
+    found = []
+    for small, large, factor in statements:
+        lower = peak.sel(condition=small, bound="lower").values
+        ratio = lower / (factor * peak.sel(condition=large, bound="upper").values)
+        value, where = worst(ratio - 1, lambda i: str(names[i[0]]))
+        statement = f"lower bound of {small} over the upper one of {large}, less 1"
+        found.append(Check(f"{small} below {large}", statement, value, ROUNDING, where))
+    return found
+
+
+def _mean_squares(setting: Setting, controllers: Controllers) -> dict[str, float]:
+    """The H2 norm for which LQG is made, by quadrature over the logarithm of frequency."""
+    omega = 2 * np.pi * WIDE
+
+    def size(K: StateSpace) -> float:
+        square = (abs(response(setting.quadratic.close(K), omega)) ** 2).sum(axis=(1, 2))
+        return math.sqrt(float(np.trapezoid(square * omega, np.log(omega))) / np.pi)
+
+    return {name: size(K) for name, K in controllers.items()}
+
+
+def _stacks(setting: Setting, controllers: Controllers) -> dict[str, float]:
+    """The largest of [W_p S; W_u K_optn K S] at frequencies."""
+    omega = 2 * np.pi * HERTZ
+    G, W_p = response(setting.G, omega)[:, 0, 0], response(setting.W_p, omega)[:, 0, 0]
+
+    def size(K: StateSpace) -> float:
+        k = response(K, omega)[:, 0, 0]
+        S = 1 / (1 + G * k)
+        return float(np.hypot(abs(W_p * S), abs(setting.W_KS * k * S)).max())
+
+    return {name: size(K) for name, K in controllers.items()}
+
+
+def _full_blocks(setting: Setting, controllers: Controllers) -> dict[str, float]:
+    """The largest gain at frequencies with the perturbation's signals of the size that is best for
+    the controller made against a full block."""
+    omega = 2 * np.pi * HERTZ
+    structure = setting.synthesis.structure
+    assert structure is not None
+    loops = {
+        name: response(full_block_plant(setting, 1.0).close(K), omega)
+        for name, K in controllers.items()
+    }
+
+    def norm(N: ComplexArray, size: float) -> float:
+        left, right = np.ones(N.shape[1]), np.ones(N.shape[2])
+        left[: structure.columns], right[: structure.rows] = size, 1 / size
+        scaled = left[:, None] * N * right
+        return float(np.linalg.norm(scaled, 2, axis=(1, 2)).max())
+
+    best = min(SIZES, key=lambda size: norm(loops["full block"], size))
+    return {name: norm(N, best) for name, N in loops.items()}
+
+
+def _margin_missed(setting: Setting, K: StateSpace) -> float:
+    """1 - b / b_opt of the shape that K was made for, the one where it is least.
+
+    b = inf |1 + G_s C| / sqrt((1 + |G_s|^2) (1 + |C|^2)), C = K / W_1, and b_opt by the Hankel norm
+    of normalised coprime factors.
+    """
+    omega = 2 * np.pi * HERTZ
+    G, k = response(setting.G, omega)[:, 0, 0], response(K, omega)[:, 0, 0]
+    missed = []
+    for gain in GAINS:
+        program = shaped(setting, gain)
+        W = response(program.W1, omega)[:, 0, 0]
+        size = np.sqrt((1 + abs(G * W) ** 2) * (1 + abs(k / W) ** 2))
+        missed.append(1 - float((abs(1 + G * k) / size).min()) / program.epsilon_max)
+    return min(missed, key=abs)
+
+
+def _sampled(setting: Setting, controllers: Controllers, answer: xr.Dataset) -> Check:
+    """The bound beta of mu holds beta >= |(z_p, z_u)| for perturbations up to 1 / beta."""
+    upper = answer["peak"].sel(condition="robust performance", bound="upper")
+    excess = []
+    hertz = answer["frequency"].values
+    omega = 2 * np.pi * hertz
+    filtered = ANTIALIASING / (1j * omega + ANTIALIASING)
+    W_p = response(setting.W_p, omega)[:, 0, 0]
+    W_u = float(control_weight(setting.axis).D[0, 0]) * optical_gain(setting.axis) * filtered
+    for name, K in controllers.items():
+        beta = float(upper.sel(design=name))
+        k = response(K, omega)[:, 0, 0]
+        S = 1 / (1 + k * filtered * _plants(setting, 1 / beta, hertz))
+        excess.append(float(np.hypot(abs(W_p * S), abs(W_u * k * S)).max()) / beta - 1)
+    names = list(controllers)
+    value, where = worst(excess, lambda i: names[i[0]])
+    statement = "gain of sampled plants over the peak of robust performance, less 1"
+    return Check("sampled plants", statement, value, 0.0, where)
+
+
+def _plants(setting: Setting, size: float, hertz: RealArray) -> ComplexArray:
+    """f_en / u without the filter of plants whose perturbations have that size: (N, F)."""
+    rng = np.random.default_rng(0)
+    if isinstance(setting.uncertain, ParametricModel):
+        box = uncertain_parameters(setting.axis)
+        deltas = np.vstack([vertices(box), rng.uniform(-1, 1, (SAMPLES, len(box)))])
+        return plants(setting.axis, size * deltas, box, hertz)
+    model, omega = setting.uncertain, 2 * np.pi * hertz
+    turned = np.exp(2j * np.pi * rng.uniform(size=(SAMPLES, len(hertz))))
+    away = size * turned * model.W_c.response(omega)
+    if model.W_r is not None:
+        away = away + size * rng.choice([-1, 1], (SAMPLES, 1)) * model.W_r.response(omega)
+    nominal = model.nominal.response(omega)
+    return nominal * (1 + away) if model.form == "multiplicative" else nominal + away

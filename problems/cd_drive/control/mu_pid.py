@@ -1,0 +1,126 @@
+"""The mu-PID of the thesis designed directly for each form of uncertainty (section 6.3.1).
+
+Figure and section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
+CD-players (2003).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from workbench import Check, Run, figures, problem
+from workbench.mu import sweep
+from workbench.synthesis import LeadLag, MuController, MuSynthesis
+
+from ..drive.plants import Gain
+from ..drive.plants import controller as reference
+from ..drive.shared_parameters import TABLES, Frequencies
+from ..drive.tables import Axis
+from .controller import Speed
+from .design import Cover, Form, cover_of, synthesis_plant, uncertainty
+
+if TYPE_CHECKING:
+    from control import StateSpace
+    from matplotlib.figure import Figure
+
+FREQUENCIES = np.geomspace(1.0, 5e4, 240)
+"""Of the curves [Hz]."""
+NAMES = ("integral_zero", "lead_zero", "lead_pole", "roll_off")
+"""Of the corners of a lead-lag controller, in the order of its parameters."""
+
+
+@problem("cd/{axis}/mu-pid", axis=("focus", "radial"), needs=cover_of, data=TABLES)
+def mu_pid(
+    axis: Axis,
+    covered: Run | None = None,
+    form: Form = "parametric",
+    cover: Cover = "steps",
+    gain: Gain = "own",
+    frequencies: Frequencies = 400,
+    speed: Speed = 1.0,
+    random: Annotated[int, Field(ge=0, le=100)] = 2,
+) -> MuPid:
+    """PI, lead and roll-off of third order with the least certified peak of mu, designed directly.
+
+    From the reference controller (eq. 6.12 and its radial variant) and from random ones about it;
+    no controller of full order is designed and reduced.
+
+    form: of the uncertainty. cover, gain, frequencies: of the circles' and stadiums' models.
+    speed: X of the disc. random: how many random starts.
+    """
+    import control
+
+    plant = synthesis_plant(axis, uncertainty(axis, covered), speed)
+    K = control.ss(reference(axis))
+    return MuPid(plant, start=K, family=LeadLag.of(K)[0], random=random)
+
+
+@dataclass(frozen=True, eq=False)
+class MuPid(MuSynthesis):
+    """A lead-lag controller of least peak, beside the one that it starts from."""
+
+    default_method: ClassVar[str] = "fixed"
+
+    @cached_property
+    def reference_peak(self) -> float:
+        """Certified upper bound of the reference controller's loop."""
+        assert self.start is not None
+        found = self.certified(self.start)
+        assert found is not None  # a start stabilises
+        return found.upper
+
+    def checks(self, answer: MuController, tolerance: float) -> list[Check]:
+        statement = "certified peak over that of the reference controller, less 1"
+        beside = Check("reference", statement, answer.upper / self.reference_peak - 1, 0.0)
+        return [*super().checks(answer, tolerance), beside]
+
+    def metrics(self, answer: MuController) -> dict[str, float]:
+        return (
+            super().metrics(answer) | self.gains(answer.K) | {"peak_reference": self.reference_peak}
+        )
+
+    def gains(self, K: StateSpace) -> dict[str, float]:
+        """Proportional gain [V/unit], between integral action and lead, and corners [Hz]."""
+        family, x = LeadLag.of(K)
+        zeros, poles = np.split(np.exp(x[1:]), [family.zeros])
+        proportional = float(np.exp(x[0])) * np.prod(zeros[1:]) / np.prod(poles)
+        corners = dict(zip(NAMES, np.exp(x[1:]) / (2 * np.pi), strict=True))
+        return {"proportional_gain": float(proportional)} | {
+            name: float(value) for name, value in corners.items()
+        }
+
+    def tables(self, answer: MuController) -> dict[str, str]:
+        assert self.start is not None
+        before, after = self.gains(self.start), self.gains(answer.K)
+        lines = ["| | reference | designed |", "| --- | ---: | ---: |"]
+        units = {"proportional_gain": "V/unit"}
+        for name, value in before.items():
+            unit = units.get(name, "Hz")
+            lines.append(f"| {name.replace('_', ' ')} [{unit}] | {value:.5g} | {after[name]:.5g} |")
+        lines.append(f"| certified peak of mu | {self.reference_peak:.4f} | {answer.upper:.4f} |")
+        return {"gains": "\n".join(lines) + "\n"}
+
+    def figures(self, answer: MuController) -> dict[str, Figure]:
+        assert self.start is not None
+        figure, (mu, size, phase) = figures.axes(3, 1, size=(7.2, 8.6), sharex=True)
+        looks = {"reference": (":", figures.ORANGE), "designed": ("-", figures.BLUE)}
+        omega = 2 * np.pi * FREQUENCIES
+        for (name, (dash, colour)), K in zip(looks.items(), (self.start, answer.K), strict=True):
+            found = sweep(self.plant.close(K), self.closed, omega)
+            mu.loglog(FREQUENCIES, found.upper, dash, color=colour, label=name)
+            response: Any = K(1j * omega)
+            size.loglog(FREQUENCIES, np.abs(response), dash, color=colour)
+            phase.semilogx(FREQUENCIES, figures.phase(response), dash, color=colour)
+        mu.axhline(1.0, color="0.4", linewidth=0.8)
+        mu.set_ylabel("mu of robust performance")
+        size.set_ylabel("|K| [V/unit]")
+        phase.set_ylabel("arg K [deg]")
+        phase.set_xlabel("frequency [Hz]")
+        figures.legend_below(figure, mu)
+        rounds = {k: v for k, v in super().figures(answer).items() if k == "rounds"}
+        return {"mu-pid": figure} | rounds

@@ -1,0 +1,112 @@
+"""Checks of the mu-PID's analysis: closed forms, sampled plants, and the four conditions' order."""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from workbench import Check
+from workbench.arrays import RealArray
+from workbench.program import worst
+from workbench.uncertainty.covers.storage import rational
+from workbench.uncertainty.parametric.parameters import vertices
+
+from ...drive.plants import ANTIALIASING, controller
+from ...uncertainty.parametric.checks import plants
+from ...uncertainty.parametric_model import uncertain_parameters
+from ..control_problem import control_weight, optical_gain, performance_weight
+from ..rank_one import rank_one_mu
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from .problem import MuPidAnalysis
+
+DENSE = 20_000
+"""Frequencies of the closed form that no certified peak may lie below."""
+AGREE = 1e-6
+"""Relative distance of bounds that counts as rounding."""
+
+
+def mu_pid_checks(study: MuPidAnalysis, answer: xr.Dataset) -> list[Check]:
+    """That no closed form and no sampled plant lies outside the bounds."""
+    frequency = answer["frequency"].values
+    dense = np.geomspace(frequency[0] / 100, 100 * frequency[-1], DENSE)
+    outside, above = {}, {}
+    for case in product(
+        answer["gain"].values,
+        answer["speed"].values,
+        answer["single"].values,
+        ("circle", "stadium"),
+    ):
+        gain, speed, single, form = case
+        at = {"gain": gain, "speed": speed, "channel": single, "form": form}
+        lower, upper = answer["mu"].sel(at).values
+        exact = _closed_form(study, *case, frequency)
+        outside[case] = np.maximum(lower / exact, exact / upper).max() - 1
+        peak = answer["peak"].sel(at).sel(condition="robust performance", bound="upper")
+        above[case] = _closed_form(study, *case, dense).max() / float(peak) - 1
+    checks = [
+        _largest(
+            "closed form", "distance of rank-one mu from its bounds, relative", outside, AGREE
+        ),
+        _largest("peaks", "rank-one mu at 20,000 frequencies over the peak, less 1", above, 0.0),
+    ]
+    sampled = {speed: _sampled(study, speed, answer) for speed in answer["speed"].values}
+    checks.append(
+        _largest("sampled plants", "|W_p S| of parametric plants over the peak, less 1", sampled, 0)
+    )
+    lower, upper = (answer["peak"].sel(bound=bound).values for bound in ("lower", "upper"))
+    crossed, _ = worst(lower / upper - 1, str)
+    checks.append(Check("bounds", "lower over upper bound of every peak, less 1", crossed, 0.0))
+    return checks
+
+
+def _closed_form(
+    study: MuPidAnalysis, gain: str, speed: float, single: str, form: str, frequency: RealArray
+) -> RealArray:
+    """Mu of robust performance from L = K G AAF and the weights, knowing no generalised plant."""
+    s = 2j * np.pi * frequency
+    data = study.runs[form, gain].data
+    G, W_c, W_r = (rational(data, name) for name in ("nominal", "W_c", "W_r"))
+    assert G is not None and W_c is not None
+    omega = 2 * np.pi * frequency
+    K = controller(study.axis)(s)
+    L = K * G.response(omega) / (1 + s / ANTIALIASING)
+    T, S = L / (1 + L), 1 / (1 + L)
+    if single == "disturbance":
+        weighted = performance_weight(study.axis, speed)(s) * S
+    else:
+        into = K * optical_gain(study.axis) / (1 + s / ANTIALIASING)  # e [m] to u [V]
+        weighted = control_weight(study.axis)(s) * into * S
+    # The sign of c_r does not matter: delta_r may have either.
+    real = np.zeros_like(T) if W_r is None else -T * W_r.response(omega)
+    return rank_one_mu(real, np.abs(T * W_c.response(omega)) + np.abs(weighted))
+
+
+def _sampled(study: MuPidAnalysis, speed: float, answer: xr.Dataset) -> float:
+    """Largest |W_p S| of the vertices and of random plants in the parameters' box over the bound.
+
+    The bound beta of mu holds beta >= |W_p S| for perturbations up to 1 / beta.
+    """
+    box = uncertain_parameters(study.axis)
+    rng = np.random.default_rng(0)
+    peak = float(
+        answer["peak"].sel(
+            gain="own", speed=speed, channel="disturbance", form="parametric",
+            condition="robust performance", bound="upper",
+        )
+    )  # fmt: skip
+    deltas = np.vstack([vertices(box), rng.uniform(-1, 1, (200, len(box)))]) / peak
+    frequency = answer["frequency"].values
+    s = 2j * np.pi * frequency
+    L = controller(study.axis)(s) * plants(study.axis, deltas, box, frequency)
+    S = 1 / (1 + L / (1 + s / ANTIALIASING))
+    return float(np.abs(performance_weight(study.axis, speed)(s) * S).max()) / peak - 1
+
+
+def _largest(name: str, statement: str, found: dict, limit: float) -> Check:
+    case = max(found, key=lambda key: found[key])
+    return Check(name, statement, float(found[case]), limit, f"at {case}")

@@ -1,0 +1,131 @@
+"""Checks of the two controllers: gains by formula, sampled plants, and that no bound is beaten."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from workbench import Check
+from workbench.arrays import ComplexArray
+from workbench.program import worst
+from workbench.systems.generalised_plant import response
+from workbench.uncertainty.parametric.parameters import vertices
+
+from ...drive.plants import ANTIALIASING, controller
+from ...uncertainty.parametric.checks import plants
+from ...uncertainty.parametric_model import uncertain_parameters
+from ..trade_off import SPLIT, TradeOff
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from control import StateSpace
+
+HERTZ = np.geomspace(0.01, 1e6, 8000)
+"""Where gains are evaluated [Hz]."""
+FOUND = 1e-3
+"""By how much largest gains at those frequencies may miss the certified ones, relative."""
+LEVELS = 2e-3
+"""By which the norms of controllers may miss the least ones, relative."""
+ROUNDING = 1e-6
+SAMPLES = 100
+
+
+def two_controllers_checks(
+    trade: TradeOff, front: list[StateSpace], answer: xr.Dataset
+) -> list[Check]:
+    """That all stabilise within c <= 1, have the gains that are said, and beat no bound."""
+    import control
+
+    omega = 2 * np.pi * HERTZ
+    gains = answer["gain"].values
+    reference = control.ss(controller(trade.axis))
+    every = [*front, *(gain * reference for gain in gains)]
+    names = [f"share {share:.3g}" for share in answer["share"].values]
+    names += [f"reference x {gain:.3g}" for gain in gains]
+
+    def named(place: tuple[int, ...]) -> str:
+        return names[place[0]]
+
+    poles = [float(control.feedback(trade.G * K, 1).poles().real.max()) for K in every]
+    right, unstable = worst(poles, named)
+    by_formula = np.array([abs(_channels(trade, K, omega)).max(axis=1) for K in every])
+    certified = np.concatenate([answer["nominal"].values, answer["reference_nominal"].values])
+    above, place = worst(by_formula / certified - 1, named)
+    missed, spot = worst(1 - by_formula / certified, named)
+    effort, most = worst(answer["nominal"].sel(channel="z_u").values, named)
+    bounds = np.concatenate([answer["worst"].values, answer["reference_worst"].values])
+    sampled, plant = worst(
+        [_sampled(trade, K, bounds[i, :, 1]) for i, K in enumerate(every)], named
+    )
+    crossed, where = worst(bounds[..., 0] / bounds[..., 1] - 1, named)
+    statement = "rightmost pole of G K / (1 + G K) [rad/s]"
+    return [
+        Check("nominal stability", statement, right, -ROUNDING, unstable),
+        Check("gains", "largest at frequencies over the certified ones, less 1", above, 0.0, place),
+        Check("gains reached", "1 less that ratio", missed, FOUND, spot),
+        Check("effort", "c of the controllers of the front", effort, 1.0, most),
+        Check("sampled plants", "their gains over the worst ones, less 1", sampled, 0.0, plant),
+        Check("worst cases", "lower over upper bound, less 1", crossed, ROUNDING, where),
+        _front(answer),
+        *_bounds(answer, certified, names),
+        _filters(answer, omega),
+    ]
+
+
+def _channels(trade: TradeOff, K: StateSpace, omega: np.ndarray) -> ComplexArray:
+    """W_p S, W_sd T and W_u K_optn K S (3, F), by formula."""
+    k, G, W_p, W_sd = (
+        response(system, omega)[:, 0, 0] for system in (K, trade.G, trade.W_p, trade.W_sd)
+    )
+    S = 1 / (1 + G * k)
+    return np.array([W_p * S, W_sd * (1 - S), trade.W_KS * k * S])
+
+
+def _sampled(trade: TradeOff, K: StateSpace, upper: np.ndarray) -> float:
+    """|W_p S| and |W_sd T| of vertices and random plants over their bounds, less 1."""
+    box = uncertain_parameters(trade.axis)
+    rng = np.random.default_rng(0)
+    deltas = np.vstack([vertices(box), rng.uniform(-1, 1, (SAMPLES, len(box)))])
+    hertz = np.geomspace(1.0, 2e4, 400)
+    omega = 2 * np.pi * hertz
+    k, W_p, W_sd = (response(system, omega)[:, 0, 0] for system in (K, trade.W_p, trade.W_sd))
+    L = k * plants(trade.axis, deltas, box, hertz) * ANTIALIASING / (1j * omega + ANTIALIASING)
+    S = 1 / (1 + L)
+    gains = [abs(W_p * S).max(), abs(W_sd * (1 - S)).max()]
+    return float((np.array(gains) / upper).max()) - 1
+
+
+def _front(answer: xr.Dataset) -> Check:
+    """No controller of the front may have both a and b smaller than another one."""
+    a, b = (answer["nominal"].sel(channel=z).values for z in ("z_p", "z_sd"))
+    better = np.minimum(a[:, None] / a, b[:, None] / b) - 1
+    value, where = worst(better, lambda p: f"at share {float(answer['share'][p[0]]):.3g}")
+    statement = "excess of a controller's a and b over those of another, less 1"
+    return Check("front", statement, value, LEVELS, where)
+
+
+def _bounds(answer: xr.Dataset, certified: np.ndarray, names: list[str]) -> list[Check]:
+    """No controller with c <= 1 is below any of the levels that are said to be out of reach."""
+    shares, levels = answer["share"].values, answer["excluded"].values
+    a, b, c = certified.T
+    allowed = c <= 1.0
+    reached = np.maximum(a[:, None], b[:, None] * shares)[allowed] / levels
+    kept = [name for name, stays in zip(names, allowed, strict=True) if stays]
+    beaten, where = worst(1 - reached, lambda p: f"{kept[p[0]]} at share {shares[p[1]]:.3g}")
+    return [Check("bounds", "1 less max(a, share b) over its bound", beaten, 0.0, where)]
+
+
+def _filters(answer: xr.Dataset, omega: np.ndarray) -> Check:
+    """Squares of the bounds' filters: their sum may not exceed 1, nor zeta the bound."""
+    excess = []
+    for (split, upper, zeta), level in zip(
+        np.exp(answer["filters"].values), answer["excluded"].values, strict=True
+    ):
+        low, high = ((omega / corner) ** (2 * SPLIT) for corner in (split, upper))
+        above = low / (1 + low)
+        total = 1 / (1 + low) + above / (1 + high) + above * high / (1 + high)
+        excess.append(max(float(total.max()) - 1, zeta / level - 1))
+    value, where = worst(excess, lambda p: f"at share {float(answer['share'][p[0]]):.3g}")
+    statement = "squares of a bound's filters, and zeta over the bound, less 1"
+    return Check("filters", statement, value, ROUNDING, where)

@@ -1,0 +1,79 @@
+"""Defects of several shapes, estimated in the closed loops of the twelve drives (figure 7.13)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from workbench.arrays import RealArray
+from workbench.simulation import respond
+from workbench.systems.realisation import realisation
+
+from ...control.loops import open_loop, plants
+from ...drive.disc import VELOCITY
+from ...drive.plants import ANTIALIASING
+from ...drive.tables import Axis
+from ...laboratory.bench_setup import PERIOD, RATE
+
+if TYPE_CHECKING:
+    from control import StateSpace
+
+LONGEST = 1.6e-3
+"""Length along the track [m] (section 7.3.2)."""
+SIZE = 1e-6
+"""Of a defect [m]; the loops are linear."""
+FINE = 20
+"""Steps per sample in which the anti-aliasing filter is followed."""
+SHAPES = {"bump": 0.4e-3, "doublet": 0.8e-3, "slow bump": LONGEST}
+"""Lengths along the track [m]."""
+BEFORE, AFTER = 1e-3, 6e-3
+"""Time before a defect and after its start that is simulated [s]."""
+
+
+def defect(shape: str, time: RealArray) -> RealArray:
+    """False displacement [m] at times [s] after its start: raised cosine, or a swing both ways."""
+    along = time * VELOCITY / SHAPES[shape]
+    inside = (along >= 0.0) & (along <= 1.0)
+    window = np.where(inside, 0.5 - 0.5 * np.cos(2 * np.pi * along), 0.0)
+    swing = np.sin(2 * np.pi * along) if shape == "doublet" else 1.0
+    return np.asarray(SIZE * window * swing)
+
+
+def sampled_defect(shape: str) -> tuple[RealArray, RealArray]:
+    """Times (N,) [s] and the defect (N,) [m] as the converters see it, filtered."""
+    step = PERIOD / FINE
+    fine = np.arange(-BEFORE, AFTER, step)
+    decay = np.exp(-ANTIALIASING * step)
+    lowpass = realisation(
+        (np.array([[decay]]), np.array([[1 - decay]]), np.eye(1), np.zeros((1, 1))), step
+    )
+    seen = respond(lowpass, defect(shape, fine)[:, None])[:, 0]
+    return fine[::FINE], seen[::FINE]
+
+
+def estimates(
+    axis: Axis, F: StateSpace, shape: str, delay: float
+) -> tuple[RealArray, RealArray, RealArray]:
+    """Times (N,), the defect (N,) and its estimates u_f (12, N) [m], one a drive.
+
+    F is sampled, e [m] -> u_f [m]; each drive's e is f_en by its own optical gain.
+    """
+    time, seen = sampled_defect(shape)
+    found = []
+    for name, system in plants(axis, "own", "printed").items():
+        if name == "nominal":
+            continue
+        L = open_loop(axis, system, delay)
+        direct = 1.0 / (1.0 + L.D)
+        S = realisation((L.A - L.B @ direct @ L.C, L.B @ direct, -direct @ L.C, direct), 1 / RATE)
+        error = respond(S, seen[:, None])
+        found.append(respond(F, error)[:, 0])
+    return time, seen, np.array(found)
+
+
+def relative_errors(seen: RealArray, estimated: RealArray) -> RealArray:
+    """Rms of the estimates' error while the defect lasts, over that of the defect: (12,)."""
+    during = np.abs(seen) > 1e-3 * np.abs(seen).max()
+    wrong = np.sqrt(((estimated - seen)[:, during] ** 2).mean(axis=1))
+    return np.asarray(wrong / np.sqrt((seen[during] ** 2).mean()))

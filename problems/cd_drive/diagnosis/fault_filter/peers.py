@@ -1,0 +1,69 @@
+"""Filters to compare the robust fault filter with: a nominal H-infinity one, and a high-pass."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from workbench.diagnosis import FaultEstimation, Requirement
+from workbench.diagnosis.estimation.program import without_perturbation
+from workbench.errors import SolverError
+from workbench.fitting.rational import Rational
+from workbench.program import solve
+from workbench.uncertainty import GeneralisedPlant
+
+from ..stand_in import low_pass
+from .loop import FaultLoop, disc_weight
+
+if TYPE_CHECKING:
+    from control import StateSpace
+
+M, A, X, BANDWIDTH = 250.0, 0.001, 3.0, 2 * np.pi * 230.0
+"""Of eq. 7.32."""
+ELECTRONICS = 1e-9
+"""Of the error as it is read [m]: S alone vanishes where the loop integrates."""
+
+
+def defect_weight() -> StateSpace:
+    """W_sd of eq. 7.32, 1 at high frequency."""
+    zeros = np.full(3, -X * BANDWIDTH * A ** (1 / 3), complex)
+    poles = np.full(3, -X * BANDWIDTH * M ** (1 / 3), complex)
+    return Rational(zeros, poles, 1.0).state_space()
+
+
+def _nominal(loop: FaultLoop) -> GeneralisedPlant:
+    """(x_cd, f_sd, n) -> e + n of the nominal loop."""
+    import control
+
+    S = without_perturbation(loop.plant).system
+    read = control.StateSpace(
+        S.A, np.hstack([S.B, np.zeros((S.nstates, 1))]), S.C, np.hstack([S.D, [[1.0]]]),
+        inputs=["x_cd", "f_sd", "n"], outputs=["e"], remove_useless_states=False,
+    )  # fmt: skip
+    return GeneralisedPlant(read, None, 0, 1)
+
+
+def peer_filters(loop: FaultLoop, error: float, leakage: float) -> dict[str, StateSpace]:
+    """Filters F [m/m] in continuous time, by name.
+
+    "H-infinity": of least stacked norm for the nominal plant, defects as eq. 7.32 weighs them for
+    the relative error and the disc for the leakage; "high-pass": first order.
+    Raises SolverError where the synthesis fails.
+    """
+    program = FaultEstimation(
+        _nominal(loop),
+        "f_sd",
+        [
+            Requirement("error", "f_sd", defect_weight(), error),
+            Requirement("leakage", "x_cd", disc_weight(loop.axis), leakage),
+            Requirement("noise", "n", ELECTRONICS, leakage),
+        ],
+    )
+    solution = solve(program, "riccati")
+    if solution.answer is None:
+        raise SolverError(f"the nominal H-infinity filter: {solution.message}")
+    return {
+        "H-infinity": solution.answer.K,
+        "high-pass": 1 - low_pass(),
+    }

@@ -1,0 +1,150 @@
+"""What the position estimators believe of a drive, and what they are told (section 7.2.2).
+
+With the error of the lens e = x_cd - x, and u_p the control that would make the lens follow the
+disc (figure 7.9), the actuator gives  -e = ACT (u - u_p)  and the photo diodes with their filter
+f_en = K_optn w_a / (s + w_a) e + n.  So the oscillators act at the actuator's input, in volts; n is
+noise of 0.15 um up to 1750 Hz (eq. 7.31). x itself does not show in f_en: it is the actuator's
+answer to u, computed beside. Equation numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant
+Control of CD-players (2003).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg import solve_discrete_lyapunov
+
+from workbench.arrays import RealArray
+from workbench.diagnosis import (
+    DisturbedPlant,
+    Estimator,
+    KalmanEstimator,
+    Noise,
+    Rotation,
+    observer_gain,
+    placed,
+    prototype_poles,
+)
+from workbench.simulation import hold, sampled
+
+from ...drive.actuator import specific_model
+from ...drive.plants import ANTIALIASING, nominal_parameters, plant, total_gain
+from ...drive.red_book import ACCEPTABLE_ERROR
+from ...drive.tables import Axis
+from ...laboratory.bench_setup import NOISE, PERIOD, coil_gain, find_drive
+
+if TYPE_CHECKING:
+    from control import StateSpace
+
+OBSERVER = 5000.0
+"""Bandwidth of the observer in section 7.3.3 [Hz]."""
+SLOW = 300.0
+"""Of one that is to bridge a defect [Hz]: below the loop's crossover, and the noise's band."""
+DECAY = 60.0
+"""Rate at which placed oscillators settle [1/s]: in a tenth of a revolution."""
+PRINTED_K_OBS = 1e8 * np.array([4.9312, 4.0959, 3.2174, 2.3024, 1.3581])
+"""Equation 7.34."""
+PRINTED_K_P = np.array([45.0, 45.0])
+"""Equation 7.35."""
+KNOWN = 0.05
+"""White uncertainty of u [V rms] in the Kalman filter: a sixtieth of what the largest wobble takes,
+for no drive is the nominal one."""
+WANDER = 3e-4
+"""Step of the oscillators [V rms a sample]: a hundredth of the wobble's volts in a revolution."""
+WHITE = 1e-3
+"""White part of the noise of f_en [units rms]: the converter's step."""
+
+
+def model(axis: Axis, rotation: Rotation, coloured: bool) -> DisturbedPlant:
+    """The nominal drive: u, u_p -> f_en [units], e [m], and beside it u -> x [m].
+
+    u is what acts from a sample to the next: with a computer that takes one sample, the last one.
+    """
+    import control
+
+    drive = find_drive(axis, "nominal")
+    lens, gain = specific_model(drive).state_space(), coil_gain(drive)
+    n = lens.nstates
+    a, b, c = np.zeros((n + 1, n + 1)), np.zeros((n + 1, 2)), np.zeros((2, n + 1))
+    a[:n, :n] = lens.A  # of -e
+    a[n, :n] = -ANTIALIASING * drive.K_optn * lens.C[0]
+    a[n, n] = -ANTIALIASING
+    b[:n] = gain * lens.B * [1.0, -1.0]
+    c[0, n], c[1, :n] = 1.0, -lens.C[0]
+    return DisturbedPlant(
+        sampled(control.ss(a, b, c, 0.0), PERIOD),
+        rotation,
+        colour(axis) if coloured else None,
+        sampled(gain * lens, PERIOD),
+    )
+
+
+def colour(axis: Axis, band: float = 1750.0) -> StateSpace:
+    """White noise of variance 1 -> noise of f_en of the laboratory's size: a low-pass of order 2.
+
+    Butterworth's poles, and driven so that the sampled output has the noise's variance.
+    """
+    import control
+
+    omega = 2 * np.pi * band
+    transition, _ = hold([[0.0, 1.0], [-(omega**2), -(2**0.5) * omega]], np.zeros((2, 1)), PERIOD)
+    drive = np.array([[0.0], [1.0]])
+    variance = solve_discrete_lyapunov(transition, drive @ drive.T)[0, 0]
+    size = NOISE[axis] * find_drive(axis, "nominal").K_optn
+    return control.ss(transition, drive * size / variance**0.5, [[1.0, 0.0]], 0.0, PERIOD)
+
+
+def itae(axis: Axis, rotation: Rotation, bandwidth: float) -> Estimator:
+    """ITAE poles of this bandwidth [Hz] for actuator and filter, and oscillators that settle."""
+    poles = np.exp(prototype_poles("itae", 5, 2 * np.pi * bandwidth) * PERIOD)
+    together = np.concatenate([poles, rotation.poles(PERIOD, DECAY)])
+    return placed(model(axis, rotation, coloured=False), together)
+
+
+def of_the_thesis(axis: Axis, rotation: Rotation) -> Estimator:
+    """K_obs for actuator and filter alone (eq. 7.33) and K_p of eq. 7.35 beside it.
+
+    What K_p multiplies is not stated. A sample, and with an oscillator whose second state has the
+    other sign, it makes the oscillator settle at 44 per second in focus; a second, at a thousandth;
+    with the sign of this one the estimator is unstable.
+    """
+    believed = model(axis, rotation, coloured=False)
+    poles = np.exp(prototype_poles("itae", 5, 2 * np.pi * OBSERVER) * PERIOD)
+    K_obs = observer_gain(believed.plant.A, believed.plant.C[:1], poles, PERIOD)[:, 0]
+    L = np.concatenate([K_obs, PRINTED_K_P * [1.0, -1.0]])
+    n = believed.seen
+    return Estimator(believed, np.linalg.solve(believed.A[:n, :n], L))
+
+
+def kalman(axis: Axis, rotation: Rotation) -> KalmanEstimator:
+    """Actuator, filter, oscillators and coloured noise, the white noise growing in a defect."""
+    defect = ACCEPTABLE_ERROR[axis] * find_drive(axis, "nominal").K_optn
+    return KalmanEstimator(
+        model(axis, rotation, coloured=True), Noise(KNOWN, WANDER, WHITE, defect)
+    )
+
+
+def companion_gain(axis: Axis) -> RealArray:
+    """K_obs (5,) for the controllable companion form of eq. 3.18 held at 35 kHz (eq. 7.34)."""
+    system = sampled(plant(nominal_parameters(axis), total_gain(axis)), PERIOD)
+    poles = np.exp(prototype_poles("itae", 5, 2 * np.pi * OBSERVER) * PERIOD)
+    gain = observer_gain(system.A, system.C, poles, PERIOD)[:, 0]
+    form = companion(np.asarray(np.poly(system.A), float))
+    there, here = (_reachable(A, B) for A, B in (form, (system.A, system.B)))
+    size = abs(here).max(axis=1, keepdims=True)
+    transformed: RealArray = there @ np.linalg.solve(here / size, gain / size[:, 0])
+    return transformed
+
+
+def companion(denominator: RealArray) -> tuple[RealArray, RealArray]:
+    """State and input matrix of the controllable companion form of a monic polynomial."""
+    n = len(denominator) - 1
+    return np.vstack([-denominator[1:], np.eye(n)[:-1]]), np.eye(n)[:, :1]
+
+
+def _reachable(A: RealArray, B: RealArray) -> RealArray:
+    columns = [B]
+    for _ in range(len(A) - 1):
+        columns.append(A @ columns[-1])
+    return np.hstack(columns)

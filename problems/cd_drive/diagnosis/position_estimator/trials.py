@@ -1,0 +1,110 @@
+"""Recorded runs with scratches, their truth known, for the position estimators (section 7.3).
+
+Equation and section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
+CD-players (2003).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from workbench.arrays import RealArray
+from workbench.simulation import linear, play
+
+from ...drive.disc import Defect, Disc
+from ...drive.plants import controller
+from ...drive.red_book import ACCEPTABLE_ERROR
+from ...drive.tables import Axis, Values, red_book
+from ...laboratory.bench_setup import PERIOD, RATE
+from ...laboratory.experiment import Laboratory, measurements
+from ...laboratory.record import Record
+from ..quality import quality_signal
+
+ROTATION = 5.5
+"""Of the disc [Hz], near the average (section 7.3)."""
+DURATION, SCRATCHED, EVALUATED = 1.5, 0.3, 0.55
+"""Length of a run, from when the disc is scratched and from when errors count [s]."""
+AFTER = 5e-3
+"""How long after a defect errors count as its aftermath [s]."""
+DIST_MIN, DIST_MAX = 0.16, 0.36
+"""Of the quality (eq. 7.13). The diodes' sum is as noisy as f_en, some 4 % rms of a clean sum in
+focus, so dist is up to 0.03 rms: dist_min is five of these, and no clean sample is called bad;
+at dist_max half of the light is gone."""
+
+
+class Trial(NamedTuple):
+    """A recorded run, what an estimator is given of it, and which samples count.
+
+    during: quality below 1; after: the samples that follow it for AFTER; quiet: the others.
+    """
+
+    record: Record
+    known: RealArray
+    quality: RealArray
+    error: RealArray
+    during: Any
+    after: Any
+    quiet: Any
+
+    def off(self, estimated: RealArray) -> list[list[float]]:
+        """Rms and largest error [m] of an estimated x_cd - x during, after and otherwise."""
+        wrong = estimated - self.error
+        return [
+            [float(np.sqrt(np.mean(wrong[where] ** 2))), float(abs(wrong[where]).max())]
+            for where in (self.during, self.after, self.quiet)
+        ]
+
+
+@dataclass(frozen=True)
+class Scratches:
+    """A disc of the largest deviation that the Red Book allows, scratched after a while.
+
+    length [m] and depth as `Defect`; displacement: the false one, in errors that can be read.
+    """
+
+    axis: Axis
+    length: float
+    depth: float
+    displacement: float
+    values: Values
+
+    @property
+    def defect(self) -> Defect:
+        """One scratch in a revolution."""
+        false = self.displacement * ACCEPTABLE_ERROR[self.axis]
+        return Defect(
+            self.length, 0.25, self.depth, displacement=false, present=(SCRATCHED, np.inf)
+        )
+
+    def trial(
+        self, drive: str, seed: int, noise: float | None = None, prompt: bool = False
+    ) -> Trial:
+        """The mu-PID on a drive with one sample of delay, the computer's.
+
+        noise as in `Laboratory`; prompt: the quality is 0 exactly where the scratch is, else 1.
+        """
+        bench = Laboratory(self.axis, drive, self.values, delay=1.0, noise=noise)
+        disc = Disc.along(self.axis, red_book(self.axis).deviation, rotation=ROTATION)
+        law = linear(controller(self.axis), PERIOD)
+        record = bench.closed_loop(
+            law, duration=DURATION, disc=disc, defects=[self.defect], seed=seed
+        )
+        optics = bench.parameters
+        signal = quality_signal(optics.K_opt / optics.K_optn, DIST_MIN, DIST_MAX)
+        seen = play(signal, measurements(record))[:, 0]
+        if prompt:
+            seen = (record.light == 1.0).astype(float)
+        counted = record.time >= EVALUATED
+        during = counted & (seen < 1.0)
+        recent = np.convolve(seen < 1.0, np.ones(round(AFTER * RATE)))[: len(seen)] > 0
+        after = counted & recent & ~during
+        acting = np.concatenate([[0.0], record.u_dac[:-1]])  # the converter's output comes late
+        error = record.x_cd - record.x
+        return Trial(record, acting, seen, error, during, after, counted & ~during & ~after)
+
+    def covered(self, trial: Trial) -> Any:
+        """Where a scratch has taken nearly all of the light that it takes."""
+        return trial.record.light < 1.0 - 0.95 * self.depth

@@ -1,0 +1,106 @@
+"""An incipient fault, a laser that fades, and isolation of defects and shocks by signatures.
+
+Section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from workbench.arrays import RealArray
+from workbench.diagnosis import confusion, cusum, isolate, quantile_threshold
+from workbench.simulation import linear, play
+
+from ...laboratory.bench_setup import PERIOD, RATE
+from ...laboratory.experiment import Laboratory
+from ..defect_kinds import SHOCK, SHOCK_PEAK, draw
+from ..defect_runs import SHOCK_PERIOD, DefectRun, run
+from ..defect_statistics import high_passed, peaks
+
+FADE = 0.05
+"""Share of the light that the laser loses a second: ageing, made quick."""
+FADING = 4.0
+"""How long it is watched [s]."""
+SLOW_DRIFT = 0.01
+"""Of the slow cumulative sum: it overlooks a loss of a hundredth."""
+FAULTS = ("black dot", "scratch", "shock")
+RESIDUALS = ("sum", "fast error", "slow error")
+STRUCTURE = np.array([[True, True, False], [False, True, False], [False, False, True]])
+"""Which residual (row) answers to which fault (column)."""
+SLOW = (30.0, 150.0)
+"""Band [Hz] of the slow error: shocks are in it, the disc's rotation is below."""
+COUNT = 60
+"""Of each fault."""
+ALARMS, BLOCK = 0.01, 350
+"""False-alarm rate of each residual's threshold, per block of 10 ms."""
+
+
+def fading(bench: Laboratory, seeds: list[int]) -> dict[str, Any]:
+    """Light lost when a laser that fades is noticed: by a level, and by a slow cumulative sum.
+
+    The fault is incipient (section 7.1.2). Both diodes lose the same share, so the normalised error
+    and with it the loop do not see it: it is applied to the diodes of a record. Thresholds are the
+    largest values on all other records, of the same length; each record is faded in turn, and the
+    median is given.
+    """
+    records = [run(bench, [], seed, duration=FADING) for seed in seeds]
+    share = FADE * np.arange(len(records[0].record.time)) * PERIOD
+    # The level is that of the disc at the start: its own median follows the fading.
+    lost = [1.0 - one.diodes.sum(axis=1) for one in records]
+    noticed: list[list[float]] = [[], []]
+    for i, own in enumerate(lost):
+        others = [one for k, one in enumerate(lost) if k != i]
+        faded = [1.0 - (1.0 - own) * (1.0 - share), *others]
+        sums = [play(cusum(SLOW_DRIFT), one[:, None])[:, 0] for one in faded]
+        for way, (watched, *clean) in zip(noticed, (faded, sums), strict=True):
+            above = np.flatnonzero(watched > max(float(one.max()) for one in clean))
+            way.append(float(share[above[0]]) if above.size else math.inf)
+    median = [float(np.median(way)) for way in noticed]
+    return {"fade": ("way", median, {"units": "1"}), "way": ["level", "slow sum"]}
+
+
+def residual_set(one: DefectRun) -> dict[str, RealArray]:
+    """RESIDUALS over a run (N,): lost light, the diodes' difference above CORNER and within SLOW.
+
+    The difference is taken over the clean disc's level: over their own sum the noise would grow as
+    the light falls.
+    """
+    import control
+
+    difference = one.diodes[:, 0] - one.diodes[:, 1]
+    low, high = (2 * math.pi * corner for corner in SLOW)
+    band = control.tf([high, 0.0], [1.0, low + high, low * high])
+    slow = play(linear(band, PERIOD), difference[:, None])[:, 0]
+    lost = 1.0 - one.diodes.sum(axis=1)
+    return {"sum": lost, "fast error": abs(high_passed(difference)), "slow error": abs(slow)}
+
+
+def isolation(bench: Laboratory, seeds: list[int]) -> dict[str, Any]:
+    """How often black dots, scratches and shocks are told apart by what they make fire."""
+    rng = np.random.default_rng(seeds[0])
+    clean = residual_set(run(bench, [], seeds[1], duration=FADING))
+    level = [quantile_threshold(r, ALARMS, block=BLOCK).level for r in clean.values()]
+    kinds = np.repeat([0, 1], COUNT)
+    drawn = [draw(FAULTS[k], rng, bench.axis) for k in kinds]
+    dirty = run(bench, drawn, seeds[2])
+    duration = SHOCK_PERIOD * (COUNT + 1) + 1e-3
+    shaken = run(bench, [], seeds[3], SHOCK_PEAK[bench.axis], duration)
+    starts = np.round(np.arange(COUNT) * SHOCK_PERIOD * RATE).astype(int).tolist()
+    windows = [(start, start + round(SHOCK * RATE)) for start in starts]
+    fired = []
+    for one, places in ((dirty, dirty.faults), (shaken, windows)):
+        largest = np.array([peaks(r, places) for r in residual_set(one).values()])
+        fired.append((largest > np.array(level)[:, None]).T)
+    true = np.append(kinds, np.full(COUNT, 2))
+    found = isolate(STRUCTURE, np.vstack(fired))
+    share = [np.vstack(fired)[true == k].mean(axis=0) for k in range(len(FAULTS))]
+    return {
+        "confusion": (("fault", "isolated_as"), confusion(true, found, len(FAULTS))),
+        "fired": (("fault", "residual"), share, {"units": "1"}),
+        "structure": (("residual", "fault"), STRUCTURE),
+        "isolated_as": [*FAULTS, "none or several"],
+        "residual": list(RESIDUALS),
+    }

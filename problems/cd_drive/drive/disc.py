@@ -1,0 +1,158 @@
+"""A disc as the laser meets it: it wobbles, it is off centre, it is scratched.
+
+Section, table and equation numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
+CD-players (2003).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ConfigDict, with_config
+
+from workbench.arrays import RealArray
+from workbench.errors import InputError
+
+from .tables import Axis
+
+VELOCITY = 1.3
+"""Scanning velocity [m/s], constant along the track (section 2.5.3)."""
+
+
+STRICT = ConfigDict(extra="forbid", allow_inf_nan=True)
+"""What a script may say of it, and nothing else."""
+
+
+@with_config(STRICT)
+@dataclass(frozen=True)
+class Defect:
+    """A scratch, a finger print, dust: what dims the light and shifts the error it seems to carry.
+
+    length        along the track [m];
+    angle         where it starts [revolutions];
+    depth         share of the light that it takes, 0 to 1;
+    displacement  false displacement f_sd that swings once up and down, amplitude [m] (eq. 2.9);
+    offset        false displacement that lasts, amplitude [m];
+    edge          share of the length over which it sets in, and ends, smoothly, 0 to 0.5;
+    present       when it is met at all, from and until [s].
+
+    Raises InputError outside these ranges.
+    """
+
+    length: float = 1.2e-3
+    angle: float = 0.25
+    depth: float = 0.9
+    displacement: float = 0.0
+    offset: float = 0.0
+    edge: float = 0.2
+    present: tuple[float, float] = (0.0, np.inf)
+
+    def __post_init__(self) -> None:
+        if not (self.length > 0.0 and 0.0 <= self.depth <= 1.0 and 0.0 <= self.edge <= 0.5):
+            raise InputError(f"{self}: need length > 0, depth in 0 to 1 and edge in 0 to 0.5")
+
+    def met(
+        self, revolutions: RealArray, time: RealArray, rotation: RealArray
+    ) -> tuple[NDArray[np.bool_], RealArray]:
+        """Whether the laser is on it, and how much of its length it has passed."""
+        travelled = (revolutions - self.angle) % 1.0  # of a revolution, since its start
+        along = travelled * VELOCITY / (np.maximum(rotation, 1e-12) * self.length)
+        inside = (along <= 1.0) & (rotation > 0.0)
+        return inside & (time >= self.present[0]) & (time < self.present[1]), along
+
+    def effect(
+        self, revolutions: RealArray, time: RealArray, rotation: RealArray
+    ) -> tuple[RealArray, RealArray]:
+        """Share of the light that is left, and f_sd [m], where the disc has turned so far.
+
+        rotation [Hz] (N,): at that time.
+        """
+        inside, along = self.met(revolutions, time, rotation)
+        from_edge = np.minimum(along, 1.0 - along) / max(self.edge, 1e-12)
+        window = np.where(inside, 0.5 - 0.5 * np.cos(np.pi * np.clip(from_edge, 0.0, 1.0)), 0.0)
+        swing = self.displacement * np.sin(2 * np.pi * along) + self.offset
+        return 1.0 - self.depth * window, swing * window
+
+
+@with_config(STRICT)
+@dataclass(frozen=True)
+class Disc:
+    """A disc and how it turns.
+
+    warp          amplitudes [m] of the vertical deviation at the rotation frequency and its
+                  harmonics; Table 2.3 allows 500 um;
+    eccentricity  the same of the radial deviation; Table 2.4 allows 70 um;
+    rotation      frequency [Hz], 3 to 9 at normal speed; 0: the disc stands;
+    speed         profile of the rotation: times [s] and what the frequency is multiplied by there,
+                  linear between them, constant before and after; 1 throughout when left out;
+    phase         of the rotation at the start [revolutions];
+    offset        constant deviation of the axis in use [m];
+    reflectivity  of the layer, 1 for the disc that the optical gains were measured with;
+    run_up        time [s] over which the deviation grows to its size: a loop that starts at rest
+                  meets a disc that does so too.
+
+    Raises InputError for a negative rotation, run-up or reflectivity.
+    """
+
+    warp: Sequence[float] = ()
+    eccentricity: Sequence[float] = ()
+    rotation: float = 6.0
+    phase: float = 0.0
+    offset: float = 0.0
+    reflectivity: float = 1.0
+    run_up: float = 0.2
+    speed: Sequence[tuple[float, float]] = ()
+
+    def __post_init__(self) -> None:
+        if min(self.rotation, self.run_up, self.reflectivity) < 0.0:
+            raise InputError(f"{self}: rotation, run_up and reflectivity must not be negative")
+        points = np.array(self.speed, float).reshape(-1, 2)
+        if not np.isfinite(points).all() or (np.diff(points[:, 0], prepend=-1e-300) <= 0.0).any():
+            raise InputError(f"speed is {self.speed}; times must rise from 0 or later")
+        if (points[:, 1] < 0.0).any():
+            raise InputError(f"speed is {self.speed}; a disc does not turn back")
+
+    @classmethod
+    def along(cls, axis: Axis, *amplitudes: float, **rest: Any) -> Self:
+        """A disc that deviates by these harmonics [m] in one axis, and not in the other."""
+        warp, eccentricity = (amplitudes, ()) if axis == "focus" else ((), amplitudes)
+        return cls(warp=warp, eccentricity=eccentricity, **rest)
+
+    def deviation(self, axis: Axis, time: RealArray) -> RealArray:
+        """Position x_cd of the layer, or y_cd of the track [m], at times [s] (N,): (N,)."""
+        harmonics = self.warp if axis == "focus" else self.eccentricity
+        angle = 2 * np.pi * self.turned(time)[0]
+        wobble = np.zeros_like(time)
+        for n, amplitude in enumerate(harmonics, start=1):
+            wobble += amplitude * np.sin(n * angle)
+        if self.run_up > 0.0:
+            wobble *= 0.5 - 0.5 * np.cos(np.pi * np.minimum(time / self.run_up, 1.0))
+        return wobble + self.offset
+
+    def surface(self, defects: Sequence[Defect], time: RealArray) -> tuple[RealArray, RealArray]:
+        """Relative light and false displacement f_sd [m] at times [s] (N,): each (N,)."""
+        light, false = np.full_like(time, self.reflectivity), np.zeros_like(time)
+        revolutions, rotation = self.turned(time)
+        for defect in defects:
+            left, shift = defect.effect(revolutions, time, rotation)
+            light *= left
+            false += shift
+        return light, false
+
+    def turned(self, time: RealArray) -> tuple[RealArray, RealArray]:
+        """Revolutions so far, and rotation frequency [Hz], at times [s] (N,): each (N,)."""
+        if not len(self.speed):
+            return self.rotation * time + self.phase, np.full_like(time, self.rotation)
+        at, factor = np.array(self.speed, float).T
+        if at[0] > 0.0:
+            at, factor = np.append(0.0, at), np.append(factor[0], factor)
+        # The integral of a broken line is a parabola from every corner on.
+        areas = np.append(0.0, np.cumsum(np.diff(at) * (factor[1:] + factor[:-1]) / 2))
+        last = np.searchsorted(at, time, side="right") - 1
+        now = np.interp(time, at, factor)
+        area = areas[last] + (time - at[last]) * (factor[last] + now) / 2
+        return self.rotation * area + self.phase, self.rotation * now

@@ -1,0 +1,123 @@
+"""Photo diodes: how far the focus point is off, as two diodes see it (figures 3.12, 4.6, 4.7).
+
+Two diodes share the reflected light; their normalised difference is the error (eq. 3.16-3.17):
+
+    d1, d2 = light * sum(e) * (1 +- f(e)) / 2 * level,        f_en = (d1 - d2) / (d1 + d2).
+
+Focus: f is the s-curve. It has the slope K_optn within its linear range, bends to its extremes 6 um
+either side of the focus, where one diode has all the light, and folds back beyond, while the light
+itself fades. Radial: f is a sine whose period is the track pitch, with the slope K_optn at the
+track; the two side spots stand either side of it, and their sum stays.
+Equation numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from workbench.arrays import RealArray
+from workbench.compiled import kernel
+from workbench.errors import InputError
+
+from .tables import Drive, disc_formats
+
+PEAK = 6e-6
+"""Distance of the s-curve's extremes from its centre [m]: 12 um peak to peak (section 4.4.1)."""
+LINEAR = 2e-6
+"""Half the linear range of the s-curve [m]: the largest vertical error allowed (section 2.5.1)."""
+PITCH = disc_formats()["CD"].track_pitch
+"""Distance of the tracks [m]."""
+
+CAPTURE = {"focus": PEAK, "radial": PITCH / 2}
+"""Error beyond which the focus, or the track, is lost [m]."""
+
+
+def diode_parameters(drive: Drive) -> RealArray:
+    """Parameters of `focus_diodes` or `radial_diodes`: K_optn [units/m], level of the sum [V], ...
+
+    The level follows from the two optical gains: K_opt = level * K_optn. The third parameter is
+    what bends the curve: the exponent of the s-curve, or the phase per metre. Raises InputError
+    when no curve has this slope and the given extremes.
+    """
+    level = drive.K_opt / drive.K_optn
+    if drive.axis == "radial":
+        bend, reachable = 2 * math.pi / PITCH, drive.K_optn * PITCH <= 2 * math.pi
+    else:
+        left = 1.0 - drive.K_optn * LINEAR
+        bend = drive.K_optn * (PEAK - LINEAR) / left if left > 0.0 else 0.0
+        reachable = bend > 1.0
+    if not reachable:
+        raise InputError(
+            f"{drive.name}: no {drive.axis} characteristic within +-1 has K_optn {drive.K_optn}"
+        )
+    return np.array([drive.K_optn, level, bend])
+
+
+@kernel
+def s_curve(error: float, K_optn: float, bend: float) -> tuple[float, float]:
+    """Normalised error and relative light of the focus diodes at an error [m].
+
+    The bend's exponent makes slope and value continuous where the linear range ends.
+    """
+    distance = abs(error)
+    if distance <= LINEAR:
+        return K_optn * error, 1.0
+    if distance <= PEAK:
+        left = (PEAK - distance) / (PEAK - LINEAR)
+        size, light = 1.0 - (1.0 - K_optn * LINEAR) * left**bend, 1.0
+    else:
+        size = light = 1.0 / (1.0 + ((distance - PEAK) / PEAK) ** 2)
+    return math.copysign(size, error), light
+
+
+@kernel
+def focus_diodes(
+    position: RealArray, exogenous: RealArray, parameters: RealArray, signals: RealArray
+) -> None:
+    """Voltages of D1, D2 [V]; exogenous: x_cd [m], light, f_sd [m]."""
+    error = exogenous[0] - position[0] + exogenous[2]
+    shape, light = s_curve(error, parameters[0], parameters[2])
+    level = 0.5 * parameters[1] * exogenous[1] * light
+    signals[0] = level * (1.0 + shape)
+    signals[1] = level * (1.0 - shape)
+
+
+@kernel
+def radial_diodes(
+    position: RealArray, exogenous: RealArray, parameters: RealArray, signals: RealArray
+) -> None:
+    """Voltages of S1, S2 [V]; exogenous: y_cd [m], light, f_sd [m]."""
+    error = exogenous[0] - position[0] + exogenous[2]
+    shape = parameters[0] / parameters[2] * math.sin(parameters[2] * error)
+    level = 0.5 * parameters[1] * exogenous[1]
+    signals[0] = level * (1.0 + shape)
+    signals[1] = level * (1.0 - shape)
+
+
+@kernel
+def normalise(channels: RealArray, parameters: RealArray, measurement: RealArray) -> None:
+    """The processor's reading (eq. 3.16): d1, d2, v_r, u_m -> f_en, sum, d1, d2, v_r, u_m.
+
+    The sum counts as one step of the converter at least, parameters (1,) [V]: no light gives a
+    misleading error, not an infinite one.
+    """
+    d1, d2 = channels[0], channels[1]
+    measurement[0] = (d1 - d2) / max(d1 + d2, parameters[0])
+    measurement[1] = d1 + d2
+    for i in range(len(channels)):
+        measurement[2 + i] = channels[i]
+
+
+def diode_signals(
+    drive: Drive, error: ArrayLike, light: float = 1.0
+) -> tuple[RealArray, RealArray]:
+    """Voltages of both diodes [V] at errors [m] (N,) under a light, 1 on a clean disc: 2 x (N,)."""
+    errors = np.ascontiguousarray(error, float)
+    sense = focus_diodes if drive.axis == "focus" else radial_diodes
+    parameters, signals = diode_parameters(drive), np.zeros((errors.size, 2))
+    for each, pair in zip(errors, signals, strict=True):
+        sense(np.zeros(1), np.array([each, light, 0.0]), parameters, pair)
+    return signals[:, 0], signals[:, 1]

@@ -1,0 +1,30 @@
+"""What the problems of the drives ask alike: data files, kinds of parameters, frequencies."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from workbench.arrays import RealArray
+from workbench.errors import InputError
+
+Frequencies = Annotated[int, Field(ge=2, le=1_000_000)]
+Frequency = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+
+TABLES = ("data/drives.csv", "data/corrections.csv", "data/nominal.csv")
+"""Tables A.1-A.3 and 5.2, in the plant's folder."""
+
+WINDOWS = {
+    "focus": {"first resonance": (25.0, 37.0), "parasitic resonance": (450.0, 590.0)},
+    "radial": {"first resonance": (42.0, 58.0), "parasitic resonance": (800.0, 1020.0)},
+}
+"""Frequency ranges [Hz] around both resonances of all drives, shown enlarged."""
+
+
+def grid(frequencies: int, lowest: float, highest: float) -> RealArray:
+    """So many frequencies [Hz], logarithmically spaced from lowest to highest."""
+    if not lowest < highest:
+        raise InputError(f"lowest={lowest} Hz must lie below highest={highest} Hz")
+    return np.geomspace(lowest, highest, frequencies)

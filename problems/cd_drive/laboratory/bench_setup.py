@@ -1,0 +1,154 @@
+"""The experimental setup around a drive: converters, attenuator, amplifiers (section 3.6).
+
+From the computer's output u [V] to the coil's voltage, and from coil and diodes back to the
+computer. Equation and section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control
+of CD-players (2003).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from workbench.arrays import RealArray
+from workbench.errors import InputError
+from workbench.simulation import Converter, band_limited
+
+from ..drive.actuator import SERIES_RESISTANCE, Actuator, specific_model
+from ..drive.plants import (
+    AMPLIFICATION,
+    ANTIALIASING,
+    ATTENUATION,
+    Gain,
+    crossover,
+    nominal_parameters,
+    responses,
+    total_gain,
+)
+from ..drive.tables import ActuatorParameters, Axis, Drive, Values, drives
+
+if TYPE_CHECKING:
+    from control import StateSpace
+
+RATE = 35e3
+"""Sampling frequency [Hz]."""
+PERIOD = 1.0 / RATE
+INPUT_LIMIT, OUTPUT_LIMIT = 5.0, 10.0
+"""Ranges of the converters [V], either sign."""
+DIODE_GAIN = 10 ** (60 / 20)
+COIL_GAIN = 10 ** (38 / 20)
+CONTROL_GAIN = ATTENUATION * AMPLIFICATION
+"""Gain from u to where the control signal is measured, before the power drive."""
+GAINS = {"d1": DIODE_GAIN, "d2": DIODE_GAIN, "v_r": COIL_GAIN, "u_m": CONTROL_GAIN}
+"""What the measured channels are multiplied by on their way to the converters."""
+CHANNELS = tuple(GAINS)
+ELECTRICAL = ("v_r", "u_m")
+"""The channels that need no optics."""
+NOISE = {"focus": 0.15e-6, "radial": 0.015e-6}
+"""Measurement noise [m rms] unless told otherwise."""
+
+
+def find_drive(axis: Axis, name: str, values: Values = "printed") -> Drive:
+    """One axis of the drive CD1 ... CD12, or of the "nominal" one with mid-range optical gains.
+
+    Raises InputError for another name.
+    """
+    twelve = drives(axis, values)
+    if name == "nominal":
+        p = nominal_parameters(axis)
+        optics = {
+            gain: (min(values) + max(values)) / 2
+            for gain, values in (
+                ("K_opt", [drive.K_opt for drive in twelve]),
+                ("K_optn", [drive.K_optn for drive in twelve]),
+            )
+        }
+        lumped = {"k": p.k1 * p.k2 / (p.k1 + p.k2), "b": p.b1 + p.b2}
+        # What no model here uses, inductance, stays that of the first drive.
+        changed: dict[str, Any] = {"name": name, "R_measured": p.R, **vars(p), **lumped, **optics}
+        return replace(twelve[0], **changed)
+    for drive in twelve:
+        if drive.name == name:
+            return drive
+    raise InputError(f'drive is {name!r}; it must be "CD1" ... "CD12" or "nominal"')
+
+
+def coil_gain(drive: Drive, gain: Gain = "own", values: Values = "printed") -> float:
+    """Gain from u to the coil's voltage [V/V]: K_total / K_optn = K_at K_amp K_pd (eq. 3.11, 3.18).
+
+    `gain` as in `drives.responses`; equation 3.18 itself drops the power drive's K_pd.
+    """
+    if drive.name == "nominal":
+        return total_gain(drive.axis) / drive.K_optn
+    at = [crossover(drive.axis)]
+    row = [each.name for each in drives(drive.axis, values)].index(drive.name)
+    loop = responses(drive.axis, at, gain, values, antialiasing=False)[row, 0]
+    return float(abs(loop) / abs(specific_model(drive).response(at)[0]) / drive.K_optn)
+
+
+def split_arms(parameters: ActuatorParameters, mismatch: float) -> Actuator:
+    """The specific model with its arm in two halves whose links to the lens differ (section 4.6.2).
+
+    Each half has half of m2, k1 and b1; the links have k2 (1 + mismatch) / 2 and
+    k2 (1 - mismatch) / 2, dampers likewise. Without mismatch the lens moves as in the specific
+    model; with it there are two parasitic resonances close together. Raises InputError unless
+    0 <= mismatch < 1.
+    """
+    if not 0.0 <= mismatch < 1.0:
+        raise InputError(f"mismatch is {mismatch}; it must be 0 or more and below 1")
+    whole = specific_model(parameters)
+    lens, *arms = np.eye(3)
+    mass = parameters.m1 * np.outer(lens, lens)
+    damping, stiffness = np.zeros((2, 3, 3))
+    for arm, share in zip(arms, ((1 + mismatch) / 2, (1 - mismatch) / 2), strict=True):
+        frame, link = np.outer(arm, arm), np.outer(lens - arm, lens - arm)
+        mass = mass + parameters.m2 / 2 * frame
+        damping = damping + parameters.b1 / 2 * frame + parameters.b2 * share * link
+        stiffness = stiffness + parameters.k1 / 2 * frame + parameters.k2 * share * link
+    return replace(whole, M=mass, C=damping, K=stiffness)
+
+
+def electromechanics(actuator: Actuator, to_coil: float) -> StateSpace:
+    """Computer output u [V] -> lens x [m]; v_r and u_m [V] behind anti-aliasing filters.
+
+    v_r = r i is the voltage over the series resistor, i = (v - Bl x') / (R + r); u_m = u is the
+    control signal as measured. Both referred to where they arise: the amplifiers are taken out.
+    """
+    import control
+
+    moving = actuator.state_space()
+    n = moving.nstates
+    velocity = n // 2  # displacements stand first; the lens is the first of them
+    ratio = SERIES_RESISTANCE / float(actuator.R)
+    a = np.zeros((n + 2, n + 2))
+    a[:n, :n] = moving.A
+    a[n, velocity] = -ANTIALIASING * ratio * float(actuator.Bl)
+    a[n, n] = a[n + 1, n + 1] = -ANTIALIASING
+    b = np.vstack([moving.B * to_coil, [[ANTIALIASING * ratio * to_coil], [ANTIALIASING]]])
+    c = np.zeros((3, n + 2))
+    c[0, 0] = c[1, n] = c[2, n + 1] = 1.0
+    return control.ss(a, b, c, 0.0, inputs="u", outputs=["x", "v_r", "u_m"])
+
+
+def channel_converters(bits: int | None) -> RealArray:
+    """Levels (4, 3) of the input converters, referred to the signals before their amplifiers."""
+    return np.array([Converter(INPUT_LIMIT, bits).levels(gain) for gain in GAINS.values()])
+
+
+def optical_noise(
+    rng: np.random.Generator, samples: int, drive: Drive, size: float, band: float
+) -> RealArray:
+    """Noise of the diodes (N, 2) [V] that makes `size` [m rms] of noise in the measured position.
+
+    White from 0 to `band` [Hz]. Each diode has half the power, by itself: their sum is as noisy as
+    their difference.
+    """
+    return band_limited(rng, (samples, 2), drive.K_opt * size / np.sqrt(2), band, RATE)
+
+
+def electronics_noise(rng: np.random.Generator, samples: int, steps: float) -> RealArray:
+    """White noise of v_r and u_m (N, 2) [V], in rms steps of a 12-bit converter."""
+    gains = [GAINS[name] for name in ELECTRICAL]
+    return rng.standard_normal((samples, 2)) * (steps * Converter(INPUT_LIMIT).step) / gains

@@ -1,0 +1,268 @@
+"""The virtual laboratory: a drive on the bench, simulated in the time domain (section 3.6).
+
+Actuator, power drive, series resistor, photo diodes, anti-aliasing filters, converters, the
+computer's delay, and a disc with its deviations and defects. What the computer sees is recorded
+beside what is true. Section and equation numbers refer to E. Vidal Sanchez, Robust and Fault
+Tolerant Control of CD-players (2003).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache, lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+from pydantic import with_config
+
+from workbench.arrays import ComplexArray, RealArray
+from workbench.errors import InputError
+from workbench.simulation import (
+    Cascade,
+    Controller,
+    Converter,
+    SampledLoop,
+    Schedule,
+    idle,
+    respond,
+    sampled,
+)
+
+from ..drive import photo_diodes
+from ..drive.actuator import Actuator, checked_frequency, specific_model
+from ..drive.disc import STRICT, Defect, Disc
+from ..drive.plants import ANTIALIASING, Gain
+from ..drive.tables import Axis, Drive, Values
+from .bench_setup import (
+    CHANNELS,
+    DIODE_GAIN,
+    ELECTRICAL,
+    GAINS,
+    INPUT_LIMIT,
+    NOISE,
+    OUTPUT_LIMIT,
+    PERIOD,
+    RATE,
+    channel_converters,
+    coil_gain,
+    electromechanics,
+    electronics_noise,
+    find_drive,
+    optical_noise,
+    split_arms,
+)
+from .record import CoilRecord, Event, Record
+
+if TYPE_CHECKING:
+    from control import StateSpace
+
+MEASUREMENTS = ("f_en", "sum", *CHANNELS)
+"""What a controller is given, in this order."""
+
+STILL = Disc(rotation=0.0, run_up=0.0)
+"""A flat disc that stands."""
+
+
+@with_config(STRICT)
+@dataclass(frozen=True)
+class Laboratory:
+    """One axis of one drive on the bench.
+
+    drive        "CD1" ... "CD12", or "nominal";
+    values       of Tables A.1-A.2, "printed" or "corrected";
+    gain         of the loop: the drive's "own", "equal" or as the "agc" sets it;
+    delay        turn-around from sampling to the D/A converter's output [samples];
+    mismatch     of the arm's halves; above 0 there is a second parasitic resonance;
+    noise        of the measured position [m rms], white from 0 to noise_band [Hz]; None: 0.15 um
+                 in focus (section 7.3), a tenth of it radially, like the largest error allowed;
+    electronics  white noise of v_r and u_m before conversion [steps of the converter, rms];
+    bits         of the converters; None: they saturate, but do not round;
+    refine       steps between samples in which the optics are followed.
+    """
+
+    axis: Axis = "focus"
+    drive: str = "CD1"
+    values: Values = "printed"
+    gain: Gain = "own"
+    delay: float = 1.0
+    mismatch: float = 0.0
+    noise: float | None = None
+    noise_band: float = 1750.0
+    electronics: float = 1.0
+    bits: int | None = 12
+    refine: int = 1
+
+    @property
+    def parameters(self) -> Drive:
+        """The drive's entries in Tables A.1-A.3: what an identification should find."""
+        return find_drive(self.axis, self.drive, self.values)
+
+    @property
+    def coil_gain(self) -> float:
+        """From u to the voltage over coil and series resistor [V/V]."""
+        return coil_gain(self.parameters, self.gain, self.values)
+
+    @property
+    def actuator(self) -> Actuator:
+        """The actuator: coil voltage [V] -> lens [m]."""
+        if self.mismatch == 0.0:
+            return specific_model(self.parameters)
+        return split_arms(self.parameters, self.mismatch)
+
+    def response(self, frequency: ArrayLike) -> dict[str, ComplexArray]:
+        """What exact measurements would give at `frequency` [Hz] (F,): each (F,).
+
+        Sampled responses from u to x [m/V], v_r and u_m [V/V] and f_en [1/V] within the linear
+        range. Hold and delay are in all of them, anti-aliasing in all but x. Raises InputError
+        unless below half the sampling frequency.
+        """
+        frequency = checked_frequency(frequency)
+        if frequency.max() >= RATE / 2:
+            raise InputError(f"{frequency.max()} Hz; sampled responses end at {RATE / 2} Hz")
+        z = np.exp(2j * np.pi * frequency * PERIOD)
+        x, v_r, u_m = _sampled(self)(z, squeeze=False)[:, 0]
+        f_en = self.sampled_error()(z, squeeze=False)[0, 0]
+        return {"x": x, "v_r": v_r, "u_m": u_m, "f_en": f_en}
+
+    def sampled_error(self) -> StateSpace:
+        """Exact sampled model of u [V] -> f_en [units] within the linear range, delay included."""
+        import control
+
+        optics = control.ss(-ANTIALIASING, ANTIALIASING, -self.parameters.K_optn, 0.0)
+        return sampled(optics * _plant(self)[0, 0], PERIOD, self.delay)
+
+    def coil(self, excitation: ArrayLike, seed: int = 0) -> CoilRecord:
+        """Play an excitation u [V] (N,) and measure the coil's current; the optics stay out of it.
+
+        The system is linear but for its converters, so this is the quick one. It starts at rest.
+        """
+        u = _series("excitation", excitation)
+        u_dac, saturated = Converter(OUTPUT_LIMIT, self.bits).convert(u)
+        exact = respond(_sampled(self), u_dac[:, None])[:, 1:]
+        noisy = exact + electronics_noise(np.random.default_rng(seed), len(u), self.electronics)
+        measured, saturation = {}, {"u": saturated}
+        for name, values in zip(ELECTRICAL, noisy.T, strict=True):
+            converter, gain = Converter(INPUT_LIMIT, self.bits), GAINS[name]
+            measured[name], saturation[name] = converter.convert(values, gain)
+        return CoilRecord(_time(len(u)), u, u_dac, **measured, saturation=saturation)
+
+    def open_loop(
+        self,
+        excitation: ArrayLike,
+        disc: Disc = STILL,
+        defects: Sequence[Defect] = (),
+        seed: int = 0,
+    ) -> Record:
+        """Play an excitation u [V] (N,) while the diodes look at a disc."""
+        return self.closed_loop(idle(), excitation, disc=disc, defects=defects, seed=seed)
+
+    def closed_loop(
+        self,
+        controller: Controller | Cascade | Schedule,
+        excitation: ArrayLike | None = None,
+        duration: float = 1.0,
+        disc: Disc = STILL,
+        defects: Sequence[Defect] = (),
+        seed: int = 0,
+    ) -> Record:
+        """Run a controller of `MEASUREMENTS` from rest; an excitation u [V] (N,) adds to it.
+
+        It may be a cascade of parts, such as a strategy, or several from stated times on.
+
+        Without excitation for `duration` [s]. Raises InputError for a duration without a sample,
+        for an excitation that is no finite series, and when the controller's output is not finite.
+        """
+        if excitation is None:
+            if not 0.0 < duration < np.inf:
+                raise InputError(f"duration is {duration} s; it must be positive and finite")
+            excitation = np.zeros(round(duration * RATE))
+        u = _series("excitation", excitation)
+        time = _time(len(u) + 1)
+        x_cd = disc.deviation(self.axis, time)
+        light, f_sd = disc.surface(defects, time)
+        exogenous = np.column_stack([x_cd, light, f_sd])
+        noise = _noise(self, seed, len(u)).copy()
+        run = _loop(self).run(controller, u[:, None], exogenous, noise)
+        x_cd, light, f_sd = exogenous[:-1].T
+        names = ("u", *CHANNELS)
+        counts = np.concatenate([run.saturated_outputs, run.saturated_channels]) / len(u)
+        x = run.position[:, 0]
+        return Record(
+            time=time[:-1],
+            u=run.command[:, 0],
+            u_dac=run.output[:, 0],
+            **dict(zip(MEASUREMENTS, run.measurement.T, strict=True)),
+            x=x,
+            x_cd=x_cd,
+            light=light,
+            f_sd=f_sd,
+            saturation=dict(zip(names, map(float, counts), strict=True)),
+            signals=run.signals,
+            events=self._events(time, abs(x_cd - x) > photo_diodes.CAPTURE[self.axis]),
+        )
+
+    def _events(self, time: RealArray, lost: np.ndarray) -> tuple[Event, ...]:
+        changes = np.flatnonzero(np.diff(lost, prepend=False))
+        what = "focus" if self.axis == "focus" else "track"
+        return tuple(
+            Event(float(time[k]), f"{what} {'lost' if lost[k] else 'regained'}") for k in changes
+        )
+
+
+@cache
+def _plant(laboratory: Laboratory) -> StateSpace:
+    return electromechanics(laboratory.actuator, laboratory.coil_gain)
+
+
+@cache
+def _sampled(laboratory: Laboratory) -> StateSpace:
+    """Exact sampled model of u -> x, v_r, u_m."""
+    return sampled(_plant(laboratory), PERIOD, laboratory.delay)
+
+
+@lru_cache(maxsize=8)  # strategies are compared under the same noise
+def _noise(laboratory: Laboratory, seed: int, samples: int) -> RealArray:
+    """Of the diodes and of v_r and u_m (samples, 4)."""
+    rng, size = np.random.default_rng(seed), laboratory.noise
+    size = NOISE[laboratory.axis] if size is None else size
+    optical = optical_noise(rng, samples, laboratory.parameters, size, laboratory.noise_band)
+    return np.hstack([optical, electronics_noise(rng, samples, laboratory.electronics)])
+
+
+@cache
+def _loop(laboratory: Laboratory) -> SampledLoop:
+    focus = laboratory.axis == "focus"
+    return SampledLoop(
+        plant=_plant(laboratory),
+        positions=1,
+        sense=photo_diodes.focus_diodes if focus else photo_diodes.radial_diodes,
+        sense_parameters=photo_diodes.diode_parameters(laboratory.parameters),
+        signals=2,
+        corner=ANTIALIASING,
+        read=photo_diodes.normalise,
+        read_parameters=np.array([Converter(INPUT_LIMIT).step / DIODE_GAIN]),
+        measurements=len(MEASUREMENTS),
+        channel_levels=channel_converters(laboratory.bits),
+        output_levels=Converter(OUTPUT_LIMIT, laboratory.bits).levels()[None],
+        period=PERIOD,
+        delay=laboratory.delay,
+        refine=laboratory.refine,
+    )
+
+
+def measurements(record: Record) -> RealArray:
+    """What a controller was given at each sample of a record, MEASUREMENTS (N, 6)."""
+    return np.column_stack([getattr(record, name) for name in MEASUREMENTS])
+
+
+def _time(samples: int) -> RealArray:
+    return np.arange(samples) / RATE
+
+
+def _series(name: str, values: ArrayLike) -> RealArray:
+    array = np.asarray(values, float)
+    if array.ndim != 1 or array.size == 0 or not np.isfinite(array).all():
+        raise InputError(f"{name} has shape {array.shape}; it must be a finite, 1-D array")
+    return array

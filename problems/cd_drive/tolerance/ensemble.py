@@ -1,0 +1,197 @@
+"""Discs and circumstances that a player meets, drawn at random from stated distributions.
+
+Section and table numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players
+(2003).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from functools import lru_cache
+
+import numpy as np
+
+from workbench.arrays import RealArray
+from workbench.errors import InputError
+
+from ..diagnosis.defect_kinds import KINDS, SHOCK_PEAK, draw, shocks
+from ..drive.disc import Defect, Disc
+from ..drive.tables import Axis, red_book
+from ..laboratory.bench_setup import RATE
+from ..laboratory.experiment import Laboratory
+
+GROUPS = ("disc deviation", "shocks", *KINDS, "everything")
+"""What goes wrong: one cause beside the deviation of the disc, or all of them (figure 2.15)."""
+BEGIN = 0.3
+"""When shocks and defects begin [s]: the disc has run up by then."""
+GAIN_STEP = 0.5
+"""To which gains are rounded [dB]."""
+
+Range = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Spread:
+    """What circumstances are drawn from; ranges are uniform, from and to.
+
+    rotation      [Hz]: a disc of constant linear velocity, 9 inside to 3 outside (section 2.5.3);
+    deviation     amplitude at the rotation frequency over the Red Book's 500 um or 70 um: not all
+                  discs meet it (Tables 2.3, 2.4, section 2.6);
+    harmonics     amplitudes of the second and third harmonic over the first's: an assumption, a
+                  hundredth of a warp is bent;
+    reflectivity  of the layer over the reference disc's: the Red Book allows 0.7 and more of the
+                  light to come back, most discs give 0.8 of it; the player knows the clean level;
+    gain_db       standard deviation of the loop's gain [dB] beside the twelve drives' own optical
+                  gains: what the automatic gain control leaves (section 4.4; an assumption);
+    rotation_error  standard deviation of what strategies believe of the rotation, relative: they
+                  take it from the disc servo (section 8.6 warns of it; the size is assumed);
+    shocks        of the chassis per second, Poisson: a portable player (section 2.5.1; assumed);
+    shock         peak of one over the 10 and 1 m/s^2 that take the error near the acceptable one;
+    shock_time    duration of the half sine [s]: its spectrum reaches to 1.5 / duration (assumed);
+    defects       per revolution, Poisson, one at least; each drawn from its kind's ranges, see
+                  `defect_kinds` (sections 2.5, 7.1);
+    size          of a defect: what the length of one of its kind is multiplied by (assumed);
+    refraction    the same of its false displacement: at 1 no defect shifts the error by more than
+                  is acceptable, yet defects do drive the focus point away (section 2.5.1; assumed).
+
+    Raises InputError for spreads that are negative, not finite, or out of order.
+    """
+
+    rotation: Range = (3.0, 9.0)
+    deviation: Range = (0.3, 1.3)
+    harmonics: Range = (0.0, 0.02)
+    reflectivity: Range = (0.85, 1.0)
+    gain_db: float = 1.0
+    rotation_error: float = 0.01
+    shocks: float = 8.0
+    shock: Range = (0.2, 2.0)
+    shock_time: Range = (5e-3, 20e-3)
+    defects: float = 2.0
+    size: Range = (0.7, 1.6)
+    refraction: Range = (0.5, 5.0)
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            low, high = value if isinstance(value, tuple) else (0.0, value)
+            if not 0.0 <= low <= high < np.inf:
+                raise InputError(
+                    f"{field.name} is {value}; a spread is not negative, finite, from low to high"
+                )
+        if self.rotation[0] <= 0.0 or self.shock_time[0] <= 0.0:
+            raise InputError(f"{self}: rotation and shock_time must be positive")
+
+
+@dataclass(frozen=True)
+class Remembered(Disc):
+    """A disc that one strategy meets after the other: what it does is computed once."""
+
+    def deviation(self, axis: Axis, time: RealArray) -> RealArray:
+        return _deviation(self, axis, len(time)).copy()
+
+    def surface(self, defects: Sequence[Defect], time: RealArray) -> tuple[RealArray, RealArray]:
+        light, false = _surface(self, tuple(defects), len(time))
+        return light.copy(), false.copy()
+
+
+@lru_cache(maxsize=8)
+def _deviation(disc: Remembered, axis: Axis, samples: int) -> RealArray:
+    return Disc.deviation(disc, axis, np.arange(samples) / RATE)
+
+
+@lru_cache(maxsize=8)
+def _excitation(
+    bench: Laboratory, many: tuple[tuple[float, float, float], ...], samples: int
+) -> RealArray:
+    return shocks(bench, many, samples)
+
+
+@lru_cache(maxsize=8)
+def _surface(
+    disc: Remembered, defects: tuple[Defect, ...], samples: int
+) -> tuple[RealArray, RealArray]:
+    return Disc.surface(disc, defects, np.arange(samples) / RATE)
+
+
+@dataclass(frozen=True)
+class Circumstance:
+    """A disc with its defects, shocks (time [s], peak [m/s^2], duration [s]), gain [dB], seed.
+
+    believed: what the strategies take for the rotation [Hz].
+    """
+
+    axis: Axis
+    group: str
+    disc: Remembered
+    defects: tuple[Defect, ...]
+    shocks: tuple[tuple[float, float, float], ...]
+    gain_db: float
+    believed: float
+    seed: int
+
+    def excitation(self, bench: Laboratory, duration: float) -> RealArray:
+        """What acts on the lens as the shocks do [V] (N,), see `defect_kinds.shocks`."""
+        return _excitation(bench, self.shocks, round(duration * RATE)).copy()
+
+
+def circumstances(
+    axis: Axis, count: int, duration: float, rng: np.random.Generator, spread: Spread | None = None
+) -> list[Circumstance]:
+    """As many of every group as there are of any other, but for one.
+
+    Raises InputError for an ensemble of none, and for a duration that ends before BEGIN [s].
+    """
+    if count < 1:
+        raise InputError(f"an ensemble of {count} circumstances; it must have 1 or more")
+    if not BEGIN < duration < np.inf:
+        raise InputError(f"duration is {duration} s; it must be finite and above {BEGIN} s")
+    spread = Spread() if spread is None else spread
+    return [
+        _drawn(axis, GROUPS[k % len(GROUPS)], duration, np.random.default_rng(seed), spread)
+        for k, seed in enumerate(rng.integers(2**63, size=count))
+    ]
+
+
+def _drawn(
+    axis: Axis, group: str, duration: float, rng: np.random.Generator, spread: Spread
+) -> Circumstance:
+    rotation = rng.uniform(*spread.rotation)
+    first = rng.uniform(*spread.deviation) * red_book(axis).deviation
+    wobble = (first, *(first * rng.uniform(*spread.harmonics) for _ in range(2)))
+    disc = Remembered.along(
+        axis,
+        *wobble,
+        rotation=rotation,
+        phase=rng.uniform(),
+        reflectivity=rng.uniform(*spread.reflectivity),
+    )
+    gain_db = GAIN_STEP * round(rng.normal(0.0, spread.gain_db) / GAIN_STEP)
+    believed = rotation * (1.0 + rng.normal(0.0, spread.rotation_error))
+    shocks: list[tuple[float, float, float]] = []
+    if group in ("shocks", "everything"):
+        for time in BEGIN + (duration - BEGIN) * rng.uniform(
+            size=rng.poisson(spread.shocks * (duration - BEGIN))
+        ):
+            peak = rng.choice([-1.0, 1.0]) * rng.uniform(*spread.shock) * SHOCK_PEAK[axis]
+            shocks.append((float(time), float(peak), rng.uniform(*spread.shock_time)))
+    kinds = {"everything": list(KINDS)}.get(group, [group] if group in KINDS else [])
+    defects = [
+        _placed(draw(str(rng.choice(kinds)), rng, axis), rng, spread)
+        for _ in range(max(1, rng.poisson(spread.defects)) if kinds else 0)
+    ]
+    seed = int(rng.integers(2**31))
+    return Circumstance(axis, group, disc, tuple(defects), tuple(shocks), gain_db, believed, seed)
+
+
+def _placed(defect: Defect, rng: np.random.Generator, spread: Spread) -> Defect:
+    length = defect.length * rng.uniform(*spread.size)
+    shift = defect.displacement * rng.uniform(*spread.refraction)
+    return replace(
+        defect, length=length, displacement=shift, angle=rng.uniform(), present=(BEGIN, np.inf)
+    )
+
+
+def groups(many: list[Circumstance]) -> np.ndarray:
+    """Number of the group of each circumstance (C,)."""
+    return np.array([GROUPS.index(one.group) for one in many])

@@ -1,0 +1,107 @@
+"""A defect met once by the loop under each strategy.
+
+Equation, figure and section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
+CD-players (2003).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from workbench.arrays import RealArray
+from workbench.simulation import Cascade
+
+from ...drive.disc import VELOCITY, Defect, Disc
+from ...drive.red_book import ACCEPTABLE_ERROR
+from ...drive.tables import Axis, red_book
+from ...laboratory.bench_setup import RATE
+from ...laboratory.experiment import Laboratory
+from ...laboratory.record import Record
+from ..tactics import STRATEGIES, Strategies, clean_level
+from .theory import BlindLens
+
+if TYPE_CHECKING:
+    from control import StateSpace
+
+MET = 0.45
+"""When the defect begins [s]: strategies A and B have learnt the rotation by then."""
+AFTER = 5e-3
+"""How long after the defect the error is looked at [s]."""
+
+
+class Cell(NamedTuple):
+    """One defect on one disc: its middle [rad of the deviation], length [m], deviation [m]."""
+
+    angle: float
+    length: float
+    deviation: float
+
+
+@dataclass(frozen=True, eq=False)
+class Crossing:
+    """Defects of one depth and false displacement, on one drive at one rotation frequency.
+
+    replacement: K', discrete; rotation [Hz]; depth: share of the light; swing: false displacement
+    as a share of the acceptable error.
+    """
+
+    axis: Axis
+    replacement: StateSpace
+    drive: str
+    rotation: float
+    depth: float
+    swing: float
+
+    @property
+    def allowed(self) -> float:
+        """The deviation that the Red Book allows [m]."""
+        return red_book(self.axis).deviation
+
+    def blind_lens(self, driven: bool) -> BlindLens:
+        """On a disc of that deviation, without an error signal."""
+        return BlindLens(self.axis, self.drive, self.allowed, self.rotation, driven)
+
+    def disc(self, cell: Cell) -> Disc:
+        middle = MET + cell.length / VELOCITY / 2
+        phase = (cell.angle / (2 * np.pi) - self.rotation * middle) % 1.0
+        return Disc.along(self.axis, cell.deviation, rotation=self.rotation, phase=phase)
+
+    def defect(self, cell: Cell) -> Defect:
+        """Met once, from MET on."""
+        where = (self.rotation * MET + self.disc(cell).phase) % 1.0
+        return Defect(
+            length=cell.length,
+            angle=where,
+            depth=self.depth,
+            displacement=self.swing * ACCEPTABLE_ERROR[self.axis],
+            present=(MET - 1e-6, MET + 1.5 * cell.length / VELOCITY),
+        )
+
+    def run(self, cell: Cell, strategy: str, seed: int, refine: int = 1) -> Record:
+        """The laboratory from the disc's run-up until AFTER the defect."""
+        bench = Laboratory(self.axis, self.drive, refine=refine)
+        return bench.closed_loop(
+            self.strategies[strategy],
+            duration=MET + cell.length / VELOCITY + AFTER,
+            disc=self.disc(cell),
+            defects=[self.defect(cell)],
+            seed=seed,
+        )
+
+    @cached_property
+    def strategies(self) -> dict[str, Cascade]:
+        """All of them, by name."""
+        level = clean_level(Laboratory(self.axis, self.drive))
+        made = Strategies(self.axis, level, self.rotation, replacement=self.replacement)
+        return {name: made.named(name) for name in STRATEGIES}
+
+
+def excursion_of(record: Record, length: float) -> tuple[float, float]:
+    """Largest size of the true error [m] from the defect's start on, and the error at its end."""
+    error: RealArray = record.x_cd - record.x
+    start, end = round(MET * RATE), round((MET + length / VELOCITY) * RATE)
+    return float(abs(error[start:]).max()), float(error[end])

@@ -1,0 +1,115 @@
+"""How far the lens and the disc part while a defect blinds the loop, in closed form (eq. 8.1).
+
+The disc deviates by A sin(w t) and the controller's input is zeroed for dt. Three answers, each
+nearer to the loop than the one before: a lens that stops where it was, a lens that keeps its speed
+and the coil's voltage, and a lens that the controller goes on driving with what it remembers.
+Equation numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.linalg import block_diag, expm
+
+from workbench.arrays import ComplexArray, RealArray
+
+from ...drive.actuator import specific_model
+from ...drive.plants import ANTIALIASING, controller
+from ...drive.tables import Axis
+from ...laboratory.bench_setup import coil_gain, find_drive
+
+if TYPE_CHECKING:
+    from control import StateSpace
+
+
+WORST = (9.0, 1.9e-3)
+"""Rotation [Hz] and duration [s] with which eq. 8.1 gives the worst case of the thesis, 53.7 um."""
+
+
+def standing(
+    amplitude: ArrayLike, rotation: float, duration: ArrayLike, middle: ArrayLike
+) -> RealArray:
+    """Error [m] after `duration` [s] of a lens that stops, all arguments broadcast.
+
+        A (sin(m + w dt / 2) - sin(m - w dt / 2)) = 2 A sin(w dt / 2) cos(m),
+
+    m, `middle` [rad], being the disc's angle halfway. Equation 8.1 with its angle counted from
+    where the defect begins is the same for a defect that begins at a zero crossing; the worst
+    defect is symmetric about one, cos(m) = 1.
+    """
+    half = np.pi * rotation * np.asarray(duration, float)
+    return np.asarray(2.0 * np.asarray(amplitude) * np.sin(half) * np.cos(middle), float)
+
+
+@dataclass(frozen=True)
+class BlindLens:
+    """A drive's lens in a steady wobble of `amplitude` [m] at `rotation` [Hz], its loop then blind.
+
+    driven: the controller goes on with an error of 0 (figure 8.2); otherwise the loop followed the
+    disc exactly, and the coil keeps its voltage.
+    """
+
+    axis: Axis
+    drive: str
+    amplitude: float
+    rotation: float
+    driven: bool
+
+    @property
+    def omega(self) -> float:
+        return 2 * np.pi * self.rotation
+
+    @cached_property
+    def free(self) -> RealArray:
+        """Matrix of x' = F x: states of the lens, and of the voltage's source."""
+        lens, source, feed = self._parts
+        matrix = block_diag(lens.A, source)
+        matrix[: lens.nstates, lens.nstates :] = lens.B @ feed
+        return np.asarray(matrix, float)
+
+    @cached_property
+    def steady(self) -> ComplexArray:
+        """Phasor of those states, the disc's being amplitude exp(j w t)."""
+        import control
+
+        lens, _, feed = self._parts
+        s = 1j * self.omega
+        there = np.linalg.solve(s * np.eye(lens.nstates) - lens.A, lens.B)[:, 0]
+        follows = lens.C[0] @ there
+        if not self.driven:  # one state, the voltage itself
+            volts = self.amplitude / follows
+            return np.append(there * volts, volts)
+        K = control.ss(controller(self.axis))
+        seen = find_drive(self.axis, self.drive).K_optn / (1.0 + s / ANTIALIASING)
+        inner = np.linalg.solve(s * np.eye(K.nstates) - K.A, K.B)[:, 0]
+        gain = feed[0] @ inner  # K has no feedthrough
+        error = self.amplitude / (1.0 + seen * gain * follows)
+        return np.concatenate([there * gain * seen * error, inner * seen * error])
+
+    def error(self, duration: float, middle: ArrayLike) -> RealArray:
+        """Error x_cd - x [m] at the end of a defect, its middle at angles [rad] (N,): (N,)."""
+        middles = np.atleast_1d(np.asarray(middle, float))
+        start = middles - self.omega * duration / 2
+        # x_cd = A sin(angle) is the imaginary part of the phasor turned by the angle.
+        states = np.imag(self.steady * np.exp(1j * start)[:, None])
+        n = self._parts[0].nstates
+        ended = states @ expm(self.free * duration).T
+        lens: RealArray = ended[:, :n] @ self._parts[0].C[0]
+        return self.amplitude * np.sin(middles + self.omega * duration / 2) - lens
+
+    @cached_property
+    def _parts(self) -> tuple[StateSpace, RealArray, RealArray]:
+        """Lens [coil V -> m], source's matrix, and what it feeds to the coil [V]."""
+        import control
+
+        drive = find_drive(self.axis, self.drive)
+        lens = specific_model(drive).state_space()
+        if not self.driven:
+            return lens, np.zeros((1, 1)), np.ones((1, 1))
+        K = control.ss(controller(self.axis))
+        return lens, K.A, coil_gain(drive) * K.C

@@ -1,0 +1,92 @@
+"""Playability made objective: the balloon of section 2.6 over an ensemble of discs.
+
+Figure and section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
+CD-players (2003).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+from pydantic import Field
+
+from workbench import Run, problem, ref
+from workbench.errors import InputError
+from workbench.systems.storage import restored
+
+from ...drive.red_book import AXES
+from ...drive.shared_parameters import TABLES
+from ...drive.tables import Axis
+from ..tactics import STRATEGIES
+from .runs import chosen
+from .study import Playability
+
+if TYPE_CHECKING:
+    from control import StateSpace
+
+Count = Annotated[int, Field(ge=1, le=100_000)]
+Drives = Annotated[int, Field(ge=1, le=12)]
+Workers = Annotated[int, Field(ge=1, le=256)]
+Names = "reference,A,B,C,K_prime"
+
+
+SLOWER = {str(axis): ref(f"cd/{axis}/lower-bandwidth") for axis in AXES}
+"""K' of both axes."""
+
+
+@problem("cd/playability", needs=SLOWER, data=(*TABLES, "data/red_book.csv"))
+def playability(
+    focus: Run,
+    radial: Run,
+    scenarios: Count = 28,
+    drives: Drives = 3,
+    strategies: str = Names,
+    tuned: str = "reference",
+    training: Count = 21,
+    trials: Annotated[int, Field(ge=4, le=500)] = 14,
+    duration: Annotated[float, Field(gt=0.5, le=60)] = 1.0,
+    workers: Workers = 2,
+) -> Playability:
+    """Playability of every strategy, by the true error over an ensemble (section 2.6).
+
+    Discs and circumstances are drawn from `ensemble.Spread`: deviation, harmonics, rotation,
+    reflectivity, loop gain, shocks, defects. Each is met by every strategy on every drive, in focus
+    and radially, with the same noise. A run is scored by the share of time out of spec (2 um,
+    0.2 um), losses of focus or track, and the longest burst against the 2.5 mm that the error
+    correction repairs. The balloon has an arm for every cause; the smaller the better; intervals
+    are bootstrapped over circumstances. One strategy's gain, quality threshold and repetitive
+    corner are optimised on training discs and half of the drives, |S| of all drives at most 2, and
+    tested on the others.
+
+    scenarios: circumstances of each axis. drives: how many of the twelve, evenly. strategies: names
+    with commas. tuned: the strategy that is optimised. training: circumstances for that. trials:
+    parameters tried. duration of a run [s]; 0.4 s are for settling. workers: threads; the answer is
+    the same with any.
+    """
+    return Playability(
+        slower(focus, radial),
+        scenarios,
+        chosen(drives),
+        named(strategies),
+        tuned,
+        training,
+        trials,
+        duration,
+        workers,
+    )
+
+
+def slower(focus: Run, radial: Run) -> dict[Axis, StateSpace]:
+    """K' of both axes, discrete."""
+    return {"focus": restored(focus.data, "sampled"), "radial": restored(radial.data, "sampled")}
+
+
+def named(names: str) -> tuple[str, ...]:
+    """Strategies of a list with commas. Raises InputError for none, unknown ones, and twice one."""
+    every = tuple(name.strip() for name in names.split(",") if name.strip())
+    unknown = [name for name in every if name not in STRATEGIES]
+    if not every or unknown or len(set(every)) < len(every):
+        raise InputError(
+            f"strategies are {names!r}; name some of {', '.join(STRATEGIES)}, each once"
+        )
+    return every

@@ -1,0 +1,180 @@
+"""Figures and tables of `cd/playability`: the balloon, the scores, the search.
+
+Figure numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from workbench import figures
+
+from ..balloon import POWER
+from ..strategy_looks import COLOURS, titled
+from .runs import REPAIRED
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
+
+RINGS = (1e-3, 1e-2, 0.1, 0.5)
+"""Shares of time out of spec that are drawn as circles."""
+
+
+def figures_of(answer: xr.Dataset, tuned: str) -> dict[str, Figure]:
+    """The three figures, by file stem."""
+    return {
+        "balloon": balloons(answer),
+        "scores": scores(answer),
+        "tuning": tuning(answer, tuned),
+    }
+
+
+def labels(answer: xr.Dataset) -> list[str]:
+    return [titled(str(name)) for name in answer["strategy"].values]
+
+
+def numbers_of(answer: xr.Dataset) -> dict[str, float]:
+    """Scores of each axis and strategy, and what tuning gains."""
+    numbers: dict[str, float] = {}
+    over = answer["burst"] > REPAIRED
+    for axis in answer["axis"].values:
+        for name in answer["strategy"].values:
+            place, own = f"{axis}_{name}", {"axis": axis, "strategy": name}
+            numbers |= {
+                f"in_spec_{place}": 1.0 - float(answer["out"].sel(own).mean()),
+                f"lost_{place}": float((answer["losses"].sel(own) > 0).mean()),
+                f"unrepaired_{place}": float(over.sel(own).mean()),
+                f"burst_{place}_mm": 1e3 * float(answer["burst"].sel(own).median()),
+                f"balloon_{place}": float(answer["balloon"].sel(own)),
+            }
+        numbers[f"tuned_{axis}_peak_sensitivity"] = float(answer["peak"].sel(axis=axis))
+        for measure in answer["measure"].values:
+            gained = answer["gained_interval"].sel(axis=axis, measure=measure)
+            numbers |= {
+                f"tuned_{axis}_{measure}": float(answer["gained"].sel(axis=axis, measure=measure)),
+                f"tuned_{axis}_{measure}_low": float(gained.sel(end="low")),
+                f"tuned_{axis}_{measure}_high": float(gained.sel(end="high")),
+            }
+    return numbers
+
+
+def balloons(answer: xr.Dataset) -> Figure:
+    """Figure 2.15 with numbers: an arm for every cause, a balloon for every strategy."""
+    figure, panels = figures.axes(1, 2, size=(11.0, 5.8), subplot_kw={"projection": "polar"})
+    known = [str(name) for name in answer["known"].values]
+    angle = 2 * np.pi * np.arange(len(known) + 1) / len(known)
+    polar: list[Any] = panels  # matplotlib calls them axes of any kind
+    for panel, axis in zip(polar, answer["axis"].values, strict=True):
+        one = answer.sel(axis=axis)
+        for name, label in zip(one["strategy"].values, labels(one), strict=True):
+            own, colour = one.sel(strategy=name), COLOURS[str(name)]
+            length, low, high = (
+                np.append(each, each[0])
+                for each in (
+                    own["arm"].values ** POWER,
+                    *(own["arm_interval"].sel(end=end).values ** POWER for end in ("low", "high")),
+                )
+            )
+            dashed = "--" if name == "tuned" else "-"
+            panel.plot(angle, length, dashed, color=colour, marker="o", ms=3.0, label=label)
+            panel.fill_between(angle, low, high, color=colour, alpha=0.12, lw=0)
+        panel.set_xticks(angle[:-1], known)
+        panel.tick_params(axis="x", pad=16)
+        panel.set_theta_zero_location("N")
+        panel.set_ylim(0.0, 1.0)
+        panel.set_yticks([ring**POWER for ring in RINGS], [f"{100 * ring:g} %" for ring in RINGS])
+        panel.set_rlabel_position(180.0 / len(known))
+        panel.tick_params(axis="y", labelsize=7)
+        panel.set_title(f"{axis}: share of time out of spec", pad=18)
+    figures.legend_below(figure, panels[0], 6)
+    return figure
+
+
+def scores(answer: xr.Dataset) -> Figure:
+    """Losses and bursts of all circumstances together."""
+    figure, panels = figures.axes(1, 3, size=(11.0, 4.2))
+    names = labels(answer)
+    place = np.arange(len(names))
+    for n, axis in enumerate(answer["axis"].values):
+        one, colour = answer.sel(axis=axis), (figures.BLUE, figures.ORANGE)[n]
+        beside = place + 0.2 * (2 * n - 1)
+        lost = 100 * (one["losses"] > 0).mean(["drive", "circumstance"])
+        unrepaired = 100 * (one["burst"] > REPAIRED).mean(["drive", "circumstance"])
+        low, high = (one["balloon_interval"].sel(end=end) for end in ("low", "high"))
+        error = abs(np.array([one["balloon"] - low, high - one["balloon"]]))
+        panels[0].bar(
+            beside, one["balloon"], 0.38, yerr=error, color=colour, capsize=2, label=str(axis)
+        )
+        panels[1].bar(beside, lost, 0.38, color=colour)
+        panels[2].bar(beside, unrepaired, 0.38, color=colour)
+    panels[0].set_ylabel("size of the balloon, 95 % interval [1]")
+    panels[1].set_ylabel("runs that lose focus or track [%]")
+    panels[2].set_ylabel(f"runs with a burst above {1e3 * REPAIRED:.1f} mm [%]")
+    for panel in panels:
+        panel.set_xticks(place, names, rotation=40, ha="right")
+    figures.legend_below(figure, panels[0])
+    return figure
+
+
+def tuning(answer: xr.Dataset, tuned: str) -> Figure:
+    """Trials of the search, and what is gained on discs that it has not seen."""
+    figure, panels = figures.axes(1, 2, size=(9.5, 4.2))
+    for n, axis in enumerate(answer["axis"].values):
+        one, colour = answer.sel(axis=axis), (figures.BLUE, figures.ORANGE)[n]
+        trial = 1 + np.arange(one.sizes["trial"])
+        panels[0].plot(trial, one["cost"], "o", ms=3.5, color=colour, label=str(axis))
+        panels[0].plot(trial, np.minimum.accumulate(one["cost"].values), color=colour)
+        gained = one["gained"].sel(measure="balloon").item()
+        low, high = one["gained_interval"].sel(measure="balloon").values
+        panels[1].errorbar(
+            [n], [gained], [[gained - low], [high - gained]], fmt="o", color=colour, capsize=4
+        )
+    panels[0].set_xlabel("trial")
+    panels[0].set_ylabel("balloon, training discs; above 1: |S| > 2 [1]")
+    panels[0].set_title(f"{titled(tuned)}: search")
+    panels[1].axhline(0.0, color=figures.BLACK, lw=0.8)
+    panels[1].set_xlim(-0.6, 1.6)
+    panels[1].set_xticks([0, 1], [str(axis) for axis in answer["axis"].values])
+    panels[1].set_ylabel("tuned less untuned, 95 % [1]")
+    panels[1].set_title("held-out discs and drives")
+    figures.legend_below(figure, panels[0])
+    return figure
+
+
+def tables_of(
+    answer: xr.Dataset, numbers: Mapping[str, float], tuned: str, level: float
+) -> dict[str, str]:
+    """Scores of every strategy; parameters found and what they gain."""
+    rows = [
+        "| axis | strategy | in spec | lost | burst > 2.5 mm | median burst [mm] | balloon |",
+        "| --- | --- | --- | --- | --- | --- | --- |",
+    ]
+    found = [
+        f"| axis | {' | '.join(str(one) for one in answer['parameter'].values)} | balloon | "
+        f"{level:.0%} | out of spec | {level:.0%} |",
+        "| --- " * (len(answer["parameter"]) + 5) + "|",
+    ]
+    for axis in answer["axis"].values:
+        for name, label in zip(answer["strategy"].values, labels(answer), strict=True):
+            place = f"{axis}_{name}"
+            low, high = answer["balloon_interval"].sel(axis=axis, strategy=name).values
+            rows.append(
+                f"| {axis} | {f'{titled(tuned)}, tuned' if name == 'tuned' else label} "
+                f"| {numbers[f'in_spec_{place}']:.2%} | {numbers[f'lost_{place}']:.1%} "
+                f"| {numbers[f'unrepaired_{place}']:.1%} | {numbers[f'burst_{place}_mm']:.2f} "
+                f"| {numbers[f'balloon_{place}']:.3f} ({low:.3f} to {high:.3f}) |"
+            )
+        best = " | ".join(f"{value:.3g}" for value in answer["best"].sel(axis=axis).values)
+        gains = []
+        for measure in answer["measure"].values:
+            place = f"tuned_{axis}_{measure}"
+            gains += [
+                f"{numbers[place]:+.4f}",
+                f"{numbers[f'{place}_low']:+.4f} to {numbers[f'{place}_high']:+.4f}",
+            ]
+        found.append(f"| {axis} | {best} | {' | '.join(gains)} |")
+    return {"scores": "\n".join(rows), "tuning": "\n".join(found)}

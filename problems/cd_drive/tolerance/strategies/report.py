@@ -1,0 +1,154 @@
+"""Figures 8.7-8.9 and A.1-A.6, the drives, and the tables of the strategies.
+
+Figure numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from workbench import figures
+
+from ...drive.red_book import ACCEPTABLE_ERROR
+from ...drive.tables import Axis
+from ..strategy_looks import COLOURS, titled
+from .runs import ENGAGED
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+STEMS = {"A": "figure-8-7", "B": "figure-8-8", "C": "figure-8-9", "K_prime": "figure-8-6"}
+
+
+def numbers_of(answer: xr.Dataset) -> dict[str, float]:
+    """Excursion and periodic error [m] of the nominal drive and the worst of all; events."""
+    numbers = {}
+    for name in answer["strategy"].values:
+        for what in ("excursion", "periodic"):
+            one = answer[what].sel(strategy=name)
+            numbers[f"{what}_{name}"] = float(one.sel(drive="nominal"))
+            numbers[f"{what}_{name}_worst"] = float(one.max())
+        numbers[f"events_{name}"] = float(answer["events"].sel(strategy=name).sum())
+    numbers["repetitive_level"] = float(answer["repetitive_level"].max())
+    numbers["estimated_decay_per_s"] = float(answer["estimated_decay"].min())
+    numbers["half_step_m"] = float(answer["half_step"].max())
+    return numbers
+
+
+def tables_of(answer: xr.Dataset) -> dict[str, str]:
+    """Excursion and periodic error by drive and strategy."""
+    names = [str(name) for name in answer["strategy"].values]
+    found = {}
+    for what, title in (
+        ("excursion", "Largest true error within 5 ms after the 1.2 mm scratch [um]"),
+        ("periodic", "Amplitude of the true error at the rotation frequency [um]"),
+    ):
+        lines = ["| drive | " + " | ".join(titled(name) for name in names) + " |"]
+        lines.append("| --- |" + " ---: |" * len(names))
+        for drive in answer["drive"].values:
+            row = 1e6 * answer[what].sel(drive=drive)
+            lines.append(f"| {drive} | " + " | ".join(f"{float(v):.3g}" for v in row) + " |")
+        found[what] = f"{title}.\n\n" + "\n".join(lines) + "\n"
+    return found
+
+
+def figures_of(answer: xr.Dataset, axis: Axis) -> dict[str, Figure]:
+    """A figure of each strategy against the reference, and of all drives."""
+    found = {stem: _against(answer, name, axis) for name, stem in STEMS.items()}
+    return found | {"drives": _drives(answer, axis)}
+
+
+def _against(answer: xr.Dataset, name: str, axis: Axis) -> Figure:
+    figure, panels = figures.axes(3, 2, size=(8.4, 8.6))
+    one, colour = answer.sel(strategy=name), COLOURS[name]
+    for panel, signal, label in zip(
+        panels, ("u", "f_en"), ("control $u$ [V]", f"error {_seen(axis)} [1]"), strict=False
+    ):
+        low, high = one["whole"].sel(wide_signal=signal).transpose("side", "time").values
+        time = one["time"].values
+        for part, shade in ((time <= ENGAGED, COLOURS["reference"]), (time >= ENGAGED, colour)):
+            panel.fill_between(time[part], low[part], high[part], color=shade, linewidth=0.4)
+        panel.axvline(ENGAGED, color="0.5", linestyle="--", linewidth=0.9)
+        panel.set_xlabel("time [s]")
+        panel.set_ylabel(label)
+    rows = (("f_en", 1.0, f"error {_seen(axis)} [1], mean taken out"), ("error", 1e6, _true(axis)))
+    for row, (signal, unit, label) in enumerate(rows, start=1):
+        pair = panels[2 * row : 2 * row + 2]
+        for panel, stage in zip(pair, ("before", "after"), strict=True):
+            values = unit * one["zoom"].sel(stage=stage, signal=signal).values
+            if signal == "f_en":
+                values = values - values.mean()
+            shade = COLOURS["reference"] if stage == "before" else colour
+            _shade(panel, one, stage)
+            panel.plot(one["zoomed"], values, color=shade)
+            title = "reference strategy" if stage == "before" else _title(name)
+            panel.set_title(title)
+            panel.set_ylabel(label)
+            panel.set_xlabel("time from the start of the scratch [ms]")
+        low = min(panel.get_ylim()[0] for panel in pair)
+        high = max(panel.get_ylim()[1] for panel in pair)
+        for panel in pair:
+            panel.set_ylim(low, high)
+    figure.suptitle(
+        f"Reference strategy, from {ENGAGED:g} s on {_title(name)}; shaded: quality $w_Q$ below 1",
+        fontsize=11,
+    )
+    return figure
+
+
+def _shade(panel: Axes, one: xr.Dataset, stage: str) -> None:
+    quality = one["zoom"].sel(stage=stage, signal="w_Q").values
+    panel.fill_between(
+        one["zoomed"].values,
+        0.0,
+        1.0,
+        where=quality < 1.0,
+        transform=panel.get_xaxis_transform(),
+        color="0.88",
+        linewidth=0.0,
+    )
+
+
+def _title(name: str) -> str:
+    return "controller $K'$" if name == "K_prime" else f"strategy {titled(name)}"
+
+
+def _seen(axis: Axis) -> str:
+    return "$f_{en}$" if axis == "focus" else "$r_{en}$"
+
+
+def _true(axis: Axis) -> str:
+    return "true error $e_x$ [um]" if axis == "focus" else "true error $e_y$ [um]"
+
+
+def _drives(answer: xr.Dataset, axis: Axis) -> Figure:
+    figure, panels = figures.axes(2, 1, size=(8.4, 6.4), sharex=True)
+    names = [str(name) for name in answer["strategy"].values]
+    for panel, what, label in zip(
+        panels,
+        ("excursion", "periodic"),
+        ("largest true error [um]\n5 ms after the scratch", "true error [um]\nat the rotation"),
+        strict=True,
+    ):
+        for k, name in enumerate(names):
+            places = np.arange(answer.sizes["drive"]) + 0.1 * (k - (len(names) - 1) / 2)
+            values = 1e6 * answer[what].sel(strategy=name).values
+            look: dict[str, Any] = {
+                "color": COLOURS[name],
+                "marker": "os^vD"[k],
+                "linestyle": "none",
+            }
+            panel.plot(places, values, label=titled(name), **look)
+        panel.set_ylabel(label)
+    panels[0].set_ylim(bottom=0.0)
+    panels[1].set_yscale("log")
+    limit = 1e6 * ACCEPTABLE_ERROR[axis]
+    panels[0].axhline(limit, color="0.4", linestyle="--", linewidth=0.9, label="allowed (Red Book)")
+    panels[1].set_xticks(range(answer.sizes["drive"]), answer["drive"].values)
+    panels[1].set_xlabel("drive")
+    figures.legend_below(figure, panels[0], columns=6)
+    return figure

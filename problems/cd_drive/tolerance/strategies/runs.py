@@ -1,0 +1,149 @@
+"""The experiment of section 8.6 and appendix A.3, and what is read off it.
+
+Equation, figure and section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
+CD-players (2003).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from workbench.arrays import RealArray
+
+from ...drive.disc import VELOCITY, Defect, Disc
+from ...drive.red_book import ACCEPTABLE_ERROR
+from ...drive.tables import Axis, Values, red_book
+from ...laboratory.bench_setup import RATE
+from ...laboratory.experiment import Laboratory
+from ...laboratory.record import Record
+from ..scenario import Scenario, Stage
+
+ROTATION = 5.5
+"""Of the disc [Hz] (eq. 7.31)."""
+ENGAGED = 1.0
+"""When the other strategy takes over from the reference strategy [s] (appendix A.3)."""
+AFTER = 5e-3
+"""How long after the scratch the excursion counts [s]."""
+ANGLE = {"focus": 0.0, "radial": 0.2}
+"""Where the 1.2 mm scratch starts [revolutions]: in focus where the disc is fastest, so that
+eq. 8.1 is near its worst; there the radial loop loses the track with the reference strategy."""
+LENGTH, MINOR = 1.2e-3, 0.4e-3
+"""Of the scratches along the track [m]; the minor one is on the other side of the disc."""
+SCRATCHED = 0.3
+"""From when on the disc is scratched [s]."""
+FALSE = 0.6, 1e-3
+"""When the first false detection is, and how long it lasts [s]; the second is as late in a turn."""
+WINDOW = (-1.5e-3, 6.5e-3)
+"""Shown about the start of the 1.2 mm scratch [s]."""
+BINS = 500
+"""A whole run is shown by the least and the largest value of so many stretches."""
+
+
+class Outcome(NamedTuple):
+    """excursion and periodic error [m]; how often focus or track was lost or regained."""
+
+    excursion: float
+    periodic: float
+    events: int
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """The experiment on one drive: first the reference strategy, then another.
+
+    depth and displacement (in errors that can be read) of both scratches; revolutions of the disc
+    after the other strategy has settled, whose scratches count.
+    """
+
+    axis: Axis
+    values: Values = "printed"
+    depth: float = 0.7
+    displacement: float = 0.5
+    settling: int = 3
+    revolutions: int = 3
+
+    @property
+    def first(self) -> float:
+        """From when on the other strategy is evaluated [s]: at the start of a revolution."""
+        return float(np.ceil(ENGAGED * ROTATION) + self.settling) / ROTATION
+
+    @property
+    def duration(self) -> float:
+        return self.first + (self.revolutions + 0.25) / ROTATION
+
+    @cached_property
+    def disc(self) -> Disc:
+        return Disc.along(self.axis, red_book(self.axis).deviation, rotation=ROTATION)
+
+    def scenario(self, drive: str, strategy: str, seed: int, refine: int = 1) -> Scenario:
+        swing = self.displacement * ACCEPTABLE_ERROR[self.axis]
+        start, lasts = FALSE
+        again = start + np.ceil((self.first - start) * ROTATION) / ROTATION
+        return Scenario(
+            Laboratory(self.axis, drive, self.values, refine=refine),
+            self.disc,
+            tuple(
+                Defect(
+                    length,
+                    (ANGLE[self.axis] + half) % 1.0,
+                    self.depth,
+                    displacement=swing,
+                    present=(SCRATCHED, np.inf),
+                )
+                for length, half in ((LENGTH, 0.0), (MINOR, 0.5))
+            ),
+            false_alarms=tuple((at, at + lasts) for at in (start, float(again))),
+            stages=(Stage("reference"), Stage(strategy, ENGAGED)),
+            duration=self.duration,
+            seed=seed,
+        )
+
+    def run(self, drive: str, strategy: str, seed: int, refine: int = 1, **designs: Any) -> Record:
+        return self.scenario(drive, strategy, seed, refine).run(**designs)
+
+    def outcome(self, record: Record) -> Outcome:
+        """Of the strategy that was engaged."""
+        error = record.x_cd - record.x
+        turning = slice(*(round(t * RATE) for t in (self.first, self._last)))
+        wave = np.exp(-2j * np.pi * ROTATION * record.time[turning])
+        ends = self.starts + LENGTH / VELOCITY
+        excursion = max(
+            float(abs(error[(record.time >= end) & (record.time <= end + AFTER)]).max())
+            for end in ends[ends > self.first]
+        )
+        periodic = 2.0 * abs(np.mean(error[turning] * wave))
+        return Outcome(excursion, float(periodic), len(record.events))
+
+    @property
+    def _last(self) -> float:
+        return self.first + self.revolutions / ROTATION
+
+    @property
+    def starts(self) -> Any:
+        """When the 1.2 mm scratch is met [s], as long as `AFTER` is within the record."""
+        turns = np.arange(np.ceil(self.duration * ROTATION)) + ANGLE[self.axis]
+        times = turns / ROTATION
+        late = self.duration - LENGTH / VELOCITY - 2 * AFTER
+        return times[(times > SCRATCHED) & (times < late)]
+
+    def windows(self) -> dict[str, slice]:
+        """Samples about a scratch before and after the other strategy is engaged."""
+        starts = self.starts
+        chosen = {"before": starts[starts < ENGAGED][-1], "after": starts[starts > self.first][0]}
+        return {
+            name: slice(round((at + WINDOW[0]) * RATE), round((at + WINDOW[1]) * RATE))
+            for name, at in chosen.items()
+        }
+
+
+def envelope(values: RealArray) -> tuple[RealArray, RealArray]:
+    """Least and largest value of BINS stretches of (N,): (2, BINS); and the stretches' ends."""
+    edges = np.linspace(0, len(values), BINS + 1).astype(int)
+    found = np.array(
+        [np.minimum.reduceat(values, edges[:-1]), np.maximum.reduceat(values, edges[:-1])]
+    )
+    return found.astype(np.float32), edges[1:] / RATE

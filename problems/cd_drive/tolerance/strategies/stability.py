@@ -1,0 +1,55 @@
+"""Whether the loops of strategies A and B are stable while nothing is wrong with the disc."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workbench.certify.norms import certified_norm
+from workbench.diagnosis import Rotation
+from workbench.simulation import continued, in_discrete_time
+
+from ...diagnosis.position_estimator.model import kalman
+from ...laboratory.bench_setup import PERIOD
+from ...laboratory.experiment import Laboratory
+from ..tactics import Strategies
+
+
+def repetitive_level(strategies: Strategies, bench: Laboratory) -> float:
+    """Largest |Q (1 - g T)| of strategy A on a drive; stable when below 1, see `Repetitive`.
+
+    Certified between grid points, by the Hamiltonians of the continuous system of the same norm:
+    SLICOT's norm of this discrete one is 4 % too small. Raises InputError when K alone does not
+    stabilise the drive.
+    """
+    loop = -bench.sampled_error() * in_discrete_time(strategies.controller, PERIOD)
+    return certified_norm(continued(strategies.repetitive.contraction(loop)))
+
+
+def estimated_decay(strategies: Strategies, bench: Laboratory) -> float:
+    """Rate [1/s] at which the slowest mode of strategy B decays on a drive; below 0 it grows.
+
+    All of the loop at quality 1: drive with its delay, K, and the settled Kalman filter, whose u_p
+    is added to the command of K and which is given the command of the sample before.
+    """
+    drive = bench.sampled_error()
+    K = in_discrete_time(strategies.controller, PERIOD)
+    settled = kalman(bench.axis, Rotation(strategies.rotation)).settled
+    model, n = settled.model, settled.model.seen
+    A, B, C = model.A[:n, :n], model.B[:n], model.C[:n]
+    seen = np.eye(n) - np.outer(settled.gain, C)
+    effort = model.disturbance[:n]
+    # States: drive, K, estimator, last command; y = Cp x of the drive.
+    sizes = np.cumsum([0, drive.nstates, K.nstates, n, 1])
+    p, k, e, v = (slice(*sizes[i : i + 2]) for i in range(4))
+    y, command = np.zeros((2, sizes[-1]))
+    y[p] = drive.C[0]
+    command[k], command[e] = K.C[0], effort @ seen
+    command += (K.D[0, 0] + effort @ settled.gain) * y
+    closed = np.zeros((sizes[-1], sizes[-1]))
+    closed[p, p], closed[k, k], closed[e, e] = drive.A, K.A, A @ seen
+    closed[p] += np.outer(drive.B[:, 0], command)
+    closed[k] += np.outer(K.B[:, 0], y)
+    closed[e] += np.outer(A @ settled.gain, y)
+    closed[e, v] += B[:, None]
+    closed[v] = command
+    return float(-np.log(abs(np.linalg.eigvals(closed)).max()) / PERIOD)

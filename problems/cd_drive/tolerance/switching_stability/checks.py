@@ -1,0 +1,250 @@
+"""What is said of the switched loops, recomputed by other ways than those that found it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.linalg import eigh
+
+from workbench import Check
+from workbench.arrays import RealArray
+from workbench.synthesis import discretised
+
+from ...drive.plants import ANTIALIASING
+from ...drive.red_book import envelope
+from ...laboratory.bench_setup import PERIOD
+from ..switched_loop import MICRO, SwitchedLoop, closed
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from .problem import SwitchingStability
+
+FALLS = 1.0 - 1e-9
+PLANTS = 200
+"""Random plants of the parametric set."""
+STAYS = (1, 2, 5, 20, 100)
+"""Lengths [samples] of defects of those."""
+PRINTED = {"gain_margin": (3.0, 1.0), "phase_margin": (8.0, 2.0)}
+"""Of K (1 - F) in figure 8.10, and how near is near: dB and degrees."""
+SAME = 1e-6
+OPTICS = 0.01
+"""What the optics bend a tenth of the error, relative."""
+BETWEEN, CLOSE = 131, 0.02
+"""Frequencies, and how near those stored are to the worst of them, relative."""
+
+
+def switching_checks(study: SwitchingStability, answer: xr.Dataset) -> list[Check]:
+    found = [
+        _loops(study),
+        *(_functions(study, answer, each) for each in answer["strategy"].values),
+    ]
+    found += [_ordered(answer), _bounded(answer), _in_laboratory(answer)]
+    found += [_replayed(study, answer)]
+    found += [_between(study, answer), _cells(study, answer), _in_cells(study, answer)]
+    return found + _figure(study, answer)
+
+
+def _loops(study: SwitchingStability) -> Check:
+    """Poles of every clean loop, from the transfer u -> f_en and K as they stand elsewhere."""
+    K = discretised(study.reference, PERIOD)
+    worst, where = 0.0, ""
+    for (name, G), loop in zip(study.alone.plants.items(), study.loops("open"), strict=False):
+        expected = _sorted(np.linalg.eigvals(closed(G, K, study.delay)))
+        found = _sorted(np.linalg.eigvals(loop.clean[0]))
+        off = float(abs(expected - found).max())
+        worst, where = max((worst, where), (off, f"of {name}"))
+    statement = "largest distance of a switched loop's poles from those of the loop in eq. 3.18"
+    return Check("loops", statement, worst, SAME, where)
+
+
+def _sorted(poles: Any) -> Any:
+    return np.sort_complex(poles)
+
+
+def _functions(study: SwitchingStability, answer: xr.Dataset, strategy: str) -> Check:
+    """V falls over every stay that is allowed, by generalised eigenvalues."""
+    worst, where = 0.0, ""
+    one = answer.sel(strategy=strategy)
+    loops = study.loops(strategy)
+    for i, loop in enumerate(loops):
+        P = answer[f"P_{strategy}"].values[i]
+        value = _worst(loop, P, int(one["dwell"][i]), study.longest)
+        worst, where = max((worst, where), (value, f"for {one['drive'].values[i]}"))
+    if "dwell_common" in one:
+        P = answer[f"P_common_{strategy}"].values
+        for i, loop in enumerate(loops):
+            value = _worst(loop, P, int(one["dwell_common"]), study.longest)
+            name = f"for {one['drive'].values[i]}, one set of functions"
+            worst, where = max((worst, where), (value, name))
+    statement = "largest V at the next entry, or after a sample of the clean mode, over V before"
+    return Check(f"functions, {strategy}", statement, worst, FALLS, where)
+
+
+def _worst(loop: SwitchedLoop, P: RealArray, dwell: int, longest: int) -> float:
+    (A_c, _), (A_o, _) = loop.clean, loop.defect
+    if (
+        min(np.linalg.eigvalsh(each / np.outer(*[np.sqrt(np.diag(each))] * 2))[0] for each in P)
+        <= 0
+    ):
+        return np.inf
+    found = [_ratio(A_c, P[0], P[0]), _ratio(np.linalg.matrix_power(A_c, dwell), P[1], P[0])]
+    power = np.eye(len(A_o))
+    for _ in range(longest):
+        power = A_o @ power
+        found.append(_ratio(power, P[0], P[1]))
+    return max(found)
+
+
+def _ratio(A: RealArray, after: RealArray, before: RealArray) -> float:
+    """Largest generalised eigenvalue of (A' after A, before), in units of its diagonal."""
+    units = np.sqrt(np.diag(before))
+    M = (A / units).T @ after @ (A / units)
+    return float(eigh((M + M.T) / 2, before / np.outer(units, units), eigvals_only=True)[-1])
+
+
+def _ordered(answer: xr.Dataset) -> Check:
+    """No distance is proven that a periodic switching makes unstable."""
+    less = (answer["unstable"] + 1 - answer["dwell"]).max()
+    statement = "largest distance that periodic defects make unstable, and one, less the proven one"
+    return Check("dwell", statement, float(less), 0.0)
+
+
+def _bounded(answer: xr.Dataset) -> Check:
+    bound = answer["bound"].sel(length=answer["played"].values, distance=answer["spaced"].values)
+    over = answer["simulated"].max("drive").values / bound.values
+    statement = "largest simulated error over its bound"
+    return Check("bounds", statement, float(over.max()), 1.0 + 1e-9)
+
+
+def _in_laboratory(answer: xr.Dataset) -> Check:
+    """With a disc so small that the optics are linear."""
+    bound = answer["bound"].sel(case="rotation", length=answer["tested"].values).isel(distance=-1)
+    small = answer["laboratory"].isel(size=0).max("drive")
+    over = small.values / float(small["size"]) / bound.values
+    statement = "largest error in the laboratory over its bound, both for a small disc"
+    return Check("laboratory", statement, float(over.max()), 1.0 + OPTICS)
+
+
+def _replayed(study: SwitchingStability, answer: xr.Dataset) -> Check:
+    """The largest error of six defects again, sample by sample in real time, at many phases."""
+    off, where = 0.0, ""
+    distances = answer["spaced"].values
+    for strategy in answer["strategy"].values:
+        loop = study.loops(strategy)[0]
+        case, samples, distance = "rotation", int(answer["played"][-2]), int(distances[2])
+        one = answer["simulated"].sel(strategy=strategy, case=case, played=samples)
+        told = float(one.isel(drive=0).sel(spaced=distance))
+        again = _played(study, loop, case, samples, distance)
+        off, where = max((off, where), (abs(again / told - 1), f"of {strategy}"))
+    statement = "largest error of defects played sample by sample over the stored one, less 1"
+    return Check("replay", statement, off, 0.005, where)
+
+
+def _played(
+    study: SwitchingStability, loop: SwitchedLoop, case: str, samples: int, distance: int
+) -> float:
+    """Largest |w - lens x| of discs at 64 phases, from the loop's steady motion on."""
+    from .problem import DEFECTS
+
+    amplitude, omega = study.disc(case)
+    worst = 0.0
+    for a, w in zip(amplitude, omega, strict=True):
+        filtered = ANTIALIASING / np.hypot(ANTIALIASING, w)
+        lag = np.arctan2(w, ANTIALIASING)
+        phase = 2 * np.pi * np.arange(64) / 64
+        (A, B), n = loop.clean, len(loop.clean[0])
+        # The steady motion: c cos + s sin solves a real system of twice the size.
+        cosine, sine = np.cos(w * PERIOD) * np.eye(n) - A, np.sin(w * PERIOD) * np.eye(n)
+        big = np.block([[cosine, -sine], [sine, cosine]])
+        side = a * filtered * np.concatenate([B[:, 0] * np.cos(lag), -B[:, 0] * np.sin(lag)])
+        c, s = np.split(np.linalg.solve(big, side), 2)
+        x = np.outer(c, np.cos(phase)) - np.outer(s, np.sin(phase))
+        k = 0
+        false = study.false * np.sin(2 * np.pi * (np.arange(samples) + 0.5) / samples)
+        for _ in range(DEFECTS):
+            for stay, mode in ((samples, loop.defect), (distance, loop.clean)):
+                for i in range(stay):
+                    angle = w * k * PERIOD + phase
+                    worst = max(worst, float(abs(a * np.cos(angle) - loop.lens[0] @ x).max()))
+                    seen = a * filtered * np.cos(angle - lag)
+                    seen = seen + (false[i] if mode is loop.defect else 0.0)
+                    x = mode[0] @ x + mode[1] * seen
+                    k += 1
+    return worst
+
+
+def _between(study: SwitchingStability, answer: xr.Dataset) -> Check:
+    """Errors of one defect at frequencies between those of the answer."""
+    worst, where = 0.0, ""
+    for strategy in answer["strategy"].values:
+        loop = study.loops(strategy)[0]
+        root = np.linalg.cholesky(answer[f"P_{strategy}"].values[0, 0])
+        at = study.deviations(loop, "envelope")
+        omega = np.geomspace(at.omega[0], at.omega[-1], BETWEEN)
+        amplitude = envelope(study.axis, omega / (2 * np.pi)) / MICRO
+        more = replace(at, amplitude=amplitude, omega=omega)
+        value = float((more.single(root) / at.single(root)).max())
+        worst, where = max((worst, where), (value, f"of {strategy}"))
+    statement = f"largest error of one defect at {BETWEEN} frequencies over that stored, CD1"
+    return Check("frequencies", statement, worst, 1.0 + CLOSE, where)
+
+
+def _cells(study: SwitchingStability, answer: xr.Dataset) -> Check:
+    """Cells within the box that do not overlap fill as much of it as their volumes say."""
+    low, high = study.box(float(answer["box_of_cells"])).ends
+    # Relative to the box, which is then 0 to 1.
+    a, b = ((answer[f"cell_{end}"].values - low) / (high - low) for end in ("low", "high"))
+    beyond = max((-a).max(initial=0.0), (b - 1.0).max(initial=0.0))
+    shared = np.minimum(b[:, None], b) - np.maximum(a[:, None], a)
+    overlap = np.maximum(shared, 0.0).prod(axis=-1).sum() - (b - a).prod(axis=1).sum()
+    share = float(answer["box_volume"].sel(box_share=float(answer["box_of_cells"])))
+    off = abs((b - a).prod(axis=1).sum() - share)
+    statement = "cells beyond the set, on each other, and their volume off the stored one, relative"
+    return Check("cells", statement, float(max(beyond, overlap, off)), 1e-9)
+
+
+def _in_cells(study: SwitchingStability, answer: xr.Dataset) -> Check:
+    """V falls from defect to defect at random plants of the set, held and sampled as such."""
+    box = study.box(float(answer["box_of_cells"]))
+    low, high = box.ends
+    rng = np.random.default_rng(0)
+    worst, where = 0.0, ""
+    whole = float(answer["box_volume"].sel(box_share=float(answer["box_of_cells"]))) > 1.0 - 1e-9
+    missing = np.inf if whole else 0.0  # of a set of which all is proven, no plant may be missing
+    cells = list(zip(answer["cell_low"].values, answer["cell_high"].values, strict=True))
+    for point in rng.uniform(low, high, (PLANTS, 3)):
+        inside = [i for i, (a, b) in enumerate(cells) if (a <= point).all() and (point <= b).all()]
+        if not inside:
+            worst = max(worst, missing)
+            continue
+        P, dwell = (answer[name].values[inside[0]] for name in ("cell_P", "cell_dwell"))
+        value = _cycle(*box.at(point), P, int(dwell))
+        worst, where = max((worst, where), (value, f"at g, k1, k2 = {point.round(4).tolist()}"))
+    statement = "largest V of random plants a sample or a defect and a dwell later over V before"
+    return Check("plants of the set", statement, worst, FALLS, where)
+
+
+def _cycle(A_c: RealArray, A_o: RealArray, P: RealArray, dwell: int) -> float:
+    """Largest V of either mode after a sample, or after a defect and a dwell, over V before."""
+    longer = [_ratio(np.linalg.matrix_power(A_o, n), P[0], P[1]) for n in STAYS]
+    back = _ratio(np.linalg.matrix_power(A_c, dwell), P[1], P[0])
+    return max(_ratio(A_c, P[0], P[0]), _ratio(A_o, P[1], P[1]), back * max(longer))
+
+
+def _figure(study: SwitchingStability, answer: xr.Dataset) -> list[Check]:
+    """Figure 8.10 has the focus loop only."""
+    if study.axis != "focus":
+        return []
+    one = answer.sel(controller="K (1 - F)", sampling="sampled", plant="nominal")
+    return [
+        Check(
+            f"figure 8.10, {name.replace('_', ' ')}",
+            f"distance from {printed:g} {one[name].attrs['units']}, sampled without delay",
+            abs(float(one[name]) - printed),
+            near,
+        )
+        for name, (printed, near) in PRINTED.items()
+    ]

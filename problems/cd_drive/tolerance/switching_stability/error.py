@@ -1,0 +1,195 @@
+"""How far a disc and its defects take the lens from the layer, while controllers switch.
+
+The disc moves by w = Re(a exp(j omega t)), at any phase. Before the first defect the loop is where
+that keeps it, x = Re(X exp(j omega t)). What a defect adds is a deviation d from there,
+
+    d[k + 1] = A_o d[k] + q exp(j omega t_k) + B_o v[k]    in the defect, q = (A_o - A_c) X + ...
+    d[k + 1] = A_c d[k]                                    after it,
+
+with v [um] what the defect seems to displace the layer by, |v| <= F. Of one defect, all of this is
+computed; of the earlier ones, what is left at the start of the next is bounded by V_i = x' P_i x:
+
+    r = g_c b / (1 - g_o g_c),    b the largest deviation of one defect in V_c^(1/2),
+
+g_o and g_c being the largest factors of V^(1/2) over a defect and over the distance to the next.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.arrays import ComplexArray, RealArray
+
+from ...laboratory.bench_setup import PERIOD
+from ..switched_loop import SwitchedLoop, filtered
+
+NDArrayInt = NDArray[np.int64]
+HORIZON, PLAYED = 2000, 400
+"""Samples after a defect that are followed one by one, in bounds and in what is simulated."""
+OUTWARD = 1.0 + 1e-9
+"""By which bounds are rounded up."""
+
+
+@dataclass(frozen=True, eq=False)
+class Deviations:
+    """Of one drive's loop, for defects of 1 ... N samples.
+
+    ``amplitude`` [um] and ``omega`` [rad/s] (F,) of the disc; ``false`` [um] bounds v.
+    """
+
+    loop: SwitchedLoop
+    amplitude: RealArray
+    omega: RealArray
+    longest: int
+    false: float
+
+    @cached_property
+    def turn(self) -> ComplexArray:
+        """What a sample turns the disc's phase by (F,)."""
+        return np.asarray(np.exp(1j * self.omega * PERIOD))
+
+    @cached_property
+    def steady(self) -> ComplexArray:
+        """X (F, n): the loop's state without defects."""
+        A, B = self.loop.clean
+        measured = self.amplitude * filtered(self.omega)
+        found = np.linalg.solve(
+            self.turn[:, None, None] * np.eye(len(A)) - A, B[None] * measured[:, None, None]
+        )[..., 0]
+        return np.asarray(found)
+
+    @cached_property
+    def steady_error(self) -> ComplexArray:
+        """w - lens x (F,) without defects."""
+        error = self.amplitude - (self.steady @ self.loop.lens.T)[:, 0]
+        return np.asarray(error)
+
+    @cached_property
+    def forced(self) -> ComplexArray:
+        """d of the disc after 0 ... N samples of a defect (N + 1, F, n), phase 0 at its start."""
+        (A_c, B_c), (A_o, B_o) = self.loop.clean, self.loop.defect
+        measured = self.amplitude * filtered(self.omega)
+        q = self.steady @ (A_o - A_c).T + measured[:, None] * (B_o - B_c)[:, 0]
+        d = np.zeros((self.longest + 1, *q.shape), complex)
+        for k in range(self.longest):
+            d[k + 1] = d[k] @ A_o.T + q * self.turn[:, None] ** k
+        return d
+
+    @cached_property
+    def kicks(self) -> RealArray:
+        """A_o^j B_o (N, n), j = 0 ...: what a unit of v leaves j samples later."""
+        A, B = self.loop.defect
+        found = [B[:, 0]]
+        for _ in range(self.longest - 1):
+            found.append(A @ found[-1])
+        return np.array(found)
+
+    @cached_property
+    def rows(self) -> RealArray:
+        """lens A_c^k (HORIZON + 1, n)."""
+        found = [self.loop.lens[0]]
+        for _ in range(HORIZON):
+            found.append(found[-1] @ self.loop.clean[0])
+        return np.array(found)
+
+    def single(self, root: RealArray) -> RealArray:
+        """Largest error [um] of one defect of 1 ... N samples (N,), disc and v at their worst.
+
+        ``root`` of P_c = root root' bounds what follows the horizon.
+        """
+        lens, steps = self.loop.lens[0], np.arange(self.longest + 1)
+        phase = self.turn ** steps[:, None]
+        disc = abs(self.steady_error * phase - self.forced @ lens)  # (N + 1, F)
+        follows = np.concatenate([[0.0], np.cumsum(abs(self.kicks @ lens))])
+        during = disc.max(axis=1) + self.false * follows
+        after = np.zeros(self.longest)
+        ahead = self.turn ** np.arange(HORIZON + 1)[:, None]
+        left = self.false * np.cumsum(abs(self.rows @ self.kicks.T), axis=1)  # (HORIZON + 1, N)
+        for n in range(1, self.longest + 1):
+            swing = self.steady_error * ahead * phase[n] - self.rows @ self.forced[n].T
+            after[n - 1] = (abs(swing).max(axis=1) + left[:, n - 1]).max()
+        end = np.linalg.matrix_power(self.loop.clean[0], HORIZON)
+        tail = abs(self.steady_error).max() + self.reach(root) * self._sizes(root, end)
+        own = np.maximum(np.maximum.accumulate(during)[1:], np.maximum(after, tail))
+        return np.asarray(np.maximum.accumulate(own))
+
+    def reach(self, root: RealArray) -> float:
+        """The largest |lens x| for x' P x = 1, P = root root'."""
+        return float(np.linalg.norm(np.linalg.solve(root, self.loop.lens[0])))
+
+    def _sizes(self, root: RealArray, after: RealArray) -> RealArray:
+        """V^(1/2) of what a defect of 1 ... N samples leaves, behind a transition (N,)."""
+        y = self.forced[1:] @ (root.T @ after).T
+        # the largest |Re(y exp(j phase))| over all phases
+        square = (abs(y) ** 2).sum(axis=-1) + abs((y**2).sum(axis=-1))
+        disc = np.sqrt(square / 2).max(axis=1)
+        false = self.false * np.cumsum(np.linalg.norm(self.kicks @ (root.T @ after).T, axis=1))
+        return np.asarray(disc + false)
+
+    def proven(self, P: RealArray, distances: NDArrayInt) -> RealArray:
+        """Bounds of the error [um] (N, distances), for defects up to n samples, distances or more.
+
+        P (2, n, n) as `SwitchedStability` gives them; infinite where they do not bound it.
+        """
+        root_c, root_o = (np.linalg.cholesky(each) for each in P)
+        A_c, A_o = self.loop.clean[0], self.loop.defect[0]
+        g_o = np.maximum.accumulate(_factors(A_o, root_o, root_c, range(1, self.longest + 1)))
+        g_c = _factors(A_c, root_c, root_o, distances)
+        b = np.maximum.accumulate(self._sizes(root_c, np.eye(len(A_c))))
+        lens, seen = self.loop.lens[0], []
+        for _ in range(self.longest):
+            seen.append(np.linalg.norm(np.linalg.solve(root_o, lens)))
+            lens = lens @ A_o
+        reach = np.maximum(np.maximum.accumulate(seen), self.reach(root_c) * g_o)
+        product = g_o[:, None] * g_c
+        with np.errstate(divide="ignore"):
+            r = np.where(product < 1.0, g_c * b[:, None] / (1.0 - product), np.inf)
+        if _factors(A_c, root_c, root_c, [1])[0] > 1.0:  # then longer distances may be worse
+            r[:] = np.inf
+        bound: RealArray = OUTWARD * (self.single(root_c)[:, None] + reach[:, None] * r)
+        return bound
+
+    def simulated(self, samples: int, distance: int, count: int) -> float:
+        """Largest error [um] of so many equal defects at equal distances, at the worst phase.
+
+        v is a swing up and down over each defect, as a scratch makes it.
+        """
+        (A_c, _), (A_o, B_o) = self.loop.clean, self.loop.defect
+        v = self.false * np.sin(2 * np.pi * (np.arange(samples) + 0.5) / samples)
+        during = np.array([np.linalg.matrix_power(A_o, k) for k in range(samples + 1)])
+        swing = np.zeros((samples + 1, len(A_o)))
+        for k in range(samples):
+            swing[k + 1] = A_o @ swing[k] + B_o[:, 0] * v[k]
+        rest = np.linalg.matrix_power(A_c, distance)
+        ahead = self.turn ** np.arange(samples + 1)[:, None]
+        rows, lens = self.rows[: min(distance, PLAYED) + 1], self.loop.lens[0]
+        d, false = np.zeros_like(self.steady), np.zeros(len(A_o))
+        start, worst = np.ones_like(self.turn), 0.0
+        for _ in range(count):
+            # (samples + 1, F, n): what was there, and what this defect adds
+            path = np.einsum("kij,fj->kfi", during, d) + self.forced[: samples + 1] * start[:, None]
+            other = during @ false + swing
+            error = self.steady_error * start * ahead - path @ lens
+            worst = max(worst, float((abs(error) + abs(other @ lens)[:, None]).max()))
+            start = start * ahead[-1]
+            after = self.steady_error * start * self.turn ** np.arange(len(rows))[:, None]
+            error = after - rows @ path[-1].T
+            worst = max(worst, float((abs(error) + abs(rows @ other[-1])[:, None]).max()))
+            d, false = path[-1] @ rest.T, rest @ other[-1]
+            start = start * self.turn**distance
+        return worst
+
+
+def _factors(
+    A: RealArray, root: RealArray, after: RealArray, stays: NDArrayInt | Sequence[int]
+) -> RealArray:
+    """Largest factors of V^(1/2) over stays in a mode, from its own V to the next mode's."""
+    back = np.linalg.inv(root.T)
+    return np.array(
+        [np.linalg.norm(after.T @ np.linalg.matrix_power(A, int(n)) @ back, 2) for n in stays]
+    )

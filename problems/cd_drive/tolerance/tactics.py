@@ -1,0 +1,177 @@
+"""What the controller sees and does while a surface defect passes (chapter 8).
+
+Every strategy is a cascade of parts behind the same detector, w_Q. Equation, figure and section
+numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from workbench.diagnosis import Rotation
+from workbench.errors import InputError, UnknownNameError
+from workbench.simulation import (
+    Cascade,
+    Controller,
+    Part,
+    Repetitive,
+    blend,
+    following,
+    in_discrete_time,
+    linear,
+    removed,
+    silenced,
+    total,
+)
+
+from ..diagnosis.position_estimator.model import kalman
+from ..diagnosis.position_estimator.trials import DIST_MAX, DIST_MIN
+from ..diagnosis.quality import quality_signal
+from ..diagnosis.stand_in import low_pass
+from ..drive.plants import controller
+from ..drive.tables import Axis
+from ..laboratory.bench_setup import PERIOD, find_drive
+from ..laboratory.experiment import MEASUREMENTS, Laboratory
+
+if TYPE_CHECKING:
+    from control import StateSpace
+    from control.lti import LTI
+
+CORNER = 200.0
+"""Of the repetitive control's low-pass [Hz]: 36 harmonics of the rotation."""
+
+
+def stand_in_filter() -> StateSpace:
+    """F (discrete), stand-in of the fault filter: what the low-pass takes away."""
+    return in_discrete_time(1 - low_pass(), PERIOD)
+
+
+@dataclass(frozen=True, eq=False)
+class Strategies:
+    """The strategies of one axis by name.
+
+    level        of the diodes' sum on a clean disc [V];
+    rotation     of the disc [Hz], which A and B have to know;
+    F            discrete: e = f_en / K_optn [m] -> the estimated fault u_f [m] of C; a stand-in
+                 when left out;
+    replacement  K', discrete or continuous, of the strategy that switches to it, such as that of
+                 `cd/<axis>/lower-bandwidth`;
+    bumpless     K and K' follow each other while they are not in charge; else what they gather
+                 drifts apart, and radially the track is lost (see the tests);
+    false        detections where there is no defect, from and until [s];
+    K            the controller; the axis' reference controller when left out;
+    corner       of the repetitive control's low-pass [Hz].
+    """
+
+    axis: Axis
+    level: float
+    rotation: float
+    F: StateSpace | None = None
+    replacement: StateSpace | None = None
+    bumpless: bool = True
+    false: Sequence[tuple[float, float]] = ()
+    K: StateSpace | None = None
+    corner: float = CORNER
+
+    def named(self, name: str) -> Cascade:
+        """The strategy of a name in STRATEGIES. Raises UnknownNameError for another."""
+        if name not in STRATEGIES:
+            raise UnknownNameError("strategy", name, STRATEGIES)
+        return Cascade(MEASUREMENTS, [*self._detector, *STRATEGIES[name](self)])
+
+    @property
+    def controller(self) -> LTI:
+        """K, or the axis' reference controller."""
+        return controller(self.axis) if self.K is None else self.K
+
+    @property
+    def repetitive(self) -> Repetitive:
+        """REP of strategy A. Raises InputError for a rotation frequency of 0."""
+        return Repetitive(self.rotation, PERIOD, self.corner)
+
+    @property
+    def _detector(self) -> list[Part]:
+        """The quality w_Q (eq. 7.13), and 0 in false detections."""
+        seen = quality_signal(self.level, DIST_MIN, DIST_MAX)
+        return [
+            Part("detector", seen, MEASUREMENTS, ("quality", "dist", "error_read")),
+            Part("w_Q", silenced(self.false, PERIOD), ["quality"]),
+        ]
+
+    @property
+    def _law(self) -> Controller:
+        return linear(self.controller, PERIOD)
+
+    def _reference(self) -> list[Part]:
+        """Figure 8.2: the loop is opened; the controller goes on with an error of 0."""
+        return [Part("seen", blend(), ["w_Q", "f_en"]), Part("K", self._law, ["seen"], ["u"])]
+
+    def _repetitive(self) -> list[Part]:
+        """Strategy A, figure 8.3: the repetitive filter goes on with what it has learnt."""
+        return [
+            Part("trusted", blend(), ["w_Q", "f_en"]),
+            Part("REP", self.repetitive.controller, ["trusted"]),
+            Part("seen", total(), ["trusted", "REP"]),
+            Part("K", self._law, ["seen"], ["u"]),
+        ]
+
+    def _estimated(self) -> list[Part]:
+        """Strategy B, figure 8.4: the estimated error takes over; u_p is added at all times."""
+        estimator = kalman(self.axis, Rotation(self.rotation)).controller
+        told = ("f_en_hat", "e_hat", "x_hat", "u_p", "rotation")
+        return [
+            Part("estimator", estimator, ["f_en", "u_last", "w_Q"], told),
+            Part("seen", blend(), ["w_Q", "f_en", "f_en_hat"]),
+            Part("K", self._law, ["seen"], ["u_k"]),
+            Part("u", total(), ["u_k", "u_p"]),
+        ]
+
+    def _removed(self) -> list[Part]:
+        """Strategy C, figure 8.5: f_en - (1 - w_Q) K_optn u_f, u_f = F e, e = f_en / K_optn."""
+        K_optn = find_drive(self.axis, "nominal").K_optn
+        F = stand_in_filter() if self.F is None else self.F
+        return [
+            Part("u_f", linear(F / K_optn, PERIOD), ["f_en"]),
+            Part("seen", removed(K_optn), ["w_Q", "f_en", "u_f"]),
+            Part("K", self._law, ["seen"], ["u"]),
+        ]
+
+    def _replaced(self) -> list[Part]:
+        """Figure 8.6 as one controller: K' has the command while w_Q is 0."""
+        other = self.replacement
+        if other is None:
+            raise InputError(
+                "the strategy K_prime needs a controller K', and no replacement is given; "
+                f"cd/{self.axis}/lower-bandwidth designs one"
+            )
+        if not self.bumpless:
+            return [
+                Part("K", linear(self.controller, PERIOD), ["f_en"], ["u_k"]),
+                Part("K'", linear(other, PERIOD), ["f_en"], ["u_k'"]),
+                Part("u", blend(), ["w_Q", "u_k", "u_k'"]),
+            ]
+        return [
+            Part("K", following(self.controller, PERIOD), ["f_en", "w_Q", "u_last"], ["u_k"]),
+            Part(
+                "K'", following(other, PERIOD, substitute=True), ["f_en", "w_Q", "u_last"], ["u_k'"]
+            ),
+            Part("u", blend(), ["w_Q", "u_k", "u_k'"]),
+        ]
+
+
+STRATEGIES: dict[str, Callable[[Strategies], list[Part]]] = {
+    "reference": Strategies._reference,
+    "A": Strategies._repetitive,
+    "B": Strategies._estimated,
+    "C": Strategies._removed,
+    "K_prime": Strategies._replaced,
+}
+"""How the parts of each strategy are made."""
+
+
+def clean_level(laboratory: Laboratory, reflectivity: float = 1.0) -> float:
+    """Level of the diodes' sum on a clean disc [V]."""
+    drive = laboratory.parameters
+    return reflectivity * drive.K_opt / drive.K_optn

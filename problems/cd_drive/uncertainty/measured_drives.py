@@ -1,0 +1,68 @@
+"""What a cover of the twelve drives starts from: their responses, and what may be asked of it.
+
+Equation, figure and section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control
+of CD-players (2003). Responses are those of the actuator, without the anti-aliasing filter: a
+factor that all plants share changes no relative set.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from workbench import Run, ref
+from workbench.uncertainty import Responses, widened
+
+from ..drive.plants import Gain, responses, responses_of
+from ..drive.shared_parameters import grid
+from ..drive.tables import ActuatorParameters, Axis, Values, drives
+
+Source = Literal["tables", "identified"]
+Order = Annotated[int, Field(ge=0, le=12)]
+Form = Literal["multiplicative", "additive"]
+Content = Annotated[float, Field(gt=0, lt=1)]
+LeaveOut = Annotated[int, Field(ge=0, le=4)]
+
+
+def identified_drives(axis: str, source: Source = "tables", **_: Any) -> dict[str, Any]:
+    """The drives as the virtual laboratory identified them, on request."""
+    if source == "tables":
+        return {}
+    return {
+        "identified": ref(f"cd/{axis}/identified"),
+        "optical_gains": ref(f"cd/{axis}/optical-gain"),
+    }
+
+
+def measured_drives(
+    axis: Axis,
+    frequencies: int,
+    lowest: float,
+    highest: float,
+    gain: Gain = "own",
+    values: Values = "printed",
+    identified: Run | None = None,
+    optical_gains: Run | None = None,
+    content: float | None = None,
+) -> Responses:
+    """Responses u [V] to f_en [units] of twelve drives, from the tables or as identified.
+
+    Widened to where a further drive is inside with probability ``content``, if that is given.
+    """
+    frequency = grid(frequencies, lowest, highest)
+    names = [drive.name for drive in drives(axis, values)]
+    if identified is None or optical_gains is None:
+        found = responses(axis, frequency, gain, values, antialiasing=False)
+    else:
+        table = identified.data["value"]
+        parameters = [str(name) for name in table["parameter"].values]
+        models = [
+            ActuatorParameters(**dict(zip(parameters, row.tolist(), strict=True)))
+            for row in table.sel(drive=names).values
+        ]
+        gains = optical_gains.data["gain"].sel(quantity="K_optn").sel(drive=names)
+        found = responses_of(axis, models, gains.values.tolist(), frequency, gain, False)
+    measured = Responses(2 * np.pi * frequency, found.T, plants=names, unit="units/V")
+    return measured if content is None else widened(measured, content)

@@ -1,0 +1,130 @@
+"""Checks of the parametric uncertainty by the actuator's own equations, which know no LFT."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from workbench import Check
+from workbench.arrays import ComplexArray, RealArray
+from workbench.program import worst
+from workbench.uncertainty.parametric.model import ParametricModel
+from workbench.uncertainty.parametric.parameters import Parameter, samples, vertices
+
+from ...drive.actuator import specific_model, stack
+from ...drive.plants import nominal_response
+from ...drive.tables import ActuatorParameters, Axis, nominal_table
+from ..parametric_model import COPIES, UNITS, parametric_plant, uncertain_parameters
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+MODELS = ("nine", "reduced")
+AGREE = 1e-9
+"""Relative distance of responses that counts as rounding."""
+EVERY = 20
+"""Of how many frequencies one is looked at where all would take long."""
+
+
+def pulled_out(axis: Axis) -> dict[str, ParametricModel]:
+    """The parametric models by name."""
+    return {name: parametric_plant(axis, reduced=name == "reduced") for name in MODELS}
+
+
+def boxes(axis: Axis) -> dict[str, tuple[Parameter, ...]]:
+    """Uncertain parameters of each set of plants."""
+    nine, three = (uncertain_parameters(axis, reduced) for reduced in (False, True))
+    return {"nine": nine, "without gain": nine[1:], "reduced": three}
+
+
+def plants(
+    axis: Axis, deltas: RealArray, box: Sequence[Parameter], frequency: RealArray
+) -> ComplexArray:
+    """f_en / u [units/V] at deltas (N, P) of a set, without the filter: (N, F)."""
+    table = {name: entry.nominal for name, entry in nominal_table(axis).items()}
+    gains, actuators = [], []
+    for row in deltas:
+        values = table | {p.name: float(p.at(d)) for p, d in zip(box, row, strict=True)}
+        gains.append(values.pop("K_total"))
+        actuators.append(specific_model(ActuatorParameters(**values)))
+    return np.array(gains)[:, None] * stack(actuators).response(frequency)
+
+
+def spread_checks(axis: Axis, answer: xr.Dataset) -> list[Check]:
+    """That the models are the actuator, and the deviations the largest, of plants that exist."""
+    hertz, models = answer["frequency"].values, pulled_out(axis)
+    copies = answer["copies"].sel(stage="after reduction").values
+    wanted = [[COPIES[n] * (n in m.repetitions) for n in UNITS] for m in models.values()]
+    claimed, claim = worst(_claims(axis, answer), lambda p: f"at {hertz[p[1]]:.6g} Hz")
+    missed, miss = worst(
+        _missed(axis, answer.isel(frequency=slice(None, None, EVERY))),
+        lambda p: f"at {hertz[EVERY * p[1]]:.6g} Hz",
+    )
+    return [
+        Check(
+            "pulled out",
+            "relative distance of the models from the actuator's equations at random deltas",
+            max(_disagreement(axis, model, hertz[::EVERY]) for model in models.values()),
+            AGREE,
+        ),
+        Check(
+            "repetitions",
+            "how many differ from one of each parameter and two of Bl",
+            float(abs(copies - wanted).sum()),
+            0.0,
+        ),
+        Check(
+            "well posed",
+            "least det(I - M11 Delta) of the vertices, its sign changed",
+            -min(map(_least_determinant, models.values())),
+            -AGREE,
+        ),
+        Check(
+            "largest deviations",
+            "distance from those of the plants named, which are of the set",
+            claimed,
+            AGREE,
+            claim,
+        ),
+        Check("vertices", "deviation of a vertex beyond the largest", missed, AGREE, miss),
+    ]
+
+
+def _disagreement(axis: Axis, model: ParametricModel, hertz: RealArray) -> float:
+    deltas = samples(model.parameters, 20, np.random.default_rng(1))
+    found = model.response(2 * np.pi * hertz, deltas)[..., 0, 0]
+    return float(abs(found / plants(axis, deltas, model.parameters, hertz) - 1).max())
+
+
+def _least_determinant(model: ParametricModel) -> float:
+    copies = [block.rows for block in model.structure]
+    delta = np.repeat(vertices(model.parameters), copies, axis=-1)
+    loops = np.eye(sum(copies)) - model.lft.blocks[0] * delta[:, None, :]
+    return float(np.linalg.det(loops).min())
+
+
+def _claims(axis: Axis, answer: xr.Dataset) -> RealArray:
+    """Distance of each largest deviation from that of the plant said to have it (4, F)."""
+    hertz, nominal = answer["frequency"].values, answer["nominal"].values
+    sets = boxes(axis)
+    claims = [(sets[n], answer["delta"].sel(set=n), answer["deviation"].sel(set=n)) for n in sets]
+    claims.append((sets["nine"], answer["sought_delta"], answer["sought"]))
+    result = []
+    for box, deltas, deviation in claims:
+        rows = deltas.sel(parameter=[p.name for p in box]).values
+        which, back = np.unique(rows, axis=0, return_inverse=True)
+        chosen = plants(axis, which, box, hertz)[back.ravel(), np.arange(len(hertz))]
+        inside = np.where(abs(rows).max(axis=1) <= 1.0, 0.0, np.inf)
+        result.append(abs(abs(chosen / nominal - 1) - deviation.values) + inside)
+    return np.array(result)
+
+
+def _missed(axis: Axis, answer: xr.Dataset) -> RealArray:
+    """By how much a vertex deviates more than what was found the largest (3, F)."""
+    hertz = answer["frequency"].values
+    nominal = nominal_response(axis, hertz, antialiasing=False)
+    corners = [plants(axis, vertices(box), box, hertz) for box in boxes(axis).values()]
+    most = np.array([abs(each / nominal - 1).max(axis=0) for each in corners])
+    return most - answer["deviation"].values

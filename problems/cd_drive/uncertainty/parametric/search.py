@@ -1,0 +1,55 @@
+"""Plants that deviate more than every combination of minimum, nominal and maximum does."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from workbench.arrays import ComplexArray, RealArray
+from workbench.uncertainty.parametric.parameters import Parameter
+
+from ...drive.actuator import SERIES_RESISTANCE
+from ...drive.plants import nominal_response
+from ...drive.tables import Axis, nominal_table
+from ...drive.two_masses import lens
+
+POINTS = np.linspace(-1.0, 1.0, 41)
+SWEEPS = 200
+"""Of all parameters at most: stiffness and mass of the arm climb a ridge together, step by step."""
+
+
+def climbed(
+    axis: Axis, box: Sequence[Parameter], frequency: RealArray, start: RealArray
+) -> tuple[RealArray, RealArray]:
+    """Relative deviations (F,) from the nominal, and deltas (F, P), no less than at `start`.
+
+    At each frequency one delta after the other is moved to the best of 41 points, the others kept,
+    until none moves. What is found is a plant of the set: the largest deviation may be still more.
+    """
+    nominal = nominal_response(axis, frequency, antialiasing=False)[:, None]
+    delta, rows = start, np.arange(len(frequency))
+    deviation = np.zeros(len(frequency))
+    for _ in range(SWEEPS):
+        before = deviation
+        for place in range(len(box)):
+            trial = np.repeat(delta[:, None], len(POINTS) + 1, axis=1)
+            trial[:, 1:, place] = POINTS  # the first stays, so that no deviation falls
+            away = abs(_plants(axis, box, frequency[:, None], trial) / nominal - 1)
+            best = away.argmax(axis=1)
+            delta, deviation = trial[rows, best], away[rows, best]
+        if np.array_equal(deviation, before):
+            break
+    return deviation, delta
+
+
+def _plants(
+    axis: Axis, box: Sequence[Parameter], frequency: RealArray, delta: RealArray
+) -> ComplexArray:
+    """f_en / u [units/V] at deltas (..., P) and frequencies that broadcast against them."""
+    values = {name: entry.nominal for name, entry in nominal_table(axis).items()}
+    values |= {p.name: p.at(delta[..., i]) for i, p in enumerate(box)}
+    values["gain"] = values.pop("K_total")
+    R, Bl = values.pop("R") + SERIES_RESISTANCE, values.pop("Bl")
+    response: ComplexArray = lens(values, 2j * np.pi * frequency, R, Bl)
+    return response

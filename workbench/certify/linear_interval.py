@@ -1,0 +1,105 @@
+"""Between two frequencies: where multipliers that change linearly from one to the other prove beta.
+
+Where mu is nearly constant over frequency, as in a loop that H-infinity synthesis made, the
+multipliers that prove it are not, and fixed ones serve on short intervals only. About the middle w0
+of two frequencies w0 - h and w0 + h, s = j w0 + h / z makes D(w) = D_0 + D_1 (w - w0) / h
+
+    D(w) = D_0 - j D_1 / z,
+
+proper in z. With x the state of Y, z p = Y u and z q = u, the form u^H Phi(w) u of `hamiltonian` is
+a quadratic form of (x, p, q, u), a Popov function again: Phi is singular exactly where z is an
+imaginary eigenvalue of its Hamiltonian, and |z| > 1 is the interval.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from workbench.arrays import Array
+from workbench.certify.interval import MARGIN, NEAR, ROUNDING, StableSystem, frame_of, positive
+
+Multipliers = Sequence[Array]
+
+
+def certified_between(
+    system: StableSystem,
+    middle: Multipliers,
+    change: Multipliers,
+    beta: float,
+    omega: float,
+    half: float,
+) -> tuple[float, float] | None:
+    """The interval around `omega`, within `half` of it, on which linear multipliers prove `beta`.
+
+    Parameters
+    ----------
+    middle, change
+        D_left (c, c), D_right (r, r) and G (r, c) are middle + change (w - omega) / half, both D
+        positive definite where |w - omega| <= half.
+    beta
+        The bound, positive.
+    omega, half
+        [rad/s], positive, half no larger than omega.
+
+    Returns
+    -------
+    (low, high), or None where beta is not proven at `omega`, or where samples contradict it.
+    """
+    frame = frame_of(middle[0], middle[1], middle[2], beta)
+    if frame is None:
+        return None
+    c, r = system.D.shape
+    inverse = np.linalg.inv(system.A - 1j * omega * np.eye(len(system.A)))
+    left, X = frame.left, frame.right
+    back = np.linalg.inv(left) / beta
+    # x, p, q and u give Y u, and (w - omega) / half times it and times u.
+    A, B = half * inverse, -half * inverse @ system.B @ X
+    C, D = left @ system.C @ inverse, left @ (system.D - system.C @ inverse @ system.B) @ X
+    n = len(A)
+    states = n + c + r
+    E_y = np.hstack([C, np.zeros((c, c + r)), D])
+    E_p = np.hstack([np.zeros((c, n)), -1j * np.eye(c), np.zeros((c, 2 * r))])
+    E_q = np.hstack([np.zeros((r, n + c)), -1j * np.eye(r), np.zeros((r, r))])
+    E_u = np.hstack([np.zeros((r, states)), np.eye(r)])
+    L_1 = back.conj().T @ change[0] @ back
+    R_1 = X.conj().T @ change[1] @ X
+    G_1 = X.conj().T @ change[2] @ back / beta
+    half_form = (
+        0.5 * E_u.conj().T @ frame.E @ E_u
+        + 0.5 * E_u.conj().T @ R_1 @ E_q
+        - 0.5 * E_y.conj().T @ (E_y + L_1 @ E_p)
+        - 1j * E_u.conj().T @ (frame.F @ E_y + G_1 @ E_p)
+    )
+    form = half_form + half_form.conj().T
+    Q, S, R = form[:states, :states], form[:states, states:], form[states:, states:]
+    if not (np.isfinite(form).all() and positive(R)):
+        return None
+    A = np.block([[A, np.zeros((n, c + r))], [C, np.zeros((c, c + r))], [np.zeros((r, states))]])
+    B = np.vstack([B, D, np.eye(r)])
+    feedback = np.linalg.solve(R, np.hstack([S.conj().T, B.conj().T]))
+    corner = A - B @ feedback[:, :states]
+    H = np.block(
+        [
+            [corner, -B @ feedback[:, states:]],
+            [S @ feedback[:, :states] - Q, -corner.conj().T],
+        ]
+    )
+    z = np.linalg.eigvals(H)
+    limit = NEAR * np.abs(z) + ROUNDING * float(np.linalg.norm(H))
+    ends = []
+    for sign in (-1.0, 1.0):  # (w - omega) / half = -1 / Im z
+        size = float((-sign * z.imag[np.abs(z.real) <= limit]).max(initial=0.0))
+        ends.append(omega + sign * half * (1.0 if size < 1.0 else (1 - MARGIN) / size))
+    suspects = z[np.abs(z.real) < 0.3 * np.abs(z)].imag
+    inside = omega - half / suspects[np.abs(suspects) > 1.0]
+    known = np.unique([*ends, omega, *inside[(inside > ends[0]) & (inside < ends[1])]])
+    points = np.concatenate([known, (known[1:] + known[:-1]) / 2])
+    for w, M in zip(points, system.response(points), strict=True):
+        D_l, D_r, G = (m + d * (w - omega) / half for m, d in zip(middle, change, strict=True))
+        twisted = 1j * (G @ M)
+        Phi = beta**2 * D_r - M.conj().T @ D_l @ M - twisted - twisted.conj().T
+        if not positive(X.conj().T @ Phi @ X):
+            return None
+    return ends[0], ends[1]

@@ -1,0 +1,58 @@
+"""Figures of fault estimation."""
+
+from __future__ import annotations
+
+from itertools import cycle
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from workbench import figures
+from workbench.mu import sweep
+from workbench.systems.frequency_grid import frequencies_of
+from workbench.systems.generalised_plant import response
+
+if TYPE_CHECKING:
+    from control import StateSpace
+    from matplotlib.figure import Figure
+
+    from workbench.diagnosis.estimation.program import FaultEstimation, FaultFilter
+
+
+def channels(program: FaultEstimation, answer: FaultFilter) -> Figure:
+    """Mixed mu of each requirement over frequency, in its band."""
+    from workbench.diagnosis.estimation.program import closed
+
+    figure, (panel,) = figures.axes(1, 1, size=(7.2, 4.6))
+    for channel, colour in zip(program.channels, cycle(figures.CYCLE), strict=False):
+        loop = program.loop(answer.K, channel)
+        omega = frequencies_of(loop.system)
+        omega = omega[(omega >= channel.band[0]) & (omega <= channel.band[1])]
+        found = sweep(loop.system, closed(loop), omega)
+        frequency = found.omega / 2 / np.pi
+        panel.loglog(frequency, found.upper, color=colour, label=f"{channel.name}, upper bound")
+        panel.loglog(frequency, found.lower, ":", color=colour, label="lower bound")
+    panel.axhline(1.0, color="0.4", linewidth=0.8)
+    panel.set_xlabel("frequency [Hz]")
+    panel.set_ylabel("norm over its bound, worst plant")
+    figures.legend_below(figure, panel, columns=2)
+    return figure
+
+
+def fault_filter(K: StateSpace) -> Figure:
+    """Bode diagram of the filter."""
+    omega = frequencies_of(K)
+    values = response(K, omega)
+    figure, (gain, phase) = figures.axes(2, 1, size=(7.2, 6.0), sharex=True)
+    for i in range(K.noutputs):
+        for j in range(K.ninputs):
+            one = values[:, i, j]
+            label = f"{K.input_labels[j]} to {K.output_labels[i]}"
+            gain.semilogx(omega / 2 / np.pi, 20 * np.log10(np.abs(one)), label=label)
+            phase.semilogx(omega / 2 / np.pi, np.degrees(np.unwrap(np.angle(one))))
+    gain.set_ylabel("gain [dB]")
+    phase.set_ylabel("phase [deg]")
+    phase.set_xlabel("frequency [Hz]")
+    if K.noutputs * K.ninputs > 1:
+        figures.legend_below(figure, phase, columns=2)
+    return figure

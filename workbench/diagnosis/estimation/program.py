@@ -1,0 +1,258 @@
+"""Fault estimation as a Program: its data, its answer, its check.
+
+A filter u_f = K y estimates the faults, z = f - u_f, whatever the disturbances and whichever plant
+of the set it sits on (E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003),
+eq. 7.24 to 7.29; J. Stoustrup, M. Grimble, H. Niemann, Design of integrated systems for the control
+and detection of actuator and sensor faults, Sensor Review 17 (1997) 138-149).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from workbench.certify.stability import stability_of
+from workbench.diagnosis.estimation.weighting import (
+    EVERYWHERE,
+    TOGETHER,
+    Requirement,
+    estimation_plant,
+)
+from workbench.errors import InputError
+from workbench.mu import Peak, peak
+from workbench.program import Check, Program
+from workbench.structure import Full, Structure
+from workbench.systems.conversion import as_system
+from workbench.systems.generalised_plant import GeneralisedPlant, Signals
+from workbench.systems.storage import restored, stored
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from control import StateSpace
+    from matplotlib.figure import Figure
+
+TOLERANCE = 1e-3
+"""Of certified peaks, relative."""
+ROUNDING = 1e-9
+
+
+class Channel(NamedTuple):
+    """A requirement in the weighted plant: its exogenous inputs, by number, at frequencies."""
+
+    name: str
+    inputs: tuple[int, ...]
+    band: tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class FaultFilter:
+    """u_f = K y with certified bounds for the whole set of plants, as shares of what is required.
+
+    ``peaks`` (requirements, 2): the lower and upper bound of each; ``stacked`` (2,): of all at
+    once, at all frequencies. ``least``: no lower norm of all at once was found for the nominal
+    plant (NaN: not looked for).
+    """
+
+    K: StateSpace
+    peaks: np.ndarray
+    stacked: np.ndarray
+    least: float = math.nan
+    history: tuple[float, ...] = field(default=())
+    """Largest upper bound of each round of an iteration."""
+
+    @property
+    def upper(self) -> float:
+        return float(self.peaks[:, 1].max())
+
+    @property
+    def lower(self) -> float:
+        return float(self.peaks[:, 0].max())
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class FaultEstimation(Program):
+    """The stable K that meets its requirements best, for every plant of the set.
+
+        z = f - K y,    ||W_i w_i -> z|| < bound_i  at frequencies of band_i
+
+    where W_i w_i drives the disturbances or the faults of requirement i. The peak is the largest of
+    these norms over its bound, the supremum over frequency of mixed mu where the plant is
+    uncertain. Without uncertainty the least norm of all together, stacked, is a convex problem,
+    which method "riccati" and the conic solvers solve; the others go on from there.
+
+    Parameters
+    ----------
+    plant
+        What the filter sits on, a controller included where there is one: stable, (perturbation,
+        disturbances and faults) -> (perturbation, measurements); no controls and no performance.
+    faults
+        Names or numbers of the exogenous inputs to be estimated.
+    requirements
+        Of faults and of disturbances; by default both, each with weight and bound 1.
+    start
+        A filter whose poles and input matrix method "basis" keeps; None: that of method "riccati".
+
+    Raises
+    ------
+    InputError
+        A plant that is not stable, has controls or performance outputs, or no measurements; faults
+        that the measurements do not show, or that cannot be told from each other; requirements as
+        of `Requirement`, on signals that the plant does not have, or none on the faults; a start
+        that does not fit or is not stable.
+    """
+
+    plant: GeneralisedPlant
+    channels: tuple[Channel, ...]
+    start: StateSpace | None
+
+    default_method: ClassVar[str] = "riccati"
+    headline: ClassVar[str] = "peak"
+
+    def __init__(
+        self,
+        plant: GeneralisedPlant,
+        faults: Signals,
+        requirements: Sequence[Requirement] | None = None,
+        *,
+        start: Any = None,
+    ) -> None:
+        weighted, met, ends = estimation_plant(plant, faults, requirements)
+        channels = tuple(
+            Channel(one.name, tuple(range(first, last)), one.band)
+            for one, first, last in zip(met, ends[:-1], ends[1:], strict=True)
+        )
+        if start is not None:
+            start = as_system(start, "start")
+            if start.dt:
+                raise InputError(f"the start is sampled at {start.dt} s; the plant is continuous")
+            fits = (weighted.controls, weighted.measurements)
+            if (start.noutputs, start.ninputs) != fits or not stability_of(start).holds:
+                raise InputError(
+                    f"the start must be stable, with {fits[0]} outputs and {fits[1]} inputs; it "
+                    f"has {start.noutputs} and {start.ninputs}, and its poles are {start.poles()}"
+                )
+        for name, value in (("plant", weighted), ("channels", channels), ("start", start)):
+            object.__setattr__(self, name, value)
+
+    @cached_property
+    def nominal(self) -> GeneralisedPlant:
+        """The weighted plant without its uncertainty."""
+        return without_perturbation(self.plant)
+
+    def loop(self, K: StateSpace, channel: Channel | None = None) -> GeneralisedPlant:
+        """(perturbation, w) -> (perturbation, z), of one channel or of all."""
+        closed = GeneralisedPlant(self.plant.close(K), self.plant.structure, 0, 0)
+        return closed if channel is None else closed.channel(None, list(channel.inputs))
+
+    def certified(self, K: StateSpace, channel: Channel | None = None) -> Peak:
+        """The peak of one channel, or of all together, of a stable filter."""
+        loop = self.loop(K, channel)
+        band = EVERYWHERE if channel is None else channel.band
+        return peak(loop.system, closed(loop), TOLERANCE, band=band)
+
+    def answer(
+        self, K: StateSpace, history: tuple[float, ...] = (), least: float = math.nan
+    ) -> FaultFilter | None:
+        """A filter with its certified peaks; None where it is not stable."""
+        if not stability_of(K).holds:
+            return None
+        found = [self.certified(K, channel) for channel in (*self.channels, None)]
+        bounds = np.array([[each.lower, each.upper] for each in found])
+        return FaultFilter(K, bounds[:-1], bounds[-1], least, history)
+
+    # --- checks -------------------------------------------------------------------------------
+
+    def checks(self, answer: FaultFilter, tolerance: float) -> list[Check]:
+        K = answer.K
+        fits = (K.noutputs, K.ninputs) == (self.plant.controls, self.plant.measurements)
+        statement = "whether K has other outputs and inputs than faults and measurements"
+        found = [Check("dimensions", statement, float(not fits), 0.0)]
+        if not fits:
+            return found
+        stability = stability_of(K)
+        found.append(Check("stable filter", stability.statement, stability.value, stability.limit))
+        if not stability.holds:
+            return found
+        claims = (*answer.peaks, answer.stacked)
+        for channel, (lower, upper) in zip((*self.channels, None), claims, strict=True):
+            name = TOGETHER if channel is None else channel.name
+            again = self.certified(K, channel).upper
+            statement = "certified supremum of mixed mu over the claimed bound, less 1"
+            found.append(Check(f"{name}: peak", statement, again / upper - 1, TOLERANCE))
+            statement = "claimed lower over certified upper bound, less 1"
+            found.append(Check(f"{name}: lower", statement, lower / again - 1, ROUNDING))
+        return found
+
+    def metrics(self, answer: FaultFilter) -> dict[str, float]:
+        return {
+            "peak": answer.upper,
+            "peak_lower": answer.lower,
+            **{
+                f"peak_{channel.name}": float(upper)
+                for channel, upper in zip(self.channels, answer.peaks[:, 1], strict=True)
+            },
+            "peak_stacked": float(answer.stacked[1]),
+            "least_stacked_nominal": answer.least,
+            "order": float(answer.K.nstates),
+            "iterations": float(len(answer.history)),
+        }
+
+    # --- datasets and figures -----------------------------------------------------------------
+
+    def to_dataset(self, answer: FaultFilter) -> xr.Dataset:
+        import xarray as xr
+
+        one = {"units": "1"}
+        bounds = np.vstack([answer.peaks, answer.stacked])
+        return xr.Dataset(
+            {
+                **stored("plant", self.plant.system),
+                **stored("filter", answer.K),
+                "peak": (("requirement", "bound"), bounds, one | {"long_name": "mixed mu"}),
+                "least": ((), answer.least, one | {"long_name": "no lower nominal norm was found"}),
+                "round_peak": ("round", list(answer.history), one),
+            },
+            coords={
+                "bound": ["lower", "upper"],
+                "requirement": [*(channel.name for channel in self.channels), TOGETHER],
+            },
+        )
+
+    def from_dataset(self, data: xr.Dataset) -> FaultFilter:
+        bounds = data["peak"].values
+        history = tuple(map(float, data["round_peak"].values))
+        least = float(data["least"])
+        return FaultFilter(restored(data, "filter"), bounds[:-1], bounds[-1], least, history)
+
+    def figures(self, answer: FaultFilter) -> dict[str, Figure]:
+        from workbench.diagnosis.estimation.figures import channels, fault_filter
+
+        return {"channels": channels(self, answer), "filter": fault_filter(answer.K)}
+
+
+def closed(loop: GeneralisedPlant) -> Structure:
+    """The perturbation, and a full block from z to w."""
+    if loop.structure is None:
+        return Structure([Full(loop.exogenous, loop.performance)])
+    return loop.structure.with_performance(loop.performance, loop.exogenous)
+
+
+def without_perturbation(plant: GeneralisedPlant) -> GeneralisedPlant:
+    """The nominal plant of a set."""
+    import control
+
+    if plant.structure is None:
+        return plant
+    rows, columns = plant.structure.columns, plant.structure.rows
+    system = plant.system
+    nominal = control.ss(
+        system.A, system.B[:, columns:], system.C[rows:], system.D[rows:, columns:],
+        inputs=list(system.input_labels[columns:]), outputs=list(system.output_labels[rows:]),
+        remove_useless_states=False,
+    )  # fmt: skip
+    return GeneralisedPlant(nominal, None, plant.controls, plant.measurements)

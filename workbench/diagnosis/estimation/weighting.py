@@ -1,0 +1,190 @@
+"""The generalised plant of fault estimation: weighted disturbances and faults, errors, filter."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from workbench.certify.stability import stability_of
+from workbench.errors import InputError
+from workbench.input_checks import is_real, need_positive
+from workbench.systems.conversion import as_weight, need_plant
+from workbench.systems.frequency_grid import frequencies_of
+from workbench.systems.generalised_plant import (
+    GeneralisedPlant,
+    Signals,
+    generalised_plant,
+    response,
+)
+
+EVERYWHERE = (0.0, math.inf)
+TOGETHER = "all together"
+"""What all requirements at once are called in results."""
+BLIND = 1e-9
+"""Share of the largest response below which a fault is not seen."""
+
+
+@dataclass(frozen=True, eq=False)
+class Requirement:
+    """||W w -> z|| < bound where W w drives disturbances or faults.
+
+    Parameters
+    ----------
+    name
+        What it is called in results.
+    signals
+        Names or numbers of the plant's exogenous inputs that it is about.
+    weight
+        W, stable: a system, or a number or single channel for each signal.
+    bound
+        In units of the fault.
+    band
+        Frequencies [rad/s] at which it must hold, from and to.
+
+    Raises InputError for a bound that is not positive and a band that is none.
+    """
+
+    name: str
+    signals: Signals
+    weight: Any = 1.0
+    bound: float = 1.0
+    band: tuple[float, float] = EVERYWHERE
+
+    def __post_init__(self) -> None:
+        need_positive(self.bound, f"the bound of {self.name!r}")
+        if not isinstance(self.name, str):
+            raise InputError(f"a requirement's name is {self.name!r}; it must be a string")
+        fits = isinstance(self.band, tuple | list) and len(self.band) == 2
+        if not (fits and all(map(is_real, self.band)) and 0.0 <= self.band[0] < self.band[1]):
+            raise InputError(
+                f"the band of {self.name!r} is {self.band}; it must be two frequencies [rad/s], "
+                "the lower one first"
+            )
+
+
+def estimation_plant(
+    plant: GeneralisedPlant, faults: Signals, requirements: Sequence[Requirement] | None
+) -> tuple[GeneralisedPlant, Sequence[Requirement], list[int]]:
+    """(perturbation, w, u_f) -> (perturbation, z, y), the requirements, and where their w begin.
+
+    Raises InputError as `FaultEstimation`.
+    """
+    _need_filtered(plant)
+    f = names_of(plant, faults)
+    _shown(plant.channel(None, f), f)
+    d = [name for name in names_of(plant, None) if name not in f]
+    if requirements is None:
+        requirements = [Requirement("faults", f)]
+        requirements += [Requirement("disturbances", d)] if d else []
+    _need_requirements(requirements)
+    concerned = [names_of(plant, each.signals) for each in requirements]
+    if not any(set(names) & set(f) for names in concerned):
+        raise InputError(f"no requirement is about the faults {f}: u_f = 0 would meet them all")
+    blocks, entering, ends = [], [], [0]
+    terms: dict[str, list[str]] = {name: [] for name in names_of(plant, None)}
+    for number, (each, names) in enumerate(zip(requirements, concerned, strict=True)):
+        weight = as_weight(each.weight, len(names), f"the weight of {each.name!r}") / each.bound
+        if not stability_of(weight).holds:
+            raise InputError(f"the weight of {each.name!r} is not stable")
+        if weight.noutputs != len(names):
+            raise InputError(
+                f"the weight of {each.name!r} has {weight.noutputs} outputs for {len(names)} "
+                f"signals, {names}"
+            )
+        w = [f"w{number}_{k}" for k in range(weight.ninputs)]
+        driven = [f"{name}_{number}" for name in names]
+        blocks.append((weight, w, driven))
+        entering += w
+        ends.append(len(entering))
+        for name, signal in zip(names, driven, strict=True):
+            terms[name].append(signal)
+    used = [name for name, parts in terms.items() if parts]
+    kept = plant.channel(None, used)
+    outs, ins = list(kept.system.output_labels), list(kept.system.input_labels)
+    structure = plant.structure or ()
+    perturbation = [
+        (block, outs[column], ins[row])
+        for block, column, row in zip(
+            structure,
+            plant.structure.column_slices if plant.structure else (),
+            plant.structure.row_slices if plant.structure else (),
+            strict=True,
+        )
+    ]
+    u, z = [f"u_{name}" for name in f], [f"z_{name}" for name in f]
+    sums = {name: " + ".join(terms[name]) for name in used}
+    sums |= {error: f"{name} - {guess}" for error, name, guess in zip(z, f, u, strict=True)}
+    weighted = generalised_plant(
+        [(kept.system, ins, outs), *blocks],
+        sums,
+        perturbation=perturbation,
+        exogenous=entering,
+        control=u,
+        performance=z,
+        measurement=outs[len(outs) - kept.measurements :],
+    )
+    return weighted, requirements, ends
+
+
+def _need_requirements(requirements: Any) -> None:
+    """Raise InputError for what are no requirements, each with a name of its own."""
+    if not isinstance(requirements, list | tuple):
+        raise InputError(f"requirements are {requirements!r}; a list of Requirement is needed")
+    for each in requirements:
+        if not isinstance(each, Requirement):
+            raise InputError(f"{each!r} among the requirements is no Requirement")
+    names = [each.name for each in requirements]
+    if len({*names, TOGETHER}) <= len(names):
+        raise InputError(
+            f"requirements are called {names}; every one needs a name of its own, not {TOGETHER!r}"
+        )
+
+
+def names_of(plant: GeneralisedPlant, signals: Signals) -> list[str]:
+    """Names of some exogenous inputs of a plant, or of all."""
+    chosen = plant.channel(None, signals)
+    labels = list(chosen.system.input_labels)
+    return labels[len(labels) - chosen.controls - chosen.exogenous : len(labels) - chosen.controls]
+
+
+def _need_filtered(plant: Any) -> None:
+    """Raise InputError for a plant that no filter can sit on."""
+    need_plant(plant)
+    if plant.controls or plant.performance or not plant.measurements:
+        raise InputError(
+            f"the plant has {plant.controls} controls, {plant.performance} performance outputs and "
+            f"{plant.measurements} measurements; a filter sits on one without the first two, its "
+            "controller closed (GeneralisedPlant.close), and with measurements"
+        )
+    if plant.system.dt:
+        raise InputError(
+            f"the plant is sampled at {plant.system.dt} s; fault estimation is in continuous time: "
+            "give the plant before it is sampled"
+        )
+    stability = stability_of(plant.system)
+    if not stability.holds:
+        raise InputError(
+            f"the plant is not stable: it has a pole with real part {stability.value:.3g} "
+            f"{stability.where}; close its controller first"
+        )
+
+
+def _shown(plant: GeneralisedPlant, faults: list[str]) -> None:
+    """Raise InputError where the measurements do not show the faults, or not apart."""
+    system = plant.system
+    omega = frequencies_of(system)
+    measured = response(system, omega)[:, system.noutputs - plant.measurements :, -len(faults) :]
+    size = np.abs(measured).max(axis=(0, 1))
+    for name, largest in zip(faults, size, strict=True):
+        if not largest > BLIND * size.max(initial=0.0):
+            raise InputError(f"no measurement shows the fault {name!r}: it cannot be estimated")
+    values = np.linalg.svd(measured / size, compute_uv=False)
+    if len(faults) > plant.measurements or not (values[:, -1] > BLIND * values[:, 0]).any():
+        raise InputError(
+            f"the faults {faults} cannot be told from each other by {plant.measurements} "
+            "measurements: their responses are linearly dependent at every frequency"
+        )

@@ -1,0 +1,142 @@
+"""Positions and disturbances estimated sample by sample, as far as the measurement can be trusted.
+
+    corrected:   x^ + w M (y - C x^)          w: quality of the measurement, 0 to 1
+    predicted:   A x^ + B u
+
+At quality 0 the estimator runs in open loop: the oscillators go on turning and the plant's model
+follows u. (E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players, 2003, section 7.2.2.)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from workbench.arrays import ComplexArray, RealArray
+from workbench.compiled import kernel
+from workbench.diagnosis.estimators.disturbed import DisturbedPlant, need_model
+from workbench.diagnosis.estimators.observers import observer_gain
+from workbench.diagnosis.estimators.streaming import (
+    HEADER,
+    correct,
+    layout,
+    predict,
+    surprise,
+    tell,
+)
+from workbench.errors import InputError
+from workbench.input_checks import as_array, need_numbers
+from workbench.simulation import Controller, play
+
+MEASURED = ("measurement", "input", "quality")
+"""What a streaming estimator is given each sample: y, the u that acts from this sample to the next,
+and the quality of y."""
+
+
+class Estimate(NamedTuple):
+    """An estimator over a record of N samples; each value from what was known at that sample.
+
+    outputs (N, z) as `DisturbedPlant.Z`; disturbance (N,); frequency of the rotation (N,) [Hz].
+    """
+
+    outputs: RealArray
+    disturbance: RealArray
+    frequency: RealArray
+
+
+@dataclass(frozen=True, eq=False)
+class Estimator:
+    """An observer of a disturbed plant with constant gain, scaled by the quality of its input.
+
+    model  what it believes; gain M (seen,) of the correction, see the module.
+
+    Raises InputError when the gain has another shape or leaves the observer unstable.
+    """
+
+    model: DisturbedPlant
+    gain: RealArray
+
+    def __post_init__(self) -> None:
+        need_model(self.model)
+        n = self.model.seen
+        object.__setattr__(self, "gain", as_array(self.gain, "gain"))
+        if np.shape(self.gain) != (n,) or not np.isfinite(self.gain).all():
+            raise InputError(f"gain has shape {np.shape(self.gain)}; it must be finite, ({n},)")
+        radius = abs(self.poles()).max()
+        if not radius < 1.0:
+            raise InputError(f"the observer with this gain is unstable: |z| = {radius:.6g}")
+
+    def poles(self, quality: float = 1.0) -> ComplexArray:
+        """Discrete poles (seen,) of the observer at a quality that stays, 0 to 1.
+
+        A gain that is stable whole need not be so in part: look at the qualities between.
+        """
+        need_numbers(quality=quality)
+        if not 0.0 <= quality <= 1.0:
+            raise InputError(f"quality is {quality}; it must be 0 to 1")
+        n = self.model.seen
+        A, C = self.model.A[:n, :n], self.model.C[:n]
+        return np.linalg.eigvals(A - quality * np.outer(A @ self.gain, C)).astype(complex)
+
+    @cached_property
+    def controller(self) -> Controller:
+        """The streaming estimator: `MEASURED` -> outputs (z,), disturbance, frequency [Hz].
+
+        A quality outside 0 to 1 makes its outputs NaN, which every run reports.
+        """
+        model = self.model
+        padded = np.zeros(len(model.A))
+        padded[: model.seen] = self.gain
+        state = np.zeros(2 * len(padded) + 1)
+        state[-1] = model.rotation.frequency
+        outputs = len(model.Z) + 2
+        return Controller(_step, state, layout(model, padded), outputs, 3, model.period)
+
+
+def placed(model: DisturbedPlant, poles: ArrayLike) -> Estimator:
+    """The estimator whose `seen` poles are these discrete ones; InputError as `observer_gain`."""
+    need_model(model)
+    n = model.seen
+    A, C = model.A[:n, :n], model.C[None, :n]
+    L = observer_gain(A, C, poles, model.period)[:, 0]
+    return Estimator(model, np.linalg.solve(A, L).astype(float))
+
+
+def estimate(
+    controller: Controller, measurement: ArrayLike, known: ArrayLike, quality: ArrayLike
+) -> Estimate:
+    """Run a streaming estimator over a record: y, u and quality, each (N,).
+
+    Raises InputError for lengths that differ, values that are not finite, a quality outside 0 to 1.
+    """
+    given = dict(zip(MEASURED, (measurement, known, quality), strict=True))
+    columns = [as_array(values, f"the {name}") for name, values in given.items()]
+    if len({column.shape for column in columns}) != 1 or columns[0].ndim != 1:
+        shapes = {name: one.shape for name, one in zip(MEASURED, columns, strict=True)}
+        raise InputError(f"shapes differ or are not (N,): {shapes}")
+    for name, column in zip(MEASURED, columns, strict=True):
+        if not np.isfinite(column).all():
+            row = np.flatnonzero(~np.isfinite(column))[0]
+            raise InputError(f"the {name} is not finite at sample {row}")
+    outside = np.flatnonzero((columns[2] < 0.0) | (columns[2] > 1.0))
+    if outside.size:
+        row = outside[0]
+        raise InputError(f"quality is {columns[2][row]} at sample {row}; it must be 0 to 1")
+    played = play(controller, np.column_stack(columns))
+    return Estimate(played[:, :-2], played[:, -2], played[:, -1])
+
+
+@kernel
+def _step(
+    state: RealArray, parameters: RealArray, measurement: RealArray, output: RealArray
+) -> None:
+    n, h = int(parameters[0]), int(parameters[3])
+    quality = measurement[2]
+    error = surprise(state, parameters, measurement[0])
+    correct(state, parameters, quality * error, parameters[HEADER + h : HEADER + h + n])
+    tell(state, parameters, quality, output)
+    predict(state, parameters, measurement[1])

@@ -1,0 +1,137 @@
+"""Observer gains by pole placement, for plants in any scaling.
+
+    x^ = A x^ + B u + L (y - C x^)        poles of A - L C wanted
+
+in continuous time (x^ its derivative) and discrete time (x^ the next one) alike.
+"""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.linalg import matrix_balance
+
+from workbench.arrays import ComplexArray, RealArray
+from workbench.errors import InputError, SolverError
+from workbench.input_checks import as_array, need_numbers
+
+UNSEEN = 1e-11
+"""Relative distance from a system with an unobservable mode below which there is one."""
+PLACED = 1e-9
+"""Largest relative residual of a placed pole."""
+
+
+def observer_gain(
+    A: ArrayLike, C: ArrayLike, poles: ArrayLike, period: float | None = None
+) -> RealArray:
+    """Gain L (n, p) that gives A - L C (n, n) the wanted poles (n,); outputs y = C x, C (p, n).
+
+    period: sample time [s]; None in continuous time. The states are balanced first, so those in
+    micrometres and those in metres per second fare alike; the placement is SLICOT's SB01BD, and
+    every pole is checked afterwards.
+
+    Raises InputError for wrong shapes, for poles that are unstable or not in conjugate pairs, and
+    for a mode that the outputs do not show, which it names. SolverError when a pole is missed.
+    """
+    a, c, wanted = _checked(A, C, poles, period)
+    scaled, scale = balanced(a)
+    seen = c * scale
+    size = abs(seen).max(axis=1, keepdims=True)
+    check_observable(scaled, seen, period)
+    # Sampled fast, all poles crowd about 1: shift and stretch before placing.
+    shift, stretch = (0.0, 1.0) if period is None else (1.0, period)
+    shifted = (scaled - shift * np.eye(len(a))) / stretch
+    gain = _place(shifted, seen / size, (wanted - shift) / stretch) * stretch / size.T
+    residual = placement_residual(scaled, seen, gain, wanted)
+    if not residual <= PLACED:
+        raise SolverError(f"poles were missed: residual {residual:.2g}, wanted {PLACED:.0e}")
+    placed: RealArray = scale[:, None] * gain
+    return placed
+
+
+def placement_residual(A: RealArray, C: RealArray, gain: RealArray, poles: ComplexArray) -> float:
+    """How far A - L C is, relative to A - I or A, from matrices that have the poles, the largest.
+
+    A smallest singular value for each pole: unlike computed eigenvalues it stays small where poles
+    are multiple. A shift by 1 is taken out of fast sampled systems.
+    """
+    closed, unit = A - gain @ C, np.eye(len(A))
+    size = max(min(np.linalg.norm(A, 2), np.linalg.norm(A - unit, 2)), abs(gain @ C).max())
+    least = [np.linalg.svd(closed - pole * unit, compute_uv=False)[-1] for pole in poles]
+    return float(max(least) / size)
+
+
+def balanced(A: ArrayLike) -> tuple[RealArray, RealArray]:
+    """D^-1 A D (n, n) with rows and columns of like size, and the diagonal of D (n,)."""
+    scaled, (scale, _) = matrix_balance(np.asarray(A, float), permute=False, separate=True)
+    return scaled, scale
+
+
+def check_observable(A: RealArray, C: RealArray, period: float | None = None) -> None:
+    """Raise InputError that names a mode which y = C x does not show (Popov, Belevitch, Hautus).
+
+    Give A balanced: the distance to the nearest such system is compared with the sizes of A and C.
+    """
+    unit = np.eye(len(A))
+    drift = A if period is None else A - unit
+    rate = max(float(np.linalg.norm(drift, 2)), np.finfo(float).tiny)
+    level = max(float(np.linalg.norm(C, 2)), np.finfo(float).tiny)
+    for mode in np.linalg.eigvals(A):
+        pencil = np.vstack([(A - mode * unit) / rate, C / level])
+        if np.linalg.svd(pencil, compute_uv=False)[-1] < UNSEEN:
+            raise InputError(
+                f"the mode at {_described(mode, period)} does not show in the measurement; "
+                "leave it out of the model or measure something that moves with it"
+            )
+
+
+def _described(mode: complex, period: float | None) -> str:
+    s = complex(mode) if period is None or mode == 0 else complex(np.log(mode)) / period
+    place = "s" if period is None else "z"
+    return f"{place} = {complex(mode):.6g} ({abs(s) / (2 * np.pi):.4g} Hz)"
+
+
+def _place(a: RealArray, c: RealArray, poles: ComplexArray) -> RealArray:
+    import control
+    from slycot.exceptions import SlycotError
+
+    real, upper = poles[poles.imag == 0.0], poles[poles.imag > 0.0]
+    pairs = np.column_stack([upper, upper.conj()]).ravel()  # SB01BD wants a pair side by side
+    try:
+        with warnings.catch_warnings():
+            # Large gains are what a fast observer of slow modes needs; the residual judges them.
+            warnings.simplefilter("ignore")
+            gain: RealArray = np.asarray(control.place_varga(a.T, c.T, np.append(real, pairs))).T
+    except SlycotError as fault:
+        raise SolverError(f"pole placement failed: {fault}") from fault
+    return gain
+
+
+def _checked(
+    A: ArrayLike, C: ArrayLike, poles: ArrayLike, period: float | None
+) -> tuple[RealArray, RealArray, ComplexArray]:
+    a, c = as_array(A, "A"), np.atleast_2d(as_array(C, "C"))
+    wanted = as_array(poles, "poles", dtype=complex)
+    n = len(a) if a.ndim == 2 else 0
+    if not n or a.shape != (n, n) or c.shape[1:] != (n,):
+        raise InputError(f"A has shape {a.shape} and C {c.shape}; need (n, n) and (p, n)")
+    if wanted.shape != (n,):
+        raise InputError(f"poles have shape {wanted.shape}; {n} states need ({n},)")
+    if not (np.isfinite(a).all() and np.isfinite(c).all() and np.isfinite(wanted).all()):
+        raise InputError("A, C and the poles must be finite")
+    if period is not None:
+        need_numbers(period=period)
+    if period is not None and not 0.0 < period < np.inf:
+        raise InputError(f"period is {period} s; it must be positive and finite")
+    outside = wanted[wanted.real >= 0.0] if period is None else wanted[abs(wanted) >= 1.0]
+    if outside.size:
+        region = "the left half-plane" if period is None else "the unit circle"
+        raise InputError(f"the pole {outside[0]:.6g} is not inside {region}")
+    tiny = abs(wanted.imag) <= 1e-12 * abs(wanted)
+    upper, lower = (np.sort_complex(wanted[~tiny & (wanted.imag * one > 0)]) for one in (1, -1))
+    lower = np.sort_complex(lower.conj())
+    if upper.shape != lower.shape or (abs(upper - lower) > 1e-9 * abs(upper)).any():
+        raise InputError(f"poles {wanted.tolist()} are not in conjugate pairs")
+    return a, c, np.concatenate([wanted[tiny].real.astype(complex), upper, upper.conj()])

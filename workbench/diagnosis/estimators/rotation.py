@@ -1,0 +1,115 @@
+"""Periodic disturbances of something that rotates: oscillators, and their frequency followed.
+
+    p, q at the next sample = p cos(h w T) - q sin(h w T),  p sin(h w T) + q cos(h w T)
+
+is the disturbance at harmonic h of the rotation w: an internal model. An observer corrects (p, q)
+by what it did not expect. Where w is wrong, the corrections turn the vector (p, q) on average by
+just what is missing each sample, the true w T less the assumed one: they are the phase detector of
+a phase-locked loop whose integrator is w.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from workbench.arrays import ComplexArray, RealArray
+from workbench.errors import InputError
+from workbench.input_checks import is_real, need_numbers
+
+
+@dataclass(frozen=True)
+class Rotation:
+    """A rotation frequency [Hz] and the harmonics of it that disturb.
+
+    adaptation  rate of the frequency loop [1/s]; 0: the frequency stays;
+    range       that the followed frequency is kept in [Hz]; None: half of it to twice;
+    floor       amplitude of the first harmonic about which adaptation fades: what turns no more
+                tells no frequency. In the unit of the disturbance.
+
+    With an observer whose first oscillator settles at the rate a [1/s], frequency and phase errors
+    obey e'' + a e' + a g e = 0 for g = adaptation, on average and while both are small: stable for
+    every g, without overshoot up to a/4, and then settling about exp(-g t). The frequency settles
+    on the true one: a constant offset or another frequency in the record moves it only in passing.
+
+    Raises InputError for a frequency, harmonics, range, rate or floor that make no sense.
+    """
+
+    frequency: float
+    harmonics: tuple[int, ...] = (1,)
+    adaptation: float = 0.0
+    range: tuple[float, float] | None = None
+    floor: float = 0.0
+
+    def __post_init__(self) -> None:
+        need_numbers(frequency=self.frequency, adaptation=self.adaptation, floor=self.floor)
+        if not (math.isfinite(self.frequency) and self.frequency > 0.0):
+            raise InputError(
+                f"rotation frequency is {self.frequency} Hz; it must be positive and finite"
+            )
+        h = self.harmonics
+        whole = isinstance(h, tuple | list) and all(is_real(one) and one % 1 == 0 for one in h)
+        if not whole or not h or min(h) < 1 or len(set(h)) < len(h):
+            raise InputError(f"harmonics are {h}; they must be different integers of 1 or more")
+        if self.range is not None:
+            pair = isinstance(self.range, tuple | list) and len(self.range) == 2
+            if not (pair and all(map(is_real, self.range))):
+                raise InputError(f"range of the rotation is {self.range!r}; give two numbers [Hz]")
+        low, high = self.limits
+        if not 0.0 < low <= self.frequency <= high < math.inf:
+            raise InputError(
+                f"range of the rotation is {low} to {high} Hz; it must be positive and contain "
+                f"{self.frequency} Hz"
+            )
+        if not (0.0 <= self.adaptation < math.inf and 0.0 <= self.floor < math.inf):
+            raise InputError(
+                f"adaptation is {self.adaptation} 1/s and floor {self.floor}; neither may be "
+                "negative or infinite"
+            )
+        if self.adaptation > 0.0 and h[0] != 1:
+            raise InputError(
+                f"harmonics are {h}; adaptation follows the first harmonic: put 1 in front"
+            )
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Lowest and highest frequency that it may be taken to have [Hz]."""
+        if self.adaptation == 0.0:
+            return self.frequency, self.frequency
+        return self.range or (self.frequency / 2, 2 * self.frequency)
+
+    def oscillators(self, period: float) -> RealArray:
+        """Transition (2 h, 2 h) of the oscillators over a sample of `period` [s].
+
+        Raises InputError when a harmonic reaches half the sampling frequency.
+        """
+        _need_period(period)
+        highest = max(self.harmonics) * self.limits[1]
+        if not highest < 0.5 / period:
+            raise InputError(
+                f"harmonic {max(self.harmonics)} of up to {self.limits[1]} Hz is {highest} Hz; it "
+                f"must stay below half the sampling frequency, {0.5 / period} Hz"
+            )
+        angles = [2 * np.pi * h * self.frequency * period for h in self.harmonics]
+        blocks = [[[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]] for a in angles]
+        transition: RealArray = block_diag(*blocks)
+        return transition
+
+    def poles(self, period: float, decay: float) -> ComplexArray:
+        """Discrete poles (2 h,) of the oscillators moved to settle at the rate `decay` [1/s]."""
+        _need_period(period)
+        need_numbers(decay=decay)
+        if not (math.isfinite(decay) and decay > 0.0):
+            raise InputError(f"decay of the oscillators is {decay} 1/s; it must be positive")
+        s = [-decay + 2j * np.pi * h * self.frequency for h in self.harmonics]
+        upper = np.exp(np.array(s) * period)
+        return np.concatenate([upper, upper.conj()])
+
+
+def _need_period(period: float) -> None:
+    need_numbers(period=period)
+    if not 0.0 < period < math.inf:
+        raise InputError(f"period is {period} s; it must be positive and finite")

@@ -1,0 +1,171 @@
+"""Change detection: abrupt faults by a level with hysteresis, small or slow ones by CUSUM and GLR.
+
+E. S. Page, Continuous inspection schemes, Biometrika 41 (1954); D. Siegmund, Sequential Analysis
+(1985); M. Basseville and I. V. Nikiforov, Detection of Abrupt Changes (1993), chapter 2.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.optimize import brentq
+
+from workbench.arrays import RealArray
+from workbench.compiled import compiled
+from workbench.errors import InputError
+from workbench.input_checks import need_numbers, need_places, need_whole
+from workbench.simulation import Controller
+
+OVERSHOOT = 1.166
+"""By how many standard deviations a sum of Gaussian steps passes a boundary: twice Siegmund's
+0.583."""
+
+
+def hysteresis(on: float, off: float, signal: int = 0, falling: bool = False) -> Controller:
+    """Alarm (0 or 1) that is raised above `on` and stays until the signal is below `off`.
+
+    falling: the other way round, raised below `on` until the signal is above `off`. Raises
+    InputError unless off <= on, falling off >= on.
+    """
+    need_numbers(on=on, off=off)
+    need_places(signal=signal)
+    sign = -1.0 if falling else 1.0
+    if not sign * off <= sign * on:
+        order = "off >= on for a fall" if falling else "off <= on for a rise"
+        raise InputError(f"the alarm is raised at {on} and ends at {off}: need {order}")
+    return Controller(
+        _hysteresis, np.zeros(1), np.array([on, off, signal, sign], float), 1, signal + 1
+    )
+
+
+def cusum(
+    drift: float, mean: float = 0.0, ceiling: float = math.inf, signal: int = 0
+) -> Controller:
+    """Page's cumulative sums for a rise and for a fall of the mean.
+
+        g+[k] = max(0, g+[k - 1] + r[k] - mean - drift),
+        g-[k] = max(0, g-[k - 1] - r[k] + mean - drift).
+
+    Outputs g+ and g-, for a threshold to decide on. `drift`, half the smallest change of interest,
+    is what the sums forget a sample; the smaller, the slower the fault that is still found.
+    `ceiling` stops the sums, so that they fall back within ceiling / drift samples of a fault that
+    is over.
+
+    Raises InputError unless drift >= 0 and ceiling > 0.
+    """
+    need_numbers(drift=drift, mean=mean, ceiling=ceiling)
+    need_places(signal=signal)
+    if not (0.0 <= drift < math.inf and math.isfinite(mean) and ceiling > 0.0):
+        raise InputError(
+            f"drift {drift}, mean {mean}, ceiling {ceiling}: need drift >= 0 < ceiling"
+        )
+    return Controller(
+        _cusum, np.zeros(2), np.array([drift, mean, ceiling, signal], float), 2, signal + 1
+    )
+
+
+def cusum_threshold(run_length: float, drift: float, deviation: float) -> float:
+    """Threshold of one of the sums at which white Gaussian noise alarms once in `run_length`.
+
+    Siegmund's approximation, with b = h / sigma + 1.166 and d = drift / sigma:
+
+        run_length = (exp(2 d b) - 2 d b - 1) / (2 d^2).
+
+    Coloured noise alarms more often: take the threshold from records then. `run_length` in samples,
+    `deviation` is sigma of the residual. Raises InputError unless all are positive and the run
+    length is more than one of the threshold 0.
+    """
+    need_numbers(run_length=run_length, drift=drift, deviation=deviation)
+    if not (0.0 < run_length < math.inf and 0.0 < drift < math.inf and 0.0 < deviation < math.inf):
+        raise InputError(
+            f"run_length {run_length}, drift {drift}, deviation {deviation}: all must be positive "
+            "and finite"
+        )
+    d = drift / deviation
+    fixed = math.log(2.0) + 2.0 * math.log(d)
+
+    def log_run_length(b: float) -> float:
+        x = 2.0 * d * b
+        if x > 500.0:  # beyond the range of exp
+            return x - fixed
+        # expm1(x) - x loses all digits for small x, where it is x^2 / 2.
+        excess = math.log(math.expm1(x) - x) if x > 1e-4 else 2.0 * math.log(x) - math.log(2.0)
+        return excess - fixed
+
+    wanted = math.log(run_length)
+    if log_run_length(OVERSHOOT) > wanted:
+        raise InputError(
+            f"a run length of {run_length} samples is below that of a threshold of 0, "
+            f"exp({log_run_length(OVERSHOOT):.4g})"
+        )
+    top = OVERSHOOT
+    while log_run_length(top) < wanted:
+        top *= 2.0
+    b = brentq(lambda b: log_run_length(b) - wanted, OVERSHOOT, top) if top > OVERSHOOT else top
+    return (float(b) - OVERSHOOT) * deviation
+
+
+def glr(window: int, deviation: float, mean: float = 0.0, signal: int = 0) -> Controller:
+    """Generalised likelihood ratio of a change of the mean, by any size, within the last samples.
+
+        g[k] = max over j = 1 ... window of (sum of the last j of r - mean)^2 / (2 sigma^2 j).
+
+    Outputs g, the j that gives it (the change is j - 1 samples old), and the estimated change. The
+    noise is taken as white Gaussian with the given deviation sigma.
+
+    Raises InputError unless window >= 1 and deviation > 0.
+    """
+    need_whole(window, "window")
+    need_numbers(deviation=deviation, mean=mean)
+    need_places(signal=signal)
+    if not math.isfinite(mean):
+        raise InputError(f"mean is {mean}; it must be finite")
+    if window < 1 or not 0.0 < deviation < math.inf:
+        raise InputError(f"window {window}, deviation {deviation}: need 1 or more, and positive")
+    weights = 1.0 / (2.0 * deviation**2 * np.arange(1, window + 1))
+    parameters = np.array([window, mean, signal, *weights], float)
+    return Controller(_glr, np.zeros(1 + window), parameters, 3, signal + 1)
+
+
+@compiled
+def _hysteresis(
+    state: RealArray, parameters: RealArray, measurement: RealArray, output: RealArray
+) -> None:
+    sign = parameters[3]
+    value = sign * measurement[int(parameters[2])]
+    if value > sign * parameters[0]:
+        state[0] = 1.0
+    elif value < sign * parameters[1]:
+        state[0] = 0.0
+    output[0] = state[0]
+
+
+@compiled
+def _cusum(
+    state: RealArray, parameters: RealArray, measurement: RealArray, output: RealArray
+) -> None:
+    drift, ceiling = parameters[0], parameters[2]
+    change = measurement[int(parameters[3])] - parameters[1]
+    state[0] = min(max(0.0, state[0] + change - drift), ceiling)
+    state[1] = min(max(0.0, state[1] - change - drift), ceiling)
+    output[0], output[1] = state[0], state[1]
+
+
+@compiled
+def _glr(
+    state: RealArray, parameters: RealArray, measurement: RealArray, output: RealArray
+) -> None:
+    """State: samples seen, then the last `window` changes in a ring."""
+    window, seen = int(parameters[0]), int(state[0])
+    place = 1 + seen % window
+    state[place] = measurement[int(parameters[2])] - parameters[1]
+    state[0] = seen + 1
+    total, best, age, change = 0.0, -1.0, 1, 0.0
+    for j in range(1, min(seen + 1, window) + 1):
+        total += state[place]
+        place = place - 1 if place > 1 else window
+        ratio = parameters[2 + j] * total * total
+        if ratio > best:
+            best, age, change = ratio, j, total / j
+    output[0], output[1], output[2] = best, float(age), change

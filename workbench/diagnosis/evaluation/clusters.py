@@ -1,0 +1,128 @@
+"""Isolation by clusters: each kind of fault is a Gaussian cloud of features."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import stats
+from scipy.linalg import solve_triangular
+
+from workbench.arrays import RealArray
+from workbench.errors import InputError
+from workbench.input_checks import as_array, need_numbers, need_whole
+
+Whole = NDArray[np.int64]
+
+UNKNOWN = -1
+"""Far from every cluster."""
+CONDITION = 1e10
+"""Condition of a correlation matrix beyond which its cluster counts as flat."""
+
+
+@dataclass(frozen=True, eq=False)
+class Clusters:
+    """One Gaussian for each kind of fault: means (K, n) and Cholesky factors (K, n, n)."""
+
+    names: tuple[str, ...]
+    means: RealArray
+    factors: RealArray
+
+    @classmethod
+    def fit(cls, features: ArrayLike, labels: ArrayLike, names: Sequence[str]) -> Clusters:
+        """Mean and covariance of the features (N, n) of each kind; labels (N,) number the names.
+
+        Raises InputError for shapes that do not match, features that are not finite, labels without
+        a name, and for a kind whose covariance is singular: it has too few samples, or a feature
+        that does not vary or is a combination of others.
+        """
+        if not isinstance(names, Sequence):
+            raise InputError(f"names are {names!r}; a list of names is needed")
+        points, kinds = _features(features), _labels("labels", labels, len(names))
+        if len(kinds) != len(points):
+            raise InputError(f"{len(points)} features and {len(kinds)} labels; need equally many")
+        fits = [_gaussian(name, points[kinds == k]) for k, name in enumerate(names)]
+        means, factors = zip(*fits, strict=True)
+        return cls(tuple(names), np.array(means), np.array(factors))
+
+    def distances(self, features: ArrayLike) -> RealArray:
+        """Squared Mahalanobis distances of features (N, n) from every cluster: (N, K)."""
+        points = _features(features)
+        if points.shape[1] != self.means.shape[1]:
+            raise InputError(
+                f"{points.shape[1]} features; the clusters were made of {self.means.shape[1]}"
+            )
+        white = [
+            solve_triangular(factor, (points - mean).T, lower=True)
+            for mean, factor in zip(self.means, self.factors, strict=True)
+        ]
+        return np.stack([np.sum(one**2, axis=0) for one in white], axis=1)
+
+    def classify(self, features: ArrayLike, reject: float = 0.0) -> Whole:
+        """The likeliest kind of each (N,), all being equally frequent beforehand.
+
+        UNKNOWN where the point is farther from every cluster than a share `reject` of the cluster's
+        own points. Raises InputError unless 0 <= reject < 1, and as `distances`.
+        """
+        need_numbers(reject=reject)
+        if not 0.0 <= reject < 1.0:
+            raise InputError(f"reject is {reject}; it is a share, 0 or more and below 1")
+        squared = self.distances(features)
+        volume = 2.0 * np.log(np.diagonal(self.factors, axis1=1, axis2=2)).sum(axis=1)
+        found = np.argmin(squared + volume, axis=1)
+        far = squared.min(axis=1) > stats.chi2.isf(reject, self.means.shape[1])
+        return np.where(far, UNKNOWN, found).astype(np.int64)
+
+
+def confusion(true: ArrayLike, found: ArrayLike, kinds: int) -> Whole:
+    """How many of each kind (row) were taken for each kind (column): (K, K + 1).
+
+    The last column counts what was found to be none of them, a negative number. Raises InputError
+    for different lengths and for numbers of kinds that there are not.
+    """
+    need_whole(kinds, "kinds")
+    rows = _labels("true", true, kinds)
+    columns = as_array(found, "found")
+    if (columns % 1 != 0.0).any():
+        raise InputError(f"found {found!r}: need whole numbers")
+    columns = columns.astype(np.int64)
+    if rows.shape != columns.shape:
+        raise InputError(f"{len(rows)} true kinds, {columns.shape} found; need equally many")
+    columns = _labels("found", np.where(columns < 0, kinds, columns), kinds + 1)
+    counts = np.zeros((kinds, kinds + 1), np.int64)
+    np.add.at(counts, (rows, columns), 1)
+    return counts
+
+
+def _gaussian(name: str, points: RealArray) -> tuple[RealArray, RealArray]:
+    count, n = points.shape
+    flat = f"cluster {name!r}: singular covariance of {n} features from {count} samples"
+    if count <= n:
+        raise InputError(f"{flat}; at least {n + 1} needed")
+    spread = points.std(axis=0, ddof=1)
+    still = np.flatnonzero(spread <= 1e-12 * abs(points).max(axis=0))
+    if still.size:
+        raise InputError(f"{flat}; features {still.tolist()} do not vary")
+    correlation = np.atleast_2d(np.corrcoef(points, rowvar=False))
+    if np.linalg.cond(correlation) > CONDITION:
+        raise InputError(f"{flat}; a feature is a combination of others")
+    return points.mean(axis=0), spread[:, None] * np.linalg.cholesky(correlation)
+
+
+def _features(features: ArrayLike) -> RealArray:
+    points = as_array(features, "features")
+    if points.ndim != 2 or not points.size or not np.isfinite(points).all():
+        raise InputError(
+            f"features have shape {points.shape}; they must be (N, n), finite, not none"
+        )
+    return points
+
+
+def _labels(name: str, labels: ArrayLike, kinds: int) -> Whole:
+    numbers = np.asarray(labels)
+    whole = numbers.ndim == 1 and numbers.size > 0 and np.issubdtype(numbers.dtype, np.integer)
+    if not whole or numbers.min() < 0 or numbers.max() >= kinds:
+        raise InputError(f"{name} {numbers!r}: need a 1-D array of whole numbers, 0 to {kinds - 1}")
+    return numbers.astype(np.int64)

@@ -1,0 +1,126 @@
+"""How good a detector is over records: false alarms, missed faults, delays, ROC curves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from workbench.arrays import RealArray
+from workbench.diagnosis.evaluation.residual_size import series
+from workbench.errors import InputError
+from workbench.input_checks import as_array, need_numbers, need_whole
+
+Interval = tuple[int, int]
+"""First sample, and one after the last."""
+
+
+def intervals(flags: ArrayLike) -> list[Interval]:
+    """Where a series (N,) is true: first sample and one after the last of each stretch."""
+    series("flags", flags)
+    edges = np.flatnonzero(np.diff(np.asarray(flags, bool).astype(int), prepend=0, append=0))
+    return [(int(start), int(end)) for start, end in edges.reshape(-1, 2)]
+
+
+@dataclass(frozen=True, eq=False)
+class Detection:
+    """What a detector did over a record.
+
+    delays            (F,) from each fault's start to its alarm [s]; NaN where it was missed;
+    false_alarms      stretches of alarm that touch no fault;
+    fault_free        time without fault [s];
+    false_alarm_share of the fault-free samples at which there was an alarm.
+    """
+
+    delays: RealArray
+    false_alarms: int
+    fault_free: float
+    false_alarm_share: float
+
+    @property
+    def missed(self) -> float:
+        """Share of the faults that were missed; NaN without faults."""
+        return float(np.isnan(self.delays).mean()) if self.delays.size else float("nan")
+
+    @property
+    def false_alarm_rate(self) -> float:
+        """False alarms a second of fault-free time; NaN without such time."""
+        return self.false_alarms / self.fault_free if self.fault_free else float("nan")
+
+
+def detection(
+    alarm: ArrayLike, faults: Sequence[Interval], period: float, tail: int = 0
+) -> Detection:
+    """Compare an alarm (N,) with the faults that there were.
+
+    faults: first sample and one after the last of each, in order. An alarm belongs to a fault from
+    its start to `tail` samples behind its end, for detectors that lag and effects that last. One
+    that stood before the fault came and still stands has delay 0.
+
+    Raises InputError for faults outside the record, empty or overlapping ones (tails included), and
+    a record that is empty or not finite.
+    """
+    raised = series("alarm", alarm) != 0.0
+    need_numbers(period=period)
+    need_whole(tail, "tail")
+    if not 0.0 < period < math.inf or tail < 0:
+        raise InputError(f"period {period} s, tail {tail}: need a positive one and 0 or more")
+    end_before = 0
+    pairs = as_array(faults, "faults")
+    if pairs.size and (pairs.ndim != 2 or pairs.shape[1] != 2 or (pairs % 1 != 0.0).any()):
+        raise InputError(f"faults are {faults!r}; give whole numbers, (first, one after the last)")
+    faults = [(int(start), int(end)) for start, end in pairs.reshape(-1, 2)]
+    for start, end in faults:
+        if not end_before <= start < end <= len(raised):
+            raise InputError(
+                f"fault ({start}, {end}) in a record of {len(raised)} samples, after one that ends "
+                f"at {end_before}: faults must be ordered, within it, not empty, and apart"
+            )
+        end_before = end + tail
+    free = np.ones(len(raised), bool)
+    delays = np.full(len(faults), np.nan)
+    for i, (start, end) in enumerate(faults):
+        free[start : end + tail] = False
+        hits = np.flatnonzero(raised[start : end + tail])
+        if hits.size:
+            delays[i] = hits[0] * period
+    false = sum(bool(free[start:end].all()) for start, end in intervals(raised))
+    share = float(raised[free].mean()) if free.any() else float("nan")
+    return Detection(delays, false, float(free.sum()) * period, share)
+
+
+@dataclass(frozen=True, eq=False)
+class Roc:
+    """Receiver operating characteristic: detection rate over false-alarm rate as the level falls.
+
+    levels (K,) falling from infinity; false_alarm and detection (K,) rising from 0 to 1: shares of
+    fault-free and of faulty scores at or above the level. area under the curve: the probability
+    that a faulty score is above a fault-free one, ties counting half. deviation: its standard error
+    (J. A. Hanley and B. J. McNeil, Radiology 143, 1982).
+    """
+
+    levels: RealArray
+    false_alarm: RealArray
+    detection: RealArray
+    area: float
+    deviation: float
+
+
+def roc(clean: ArrayLike, faulty: ArrayLike) -> Roc:
+    """ROC curve of scores without fault (N,) and with one (M,), large scores meaning a fault.
+
+    Raises InputError for scores that are not finite, or none.
+    """
+    without, given = np.sort(series("clean", clean)), np.sort(series("faulty", faulty))
+    levels = np.concatenate([[np.inf], np.unique(np.concatenate([without, given]))[::-1]])
+    n, m = len(without), len(given)
+    false_alarm = 1.0 - np.searchsorted(without, levels, side="left") / n
+    detected = 1.0 - np.searchsorted(given, levels, side="left") / m
+    area = float(np.trapezoid(detected, false_alarm))
+    q1, q2 = area / (2.0 - area), 2.0 * area**2 / (1.0 + area)
+    square = area**2
+    variance = (area * (1 - area) + (m - 1) * (q1 - square) + (n - 1) * (q2 - square)) / (n * m)
+    return Roc(levels, false_alarm, detected, area, max(variance, 0.0) ** 0.5)

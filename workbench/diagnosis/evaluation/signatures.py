@@ -1,0 +1,62 @@
+"""Isolation by a residual set: which residuals fired says which fault it is.
+
+The structure matrix is True where a residual (row) answers to a fault (column). In a dedicated
+scheme it is the identity, in a generalised one everything but (J. Chen and R. J. Patton, Robust
+Model-Based Fault Diagnosis for Dynamic Systems, 1999, section 2.5).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from workbench.arrays import BoolArray
+from workbench.errors import InputError
+
+NO_FAULT, AMBIGUOUS = -1, -2
+"""No residual fired; several faults are equally near to what fired."""
+
+
+def isolable(structure: ArrayLike) -> bool:
+    """Whether every fault of the structure matrix (R, F) fires residuals, and no two the same."""
+    columns = _structure(structure).T
+    distinct = len(np.unique(columns, axis=0)) == len(columns)
+    return bool(distinct and columns.any(axis=1).all())
+
+
+def isolate(structure: ArrayLike, fired: ArrayLike) -> NDArray[np.int64]:
+    """Number of the fault whose signature is nearest to what fired (N, R), in residuals: (N,).
+
+    Where nothing fired it is NO_FAULT, where two signatures are equally near AMBIGUOUS. One missed
+    residual must not lead to another fault: signatures should differ by more than one.
+    Raises InputError when the numbers of residuals differ, and for entries that are not boolean.
+    """
+    matrix = _structure(structure)
+    flags = _flags(fired, "fired")
+    if flags.dtype != bool or flags.ndim != 2 or flags.shape[1] != len(matrix):
+        raise InputError(
+            f"fired has shape {flags.shape} of {flags.dtype}; it must be (N, {len(matrix)}) of bool"
+        )
+    distance = (flags[:, :, None] != matrix[None]).sum(axis=1)
+    nearest = distance.argmin(axis=1)
+    ties = (distance == distance.min(axis=1, keepdims=True)).sum(axis=1) > 1
+    found = np.where(ties, AMBIGUOUS, nearest)
+    return np.where(flags.any(axis=1), found, NO_FAULT).astype(np.int64)
+
+
+def _structure(structure: ArrayLike) -> BoolArray:
+    matrix = _flags(structure, "structure")
+    if matrix.dtype != bool or matrix.ndim != 2 or not matrix.size:
+        raise InputError(
+            f"structure has shape {matrix.shape} of {matrix.dtype}; it must be (R, F) of bool"
+        )
+    return matrix
+
+
+def _flags(values: ArrayLike, name: str) -> NDArray[Any]:
+    try:
+        return np.asarray(values)
+    except ValueError:
+        raise InputError(f"{name} is {values!r}; its rows must have one length") from None

@@ -1,0 +1,135 @@
+"""Thresholds: from fault-free records, from bounds of what the residual may be, and adaptive ones.
+
+M. Basseville and I. V. Nikiforov, Detection of Abrupt Changes (1993); J. Chen and R. J. Patton,
+Robust Model-Based Fault Diagnosis for Dynamic Systems (1999), chapter 2.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import stats
+
+from workbench.arrays import RealArray
+from workbench.compiled import compiled
+from workbench.diagnosis.evaluation.residual_size import series
+from workbench.errors import InputError
+from workbench.input_checks import need_numbers, need_places, need_whole
+from workbench.simulation import Controller
+
+
+@dataclass(frozen=True)
+class Threshold:
+    """A level, and how often a fault-free value is above it.
+
+    rate is the expected share; it lies in `interval` with probability `confidence`, over fault-free
+    records like the one used, of which there were `samples` values.
+    """
+
+    level: float
+    rate: float
+    interval: tuple[float, float]
+    confidence: float
+    samples: int
+
+
+def quantile_threshold(
+    clean: ArrayLike, false_alarm_rate: float, confidence: float = 0.95, block: int = 1
+) -> Threshold:
+    """The least of the fault-free values (N,) that a new one exceeds with the given rate at most.
+
+    The share of new values above the k-th smallest of n is distributed as Beta(n + 1 - k, k),
+    whatever the values' own (continuous) distribution, when they are independent. Neighbouring
+    samples seldom are: with `block` above 1 the largest of each block counts, and the rate is that
+    of blocks. Blocks must be longer than the residual's memory.
+
+    Raises InputError when there are too few values for the rate, or they are not finite.
+    """
+    values = series("clean", clean)
+    need_numbers(false_alarm_rate=false_alarm_rate, confidence=confidence)
+    need_whole(block, "block")
+    if not (0.0 < false_alarm_rate < 1.0 and 0.0 < confidence < 1.0 and block >= 1):
+        raise InputError(
+            f"false_alarm_rate {false_alarm_rate}, confidence {confidence}, block {block}: "
+            "need rates between 0 and 1 and a block of 1 or more"
+        )
+    n = len(values) // block
+    # The slack keeps a rate of 1/100 with 99 values from asking for the hundredth.
+    k = math.ceil((n + 1) * (1.0 - false_alarm_rate) - 1e-9)
+    if n < 1 or k > n:
+        raise InputError(
+            f"{n} fault-free values ({len(values)} samples in blocks of {block}) for a false-alarm "
+            f"rate of {false_alarm_rate}: at least {math.ceil(1.0 / false_alarm_rate) - 1} needed"
+        )
+    ordered = np.sort(values[: n * block].reshape(n, block).max(axis=1))
+    share = stats.beta(n + 1 - k, k)
+    low, high = share.interval(confidence)
+    return Threshold(float(ordered[k - 1]), float(share.mean()), (low, high), confidence, n)
+
+
+def bounded_threshold(gains: ArrayLike, bounds: ArrayLike, noise: float = 0.0) -> float:
+    """The level that no fault-free residual exceeds: the sum of gain times bound over its causes.
+
+    gains   (M,) from each disturbance to the residual, bounds over the whole uncertainty set, for
+            instance of the H-infinity norm for signals measured by their 2-norm, or of the impulse
+            response's 1-norm for peaks;
+    bounds  (M,) of the disturbances, in the norm that belongs to the gains.
+
+    Raises InputError for different lengths, negative values, and for a level that is not above the
+    `noise` (rms) of the residual, when the noise was left out of the disturbances.
+    """
+    gain, bound = series("gains", gains), series("bounds", bounds)
+    if gain.shape != bound.shape or min(gain.min(), bound.min()) < 0.0:
+        raise InputError(f"gains {gain}, bounds {bound}: need equally many, none negative")
+    # Each product and each sum rounds by half a unit at most; none of them may round down.
+    level = math.fsum(gain * bound) * (1.0 + 4.0 * np.finfo(float).eps)
+    return above_noise(level, noise)
+
+
+def above_noise(level: float, noise: float) -> float:
+    """The level itself; InputError unless it is finite and above the noise."""
+    need_numbers(level=level, noise=noise)
+    if not (math.isfinite(level) and 0.0 <= noise < math.inf):
+        raise InputError(f"level {level}, noise {noise}: both must be finite, noise not negative")
+    if level <= noise:
+        raise InputError(
+            f"the threshold {level:.4g} is not above the noise of {noise:.4g} rms: "
+            "fault-free records would raise alarms; raise the threshold or filter the residual"
+        )
+    return level
+
+
+def adaptive_alarm(
+    base: float, gain: float, decay: float, residual: int = 0, known: int = 1
+) -> Controller:
+    """Alarm while |r| > T, where T follows a known signal v: an input or a disturbance's level.
+
+        T[k] = base + gain m[k],    m[k] = decay m[k - 1] + |v[k]|.
+
+    When the model error lets v into the residual by an impulse response |h[i]| <= gain decay^i, and
+    everything else by no more than `base`, no fault-free residual is ever above T. Outputs: alarm
+    (0 or 1) and T. `residual` and `known` say which measurements r and v are.
+
+    Raises InputError unless base > 0, gain >= 0 and 0 <= decay < 1.
+    """
+    need_numbers(base=base, gain=gain, decay=decay)
+    need_places(residual=residual, known=known)
+    if not (0.0 < base < math.inf and 0.0 <= gain < math.inf and 0.0 <= decay < 1.0):
+        raise InputError(
+            f"base {base}, gain {gain}, decay {decay}: need base > 0, gain >= 0, 0 <= decay < 1"
+        )
+    parameters = np.array([base, gain, decay, residual, known], float)
+    return Controller(_adaptive, np.zeros(1), parameters, 2, max(residual, known) + 1)
+
+
+@compiled
+def _adaptive(
+    state: RealArray, parameters: RealArray, measurement: RealArray, output: RealArray
+) -> None:
+    base, gain, decay = parameters[0], parameters[1], parameters[2]
+    state[0] = decay * state[0] + abs(measurement[int(parameters[4])])
+    output[1] = base + gain * state[0]
+    output[0] = 1.0 if abs(measurement[int(parameters[3])]) > output[1] else 0.0

@@ -1,0 +1,264 @@
+"""Residual generators of least order that decouple controls and disturbances exactly.
+
+For every residual the row of least order nu is searched in the left null space (see
+`decoupling`); divided by a stable polynomial of degree nu it is a generator with the poles given
+(Frank and Ding, J. Process Control 7 (1997); Varga, Solving Fault Diagnosis Problems (2017),
+sections 5.2 and 5.4). Sampled systems with all poles at 0 have parity relations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from workbench.arrays import Array
+from workbench.diagnosis.generators.generator import (
+    Poles,
+    ResidualGenerator,
+    denominator,
+    realised,
+    stacked,
+    transfer,
+)
+from workbench.diagnosis.models.decoupling import Parity
+from workbench.diagnosis.models.detectability import (
+    detectability,
+    frequencies,
+    masking,
+    need_faults,
+    unattainable,
+)
+from workbench.diagnosis.models.fault_model import FaultModel
+from workbench.errors import InputError, SolverError
+from workbench.input_checks import as_array
+from workbench.systems.generalised_plant import response
+from workbench.systems.realisation import realisation
+
+if TYPE_CHECKING:
+    from control import StateSpace
+
+SHOWN = 1e-10
+"""What rows leave of a detectable fault below this share of what there was is rounding."""
+LEAK = 1e-6
+"""Gain from what is decoupled, relative to the largest from a fault, that a residual may have."""
+CANDIDATES = 400
+"""Combinations of rows among which the one with the largest least sensitivity is taken."""
+GRID = np.geomspace(1e-2, 1e2, 33)
+"""Frequencies of that choice, in units of the model's fastest pole."""
+CHECKED = np.array([0.0173, 0.061, 0.23, 0.71])
+"""Frequencies at which the result is looked at, in those units or in those of pi / dt."""
+
+
+def fault_detection(
+    model: FaultModel, poles: Poles, *, omega: ArrayLike | None = None
+) -> ResidualGenerator:
+    """One residual of least order that shows every fault, and neither controls nor disturbances.
+
+    Parameters
+    ----------
+    model
+        With one fault at least; noise is not looked at.
+    poles
+        One for all, or a list of which the first are taken, in s or z.
+    omega
+        Frequencies [rad/s] at which every fault must have an effect (strong detection): 0 for
+        constant faults. None: a generic effect.
+
+    Returns
+    -------
+    ResidualGenerator
+        Scaled so that the largest gain from a fault is 1: at the first of `omega`, or its peak.
+
+    Raises
+    ------
+    InputError
+        Some fault cannot be detected: which, and what masks it. Poles that are unstable, too few
+        or without their conjugates.
+    SolverError
+        Rounding spoils the decoupling, of orders from about 20 on.
+    """
+    need_faults(model)
+    return fault_isolation(model, np.ones((1, len(model.faults)), dtype=bool), poles, omega=omega)
+
+
+def fault_isolation(
+    model: FaultModel, structure: ArrayLike, poles: Poles, *, omega: ArrayLike | None = None
+) -> ResidualGenerator:
+    """Residuals of least order, each of which shows exactly the faults its row has.
+
+    Parameters
+    ----------
+    structure
+        (q, k) of 0 and 1: whether residual i shows fault j.
+    model, poles, omega
+        As of `fault_detection`; every residual takes its poles from the front of the list.
+
+    Raises
+    ------
+    InputError
+        As of `fault_detection`; a structure of another shape, with other entries, with a row of
+        zeros, or with a row that is not attainable: which faults cannot be told from which.
+    """
+    need_faults(model)
+    rows = _structure(model, structure)
+    at = None if omega is None else frequencies(model, omega)
+    if at is not None and not at.size:
+        raise InputError("omega is empty; give a frequency [rad/s], or None for a generic effect")
+    denominator(poles, 0, model.dt)  # what is wrong with every order is said at once
+    return stacked([_residual(model, i, row, poles, at) for i, row in enumerate(rows)])
+
+
+def _structure(model: FaultModel, structure: ArrayLike) -> NDArray[np.bool_]:
+    given = np.atleast_2d(as_array(structure, "structure"))
+    k = len(model.faults)
+    if given.ndim != 2 or given.shape[1] != k or not len(given):
+        raise InputError(
+            f"structure has shape {given.shape}; the model has {k} faults: (residuals, {k})"
+        )
+    if not np.isin(given, (0, 1)).all():
+        raise InputError("structure must have entries 0 and 1 only")
+    rows: NDArray[np.bool_] = given.astype(bool)
+    if not rows.any(axis=1).all():
+        empty = int((~rows.any(axis=1)).argmax()) + 1
+        raise InputError(f"row {empty} of structure is zero: a residual that shows no fault")
+    return rows
+
+
+def _residual(
+    model: FaultModel,
+    number: int,
+    row: NDArray[np.bool_],
+    poles: Poles,
+    omega: Array | None,
+) -> ResidualGenerator:
+    """The residual with one row of a structure."""
+    hidden = unattainable(model, row, omega)
+    if hidden:
+        raise InputError(_why(model, number, row, hidden, omega))
+    shown = tuple(name for name, one in zip(model.faults, row, strict=True) if one)
+    zeros = tuple(name for name, one in zip(model.faults, row, strict=True) if not one)
+    parity = Parity(model, (*model.disturbances, *zeros))
+    for order in range(parity.complete + 1):
+        v = _combination(parity, order, shown, poles, omega)
+        if v is not None:
+            found = realised(parity, [v.reshape(order + 1, -1)], poles)
+            found = _normalised(found, shown, omega, parity.rate)
+            _need_decoupled(found, parity, shown)
+            return found
+    raise SolverError(
+        f"no residual shows {', '.join(shown)}, though each can be detected: their effects are "
+        "too small beside others for the tolerances; scale the faults' entries"
+    )
+
+
+def _combination(
+    parity: Parity, order: int, shown: Sequence[str], poles: Poles, omega: Array | None
+) -> Array | None:
+    """The row whose least sensitivity, relative to what is possible, is largest.
+
+    None where rows of that order show not all.
+    """
+    rows = parity.rows(order)
+    if not len(rows):
+        return None
+    model = parity.model
+    d = denominator(poles, order, model.dt, parity.rate)
+    grid = GRID * parity.rate if not model.dt else np.geomspace(1e-3, 1.0, 33) * np.pi / model.dt
+    at = grid if omega is None else omega
+    points = parity.points_at(at)
+    before = parity.effects(order, shown, points)
+    after = rows @ before  # (points, rows, faults)
+    if omega is None:  # what counts is the sum over the grid
+        seen = np.linalg.norm(after, axis=(0, 1)) > SHOWN * np.linalg.norm(before, axis=(0, 1))
+    else:
+        seen = np.linalg.norm(after, axis=1) > SHOWN * np.linalg.norm(before, axis=1)
+    if not seen.all():
+        return None
+    after = after / np.abs(np.polynomial.polynomial.polyval(points, d))[:, None, None]
+    rng = np.random.default_rng(0)
+    tried = np.vstack([np.eye(len(rows)), rng.standard_normal((CANDIDATES, len(rows)))])
+    tried /= np.linalg.norm(tried, axis=1, keepdims=True)
+    gain = np.abs(np.einsum("cr,srf->csf", tried, after))
+    if omega is None:
+        share = np.linalg.norm(gain, axis=1) / np.linalg.norm(after, axis=(0, 1))
+    else:
+        share = (gain / np.linalg.norm(after, axis=1)).reshape(len(tried), -1)
+    found: Array = tried[share.min(axis=1).argmax()] @ rows
+    return found
+
+
+def _normalised(
+    found: ResidualGenerator, shown: Sequence[str], omega: Array | None, rate: float
+) -> ResidualGenerator:
+    """With the largest gain from a fault at the first of omega, or its peak on the grid, at 1."""
+    dt = float(found.Q.dt or 0.0)
+    grid = GRID * rate if not dt else np.geomspace(1e-3, 1.0, 33) * np.pi / dt
+    places = [found.faults.index(name) for name in shown]
+    gains = response(found.R, grid if omega is None else omega[:1])[:, 0, places]
+    k, j = np.unravel_index(int(np.abs(gains).argmax()), gains.shape)
+    gain = abs(gains[k, j]) * (1.0 if gains[k, j].real >= 0.0 else -1.0)
+
+    return replace(found, Q=_over(found.Q, gain), R=_over(found.R, gain))
+
+
+def _need_decoupled(found: ResidualGenerator, parity: Parity, shown: Sequence[str]) -> None:
+    """Raise SolverError where rounding lets more than LEAK of what is decoupled through."""
+    model = parity.model
+    names = (*model.controls, *parity.decoupled, *shown)
+    dt = model.dt
+    at = CHECKED * (np.pi / dt if dt else parity.rate)
+    gains = np.abs(transfer(found.Q, model, names, at)).max(axis=(0, 1))
+    leak, most = gains[: -len(shown)].max(initial=0.0), gains[-len(shown) :].max()
+    if not leak <= LEAK * most:
+        worst = names[int(gains[: -len(shown)].argmax())]
+        raise SolverError(
+            f"the residual of {', '.join(shown)} has order {found.Q.nstates}, at which rounding "
+            f"leaves a gain of {leak / most:.2g} from {worst}; reduce the model, or measure more"
+        )
+
+
+def _over(system: StateSpace, gain: float) -> StateSpace:
+    """The system's outputs divided by a gain."""
+    return realisation(
+        (system.A, system.B, system.C / gain, system.D / gain),
+        float(system.dt or 0.0),
+        inputs=list(system.input_labels),
+        outputs=list(system.output_labels),
+    )
+
+
+def _why(
+    model: FaultModel,
+    number: int,
+    row: NDArray[np.bool_],
+    hidden: Sequence[str],
+    omega: Array | None,
+) -> str:
+    """Which faults of a row cannot be shown, and why."""
+    zeros = tuple(name for name, one in zip(model.faults, row, strict=True) if not one)
+    test = detectability(model, 0.0 if omega is None else omega, decoupled=zeros)
+    reasons = []
+    for name in hidden:
+        place = test.faults.index(name)
+        if not test.weak[place]:
+            masks = masking(model, name, (*model.disturbances, *zeros))
+            kinds = [
+                f"{'the fault' if mask in zeros else 'the disturbance'} {mask}" for mask in masks
+            ]
+            if not masks:
+                reasons.append(f"{name} moves no output")
+            else:
+                reasons.append(f"{name} cannot be told from {' and '.join(kinds)}")
+        else:
+            at = test.omega[~test.strong[place]]
+            reasons.append(f"{name} leaves nothing at {', '.join(f'{w:.6g}' for w in at)} rad/s")
+    start = (
+        "no residual detects every fault"
+        if row.all()
+        else f"row {number + 1} of the structure is not attainable"
+    )
+    return f"{start}: {'; '.join(reasons)}"

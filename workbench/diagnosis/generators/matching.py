@@ -1,0 +1,176 @@
+"""Residuals that follow a reference model of the faults as well as noise allows.
+
+Every stable generator that decouples controls and disturbances is Q = K Q_1, Q_1 a proper basis of
+the left null space from a minimal polynomial one and K stable. With Q_1 [G_f G_w; 0] = R_1 the
+error is E = K R_1 - [M_r 0]: an H-infinity problem with D12 = I and no feedback, whose stabilising
+controllers are the stable K (Varga, Solving Fault Diagnosis Problems (2017), section 5.6; Frank
+and Ding (1997)).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import block_diag
+
+from workbench.certify.norms import certified_norm
+from workbench.certify.stability import stability_of
+from workbench.diagnosis.generators.generator import Poles, ResidualGenerator, realised, transfer
+from workbench.diagnosis.models.decoupling import Parity
+from workbench.diagnosis.models.detectability import frequencies, masking, need_faults
+from workbench.diagnosis.models.fault_model import FaultModel
+from workbench.errors import InputError, SolverError
+from workbench.synthesis.hinf.assumptions import regularised
+from workbench.synthesis.hinf.program import hinf
+from workbench.systems.conversion import as_system
+from workbench.systems.generalised_plant import GeneralisedPlant, response
+from workbench.systems.realisation import realisation
+
+if TYPE_CHECKING:
+    from control import StateSpace
+
+RANK = 1e-10
+"""Singular values of responses below this share of the largest count as 0."""
+
+
+@dataclass(frozen=True, eq=False)
+class ModelMatch:
+    """A generator, its error R - [M_r 0] from faults and noise, and that error's certified norm."""
+
+    generator: ResidualGenerator
+    error: StateSpace
+    norm: float
+
+
+def model_matching(
+    model: FaultModel,
+    reference: Any,
+    poles: Poles,
+    *,
+    gamma: float | None = None,
+    regularisation: float = 1e-3,
+    method: str | None = None,
+) -> ModelMatch:
+    """The stable generator with the least H-infinity norm of R - [M_r 0], controls decoupled.
+
+    Parameters
+    ----------
+    model
+        With one fault at least. Disturbances are decoupled exactly, noise counts in the error.
+    reference
+        M_r, StateSpace or TransferFunction, stable: from the faults to as many residuals as it
+        has outputs. Where faults move the outputs through an integration or more, an M_r that does
+        not roll off cannot be matched at high frequencies: its gain there stays in the error.
+    poles
+        Of the basis Q_1, some of which cancel; one for all, or a list of which each of its rows
+        takes as many as its order.
+    gamma, method
+        As of `workbench.synthesis.hinf`; gamma None: nearly the least.
+    regularisation
+        Relative size of the noise that is added where faults and noise do not reach every
+        direction of R_1 (at high frequencies, or at a zero on the stability boundary).
+
+    Raises
+    ------
+    InputError
+        No fault; a reference that is unstable or does not fit; disturbances that leave no null
+        space; poles as of `generators.denominator`.
+    SolverError
+        As `workbench.synthesis.hinf`; an error that rounding makes unstable.
+    """
+    need_faults(model)
+    M_r = _reference(model, reference)
+    base = null_space_generator(model, poles)
+    R = base.R
+    k = int(M_r.noutputs)
+    n, n_r = int(R.nstates), int(M_r.nstates)
+    into_r = np.hstack([M_r.B, np.zeros((n_r, len(model.noise)))])
+    through_r = np.hstack([M_r.D, np.zeros((k, len(model.noise)))])
+    plant = realisation(
+        (
+            block_diag(R.A, M_r.A),
+            np.hstack([np.vstack([R.B, into_r]), np.zeros((n + n_r, k))]),
+            np.block([[np.zeros((k, n)), -M_r.C], [R.C, np.zeros((R.noutputs, n_r))]]),
+            np.block([[-through_r, np.eye(k)], [R.D, np.zeros((R.noutputs, k))]]),
+        ),
+        model.dt,
+    )
+    generalised = GeneralisedPlant(plant, None, k, int(R.noutputs))
+    K = hinf(regularised(generalised, regularisation), gamma=gamma, method=method).K
+    names = [f"r{i + 1}" for i in range(k)]
+    generator = ResidualGenerator(
+        series(K, base.Q, names), series(K, R, names), model.faults, model.noise
+    )
+    error = generalised.close(K)
+    if not stability_of(error).holds:
+        raise SolverError("the error is not stable, numerically; choose slower poles of the basis")
+    return ModelMatch(generator, error, certified_norm(error))
+
+
+def null_space_generator(model: FaultModel, poles: Poles) -> ResidualGenerator:
+    """A proper basis Q_1 of all generators that decouple controls and disturbances.
+
+    Raises InputError where disturbances leave none, and as `generators.denominator`.
+    """
+    need_faults(model)
+    parity = Parity(model, model.disturbances)
+    if not parity.count:
+        masks = masking(model, model.faults[0], model.disturbances)
+        raise InputError(
+            f"{len(model.outputs)} outputs and {len(model.disturbances)} disturbances leave no "
+            f"residual: {', '.join(masks)} can imitate every fault; measure more, or let some "
+            "disturbances be noise"
+        )
+    return realised(parity, parity.basis, poles)
+
+
+def matching_bound(
+    model: FaultModel, Q_1: StateSpace, reference: Any, omega: ArrayLike
+) -> NDArray[np.float64]:
+    """A lower bound of any generator's matching error at `omega` [rad/s]: (F,), causal or not.
+
+    What of [M_r 0] the rows of Q_1 [G_f G_w; 0] do not span there. Raises InputError as
+    `generators.transfer` and for a reference that does not fit.
+    """
+    need_faults(model)
+    M_r = _reference(model, reference)
+    omega = frequencies(model, omega)
+    target = response(M_r, omega)
+    target = np.concatenate([target, np.zeros((*target.shape[:2], len(model.noise)))], axis=2)
+    rows = transfer(Q_1, model, (*model.faults, *model.noise), omega)
+    _, sizes, V = np.linalg.svd(rows, full_matrices=False)
+    V = V * (sizes > RANK * sizes.max(axis=1, keepdims=True))[:, :, None]
+    left = target - (target @ V.conj().swapaxes(1, 2)) @ V
+    return np.linalg.norm(left, 2, axis=(1, 2))
+
+
+def _reference(model: FaultModel, reference: Any) -> StateSpace:
+    M_r = as_system(reference, "reference")
+    if int(M_r.ninputs) != len(model.faults):
+        raise InputError(
+            f"the reference has {M_r.ninputs} inputs; the model has {len(model.faults)} faults"
+        )
+    # a static system is one of any sampling
+    if M_r.nstates and float(M_r.dt or 0.0) != model.dt:
+        raise InputError(
+            f"the reference has the sampling time {M_r.dt}, the model {model.dt} (0: continuous)"
+        )
+    if not stability_of(M_r).holds:
+        raise InputError("the reference is unstable: no stable generator can follow it")
+    return realisation((M_r.A, M_r.B, M_r.C, M_r.D), model.dt)
+
+
+def series(K: StateSpace, first: StateSpace, names: list[str]) -> StateSpace:
+    """K after the first, with every state."""
+    matrices = (
+        np.block([[first.A, np.zeros((first.nstates, K.nstates))], [K.B @ first.C, K.A]]),
+        np.vstack([first.B, K.B @ first.D]),
+        np.hstack([K.D @ first.C, K.C]),
+        K.D @ first.D,
+    )
+    return realisation(
+        matrices, float(first.dt or 0.0), inputs=list(first.input_labels), outputs=names
+    )

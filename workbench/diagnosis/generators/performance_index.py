@@ -1,0 +1,228 @@
+"""How much of a residual is disturbance, how much fault: the index of equation 7.23.
+
+I = ||G_rd(j omega)|| / ||G_rf(j omega)||, for each residual the largest over a range of
+frequencies. (The printed denominator lacks the generator: it carries H_photo K_optFn like the
+numerator, so that both are what arrives at the residual.)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigvals
+
+from workbench.arrays import Array
+from workbench.diagnosis.generators.generator import structure_matrix, transfer
+from workbench.diagnosis.models.detectability import need_faults
+from workbench.diagnosis.models.fault_model import FaultModel
+from workbench.errors import InputError, SolverError, UnknownNameError
+from workbench.input_checks import need_positive
+from workbench.systems.bilinear import to_continuous
+
+if TYPE_CHECKING:
+    from control import StateSpace
+
+
+GRID = 60
+"""Frequencies that the search starts from."""
+ROUNDS = 60
+AXIS = 1e-6
+"""Zeros nearer to the axis than this share of their size count as on it."""
+SMALL = 1e-10
+"""An index below this is 0 to rounding."""
+VANISHED = 1e-6
+"""A gain from the faults below this share of the largest, at a zero on the axis, is 0."""
+
+
+@dataclass(frozen=True, eq=False)
+class PerformanceIndex:
+    """For each residual the index lies between ``lower``, reached at ``omega``, and ``upper``."""
+
+    lower: NDArray[np.float64]
+    upper: NDArray[np.float64]
+    omega: NDArray[np.float64]
+
+
+def performance_index(
+    Q: StateSpace,
+    model: FaultModel,
+    band: tuple[float, float],
+    *,
+    disturbances: Sequence[str] | None = None,
+    faults: Sequence[str] | None = None,
+    tolerance: float = 1e-3,
+) -> PerformanceIndex:
+    """The largest ratio of disturbances to faults in each residual over a range of frequencies.
+
+    Between grid points it is certified: at the level ``upper`` the spectrum
+    upper^2 G_f G_f* - G_d G_d* of a residual has no zero in the range, from the eigenvalues of its
+    system pencil, and where one is found the level rises (as the norm's, Bruinsma and Steinbuch,
+    Systems and Control Letters 14 (1990)).
+
+    Parameters
+    ----------
+    Q
+        Of r = Q [y; u], as `ResidualGenerator.Q`.
+    band
+        Two frequencies [rad/s], 0 < low < high, below pi / dt where sampled.
+    disturbances, faults
+        Names of inputs, with their weights in the model; None: the model's disturbances and
+        noise, and all its faults.
+    tolerance
+        Relative distance of ``upper`` from ``lower``.
+
+    Returns
+    -------
+    PerformanceIndex
+        Infinite where the faults vanish at a frequency of the range and disturbances do not; 0
+        where disturbances are decoupled.
+
+    Raises
+    ------
+    UnknownNameError
+        A fault or disturbance that the model has not.
+    InputError
+        A range that is none, no fault or disturbance, a residual that shows none of the faults;
+        as `generators.transfer`.
+    SolverError
+        The zeros do not settle.
+    """
+    need_faults(model)
+    over = tuple(model.faults if faults is None else faults)
+    under = (*model.disturbances, *model.noise) if disturbances is None else tuple(disturbances)
+    low, high = _band(model, band)
+    need_positive(tolerance, "tolerance")
+    for name in over:
+        if name not in model.faults:
+            raise UnknownNameError("fault", name, model.faults)
+    if not (over and under):
+        raise InputError("the index needs one fault and one disturbance or noise input at least")
+    shown = structure_matrix(Q, model)[:, [model.faults.index(name) for name in over]].any(axis=1)
+    if not shown.all():
+        raise InputError(f"residual {int(shown.argmin()) + 1} shows none of {', '.join(over)}")
+    found = np.array(
+        [_peak(Q, model, i, over, under, low, high, tolerance) for i in range(int(Q.noutputs))]
+    )
+    return PerformanceIndex(*found.T)
+
+
+def _peak(
+    Q: StateSpace,
+    model: FaultModel,
+    residual: int,
+    faults: Sequence[str],
+    disturbances: Sequence[str],
+    low: float,
+    high: float,
+    tolerance: float,
+) -> tuple[float, float, float]:
+    """Lower and upper value, and its frequency."""
+
+    def ratio(omega: Array) -> Array:
+        top = np.linalg.norm(transfer(Q, model, disturbances, omega)[:, residual], axis=1)
+        return top / fault_gain(omega)
+
+    def fault_gain(omega: Array) -> Array:
+        return np.linalg.norm(transfer(Q, model, faults, omega)[:, residual], axis=1)
+
+    omega = np.geomspace(low, high, GRID)
+    values = ratio(omega)
+    best, at = float(values.max()), float(omega[values.argmax()])
+    if best < SMALL:
+        return 0.0, SMALL, at
+    vanish = _axis_zeros(_joined(Q, model, residual, faults), np.ones(len(faults)), model.dt)
+    vanish = vanish[(vanish >= low) & (vanish <= high)]
+    if vanish.size:
+        least = fault_gain(vanish)
+        if least.min() < VANISHED * fault_gain(omega).max():
+            return np.inf, np.inf, float(vanish[least.argmin()])
+    system = _joined(Q, model, residual, (*faults, *disturbances))
+    for _ in range(ROUNDS):
+        level = (1.0 + tolerance) * best
+        # the spectrum over level^2, whose pencil has entries of one size
+        weights = np.array([1.0] * len(faults) + [-1.0 / level**2] * len(disturbances))
+        zeros = _axis_zeros(system, weights, model.dt)
+        inside = np.sort(zeros[(zeros > low) & (zeros < high)])
+        if not inside.size:
+            return best, level, at
+        edges = np.concatenate([[low], inside, [high]])
+        tried = np.unique(np.concatenate([np.sqrt(edges[1:] * edges[:-1]), inside]))
+        values = ratio(tried)
+        if values.max() <= best:
+            # Near a narrow peak zeros beside the axis count too. Every true one is among them, and
+            # between them no point exceeds the level.
+            return best, level, at
+        best, at = float(values.max()), float(tried[values.argmax()])
+    raise SolverError(f"the index of residual {residual + 1} does not settle; give a narrower band")
+
+
+def _joined(
+    Q: StateSpace, model: FaultModel, residual: int, names: Sequence[str]
+) -> tuple[Array, ...]:
+    """A, B, C, D from inputs of the model to one residual, without modes that cancel."""
+    import control
+
+    B, D = model.matrices(names)
+    p = len(model.outputs)
+    plant = control.StateSpace(model.system.A, B, model.system.C, D, remove_useless_states=False)
+    row = control.StateSpace(
+        Q.A, Q.B[:, :p], Q.C[[residual]], Q.D[[residual], :p], remove_useless_states=False
+    )
+    into = np.array([[name == u for name in names] for u in model.controls], dtype=float)
+    from_u = into.reshape(len(model.controls), len(names))
+    n, k = int(plant.nstates), int(row.nstates)
+    matrices = (
+        np.block([[plant.A, np.zeros((n, k))], [row.B @ plant.C, row.A]]),
+        np.vstack([plant.B, row.B @ plant.D + Q.B[:, p:] @ from_u]),
+        np.hstack([row.D @ plant.C, row.C]),
+        row.D @ plant.D + Q.D[[residual], p:] @ from_u,
+    )
+    return _minimal(*matrices)
+
+
+def _minimal(A: Array, B: Array, C: Array, D: Array) -> tuple[Array, ...]:
+    """SLICOT TB01PD: the controllable and observable part."""
+    from slycot import tb01pd
+
+    n, m, p = len(A), B.shape[1], len(C)
+    if not n:
+        return A, B, C, D
+    wide = max(m, p)
+    B_wide, C_wide = np.zeros((n, wide)), np.zeros((wide, n))
+    B_wide[:, :m], C_wide[:p] = B, C
+    A, B_wide, C_wide, order = tb01pd(n, m, p, A, B_wide, C_wide, job="M", equil="S", tol=1e-10)
+    return A[:order, :order], B_wide[:order, :m], C_wide[:p, :order], D
+
+
+def _axis_zeros(system: tuple[Array, ...], weights: Array, dt: float) -> Array:
+    """Frequencies [rad/s] of zeros on the boundary of N J N~, N the system, J = diag(weights)."""
+    A, B, C, D = to_continuous(system) if dt else system  # type: ignore[arg-type]
+    n, J = len(A), np.diag(weights)
+    spectrum = np.block(
+        [
+            [A, B @ J @ B.T, B @ J @ D.T],
+            [np.zeros((n, n)), -A.T, -C.T],
+            [C, D @ J @ B.T, D @ J @ D.T],
+        ]
+    )
+    E = np.diag([1.0] * (2 * n) + [0.0])
+    zeros = eigvals(spectrum, E)
+    zeros = zeros[np.isfinite(zeros)]
+    found = np.abs(zeros.imag[np.abs(zeros.real) <= AXIS * np.abs(zeros)])
+    # s = (z - 1) / (z + 1) takes exp(j omega dt) to j tan(omega dt / 2)
+    return 2.0 / dt * np.arctan(found) if dt else found
+
+
+def _band(model: FaultModel, band: tuple[float, float]) -> tuple[float, float]:
+    values = np.asarray(band, dtype=float).reshape(-1)
+    if values.size != 2 or not np.isfinite(values).all() or not 0.0 < values[0] < values[1]:
+        raise InputError(f"band is {band!r}; it must be two frequencies [rad/s], 0 < low < high")
+    if model.dt and values[1] >= np.pi / model.dt:
+        raise InputError(
+            f"band goes to {values[1]:.6g} rad/s, beyond pi / dt = {np.pi / model.dt:.6g}"
+        )
+    return float(values[0]), float(values[1])

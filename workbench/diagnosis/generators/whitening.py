@@ -1,0 +1,133 @@
+"""Residuals in which faults stand out of noise as far as they can.
+
+With a basis Q_1 of all generators (see `matching`) and Q_1 [G_f G_w; 0] = [R_f R_w], the residual
+W R_w^{-1} in which noise is co-inner, of gain 1 in every direction at every frequency, is the best
+for every fault at once: no stable generator has a larger ||fault to r|| / ||noise to r|| (Ding,
+Jeinsch, Frank, Ding, Int. J. Adaptive Control and Signal Processing 14 (2000): the unified
+solution). It is the innovation of the Kalman filter of Q_1's noise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import LinAlgError, solve_continuous_are, solve_discrete_are
+
+from workbench.certify.norms import CERTIFIED, certified_norm
+from workbench.diagnosis.generators.generator import Poles, ResidualGenerator
+from workbench.diagnosis.generators.matching import null_space_generator, series
+from workbench.diagnosis.models.detectability import need_faults
+from workbench.diagnosis.models.fault_model import FaultModel
+from workbench.errors import InputError
+from workbench.input_checks import is_real
+from workbench.systems.realisation import Matrices, realisation
+
+if TYPE_CHECKING:
+    from control import StateSpace
+
+RANK = 1e-9
+"""Of the noise's direct term: singular values below this share of the largest count as 0."""
+
+
+@dataclass(frozen=True, eq=False)
+class WhitenedResidual:
+    """``gaps`` (k,): of each fault at least ||fault to r|| / ||noise to r||, H-infinity norms."""
+
+    generator: ResidualGenerator
+    gaps: NDArray[np.float64]
+
+
+def whitened_residual(
+    model: FaultModel, poles: Poles, *, regularisation: float = 0.0
+) -> WhitenedResidual:
+    """The generator with the largest gap between every fault and noise.
+
+    Parameters
+    ----------
+    model
+        With faults and noise; disturbances are decoupled.
+    poles
+        Of the basis Q_1, as of `model_matching`; they cancel.
+    regularisation
+        Size of a noise added to every row of Q_1's output, relative to the norm of what noise does
+        there. 0 where noise reaches all of them at high frequencies (R_w of full row rank at
+        infinity). Otherwise the gap grows without bound as it becomes smaller, if faults reach
+        high frequencies: it is then the bandwidth that is chosen by it.
+
+    Raises
+    ------
+    InputError
+        No fault, no noise, noise that does not reach every direction without regularisation, or
+        at a frequency does not; as `null_space_generator`.
+
+    Notes
+    -----
+    Gaps are rounded down from certified norms.
+    """
+    need_faults(model)
+    if not model.noise:
+        raise InputError("the model has no noise to tell faults from; ask fault_detection()")
+    if not (is_real(regularisation) and 0.0 <= regularisation < np.inf):
+        raise InputError(f"regularisation is {regularisation!r}; it must be finite, from 0 on")
+    base = null_space_generator(model, poles)
+    noise = _channel(base, len(model.faults), None)
+    A, B, C, D = (np.asarray(getattr(noise, part)) for part in "ABCD")
+    extra = regularisation * certified_norm(noise) if regularisation else 0.0
+    sizes = np.linalg.svd(D, compute_uv=False)
+    full = len(sizes) == len(C) and sizes[-1] > RANK * sizes[0]
+    if not (extra or full or model.dt):
+        raise InputError(
+            f"noise does not reach all {len(C)} rows of the residuals at high frequencies; give a "
+            "regularisation, or add measurement noise"
+        )
+    whitening = realisation(
+        _innovations(A, B, C, D, extra, bool(model.dt)), model.dt, outputs=base.Q.output_labels
+    )
+    names = list(base.Q.output_labels)
+    generator = ResidualGenerator(
+        series(whitening, base.Q, names),
+        series(whitening, base.R, names),
+        model.faults,
+        model.noise,
+    )
+    loud = certified_norm(_channel(generator, len(model.faults), None))
+    norms = [certified_norm(_channel(generator, j, j + 1)) for j in range(len(model.faults))]
+    return WhitenedResidual(generator, np.array(norms) / (1.0 + CERTIFIED) / loud)
+
+
+def _innovations(
+    A: NDArray[Any],
+    B: NDArray[Any],
+    C: NDArray[Any],
+    D: NDArray[Any],
+    extra: float,
+    sampled: bool,
+) -> Matrices:
+    """The filter whose output is white of size 1 where its input is (A, B, C, D) of white noise."""
+    R, S = D @ D.T + extra**2 * np.eye(len(C)), B @ D.T
+    try:
+        if not len(A):
+            Y = A
+        elif sampled:
+            Y = solve_discrete_are(A.T, C.T, B @ B.T, R, s=S)
+        else:
+            Y = solve_continuous_are(A.T, C.T, B @ B.T, R, s=S)
+        spread = R + C @ Y @ C.T if sampled else R
+        gain: NDArray[Any] = np.linalg.solve(spread, ((A @ Y if sampled else Y) @ C.T + S).T).T
+        root: NDArray[Any] = np.linalg.inv(np.linalg.cholesky(spread))
+    except LinAlgError as error:
+        raise InputError(
+            "noise has no spectral factor: it does not reach every residual at every frequency "
+            f"({' '.join(str(error).split())}); give a regularisation, or add measurement noise"
+        ) from None
+    return A - gain @ C, gain, -root @ C, root
+
+
+def _channel(generator: ResidualGenerator, first: int, last: int | None) -> StateSpace:
+    """Some columns of R."""
+    R = generator.R
+    columns = slice(first, last)
+    return realisation((R.A, R.B[:, columns], R.C, R.D[:, columns]), float(R.dt or 0.0))

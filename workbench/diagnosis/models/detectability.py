@@ -1,0 +1,223 @@
+"""Which faults can be detected, told apart, and by which structures of residuals.
+
+Fault j is detectable (thesis, equation 7.11) where a residual exists that controls and
+disturbances do not reach and the fault does: generically, rank [G_d g_j] > rank G_d. It is
+strongly detectable (7.12) at a frequency where its response there can be made nonzero, by a stable
+generator, so that a lasting fault of that frequency has a lasting effect; equation 7.12 is
+omega = 0. With other faults counted as disturbances the same tests tell which faults can be
+isolated and which rows of a structure matrix are attainable (Varga, Solving Fault Diagnosis
+Problems (2017), section 3.3).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from workbench.diagnosis.models.decoupling import GENERIC, Parity, scaled_response
+from workbench.diagnosis.models.fault_model import FaultModel
+from workbench.errors import InputError, UnknownNameError
+from workbench.input_checks import as_array
+
+EFFECT = 1e-7
+"""What rows leave of a fault below this share of what there was counts as 0."""
+MOST = 12
+"""Faults whose structures are enumerated."""
+
+
+@dataclass(frozen=True, eq=False)
+class Detectability:
+    """For each of the faults: a generic test, and one at each of the frequencies.
+
+    ``weak`` (k,) and ``strong`` (k, F) are booleans, ``omega`` (F,) [rad/s]. ``remaining`` (k,)
+    is the share of the fault's response, at random points of the s-plane, that the disturbances
+    do not span; ``masked_by`` are, for a fault that is not detectable, disturbances that hide it:
+    none of them can be left out.
+    """
+
+    faults: tuple[str, ...]
+    omega: NDArray[np.float64]
+    weak: NDArray[np.bool_]
+    strong: NDArray[np.bool_]
+    remaining: NDArray[np.float64]
+    masked_by: tuple[tuple[str, ...], ...]
+
+
+def detectability(
+    model: FaultModel, omega: ArrayLike = 0.0, *, decoupled: Sequence[str] = ()
+) -> Detectability:
+    """Weak and strong detectability of a model's faults.
+
+    Parameters
+    ----------
+    model
+        With one fault at least.
+    omega
+        Frequencies [rad/s] of the strong test; below pi / dt where sampled.
+    decoupled
+        Faults that count as disturbances; they are left out of the result.
+
+    Raises
+    ------
+    InputError
+        No fault left, frequencies negative or not finite.
+    UnknownNameError
+        A decoupled name that is no fault.
+    """
+    need_faults(model)
+    at = frequencies(model, omega)
+    model.columns(decoupled)
+    for name in decoupled:
+        if name not in model.faults:
+            raise UnknownNameError("fault", name, model.faults)
+    faults = tuple(name for name in model.faults if name not in decoupled)
+    if not faults:
+        raise InputError("every fault is decoupled; one to be detected is needed")
+    parity = Parity(model, (*model.disturbances, *decoupled))
+    remaining = _remaining(parity, faults)
+    weak = remaining > GENERIC
+    strong = np.zeros((len(faults), at.size), dtype=bool)
+    if weak.any() and at.size:
+        strong = weak[:, None] & _left(parity, faults, at)
+    masks = tuple(
+        () if seen else masking(model, name, parity.decoupled)
+        for name, seen in zip(faults, weak, strict=True)
+    )
+    return Detectability(faults, at, weak, strong, remaining, masks)
+
+
+def masking(model: FaultModel, fault: str, among: Sequence[str]) -> tuple[str, ...]:
+    """Inputs that together hide a fault, none of which can be left out.
+
+    Empty where the fault moves no output at all. Raises InputError for a fault that they do not
+    hide.
+    """
+    need_faults(model)
+    kept = list(among)
+    if _remaining(Parity(model, tuple(kept)), [fault])[0] > GENERIC:
+        raise InputError(f"{', '.join(among) or 'nothing'} does not hide the fault {fault!r}")
+    for name in among:
+        fewer = [other for other in kept if other != name]
+        if _remaining(Parity(model, tuple(fewer)), [fault])[0] <= GENERIC:
+            kept = fewer
+    return tuple(kept)
+
+
+def isolability(model: FaultModel) -> NDArray[np.bool_]:
+    """Whether fault j (row) can be detected with fault k (column) decoupled: (k, k).
+
+    The diagonal has the detectability with all other faults decoupled at once: that it is true
+    everywhere means that all faults are isolable even where they occur together.
+
+    Raises InputError without a fault.
+    """
+    need_faults(model)
+    faults = model.faults
+    found = np.zeros((len(faults), len(faults)), dtype=bool)
+    for k, other in enumerate(faults):
+        parity = Parity(model, (*model.disturbances, other))
+        found[:, k] = _remaining(parity, faults) > GENERIC
+        rest = tuple(name for name in faults if name != other)
+        alone = Parity(model, (*model.disturbances, *rest))
+        found[k, k] = _remaining(alone, [other])[0] > GENERIC
+    return found
+
+
+def attainable_structures(model: FaultModel, omega: ArrayLike | None = None) -> NDArray[np.bool_]:
+    """Every row that a structure matrix can have: which faults one residual can react to, (R, k).
+
+    Parameters
+    ----------
+    model
+        With 1 to 12 faults: 2^k - 1 rows are tested.
+    omega
+        Frequencies [rad/s] at which every fault of a row must have an effect (strong structure);
+        None: a generic effect (weak structure).
+
+    Raises
+    ------
+    InputError
+        No fault or too many, frequencies negative or not finite.
+    """
+    need_faults(model)
+    if len(model.faults) > MOST:
+        raise InputError(f"{len(model.faults)} faults have too many structures; {MOST} can be done")
+    rows = [
+        row
+        for row in product((False, True), repeat=len(model.faults))
+        if any(row) and not unattainable(model, row, omega)
+    ]
+    return np.array(rows, dtype=bool).reshape(-1, len(model.faults))
+
+
+def unattainable(
+    model: FaultModel, row: ArrayLike, omega: ArrayLike | None = None
+) -> tuple[str, ...]:
+    """The faults of a structure's row that no residual shows when those with 0 are decoupled.
+
+    Empty where the row is attainable: residuals that each show one of its faults have a
+    combination that shows all. Parameters and errors as of `attainable_structures`.
+    """
+    need_faults(model)
+    chosen = np.asarray(row)
+    if chosen.shape != (len(model.faults),) or not np.isin(chosen, (0, 1)).all():
+        raise InputError(f"row is {row!r}; it must be (k,), 0 or 1 for each of {model.faults}")
+    zeros = tuple(name for name, one in zip(model.faults, chosen, strict=True) if not one)
+    ones = [name for name, one in zip(model.faults, chosen, strict=True) if one]
+    parity = Parity(model, (*model.disturbances, *zeros))
+    seen: NDArray[np.bool_] = np.asarray(_remaining(parity, ones) > GENERIC)
+    if omega is not None and seen.all():
+        seen = np.all(_left(parity, ones, frequencies(model, omega)), axis=1)
+    return tuple(name for name, shown in zip(ones, seen, strict=True) if not shown)
+
+
+def frequencies(model: FaultModel, omega: ArrayLike) -> NDArray[np.float64]:
+    """As an array (F,); raises InputError for what is negative, not finite or above pi / dt."""
+    at = np.atleast_1d(as_array(omega, "omega"))
+    if at.ndim != 1 or not (np.isfinite(at).all() and (at >= 0.0).all()):
+        raise InputError(f"omega is {omega!r}; frequencies [rad/s] from 0 on are needed")
+    if model.dt and (at > np.pi / model.dt).any():
+        raise InputError(
+            f"omega goes to {at.max():.6g} rad/s; the model sampled at {model.dt:.6g} s has "
+            f"frequencies up to {np.pi / model.dt:.6g}"
+        )
+    return at
+
+
+def need_faults(model: FaultModel) -> None:
+    """Raise InputError for what is no model with a fault."""
+    if not isinstance(model, FaultModel):
+        raise InputError(f"model must be a FaultModel, not {type(model).__name__}")
+    if not model.faults:
+        raise InputError("the model has no fault; name one of its inputs, or add one")
+
+
+def _remaining(parity: Parity, faults: Sequence[str]) -> NDArray[Any]:
+    """Share (k,) of the faults' responses outside the span of what is decoupled."""
+    G_f = scaled_response(parity, faults)
+    if parity.decoupled:
+        U, sizes, _ = np.linalg.svd(scaled_response(parity, parity.decoupled), full_matrices=False)
+        U = U * (sizes > GENERIC)[:, None, :]
+        G_f = G_f - U @ (U.conj().swapaxes(1, 2) @ G_f)
+    return np.linalg.norm(G_f, axis=1).max(axis=0)
+
+
+def _left(parity: Parity, faults: Sequence[str], omega: NDArray[Any]) -> NDArray[np.bool_]:
+    """Whether rows of a whole basis leave anything of the faults at `omega`: (k, F)."""
+    shown = np.zeros((len(faults), omega.size), dtype=bool)
+    if not parity.count:
+        return shown
+    for place, point in enumerate(parity.points_at(omega)):
+        direct = parity.left_at(faults, point)
+        if direct is None:  # a zero of the disturbances: rows of a polynomial basis lose no rank
+            order = parity.complete
+            there = parity.effects(order, faults, np.array([point]))[0]
+            direct = parity.rows(order) @ there, np.linalg.norm(there, axis=0)
+        left, size = direct
+        shown[:, place] = np.linalg.norm(left, axis=0) > EFFECT * size
+    return shown

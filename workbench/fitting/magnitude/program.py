@@ -1,0 +1,230 @@
+"""Stable, minimum-phase rational functions through magnitude data: weights, D-scales, covers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from workbench.arrays import RealArray
+from workbench.errors import InputError, SolverError
+from workbench.executor import Context
+from workbench.fitting.magnitude.alternation import error_bound
+from workbench.fitting.magnitude.coverage import least_margin
+from workbench.fitting.rational import Rational
+from workbench.fitting.samples import as_count, as_frequencies, as_positive
+from workbench.fitting.storage import function
+from workbench.program import Check, Program, find_method, worst
+from workbench.solvers import Options
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from control import StateSpace
+    from matplotlib.figure import Figure
+
+LARGEST_ORDER = 12
+"""Largest order that `fit_magnitude` tries in search of the smallest one."""
+MATCHED = 1e-9
+"""Error at which the data count as matched."""
+ROUNDING = 2e-9
+"""Outward rounding of a cover's gain that the optimality gap lets pass."""
+
+
+@dataclass(frozen=True, eq=False)
+class MagnitudeFit(Program):
+    """W of least worst error max_i w_i | |W(j omega_i)| / m_i - 1 |, stable and minimum phase.
+
+    The optimum is global: in the coefficients of |W|^2 the problem is quasi-convex. It is certified
+    by alternation. The answer is a `Rational`.
+
+    Parameters
+    ----------
+    omega
+        Angular frequencies [rad/s] (F,), increasing, positive.
+    magnitude
+        m (F,), positive.
+    order
+        Number of poles, and of zeros, at most: n >= 0; F >= 2 n + 2 data are needed.
+    weight
+        w (F,), positive; 1 by default.
+    cover
+        Whether |W| >= m must hold, between the data too, where m is linear in log-log scale; the
+        error is then max_i w_i (|W| / m_i - 1).
+
+    Raises
+    ------
+    InputError
+        Data that are not as above; the message says which and where.
+    """
+
+    omega: Any  # arrays from here on
+    magnitude: Any
+    order: int
+    weight: Any = None
+    cover: bool = False
+
+    default_method: ClassVar[str] = "best"
+    headline: ClassVar[str] = "error_worst"
+
+    def __post_init__(self) -> None:
+        omega = as_frequencies(self.omega)
+        weight = np.ones_like(omega) if self.weight is None else self.weight
+        object.__setattr__(self, "omega", omega)
+        object.__setattr__(self, "magnitude", as_positive("magnitude", self.magnitude, omega))
+        object.__setattr__(self, "weight", as_positive("weight", weight, omega))
+        object.__setattr__(self, "order", as_count("order", self.order))
+        if 2 * self.order + 2 > omega.size:
+            raise InputError(
+                f"order {self.order} needs {2 * self.order + 2} data, there are {omega.size}: "
+                f"at most order {max(omega.size // 2 - 1, 0)} fits them"
+            )
+
+    def with_order(self, order: int) -> MagnitudeFit:
+        """The same data fitted in another order."""
+        return replace(self, order=order)
+
+    # --- errors and checks --------------------------------------------------------------------
+
+    def errors(self, answer: Rational) -> RealArray:
+        """Weighted relative errors (F,); of a cover, negative where it is too low."""
+        relative = np.abs(answer.response(self.omega)) / self.magnitude - 1
+        return np.asarray(self.weight * (relative if self.cover else np.abs(relative)))
+
+    def error(self, answer: Rational) -> float:
+        """The worst error, infinite where it is no number."""
+        value = float(np.max(self.errors(answer)))
+        return value if np.isfinite(value) else float("inf")
+
+    def checks(self, answer: Rational, tolerance: float) -> Sequence[Check]:
+        def root(kind: str) -> str:
+            return f"{kind} of largest real part over size"
+
+        checks = [
+            Check("order", "number of poles", answer.poles.size, self.order),
+            Check("stable", root("poles"), _rightmost(answer.poles), -_TINY),
+            Check("minimum phase", root("zeros"), _rightmost(answer.zeros), -_TINY),
+        ]
+        error, where = worst(self.errors(answer), lambda i: f"at {self.omega[i]:.6g} rad/s")
+        checks.append(Check("finite error", "worst weighted relative error", error, _HUGE, where))
+        if self.cover:
+            margin, omega = least_margin(self.omega, self.magnitude, answer)
+            statement = "log of data over fit, everywhere between the data too, certified"
+            checks.append(Check("cover", statement, -margin, 0.0, f"at {omega:.6g} rad/s"))
+        return checks
+
+    def bound(self, answer: Rational) -> float:
+        """An error that no fit of the order goes below, by the alternation of this one."""
+        return error_bound(self.omega, self.magnitude, self.weight, self.cover, answer, self.order)
+
+    def gap(self, answer: Rational) -> tuple[str, float]:
+        statement = "worst error above its bound by alternation, relative"
+        error = self.error(answer)
+        rounding = ROUNDING * float(self.weight.max()) * (1 + error) if self.cover else 0.0
+        if error <= MATCHED + rounding:
+            return f"{statement}; the data are matched", 0.0
+        excess = error - self.bound(answer)
+        return statement, (excess if excess < 0 else max(excess - rounding, 0.0)) / error
+
+    def metrics(self, answer: Rational) -> dict[str, float]:
+        logs = np.log(np.abs(answer.response(self.omega)) / self.magnitude)
+        metrics = {
+            "error_worst": self.error(answer),
+            "error_rms": float(np.sqrt(np.mean(logs**2))),
+            "order": answer.order,
+        }
+        if self.cover:
+            metrics["cover_margin"] = least_margin(self.omega, self.magnitude, answer)[0]
+        return metrics
+
+    # --- datasets and figures -----------------------------------------------------------------
+
+    def to_dataset(self, answer: Rational) -> xr.Dataset:
+        from workbench.fitting.magnitude.results import to_dataset
+
+        return to_dataset(self, answer)
+
+    def from_dataset(self, data: xr.Dataset) -> Rational:
+        return function(data)
+
+    def figures(self, answer: Rational) -> dict[str, Figure]:
+        from workbench.fitting.magnitude.results import figures
+
+        return figures(self, answer)
+
+
+_TINY = float(np.finfo(float).tiny)
+_HUGE = float(np.finfo(float).max)
+
+
+def fit_magnitude(
+    omega: ArrayLike,
+    magnitude: ArrayLike,
+    order: int | None = None,
+    weight: ArrayLike | None = None,
+    cover: bool = False,
+    *,
+    error: float | None = None,
+    method: str | None = None,
+    options: Options | None = None,
+) -> StateSpace:
+    """Stable, minimum-phase system whose magnitude fits data.
+
+    Parameters
+    ----------
+    omega, magnitude, order, weight, cover
+        As `MagnitudeFit`. Instead of ``order`` the worst ``error`` allowed may be given: the
+        smallest order that meets it, up to `LARGEST_ORDER`, is taken.
+    method
+        Name of a method of `MagnitudeFit`; by default ``"best"``.
+
+    Returns
+    -------
+    control.StateSpace
+        Biproper in general, of that order at most. For the roots, and a certificate, ask
+        ``solve(MagnitudeFit(...))``.
+
+    Raises
+    ------
+    InputError
+        Data that do not fit together, neither order nor error, or both.
+    SolverError
+        The method gave no valid answer, or no order meets the error.
+    """
+    options = options or Options()
+    if (order is None) == (error is None):
+        raise InputError("give either the order or the worst error allowed")
+    if order is not None:
+        program = MagnitudeFit(omega, magnitude, order, weight, cover)
+        return _answer(program, method, options).state_space()
+    if error is None or not error > 0:
+        raise InputError(f"error must be positive, not {error}")
+    least = MagnitudeFit(omega, magnitude, 0, weight, cover)
+    best = np.inf
+    for n in range(min(LARGEST_ORDER, least.omega.size // 2 - 1) + 1):
+        program = MagnitudeFit(least.omega, least.magnitude, n, least.weight, cover)
+        answer = _answer(program, method, options)
+        if program.error(answer) <= error:
+            return answer.state_space()
+        best = min(best, program.error(answer))
+    raise SolverError(
+        f"no order up to {n} has a worst error of {error:.6g}; the best reached is {best:.6g}: "
+        "allow a larger error, give an order, or smooth the data"
+    )
+
+
+def _answer(program: MagnitudeFit, method: str | None, options: Options) -> Rational:
+    answer, outcome, message = find_method(program, method).answer(program, Context(options))
+    if answer is None:
+        raise SolverError(f"{method or program.default_method}: {outcome}. {message}")
+    with np.errstate(all="ignore"):
+        failed = [check.name for check in program.checks(answer, 1.0) if not check.holds]
+    if failed:
+        raise SolverError(f"{method or program.default_method} fails: {', '.join(failed)}")
+    return answer
+
+
+def _rightmost(roots: np.ndarray) -> float:
+    return float(np.max(roots.real / np.maximum(np.abs(roots), _TINY), initial=-1.0))

@@ -1,0 +1,47 @@
+"""SLICOT's magnitude fit: a minimum phase from the magnitude, then SB10YD."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workbench.arrays import RealArray
+from workbench.executor import Context
+from workbench.fitting.magnitude.gain import finished, target_of
+from workbench.fitting.magnitude.program import MagnitudeFit
+from workbench.fitting.rational import Rational
+from workbench.fitting.slicot import sb10yd
+from workbench.program import Claim, method
+from workbench.solvers import Outcome
+
+
+@method(MagnitudeFit, "sb10yd", optimal=False)
+def _sb10yd(program: MagnitudeFit, context: Context) -> Claim:
+    """SLICOT SB10YD on the minimum-phase response of the magnitude; the best gain for its shape."""
+    target = target_of(program)
+    if program.order == 0:  # SB10YD starts at one
+        none = np.zeros(0, dtype=complex)
+        return finished(target, none, none), Outcome.SOLVED, ""
+    phase = minimum_phase(program.omega, program.magnitude)
+    response = program.magnitude * np.exp(1j * phase)
+    fit: Rational = sb10yd(program.omega, response, program.order, minimum_phase=True)
+    return finished(target, fit.zeros, fit.poles), Outcome.SOLVED, ""
+
+
+def minimum_phase(omega: RealArray, magnitude: RealArray) -> RealArray:
+    """Phase [rad] (F,) of the minimum-phase response of a magnitude (F,) at ``omega`` [rad/s].
+
+    Bode's relation, phase(u) = 1/pi integral of (d log m / d log omega) log coth(|v - u| / 2) dv,
+    exact for the log-log linear interpolant of the data that continues its outer slopes.
+    """
+    from scipy.special import spence
+
+    u, level = np.log(omega), np.log(magnitude)
+    slopes = np.diff(level) / np.diff(u)
+    slopes = np.concatenate([slopes[:1], slopes, slopes[-1:]])
+    away = np.abs(u[None] - u[:, None])
+    z = np.exp(-away)
+    # integral of log coth(t / 2) from 0, by dilogarithms
+    integral = np.pi**2 / 4 - (spence(1 - z) - spence(1 + z))
+    integral *= np.sign(u[None] - u[:, None])
+    end = np.full((u.size, 1), np.pi**2 / 4)
+    return np.asarray(np.diff(np.hstack([-end, integral, end]), axis=1) @ slopes / np.pi)

@@ -1,0 +1,250 @@
+"""A real rational function through complex frequency-response data, of the least worst error."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from workbench.arrays import ComplexArray, RealArray
+from workbench.errors import InputError, SolverError
+from workbench.fitting.rational import Rational
+from workbench.fitting.samples import as_count, as_frequencies, as_responses, as_weights
+from workbench.fitting.storage import function, roots
+from workbench.program import Check, Program, solve, worst
+from workbench.solvers import Options
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from control import StateSpace
+    from matplotlib.figure import Figure
+
+HIGHEST = 12
+"""Order up to which an order is looked for."""
+
+
+@dataclass(frozen=True)
+class Data:
+    """Frequencies [rad/s], responses and positive weights, each (F,)."""
+
+    omega: RealArray
+    response: ComplexArray
+    weight: RealArray
+
+
+@dataclass(frozen=True, eq=False)
+class ResponseFit(Program):
+    """The `Rational` R of a given order with the least max_i v_i |R(j omega_i) - g_i|.
+
+    The problem has many local minima and no cheap bound from below: no method claims the best, and
+    certificates have no gap.
+
+    Parameters
+    ----------
+    omega
+        Frequencies [rad/s], shape (F,), positive, rising.
+    response
+        g, complex, shape (F,).
+    order
+        Number of poles, at most.
+    weight
+        v, shape (F,), not negative; where it is zero a response is ignored. Default 1 / |g|: the
+        error is relative. All ones: the error is absolute. w / |g|: relative errors weighed by w.
+    stable
+        Keep every pole left of the imaginary axis.
+    minimum_phase
+        Keep every zero left of it.
+    zeros
+        Number of zeros, at most; default as many as poles.
+    error
+        A worst error that an answer must not exceed to be valid; default none.
+
+    Raises
+    ------
+    InputError
+        Anything else; more coefficients than data; a response of zero under the default weight.
+    """
+
+    omega: Any  # arrays from here on
+    response: Any
+    order: int
+    weight: Any = None
+    stable: bool = True
+    minimum_phase: bool = False
+    zeros: Any = None  # an int from here on
+    error: float | None = None
+
+    default_method: ClassVar[str] = "best"
+    headline: ClassVar[str] = "error_worst"
+
+    def __post_init__(self) -> None:
+        omega = as_frequencies(self.omega)
+        response = as_responses(self.response, omega)
+        weight = as_weights(self.weight, response, omega)
+        order = as_count("order", self.order)
+        zeros = order if self.zeros is None else as_count("zeros", self.zeros)
+        if zeros > order:
+            raise InputError(f"zeros is {zeros}; at most the order, {order}, can be had")
+        if self.error is not None and not 0 < self.error < np.inf:
+            raise InputError(f"error must be positive and finite or None, it is {self.error}")
+        fields = {"omega": omega, "response": response, "weight": weight}
+        for name, value in (fields | {"order": order, "zeros": zeros}).items():
+            object.__setattr__(self, name, value)
+        used = int(np.sum(weight > 0))
+        if 2 * used < self.coefficients:
+            raise InputError(
+                f"{used} responses of positive weight are {2 * used} real numbers, but order "
+                f"{order} with {zeros} zeros has {self.coefficients} coefficients: lower it"
+            )
+
+    @property
+    def coefficients(self) -> int:
+        return self.order + self.zeros + 1
+
+    @cached_property
+    def active(self) -> Data:
+        """The data of positive weight."""
+        used = self.weight > 0
+        return Data(self.omega[used], self.response[used], self.weight[used])
+
+    @cached_property
+    def size(self) -> float:
+        """Largest weighted datum: the worst error of a function that is zero."""
+        return float(np.max(self.active.weight * np.abs(self.active.response)))
+
+    # --- checks -------------------------------------------------------------------------------
+
+    def checks(self, answer: Rational, tolerance: float) -> Sequence[Check]:
+        error, where = worst(self.errors(answer), self._place)
+        limit = np.finfo(float).max if self.error is None else self.error
+        found = [
+            Check("order", "number of poles", answer.poles.size, self.order),
+            Check("zeros", "number of zeros", answer.zeros.size, self.zeros),
+            Check("error", "largest v |R - g|", error, float(limit), where),
+        ]
+        if self.stable:
+            found.append(_left("stable", "poles", answer.poles))
+        if self.minimum_phase:
+            found.append(_left("minimum phase", "zeros", answer.zeros))
+        return found
+
+    def errors(self, answer: Rational) -> np.ndarray:
+        """v |R - g| at every frequency, in extended precision, from the roots."""
+        s = 1j * self.omega.astype(np.longdouble)
+        value = np.full(s.shape, answer.gain, dtype=np.clongdouble)
+        for k in range(max(answer.poles.size, answer.zeros.size)):  # interleaved: no overflow
+            value *= s - answer.zeros[k] if k < answer.zeros.size else 1
+            value /= s - answer.poles[k] if k < answer.poles.size else 1
+        return np.where(self.weight > 0, self.weight * np.abs(value - self.response), 0.0)
+
+    def metrics(self, answer: Rational) -> dict[str, float]:
+        errors = self.errors(answer).astype(float)
+        return {
+            "error_worst": float(errors.max()),
+            "error_rms": float(np.sqrt(np.mean(errors[self.weight > 0] ** 2))),
+            "order": answer.poles.size,
+            "zeros": answer.zeros.size,
+        }
+
+    def _place(self, index: tuple[int, ...]) -> str:
+        return f"at {self.omega[index[0]]:.6g} rad/s"
+
+    # --- datasets and figures -----------------------------------------------------------------
+
+    def to_dataset(self, answer: Rational) -> xr.Dataset:
+        import xarray as xr
+
+        fit = answer.response(self.omega)
+        return xr.Dataset(
+            {
+                "response": ("omega", self.response, _one("response to fit")),
+                "weight": ("omega", self.weight, _one("weight of the error")),
+                "fit": ("omega", fit, _one("response of the fit")),
+                "error": ("omega", self.errors(answer).astype(float), _one("weighted error")),
+                **roots(answer, "the fit"),
+            },
+            {"omega": ("omega", self.omega, {"units": "rad/s", "long_name": "angular frequency"})},
+        )
+
+    def from_dataset(self, data: xr.Dataset) -> Rational:
+        return function(data)
+
+    def figures(self, answer: Rational) -> dict[str, Figure]:
+        from workbench.fitting.response.figures import bode, nyquist
+
+        return {"bode": bode(self, answer), "nyquist": nyquist(self, answer)}
+
+
+def fit_response(
+    omega: ArrayLike,
+    response: ArrayLike,
+    order: int | None = None,
+    weight: ArrayLike | None = None,
+    *,
+    stable: bool = True,
+    minimum_phase: bool = False,
+    zeros: int | None = None,
+    error: float | None = None,
+    method: str = "best",
+    options: Options | None = None,
+) -> StateSpace:
+    """Real rational function through complex response data, as a balanced cascade of sections.
+
+    Parameters
+    ----------
+    omega, response, weight, stable, minimum_phase, zeros
+        As of `ResponseFit`.
+    order
+        Number of poles; None: the smallest, up to 12, whose worst error is at most ``error``.
+    error
+        Worst weighted error that is asked for; needed without an order.
+    method
+        ``"best"``, ``"vector-fitting"``, ``"ipopt"``, ``"sb10yd"`` or the name of a conic solver.
+
+    Raises
+    ------
+    InputError
+        As of `ResponseFit`; neither an order nor an error.
+    SolverError
+        No valid answer, or none of the error asked for; the message names the best one reached.
+    """
+    if order is None and error is None:
+        raise InputError("neither order nor error is given: give one of them, or both")
+
+    reached: list[tuple[float, int]] = []
+    message = ""
+    for tried in range(HIGHEST + 1) if order is None else [order]:
+        most = zeros if zeros is None or order is not None else min(zeros, tried)
+        try:
+            program = ResponseFit(
+                omega, response, tried, weight, stable, minimum_phase, most, error
+            )
+        except InputError:
+            if not reached:
+                raise
+            break  # the data do not determine an order as high
+        solution = solve(program, method, options)
+        if solution.certificate is None:
+            message = solution.message
+        elif solution.certificate.valid:
+            return solution.answer.state_space()
+        else:
+            message = "; ".join(solution.certificate.failures)
+            reached.append((program.metrics(solution.answer)["error_worst"], tried))
+    best = "; best: {:.3g} at order {}".format(*min(reached)) if reached else ""
+    raise SolverError(f"{method}: no valid fit: {message}{best}")
+
+
+def _left(name: str, roots: str, values: ComplexArray) -> Check:
+    beyond = values[~(values.real < 0)]
+    where = f"the first at {beyond[0]:.6g} rad/s" if beyond.size else ""
+    statement = f"number of {roots} on or right of the imaginary axis"
+    return Check(name, statement, float(beyond.size), 0.0, where)
+
+
+def _one(long_name: str) -> dict[str, str]:
+    return {"units": "1", "long_name": long_name}

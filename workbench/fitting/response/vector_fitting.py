@@ -1,0 +1,209 @@
+"""Vector fitting: poles relocated by linear least squares, then polished towards the least peak.
+
+Gustavsen and Semlyen, IEEE Trans. Power Delivery 14(3), 1999; relaxed: Gustavsen, ibid. 21(3),
+2006.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from workbench.arrays import ComplexArray, RealArray
+from workbench.executor import Context
+from workbench.fitting.rational import Rational, paired
+from workbench.fitting.response.least_peak import polished
+from workbench.fitting.response.numerator import NumeratorBasis, numerator_for, stacked
+from workbench.fitting.response.program import ResponseFit
+from workbench.program import Claim, method
+from workbench.solvers import Outcome
+
+DAMPING = 0.01
+"""Of the starting poles."""
+ITERATIONS = 30
+SETTLED = 1e-9
+"""Relative movement of the poles at which their relocation has settled."""
+EXTRA = 4
+"""Poles beyond the order asked of a start that keeps only those that matter most."""
+EXACT = 1e-12
+"""Worst error, relative to the largest datum, below which rounding is all there is to fit."""
+
+
+@method(ResponseFit, "vector-fitting", optimal=False)
+def _vector_fitting(program: ResponseFit, context: Context) -> Claim:
+    """Relaxed vector fitting from several starts, polished by reweighted Gauss-Newton steps."""
+    return vector_fits(program, context)[0], Outcome.SOLVED, ""
+
+
+def vector_fits(program: ResponseFit, context: Context) -> list[Rational]:
+    """The fits that relocation and polishing find from each start, the least worst error first.
+
+    One that is exact to rounding stands alone.
+    """
+    found: list[tuple[float, Rational]] = []
+    for poles in context.track(starting_poles(program), "starts"):
+        for fit in _ways_in(program, relocated(program, poles)):
+            found.append(polished(program, fit))
+            if found[-1][0] <= EXACT * program.size:
+                return [found[-1][1]]
+    return [fit for _, fit in sorted(found, key=lambda pair: pair[0])]
+
+
+def starting_poles(program: ResponseFit) -> list[ComplexArray]:
+    """Sets of starting poles [rad/s]: lightly damped pairs, and the best of more such pairs.
+
+    More poles than are wanted find what fewer miss; those that matter least are then left out.
+    """
+    omega, order = program.active.omega, program.order
+    starts = [_spread(omega, order)]
+    extra = min(EXTRA, 2 * omega.size - program.coefficients - 1)
+    if order and extra > 0:
+        starts.append(_foremost(program, relocated(program, _spread(omega, order + extra))))
+    return starts
+
+
+def _ways_in(program: ResponseFit, poles: ComplexArray) -> list[Rational]:
+    """Fits of these poles to polish.
+
+    One has every zero. Where minimum phase is asked, polishing mirrors those on the right, which
+    spoils the phase; then a second has as many zeros as leave it minimum phase by itself.
+    """
+    fit = numerator_for(program, poles, program.zeros)
+    if not program.minimum_phase or fit.is_minimum_phase:
+        return [fit]
+    fewer = (numerator_for(program, poles, zeros) for zeros in range(program.zeros - 1, -1, -1))
+    return [fit, next(other for other in fewer if other.is_minimum_phase)]
+
+
+def _spread(omega: RealArray, order: int) -> ComplexArray:
+    """Poles spread over the logarithm of the frequencies, in lightly damped pairs."""
+    low, high = np.log(omega[0]), np.log(omega[-1])
+    pairs = np.exp(np.linspace(low, high, order // 2 + 2)[1:-1])
+    upper = pairs * complex(-DAMPING, 1)
+    middle = [-np.exp((low + high) / 2)] if order % 2 else []
+    return np.concatenate([upper, upper.conj(), middle])
+
+
+def _foremost(program: ResponseFit, poles: ComplexArray) -> ComplexArray:
+    """As many of the poles as the order allows, those whose partial fractions weigh most."""
+    data = program.active
+    groups = _real_groups(poles)
+    columns = [_fractions(group, data.omega) for group in groups]
+    basis = data.weight[:, None] * np.hstack([*columns, np.ones((data.omega.size, 1))])
+    solution = _least_squares(stacked(basis), stacked(data.weight * data.response))
+    ends = np.cumsum([0, *(len(group) for group in groups)])
+    parts = [basis[:, a:b] @ solution[a:b] for a, b in pairwise(ends)]
+    kept: list[complex] = []
+    for i in sorted(range(len(groups)), key=lambda i: -float(np.abs(parts[i]).max())):
+        if len(kept) + len(groups[i]) <= program.order:
+            kept += list(groups[i])
+        elif len(kept) < program.order:  # half a pair fits: a real pole of its frequency
+            kept.append(-abs(groups[i][0]))
+    return np.array(kept)
+
+
+# --- relocation ---------------------------------------------------------------------------------
+
+
+def relocated(program: ResponseFit, poles: ComplexArray) -> ComplexArray:
+    """Poles of the least worst error met while vector fitting from given ones [rad/s]."""
+    if not poles.size:
+        return poles
+    data = program.active
+    target = data.weight * data.response
+    scale = np.sqrt(data.omega[0] * data.omega[-1])
+    x = data.omega / scale
+    poles = best = poles / scale
+    zeros = poles.size - (program.order - program.zeros)  # of the relative degree asked for
+    lowest = np.inf
+    for _ in range(ITERATIONS):
+        basis = NumeratorBasis.over(x, data.weight, poles, zeros).columns
+        known = stacked(target)
+        left = known - basis @ (basis.T @ known)
+        peak = float(np.abs(left[: x.size] + 1j * left[x.size :]).max())
+        if peak < lowest:
+            lowest, best = peak, poles
+        moved = _relocate(x, target, basis, poles, program.stable)
+        change = np.abs(np.sort_complex(moved) - np.sort_complex(poles)) / np.abs(moved)
+        poles = moved
+        if change.max(initial=0.0) < SETTLED:
+            break
+    return best * scale
+
+
+def _relocate(
+    x: RealArray, target: ComplexArray, basis: RealArray, poles: ComplexArray, stable: bool
+) -> ComplexArray:
+    """Zeros of the denominator over the present one, from one linear least-squares problem.
+
+    Numerator / present = target (1 + ...) is linear; the numerator is projected out, and the
+    sum of the denominator's values is fixed instead of its leading coefficient (relaxation).
+    """
+    groups = _real_groups(poles)
+    fractions = np.hstack([*(_fractions(group, x) for group in groups), np.ones((x.size, 1))])
+    columns = stacked(target[:, None] * fractions)
+    columns -= basis @ (basis.T @ columns)
+    weight = np.linalg.norm(target) / x.size
+    rows = np.vstack([columns, weight * fractions.real.sum(axis=0)])
+    right = np.append(np.zeros(len(columns)), weight * x.size)
+    size = np.linalg.norm(rows, axis=0)
+    size[size == 0] = 1.0
+    solution = _least_squares(rows / size, right) / size
+    share, constant = solution[:-1], solution[-1]
+    constant = np.copysign(max(abs(constant), 1e-8), constant)
+    matrix, column = _realisation(groups)
+    moved = np.linalg.eigvals(matrix - np.outer(column, share / constant))
+    if stable:
+        moved = -np.abs(moved.real) + 1j * moved.imag
+    tiny = 1e-12 * np.maximum(np.abs(moved), x[0])  # on the axis a fraction may be infinite
+    near = np.abs(moved.real) < tiny
+    moved[near] = (-tiny + 1j * moved.imag)[near]
+    return paired(moved)
+
+
+def _real_groups(poles: ComplexArray) -> list[ComplexArray]:
+    """Real poles and conjugate pairs, each with its own partial fractions."""
+    groups = [np.array([p]) for p in poles[poles.imag == 0]]
+    return groups + [np.array([p, p.conjugate()]) for p in poles[poles.imag > 0]]
+
+
+def _fractions(group: ComplexArray, x: RealArray) -> ComplexArray:
+    """Partial fractions with real coefficients of a real pole or a conjugate pair, (F, 1 or 2)."""
+    if group.size == 1:
+        return 1 / (1j * x - group[0])[:, None]
+    one, other = 1 / (1j * x - group[0]), 1 / (1j * x - group[1])
+    return np.column_stack([one + other, 1j * (one - other)])
+
+
+def _realisation(groups: list[ComplexArray]) -> tuple[RealArray, RealArray]:
+    """A and b of which the fractions are the states."""
+    from scipy.linalg import block_diag
+
+    blocks = [
+        np.array([[p[0].real]]) if p.size == 1
+        else np.array([[p[0].real, p[0].imag], [-p[0].imag, p[0].real]])
+        for p in groups
+    ]  # fmt: skip
+    entries = [[1.0] if p.size == 1 else [2.0, 0.0] for p in groups]
+    return block_diag(*blocks), np.concatenate([np.zeros(0), *entries])
+
+
+def _least_squares(rows: RealArray, right: RealArray) -> RealArray:
+    """Least squares by a QR decomposition of blocks, of their triangles, and so on.
+
+    Blocks are small enough for one thread each: on a tall matrix the threads of a linear-algebra
+    library take longer to meet than to compute, and far longer on a busy machine.
+    """
+    left: np.ndarray = np.column_stack([rows, right])
+    width = left.shape[1]
+    block = 4 * width
+    while len(left) > block:
+        count = -(-len(left) // block)
+        padded = np.zeros((count * block, width))
+        padded[: len(left)] = left
+        triangles: Any = np.linalg.qr(padded.reshape(count, block, width), mode="r")
+        left = triangles.reshape(-1, width)
+    solution: RealArray = np.linalg.lstsq(left[:, :-1], left[:, -1])[0]
+    return solution

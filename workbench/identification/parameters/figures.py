@@ -1,0 +1,93 @@
+"""Figures of identification: fits over their data, one period of a multisine."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from workbench import figures
+from workbench.identification.experiments.crest_factor import CrestFactor, schroeder_phases
+from workbench.identification.parameters.measured import Measured, MeasuredRecord, MeasuredResponse
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def fit_figures(data: Sequence[Measured], values: Mapping[str, float]) -> dict[str, Figure]:
+    """One figure for each response and record, by its name."""
+    drawn = {}
+    for datum in data:
+        stem = "-".join(datum.name.lower().split())
+        if isinstance(datum, MeasuredResponse):
+            drawn[stem] = response_figure(datum, values)
+        elif isinstance(datum, MeasuredRecord):
+            drawn[stem] = record_figure(datum, values)
+    return drawn
+
+
+def response_figure(datum: MeasuredResponse, values: Mapping[str, float]) -> Figure:
+    """Magnitude, phase and weighted error of every entry over frequency."""
+    figure, panels = figures.axes(3, 1, size=(7.0, 7.0), sharex=True)
+    count = len(datum.frequency)
+    measured = datum.response.reshape(count, -1)
+    model = datum.predicted(values).reshape(count, -1)
+    for entry in range(measured.shape[1]):
+        color = figures.CYCLE[entry % len(figures.CYCLE)]
+        name = "" if measured.shape[1] == 1 else f", entry {entry}"
+        dots: dict[str, Any] = {"marker": ".", "linestyle": "none", "color": color, "alpha": 0.5}
+        for panel, part in ((panels[0], np.abs), (panels[1], _degrees)):
+            panel.plot(datum.frequency, part(measured[:, entry]), label=f"measured{name}", **dots)
+            panel.plot(
+                datum.frequency, part(model[:, entry]), color=figures.BLACK, label=f"model{name}"
+            )
+        error = np.abs(model - measured)[:, entry] * datum.weights[:, entry]
+        panels[2].plot(datum.frequency, error, **dots)
+    panels[0].set_yscale("log")
+    panels[0].set_ylabel("magnitude [1]")
+    panels[1].set_ylabel("phase [deg]")
+    panels[2].set_ylabel("|error| / std" if datum.weighted else "|error| [1]")
+    panels[2].set_xlabel("frequency [Hz]")
+    for panel in panels:
+        panel.set_xscale("log")
+    panels[0].set_title(datum.name)
+    figures.legend_below(figure, panels[0])
+    return figure
+
+
+def record_figure(datum: MeasuredRecord, values: Mapping[str, float]) -> Figure:
+    """Each output over the samples, and its simulation."""
+    figure, panels = figures.axes(len(datum.y), 1, size=(7.0, 2.0 + 2.0 * len(datum.y)))
+    for index, (panel, measured, model) in enumerate(
+        zip(panels, datum.y, datum.predicted(values), strict=True)
+    ):
+        panel.plot(measured, color=figures.BLUE, alpha=0.6, label="measured")
+        panel.plot(model, color=figures.BLACK, label="model")
+        panel.set_ylabel(f"output {index} [1]")
+    panels[-1].set_xlabel("sample")
+    panels[0].set_title(datum.name)
+    figures.legend_below(figure, panels[0])
+    return figure
+
+
+def crest_factor_figure(program: CrestFactor, phases: np.ndarray) -> Figure:
+    """One period in units of its root mean square, beside Schroeder's."""
+    figure, (panel,) = figures.axes()
+    points = 16 * int(program.lines[-1])
+    time = np.arange(points) / points
+    schroeder = schroeder_phases(program.lines, program.amplitudes)
+    for values, name, color in (
+        (schroeder, "Schroeder", figures.SKY),
+        (phases, "answer", figures.BLUE),
+    ):
+        signal = program.multisine(values).period(points) / program.rms
+        panel.plot(time, signal, color=color, label=f"{name}: {np.abs(signal).max():.3f}")
+    panel.set_xlabel("time [periods]")
+    panel.set_ylabel("signal over its rms [1]")
+    figures.legend_below(figure, panel)
+    return figure
+
+
+def _degrees(values: np.ndarray) -> np.ndarray:
+    return np.degrees(np.angle(values))

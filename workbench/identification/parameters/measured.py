@@ -1,0 +1,271 @@
+"""What a model is fitted to: measured responses and measured records, each with its model.
+
+A model is a Python function, evaluated twice: with numbers, for the checks, and with CasADi's
+symbols, for exact derivatives.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from workbench.errors import InputError
+from workbench.identification.experiments.quality import as_record
+from workbench.identification.parameters.complex_pair import Pair
+from workbench.identification.responses.periodic import ResponseEstimate
+
+Values = Mapping[str, Any]
+"""Parameters by name: numbers, or symbols."""
+
+
+class Measured(Protocol):
+    """Data, its model, and the residuals between them in units of their standard deviation."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def degrees(self) -> float: ...
+    @property
+    def weighted(self) -> bool: ...
+    @property
+    def count(self) -> int: ...
+    @property
+    def size(self) -> float: ...
+    def residuals(self, values: Mapping[str, float]) -> np.ndarray: ...
+    def expression(self, names: Sequence[str], vector: Any) -> Any: ...
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredResponse:
+    """A response and the model ``model(p, s)`` of it.
+
+    Parameters
+    ----------
+    model
+        Function of the parameters by name and of s = j omega [rad/s]; returns the response, or
+        nested lists (outputs of inputs). Arithmetic, powers and NumPy's exp, log and sqrt are
+        understood: a delay is ``np.exp(-s * p["delay"])``.
+    frequency
+        [Hz], shape (F,).
+    response
+        Complex, shape (F,) or (F, outputs, inputs).
+    variance
+        E|error|^2 of each entry, real and imaginary part together; None: alike everywhere, and
+        estimated from what the fit leaves.
+    degrees
+        Degrees of freedom of the variance where it was itself estimated: 2 (M - 1) of M periods.
+    name
+        For messages and figures.
+    """
+
+    model: Callable[[Values, Any], Any]
+    frequency: Any
+    response: Any
+    variance: Any = None
+    degrees: float = np.inf
+    name: str = "response"
+
+    def __post_init__(self) -> None:
+        frequency = as_record(self.frequency, f"frequency of {self.name}")
+        response = np.asarray(self.response, dtype=complex)
+        if response.shape[:1] != frequency.shape or response.ndim not in (1, 3):
+            raise InputError(
+                f"{self.name} needs shape ({len(frequency)},) or ({len(frequency)}, outputs, "
+                f"inputs), not {response.shape}"
+            )
+        wrong = ~np.isfinite(response).reshape(len(frequency), -1).all(axis=1)
+        if wrong.any():
+            raise InputError(f"{self.name} is not finite at {frequency[np.argmax(wrong)]:g} Hz")
+        _set(self, frequency=frequency, response=response)
+        _set(self, variance=_variance(self.variance, response.shape, self.name))
+        if not self.degrees > 4:
+            raise InputError(
+                f"the variance of {self.name} has {self.degrees:g} degrees of freedom: its weights "
+                "are useless below 6; measure four periods or more"
+            )
+
+    @classmethod
+    def of(
+        cls, model: Callable[[Values, Any], Any], estimate: ResponseEstimate, name: str = "response"
+    ) -> MeasuredResponse:
+        """The model of an estimated response, weighted by its variance."""
+        arrays = estimate.response, estimate.variance
+        if estimate.response.shape[1:] == (1, 1):
+            arrays = estimate.response[:, 0, 0], estimate.variance[:, 0, 0]
+        return cls(model, estimate.frequency, *arrays, estimate.degrees, name)
+
+    @property
+    def weighted(self) -> bool:
+        """The variance is given."""
+        return self.variance is not None
+
+    @property
+    def count(self) -> int:
+        """Real numbers measured."""
+        return 2 * self.response.size
+
+    @property
+    def weights(self) -> np.ndarray:
+        """One over the standard deviation of either part, shape (F, entries)."""
+        entries = self.response.reshape(len(self.response), -1)
+        if self.variance is None:
+            return np.ones(entries.shape)
+        return np.sqrt(2 / self.variance.reshape(entries.shape))
+
+    @property
+    def size(self) -> float:
+        """Norm of the measurement in the residuals' unit."""
+        return float(np.linalg.norm(self.response.reshape(self.weights.shape) * self.weights))
+
+    def predicted(self, values: Values) -> np.ndarray:
+        """The model's response, shaped as the measured one."""
+        s = 2j * np.pi * self.frequency
+        entries = list(_entries(self.model(values, s)))
+        if len(entries) * len(s) != self.response.size:
+            raise InputError(
+                f"the model of {self.name} gives {len(entries)} entries, the data have "
+                f"{self.response.size // len(s)}"
+            )
+        columns = [np.broadcast_to(np.asarray(e, dtype=complex), s.shape) for e in entries]
+        return np.stack(columns, axis=1).reshape(self.response.shape)
+
+    def residuals(self, values: Mapping[str, float]) -> np.ndarray:
+        """Model less measurement over its standard deviation, real parts first."""
+        error = (self.predicted(values) - self.response).reshape(self.weights.shape) * self.weights
+        return np.concatenate([error.real.ravel(), error.imag.ravel()])
+
+    def expression(self, names: Sequence[str], vector: Any) -> Any:
+        """The same as a CasADi expression of a vector of the parameters, in any order."""
+        import casadi as ca
+
+        p, omega = ca.SX.sym("p", len(names)), ca.SX.sym("omega")
+        pairs = {name: Pair(p[i]) for i, name in enumerate(names)}
+        entries = [Pair.of(e) for e in _entries(self.model(pairs, Pair(0.0, omega)))]
+        parts = ca.vertcat(*(e.real for e in entries), *(e.imag for e in entries))
+        count = len(self.frequency)
+        every = ca.Function("response", [p, omega], [parts]).map(count)
+        model = every(ca.repmat(vector, 1, count), ca.DM(2 * np.pi * self.frequency).T)
+        data = self.response.reshape(count, -1)
+        weights = np.hstack([self.weights, self.weights])
+        return ca.vec((model - ca.DM(np.hstack([data.real, data.imag]).T)) * ca.DM(weights.T))
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredRecord:
+    """Samples in time and the model ``step(p, x, u)`` that simulates them.
+
+    Parameters
+    ----------
+    step
+        Function of the parameters by name, the list of states and the list of inputs at one
+        sample; returns the list of states at the next sample and the list of outputs at this one.
+        Arithmetic and CasADi's functions are understood.
+    initial
+        Function of the parameters; returns the list of states at the first sample.
+    u
+        Inputs, shape (inputs, N).
+    y
+        Outputs, shape (outputs, N).
+    variance
+        Of the noise of each output, white, shape (outputs,); None as for a response.
+    name
+        For messages and figures.
+    """
+
+    step: Callable[[Values, Sequence[Any], Sequence[Any]], tuple[Sequence[Any], Sequence[Any]]]
+    initial: Callable[[Values], Sequence[Any]]
+    u: Any
+    y: Any
+    variance: Any = None
+    name: str = "record"
+
+    def __post_init__(self) -> None:
+        u = np.atleast_2d(as_record(self.u, f"u of {self.name}"))
+        y = np.atleast_2d(as_record(self.y, f"y of {self.name}"))
+        if u.shape[1] != y.shape[1]:
+            raise InputError(f"{self.name}: u has {u.shape[1]} samples, y has {y.shape[1]}")
+        _set(self, u=u, y=y, variance=_variance(self.variance, y.shape[:1], self.name))
+
+    @property
+    def degrees(self) -> float:
+        return np.inf
+
+    @property
+    def weighted(self) -> bool:
+        """The variance is given."""
+        return self.variance is not None
+
+    @property
+    def count(self) -> int:
+        """Real numbers measured."""
+        return self.y.size
+
+    @property
+    def weights(self) -> np.ndarray:
+        """One over the standard deviation of each output, shape (outputs, 1)."""
+        outputs = len(self.y)
+        return np.ones((outputs, 1)) if self.variance is None else self.variance[:, None] ** -0.5
+
+    @property
+    def size(self) -> float:
+        """Norm of the measurement in the residuals' unit."""
+        return float(np.linalg.norm(self.y * self.weights))
+
+    def predicted(self, values: Values) -> np.ndarray:
+        """The simulated outputs, shape (outputs, N)."""
+        state: Sequence[Any] = list(self.initial(values))
+        outputs = []
+        for inputs in self.u.T:
+            state, output = self.step(values, state, list(inputs))
+            outputs.append(output)
+        return np.array(outputs, dtype=float).T
+
+    def residuals(self, values: Mapping[str, float]) -> np.ndarray:
+        """Simulation less measurement over its standard deviation."""
+        return ((self.predicted(values) - self.y) * self.weights).ravel()
+
+    def expression(self, names: Sequence[str], vector: Any) -> Any:
+        """The same as a CasADi expression of a vector of the parameters, in any order."""
+        import casadi as ca
+
+        p, u = ca.SX.sym("p", len(names)), ca.SX.sym("u", len(self.u))
+        values = {name: p[i] for i, name in enumerate(names)}
+        first = ca.vertcat(*self.initial(values))
+        x = ca.SX.sym("x", first.numel())
+        state, output = self.step(values, ca.vertsplit(x), ca.vertsplit(u))
+        one = ca.Function("step", [x, p, u], [ca.vertcat(*state), ca.vertcat(*output)])
+        samples = self.u.shape[1]
+        start = ca.Function("initial", [p], [first])(vector)
+        simulated = one.mapaccum(samples)(start, ca.repmat(vector, 1, samples), ca.DM(self.u))[1]
+        return ca.vec((simulated - ca.DM(self.y)) * ca.DM(np.tile(self.weights, (1, samples))))
+
+
+def _entries(value: Any) -> Iterator[Any]:
+    """The entries of nested lists, row by row."""
+    if isinstance(value, list | tuple):
+        for part in value:
+            yield from _entries(part)
+    else:
+        yield value
+
+
+def _variance(value: Any, shape: tuple[int, ...], name: str) -> np.ndarray | None:
+    if value is None:
+        return None
+    variance = np.asarray(value, dtype=float)
+    if variance.ndim and variance.shape != shape:
+        raise InputError(f"the variance of {name} needs shape {shape}, not {variance.shape}")
+    if not np.all((variance > 0) & np.isfinite(variance)):
+        raise InputError(
+            f"the variance of {name} must be positive and finite everywhere; leave it out where "
+            "the noise is not known"
+        )
+    return np.broadcast_to(variance, shape)
+
+
+def _set(instance: Any, **values: Any) -> None:
+    for name, value in values.items():
+        object.__setattr__(instance, name, value)

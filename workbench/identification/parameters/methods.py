@@ -1,0 +1,106 @@
+"""Least squares for parameters: IPOPT with exact derivatives, SciPy without CasADi."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from workbench.executor import Context
+from workbench.identification.parameters.program import ParameterFit
+from workbench.program import Claim, method
+from workbench.solvers import Outcome, ipopt, ipopt_outcome
+
+PASSES = 6
+"""Times that IPOPT starts anew from its answer, in units of the standard deviations there."""
+PROXIMAL = 1e-6
+"""Curvature added about each start, in those units, for directions that the data cannot see."""
+
+Local = Callable[[np.ndarray], tuple[np.ndarray, float, Outcome, str]]
+"""From a start to values, their sum of squares, the outcome and the solver's own words."""
+
+
+@method(ParameterFit, "ipopt", optimal=False)
+def _ipopt(program: ParameterFit, context: Context) -> Claim:
+    """Nonlinear program with exact first and second derivatives."""
+    import casadi as ca
+
+    count = len(program.names)
+    with context.stating():
+        x, origin, unit = (ca.MX.sym(name, count) for name in ("x", "origin", "unit"))
+        values = ca.MX.sym("values", count)
+        parts = [one.expression(program.names, values) for one in program.data]
+        residuals = ca.Function("residuals", [values], [ca.vertcat(*parts)])
+        spread = ca.MX.sym("spread")
+        misfit = residuals(origin + unit * x) / spread
+        # The proximal term is gone from the optimum once a pass ends where it began.
+        cost = ca.sumsqr(misfit) / 2 + PROXIMAL * ca.sumsqr(x) / 2
+        nlp = {"x": x, "p": ca.vertcat(origin, unit, spread), "f": cost}
+        solver = ipopt("fit", nlp, context.options)
+        slope = residuals.jacobian()
+
+    def local(start: np.ndarray) -> tuple[np.ndarray, float, Outcome, str]:
+        values, step = start, program.scale
+        for number in range(PASSES):
+            left = residuals(values).full()
+            # Where the fit is exact, rounding remains.
+            spread = max(float(np.linalg.norm(left)), 1e-12 * program.size) / program.count**0.5
+            if number:
+                # The gradient that IPOPT stops at is then a number of standard deviations.
+                slopes = np.linalg.norm(slope(values, left).full(), axis=0)
+                step = spread / np.maximum(slopes, 1e-9 * spread / program.scale)
+            found = solver(
+                x0=np.zeros(count),
+                p=np.concatenate([values, step, [spread]]),
+                lbx=(program.lower - values) / step,
+                ubx=(program.upper - values) / step,
+            )
+            moved = found["x"].full().ravel()
+            outcome, message = ipopt_outcome(solver)
+            if not np.all(np.isfinite(moved)):
+                break
+            values = np.clip(values + step * moved, program.lower, program.upper)
+            if outcome is not Outcome.SOLVED or (number and np.abs(moved).max() < 1e-4):
+                break
+        return values, float(np.sum(residuals(values).full() ** 2)), outcome, message
+
+    return _best(program, context, local)
+
+
+@method(ParameterFit, "scipy", optimal=False)
+def _scipy(program: ParameterFit, context: Context) -> Claim:
+    """SciPy's trust-region least squares, derivatives by central differences."""
+    from scipy.optimize import least_squares
+
+    def local(start: np.ndarray) -> tuple[np.ndarray, float, Outcome, str]:
+        scale = program.scale
+        found = least_squares(
+            lambda x: program.residuals(scale * x),
+            start / scale,
+            jac="3-point",
+            bounds=(program.lower / scale, program.upper / scale),
+            x_scale="jac",
+            ftol=1e-14,
+            xtol=1e-12,
+            gtol=None,  # absolute, where the residuals' unit may be any
+            max_nfev=500,
+        )
+        values = np.clip(scale * found.x, program.lower, program.upper)
+        outcome = Outcome.SOLVED if found.status > 0 else Outcome.FAILED
+        return values, 2 * float(found.cost), outcome, f"scipy: {found.message}"
+
+    return _best(program, context, local)
+
+
+def _best(program: ParameterFit, context: Context, local: Local) -> Claim:
+    """The least sum of squares from all starts, whatever the solver says of it.
+
+    A Hessian that is singular because the data cannot tell parameters apart ends in a status of
+    failure at the right place: the certificate then names the combination.
+    """
+    points = program.starting_points(context.rng)
+    found = [local(start) for start in context.track(points, "starts")]
+    values, cost, outcome, message = min(
+        found, key=lambda one: one[1] if np.isfinite(one[1]) else np.inf
+    )
+    return (values if np.isfinite(cost) else None), outcome, message

@@ -1,0 +1,201 @@
+"""Physical parameters of a model from measured responses and records."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from workbench.errors import InputError, SolverError
+from workbench.identification.experiments.quality import IdentificationWarning
+from workbench.identification.parameters.least_squares import AT_BOUND, LeastSquares, Parameter
+from workbench.identification.parameters.measured import Measured
+from workbench.program import Check, Program, solve
+from workbench.solvers import Options
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
+
+STATIONARY = 1e-3
+"""Change of the residuals by a Newton step to the optimum, over their norm, that is let pass."""
+
+
+@dataclass(frozen=True, eq=False)
+class ParameterFit(LeastSquares, Program):
+    """Weighted nonlinear least squares: parameters by which models meet their data.
+
+    The answer is the values, shape (n,), in the order of ``parameters``. The residuals are in
+    units of their standard deviation. The problem may have local minima, so no method claims the
+    best; raise ``starts`` where that is feared. Data and errors are those of `LeastSquares`.
+    """
+
+    default_method: ClassVar[str] = "ipopt"
+    headline: ClassVar[str] = "chi_square"
+
+    def checks(self, answer: Any, tolerance: float) -> Sequence[Check]:
+        values = self._values(answer)
+        finite = np.all(np.isfinite(values))
+        outside = np.maximum(self.lower - values, values - self.upper) / self.scale
+        bounds = Check(
+            "bounds",
+            "distance beyond a bound, relative to the parameter's scale",
+            float(np.max(outside)) if finite else float("nan"),
+            1e-8,
+            f"of {self.names[int(np.argmax(outside))]}",
+        )
+        if not finite:
+            return [bounds]
+        residuals, seen = self.residuals(values), self.identifiability(values)
+        identifiable = Check(
+            "identifiable",
+            "largest over smallest singular value of the scaled Jacobian",
+            seen.condition,
+            1e9,
+            "; ".join(seen.blind),
+        )
+        stationary = Check(
+            "stationary",
+            "Newton's step to the optimum, bounds kept, by how it changes the residuals, over "
+            "their norm (1e-9 of the data's, or with variance given 1, if that is more)",
+            self._newton_step(values, residuals) / self._ground(residuals),
+            STATIONARY,
+        )
+        return [bounds, stationary, identifiable, self._definite(values)]
+
+    def _definite(self, values: np.ndarray) -> Check:
+        """The covariance of the free parameters is one, by its correlation matrix."""
+        covariance = self.covariance(values)
+        free = ~self.active(values)
+        inner = covariance[np.ix_(free, free)]
+        smallest = 1.0
+        if free.any():
+            sigma = np.sqrt(np.diag(inner))
+            correlation = inner / np.outer(sigma, sigma)
+            usable = np.all(np.isfinite(correlation))
+            smallest = float(np.linalg.eigvalsh(correlation)[0]) if usable else float("nan")
+        return Check(
+            "covariance", "minus the smallest eigenvalue of the correlations", -smallest, 0.0
+        )
+
+    def _ground(self, residuals: np.ndarray) -> float:
+        """Below it a change of the residuals means nothing: noise, or rounding of exact data."""
+        noise = float(np.linalg.norm(residuals))
+        return max(noise, 1e-9 * self.size, 1.0 if self.weighted else 0.0)
+
+    def _newton_step(self, values: np.ndarray, residuals: np.ndarray) -> float:
+        """sqrt(g' H^-1 g) over the parameters that may move, H of Gauss and Newton."""
+        jacobian = self.jacobian(values) * self.scale
+        gradient = jacobian.T @ residuals
+        near = AT_BOUND * self.scale
+        held = ((values - self.lower <= near) & (gradient > 0)) | (
+            (self.upper - values <= near) & (gradient < 0)
+        )
+        if held.all():
+            return 0.0
+        u, s, _ = np.linalg.svd(jacobian[:, ~held], full_matrices=False)
+        seen = s > 1e-9 * s[0]  # along what the data cannot see there is no optimum to miss
+        return float(np.linalg.norm(u.T[seen] @ residuals))
+
+    def metrics(self, answer: Any) -> dict[str, float]:
+        values = self._values(answer)
+        ratio, p = self.chi_square(values)
+        numbers = {"chi_square": ratio, "chi_square_p": p}
+        numbers["active_bounds"] = int(np.sum(self.active(values)))
+        numbers["condition"] = self.identifiability(values).condition
+        for name, value, half in zip(self.names, values, self.intervals(values), strict=True):
+            numbers |= {name: float(value), f"{name}_half_width_99": float(half)}
+        return numbers
+
+    def tables(self, answer: Any) -> dict[str, str]:
+        values = self._values(answer)
+        rows = ["| parameter | value | 99 % interval, +- |", "| --- | --- | --- |"]
+        for name, value, half in zip(self.names, values, self.intervals(values), strict=True):
+            rows.append(f"| {name} | {value:.6g} | {half:.2g} |")
+        return {"parameters": "\n".join([*rows, "", *(f"- {n}" for n in self.notes(values))])}
+
+    def figures(self, answer: Any) -> dict[str, Figure]:
+        from workbench.identification.parameters.figures import fit_figures
+
+        named = dict(zip(self.names, map(float, self._values(answer)), strict=True))
+        return fit_figures(self.data, named)
+
+    def to_dataset(self, answer: Any) -> xr.Dataset:
+        from workbench.identification.parameters.datasets import fit_dataset
+
+        return fit_dataset(self, self._values(answer))
+
+    def from_dataset(self, data: xr.Dataset) -> np.ndarray:
+        return data["value"].values
+
+    def _values(self, answer: Any) -> np.ndarray:
+        values = np.asarray(answer, dtype=float)
+        if values.shape != (len(self.names),):
+            raise InputError(f"{len(self.names)} values are needed, not shape {values.shape}")
+        return values
+
+
+@dataclass(frozen=True, eq=False)
+class ParameterEstimate:
+    """Fitted parameters: values by name, their covariance, and what to know before using them."""
+
+    values: Mapping[str, float]
+    covariance: np.ndarray
+    half_widths: Mapping[str, float]
+    chi_square: float
+    notes: tuple[str, ...]
+
+    def __getitem__(self, name: str) -> float:
+        return self.values[name]
+
+
+def fit_parameters(
+    data: Measured | Sequence[Measured],
+    parameters: Mapping[str, Parameter],
+    *,
+    method: str = "ipopt",
+    confidence: float = 0.99,
+    options: Options | None = None,
+) -> ParameterEstimate:
+    """Parameters by which models meet their data, with the half-widths of their intervals.
+
+    Parameters
+    ----------
+    data, parameters
+        As `ParameterFit`; a single datum may stand alone.
+    method
+        ``"ipopt"`` or ``"scipy"``.
+    confidence
+        Of the intervals.
+
+    Raises
+    ------
+    SolverError
+        The method gave no valid answer; the message says which check fails, for instance that
+        the data cannot tell parameters apart.
+
+    Warns
+    -----
+    IdentificationWarning
+        Active bounds, parameters hardly seen, residuals larger than the variance allows.
+    """
+    program = ParameterFit(data if isinstance(data, Sequence) else [data], parameters)
+    solution = solve(program, method, options)
+    if solution.certificate is None or not solution.certificate.valid:
+        failures = () if solution.certificate is None else solution.certificate.failures
+        raise SolverError("; ".join([f"{method}: {solution.message}", *failures]))
+    values = program._values(solution.answer)
+    notes = tuple(program.notes(values))
+    for note in notes:
+        warnings.warn(note, IdentificationWarning, stacklevel=2)
+    halves = program.intervals(values, confidence)
+    return ParameterEstimate(
+        values=dict(zip(program.names, map(float, values), strict=True)),
+        covariance=program.covariance(values),
+        half_widths=dict(zip(program.names, map(float, halves), strict=True)),
+        chi_square=program.chi_square(values)[0],
+        notes=notes,
+    )

@@ -1,0 +1,98 @@
+"""Frequency response with its variance from a single arbitrary record: local polynomial method.
+
+In a narrow band around each frequency the response and the transients of the record's two ends are
+polynomials of the frequency; least squares over the band's lines gives both, and its residual the
+noise.
+
+Source: R. Pintelon, J. Schoukens, G. Vandersteen and K. Barbe, "Estimation of nonparametric noise
+and FRF models for multivariable systems", Mechanical Systems and Signal Processing 24, 2010.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from workbench.arrays import ComplexArray, RealArray
+from workbench.errors import InputError
+from workbench.identification.state_space.innovations import checked_record
+
+
+@dataclass(frozen=True, eq=False)
+class LocalPolynomial:
+    """A response over F frequencies and what is known of its errors.
+
+    frequency (F,) [cycles/sample]; response (F, ny, nu); covariance (F, ny nu, ny nu) of the
+    response's entries, row by row; noise (F, ny, ny), covariance of the output noise's discrete
+    Fourier transform, which is scaled by 1/sqrt(N).
+    """
+
+    frequency: RealArray
+    response: ComplexArray
+    covariance: ComplexArray
+    noise: ComplexArray
+
+    @property
+    def variance(self) -> RealArray:
+        """E|error|^2 of each entry (F, ny, nu)."""
+        diagonal = np.einsum("fii->fi", self.covariance).real
+        result: RealArray = diagonal.reshape(self.response.shape)
+        return result
+
+
+def local_polynomial(
+    u: ArrayLike, y: ArrayLike, degree: int = 2, lines: int | None = None
+) -> LocalPolynomial:
+    """Response from u (N, nu) to y (N, ny), at every line of the record between 0 and 1/2.
+
+    Parameters
+    ----------
+    degree
+        Degree of the polynomials.
+    lines
+        Lines of a band; by default eight more than there are unknowns. More of them lower the
+        variance and blur resonances.
+
+    Raises
+    ------
+    InputError
+        As `checked_record`; the band has too few lines for its unknowns, the record too few for
+        the band.
+    """
+    u, y = checked_record(u, y)
+    samples, nu = u.shape
+    unknowns = (degree + 1) * (nu + 1)
+    width = unknowns + 8 if lines is None else lines
+    spectra = [np.fft.rfft(x - x.mean(axis=0), axis=0) / np.sqrt(samples) for x in (u, y)]
+    # Line 0 is the mean, which is removed; the last one of an even record is real.
+    U, Y = (spectrum[1 : (samples + 1) // 2] for spectrum in spectra)
+    if width <= unknowns or width > len(U):
+        raise InputError(
+            f"bands of {width} lines in a record that has {len(U)}: more than {unknowns} are "
+            f"needed for {nu} inputs and degree {degree}; take a longer record or a lower degree"
+        )
+    first = np.clip(np.arange(len(U)) - width // 2, 0, len(U) - width)
+    band = first[:, None] + np.arange(width)
+    offset = (band - np.arange(len(U))[:, None]) / width
+    powers = offset[..., None] ** np.arange(degree + 1)
+    columns = np.concatenate([U[band], np.ones((*band.shape, 1))], axis=2)
+    regressors = (powers[..., None] * columns[:, :, None]).reshape(*band.shape, unknowns)
+
+    # A unit norm for each column: inputs may differ by orders of magnitude.
+    scale = np.linalg.norm(regressors, axis=1)
+    Q, R = np.linalg.qr(regressors / scale[:, None])
+    theta = np.linalg.solve(R, Q.conj().swapaxes(1, 2) @ Y[band]) / scale[..., None]
+    left = Y[band] - regressors @ theta
+    noise = left.swapaxes(1, 2) @ left.conj() / (width - unknowns)
+    inverse = np.linalg.inv(R)[:, :nu] / scale[:, :nu, None]
+    spread = inverse @ inverse.conj().swapaxes(1, 2)
+    covariance = np.einsum("fij,fkl->fikjl", noise, spread)
+    size = Y.shape[1] * nu
+    return LocalPolynomial(
+        np.arange(1, len(U) + 1) / samples,
+        theta[:, :nu].swapaxes(1, 2),
+        covariance.reshape(len(U), size, size),
+        noise,
+    )

@@ -1,0 +1,224 @@
+"""Frequency responses from periodic experiments, with the region that holds the true one.
+
+The mean of M periods of circular complex normal samples of variance S^2 (real and imaginary part
+together, equation 4.14) obeys
+
+    |mean - truth|^2 / (S^2 / M)       ~ F(2, 2 M - 2)
+    Re(mean - truth) / (S / sqrt(2 M)) ~ t(2 M - 2), and the imaginary part alike.
+
+Equation 4.15 of the thesis uses t(M - 1) and S for either part; at M = 10 it is 1.3 times as wide
+as the disc and 1.6 times as wide as the interval of one part.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import stats
+
+from workbench.errors import InputError
+from workbench.identification.experiments.quality import IdentificationWarning
+from workbench.identification.responses.assumptions import Assumptions, assess
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+@dataclass(frozen=True, eq=False)
+class ResponseEstimate:
+    """A measured response.
+
+    Parameters
+    ----------
+    frequency
+        [Hz], shape (F,).
+    response
+        Complex, shape (F, outputs, inputs).
+    variance
+        E|error|^2 of each entry of the response, same shape.
+    degrees
+        Degrees of freedom of the variance, counted in real numbers.
+    """
+
+    frequency: np.ndarray
+    response: np.ndarray
+    variance: np.ndarray
+    degrees: float
+
+    @property
+    def omega(self) -> np.ndarray:
+        """[rad/s]"""
+        return 2 * np.pi * self.frequency
+
+    def radius(self, confidence: float = 0.99) -> np.ndarray:
+        """Radius of the disc in the complex plane that holds the truth with this confidence."""
+        return np.sqrt(stats.f.ppf(confidence, 2, self.degrees) * self.variance)
+
+    def half_width(self, confidence: float = 0.99) -> np.ndarray:
+        """Half-width of the interval of the real part, or of the imaginary part."""
+        return stats.t.ppf((1 + confidence) / 2, self.degrees) * np.sqrt(self.variance / 2)
+
+    def to_dataset(self) -> xr.Dataset:
+        """Response, variance and the radius at 99 %, labelled."""
+        import xarray as xr
+
+        dims = ("frequency", "output", "input")
+        variables = {
+            "response": (dims, self.response, {"units": "1", "long_name": "response"}),
+            "variance": (dims, self.variance, {"units": "1", "long_name": "E|error|^2"}),
+            "radius": (dims, self.radius(), {"units": "1", "long_name": "radius at 99 %"}),
+        }
+        unit = {"units": "Hz", "long_name": "frequency"}
+        return xr.Dataset(
+            variables,
+            coords={"frequency": ("frequency", self.frequency, unit)},
+            attrs={"degrees": self.degrees},
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class PeriodicResponse(ResponseEstimate):
+    """A response from averaged periods, with the noise of one period.
+
+    Parameters
+    ----------
+    input_covariance, output_covariance, cross_covariance
+        Of the amplitudes of a single period, shapes (F, inputs, inputs), (F, outputs, outputs)
+        and (F, outputs, inputs); the last is E[y u^H].
+    periods
+        Averaged.
+    assumptions
+        What the tests say of the noise.
+    """
+
+    input_covariance: np.ndarray
+    output_covariance: np.ndarray
+    cross_covariance: np.ndarray
+    periods: int
+    assumptions: Assumptions
+
+
+def from_periods(
+    frequency: ArrayLike, u: ArrayLike, y: ArrayLike, *, transients: int = 0
+) -> PeriodicResponse:
+    """Errors-in-variables response from the amplitudes of repeated periods (equations 4.9-4.15).
+
+    G = Y U^-1 of the averaged amplitudes, which converges although the input is measured with
+    noise, in open and in closed loop. Its error is (dY - G dU) U^-1 to first order, whose variance
+    is taken from the scatter of Y - G U over the periods: the cross terms are in it.
+
+    Parameters
+    ----------
+    frequency
+        [Hz], shape (F,).
+    u
+        Complex amplitudes, shape (F, periods), or (F, periods, inputs, experiments) with as many
+        experiments as inputs. The noise is taken to be alike in all experiments.
+    y
+        Shape (F, periods), or (F, periods, outputs, experiments).
+    transients
+        Leading periods to discard.
+
+    Raises
+    ------
+    InputError
+        Fewer than two periods left; a dead channel; NaN; experiments that do not tell the inputs
+        apart.
+
+    Warns
+    -----
+    IdentificationWarning
+        Excitation that does not stand out of its own noise.
+    """
+    frequencies = np.atleast_1d(np.asarray(frequency, dtype=float))
+    inputs, outputs = _amplitudes(u, "u", frequencies), _amplitudes(y, "y", frequencies)
+    count = inputs.shape[2]
+    if inputs.shape[3] != count or outputs.shape[3] != count or outputs.shape[1] != inputs.shape[1]:
+        raise InputError(
+            f"{count} inputs need {count} experiments, and inputs and outputs the same periods; "
+            f"u has shape {inputs.shape}, y has {outputs.shape}"
+        )
+    inputs, outputs = inputs[:, transients:], outputs[:, transients:]
+    periods = inputs.shape[1]
+    if transients < 0 or periods < 2:
+        raise InputError(
+            f"{periods} periods are left after {transients} of transients: two are needed for a "
+            "variance, four for the intervals of a fit"
+        )
+    _require_signal(inputs, "input")
+    _require_signal(outputs, "output")
+    mean_u, mean_y = inputs.mean(axis=1), outputs.mean(axis=1)
+    condition = np.linalg.cond(mean_u)
+    if not np.all(condition < 1e8):
+        at = frequencies[int(np.argmax(condition))]
+        raise InputError(f"the experiments do not tell the inputs apart at {at:g} Hz: excite anew")
+    inverse = np.linalg.inv(mean_u)
+    response = mean_y @ inverse
+    du, dy = inputs - mean_u[:, None], outputs - mean_y[:, None]
+    residual = dy - response[:, None] @ du
+    spare = count * (periods - 1)
+    noise = np.sum(np.abs(residual) ** 2, axis=(1, 3)) / spare
+    gain = np.sum(np.abs(inverse) ** 2, axis=1)
+    covariance = _covariance(du, du) / spare
+    _warn_of_weak_input(frequencies, mean_u, covariance, periods)
+    return PeriodicResponse(
+        frequency=frequencies,
+        response=response,
+        variance=noise[:, :, None] * gain[:, None, :] / periods,
+        degrees=2.0 * spare,
+        input_covariance=covariance,
+        output_covariance=_covariance(dy, dy) / spare,
+        cross_covariance=_covariance(dy, du) / spare,
+        periods=periods,
+        assumptions=assess(np.moveaxis(residual, 1, -1).reshape(-1, periods)),
+    )
+
+
+def _amplitudes(values: ArrayLike, name: str, frequency: np.ndarray) -> np.ndarray:
+    array = np.asarray(values, dtype=complex)
+    array = array[:, :, None, None] if array.ndim == 2 else array
+    if array.ndim != 4 or len(array) != len(frequency):
+        raise InputError(
+            f"{name} needs shape ({len(frequency)}, periods) or ({len(frequency)}, periods, "
+            f"channels, experiments), not {np.shape(values)}"
+        )
+    wrong = ~np.isfinite(array).all(axis=(1, 2, 3))
+    if wrong.any():
+        raise InputError(f"{name} is not finite at {frequency[np.argmax(wrong)]:g} Hz")
+    return array
+
+
+def _require_signal(amplitudes: np.ndarray, name: str) -> None:
+    dead = ~amplitudes.any(axis=(0, 1, 3))
+    if dead.any():
+        raise InputError(
+            f"{name} {np.argmax(dead)} is dead: no amplitude at any frequency; check its cable "
+            "and range, or leave it out"
+        )
+
+
+def _covariance(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Sum of a b^H over periods and experiments, shape (F, channels of a, channels of b)."""
+    return np.einsum("fpie,fpje->fij", a, b.conj())
+
+
+def _warn_of_weak_input(
+    frequency: np.ndarray, mean: np.ndarray, covariance: np.ndarray, periods: int
+) -> None:
+    """To first order the ratio's error is normal; not where the input is hardly seen."""
+    smallest = np.linalg.svd(mean, compute_uv=False)[:, -1]
+    noise = np.sqrt(np.einsum("fii->f", covariance).real / periods)
+    weak = smallest < 5 * noise
+    if weak.any():
+        at = frequency[int(np.argmin(smallest / np.where(noise > 0, noise, np.inf)))]
+        warnings.warn(
+            f"the excitation at {weak.sum()} frequencies, the worst at {at:g} Hz, is less than "
+            "five times its own noise: the response is biased and its region too small; raise the "
+            "amplitude or average more periods",
+            IdentificationWarning,
+            stacklevel=3,
+        )

@@ -1,0 +1,125 @@
+"""The response of a system from one arbitrary record, by averaged spectra."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from workbench.errors import InputError
+from workbench.identification.experiments.quality import as_record, require_alive
+from workbench.identification.responses.periodic import ResponseEstimate
+
+
+@dataclass(frozen=True, eq=False)
+class SpectralResponse(ResponseEstimate):
+    """A response from averaged spectra.
+
+    Parameters
+    ----------
+    noise
+        Power spectral density, one-sided, of what the inputs do not explain, per Hz, shape
+        (F, outputs).
+    coherence
+        Share of each output's power that the inputs explain, shape (F, outputs).
+    segments
+        Effective number of independent segments.
+    """
+
+    noise: np.ndarray
+    coherence: np.ndarray
+    segments: float
+
+
+def spectral_response(
+    u: ArrayLike, y: ArrayLike, sample_rate: float, segment: int
+) -> SpectralResponse:
+    """Spectral estimate G = S_yu S_uu^-1 of equation 4.3, by Welch's averages, with its variance.
+
+    Hann windows over segments that overlap by half. To the lines of the segments it is a linear
+    regression, whose residuals give the variance; overlapping segments count for the independent
+    ones they are worth (Welch, IEEE Trans. Audio Electroacoust. 15(2), 1967). The inputs are taken
+    as free of noise and of feedback from the output's noise. Resonances narrower than a few
+    sample_rate / segment are flattened, which the variance does not tell: try a longer segment.
+
+    Parameters
+    ----------
+    u
+        Shape (N,) or (inputs, N).
+    y
+        Shape (N,) or (outputs, N).
+    sample_rate
+        [Hz]
+    segment
+        Samples in a segment.
+
+    Returns
+    -------
+    SpectralResponse
+        At the lines between 0 and Nyquist, without both.
+
+    Raises
+    ------
+    InputError
+        NaN, a dead channel, lengths that differ, too few segments for the inputs, or inputs that
+        move together at some frequency.
+    """
+    inputs, outputs = np.atleast_2d(as_record(u, "u")), np.atleast_2d(as_record(y, "y"))
+    require_alive(inputs, "u")
+    require_alive(outputs, "y")
+    if inputs.shape[1] != outputs.shape[1]:
+        raise InputError(f"u has {inputs.shape[1]} samples, y has {outputs.shape[1]}")
+    if segment < 8:
+        raise InputError(f"a segment needs 8 samples or more, not {segment}")
+    hop = segment // 2
+    count = (inputs.shape[1] - segment) // hop + 1
+    window = np.hanning(segment + 1)[:-1]
+    segments = _independent(count, window, hop)
+    spare = segments - len(inputs)
+    if count < 1 or spare < 1:
+        raise InputError(
+            f"{inputs.shape[1]} samples make {max(count, 0)} half-overlapping segments of "
+            f"{segment}: too few for {len(inputs)} inputs; shorten the segment or measure longer"
+        )
+    lines = slice(1, (segment + 1) // 2)
+    spectra_u, spectra_y = (_spectra(x, window, hop)[..., lines] for x in (inputs, outputs))
+    uu = np.einsum("isf,jsf->fij", spectra_u, spectra_u.conj()) / count
+    yu = np.einsum("isf,jsf->fij", spectra_y, spectra_u.conj()) / count
+    frequency = np.arange(segment // 2 + 1)[lines] * sample_rate / segment
+    condition = np.linalg.cond(uu)
+    if not np.all(condition < 1e12):
+        at = frequency[int(np.argmax(condition))]
+        raise InputError(f"the inputs do not excite at {at:g} Hz, or move together: excite anew")
+    inverse = np.linalg.inv(uu)
+    response = yu @ inverse
+    # Residuals segment by segment: S_yy - G S_uy would cancel where the coherence is near one.
+    residual = spectra_y - np.einsum("fij,jsf->isf", response, spectra_u)
+    unexplained = np.mean(np.abs(residual) ** 2, axis=1).T
+    noise = unexplained * segments / spare
+    power = np.mean(np.abs(spectra_y) ** 2, axis=1).T
+    spread = np.einsum("fjj->fj", inverse).real
+    return SpectralResponse(
+        frequency=frequency,
+        response=response,
+        variance=noise[:, :, None] * spread[:, None, :] / segments,
+        degrees=2 * spare,
+        noise=2 * noise / (sample_rate * np.sum(window**2)),
+        coherence=1 - unexplained / power,
+        segments=segments,
+    )
+
+
+def _spectra(record: np.ndarray, window: np.ndarray, hop: int) -> np.ndarray:
+    """Windowed spectra, shape (channels, segments, lines), each channel less its mean."""
+    record = record - record.mean(axis=1, keepdims=True)
+    cut = np.lib.stride_tricks.sliding_window_view(record, len(window), axis=1)[:, ::hop]
+    return np.fft.rfft(cut * window, axis=-1)
+
+
+def _independent(count: int, window: np.ndarray, hop: int) -> float:
+    """How many independent segments as many overlapping ones are worth."""
+    if count < 1:
+        return 0.0
+    overlap = np.sum(window[hop:] * window[:-hop]) / np.sum(window**2)
+    return count / (1 + 2 * (1 - 1 / count) * overlap**2)

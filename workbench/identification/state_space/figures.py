@@ -1,0 +1,117 @@
+"""Figures of identified state-space models, from their dataset."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from workbench import figures
+from workbench.identification.state_space.validation import BOUND
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
+
+
+def held_out(data: xr.Dataset, title: str) -> Figure:
+    """Measured and modelled outputs, and what is left, on the samples held out."""
+    outputs = data["output"].values
+    figure, panels = figures.axes(
+        2 * len(outputs), 1, size=(8.0, 2.1 * 2 * len(outputs)), sharex=True
+    )
+    scored = data.isel(time=slice(int(data.attrs["washout"]), None))
+    for i, output in enumerate(outputs):
+        signal, error = panels[2 * i], panels[2 * i + 1]
+        one = data.sel(output=output)
+        signal.plot(one["time"], one["measured"], color=figures.BLACK, lw=0.9, label="measured")
+        signal.plot(
+            one["time"], one["free_run"], color=figures.ORANGE, lw=0.9, label="simulator, free run"
+        )
+        signal.plot([], [], color=figures.BLUE, lw=0.9, label="predictor, one step")
+        left = scored.sel(output=output)
+        for name, colour in (("free_run", figures.ORANGE), ("one_step", figures.BLUE)):
+            error.plot(left["time"], left["measured"] - left[name], color=colour, lw=0.7)
+        signal.set_ylabel(str(output))
+        error.set_ylabel(f"error of {output}")
+    panels[0].set_title(f"{title}, samples held out")
+    panels[-1].set_xlabel("time [samples]")
+    figures.legend_below(figure, panels[0])
+    return figure
+
+
+def response(data: xr.Dataset, title: str) -> Figure:
+    """Magnitudes of the simulator and of the nonparametric response with its 99 % radius."""
+    rows, columns = data.sizes["output"], data.sizes["input"]
+    figure, panels = figures.axes(rows, columns, size=(4.4 * columns, 3.2 * rows), sharex=True)
+    frequency = data["frequency"].values
+    # |error|^2 of a circular complex estimate is exponentially distributed around its variance.
+    radius = np.sqrt(-np.log(0.01) * data["variance"])
+    for k, panel in enumerate(panels):
+        place = {"output": k // columns, "input": k % columns}
+        one = data.isel(place)
+        panel.loglog(
+            frequency, abs(one["nonparametric"]), ".", color=figures.BLUE, ms=2.5,
+            label="nonparametric",
+        )  # fmt: skip
+        panel.loglog(
+            frequency, radius.isel(place), color=figures.SKY, lw=0.7, label="its 99 % radius"
+        )
+        panel.loglog(frequency, abs(one["response"]), color=figures.ORANGE, label="simulator")
+        output, source = str(one["output"].values), str(one["input"].values)
+        panel.set_title(f"{source} to {output}")
+        if k >= len(panels) - columns:
+            panel.set_xlabel("frequency [cycles/sample]")
+        if k % columns == 0:
+            panel.set_ylabel(f"magnitude, {output} [1]")
+    figure.suptitle(title)
+    figures.legend_below(figure, panels[0])
+    return figure
+
+
+def residuals(data: xr.Dataset) -> Figure:
+    """Correlations of the predictor's errors with their past and the inputs, and the 99 % bound."""
+    outputs, inputs = data["output"].values, data["input"].values
+    columns = 1 + len(inputs)
+    figure, panels = figures.axes(len(outputs), columns, size=(3.2 * columns, 2.7 * len(outputs)))
+    for k, panel in enumerate(panels):
+        output, column = outputs[k // columns], k % columns
+        if column == 0:
+            values, axis = data["autocorrelation"].sel(output=output), "lag"
+            panel.set_title(f"error of {output} with its past")
+            panel.set_ylabel("standard deviations")
+        else:
+            source = inputs[column - 1]
+            values, axis = data["cross_correlation"].sel(output=output, input=source), "shift"
+            panel.set_title(f"error of {output} with {source}")
+        panel.vlines(values[axis], 0, values, color=figures.BLUE, label="correlation")
+        panel.axhspan(-BOUND, BOUND, color=figures.AMBER, alpha=0.25, lw=0, label="99 % if none")
+        if k >= len(panels) - columns:
+            panel.set_xlabel("error later than input [samples]" if column else "lag [samples]")
+    figures.legend_below(figure, panels[0])
+    return figure
+
+
+def validation(data: xr.Dataset) -> Figure:
+    """Fits within the estimation part over the order, of predictors and of simulators."""
+    figure, panels = figures.axes(1, 2, size=(9.0, 4.0))
+    fits = data["validation_fit"].where(np.isfinite(data["validation_fit"]))
+    uses = (("one_step", "predictor"), ("free_run", "simulator"))
+    for panel, (use, name) in zip(panels, uses, strict=True):
+        one = fits.sel(use=use)
+        for i, output in enumerate(data["output"].values):
+            panel.plot(
+                data["order"], one.sel(output=output), marker=".", color=figures.CYCLE[i],
+                label=str(output),
+            )  # fmt: skip
+        panel.plot(
+            data["order"], one.mean("output"), color=figures.BLACK, marker="o", ms=4,
+            label="mean, which chooses",
+        )  # fmt: skip
+        chosen = data.sizes[f"{name}_state"]
+        panel.axvline(chosen, color=figures.BLACK, lw=0.8, ls=":", label="chosen order")
+        panel.set_title(f"{name}, {use.replace('_', ' ')}")
+        panel.set_xlabel("order")
+    panels[0].set_ylabel("fit in validation [%]")
+    figures.legend_below(figure, panels[0])
+    return figure

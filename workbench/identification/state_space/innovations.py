@@ -1,0 +1,130 @@
+"""State-space models in innovations form, and how well they predict and simulate a record.
+
+    x(t+1) = A x + B u + K e,    y = C x + D u + e,    e white
+
+Discrete time with a sampling time of one; u and y are deviations from offsets.
+Source: L. Ljung, System Identification, 2nd ed., 1999, sections 4.3 and 16.4.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.signal import dlsim
+
+from workbench.arrays import ComplexArray, RealArray
+from workbench.errors import InputError
+from workbench.identification.experiments.quality import as_record, require_alive
+
+if TYPE_CHECKING:
+    from control import StateSpace
+
+
+@dataclass(frozen=True, eq=False)
+class InnovationsModel:
+    """A (n, n), B (n, nu), C (ny, n), D (ny, nu), K (n, ny); offsets (nu,) and (ny,)."""
+
+    A: RealArray
+    B: RealArray
+    C: RealArray
+    D: RealArray
+    K: RealArray
+    u_offset: RealArray
+    y_offset: RealArray
+
+    @property
+    def order(self) -> int:
+        return len(self.A)
+
+    @property
+    def radius(self) -> float:
+        """Spectral radius of A; below 1 the model is stable."""
+        return float(np.max(np.abs(np.linalg.eigvals(self.A)), initial=0.0))
+
+    @property
+    def predictor_radius(self) -> float:
+        """Spectral radius of A - K C; below 1 the one-step predictor is stable."""
+        return float(np.max(np.abs(np.linalg.eigvals(self.A - self.K @ self.C)), initial=0.0))
+
+    def system(self) -> StateSpace:
+        """From u to y, sampling time one."""
+        import control
+
+        return control.ss(self.A, self.B, self.C, self.D, 1.0)
+
+    def response(self, frequency: ArrayLike) -> ComplexArray:
+        """From u to y at `frequency` [cycles/sample] (F,): (F, ny, nu)."""
+        z = np.exp(2j * np.pi * np.asarray(frequency, dtype=float))[:, None, None]
+        states = np.linalg.solve(z * np.eye(self.order) - self.A, self.B + 0j * z)
+        return np.asarray(self.C @ states + self.D, dtype=complex)
+
+    def one_step(self, u: RealArray, y: RealArray, washout: int) -> RealArray:
+        """One-step predictions of y (N, ny) from a record u (N, nu), y (N, ny).
+
+        The initial state is the one that predicts the first `washout` samples best.
+        """
+        inputs = np.hstack([u - self.u_offset, y - self.y_offset])
+        B = np.hstack([self.B - self.K @ self.D, self.K])
+        D = np.hstack([self.D, np.zeros((len(self.C), len(self.C)))])
+        return self._run(self.A - self.K @ self.C, B, D, inputs, y, washout)
+
+    def free_run(self, u: RealArray, y: RealArray, washout: int) -> RealArray:
+        """Simulation of y (N, ny) from u (N, nu) alone.
+
+        The initial state, and it alone, comes from the first `washout` samples of y.
+        """
+        return self._run(self.A, self.B, self.D, u - self.u_offset, y, washout)
+
+    def _run(
+        self,
+        A: RealArray,
+        B: RealArray,
+        D: RealArray,
+        inputs: RealArray,
+        y: RealArray,
+        washout: int,
+    ) -> RealArray:
+        x0 = initial_state((A, B, self.C, D), inputs[:washout], (y - self.y_offset)[:washout])
+        output: RealArray = dlsim((A, B, self.C, D, 1.0), inputs, x0=x0)[1]
+        return output + self.y_offset
+
+
+def initial_state(
+    system: tuple[RealArray, RealArray, RealArray, RealArray], u: RealArray, y: RealArray
+) -> RealArray:
+    """The state (n,) from which a system explains a record u (N, nu), y (N, ny) best."""
+    A, _, C, _ = system
+    observed = np.empty((len(y), *C.shape))
+    row = C
+    for t in range(len(y)):
+        observed[t] = row
+        row = row @ A
+    forced = dlsim((*system, 1.0), u)[1]
+    left = (y - forced).ravel()
+    state: RealArray = np.linalg.lstsq(observed.reshape(-1, len(A)), left, rcond=None)[0]
+    return state
+
+
+def checked_record(u: ArrayLike, y: ArrayLike) -> tuple[RealArray, RealArray]:
+    """A record as float arrays u (N, nu) and y (N, ny).
+
+    Raises
+    ------
+    InputError
+        Wrong shapes or unequal lengths, values that are not finite, a channel that never changes.
+    """
+    pair = []
+    for name, values in (("u", u), ("y", y)):
+        if np.ndim(values) != 2:
+            raise InputError(
+                f"{name} has shape {np.shape(values)}; an array of samples by channels is needed"
+            )
+        channels = as_record(np.transpose(values), name)
+        require_alive(channels, name)
+        pair.append(channels.T)
+    if len(pair[0]) != len(pair[1]):
+        raise InputError(f"u has {len(pair[0])} samples and y {len(pair[1])}; they must be equal")
+    return pair[0], pair[1]

@@ -1,0 +1,364 @@
+"""State-space models of a record, one to predict and one to simulate it.
+
+Prediction and simulation are two uses of a model. Where a record is not quite linear, no model of
+low order is best at both: one-step prediction may put slow misfit of the plant on the account of
+the noise, which a simulation cannot. So each use has its own model, estimated by the criterion of
+that use and of the order that validates best in it. Both are chosen in the first part of the record
+and judged on the rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from workbench.arrays import RealArray
+from workbench.errors import InputError
+from workbench.executor import Context
+from workbench.identification.responses.local_polynomial import LocalPolynomial, local_polynomial
+from workbench.identification.state_space import figures as drawn
+from workbench.identification.state_space.innovations import InnovationsModel, checked_record
+from workbench.identification.state_space.prediction_error import refine
+from workbench.identification.state_space.subspace import HORIZONS, best_subspace, order_fits
+from workbench.identification.state_space.validation import (
+    autocorrelation,
+    cross_correlation,
+    nrmse_fit,
+    share_outside,
+)
+from workbench.program import Check, Claim, Program, method
+from workbench.solvers import Outcome
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
+
+USES = ("one_step", "free_run")
+"""What the predictor and the simulator are for, each named as the method of the model."""
+MODELS = ("predictor", "simulator")
+SIMULATION_WEIGHTS = (0.0, 1.0)
+"""Weights of free-run errors in the prediction-error method: the predictor is the
+maximum-likelihood estimate, the simulator explains its free run as much as its prediction."""
+MATRICES = {
+    "A": ("{}_state", "{}_state_"), "B": ("{}_state", "input"), "C": ("output", "{}_state"),
+    "D": ("output", "input"), "K": ("{}_state", "output"),
+    "u_offset": ("input",), "y_offset": ("output",),
+}  # fmt: skip
+LAGS = 25
+"""Lags of the residual tests."""
+VALIDATED = 1 / 3
+"""Share of the estimation part that an order is validated on, once at its end, once at its start:
+both folds leave one unbroken record to estimate from."""
+
+Fit = Callable[[RealArray, RealArray], InnovationsModel | None]
+"""From a record u (N, nu), y (N, ny) to a model; None where the method finds no stable one."""
+Way = Callable[[int], Fit]
+"""From an order to a way of fitting models of it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Identified:
+    """A model for each use, and the validation fits [%] that chose their orders.
+
+    scores: (uses, orders, ny), one-step fits of predictors and free-run fits of simulators.
+    """
+
+    predictor: InnovationsModel
+    simulator: InnovationsModel
+    scores: RealArray
+
+
+@dataclass(frozen=True, eq=False)
+class StateSpaceFit(Program):
+    """Linear models of a record in innovations form: one to predict it, one to simulate it.
+
+    The predictor's order is that of the best one-step fit in validation, the simulator's that of
+    the best free-run fit; the prediction-error method also weighs free-run errors only for the
+    simulator. A fit of one step is the predictor's and a free-run fit the simulator's.
+
+    Only the first `estimation` samples may be used to estimate and to choose the orders; the rest
+    judges, once. Wherever a model is judged, its initial state comes from the first `washout`
+    samples, which are left out of the score.
+
+    Parameters
+    ----------
+    u, y
+        Inputs (N, nu) and outputs (N, ny), one row per sample.
+    estimation
+        Samples that methods may use.
+    orders
+        Numbers of states to choose from.
+    washout
+        Samples that an initial state is estimated from.
+
+    Raises
+    ------
+    InputError
+        NaN or a dead channel in the record, too few samples for washout or orders.
+    """
+
+    u: RealArray
+    y: RealArray
+    estimation: int
+    orders: tuple[int, ...] = (2, 4, 6, 8)
+    washout: int = 50
+    title: str = field(default="record", kw_only=True)
+
+    default_method: ClassVar[str] = "prediction-error"
+    headline: ClassVar[str] = "fit_free_run_y1"
+
+    def __post_init__(self) -> None:
+        u, y = checked_record(self.u, self.y)
+        object.__setattr__(self, "u", u)
+        object.__setattr__(self, "y", y)
+        object.__setattr__(self, "orders", tuple(sorted(set(self.orders))))
+        shortest = min(round(self.estimation * VALIDATED), len(u) - self.estimation)
+        if shortest <= self.washout + LAGS or self.washout < 1:
+            raise InputError(
+                f"{len(u)} samples with {self.estimation} for estimation leave parts of {shortest} "
+                f"to judge on; more than washout + {LAGS} = {self.washout + LAGS} are needed: "
+                "take a longer record or a shorter washout"
+            )
+        if not self.orders:
+            raise InputError("no orders to choose from; give at least one")
+        samples = self.estimation - round(self.estimation * VALIDATED)
+        for order in (self.orders[0], self.orders[-1]):
+            self._refuse_order(order, samples)
+
+    def _refuse_order(self, order: int, samples: int) -> None:
+        nu, ny = self.u.shape[1], self.y.shape[1]
+        parameters = order * (2 * ny + nu) + ny * nu
+        known = any(order_fits(order, past, samples, nu, ny) for past in HORIZONS)
+        if not known or 4 * parameters > samples * ny:
+            raise InputError(
+                f"order {order} does not fit the data: its {parameters} free parameters would be "
+                f"estimated from {samples * ny} output samples, and at least four times as many "
+                "as parameters are needed; choose lower orders (at least 1) or a longer record"
+            )
+
+    def validate(self, fit: Fit) -> RealArray:
+        """Mean fits [%] of a way of fitting over the folds of the estimation part, (uses, ny).
+
+        Minus infinity where it finds no stable model.
+        """
+        u, y = self.u[: self.estimation], self.y[: self.estimation]
+        cut = round(self.estimation * VALIDATED)
+        folds = ((slice(None, -cut), slice(-cut, None)), (slice(cut, None), slice(None, cut)))
+        total = np.zeros((len(USES), y.shape[1]))
+        for used, left in folds:
+            model = fit(u[used], y[used])
+            if model is None:
+                return np.full_like(total, -np.inf)
+            total += self.fits(model, model, u[left], y[left]) / len(folds)
+        return total
+
+    def fits(
+        self, predictor: InnovationsModel, simulator: InnovationsModel, u: RealArray, y: RealArray
+    ) -> RealArray:
+        """Fit of each output [%] on a record without its washout, (uses, ny): one step of the
+        predictor, free run of the simulator."""
+        runs = (predictor.one_step, simulator.free_run)
+        rows = [
+            nrmse_fit(y[self.washout :], run(u, y, self.washout)[self.washout :]) for run in runs
+        ]
+        return np.array(rows)
+
+    def identify(self, predictors: Way, simulators: Way, context: Context) -> Identified | None:
+        """Validate every order, take for each use the one of the best mean fit in that use, and
+        fit it to all that may be used; None where no order gives a stable model."""
+        ways = (predictors, simulators)
+        tried = [(way, order) for way in dict.fromkeys(ways) for order in self.orders]
+        fits = {
+            (way, order): self.validate(way(order))
+            for way, order in context.track(tried, "validation")
+        }
+        scores = np.array(
+            [[fits[way, order][use] for order in self.orders] for use, way in enumerate(ways)]
+        )
+        predictor, simulator = (
+            self._best(way, means) for way, means in zip(ways, scores.mean(axis=-1), strict=True)
+        )
+        if predictor is None or simulator is None:
+            return None
+        return Identified(predictor, simulator, scores)
+
+    def _best(self, way: Way, means: RealArray) -> InnovationsModel | None:
+        """The model of the whole estimation part whose order validated best, if it is stable;
+        else of the next order."""
+        used = slice(None, self.estimation)
+        for place in np.argsort(-means, kind="stable"):
+            if np.isfinite(means[place]):
+                model = way(self.orders[place])(self.u[used], self.y[used])
+                if model is not None:
+                    return model
+        return None
+
+    @cached_property
+    def nonparametric(self) -> LocalPolynomial:
+        """Response of the estimation part without a model."""
+        return local_polynomial(self.u[: self.estimation], self.y[: self.estimation])
+
+    def checks(self, answer: Identified, tolerance: float) -> list[Check]:
+        rest = slice(self.estimation, None)
+        missed = 1 - self._fits(answer, rest) / 100
+        radii = [
+            (name, matrix, radius)
+            for name in MODELS
+            for matrix, radius in (
+                ("A", getattr(answer, name).radius),
+                ("A - K C", getattr(answer, name).predictor_radius),
+            )
+        ]
+        return [
+            *(
+                Check(f"stable {name}, {matrix}", "spectral radius", radius, 1.0)
+                for name, matrix, radius in radii
+            ),
+            *(
+                Check(
+                    use.replace("_", " "),
+                    "error on the samples held out, over that of the mean",
+                    float(np.max(row)),
+                    1.0,
+                    f"of y{int(np.argmax(row)) + 1}",
+                )
+                for use, row in zip(USES, missed, strict=True)
+            ),
+        ]
+
+    def metrics(self, answer: Identified) -> dict[str, float]:
+        parts = {"": slice(self.estimation, None), "estimation_": slice(None, self.estimation)}
+        numbers: dict[str, float] = {}
+        for part, used in parts.items():
+            for use, row in zip(USES, self._fits(answer, used), strict=True):
+                numbers |= {f"{part}fit_{use}_y{i + 1}": float(v) for i, v in enumerate(row)}
+        own, crossed = self.residual_tests(answer.predictor)
+        return numbers | {
+            "order": float(answer.predictor.order),
+            "order_free_run": float(answer.simulator.order),
+            "residual_autocorrelations_outside": share_outside(own),
+            "residual_input_correlations_outside": share_outside(crossed[LAGS:]),
+        }
+
+    def _fits(self, answer: Identified, part: slice) -> RealArray:
+        return self.fits(answer.predictor, answer.simulator, self.u[part], self.y[part])
+
+    def residual_tests(self, model: InnovationsModel) -> tuple[RealArray, RealArray]:
+        """`autocorrelation` and `cross_correlation` of one-step errors on the samples held out."""
+        u, y = self.u[self.estimation :], self.y[self.estimation :]
+        errors = (y - model.one_step(u, y, self.washout))[self.washout :]
+        return autocorrelation(errors, LAGS), cross_correlation(errors, u[self.washout :], LAGS)
+
+    def tables(self, answer: Identified) -> dict[str, str]:
+        outputs = [f"y{i + 1}" for i in range(self.y.shape[1])]
+        heads = [f"{use.replace('_', ' ')} {of} [%]" for use in USES for of in (*outputs, "mean")]
+        lines = ["| order | " + " | ".join(heads) + " |", "| ---: |" + " ---: |" * len(heads)]
+        for order, score in zip(self.orders, answer.scores.swapaxes(0, 1), strict=True):
+            cells = " | ".join(f"{x:.2f}" for row in score for x in (*row, row.mean()))
+            lines.append(f"| {order} | {cells} |")
+        return {"validation": "\n".join(lines) + "\n"}
+
+    def figures(self, answer: Identified) -> dict[str, Figure]:
+        data = self.to_dataset(answer)
+        return {
+            "held-out": drawn.held_out(data, self.title),
+            "response": drawn.response(data, self.title),
+            "residuals": drawn.residuals(data),
+            "validation": drawn.validation(data),
+        }
+
+    def to_dataset(self, answer: Identified) -> xr.Dataset:
+        import xarray as xr
+
+        predictor, simulator = answer.predictor, answer.simulator
+        estimate = self.nonparametric
+        u, y = self.u[self.estimation :], self.y[self.estimation :]
+        grid = ("frequency", "output", "input")
+        own, crossed = self.residual_tests(predictor)
+        held = ("time", "output")
+        return xr.Dataset(
+            {
+                **{
+                    f"{name}_{matrix}": (
+                        tuple(dim.format(name) for dim in dims),
+                        getattr(getattr(answer, name), matrix),
+                    )
+                    for name in MODELS
+                    for matrix, dims in MATRICES.items()
+                },
+                "validation_fit": (("use", "order", "output"), answer.scores, {"units": "%"}),
+                "measured": (held, y, {"long_name": "held-out record"}),
+                "one_step": (held, predictor.one_step(u, y, self.washout)),
+                "free_run": (held, simulator.free_run(u, y, self.washout)),
+                "response": (
+                    grid,
+                    simulator.response(estimate.frequency),
+                    {"long_name": "of the simulator"},
+                ),
+                "nonparametric": (grid, estimate.response),
+                "variance": (grid, estimate.variance, {"long_name": "of nonparametric"}),
+                "autocorrelation": (("lag", "output"), own, {"units": "standard deviations"}),
+                "cross_correlation": (
+                    ("shift", "output", "input"),
+                    crossed,
+                    {"units": "standard deviations"},
+                ),
+            },
+            coords={
+                "input": [f"u{i + 1}" for i in range(u.shape[1])],
+                "output": [f"y{i + 1}" for i in range(y.shape[1])],
+                "order": list(self.orders),
+                "use": list(USES),
+                "time": ("time", np.arange(self.estimation, len(self.u)), {"units": "samples"}),
+                "frequency": ("frequency", estimate.frequency, {"units": "cycles/sample"}),
+                "lag": ("lag", np.arange(1, LAGS + 1), {"units": "samples"}),
+                "shift": ("shift", np.arange(-LAGS, LAGS + 1), {"units": "samples"}),
+            },
+            attrs={"washout": self.washout},
+        )
+
+    def from_dataset(self, data: xr.Dataset) -> Identified:
+        predictor, simulator = (
+            InnovationsModel(**{matrix: data[f"{name}_{matrix}"].values for matrix in MATRICES})
+            for name in MODELS
+        )
+        return Identified(predictor, simulator, data["validation_fit"].values)
+
+
+def _claim(answer: Identified | None) -> Claim:
+    if answer is None:
+        return None, Outcome.FAILED, "no order gives a stable model with a stable predictor"
+    orders = f"order {answer.predictor.order} to predict, {answer.simulator.order} to simulate"
+    return answer, Outcome.SOLVED, orders
+
+
+@method(StateSpaceFit, "subspace", optimal=False)
+def _subspace(program: StateSpaceFit, context: Context) -> Claim:
+    """Predictor-based subspace identification for both uses; no iterations."""
+
+    def way(order: int) -> Fit:
+        return lambda u, y: best_subspace(u, y, order)
+
+    return _claim(program.identify(way, way, context))
+
+
+@method(StateSpaceFit, "prediction-error", optimal=False)
+def _prediction_error(program: StateSpaceFit, context: Context) -> Claim:
+    """Errors of each use minimised from the subspace model; exact gradients."""
+    predictors, simulators = (_refined(weight) for weight in SIMULATION_WEIGHTS)
+    return _claim(program.identify(predictors, simulators, context))
+
+
+def _refined(simulation_weight: float) -> Way:
+    def way(order: int) -> Fit:
+        def fit(u: RealArray, y: RealArray) -> InnovationsModel | None:
+            start = best_subspace(u, y, order)
+            return start and refine(start, u, y, simulation_weight)[0]
+
+        return fit
+
+    return way

@@ -1,0 +1,110 @@
+"""Predictor-based subspace identification: an innovations model without iterations.
+
+A long vector autoregression with inputs gives the Markov parameters of the one-step predictor;
+their Hankel matrix times the past of the record is factored into observability and states. Nothing
+in it assumes that the inputs are independent of past noise, so closed-loop records are welcome.
+
+Source: A. Chiuso, "The role of vector autoregressive modeling in predictor-based subspace
+identification", Automatica 43(6), 2007.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workbench.arrays import RealArray
+from workbench.errors import InputError
+from workbench.identification.state_space.innovations import InnovationsModel, checked_record
+
+HORIZONS = (10, 15, 20, 30, 40)
+"""Pasts [samples] among which `best_subspace` chooses."""
+
+
+def subspace(u: RealArray, y: RealArray, order: int, past: int) -> InnovationsModel:
+    """Innovations model of a record u (N, nu), y (N, ny).
+
+    Parameters
+    ----------
+    order
+        Number of states, 1 to past * ny.
+    past
+        Samples of the past that the predictor sees; A - K C should have died out over them.
+
+    Raises
+    ------
+    InputError
+        As `checked_record`; the order or the past is too long for the record.
+    """
+    u, y = checked_record(u, y)
+    nu, ny = u.shape[1], y.shape[1]
+    refuse_order(order, past, len(u), nu, ny)
+    u_offset, y_offset = u.mean(axis=0), y.mean(axis=0)
+    u_scale, y_scale = u.std(axis=0), y.std(axis=0)
+    inputs, outputs = (u - u_offset) / u_scale, (y - y_offset) / y_scale
+
+    joint = np.hstack([inputs, outputs])
+    rows = len(joint) - past
+    history = np.hstack([joint[past - lag : past - lag + rows] for lag in range(1, past + 1)])
+    now_in, now_out = inputs[past:], outputs[past:]
+    markov = _least_squares(np.hstack([history, now_in]), now_out)[:, : history.shape[1]]
+
+    # Block row i of the product of observability and reach: the past, i samples later.
+    product = np.zeros((past * ny, history.shape[1]))
+    for i in range(past):
+        keep = history.shape[1] - i * (nu + ny)
+        product[i * ny : (i + 1) * ny, :keep] = markov[:, i * (nu + ny) :]
+    triangle: RealArray = np.linalg.qr(history)[1]
+    left, singular, _ = np.linalg.svd(product @ triangle.T, full_matrices=False)
+    states = history @ product.T @ (left[:, :order] / np.sqrt(singular[:order]))
+
+    output = _least_squares(np.hstack([states, now_in]), now_out)
+    innovation = now_out - np.hstack([states, now_in]) @ output.T
+    update = _least_squares(np.hstack([states, now_in, innovation])[:-1], states[1:])
+    return InnovationsModel(
+        A=update[:, :order],
+        B=update[:, order : order + nu] / u_scale,
+        C=y_scale[:, None] * output[:, :order],
+        D=y_scale[:, None] * output[:, order:] / u_scale,
+        K=update[:, order + nu :] / y_scale,
+        u_offset=u_offset,
+        y_offset=y_offset,
+    )
+
+
+def best_subspace(u: RealArray, y: RealArray, order: int) -> InnovationsModel | None:
+    """The stable model with a stable predictor that fits its own record u, y best, over several
+    horizons; None where no horizon gives one."""
+    best, least = None, np.inf
+    for past in HORIZONS:
+        if not order_fits(order, past, len(u), u.shape[1], y.shape[1]):
+            continue
+        model = subspace(u, y, order, past)
+        if max(model.radius, model.predictor_radius) >= 1 - 1 / len(u):
+            continue  # slower than the record is long, or unstable
+        misfit = sum(
+            float(np.mean(np.linalg.norm(y - run(u, y, len(y)), axis=0) / y.std(axis=0)))
+            for run in (model.one_step, model.free_run)
+        )
+        if misfit < least:
+            best, least = model, misfit
+    return best
+
+
+def order_fits(order: int, past: int, samples: int, nu: int, ny: int) -> bool:
+    """Whether a record determines the vector autoregression, and that a model of this order."""
+    unknowns = past * (nu + ny) + nu
+    return 1 <= order <= past * ny and samples - past >= 2 * unknowns
+
+
+def refuse_order(order: int, past: int, samples: int, nu: int, ny: int) -> None:
+    """Raise InputError unless `order_fits`."""
+    if not order_fits(order, past, samples, nu, ny):
+        raise InputError(
+            f"order {order} with a past of {past} does not fit a record of {samples} samples: "
+            f"1 <= order <= {past * ny} and at least {past + 2 * (past * (nu + ny) + nu)} samples "
+            "are needed; lower the order, or the past, or take a longer record"
+        )
+
+
+def _least_squares(regressors: RealArray, targets: RealArray) -> RealArray:
+    return np.asarray(np.linalg.lstsq(regressors, targets, rcond=None)[0].T, dtype=float)

@@ -1,0 +1,87 @@
+"""What functions are given, checked before anything is done with it."""
+
+from __future__ import annotations
+
+import math
+import numbers
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from workbench.errors import InputError
+from workbench.structure import Structure
+
+
+def need_structure(structure: Any) -> None:
+    """Raise InputError where something else is given in a Structure's place."""
+    if not isinstance(structure, Structure):
+        raise InputError(
+            f"structure must be a Structure, not {type(structure).__name__}; "
+            "Structure.from_pairs takes rows of two integers"
+        )
+
+
+def need_tolerance(tolerance: Any) -> None:
+    """Raise InputError for what is no number between 0 and 1."""
+    if not (isinstance(tolerance, numbers.Real) and 0.0 < float(tolerance) < 1.0):
+        raise InputError(f"tolerance is {tolerance!r}; it must be a number between 0 and 1")
+
+
+def need_count(name: str, value: Any) -> None:
+    """Raise InputError for what is no integer of at least 1."""
+    if isinstance(value, bool) or not isinstance(value, numbers.Integral) or value < 1:
+        raise InputError(f"{name} is {value!r}; it must be an integer of at least 1")
+
+
+def need_positive(value: Any, name: str, or_none: bool = False) -> None:
+    """Raise InputError for what is no number, positive and finite (or None, where that may be)."""
+    if or_none and value is None:
+        return
+    if not (is_real(value) and 0.0 < value < math.inf):
+        end = ", or None" if or_none else ""
+        raise InputError(f"{name} is {value!r}; it must be a number, positive and finite{end}")
+
+
+def need_whole(value: Any, name: str) -> None:
+    """Raise InputError for what is no whole number."""
+    if isinstance(value, bool) or not isinstance(value, numbers.Integral):
+        raise InputError(f"{name} is {value!r}; it must be a whole number")
+
+
+def is_real(value: Any) -> bool:
+    """Whether it is a real number, truth values left out."""
+    return isinstance(value, numbers.Real) and not isinstance(value, bool)
+
+
+def as_array(values: ArrayLike, name: str, *, dtype: type = float) -> NDArray[Any]:
+    """As an array of numbers.
+
+    Raises InputError for rows of different lengths, for what is no number, and for complex numbers
+    where `dtype` is real.
+    """
+    try:
+        given = np.asarray(values)
+        if given.dtype.kind not in ("biufc" if dtype is complex else "biuf"):
+            raise TypeError
+        return given.astype(dtype)
+    except (TypeError, ValueError):
+        kind = "" if dtype is complex else "real "
+        raise InputError(
+            f"{name} is {values!r}; {kind}numbers in rows of one length are needed"
+        ) from None
+
+
+def need_numbers(**values: Any) -> None:
+    """Raise InputError, by its name, for the first that is no real number."""
+    for name, value in values.items():
+        if not is_real(value):
+            raise InputError(f"{name} is {value!r}; it must be a real number")
+
+
+def need_places(**values: Any) -> None:
+    """Raise InputError, by its name, for the first that numbers no measurement."""
+    for name, value in values.items():
+        need_whole(value, name)
+        if value < 0:
+            raise InputError(f"{name} is {value}; measurements are numbered from 0 on")

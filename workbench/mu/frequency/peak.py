@@ -1,0 +1,181 @@
+"""The supremum of mu over all frequencies, certified between grid points by `certify.cover`."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import partial
+from numbers import Real as Number
+from typing import Any
+
+import numpy as np
+
+from workbench.arrays import Array
+from workbench.certify.cover import Cover, FrequencyBounds, Interval, refined
+from workbench.certify.interval import StableSystem, stable_system
+from workbench.errors import InputError
+from workbench.input_checks import need_count, need_tolerance
+from workbench.mu.frequency.sweep import bounds_at, fitting
+from workbench.mu.lower.bound import lower_bound
+from workbench.structure import Complex, Real, Structure
+
+CLOSE = 0.97
+"""Share of the largest bound at which a frequency is worth a lower bound."""
+
+CANDIDATES = 60
+
+THOROUGH = 6
+"""Frequencies with a quick, and of those with a thorough lower bound."""
+
+
+@dataclass(frozen=True, eq=False)
+class Peak:
+    """The supremum of mu over a band lies between ``lower`` and ``upper``.
+
+    ``Delta`` (r, c) makes I - M(j omega) Delta singular and has largest singular value 1 / lower;
+    where lower is 0 it has NaN. ``omega`` [rad/s] is its frequency, or without one that of the
+    largest bound. ``intervals`` cover the band unless upper is infinite. ``complex_part``
+    is what was added to real scalars, as a share of them: the peak is that of the larger set.
+    """
+
+    lower: float
+    upper: float
+    omega: float
+    Delta: Array
+    intervals: tuple[Interval, ...]
+    message: str
+    complex_part: float = 0.0
+
+    def __repr__(self) -> str:
+        return f"Peak(lower={self.lower:.6g}, upper={self.upper:.6g}, omega={self.omega:.6g} rad/s)"
+
+
+def peak(
+    system: Any,
+    structure: Structure,
+    tolerance: float = 1e-3,
+    *,
+    complex_part: float = 0.0,
+    band: tuple[float, float] = (0.0, math.inf),
+    steps: int = 500,
+) -> Peak:
+    """Bounds of the supremum of mu over a band of frequencies, its ends included.
+
+    Parameters
+    ----------
+    system
+        StateSpace or TransferFunction (c outputs, r inputs), stable, continuous time: what Delta
+        closes.
+    structure
+        Blocks of Delta.
+    tolerance
+        How far the bound may lie above the largest upper bound at any one frequency, relative.
+    complex_part
+        Complex uncertainty added to every real scalar, as a share of it; see `regularised`.
+    band
+        From and to [rad/s]; all frequencies with 0 and infinity.
+    steps
+        Intervals after which the tolerance is made ten times as large, and again after as many.
+
+    Returns
+    -------
+    Peak
+        The message says where the tolerance was missed.
+
+    Raises
+    ------
+    InputError
+        A system that does not fit the structure, unstable, improper or sampled; real scalars only
+        without a complex part; a tolerance, complex part, band or steps that make no sense.
+    """
+    need_tolerance(tolerance)
+    need_count("steps", steps)
+    low, high = band
+    if not 0.0 <= low < high:
+        raise InputError(f"band is {band}; it must be two frequencies [rad/s], the lower one first")
+    original = fitting(system, structure)
+    if complex_part:
+        stable, larger = regularised(original, structure, complex_part)
+    elif all(isinstance(block, Real) for block in structure):
+        raise InputError(
+            "the structure has real scalars only: mu is then not continuous in frequency, a peak "
+            "may stand at a single frequency that no bound shows; give complex_part, for instance "
+            "0.01, or add the complex block of a performance channel"
+        )
+    else:
+        stable, larger = original, structure
+    at = partial(bounds_at, stable, larger)
+    found = refined(at, stable.poles).joined(at(np.array(band))).within(*band)
+    cover = Cover(stable, at, tolerance, found)
+    message = cover.complete(steps)
+    lower, omega, Delta = _lower(cover.found, larger)
+    intervals = tuple(sorted(cover.intervals, key=lambda interval: interval.low))
+    if complex_part:
+        Delta = _summed(Delta, structure, complex_part)
+    return Peak(lower, cover.proven, omega, Delta, intervals, message, complex_part)
+
+
+def regularised(
+    system: Any, structure: Structure, complex_part: float
+) -> tuple[StableSystem, Structure]:
+    """A system and structure with complex scalars of size `complex_part` added to the real ones.
+
+    Real scalars delta become delta + complex_part * delta_c; the complex blocks come last.
+
+    Raises
+    ------
+    InputError
+        `complex_part` is not positive, or there is no real scalar.
+
+    References
+    ----------
+    Packard, Pandey, Continuity properties of the real/complex structured singular value, IEEE
+    Trans. Automatic Control 38 (1993) 415-428.
+    """
+    if not (isinstance(complex_part, Number) and 0.0 < complex_part < math.inf):
+        raise InputError(
+            f"complex_part is {complex_part!r}; it must be a number, positive and finite"
+        )
+    places = zip(structure, structure.column_slices, structure.row_slices, strict=True)
+    real = [(block, column, row) for block, column, row in places if isinstance(block, Real)]
+    if not real:
+        raise InputError(
+            f"the structure {structure.to_pairs()} has no real scalar; leave complex_part out"
+        )
+    stable = stable_system(system)
+    outputs = np.concatenate([np.arange(stable.D.shape[0])[column] for _, column, _ in real])
+    inputs = np.concatenate([np.arange(stable.D.shape[1])[row] for _, _, row in real])
+    C = np.vstack([stable.C, complex_part * stable.C[outputs]])
+    B = np.hstack([stable.B, stable.B[:, inputs]])
+    D = np.hstack([stable.D, stable.D[:, inputs]])
+    D = np.vstack([D, complex_part * D[outputs]])
+    added = [Complex(block.rows, f"{block.name} complex".strip()) for block, _, _ in real]
+    return replace(stable, B=B, C=C, D=D), Structure((*structure, *added))
+
+
+def _summed(Delta: Array, structure: Structure, complex_part: float) -> Array:
+    """The perturbation of the original system that one of the regularised system is."""
+    whole = Delta[: structure.rows, : structure.columns].copy()
+    at = structure.rows, structure.columns
+    for block, row, column in zip(
+        structure, structure.row_slices, structure.column_slices, strict=True
+    ):
+        if isinstance(block, Real):
+            n = block.rows
+            whole[row, column] += complex_part * Delta[at[0] : at[0] + n, at[1] : at[1] + n]
+            at = at[0] + n, at[1] + n
+    return whole
+
+
+def _lower(found: FrequencyBounds, structure: Structure) -> tuple[float, float, Array]:
+    """The largest lower bound near the largest upper ones, its frequency and Delta."""
+    order = np.argsort(-found.upper)[:CANDIDATES]
+    order = order[found.upper[order] >= CLOSE * found.upper[order[0]]]
+    quick = lower_bound(found.M[order], structure, "power")
+    chosen = np.unique([order[0], *order[np.argsort(-quick.value)[:THOROUGH]]])
+    thorough = lower_bound(found.M[chosen], structure)
+    value = np.concatenate([quick.value, thorough.value])
+    best = int(np.argmax(value))
+    omega = found.omega[np.concatenate([order, chosen])][best if value[best] > 0 else 0]
+    Delta = np.concatenate([quick.Delta, thorough.Delta])[best]
+    return float(value[best]), float(omega), Delta

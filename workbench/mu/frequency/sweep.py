@@ -1,0 +1,83 @@
+"""Bounds of mu over frequency, on a grid that finds narrow peaks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from workbench.arrays import Array, RealArray
+from workbench.certify.cover import FrequencyBounds, refined
+from workbench.certify.interval import StableSystem, stable_system
+from workbench.errors import InputError
+from workbench.input_checks import need_structure
+from workbench.mu.lower.bound import lower_bound
+from workbench.mu.upper.bound import upper_bound
+from workbench.structure import Structure
+
+
+@dataclass(frozen=True)
+class Sweep(FrequencyBounds):
+    """With lower bounds ``lower`` (F,) and the ``Delta`` (F, r, c) that prove them."""
+
+    lower: RealArray
+    Delta: Array
+
+
+def sweep(
+    system: Any, structure: Structure, omega: ArrayLike | None = None, lower: str = "power"
+) -> Sweep:
+    """Bounds of mu of a stable system over frequency.
+
+    Parameters
+    ----------
+    system
+        StateSpace or TransferFunction, continuous time, what Delta closes.
+    omega
+        Frequencies [rad/s], not negative, infinity allowed. None: from the poles, and refined
+        where the bound changes; 0 and infinity are among them.
+    lower
+        Method of `lower_bound`.
+
+    Returns
+    -------
+    Sweep
+        What lies between its frequencies is not certified; for that see `peak`.
+
+    Raises
+    ------
+    InputError
+        As `stable_system`; a system that does not fit the structure; no or wrong frequencies.
+    """
+    stable = fitting(system, structure)
+    if omega is None:
+        found = refined(partial(bounds_at, stable, structure), stable.poles)
+    else:
+        try:
+            points = np.unique(np.asarray(omega, dtype=float))
+        except (TypeError, ValueError):
+            raise InputError(f"omega must be real frequencies [rad/s], not {omega!r}") from None
+        if not points.size or np.isnan(points).any() or points[0] < 0:
+            raise InputError("omega must have frequencies [rad/s], none of them negative or NaN")
+        found = bounds_at(stable, structure, points)
+    below = lower_bound(found.M, structure, lower)
+    parts = (found.omega, found.M, found.upper, found.D_left, found.D_right, found.G)
+    return Sweep(*parts, below.value, below.Delta)
+
+
+def fitting(system: Any, structure: Structure) -> StableSystem:
+    """The stable system that fits the structure; raises InputError for any other."""
+    need_structure(structure)
+    stable = stable_system(system)
+    structure.check(stable.D)
+    return stable
+
+
+def bounds_at(system: StableSystem, structure: Structure, omega: RealArray) -> FrequencyBounds:
+    """Upper bounds at frequencies [rad/s] (F,), increasing."""
+    M = system.response(omega)
+    bound = upper_bound(M, structure)
+    return FrequencyBounds(omega, M, bound.value, bound.D_left, bound.D_right, bound.G)

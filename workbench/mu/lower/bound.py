@@ -1,0 +1,53 @@
+"""Lower bounds of mixed mu, with the perturbations that prove them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import workbench.mu.lower.methods  # noqa: F401 - registers the methods
+from workbench.errors import SolverError
+from workbench.executor import Context
+from workbench.mu.lower.program import LowerBound, MuLowerBound
+from workbench.program import find_method
+from workbench.solvers import Options
+from workbench.structure import Structure
+
+__all__ = ["LowerBound", "MuLowerBound", "lower_bound"]
+
+
+def lower_bound(
+    M: Any, structure: Structure, method: str = "best", options: Options | None = None
+) -> LowerBound:
+    """Lower bound of mixed mu, and a Delta of that size that makes I - M Delta singular.
+
+    Parameters
+    ----------
+    M
+        Complex or real (..., columns, rows), finite; it maps Delta's outputs to its inputs.
+    structure
+        The blocks of Delta.
+    method
+        ``"best"``; ``"power"`` (fast, for sweeps), ``"gain"`` (real blocks), ``"ipopt"``.
+
+    Returns
+    -------
+    LowerBound
+        ``value`` (...) and ``Delta`` (..., rows, columns), with largest singular value 1 / value.
+        Where nothing was found the value is 0 and Delta is NaN. For a certificate ask
+        ``solve(MuLowerBound(M, structure))``; for real blocks only see there what it is worth.
+
+    Raises
+    ------
+    InputError
+        M does not fit the structure or has an entry that is not finite.
+    SolverError
+        The method gave no answer.
+    """
+    program = MuLowerBound(M, structure)
+    answer, outcome, message = find_method(program, method).answer(
+        program, Context(options or Options())
+    )
+    if answer is None:
+        raise SolverError(f"{method}: {outcome}. {message}")
+    bound: LowerBound = answer
+    return bound

@@ -1,0 +1,120 @@
+"""Vertices and edges of the box of real blocks.
+
+Pure real structures: all blocks at their ends, then all but one (R. Dailey, "A new algorithm for
+the real structured singular value", ACC 1990). For a real M and blocks not repeated, det is
+multi-affine and real, and some vertex attains mu (R. de Gaston and M. Safonov, 1988).
+"""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+
+from workbench.mu.lower.ascent import ascend
+from workbench.mu.lower.attain import block_table, turned
+from workbench.structure import Structure
+
+PATTERNS = 128
+"""Vertices looked at; beyond eight real blocks they are drawn at random."""
+EDGE_POINTS = 9, 129
+"""Points of an edge, at least and at most, at which eigenvalues are followed ..."""
+POINTS = 1024
+"""... and how many of all edges are aimed at."""
+CANDIDATES = 12
+"""Starts that are refined, the most promising ones."""
+ROUNDING = 1e-13
+"""Imaginary part, relative to the matrix, that is rounding."""
+
+
+def sign_patterns(count: int, rng: np.random.Generator, limit: int = PATTERNS) -> np.ndarray:
+    """Vertices (P, count) of [-1, 1]^count up to a common sign; random where they are too many."""
+    if 2 ** (count - 1) <= limit:
+        return np.array([(1.0, *rest) for rest in product((1.0, -1.0), repeat=count - 1)])
+    patterns = rng.choice([-1.0, 1.0], (limit, count))
+    return np.unique(patterns * patterns[:, :1], axis=0)
+
+
+def real_bound(
+    M: np.ndarray, structure: Structure, rng: np.random.Generator
+) -> tuple[float, np.ndarray]:
+    """Largest real eigenvalue of M Delta found for real blocks only, and its normalised Delta.
+
+    Parameters
+    ----------
+    M
+        Complex (n, n), entries of order one.
+    structure
+        Real blocks only.
+    rng
+        Draws vertices where there are too many.
+
+    Returns
+    -------
+    value, Delta
+        0 and zeros where no real eigenvalue was found.
+    """
+    sizes = [block.rows for block in structure]
+    vertices = sign_patterns(len(sizes), rng)
+    best, delta = best_vertex(M, np.repeat(vertices, sizes, axis=1))
+    table = block_table(structure)
+    starts = [] if best == 0 else [(best, -1, delta)]
+    if len(sizes) > 1:
+        starts += edge_candidates(M, sizes, vertices)
+    for estimate, block, start in sorted(starts, key=lambda item: -item[0])[:CANDIDATES]:
+        there = np.diag(start).astype(complex)
+        value = estimate if block < 0 else turned(M, table, there, estimate + 0j, block)[0]
+        if value > 0:
+            value = ascend(M, table, there, value)
+        if value > best:
+            best, delta = value, np.diag(there).real
+    return best, np.diag(delta).astype(complex)
+
+
+def best_vertex(M: np.ndarray, diagonals: np.ndarray) -> tuple[float, np.ndarray]:
+    """Largest real eigenvalue of M diag(d) over rows d and -d, 0 for none, and its d."""
+    real = M.real if not M.imag.any() else M  # in real arithmetic, real eigenvalues are exact
+    values = np.linalg.eigvals(real * diagonals[:, None, :])
+    is_real = np.abs(values.imag) <= ROUNDING * np.linalg.norm(M)
+    sizes = np.where(is_real, np.abs(values.real), 0.0)
+    place = np.unravel_index(np.argmax(sizes), sizes.shape)
+    if not sizes[place] > 0:
+        return 0.0, np.zeros(len(M))
+    return float(sizes[place]), diagonals[place[0]] * np.sign(values[place].real)
+
+
+def edge_candidates(
+    M: np.ndarray, sizes: list[int], vertices: np.ndarray
+) -> list[tuple[float, int, np.ndarray]]:
+    """Estimated real eigenvalue, block inside its interval, and diagonal: where Im changes sign."""
+    found = []
+    count = POINTS // (len(sizes) * len(vertices))
+    grid = np.linspace(-1.0, 1.0, int(np.clip(count, *EDGE_POINTS)))
+    for block in range(len(sizes)):
+        # The block's own sign in a pattern means nothing on the edge along it.
+        edges = np.unique(np.delete(vertices, block, axis=1), axis=0)
+        points = np.repeat(np.insert(edges, block, 0.0, axis=1)[:, None], len(grid), axis=1)
+        points[:, :, block] = grid
+        diagonals = np.repeat(points, sizes, axis=2)
+        values = np.linalg.eigvals(M * diagonals[:, :, None, :])
+        before, after = values[:, :-1], values[:, 1:]
+        match = np.argmin(np.abs(before[..., :, None] - after[..., None, :]), axis=-1)
+        after = np.take_along_axis(after, match, axis=-1)
+        crossing = before.imag * after.imag < 0
+        share = np.where(crossing, before.imag / np.where(crossing, before.imag - after.imag, 1), 0)
+        estimate = before.real + share * (after.real - before.real)
+        where = np.argwhere(crossing)
+        order = np.argsort(-np.abs(estimate[crossing]))[:CANDIDATES]
+        for edge, step, root in where[order]:
+            part = share[edge, step, root]
+            start = (1 - part) * diagonals[edge, step] + part * diagonals[edge, step + 1]
+            value = float(estimate[edge, step, root])
+            found.append((abs(value), block, start * (1.0 if value > 0 else -1.0)))
+    return found
+
+
+def unit_starts(count: int, rows: int, rng: np.random.Generator) -> np.ndarray:
+    """Random unit vectors b and w for runs of the power iteration, (count, 2, rows)."""
+    real, imag = rng.standard_normal((2, count, 2, rows))
+    vectors = real + 1j * imag
+    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)

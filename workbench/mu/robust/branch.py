@@ -1,0 +1,218 @@
+"""Branch and bound on the real blocks: mixed mu between two bounds, as narrow as asked.
+
+To prove mu <= t, no Delta of size 1 / t may make I - M Delta singular. The box of its real blocks
+is cut in parts; in a part with centre C and half-widths R, Delta = C + R E with E of the structure
+and size at most 1, and
+
+    det(I - M Delta) = det(I - M C) det(I - (I - M C)^-1 M R E),
+
+so an upper bound below 1 of the recentred (I - M C)^-1 M R excludes the part. A lower bound of the
+same matrix gives a singular Delta at once. The levels t descend from the upper to the lower bound.
+
+Source: M. Newlin and P. Young, "Mixed mu problems and branch and bound techniques", CDC 1992.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from numbers import Real as Number
+from typing import Any
+
+import numpy as np
+
+from workbench.errors import InputError
+from workbench.input_checks import need_count
+from workbench.mu.lower.bound import lower_bound
+from workbench.mu.lower.program import as_matrices
+from workbench.solvers import Options
+from workbench.structure import Real, Structure
+
+BATCH = 32
+"""Parts whose bounds are computed together."""
+ALLOWANCE = 1e-9
+"""For the rounding of recentred matrices, whose centres are regular to a condition of 1 / CLEAR."""
+CLEAR = 1e-6
+NARROWEST = 1e-9
+"""Half-width, relative to the box, below which a block is not cut again."""
+
+Upper = Callable[[np.ndarray, Structure], Any]
+"""An upper bound of mu for matrices (B, columns, rows): an object with ``value`` (B,)."""
+
+
+@dataclass(frozen=True)
+class Interval:
+    """Bounds of mu: ``lower`` with its singular ``Delta`` (rows, columns), ``upper``.
+
+    ``nodes`` parts were bounded; where ``lower`` is 0, Delta is NaN.
+    """
+
+    lower: float
+    upper: float
+    Delta: np.ndarray
+    nodes: int
+
+    @property
+    def gap(self) -> float:
+        """Upper over lower bound, less 1; 0 where both are 0."""
+        if self.upper <= self.lower:
+            return 0.0
+        return self.upper / self.lower - 1 if self.lower > 0 else np.inf
+
+
+def branch_and_bound(
+    M: Any,
+    structure: Structure,
+    *,
+    gap: float = 0.05,
+    nodes: int = 2000,
+    upper: Upper | None = None,
+    options: Options | None = None,
+) -> Interval:
+    """Mixed mu of one matrix between bounds that differ by no more than asked, or than affordable.
+
+    Cutting closes what real blocks leave open. The gap of the complex blocks alone stays, and
+    where mu of real blocks is 0 the lower bound does too, and the gap is infinite.
+
+    Parameters
+    ----------
+    M
+        Complex or real (columns, rows), finite.
+    structure
+        The blocks of Delta.
+    gap
+        Wanted upper / lower - 1.
+    nodes
+        Most parts whose bounds may be computed.
+    upper
+        Upper bound function; the bench's own by default.
+
+    Raises
+    ------
+    InputError
+        M is not one finite matrix that fits the structure; or gap or nodes is not positive.
+    """
+    M = as_matrices(M, structure)
+    if M.ndim != 2:
+        raise InputError(f"one matrix (columns, rows) is needed, M has shape {M.shape}")
+    if not (isinstance(gap, Number) and 0.0 < gap < np.inf):
+        raise InputError(f"gap is {gap!r}; it must be a number, positive and finite")
+    need_count("nodes", nodes)
+    search = _Search(M, structure, upper or _own_upper(), nodes, options)
+    if any(isinstance(block, Real) for block in structure):
+        while search.upper > (1 + gap) * search.lower and search.nodes < nodes:
+            # Coarse levels first: each one proven is an answer if the budget ends. The last one
+            # lies a little below what is asked, so that rounding does not miss it.
+            level = max((1 + 0.999 * gap) * search.lower, np.sqrt(search.lower * search.upper))
+            level = level or 0.5 * search.upper
+            if not search.lower < level < search.upper or not search.decide(level):
+                break
+    return Interval(search.lower, max(search.upper, search.lower), search.Delta, search.nodes)
+
+
+def _own_upper() -> Upper:
+    from workbench.mu.upper.bound import upper_bound
+
+    own: Upper = upper_bound
+    return own
+
+
+class _Search:
+    """The bounds so far, and the parts bounded for them."""
+
+    def __init__(
+        self,
+        M: np.ndarray,
+        structure: Structure,
+        upper: Upper,
+        budget: int,
+        options: Options | None,
+    ) -> None:
+        self._M, self._structure, self._bound = M, structure, upper
+        self._budget, self._options = budget, options
+        self._real = [k for k, block in enumerate(structure) if isinstance(block, Real)]
+        first = lower_bound(M, structure, options=options)
+        self.lower, self.Delta = float(first.value), first.Delta
+        self.upper = float(np.asarray(upper(M[None], structure).value)[0])
+        self.nodes = 1
+
+    def decide(self, level: float) -> bool:
+        """Move the upper bound to a level, or the lower one to it; false where neither was done."""
+        count = len(self._real)
+        parts = [(np.zeros(count), np.full(count, 1 / level))]
+        while parts:
+            if self.nodes >= self._budget:
+                return False
+            # Depth first: the list of open parts stays short.
+            batch, parts = parts[-BATCH:], parts[:-BATCH]
+            centres, widths = (np.array(values) for values in zip(*batch, strict=True))
+            N, regular = self._recentred(centres, widths, level)
+            self.nodes += len(batch)
+            values = np.asarray(self._bound(N, self._structure).value)
+            open_ = ~regular | ~(values < 1 - ALLOWANCE)
+            usable = open_ & regular
+            self._lower_from(N[usable], centres[usable], widths[usable], level)
+            if self.lower >= level:
+                return True
+            for index in np.flatnonzero(open_):
+                halves = self._cut(N[index], centres[index], widths[index], level)
+                if not halves:
+                    return False
+                parts += halves
+        self.upper = level
+        return True
+
+    def _recentred(
+        self, centres: np.ndarray, widths: np.ndarray, level: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """(I - M C)^-1 M R of each part, and whether its centre is regular (else M R)."""
+        columns = len(self._M)
+        loop = np.eye(columns) - self._M @ self._perturbations(centres)
+        regular = np.linalg.cond(loop) < 1 / CLEAR
+        loop[~regular] = np.eye(columns)
+        return np.linalg.solve(loop, self._M * self._scale(widths, level)[:, None, :]), regular
+
+    def _scale(self, widths: np.ndarray, level: float) -> np.ndarray:
+        """The diagonal of R of each part, (B, rows)."""
+        scale = np.full((len(widths), self._structure.rows), 1 / level)
+        for j, k in enumerate(self._real):
+            scale[:, self._structure.row_slices[k]] = widths[:, j, None]
+        return scale
+
+    def _perturbations(self, centres: np.ndarray) -> np.ndarray:
+        """Delta of each part's centre, its other blocks 0."""
+        Delta = np.zeros((len(centres), self._structure.rows, self._structure.columns), complex)
+        for j, k in enumerate(self._real):
+            row, column = self._structure.row_slices[k], self._structure.column_slices[k]
+            Delta[:, row, column] = centres[:, j, None, None] * np.eye(row.stop - row.start)
+        return Delta
+
+    def _lower_from(
+        self, N: np.ndarray, centres: np.ndarray, widths: np.ndarray, level: float
+    ) -> None:
+        """Raise the lower bound by singular Deltas of recentred matrices."""
+        if not len(N):
+            return
+        found = lower_bound(N, self._structure, "power", self._options)
+        shifted = self._scale(widths, level)[:, :, None] * found.Delta
+        for Delta in (self._perturbations(centres) + shifted)[found.value > 0]:
+            value = float(1 / np.linalg.norm(Delta, 2))
+            if value > self.lower:
+                self.lower, self.Delta = value, Delta
+
+    def _cut(
+        self, N: np.ndarray, centre: np.ndarray, width: np.ndarray, level: float
+    ) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Halves of a part, cut across the block that matters most; none if it is too narrow."""
+        effects = [
+            np.linalg.norm(N[:, self._structure.row_slices[k]])
+            * np.linalg.norm(N[self._structure.column_slices[k]])
+            for k in self._real
+        ]
+        effect = np.where(width * level > NARROWEST, effects, -1.0)
+        j = int(np.argmax(effect))
+        if effect[j] < 0:
+            return []
+        half = np.zeros_like(width)
+        half[j] = width[j] / 2
+        return [(centre + half, width - half), (centre - half, width - half)]

@@ -1,0 +1,144 @@
+"""The four conditions of a loop: nominal and robust, stability and performance.
+
+With N = F_l(P, K) partitioned as the perturbation and the performance (Vidal Sanchez, Robust and
+Fault Tolerant Control of CD-players (2003), section 6.2):
+
+    nominal stability     N is stable
+    nominal performance   sup sigma_max(N_22) < 1
+    robust stability      sup mu_Delta(N_11) < 1
+    robust performance    sup mu(N) < 1, a full block closing the performance
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from workbench.arrays import Array
+from workbench.errors import InputError
+from workbench.mu.frequency.peak import Peak, peak
+from workbench.structure import Full, Real, Structure
+from workbench.systems.generalised_plant import GeneralisedPlant, Signals
+
+COMPLEX_PART = 0.01
+"""Of real scalars where there is nothing else, so that robust stability is a proper question."""
+
+
+@dataclass(frozen=True, eq=False)
+class Conditions:
+    """The four conditions; each peak is certified between grid points.
+
+    ``pole`` is the rightmost of the nominal loop [rad/s] (None: it has no states). Where that is
+    unstable the peaks are None, as are those of what the plant does not have: without a
+    perturbation robust stability, without performance both performances.
+    """
+
+    pole: complex | None
+    nominal_performance: Peak | None
+    robust_stability: Peak | None
+    robust_performance: Peak | None
+
+    @property
+    def nominal_stability(self) -> bool:
+        return self.pole is None or self.pole.real < 0
+
+    @property
+    def hold(self) -> bool:
+        """Whether all that were asked are proven."""
+        peaks = (self.nominal_performance, self.robust_stability, self.robust_performance)
+        return self.nominal_stability and all(p is None or p.upper < 1 for p in peaks)
+
+    @property
+    def stability_margin(self) -> tuple[float, float] | None:
+        """By how much the uncertainty may grow: 1 / upper and 1 / lower of the peak.
+
+        A margin of 1.3: stable for all uncertainty 30 % larger. Below the first number stability
+        is proven; of the second size there is a perturbation that destabilises, infinite where
+        none was found. None where there is no peak.
+        """
+        return _margin(self.robust_stability)
+
+    @property
+    def performance_margin(self) -> tuple[float, float] | None:
+        """As `stability_margin`, for uncertainty and performance together.
+
+        With a margin of 1.3 the uncertainty may grow by 30 % while the worst-case gain of the
+        channel stays below 1 / 1.3. For performance alone see `worst_case_gain`.
+        """
+        return _margin(self.robust_performance)
+
+
+def conditions(
+    plant: GeneralisedPlant,
+    K: Any,
+    *,
+    performance: Signals = None,
+    exogenous: Signals = None,
+    tolerance: float = 1e-3,
+    complex_part: float = COMPLEX_PART,
+) -> Conditions:
+    """Nominal and robust stability and performance of a plant closed by a controller.
+
+    Parameters
+    ----------
+    K
+        StateSpace or TransferFunction.
+    performance, exogenous
+        The channel, as `GeneralisedPlant.channel`; a single w_p -> z_p gives a 1-by-1 block.
+    tolerance
+        As `peak`.
+    complex_part
+        As `peak`, for robust stability where all scalars are real; elsewhere none is added.
+
+    Raises
+    ------
+    InputError, UnknownNameError
+        As `GeneralisedPlant.channel`, `GeneralisedPlant.close` and `peak`.
+    """
+    import control
+
+    if not isinstance(plant, GeneralisedPlant):
+        raise InputError(
+            f"plant must be a GeneralisedPlant, not {type(plant).__name__}; it says which of a "
+            "system's inputs and outputs are perturbation, performance and control"
+        )
+    N = plant.channel(performance, exogenous).close(K)
+    poles = N.poles()
+    pole = complex(poles[np.argmax(poles.real)]) if len(poles) else None
+    if pole is not None and pole.real >= 0:
+        return Conditions(pole, None, None, None)
+
+    structure = plant.structure
+    rows, columns = (structure.columns, structure.rows) if structure else (0, 0)
+    y, z = np.split(np.arange(N.noutputs), [rows])
+    u, w = np.split(np.arange(N.ninputs), [columns])
+
+    def of(outputs: Array, inputs: Array, structure: Structure, added: float = 0.0) -> Peak:
+        part = control.ss(N.A, N.B[:, inputs], N.C[outputs], N.D[np.ix_(outputs, inputs)])
+        return peak(part, structure, tolerance, complex_part=added)
+
+    performs = min(len(z), len(w)) > 0
+    nominal = of(z, w, Structure([Full(len(w), len(z), "performance")])) if performs else None
+    if structure is None:
+        return Conditions(pole, nominal, None, nominal)
+    real = all(isinstance(block, Real) for block in structure)
+    stability = of(y, u, structure, complex_part if real else 0.0)
+    robust = None
+    if performs:
+        whole = structure.with_performance(len(z), len(w))
+        robust = of(np.arange(N.noutputs), np.arange(N.ninputs), whole)
+    return Conditions(pole, nominal, stability, robust)
+
+
+def _margin(found: Peak | None) -> tuple[float, float] | None:
+    """Between which numbers the reciprocal of a peak lies."""
+    if found is None:
+        return None
+    return _reciprocal(found.upper), _reciprocal(found.lower)
+
+
+def _reciprocal(value: float) -> float:
+    return 1 / value if value > 0 else math.inf

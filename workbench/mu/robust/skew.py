@@ -1,0 +1,290 @@
+"""The skewed structured singular value: some blocks stay at most 1, the others vary.
+
+    nu(M) = 1 / min{ size of the varying blocks : fixed blocks at most 1, I - M Delta singular }
+
+With S(b) = diag(I, I / b), the varying columns of M divided by b, f(b) = mu(M S(b)) does not grow
+with b and b f(b) does not fall, and nu is where f(b) = 1: log f over log b has slopes in [-1, 0].
+
+Source: M. Fan and A. Tits, "A measure of worst-case H-infinity performance and of largest
+acceptable uncertainty", Systems & Control Letters 18 (1992) 409-421.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from numbers import Integral
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.arrays import Array, RealArray
+from workbench.errors import InputError, SolverError, UnknownNameError
+from workbench.mu.lower.bound import lower_bound
+from workbench.mu.lower.program import as_matrices
+from workbench.mu.upper.bound import upper_bound
+from workbench.structure import Structure
+
+CLOSE = 1e-7
+"""Width of log b at which the upper root is found; the noise of the upper bound is less."""
+LOWER_CLOSE = 1e-5
+STEPS = 40
+ENOUGH = 0.9999
+"""Share of the upper bound at which a lower one is not sought further."""
+REGULAR = 1e10
+"""Condition number of I - M Delta_f up to which Delta_f is closed."""
+RANGE = 80.0
+"""How far from the start, in log b, a root is looked for."""
+ALLOWANCE = 1 + 1e-13
+"""Factor outward on products of proven numbers."""
+
+
+@dataclass(frozen=True, eq=False)
+class SkewBounds:
+    """Bounds of the skewed structured singular value, arrays over the batch.
+
+    ``lower`` (...) and ``upper`` (...). ``Delta`` (..., r, c) attains the lower one: its fixed
+    blocks are at most 1, its varying ones at most 1 / lower, and I - M Delta is singular; NaN where
+    lower is 0. An infinite lower bound has its varying blocks 0: the fixed ones need no help.
+    """
+
+    lower: RealArray
+    upper: RealArray
+    Delta: Array
+
+
+def skew_bounds(M: Any, structure: Structure, fixed: Sequence[str | int] | str | int) -> SkewBounds:
+    """Bounds of the skewed structured singular value for each matrix of a batch.
+
+    Parameters
+    ----------
+    M
+        Complex or real (..., columns, rows), finite; what Delta closes.
+    structure
+        Blocks of Delta.
+    fixed
+        Names or numbers of the blocks that stay at most 1. The others, at least one, vary.
+
+    Returns
+    -------
+    SkewBounds
+        ``upper`` is proven by multipliers of the scaled matrix, and infinite where mu of the fixed
+        blocks is not proven below 1. Both are 0 where no varying block is in any loop.
+
+    Raises
+    ------
+    InputError, UnknownNameError
+        M that does not fit the structure or is not finite; blocks that it does not have; all of
+        them fixed.
+    """
+    M = as_matrices(M, structure)
+    varies = np.array([k not in _numbers(structure, fixed) for k in range(len(structure))])
+    if not varies.any():
+        raise InputError("all blocks are fixed; leave at least one to vary, or use `upper_bound`")
+    skew = Skew(M.reshape(-1, *M.shape[-2:]), structure, varies)
+    upper = skew.upper()
+    lower, Delta = skew.lower(upper)
+    batch = M.shape[:-2]
+    return SkewBounds(
+        lower.reshape(batch),
+        np.maximum(upper, lower).reshape(batch),
+        Delta.reshape(*batch, structure.rows, structure.columns),
+    )
+
+
+def _numbers(structure: Structure, fixed: Sequence[str | int] | str | int) -> set[int]:
+    """Of the blocks named."""
+    names = [block.name for block in structure]
+    numbers = set()
+    for one in fixed if isinstance(fixed, Iterable) and not isinstance(fixed, str) else [fixed]:
+        if isinstance(one, str):
+            if names.count(one) > 1:
+                raise InputError(f"{names.count(one)} blocks are called {one!r}; give their number")
+            if one not in names or not one:
+                raise UnknownNameError("block", one, [name for name in names if name])
+            numbers.add(names.index(one))
+        elif isinstance(one, bool) or not isinstance(one, Integral):
+            raise InputError(f"fixed must be names or numbers of blocks, not {one!r}")
+        elif not 0 <= one < len(names):
+            raise InputError(f"there is no block {one}; the structure has {len(names)}, from 0")
+        else:
+            numbers.add(int(one))
+    return numbers
+
+
+class Skew:
+    """The bounds for matrices M (B, c, r), finite, where `varies` (blocks,) says which vary."""
+
+    def __init__(self, M: Array, structure: Structure, varies: NDArray[np.bool_]) -> None:
+        self.M, self.structure, self.blocks = M, structure, varies
+        self.rows, self.columns = self._rows(varies), self._columns(varies)
+        self.without = np.where(self.rows, 0.0, M)
+        self.closable = self._loops()
+
+    def _loops(self) -> NDArray[np.bool_]:
+        """Whether any varying block is in a loop; without, det(I - M Delta) does not see them."""
+        places = list(zip(self.structure.column_slices, self.structure.row_slices, strict=True))
+        coupled = [[self.M[:, i, j].any((-2, -1)) for _, j in places] for i, _ in places]
+        step = np.array(coupled, float).transpose(2, 0, 1)
+        walks = step @ np.linalg.matrix_power(np.eye(len(places)) + step, len(places) - 1)
+        return np.asarray(np.diagonal(walks, axis1=1, axis2=2)[:, self.blocks].any(-1), bool)
+
+    def scaled(self, which: Array, b: RealArray) -> Array:
+        """M S(b) of some."""
+        M: Array = np.where(self.rows, self.M[which] / b[:, None, None], self.M[which])
+        return M
+
+    def upper(self) -> RealArray:
+        """Upper bounds (B,): the least b f(b) with a proven f(b) < 1 among the points tried.
+
+        The multipliers that prove f(b) = v < 1 do so at b v, where they leave the fixed blocks at
+        most 1 as well.
+        """
+        upper = np.where(self.closable, np.inf, 0.0)
+        proper = upper_values(self.without, self.structure) < 1
+        upper[~proper] = np.inf
+        which = np.flatnonzero(proper & self.closable)
+
+        def bound(some: Array, b: RealArray) -> RealArray:
+            value = upper_values(self.scaled(which[some], b), self.structure)
+            proven = value < 1
+            place = which[some][proven]
+            upper[place] = np.minimum(upper[place], ALLOWANCE * (b * value)[proven])
+            return value
+
+        _root(bound, self._start(which), CLOSE, STEPS)
+        return upper
+
+    def _start(self, which: Array) -> RealArray:
+        """mu of the varying blocks alone, or where that is nothing the size of what they enter."""
+        alone = np.where(self.columns[:, None] & self.rows, self.M[which], 0.0)
+        value = upper_values(alone, self.structure)
+        size = np.linalg.norm(np.where(self.rows, self.M[which], 0.0), axis=(-2, -1))
+        start: RealArray = np.where(value > 1e-9 * size, value, size)
+        return start
+
+    def lower(self, upper: RealArray) -> tuple[RealArray, Array]:
+        """The largest 1 / size of varying blocks found with fixed blocks at most 1, and Delta."""
+        lower = np.zeros(len(self.M))
+        Delta = np.full((len(self.M), self.structure.rows, self.structure.columns), np.nan + 0j)
+
+        def keep(place: Array, found: Array) -> None:
+            proper = np.isfinite(found).all((-2, -1))
+            place, found = place[proper], found[proper]
+            varying, fixed = self._sizes(found)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                value = np.where(fixed <= 1, 1 / varying, 0.0)
+            better = value > lower[place]
+            lower[place[better]], Delta[place[better]] = value[better], found[better]
+
+        unproven = np.flatnonzero(np.isinf(upper))
+        if unproven.size:
+            alone = self._bounded(self.M[unproven], ~self.blocks, "best")
+            keep(unproven, alone)
+        # The thorough bound is twenty times the work: only where the quick one leaves a gap.
+        for method, steps in (("power", 12), ("best", 6)):
+            which = np.flatnonzero(self.closable & ~(lower >= ENOUGH * upper))
+
+            def bound(
+                some: Array, b: RealArray, which: Array = which, method: str = method
+            ) -> RealArray:
+                place = which[some]
+                found = lower_bound(self.scaled(place, b), self.structure, method)
+                Delta = np.where(self.rows[:, None], found.Delta / b[:, None, None], found.Delta)
+                keep(place, Delta)
+                hit = found.value > 0
+                keep(place[hit], self._closed(place[hit], Delta[hit], method))
+                return found.value
+
+            start = np.where(np.isinf(upper[which]), self._start(which), upper[which])
+            _root(bound, start, LOWER_CLOSE, steps)
+        return lower, Delta
+
+    def _sizes(self, Delta: Array) -> tuple[RealArray, RealArray]:
+        """Of the varying and of the fixed blocks."""
+        parts = np.where(self.rows[:, None], Delta, 0.0), np.where(self.rows[:, None], 0.0, Delta)
+        varying, fixed = (np.linalg.norm(part, 2, axis=(-2, -1)) for part in parts)
+        return varying, fixed
+
+    def _closed(self, which: Array, Delta: Array, method: str) -> Array:
+        """With the fixed blocks made at most 1, the least varying ones for these; NaN without any.
+
+        (I - M Delta_f)^-1 M is what the varying blocks see once the fixed ones are closed.
+        """
+        fixed = np.where(self.rows[:, None], 0.0, Delta)
+        size = np.linalg.norm(fixed, 2, axis=(-2, -1))
+        fixed = fixed / np.maximum(size * ALLOWANCE, 1.0)[:, None, None]
+        loop = np.eye(self.structure.columns) - self.M[which] @ fixed
+        regular = np.linalg.cond(loop) < REGULAR
+        seen = np.linalg.solve(loop[regular], self.M[which[regular]])
+        result = np.full_like(fixed, np.nan)
+        result[regular] = fixed[regular] + self._bounded(seen, self.blocks, method)
+        return result
+
+    def _bounded(self, M: Array, blocks: NDArray[np.bool_], method: str) -> Array:
+        """The least Delta found of some blocks, the others 0; NaN without any."""
+        part = Structure(b for b, one in zip(self.structure, blocks, strict=True) if one)
+        rows, columns = self._rows(blocks), self._columns(blocks)
+        found = lower_bound(M[:, columns][:, :, rows], part, method)
+        Delta = np.zeros((len(M), self.structure.rows, self.structure.columns), complex)
+        Delta[:, rows[:, None] & columns] = found.Delta.reshape(len(M), rows.sum() * columns.sum())
+        Delta[found.value == 0] = np.nan
+        return Delta
+
+    def _rows(self, blocks: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Rows of Delta that blocks take."""
+        return np.repeat(blocks, [block.rows for block in self.structure])
+
+    def _columns(self, blocks: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Columns of Delta that blocks take."""
+        return np.repeat(blocks, [block.columns for block in self.structure])
+
+
+def upper_values(M: Array, structure: Structure) -> RealArray:
+    """Upper bounds of mu of matrices (B, c, r); where one fails, with its real scalars complex."""
+    try:
+        return upper_bound(M, structure).value
+    except SolverError:
+        if len(M) > 1:
+            half = len(M) // 2
+            return np.concatenate([upper_values(part, structure) for part in (M[:half], M[half:])])
+        return upper_bound(M, structure.complexified()).value
+
+
+def _root(
+    bound: Callable[[Array, RealArray], RealArray], start: RealArray, close: float, steps: int
+) -> None:
+    """Evaluate a bound f(b) towards f(b) = 1, for each start on its own.
+
+    `bound(some, b)` has the values at b (K,) of those numbered `some` (K,). Slopes of log f over
+    log b lie in [-1, 0], so that b f(b) is always between b and the root: the bracket grows
+    outward from there, and shrinks by secants that aim at either side of the root in turn.
+    """
+    x = np.log(start)
+    first = x.copy()
+    low, high = np.full_like(x, -np.inf), np.full_like(x, np.inf)
+    at_low, at_high = np.zeros_like(x), np.zeros_like(x)
+    stride = np.full_like(x, 0.01)
+    active = np.arange(len(x))
+    for step in range(steps):
+        if not active.size:
+            return
+        with np.errstate(divide="ignore"):
+            g = np.maximum(np.log(bound(active, np.exp(x[active]))), -30.0)
+        above = g >= 0
+        ups, downs = active[above], active[~above]
+        low[ups], at_low[ups] = x[ups], g[above]
+        high[downs], at_high[downs] = x[downs], g[~above]
+        between = np.isfinite(low) & np.isfinite(high)
+        width = np.where(between, high - low, np.inf)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            aim = (0.25 if step % 2 else -0.25) * close
+            share = (at_low - aim) / (at_low - at_high)
+            # Every third step halves, which a secant on a bent curve may not.
+            share = np.where((share > 0) & (share < 1) & (step % 3 < 2), share, 0.5)
+            inside = low + share * width
+        outside = np.where(np.isfinite(low), low + at_low + stride, high + at_high - stride)
+        x = np.where(between, inside, outside)
+        stride[~between] *= 4
+        active = np.flatnonzero((width > close) & (abs(x - first) < RANGE))

@@ -1,0 +1,186 @@
+"""The worst-case gain: how large a channel's gain gets over all frequencies and perturbations.
+
+By the main loop theorem sigma_max(F_u(N(jw), Delta)) stays below gamma for all Delta of size at
+most 1 where mu < 1 of N with its exogenous inputs divided by gamma, a full block closing the
+performance. At one frequency the least such gamma is the skewed mu with the perturbation fixed.
+
+Source: K. Zhou, J. Doyle, K. Glover, Robust and Optimal Control (1996), theorem 11.7; A. Packard,
+G. Balas, R. Liu, J.-Y. Shin, "Results on worst-case performance assessment", ACC 2000.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from workbench.arrays import Array, RealArray
+from workbench.certify.interval import StableSystem, stable_system
+from workbench.errors import InputError
+from workbench.input_checks import need_structure, need_tolerance
+from workbench.mu.frequency.peak import peak
+from workbench.mu.robust.skew import Skew, upper_values
+from workbench.structure import Structure
+from workbench.systems.frequency_grid import starting_grid
+
+HALVINGS = 12
+"""Times that the grid is halved around the largest values."""
+HIGH = 0.7
+"""Share of the largest value above which a local maximum is looked into."""
+NARROW = 1e-6
+"""Relative distance of neighbours that is not halved again."""
+TOGETHER = 24
+"""Halvings at a time."""
+ROUNDS = 20
+"""Levels for which a proof is tried."""
+NOTHING = 1e-9
+"""A gain below this share of the system's largest entry is not resolved."""
+PLACES = 8
+"""Frequencies at which a worst perturbation is looked for."""
+
+
+@dataclass(frozen=True, eq=False)
+class WorstCaseGain:
+    """The largest gain over all frequencies and perturbations lies between lower and upper.
+
+    ``lower`` is the largest singular value of F_u(N(j omega), Delta) for the perturbation ``Delta``
+    (r, c), of size at most 1, at ``omega`` [rad/s]; it is infinite where Delta makes that loop
+    singular. ``upper`` is infinite where no bound was proven; the message says why.
+    """
+
+    lower: float
+    upper: float
+    omega: float
+    Delta: Array
+    message: str
+
+
+def worst_case_gain(system: Any, structure: Structure, tolerance: float = 1e-2) -> WorstCaseGain:
+    """Certified interval of the worst-case gain of an uncertain system.
+
+    The performance block makes the joint problem complex, so that a structure of real scalars needs
+    no complex part.
+
+    Parameters
+    ----------
+    system
+        StateSpace or TransferFunction N, stable, continuous time: outputs (perturbation,
+        performance), inputs (perturbation, exogenous).
+    structure
+        Blocks of the perturbation alone.
+    tolerance
+        How far the proven gain may lie above the largest upper bound at any one frequency,
+        relative.
+
+    Raises
+    ------
+    InputError
+        As `peak`; a system without performance outputs or exogenous inputs.
+    """
+    need_tolerance(tolerance)
+    need_structure(structure)
+    stable = stable_system(system)
+    performance = stable.D.shape[0] - structure.columns
+    exogenous = stable.D.shape[1] - structure.rows
+    if performance < 1 or exogenous < 1:
+        raise InputError(
+            f"the system has {stable.D.shape[0]} outputs and {stable.D.shape[1]} inputs, of which "
+            f"the perturbation takes {structure.columns} and {structure.rows}; at least one of "
+            "each must be left for performance"
+        )
+    search = _Search(stable, structure, structure.with_performance(performance, exogenous))
+    upper, message = search.proven(tolerance)
+    lower, omega, Delta = search.attained()
+    return WorstCaseGain(lower, max(lower, upper), omega, Delta, message)
+
+
+class _Search:
+    """The gains bounded so far: frequencies (F,), upper bounds (F,)."""
+
+    def __init__(self, system: StableSystem, structure: Structure, whole: Structure) -> None:
+        self.system, self.structure, self.whole = system, structure, whole
+        self.omega, self.upper = np.empty(0), np.empty(0)
+        self.add(starting_grid(system.poles))
+        for _ in range(HALVINGS):
+            self.add(self._wanted())
+
+    def skew(self, omega: RealArray) -> Skew:
+        """The problem at frequencies."""
+        varies = np.arange(len(self.whole)) == len(self.structure)
+        return Skew(self.system.response(omega), self.whole, varies)
+
+    def add(self, omega: RealArray) -> None:
+        omega = np.setdiff1d(omega, self.omega)
+        if omega.size:
+            order = np.argsort(together := np.concatenate([self.omega, omega]))
+            upper = np.concatenate([self.upper, self.skew(omega).upper()])
+            self.omega, self.upper = together[order], upper[order]
+
+    def _wanted(self) -> RealArray:
+        """Halfway to the neighbours of the highest local maxima."""
+        if not 0 < self.upper.max() < math.inf:
+            return np.empty(0)
+        padded = np.concatenate([[-np.inf], self.upper, [-np.inf]])
+        high = self.upper >= HIGH * self.upper.max()
+        top = high & (self.upper >= padded[:-2]) & (self.upper >= padded[2:])
+        inner = (self.omega[:-1] > 0) & (self.omega[1:] > self.omega[:-1] * (1 + NARROW))
+        split = np.flatnonzero((top[1:] | top[:-1]) & inner & np.isfinite(self.omega[1:]))
+        height = np.maximum(self.upper[1:], self.upper[:-1])[split]
+        split = split[np.argsort(-height)[:TOGETHER]]
+        return np.sqrt(self.omega[split] * self.omega[split + 1])
+
+    def proven(self, tolerance: float) -> tuple[float, str]:
+        """An upper bound between the frequencies too, and what is to be said of it."""
+        least = NOTHING * float(np.abs(self.system.response(self.omega)).max())
+        if least == 0.0:  # a rational function that is zero at so many points is zero
+            return 0.0, "the response is zero"
+        level, precision = max(float(self.upper.max()), least), math.inf
+        for _ in range(ROUNDS):
+            place = float(self.omega[np.argmax(self.upper)])
+            if math.isinf(level):
+                return math.inf, (
+                    "robust stability is not proven: mu of the perturbation is not below 1 at "
+                    f"{place:.6g} rad/s"
+                )
+            level *= 1 + tolerance / 2
+            # The peak may take half of what mu is below 1 here.
+            here = float(upper_values(self._scaled(level).response([place]), self.whole)[0])
+            precision = min(precision, max((1 - here) / 2, 1e-6), 1e-2)
+            found = peak(self._scaled(level), self.whole, precision)
+            if found.upper < 1:
+                return level * found.upper * (1 + 1e-12), found.message
+            self.add(np.array([found.omega]))
+            self.add(self._wanted())
+            level = max(level, float(self.upper.max()))
+            precision /= 2
+        return math.inf, f"robust stability is not proven: no gain below {level:.6g} is"
+
+    def _scaled(self, level: float) -> StableSystem:
+        """The system with its exogenous inputs divided by a level."""
+        scale = np.ones(self.whole.rows)
+        scale[self.structure.rows :] /= level
+        return replace(self.system, B=self.system.B * scale, D=self.system.D * scale)
+
+    def attained(self) -> tuple[float, float, Array]:
+        """The largest gain found, its frequency and its perturbation."""
+        best = np.argsort(-self.upper)[:PLACES]
+        omega = self.omega[best]
+        lower, Delta = self.skew(omega).lower(self.upper[best])
+        r, c = self.structure.rows, self.structure.columns
+        Delta = np.where((lower > 0)[:, None, None], Delta[:, :r, :c], 0.0)
+        gains = np.full(len(omega), np.inf)  # where the loop is singular
+        finite = np.isfinite(lower)
+        gains[finite] = self._gains(omega[finite], Delta[finite])
+        index = int(np.argmax(gains))
+        return float(gains[index]), float(omega[index]), Delta[index]
+
+    def _gains(self, omega: RealArray, Delta: Array) -> RealArray:
+        """sigma_max(F_u(N(j omega), Delta)) for frequencies and perturbations (F,)."""
+        N = self.system.response(omega)
+        r, c = self.structure.rows, self.structure.columns
+        N11, N12, N21, N22 = N[:, :c, :r], N[:, :c, r:], N[:, c:, :r], N[:, c:, r:]
+        inner = np.linalg.solve(np.eye(c) - N11 @ Delta, N12)
+        gain: RealArray = np.linalg.norm(N22 + N21 @ Delta @ inner, 2, axis=(-2, -1))
+        return gain

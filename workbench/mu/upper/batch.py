@@ -1,0 +1,108 @@
+"""The central path followed for each matrix of a batch."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workbench.compiled import compiled
+from workbench.mu.upper.balance import NOTHING, balance, power_of_two
+from workbench.mu.upper.path import follow
+from workbench.mu.upper.pattern import Pattern, fill
+
+ITERATIONS = 100
+RISES = (1.0, 1.1, 1.3)
+"""How much t of the last M's early point is raised until it serves this M."""
+
+
+@compiled
+def solve_each(
+    batch: np.ndarray,
+    pattern: Pattern,
+    accuracy: float,
+    D: np.ndarray,
+    G: np.ndarray,
+    gaps: np.ndarray,
+    iterations: np.ndarray,
+) -> None:
+    """Compact multipliers ``D`` and ``G`` (F, N, N) of every matrix of a ``batch`` (F, c, r).
+
+    ``gaps`` (F,) receives the duality gap of t = beta^2, relative, as the path estimates it, and
+    ``iterations`` how many it took. The scale of D is one of many that serve.
+    """
+    count, c, r = batch.shape
+    M = np.zeros((c, r), np.complex128)
+    E, last_E = np.ones(pattern.size), np.ones(pattern.size)
+    x, early = np.zeros(pattern.row.size), np.zeros(pattern.row.size)
+    early_t, last_scale = 0.0, 0.0
+    for f in range(count):
+        M[:] = batch[f]
+        for i in range(c):
+            for j in range(r):
+                M[i, j] *= E[pattern.left[i]] / E[pattern.right[j]]
+        scale = _unit(M)
+        if scale > 0.0:
+            norm = balance(pattern, M, E)
+            scale = scale * _unit(M) if norm > NOTHING else 0.0
+        if scale > 0.0:
+            solved = False
+            if scale == last_scale and np.all(last_E == E):
+                for rise in RISES:
+                    x[:] = early
+                    start = rise * early_t
+                    early_t, gaps[f], iterations[f] = follow(
+                        M, pattern, start, x, early, accuracy, ITERATIONS
+                    )
+                    solved = gaps[f] <= accuracy
+                    if early_t > 0.0:
+                        break
+                    early_t = start / rise
+            if not solved:
+                _identity(pattern, x)
+                early_t, gaps[f], iterations[f] = follow(
+                    M, pattern, _above(M), x, early, accuracy, ITERATIONS
+                )
+            last_scale = scale if early_t > 0.0 else 0.0
+            last_E[:] = E
+        else:
+            _identity(pattern, x)
+            last_scale = 0.0
+        fill(pattern, x, D[f], G[f])
+        for i in range(pattern.size):
+            for j in range(pattern.size):
+                D[f, i, j] *= E[i] * E[j]
+                G[f, i, j] *= E[i] * E[j] * scale
+        if scale == 0.0:
+            E[:] = 1.0
+
+
+@compiled
+def _identity(pattern: Pattern, x: np.ndarray) -> None:
+    """The unknowns of D = I, G = 0."""
+    for k in range(x.size):
+        x[k] = 1.0 if pattern.kind[k] == 0 and not pattern.skew[k] else 0.0
+
+
+@compiled
+def _unit(M: np.ndarray) -> float:
+    """Scale M to entries near 1 by a power of two, and return it; 0 for a zero matrix."""
+    largest = 0.0
+    for i in range(M.shape[0]):
+        for j in range(M.shape[1]):
+            largest = max(largest, abs(M[i, j]))
+    if largest == 0.0:
+        return 0.0
+    scale = power_of_two(largest)
+    for i in range(M.shape[0]):
+        for j in range(M.shape[1]):
+            M[i, j] /= scale
+    return scale
+
+
+@compiled
+def _above(M: np.ndarray) -> float:
+    """A number above the square of the largest singular value."""
+    total = 0.0
+    for i in range(M.shape[0]):
+        for j in range(M.shape[1]):
+            total += M[i, j].real ** 2 + M[i, j].imag ** 2
+    return 1.05 * total

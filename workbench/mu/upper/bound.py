@@ -1,0 +1,61 @@
+"""The upper bound of the structured singular value, mixed real and complex."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from workbench.errors import SolverError
+from workbench.executor import Context
+from workbench.mu.upper import ab13md as upper_ab13md
+from workbench.mu.upper import conic as upper_conic
+from workbench.mu.upper import fast as upper_fast
+from workbench.mu.upper.program import MuUpperBound, UpperBound
+from workbench.program import find_method
+from workbench.solvers import Options
+from workbench.structure import Structure
+
+__all__ = [
+    "MuUpperBound",
+    "UpperBound",
+    "upper_ab13md",
+    "upper_bound",
+    "upper_conic",
+    "upper_fast",
+]
+
+
+def upper_bound(
+    M: Any, structure: Structure, method: str = "fast", options: Options | None = None
+) -> UpperBound:
+    """Upper bound of mu for each matrix of a batch, with the multipliers that prove it.
+
+    Parameters
+    ----------
+    M
+        Complex, shape (..., c, r), finite; c = structure.columns, r = structure.rows.
+    method
+        ``"fast"``, ``"ab13md"`` (SLICOT, square blocks, no repeated scalars) or the name of a
+        conic solver.
+
+    Returns
+    -------
+    UpperBound
+        Rounded outward until its own multipliers prove it. For a certificate ask
+        ``solve(MuUpperBound(M, structure))``.
+
+    Raises
+    ------
+    InputError
+        M that does not fit the structure or is not finite; a structure that the method does not
+        take.
+    SolverError
+        The method gave no answer.
+    """
+    program = MuUpperBound(M, structure)
+    chosen = find_method(program, method)
+    answer, outcome, message = chosen.answer(program, Context(options or Options()))
+    if answer is None or not np.all(np.isfinite(answer.value)):
+        raise SolverError(f"{method}: {outcome}. {message}")
+    return answer

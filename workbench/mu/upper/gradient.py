@@ -1,0 +1,126 @@
+"""How the upper bound of mixed mu changes with the matrix.
+
+With t = beta^2 the bound is the least t for which some D, G hold
+
+    t D_r - M^H D_l M - j (G M - M^H G^H) >= 0.
+
+Let X >= 0 with tr(X D_r) = 1 be the multiplier of that inequality: it lives on the null space of
+the left side, and no change of D or G improves the bound to first order. Then
+
+    dt = 2 Re tr X (M^H D_l + j G) dM.
+
+Where X is not unique the bound has a kink, and this is one of its subgradients.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from workbench.arrays import Array
+from workbench.errors import InputError
+from workbench.mu.lower.program import as_matrices
+from workbench.mu.upper.pattern import basis, pattern_of, spread
+from workbench.mu.upper.program import UpperBound
+from workbench.structure import Structure
+
+NULL = 1e-3
+"""Eigenvalues of the inequality this close to the largest, relative, that count as zero."""
+TRACE = 1e3
+"""Weight of the multiplier's normalisation beside its stationarity."""
+
+
+def gradient(M: ArrayLike, structure: Structure, bound: UpperBound) -> Array:
+    """The change of the upper bound with M, the multipliers D and G following it.
+
+    Parameters
+    ----------
+    M
+        Complex or real, shape (..., c, r), finite.
+    bound
+        That of M by `upper_bound`, positive.
+
+    Returns
+    -------
+    Gamma of shape (..., r, c): to first order the bound changes by Re tr(Gamma dM).
+
+    Raises
+    ------
+    InputError
+        M that does not fit the structure or is not finite; a bound of another batch, or one that
+        is 0, where it has no gradient.
+
+    References
+    ----------
+    Overton, Womersley, Optimality conditions and duality theory for minimizing sums of the largest
+    eigenvalues of symmetric matrices, Mathematical Programming 62 (1993) 321-357.
+    """
+    M = as_matrices(M, structure)
+    if not isinstance(bound, UpperBound) or np.shape(bound.value) != M.shape[:-2]:
+        raise InputError("bound must be that of this M: `upper_bound(M, structure)`")
+    if not (bound.value > 0).all():
+        raise InputError("the bound is 0 somewhere, and has no gradient there; leave it out")
+    return dual(M, structure, bound) @ _half(M, bound) / bound.value[..., None, None]
+
+
+def dual(M: Array, structure: Structure, bound: UpperBound) -> Array:
+    """X of the inequality, (..., r, r)."""
+    batch, (c, r) = M.shape[:-2], M.shape[-2:]
+    M, D_right = M.reshape(-1, c, r), bound.D_right.reshape(-1, r, r)
+    A = M.conj().mT @ bound.D_left.reshape(-1, c, c) @ M
+    twisted = 1j * bound.G.reshape(-1, r, c) @ M
+    root = np.linalg.inv(np.linalg.cholesky(D_right))
+    values, vectors = np.linalg.eigh(root @ (A + twisted + twisted.conj().mT) @ root.conj().mT)
+    vectors = root.conj().mT @ vectors
+    null = (values > values[:, -1:] - NULL * np.abs(values[:, -1:])).sum(axis=1)
+    X = np.empty((len(M), r, r), complex)
+    for k in np.unique(null):
+        some = null == k
+        Z = vectors[some][..., r - k :]
+        Y = np.eye(1) if k == 1 else _stationary(M[some], structure, values[some, -1], Z)
+        X[some] = Z @ Y @ Z.conj().mT
+    return X.reshape(*batch, r, r)
+
+
+def _stationary(M: Array, structure: Structure, t: Array, Z: Array) -> Array:
+    """Y >= 0 (F, k, k) of trace 1 for which Z Y Z^H is orthogonal to every change of D and G."""
+    k = Z.shape[-1]
+    left, right, twist = _basis(structure)
+    twisted = 1j * twist @ M[:, None]
+    change = M[:, None].conj().mT @ left @ M[:, None] + twisted + twisted.conj().mT
+    change = change - t[:, None, None, None] * right
+    change = Z[:, None].conj().mT @ change @ Z[:, None]
+    hermitian = _hermitian(k)
+    rows = np.einsum("eij,fbji->fbe", hermitian, change).real
+    rows /= np.abs(rows).max(axis=(1, 2), keepdims=True) + np.finfo(float).tiny
+    trace = TRACE * np.trace(hermitian, axis1=1, axis2=2).real
+    system = np.concatenate([rows, np.broadcast_to(trace, (len(M), 1, k * k))], axis=1)
+    Y = np.tensordot(TRACE * np.linalg.pinv(system)[..., -1], hermitian, axes=1)
+    values, vectors = np.linalg.eigh(Y)
+    values = np.maximum(values, 0.0)
+    Y = (vectors * values[:, None, :]) @ vectors.conj().mT
+    return np.asarray(Y / values.sum(axis=1)[:, None, None])
+
+
+def _half(M: Array, bound: UpperBound) -> Array:
+    return M.conj().mT @ bound.D_left + 1j * bound.G
+
+
+@lru_cache(maxsize=32)
+def _basis(structure: Structure) -> tuple[Array, Array, Array]:
+    """D_l, D_r and G of each unknown alone, (unknowns, ...)."""
+    pattern = pattern_of(structure)
+    parts = zip(*(spread(pattern, D, G) for D, G in basis(pattern)), strict=True)
+    left, right, twist = (np.array(part) for part in parts)
+    return left, right, twist
+
+
+@lru_cache(maxsize=32)
+def _hermitian(k: int) -> Array:
+    """A basis (k^2, k, k) of the Hermitian matrices."""
+    unit = np.eye(k * k).reshape(k, k, k, k)
+    real = [unit[i, j] + unit[j, i] for i in range(k) for j in range(i, k)]
+    imaginary = [1j * (unit[i, j] - unit[j, i]) for i in range(k) for j in range(i + 1, k)]
+    return np.array(real + imaginary)

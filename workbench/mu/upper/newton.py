@@ -1,0 +1,115 @@
+"""Pieces of a Newton step of the upper bound's central path."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workbench.compiled import compiled
+from workbench.mu.upper.linear_algebra import factor, make_hermitian, multiply, multiply_adjoint
+from workbench.mu.upper.pattern import Pattern
+
+SHARE = 0.95
+"""Share of the way to the boundary that a step takes."""
+
+
+@compiled
+def square(n: int) -> np.ndarray:
+    """A square complex matrix of zeros."""
+    return np.zeros((n, n), np.complex128)
+
+
+@compiled
+def reach(
+    A: np.ndarray,
+    first: np.ndarray,
+    second: np.ndarray,
+    trial: np.ndarray,
+    L: np.ndarray,
+    blur: float,
+) -> float:
+    """A step a <= 1 for which A + a first + a^2 second stays positive, with some way to spare.
+
+    It falls short of the longest one by a share of at most ``blur``.
+    """
+    low, high = 0.0, 1.0 / SHARE
+    step = high
+    for _ in range(60):
+        for i in range(A.shape[0]):
+            for j in range(i + 1):
+                trial[i, j] = A[i, j] + step * (first[i, j] + step * second[i, j])
+        if factor(trial, L):
+            low = step
+        else:
+            high = step
+        if low > 0.0 and high - low < blur * high:
+            break
+        step = 0.5 * (low + high)
+    return SHARE * low
+
+
+@compiled
+def hessian(
+    pattern: Pattern, t: float, T: np.ndarray, U: np.ndarray, H: np.ndarray, value: np.ndarray
+) -> None:
+    """Lower half of H[k, l] = Re trace(E_k T E_l U), E_k the sparse derivatives of K."""
+    for e in range(value.size):
+        value[e] = pattern.fixed[e] + t * pattern.growing[e]
+    first, at, to = pattern.first, pattern.at, pattern.to
+    for k in range(H.shape[0]):
+        for other in range(k + 1):
+            total = 0.0
+            for e in range(first[k], first[k + 1]):
+                part = 0.0j
+                for f in range(first[other], first[other + 1]):
+                    part += T[to[e], at[f]] * value[f] * U[to[f], at[e]]
+                total += value[e].real * part.real - value[e].imag * part.imag
+            H[k, other] = total
+
+
+@compiled
+def add_positivity(pattern: Pattern, D_inverse: np.ndarray, W: np.ndarray, H: np.ndarray) -> None:
+    """Add Re trace(e_k D^-1 e_l W) to the lower half of H, e_k the basis of the compact D."""
+    row, column, kind = pattern.row, pattern.column, pattern.kind
+    for k in range(H.shape[0]):
+        if pattern.skew[k]:
+            break
+        a, b = row[k], column[k]
+        v = 1j if kind[k] == 2 else 1.0 + 0j
+        for other in range(k + 1):
+            p, q = row[other], column[other]
+            w = 1j if kind[other] == 2 else 1.0 + 0j
+            total = v * D_inverse[b, p] * w * W[q, a]
+            if p != q:
+                total += v * D_inverse[b, q] * np.conj(w) * W[p, a]
+            if a != b:
+                total += np.conj(v) * D_inverse[a, p] * w * W[q, b]
+                if p != q:
+                    total += np.conj(v) * D_inverse[a, q] * np.conj(w) * W[p, b]
+            H[k, other] += total.real
+
+
+@compiled
+def sandwich(M: np.ndarray, X: np.ndarray, MX: np.ndarray, MXM: np.ndarray, T: np.ndarray) -> None:
+    """T = P X P^H with P = [M; I], for a Hermitian X; M X and M X M^H on the way."""
+    c, r = M.shape
+    multiply(M, X, MX)
+    multiply_adjoint(MX, M, MXM)
+    T[:c, :c] = MXM
+    T[:c, c:] = MX
+    for i in range(r):
+        for j in range(c):
+            T[c + i, j] = np.conj(MX[j, i])
+    T[c:, c:] = X
+
+
+@compiled
+def multiplier_step(
+    S_inverse: np.ndarray, dS: np.ndarray, Z: np.ndarray, work: np.ndarray, dZ: np.ndarray
+) -> None:
+    """dZ = -Z - the Hermitian part of S^-1 dS Z."""
+    multiply(dS, Z, work)
+    multiply(S_inverse, work, dZ)
+    make_hermitian(dZ)
+    for i in range(Z.shape[0]):
+        for j in range(Z.shape[0]):
+            dZ[i, j] = -Z[i, j] - dZ[i, j]

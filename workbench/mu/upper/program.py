@@ -1,0 +1,177 @@
+"""The D, G upper bound of mixed mu as a Program: its data, its answer and its check."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench import figures
+from workbench.arrays import ComplexArray
+from workbench.certify.mu_bound import certified, structured
+from workbench.errors import InputError
+from workbench.input_checks import need_structure
+from workbench.program import Check, Program, worst
+from workbench.structure import Structure
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class UpperBound:
+    """Bounds and the multipliers that prove them, arrays over the batch.
+
+    ``value`` (...), ``D_left`` (..., c, c), ``D_right`` (..., r, r) and ``G`` (..., r, c), with
+
+        M^H D_left M + j (G M - M^H G^H) <= value^2 D_right.
+    """
+
+    value: NDArray[np.float64]
+    D_left: ComplexArray
+    D_right: ComplexArray
+    G: ComplexArray
+
+
+@dataclass(frozen=True, eq=False)
+class MuUpperBound(Program):
+    """The least beta with M^H D_l M + j (G M - M^H G^H) <= beta^2 D_r, for each M of a batch.
+
+    No Delta of the structure with largest singular value below 1 / beta makes I - M Delta
+    singular. D_l and D_r are the same multipliers in the two sizes of the blocks: a positive
+    definite matrix for a repeated scalar, a positive multiple of the identity for a full block. G
+    is Hermitian in the blocks of real scalars and zero elsewhere. The infimum need not be
+    attained; a bound is certified by its multipliers, and how far it is from the least one is not.
+
+    Parameters
+    ----------
+    M
+        Complex, shape (..., c, r), finite; what Delta closes, so c is Delta's columns.
+    structure
+        Blocks of Delta.
+
+    Raises
+    ------
+    InputError
+        M that does not fit the structure, or is not finite.
+
+    References
+    ----------
+    Fan, Tits, Doyle, Robustness in the presence of mixed parametric uncertainty and unmodeled
+    dynamics, IEEE Trans. Automatic Control 36 (1991) 25-38. Young, Newlin, Doyle, Computing bounds
+    for the mixed mu problem, Int. J. Robust and Nonlinear Control 5 (1995) 573-590.
+    """
+
+    M: ComplexArray
+    structure: Structure
+
+    headline: ClassVar[str] = "largest_bound"
+    default_method: ClassVar[str] = "fast"
+
+    def __post_init__(self) -> None:
+        try:
+            M = np.array(self.M, dtype=complex)
+        except (TypeError, ValueError) as error:
+            raise InputError(f"M must be an array of complex numbers: {error}") from None
+        need_structure(self.structure)
+        self.structure.check(M)
+        bad = np.argwhere(~np.isfinite(M).all((-2, -1)))
+        if len(bad):
+            place = tuple(int(i) for i in bad[0])
+            raise InputError(
+                f"M must be finite; {len(bad)} of its matrices are not, the first at {place}"
+            )
+        M.flags.writeable = False
+        object.__setattr__(self, "M", M)
+
+    @property
+    def batch(self) -> tuple[int, ...]:
+        return self.M.shape[:-2]
+
+    def place(self, index: tuple[int, ...]) -> str:
+        """Name of a place in the batch; a batch without axes has none."""
+        return f"at {', '.join(str(i) for i in index)}" if self.batch else ""
+
+    def checks(self, answer: UpperBound, tolerance: float) -> list[Check]:
+        given = [np.asarray(part) for part in (answer.D_left, answer.D_right, answer.G)]
+        nearest = structured(self.structure, *given)
+        off, where = worst(
+            np.max([_apart(*pair) for pair in zip(given, nearest, strict=True)], axis=0),
+            self.place,
+        )
+        proved = certified(self.M, self.structure, *given)
+        value = np.asarray(answer.value)
+        short = np.where(proved <= value, 0.0, (proved - value) / np.where(value > 0, value, 1.0))
+        excess, at = worst(short, self.place)
+        return [
+            Check("structure", "D and G are off their structure by, relative", off, 1e-12, where),
+            Check(
+                "bound",
+                "what D > 0 and G prove, rounding included, exceeds the bound by, relative",
+                excess,
+                0.0,
+                at,
+            ),
+        ]
+
+    def metrics(self, answer: UpperBound) -> dict[str, float]:
+        return {"largest_bound": float(np.max(answer.value, initial=0.0))}
+
+    def figures(self, answer: UpperBound) -> dict[str, Figure]:
+        figure, (panel,) = figures.axes()
+        rows = np.atleast_1d(answer.value)
+        for row in rows.reshape(-1, rows.shape[-1])[:20]:
+            panel.plot(np.arange(row.size), row)
+        panel.set_xlabel("index")
+        panel.set_ylabel("upper bound of mu")
+        return {"bound": figure}
+
+    def to_dataset(self, answer: UpperBound) -> xr.Dataset:
+        import xarray as xr
+
+        batch = tuple(f"batch_{i}" for i in range(len(self.batch)))
+        units = {"units": "1"}
+        left, right = (*batch, "column", "column_"), (*batch, "row", "row_")
+        across = (*batch, "column", "row")
+        D = "multiplier of Delta's blocks"
+        return xr.Dataset(
+            {
+                "M": (
+                    across,
+                    self.M,
+                    units | {"long_name": "what Delta closes"},
+                ),
+                "value": (batch, answer.value, units | {"long_name": "upper bound of mu"}),
+                "D_left": (left, answer.D_left, units | {"long_name": f"{D}, size of its columns"}),
+                "D_right": (right, answer.D_right, units | {"long_name": f"{D}, size of its rows"}),
+                "G": (
+                    (*batch, "row", "column"),
+                    answer.G,
+                    units | {"long_name": "multiplier of Delta's real scalars"},
+                ),
+                "pairs": (
+                    ("block", "size"),
+                    np.array(self.structure.to_pairs()),
+                    {"long_name": "structure in the two-column integer form"},
+                ),
+            }
+        )
+
+    def from_dataset(self, data: xr.Dataset) -> UpperBound:
+        return UpperBound(*(data[name].values for name in ("value", "D_left", "D_right", "G")))
+
+
+def proved(
+    program: MuUpperBound, D_left: ComplexArray, D_right: ComplexArray, G: ComplexArray
+) -> UpperBound:
+    """The answer that multipliers prove, whatever their method made of them."""
+    multipliers = structured(program.structure, D_left, D_right, G)
+    return UpperBound(certified(program.M, program.structure, *multipliers), *multipliers)
+
+
+def _apart(one: ComplexArray, other: ComplexArray) -> NDArray[np.float64]:
+    size = np.abs(one).max((-2, -1), initial=0.0)
+    return np.abs(one - other).max((-2, -1), initial=0.0) / np.where(size > 0, size, 1.0)

@@ -1,0 +1,193 @@
+"""The standard assumptions of H-infinity synthesis, tested one by one.
+
+(A, B2) stabilisable and (C2, A) detectable; D12 of full column and D21 of full row rank; no
+invariant zero of (A, B2, C1, D12) or (A, B1, C2, D21) on the imaginary axis (Zhou, Doyle, Glover,
+Robust and Optimal Control (1996), section 17.1). A sampled plant is tested by s = (z - 1)/(z + 1).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from workbench.arrays import RealArray
+from workbench.errors import InputError
+from workbench.input_checks import need_positive
+from workbench.synthesis.hinf.normalised import Scaled, has_rank, scaled
+from workbench.systems.balancing import state_units
+from workbench.systems.bilinear import continuous, to_sampled
+from workbench.systems.conversion import need_plant
+from workbench.systems.frequency_response import frequency_response
+from workbench.systems.generalised_plant import GeneralisedPlant
+from workbench.systems.minimal import ROUNDING
+from workbench.systems.realisation import EPS, Matrices, realisation
+from workbench.systems.standard_plant import StandardPlant, standard_plant
+
+
+def checked(plant: StandardPlant) -> Scaled:
+    """The scaled plant, in continuous time, of one that meets every assumption.
+
+    Raises
+    ------
+    InputError
+        Naming the assumption that fails, the mode, block or frequency, and what to do.
+    """
+    try:
+        normal = scaled(continuous(plant))
+    except InputError as error:
+        if not plant.dt:
+            raise
+        raise InputError(
+            f"{error} (of the sampled plant in s = (z - 1)/(z + 1), where D12 and D21 are the "
+            "responses at z = -1)"
+        ) from None
+    small = normal.plant
+
+    def at(place: complex) -> str:
+        if not plant.dt:
+            return f"{place * normal.rate:.6g} rad/s"
+        s = place * normal.rate
+        return f"z = {(1 + s) / (1 - s):.6g}"
+
+    hidden = _unreached(small.A, small.B2)
+    if hidden is not None:
+        raise InputError(
+            f"(A, B2) is not stabilisable: no control reaches the mode {at(hidden)}; weights must "
+            "be stable, their integrators moved a little to the left"
+        )
+    hidden = _unreached(small.A.T, small.C2.T)
+    if hidden is not None:
+        raise InputError(
+            f"(C2, A) is not detectable: no measurement shows the mode {at(hidden)}; weights must "
+            "be stable, their integrators moved a little to the left"
+        )
+    zero = _axis_zero(small.A, small.B2, small.C1, small.D12)
+    if zero is not None:
+        raise InputError(
+            "(A, B2, C1, D12), u -> z, has an invariant zero on the stability boundary, at "
+            f"{at(1j * abs(zero))}: weigh a signal that moves there, or ask regularised()"
+        )
+    zero = _axis_zero(small.A.T, small.C2.T, small.B1.T, small.D21.T)
+    if zero is not None:
+        raise InputError(
+            "(A, B1, C2, D21), w -> y, has an invariant zero on the stability boundary, at "
+            f"{at(1j * abs(zero))}: let a disturbance or noise act there, or ask regularised()"
+        )
+    return normal
+
+
+def _unreached(A: RealArray, B: RealArray) -> complex | None:
+    """The first unstable mode that no input reaches (Popov, Belevitch, Hautus); None without."""
+    size = float(np.linalg.norm(A))
+    rounding = ROUNDING * EPS * len(A) * size
+    for mode in np.linalg.eigvals(A).astype(complex):
+        if mode.real < -rounding:
+            continue
+        pencil = np.hstack([A - mode * np.eye(len(A)), B])
+        if np.linalg.svd(pencil, compute_uv=False)[-1] <= rounding:
+            return complex(mode)
+    return None
+
+
+def _axis_zero(A: RealArray, B: RealArray, C: RealArray, D: RealArray) -> float | None:
+    """The frequency of an invariant zero on the imaginary axis, D^T D = 1; None without.
+
+    Invariant zeros are then the modes of A - B D^T C that (1 - D D^T) C does not show.
+    """
+    inner, shown = A - B @ D.T @ C, C - D @ (D.T @ C)
+    size = float(np.linalg.norm(inner))
+    rounding = ROUNDING * EPS * len(A) * size
+    for mode in np.linalg.eigvals(inner).astype(complex):
+        if abs(mode.real) > max(1e-6 * abs(mode), 1e-6 * size):
+            continue
+        pencil = np.vstack([inner - 1j * mode.imag * np.eye(len(A)), shown])
+        if np.linalg.svd(pencil, compute_uv=False)[-1] <= rounding:
+            return float(mode.imag)
+    return None
+
+
+def regularised(plant: GeneralisedPlant, size: float) -> GeneralisedPlant:
+    """The plant with the small exogenous inputs and performance outputs that make it regular.
+
+    Where D12 lacks rank every control becomes a performance output, where D21 does every
+    measurement gets noise, both through a high-pass of first order with the corner of the plant's
+    fastest pole: at low frequencies, where weights may integrate, they count nothing. Where
+    there are zeros on the stability boundary every state becomes a performance output, or gets a
+    disturbance. Their weights are `size` times: for u and for the noise the largest response of
+    u -> z and w -> y at that corner, for balanced states the largest entry of C1 and B1 (1 where
+    these are zero). The closed loop has the old channels as a part, so that its norm is at least
+    theirs.
+
+    The new signals follow the old exogenous inputs and performance outputs, named ``regular_u0``
+    (performance), ``regular_y0`` (noise), ``regular_x0`` and so on.
+
+    Raises
+    ------
+    InputError
+        `size` not positive and finite; as `standard_plant` and `continuous`.
+    """
+    need_plant(plant)
+    need_positive(size, "size")
+    given = standard_plant(plant)
+    u, x_out = _additions(given, size)
+    y, x_in = _additions(given.dual, size)
+    a, b, c, d = _high_pass(given)
+    (z, w), m, p = given.D11.shape, given.controls, given.measurements
+    # The states of the plant, those of the controls' high-passes, those of the noises'.
+    states, k, j = given.states, len(u), len(y)
+    A = block_diag(given.A, a * np.eye(k), a * np.eye(j))
+    B = np.zeros((len(A), w + j + len(x_in) + m))
+    C = np.zeros((z + k + len(x_out) + p, len(A)))
+    D = np.zeros((len(C), B.shape[1]))
+    noise, rows = slice(w, w + j), slice(z, z + k)
+    B[:states, :w], B[:states, w + j : -m], B[:states, -m:] = given.B1, x_in.T, given.B2
+    C[:z, :states], C[z + k : -p, :states], C[-p:, :states] = given.C1, x_out, given.C2
+    D[:z, :w], D[:z, -m:], D[-p:, :w], D[-p:, -m:] = given.D11, given.D12, given.D21, given.D22
+    out, into = slice(states, states + k), slice(states + k, None)
+    B[out, -m:], C[rows, out], D[rows, -m:] = b * u, c * np.eye(k), d * u
+    B[into, noise], C[-p:, into], D[-p:, noise] = b * np.eye(j), c * y.T, d * y.T
+    system = plant.system
+    before, after = list(system.input_labels), list(system.output_labels)
+    larger = realisation(
+        (A, B, C, D),
+        given.dt,
+        inputs=[*before[:w], *_names("y", y), *_names("x", x_in), *before[w:]],
+        outputs=[*after[:z], *_names("u", u), *_names("x", x_out), *after[z:]],
+    )
+    return GeneralisedPlant(larger, plant.structure, m, p)
+
+
+def _additions(given: StandardPlant, size: float) -> tuple[RealArray, RealArray]:
+    """Rows by which u and by which x become performance outputs; none where not needed."""
+    n, m = given.states, given.controls
+    plant = continuous(given)
+    u, x = np.zeros((0, m)), np.zeros((0, n))
+    if not has_rank(plant.D12):
+        M = np.block([[plant.A, plant.B2], [plant.C1, plant.D12]])
+        response = np.abs(frequency_response(M, n, [1j * _fastest(plant.A)])[0]).max(axis=0)
+        u = size * np.diag(np.where(response > 0.0, response, response.max() or 1.0))
+    Q, R = np.linalg.qr(np.vstack([plant.D12, u]))
+    B2, C1 = plant.B2 @ np.linalg.inv(R), np.vstack([plant.C1, np.zeros((len(u), n))])
+    factor = state_units(plant.A, B2, C1)
+    A, B2, C1 = plant.A * factor[:, None] / factor, B2 * factor[:, None], C1 / factor
+    if _axis_zero(A, B2, C1, Q) is not None:
+        x = size * (float(np.abs(C1).max(initial=0.0)) or 1.0) * np.diag(factor)
+    return u, x
+
+
+def _high_pass(given: StandardPlant) -> tuple[float, float, float, float]:
+    """A, B, C, D of s / (s + c), its corner c that of the plant's fastest pole."""
+    corner = _fastest(continuous(given).A)
+    one = np.eye(1)
+    parts: Matrices = (-corner * one, corner * one, -one, one)
+    a, b, c, d = (float(part[0, 0]) for part in (to_sampled(parts) if given.dt else parts))
+    return a, b, c, d
+
+
+def _fastest(A: RealArray) -> float:
+    """The magnitude of the largest pole [rad/s]; 1 where all are 0."""
+    return float(np.abs(np.linalg.eigvals(A)).max(initial=0.0)) or 1.0
+
+
+def _names(kind: str, rows: RealArray) -> list[str]:
+    return [f"regular_{kind}{i}" for i in range(len(rows))]

@@ -1,0 +1,62 @@
+"""Figures of a synthesised loop: singular values over frequency."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from workbench import figures
+from workbench.systems.generalised_plant import response
+
+if TYPE_CHECKING:
+    from control import StateSpace
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+POINTS = 400
+DECADES = 1.5
+"""Decades shown beyond the slowest and the fastest pole."""
+
+
+def loop(closed: StateSpace, gamma: float) -> Figure:
+    """Singular values of the closed loop, and the level."""
+    figure, (panel,) = figures.axes()
+    _singular_values(panel, closed, grid(closed))
+    panel.axhline(gamma, color=figures.BLACK, linestyle="--", label="level gamma")
+    panel.set_ylabel("singular values of the closed loop [1]")
+    figures.legend_below(figure, panel)
+    return figure
+
+
+def controller(K: StateSpace, closed: StateSpace) -> Figure:
+    """Singular values of K over the frequencies of the loop; |K| of a scalar one."""
+    figure, (panel,) = figures.axes()
+    _singular_values(panel, K, grid(closed))
+    if K.issiso():
+        panel.set_ylabel("|K|")
+        return figure
+    panel.set_ylabel("singular values of K")
+    figures.legend_below(figure, panel)
+    return figure
+
+
+def grid(closed: StateSpace) -> np.ndarray:
+    """Frequencies [rad/s] about the poles of a loop, up to half the sampling rate."""
+    poles = closed.poles()
+    if closed.dt:
+        poles = np.log(poles[np.abs(poles) > 0]) / closed.dt
+    size = np.abs(poles)
+    size = np.quantile(size[size > 0], [0.05, 0.95]) if (size > 0).any() else np.ones(2)
+    low, high = np.log10(size) + np.array([-DECADES, DECADES])
+    top = np.log10(np.pi / closed.dt) if closed.dt else high
+    return np.logspace(min(low, top - 2.0), min(high, top), POINTS)
+
+
+def _singular_values(panel: Axes, system: StateSpace, omega: np.ndarray) -> None:
+    values = np.linalg.svd(response(system, omega), compute_uv=False)
+    for k, row in enumerate(values.T):
+        panel.loglog(omega, np.maximum(row, 1e-300), label=f"sigma {k + 1}")
+    largest = max(float(values.max()), 1e-290)
+    panel.set_ylim(max(float(values.min()), 1e-6 * largest) / 2, 3 * largest)
+    panel.set_xlabel("angular frequency [rad/s]")

@@ -1,0 +1,105 @@
+"""What no controller can do, by disturbances that are known in advance.
+
+For a disturbance w that decays, the least energy of z over all controls u, chosen with w known from
+its beginning to its end, is a linear-quadratic problem. Its square root over the norm of w is below
+the norm of every stabilised loop, whatever the controller measures. Where w is the output of a
+system that runs free, x_g' = A_g x_g, w = C_g x_g, both energies are quadratic in x_g(0), and the
+best bound of all such w is an eigenvalue. It comes close to the least norm where the measurement
+tells w.
+
+J. C. Willems, Least squares stationary optimal control and the algebraic Riccati equation, IEEE
+Trans. Automatic Control 16 (1971) 621-634.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.linalg import LinAlgError, solve_continuous_are
+
+from workbench.arrays import RealArray
+from workbench.errors import InputError, SolverError
+from workbench.synthesis.hinf.normalised import has_rank, rank_advice
+from workbench.systems.balancing import balanced
+from workbench.systems.generalised_plant import GeneralisedPlant
+from workbench.systems.standard_plant import standard_plant
+
+ROUNDING = 1e-6
+"""By which the bound is lowered, relative."""
+NEGATIVE = 1e-9
+"""Share of the dissipation matrix's largest eigenvalue that its least may be below zero."""
+
+
+def known_disturbance_bound(plant: GeneralisedPlant, rates: ArrayLike) -> tuple[float, RealArray]:
+    """A lower bound of the norm of F_l(P, K) over all stabilising K, and the disturbance of it.
+
+    Parameters
+    ----------
+    plant
+        Continuous time; its perturbation, where it has one, counts as exogenous and performance.
+    rates
+        Of the exponentials [rad/s] (m,) that the disturbance is made of, positive and different.
+
+    Returns
+    -------
+    bound
+        Proven by a matrix that was found to be positive semidefinite but for rounding.
+    disturbance
+        Coefficients (exogenous, m) of the orthonormal signals of `exponentials`; its norm is 1.
+
+    Raises
+    ------
+    InputError
+        D12 (u -> z) without full column rank; a sampled plant; rates that are not positive, finite
+        and different.
+    SolverError
+        The Riccati equation was not solved well enough to prove anything.
+    """
+    poles = np.unique(np.asarray(rates, dtype=float))
+    if not (poles.size == np.size(rates) > 0 and (poles > 0).all() and np.isfinite(poles).all()):
+        raise InputError("rates must be positive, finite and different [rad/s]")
+    given = standard_plant(plant)
+    if given.dt:
+        raise InputError(f"the plant is sampled (dt = {given.dt} s); give it in continuous time")
+    if not has_rank(given.D12):
+        raise InputError(rank_advice("D12", given.D12))
+    rate = math.sqrt(poles[0] * poles[-1])  # the unit of time
+    root = math.sqrt(rate)
+    B, C = np.hstack([given.B1, given.B2]), given.C1
+    A, B, C = balanced(given.A / rate, B / root, C / root)
+    D = np.hstack([given.D11, given.D12])
+    q = given.D11.shape[1]
+    # u in units in which D12 has orthonormal columns.
+    R = np.linalg.qr(D[:, q:])[1]
+    B[:, q:], D[:, q:] = (np.linalg.solve(R.T, part[:, q:].T).T for part in (B, D))
+    Ag, Cg = (np.kron(np.eye(q), part) for part in exponentials(poles / rate))
+    n, m = len(A), len(Ag)
+    joint = np.block([[A, B[:, :q] @ Cg], [np.zeros((m, n)), Ag]])
+    into = np.vstack([B[:, q:], np.zeros((m, B.shape[1] - q))])
+    out, direct = np.hstack([C, D[:, :q] @ Cg]), D[:, q:]
+    try:
+        X = solve_continuous_are(joint, into, out.T @ out, np.eye(into.shape[1]), s=out.T @ direct)
+    except (LinAlgError, ValueError) as error:  # a reordering that fails is a ValueError
+        raise SolverError(f"the Riccati equation has no solution, numerically: {error}") from None
+    # d/dt x'Xx + |z|^2 >= 0 for every u: the energy of z is at least x(0)' X x(0).
+    corner = X @ into + out.T @ direct
+    dissipated = np.block(
+        [[joint.T @ X + X @ joint + out.T @ out, corner], [corner.T, np.eye(into.shape[1])]]
+    )
+    ends = np.linalg.eigvalsh((dissipated + dissipated.T) / 2)[[0, -1]]
+    if not ends[0] >= -NEGATIVE * ends[1]:
+        raise SolverError(f"the Riccati equation is solved to {-ends[0] / ends[1]:.1e} only")
+    values, vectors = np.linalg.eigh((X[n:, n:] + X[n:, n:].T) / 2)
+    bound = math.sqrt(max(float(values[-1]), 0.0)) * (1.0 - ROUNDING)
+    return bound, vectors[:, -1].reshape(q, -1)
+
+
+def exponentials(rates: RealArray) -> tuple[RealArray, RealArray]:
+    """A (m, m) and C (1, m) whose free motions from unit vectors are orthonormal signals.
+
+    Since A + A^T = -C^T C, the energy of C exp(A t) c is |c|^2. Rates [rad/s] (m,), increasing.
+    """
+    size = np.sqrt(2.0 * rates)
+    return -np.tril(np.outer(size, size), -1) - np.diag(rates), size[None]

@@ -1,0 +1,208 @@
+"""Loop shaping: the most robust controller against uncertainty of normalised coprime factors.
+
+D. McFarlane, K. Glover, A loop shaping design procedure using H-infinity synthesis, IEEE Trans.
+Automatic Control 37 (1992) 759-769; K. Zhou, J. Doyle, K. Glover, Robust and Optimal Control
+(1996), chapter 18.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from scipy.linalg import LinAlgError, solve_continuous_are, solve_continuous_lyapunov
+
+from workbench.certify.norms import CERTIFIED
+from workbench.errors import InputError
+from workbench.executor import Context
+from workbench.program import Check, Claim, method
+from workbench.solvers import Outcome
+from workbench.synthesis.hinf.levels import LARGEST
+from workbench.synthesis.hinf.methods import claimed, distance
+from workbench.synthesis.hinf.program import HinfController, HinfSynthesis
+from workbench.systems.balancing import balanced, speed
+from workbench.systems.bilinear import continuous, to_continuous
+from workbench.systems.conversion import as_system, as_weight
+from workbench.systems.generalised_plant import GeneralisedPlant
+from workbench.systems.interconnection import common_dt, part_of
+from workbench.systems.minimal import minimal
+from workbench.systems.norms import norm
+from workbench.systems.realisation import Matrices, realisation
+from workbench.systems.riccati import hamiltonian_solution
+from workbench.systems.standard_plant import standard_plant
+
+if TYPE_CHECKING:
+    from control import StateSpace
+
+
+CANCELLED = 1e6
+"""Multiple of the rounding error of the Hankel norm's square that its value may be off."""
+
+
+@dataclass(frozen=True, eq=False, init=False, kw_only=True)
+class LoopShaping(HinfSynthesis):
+    """The K with the largest stability margin of the shaped plant G_s = W2 G W1.
+
+    Its answer is K_inf of G_s, which minimises the norm of [K; 1] (1 + G_s K)^-1 [1 G_s], u = -K y:
+    negative feedback. 1 / norm is epsilon, the size of perturbations of the normalised coprime
+    factors of G_s that the loop bears. `controller` gives K = W1 K_inf W2 for G (E. Vidal Sanchez,
+    Robust and Fault Tolerant Control of CD-players (2003), eq. 5.7).
+
+    Parameters
+    ----------
+    G
+        StateSpace or TransferFunction.
+    W1, W2
+        Weights before and behind G; system or number, one of a single channel acts on each.
+    gamma
+        As of `HinfSynthesis`.
+
+    Raises
+    ------
+    InputError
+        As `HinfSynthesis`; a weight that does not fit.
+    """
+
+    G: StateSpace
+    W1: StateSpace
+    W2: StateSpace
+    shaped: StateSpace
+
+    default_method: ClassVar[str] = "coprime"
+    headline: ClassVar[str] = "epsilon"
+
+    def __init__(self, G: Any, W1: Any = 1.0, W2: Any = 1.0, gamma: float | None = None) -> None:
+        G = as_system(G, "G")
+        W2 = as_weight(W2, G.noutputs, "W2")
+        W1 = as_system(W1, "W1") if hasattr(W1, "noutputs") else as_weight(W1, G.ninputs, "W1")
+        if (W1.ninputs, W1.noutputs) == (1, 1) and G.ninputs > 1:
+            W1 = as_weight(W1, G.ninputs, "W1")
+        if W1.noutputs != G.ninputs:
+            raise InputError(f"W1 has {W1.noutputs} outputs; G has {G.ninputs} inputs")
+        dt = common_dt([part_of(one) for one in (W2, G, W1)])
+        if dt is True:
+            raise InputError("G is sampled at a time not given (dt True); give it in seconds")
+        shaped = W2 * G * W1
+        parts = [np.asarray(getattr(shaped, name), dtype=float) for name in "ABCD"]
+        A, B, C = minimal(*balanced(*parts[:3]), dt or 0.0)
+        shaped = realisation((A, B, C, parts[3]), dt or 0.0)
+        fields = {"G": G, "W1": W1, "W2": W2, "shaped": shaped, "gamma": gamma}
+        for name, value in fields.items():
+            object.__setattr__(self, name, value)
+        object.__setattr__(self, "plant", _four_blocks(shaped))
+        self.__post_init__()
+
+    def controller(self, answer: HinfController) -> StateSpace:
+        """K = W1 K_inf W2 for the loop of G with negative feedback."""
+        return self.W1 * answer.K * self.W2
+
+    @cached_property
+    def epsilon_max(self) -> float:
+        """The largest margin, sqrt(1 - |N M|_H^2) by the Hankel norm of normalised left factors.
+
+        From Lyapunov equations of the factors, with which methods have nothing in common.
+        """
+        A, B, C, D = (np.asarray(getattr(self.shaped, name)) for name in "ABCD")
+        if self.shaped.dt:
+            A, B, C, D = to_continuous((A, B, C, D))
+        if not len(A):
+            return 1.0
+        A, B, C = balanced(A, B, C)
+        R = np.eye(len(D)) + D @ D.T
+        # The generalised filter equation, stated with its cross term.
+        Z = solve_continuous_are(A.T, C.T, B @ B.T, R, s=B @ D.T)
+        H = -np.linalg.solve(R, (Z @ C.T + B @ D.T).T).T
+        root = np.linalg.cholesky(R)
+        stable, entering = A + H @ C, np.hstack([B + H @ D, H])
+        leaving = np.linalg.solve(root, C)
+        with warnings.catch_warnings():  # of a margin lost in rounding, which a check then shows
+            warnings.simplefilter("ignore", RuntimeWarning)
+            P = solve_continuous_lyapunov(stable, -entering @ entering.T)
+            Q = solve_continuous_lyapunov(stable.T, -leaving.T @ leaving)
+        hankel = float(np.abs(np.linalg.eigvals(P @ Q)).max())
+        return math.sqrt(max(1.0 - hankel, 0.0))
+
+    def checks(self, answer: HinfController, tolerance: float) -> list[Check]:
+        found = super().checks(answer, tolerance)
+        statement = "epsilon = 1 / norm over epsilon_max by the Hankel norm, less 1"
+        largest = self.epsilon_max
+        if not largest > 0.0:
+            return [*found, Check("epsilon", statement, math.inf, 0.0, "(lost in rounding)")]
+        excess = 1.0 / (answer.norm * largest) - 1.0
+        # A small margin is a difference of numbers near 1.
+        rounding = CANCELLED * np.finfo(float).eps / largest**2
+        return [*found, Check("epsilon", statement, excess, 2.0 * CERTIFIED + rounding)]
+
+    def gap(self, answer: HinfController) -> tuple[str, float]:
+        return (
+            "norm over 1 / epsilon_max by the Hankel norm, less 1",
+            answer.norm * self.epsilon_max - 1.0,
+        )
+
+    def metrics(self, answer: HinfController) -> dict[str, float]:
+        margins = {"epsilon": 1.0 / answer.norm, "epsilon_max": self.epsilon_max}
+        return super().metrics(answer) | margins
+
+
+def _four_blocks(G: StateSpace) -> GeneralisedPlant:
+    """(w_y, w_u, u) -> (u, y, -y), y = w_y + G (u + w_u)."""
+    m, p = G.ninputs, G.noutputs
+    zero = np.zeros((G.nstates, p))
+    direct = np.hstack([np.eye(p), G.D, G.D])
+    D = np.vstack([np.hstack([np.zeros((m, p + m)), np.eye(m)]), direct, -direct])
+    C = np.vstack([np.zeros((m, G.nstates)), G.C, -G.C])
+    matrices = (G.A, np.hstack([zero, G.B, G.B]), C, D)
+    dt = float(G.dt or 0.0)
+    return GeneralisedPlant(realisation(matrices, dt), None, m, p)
+
+
+@method(LoopShaping, "coprime", optimal=False)
+def _coprime(program: LoopShaping, context: Context) -> Claim:
+    """Two Riccati equations of G_s and the least level in closed form; K to 1e-3 above it."""
+    system = program.shaped
+    A, B, C, D = (np.asarray(getattr(system, name)) for name in "ABCD")
+    if system.dt:
+        A, B, C, D = to_continuous((A, B, C, D))
+    rate = speed(A)
+    root = math.sqrt(rate)
+    A, B, C = balanced(A / rate, B / root, C / root)
+    found = _solutions((A, B, C, D))
+    if found is None:
+        return None, Outcome.FAILED, "a Riccati equation has no stabilising solution, numerically"
+    X, Z = found
+    least = math.sqrt(1.0 + float(np.abs(np.linalg.eigvals(X @ Z)).max(initial=0.0)))
+    said = f"least level {least:.9g}"
+    gamma = min(program.gamma or least * (1.0 + distance(context)), LARGEST)
+    if gamma <= least:
+        return None, Outcome.INFEASIBLE, f"no controller is below gamma = {gamma:.6g}: {said}"
+    try:
+        Ak, Bk, Ck, Dk = _central((A, B, C, D), X, Z, gamma)
+    except LinAlgError as error:
+        return None, Outcome.FAILED, f"{said}; {error}"
+    K = rate * Ak, -root * Bk, root * Ck, -Dk  # negative feedback
+    size = norm(continuous(standard_plant(program.plant)).close(K))
+    return claimed(program, K, size, gamma, said)
+
+
+def _solutions(G: Matrices) -> tuple[np.ndarray, np.ndarray] | None:
+    """X and Z of the normalised right and left coprime factors; None where there are none."""
+    A, B, C, D = G
+    S, R = np.eye(D.shape[1]) + D.T @ D, np.eye(len(D)) + D @ D.T
+    corner = A - B @ np.linalg.solve(S, D.T @ C)
+    inward, outward = B @ np.linalg.solve(S, B.T), C.T @ np.linalg.solve(R, C)
+    X = hamiltonian_solution(np.block([[corner, -inward], [-outward, -corner.T]]))
+    Z = hamiltonian_solution(np.block([[corner.T, -outward], [-inward, -corner]]))
+    return None if X is None or Z is None else (X, Z)
+
+
+def _central(G: Matrices, X: np.ndarray, Z: np.ndarray, gamma: float) -> Matrices:
+    """The central controller of the level, u = K y with positive feedback."""
+    A, B, C, D = G
+    F = -np.linalg.solve(np.eye(D.shape[1]) + D.T @ D, D.T @ C + B.T @ X)
+    L = (1.0 - gamma**2) * np.eye(len(A)) + X @ Z
+    gain = gamma**2 * np.linalg.solve(L.T, Z @ C.T)
+    return A + B @ F + gain @ (C + D @ F), gain, B.T @ X, -D.T

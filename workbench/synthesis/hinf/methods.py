@@ -1,0 +1,104 @@
+"""H-infinity synthesis by Riccati equations: our own, and SLICOT's."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from workbench.errors import SolverError
+from workbench.executor import Context
+from workbench.program import Claim, method
+from workbench.solvers import Outcome
+from workbench.synthesis.hinf.levels import CANCELLED, level_ends, without_control
+from workbench.synthesis.hinf.program import HinfController, HinfSynthesis
+from workbench.synthesis.hinf.riccati import InfeasibleError, central_of
+from workbench.systems.bilinear import to_sampled
+from workbench.systems.norms import norm
+from workbench.systems.realisation import Matrices, realisation
+
+DISTANCE = 1e-3
+"""Relative distance from the least level: nearer, poles of K run away for nothing."""
+SHARE = 1e-3
+"""Of the least level, below which the norm of a loop is that of rounding errors."""
+ROUNDING = 1e-8
+"""Share of w -> z without K that is claimed where it is cancelled but for rounding."""
+
+
+def distance(context: Context) -> float:
+    """From the least level, relative."""
+    return max(context.options.accuracy, DISTANCE)
+
+
+def claimed(
+    program: HinfSynthesis,
+    K: Matrices,
+    size: float,
+    gamma: float,
+    said: str,
+    least: float = math.nan,
+) -> Claim:
+    """The claim of a controller of the plant in continuous time; none unless it stabilises."""
+    if not np.isfinite(size):
+        return None, Outcome.FAILED, f"{said}; the controller found does not stabilise the plant"
+    # What is left of signals that cancel is rounding: no norm to claim.
+    open_loop = without_control(program.scaled.plant)
+    if program.gamma is None and size < SHARE * gamma:
+        size = gamma
+    elif size < CANCELLED * open_loop:
+        size = min(gamma, ROUNDING * open_loop)
+    plant, system = program.plant, program.plant.system
+    dt = float(system.dt or 0.0)
+    try:
+        matrices = to_sampled(K) if dt else K
+    except np.linalg.LinAlgError:
+        return None, Outcome.FAILED, f"{said}; the sampled controller found is not causal"
+    labels = {
+        "inputs": list(system.output_labels[system.noutputs - plant.measurements :]),
+        "outputs": list(system.input_labels[system.ninputs - plant.controls :]),
+    }
+    K_found = realisation(matrices, dt, **labels)
+    return HinfController(K_found, size, gamma, least), Outcome.SOLVED, said
+
+
+@method(HinfSynthesis, "riccati", optimal=False)
+def _riccati(program: HinfSynthesis, context: Context) -> Claim:
+    """Two Riccati equations and bisection of the level, to 1e-3 above the least one."""
+    try:
+        # Half of the distance for the interval of the least level, half for the step above it.
+        found = central_of(program.scaled, distance(context) / 2, program.gamma)
+    except InfeasibleError as error:
+        return None, Outcome.INFEASIBLE, str(error)
+    except SolverError as error:
+        return None, Outcome.FAILED, str(error)
+    said = f"no level below {found.lower:.6g} is feasible" if found.lower else ""
+    least = found.lower if program.gamma is None else math.nan
+    return claimed(program, found.K, found.norm, found.gamma, said, least)
+
+
+def _static(program: HinfSynthesis) -> str | None:
+    return None if program.scaled.plant.states else "SB10AD needs a plant with states"
+
+
+@method(HinfSynthesis, "sb10ad", optimal=False, unfit=_static)
+def _sb10ad(program: HinfSynthesis, context: Context) -> Claim:
+    """SLICOT SB10AD with its own bisection, on the scaled plant, then 1e-3 above its level."""
+    from slycot import sb10ad
+
+    normal, step = program.scaled, distance(context)
+    plant = normal.plant
+    sizes = (plant.states, plant.B.shape[1], len(plant.C), plant.controls, plant.measurements)
+    matrices = (plant.A, plant.B, plant.C, plant.D)
+    gamma, said = program.gamma, f"SB10AD with gamma = {program.gamma}"
+    least = math.nan
+    try:
+        if gamma is None:
+            _, ceiling = level_ends(plant)
+            least = float(sb10ad(*sizes, ceiling, *matrices, job=1, gtol=step * ceiling)[0])
+            said = f"SB10AD: least level {least:.6g}"
+            gamma = least * (1.0 + step)
+        _, *made = sb10ad(*sizes, gamma, *matrices, job=4)
+        K = normal.controller((made[0], made[1], made[2], made[3]))
+        return claimed(program, K, norm(normal.given.close(K)), gamma, said, least)
+    except (ArithmeticError, SolverError, np.linalg.LinAlgError) as error:
+        return None, Outcome.FAILED, f"{said}: {' '.join(str(error).split())}"

@@ -1,0 +1,107 @@
+"""Mixed sensitivity: the least norm of weighted S, K S and T (E. Vidal Sanchez, Robust and Fault
+Tolerant Control of CD-players (2003), eq. 5.6, which weighs S and K S).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from workbench.certify.norms import CERTIFIED
+from workbench.errors import InputError
+from workbench.program import Check, worst
+from workbench.synthesis.hinf.figures import grid
+from workbench.synthesis.hinf.program import HinfController, HinfSynthesis
+from workbench.systems.conversion import as_system, as_weight
+from workbench.systems.generalised_plant import GeneralisedPlant, generalised_plant, response
+
+if TYPE_CHECKING:
+    from control import StateSpace
+
+
+@dataclass(frozen=True, eq=False, init=False, kw_only=True)
+class MixedSensitivity(HinfSynthesis):
+    """The stabilising K with the least norm of [W_S S; W_KS K S; W_T T], S = (1 + G K)^-1.
+
+    T = 1 - S. K acts on the error, u = K (r - G u), as in the usual loop with negative feedback.
+
+    Parameters
+    ----------
+    G
+        StateSpace or TransferFunction, u -> x.
+    W_S, W_KS, W_T
+        Weights of the error, the control and the output, stable; StateSpace, TransferFunction or
+        number, one of a single channel acts on each. None leaves the row out.
+    gamma
+        As of `HinfSynthesis`.
+
+    Raises
+    ------
+    InputError
+        As `HinfSynthesis`; no weight at all; a weight of another size.
+    """
+
+    G: StateSpace
+    weights: dict[str, StateSpace]
+
+    def __init__(
+        self, G: Any, W_S: Any = None, W_KS: Any = None, W_T: Any = None, gamma: float | None = None
+    ) -> None:
+        G = as_system(G, "G")
+        given = {"S": W_S, "KS": W_KS, "T": W_T}
+        sizes = {"S": G.noutputs, "KS": G.ninputs, "T": G.noutputs}
+        weights = {
+            name: as_weight(weight, sizes[name], f"W_{name}")
+            for name, weight in given.items()
+            if weight is not None
+        }
+        if not weights:
+            raise InputError("there is no weight; give at least one of W_S, W_KS and W_T")
+        object.__setattr__(self, "G", G)
+        object.__setattr__(self, "weights", weights)
+        object.__setattr__(self, "plant", _stack(G, weights))
+        object.__setattr__(self, "gamma", gamma)
+        self.__post_init__()
+
+    def checks(self, answer: HinfController, tolerance: float) -> list[Check]:
+        found = super().checks(answer, tolerance)
+        if len(found) == 1:  # K does not fit
+            return found
+        omega = grid(self.plant.close(answer.K))
+        size = np.linalg.norm(self._formula(answer.K, omega), 2, axis=(-2, -1))
+        excess, where = worst(
+            size / answer.norm - 1.0, lambda index: f"at {omega[index[0]]:.6g} rad/s"
+        )
+        statement = "largest [W_S S; W_KS K S; W_T T] at frequencies over the norm, less 1"
+        return [*found, Check("definition", statement, excess, 2.0 * CERTIFIED, where)]
+
+    def _formula(self, K: StateSpace, omega: np.ndarray) -> np.ndarray:
+        """The stack from responses of G, K and the weights, as it is defined."""
+        G, controller = response(self.G, omega), response(K, omega)
+        one = np.eye(G.shape[-2])
+        S = np.linalg.inv(one + G @ controller)
+        rows = {"S": S, "KS": controller @ S, "T": one - S}
+        stack = [response(weight, omega) @ rows[name] for name, weight in self.weights.items()]
+        return np.concatenate(stack, axis=-2)
+
+
+def _stack(G: StateSpace, weights: dict[str, StateSpace]) -> GeneralisedPlant:
+    """r, u -> weighted e, u, x; e."""
+
+    def names(signal: str, count: int) -> list[str]:
+        return [f"{signal}{i}" for i in range(count)]
+
+    u, x = names("u", G.ninputs), names("x", G.noutputs)
+    e, r = names("e", G.noutputs), names("r", G.noutputs)
+    enters = {"S": e, "KS": u, "T": x}
+    leaves = {name: names(f"z_{name}", weight.noutputs) for name, weight in weights.items()}
+    return generalised_plant(
+        [(G, u, x), *((weight, enters[name], leaves[name]) for name, weight in weights.items())],
+        {error: f"{wanted} - {is_}" for error, wanted, is_ in zip(e, r, x, strict=True)},
+        exogenous=r,
+        control=u,
+        performance=[name for row in leaves.values() for name in row],
+        measurement=e,
+    )

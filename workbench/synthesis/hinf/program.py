@@ -1,0 +1,210 @@
+"""H-infinity synthesis as a Program: its data, its answer, its check."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from workbench.certify.norms import CERTIFIED, certified_norm
+from workbench.certify.stability import stability_of
+from workbench.errors import InputError, SolverError
+from workbench.input_checks import need_positive
+from workbench.program import Check, Program, solve
+from workbench.solvers import Options
+from workbench.synthesis.hinf.assumptions import checked
+from workbench.synthesis.hinf.normalised import Scaled
+from workbench.systems.conversion import as_system
+from workbench.systems.generalised_plant import GeneralisedPlant
+from workbench.systems.minimal import visible
+from workbench.systems.standard_plant import standard_plant
+from workbench.systems.storage import restored, stored
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from control import StateSpace
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True, eq=False)
+class HinfController:
+    """u = K y with positive feedback; the loop has the norm ``norm``, at most the level ``gamma``.
+
+    ``gamma`` is the level for which K was made; ``least`` is one below which its method found none
+    (NaN: it was asked for one level).
+    """
+
+    K: StateSpace
+    norm: float
+    gamma: float
+    least: float = math.nan
+
+
+@dataclass(frozen=True, eq=False)
+class HinfSynthesis(Program):
+    """The stabilising K with the least norm of F_l(P, K), or with one below a level.
+
+    Parameters
+    ----------
+    plant
+        Its perturbation channels, where it has any, count as exogenous and performance.
+        Unstable states that no input reaches or no output shows are removed from it where they
+        are copies of others, as of a system that stands in a connection twice.
+    gamma
+        The level asked for; None: the least one, to which methods keep a distance of 1e-3, since
+        controllers at the least level have poles at infinity.
+
+    Raises
+    ------
+    InputError
+        A plant that does not meet the standard assumptions (see `assumptions.checked`), is not
+        finite or lacks signals; a gamma that is not positive and finite.
+
+    References
+    ----------
+    Zhou, Doyle, Glover, Robust and Optimal Control (1996), chapter 17.
+    """
+
+    plant: GeneralisedPlant
+    gamma: float | None = None
+
+    default_method: ClassVar[str] = "riccati"
+    headline: ClassVar[str] = "norm"
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.plant, GeneralisedPlant):
+            raise InputError(
+                f"plant must be a GeneralisedPlant, not {type(self.plant).__name__}; hinf() takes "
+                "a StateSpace with the numbers of measurements and controls"
+            )
+        need_positive(self.gamma, "gamma", or_none=True)
+        object.__setattr__(self, "plant", visible(self.plant))
+        _ = self.scaled  # every assumption is tested now
+
+    @cached_property
+    def scaled(self) -> Scaled:
+        """The plant as methods see it."""
+        return checked(standard_plant(self.plant))
+
+    # --- checks -------------------------------------------------------------------------------
+
+    def checks(self, answer: HinfController, tolerance: float) -> list[Check]:
+        K = answer.K
+        needed = (self.plant.controls, self.plant.measurements)
+        fits = (K.noutputs, K.ninputs) == needed
+        found = [
+            Check(
+                "dimensions",
+                "whether K has other outputs and inputs than controls and measurements",
+                float(not fits),
+                0.0,
+            )
+        ]
+        if not fits:
+            return found
+        loop = self.plant.close(K)
+        stability = stability_of(loop)
+        found.append(stability)
+        size = certified_norm(loop) if stability.holds else np.inf
+        limit = 2.0 * CERTIFIED
+        found.append(
+            Check(
+                "norm",
+                "certified norm of the loop over the claimed one, less 1",
+                size / answer.norm - 1.0 if answer.norm > 0.0 else np.inf,
+                limit,
+            )
+        )
+        level = answer.gamma if self.gamma is None else self.gamma
+        found.append(
+            Check("level", "norm of the loop over gamma, less 1", size / level - 1.0, limit)
+        )
+        return found
+
+    def metrics(self, answer: HinfController) -> dict[str, float]:
+        return {
+            "norm": answer.norm,
+            "gamma": answer.gamma,
+            "order": float(answer.K.nstates),
+            "fastest_pole": float(np.abs(answer.K.poles()).max(initial=0.0)),
+        }
+
+    # --- datasets and figures -----------------------------------------------------------------
+
+    def figures(self, answer: HinfController) -> dict[str, Figure]:
+        from workbench.synthesis.hinf.figures import controller, loop
+
+        closed = self.plant.close(answer.K)
+        return {"loop": loop(closed, answer.gamma), "controller": controller(answer.K, closed)}
+
+    def to_dataset(self, answer: HinfController) -> xr.Dataset:
+        import xarray as xr
+
+        units = {"units": "1"}
+        return xr.Dataset(
+            {
+                **stored("plant", self.plant.system),
+                **stored("controller", answer.K),
+                "norm": ((), answer.norm, units | {"long_name": "norm of the closed loop"}),
+                "gamma": ((), answer.gamma, units | {"long_name": "level of the controller"}),
+                "least": ((), answer.least, units | {"long_name": "no lower level was found"}),
+            }
+        )
+
+    def from_dataset(self, data: xr.Dataset) -> HinfController:
+        numbers = (float(data[name]) for name in ("norm", "gamma", "least"))
+        return HinfController(restored(data, "controller"), *numbers)
+
+
+def hinf(
+    plant: Any,
+    measurements: int | None = None,
+    controls: int | None = None,
+    *,
+    gamma: float | None = None,
+    method: str | None = None,
+    options: Options | None = None,
+) -> HinfController:
+    """The H-infinity controller u = K y (positive feedback) of a plant, certified.
+
+    Parameters
+    ----------
+    plant
+        `GeneralisedPlant`, or a StateSpace or TransferFunction whose last outputs are the
+        measurements and whose last inputs are the controls.
+    measurements, controls
+        Their numbers, with a system that is no GeneralisedPlant.
+    gamma
+        As of `HinfSynthesis`.
+    method
+        ``"riccati"`` (default), ``"sb10ad"`` or the name of a conic solver.
+
+    Raises
+    ------
+    InputError
+        As of `HinfSynthesis`; numbers missing, or given twice.
+    SolverError
+        No valid controller; the message says why, where gamma is too small with the least level.
+    """
+    import control
+
+    if isinstance(plant, control.StateSpace | control.TransferFunction):
+        if measurements is None or controls is None:
+            raise InputError(
+                f"a {type(plant).__name__} needs the numbers of measurements and controls"
+            )
+        plant = GeneralisedPlant(as_system(plant, "plant"), None, controls, measurements)
+    elif measurements is not None or controls is not None:
+        raise InputError(
+            "measurements and controls belong to a StateSpace or TransferFunction; the plant is "
+            f"{type(plant).__name__}"
+        )
+    solution = solve(HinfSynthesis(plant, gamma), method, options)
+    if solution.certificate is None:
+        raise SolverError(solution.message)
+    if not solution.certificate.valid:
+        raise SolverError("; ".join(solution.certificate.failures))
+    return solution.answer

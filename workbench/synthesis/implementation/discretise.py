@@ -1,0 +1,153 @@
+"""Controllers for a computer: discretised in blocks of order two, well conditioned."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, Literal, get_args
+
+import numpy as np
+from scipy.linalg import schur
+
+from workbench.arrays import RealArray
+from workbench.errors import InputError
+from workbench.input_checks import is_real, need_positive
+from workbench.synthesis.implementation.sampled_loop import need_fitting, sampled_conditions
+from workbench.systems.balancing import speed, state_units
+from workbench.systems.conversion import as_system
+from workbench.systems.generalised_plant import response
+from workbench.systems.realisation import realisation
+from workbench.systems.sampling import hold
+
+if TYPE_CHECKING:
+    from control import StateSpace
+
+Method = Literal["tustin", "zoh"]
+CONDITION = 1e3
+"""Norm of the transformations that part blocks from each other; poles closer stay together."""
+BEYOND = np.logspace(0.0, 4.0, 2000)
+"""Frequencies over half the sampling rate at which the loop's gain is looked at."""
+
+
+def discretised(
+    K: Any,
+    sample_time: float,
+    method: Method = "tustin",
+    prewarp: float | None = None,
+    *,
+    plant: Any = None,
+    sign: int = -1,
+    delay: float = 0.0,
+) -> StateSpace:
+    """The controller at a sampling time [s], its A block diagonal.
+
+    Blocks are complex pairs of poles and real poles, larger only where poles lie so close together
+    that their parts would cancel. Blocks are made in continuous time, where slow poles are known to
+    full precision.
+
+    Parameters
+    ----------
+    K
+        StateSpace or TransferFunction, continuous time.
+    method
+        ``"tustin"``, the bilinear transform, or ``"zoh"``, exact for inputs held.
+    prewarp
+        Frequency [rad/s] at which the bilinear transform has the response of K.
+    plant, sign, delay
+        With them the loop is tested as by `sampled_conditions`; K is returned only if it is stable.
+
+    Raises
+    ------
+    InputError
+        K sampled; a time that is not positive; a prewarp with "zoh" or not below half the sampling
+        rate; a pole of K at 2 / sample_time; with a plant: half the sampling rate below the loop's
+        bandwidth, or an unstable sampled loop.
+    """
+    K = as_system(K, "K")
+    if K.dt:
+        raise InputError(f"K is sampled already (dt = {K.dt}); give the continuous controller")
+    need_positive(sample_time, "sample_time")
+    if method not in get_args(Method):
+        raise InputError(f"method is {method!r}; it must be one of {get_args(Method)}")
+    if plant is not None:
+        plant = as_system(plant, "plant")
+        need_fitting(K, plant)
+        _check_bandwidth(K, plant, sample_time)
+    A, B, C = block_diagonal(K.A, K.B, K.C)
+    D = np.asarray(K.D, dtype=float)
+    if method == "zoh":
+        if prewarp is not None:
+            raise InputError("prewarp belongs to the bilinear transform; leave it out with zoh")
+        A, B = hold(A, B, sample_time)
+    else:
+        half = _half_step(sample_time, prewarp)
+        shifted = np.eye(len(A)) - half * A
+        if len(A) and np.linalg.cond(shifted) > 1e12:
+            raise InputError(
+                f"K has a pole at 1 / ({half:.6g} s), which the bilinear transform takes to "
+                "infinity; take another sample_time"
+            )
+        back = np.linalg.inv(shifted)
+        root = math.sqrt(2.0 * half)
+        D = D + half * C @ back @ B
+        A, B, C = back @ (np.eye(len(A)) + half * A), root * back @ B, root * C @ back
+    labels = {"inputs": K.input_labels, "outputs": K.output_labels}
+    sampled = realisation((A, B, C, D), sample_time, **labels)
+    if plant is not None:
+        found = sampled_conditions(plant, sampled, sample_time, delay, sign=sign)
+        if not found.stable:
+            raise InputError(
+                f"the loop sampled every {sample_time:.6g} s with a delay of {delay:g} samples is "
+                f"unstable, its largest pole {found.pole:.6g}; sample faster or lower the bandwidth"
+            )
+    return sampled
+
+
+def block_diagonal(
+    A: RealArray, B: RealArray, C: RealArray
+) -> tuple[RealArray, RealArray, RealArray]:
+    """The realisation with the blocks of real poles and complex pairs parted (SLICOT MB03RD)."""
+    from slycot import mb03rd
+
+    n = len(A)
+    if n == 0:
+        return A, B, C
+    units = state_units(A, B, C)
+    A, B, C = A * units[:, None] / units, B * units[:, None], C / units
+    rate = speed(A)
+    T, Q = schur(A / rate)
+    blocks, X, sizes, _ = mb03rd(n, T, Q, sort="S", pmax=CONDITION)
+    B, C = np.linalg.solve(X, B), C @ X
+    A = np.zeros((n, n))
+    ends = np.cumsum(sizes[sizes > 0])
+    for end, size in zip(ends, sizes, strict=False):
+        own = slice(int(end - size), int(end))
+        A[own, own] = rate * blocks[own, own]
+    units = state_units(A, B, C)
+    return A * units[:, None] / units, B * units[:, None], C / units
+
+
+def _half_step(sample_time: float, prewarp: float | None) -> float:
+    """h of s = (z - 1) / (h (z + 1))."""
+    if prewarp is None:
+        return sample_time / 2
+    nyquist = math.pi / sample_time
+    if not (is_real(prewarp) and 0.0 < prewarp < nyquist):
+        raise InputError(
+            f"prewarp is {prewarp!r} rad/s; it must lie between 0 and half the sampling rate, "
+            f"{nyquist:.6g} rad/s"
+        )
+    return math.tan(prewarp * sample_time / 2) / prewarp
+
+
+def _check_bandwidth(K: StateSpace, plant: StateSpace, sample_time: float) -> None:
+    """Raise InputError where the continuous loop has gain beyond half the sampling rate."""
+    nyquist = math.pi / sample_time
+    omega = nyquist * BEYOND
+    gain = np.linalg.norm(response(K, omega) @ response(plant, omega), 2, axis=(-2, -1))
+    if (gain >= 1.0).any():
+        bandwidth = omega[np.flatnonzero(gain >= 1.0)[-1]]
+        raise InputError(
+            f"sample_time is {sample_time:.6g} s, half the sampling rate {nyquist:.6g} rad/s; the "
+            f"gain of the loop stays above 1 up to {bandwidth:.6g} rad/s or more: sample_time must "
+            f"be well below {math.pi / bandwidth:.3g} s"
+        )

@@ -1,0 +1,203 @@
+"""Controllers in files: MATLAB's format, JSON, and a C99 header; read back where that has a use."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import tempfile
+from collections.abc import Callable, Mapping
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, get_args
+
+import numpy as np
+
+from workbench.errors import InputError, ResultError
+from workbench.synthesis.implementation.export_c import Limits, Precision, header
+from workbench.synthesis.implementation.second_order import Sections
+from workbench.systems.conversion import as_system
+from workbench.systems.realisation import realisation
+
+if TYPE_CHECKING:
+    from control import StateSpace
+
+Format = Literal["json", "mat", "c"]
+KIND = "workbench controller"
+"""What a file of ours says of itself."""
+
+
+def export(
+    K: Any,
+    path: str | Path,
+    format: Format,
+    *,
+    metadata: Mapping[str, Any] | None = None,
+    name: str = "controller",
+    precision: Precision = "double",
+    limits: Limits | None = None,
+) -> Path:
+    """Write a controller to a file; one that stands there is replaced at once or not at all.
+
+    Parameters
+    ----------
+    K
+        StateSpace or TransferFunction; for ``"c"`` a sampled one, or `Sections`.
+    format
+        ``"json"`` and ``"mat"``: A, B, C, D, dt [s], names of signals and metadata, exactly;
+        ``"c"``: a C99 header with a state, a function that clears it and one that makes a step.
+    metadata
+        What JSON can hold; for "json" and "mat".
+    name, precision, limits
+        Of "c", as `export_c.header`.
+
+    Raises
+    ------
+    InputError
+        An unknown format; a controller that is continuous with "c", or not finite; metadata that
+        JSON cannot hold; options of another format; a folder that is missing or not writable.
+    """
+    path = Path(path)
+    if format not in get_args(Format):
+        raise InputError(f"format is {format!r}; it must be one of {', '.join(get_args(Format))}")
+    if format == "c":
+        if metadata:
+            raise InputError("a C header takes no metadata; leave it out")
+        content = header(K, name, precision, limits).encode("ascii")
+    else:
+        if limits is not None or (name, precision) != ("controller", "double"):
+            raise InputError(f"name, precision and limits are for C, not for {format!r}")
+        content = _WRITERS[format](_fields(K, metadata or {}))
+    _replace(path, content)
+    return path
+
+
+def load(path: str | Path) -> tuple[StateSpace, dict[str, Any]]:
+    """The controller of a file that `export` wrote as "json" or "mat", and its metadata.
+
+    Raises
+    ------
+    ResultError
+        A file that cannot be read or is none of these.
+    """
+    path = Path(path)
+    try:
+        content = path.read_bytes()
+        fields = _from_json(content) if content.lstrip()[:1] == b"{" else _from_mat(content)
+        if fields["kind"] != KIND:
+            raise ValueError(f"it calls itself {fields['kind']!r}")
+        K = realisation(
+            tuple(fields[key] for key in "ABCD"),
+            fields["dt"],
+            name=fields["name"],
+            inputs=fields["inputs"],
+            outputs=fields["outputs"],
+            states=fields["states"],
+        )
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise ResultError(
+            f"{path} holds no controller that export wrote as json or mat: {error}"
+        ) from None
+    return K, fields["metadata"]
+
+
+def _fields(K: Any, metadata: Mapping[str, Any]) -> dict[str, Any]:
+    K = as_system(K.system if isinstance(K, Sections) else K, "K")
+    parts = {key: np.asarray(getattr(K, key), dtype=float) for key in "ABCD"}
+    try:
+        text = json.dumps(metadata, allow_nan=False)
+        same = json.loads(text) == dict(metadata)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"metadata cannot be written as JSON: {error}") from None
+    if not same:
+        raise InputError(
+            "metadata does not come back from JSON as it is; use dicts with text as keys, lists, "
+            "text, numbers, booleans and None"
+        )
+    names = {
+        "inputs": list(K.input_labels),
+        "outputs": list(K.output_labels),
+        "states": list(K.state_labels),
+        "name": K.name,
+    }
+    return {"kind": KIND, **parts, "dt": K.dt, **names, "metadata": dict(metadata)}
+
+
+def _to_json(fields: dict[str, Any]) -> bytes:
+    """Numbers in the shortest form that gives the same double again; sizes, for empty matrices."""
+    plain = {
+        key: {"shape": value.shape, "data": value.ravel().tolist()}
+        if isinstance(value, np.ndarray)
+        else value
+        for key, value in fields.items()
+    }
+    return (json.dumps(plain, indent=1, allow_nan=False) + "\n").encode()
+
+
+def _from_json(content: bytes) -> dict[str, Any]:
+    fields: dict[str, Any] = json.loads(content)
+    for key in "ABCD":
+        matrix = fields[key]
+        fields[key] = np.array(matrix["data"], dtype=float).reshape(matrix["shape"])
+    return fields
+
+
+def _to_mat(fields: dict[str, Any]) -> bytes:
+    """Version 5; dt is -1 for a sampling time not given, as MATLAB has it, and NaN for any."""
+    from scipy.io import savemat
+
+    dt = fields["dt"]
+    number = -1.0 if dt is True else math.nan if dt is None else float(dt)
+    texts = {key: np.array(fields[key], dtype=object) for key in ("inputs", "outputs", "states")}
+    stream = BytesIO()
+    about = {"dt": number, "metadata": json.dumps(fields["metadata"])}
+    savemat(stream, {**fields, **texts, **about}, oned_as="row")
+    return stream.getvalue()
+
+
+def _from_mat(content: bytes) -> dict[str, Any]:
+    from scipy.io import loadmat
+
+    try:
+        found = loadmat(BytesIO(content))
+    except Exception as error:  # of many classes, where bytes are no MATLAB file
+        raise ValueError(f"no JSON, and as a MATLAB file: {error}") from None
+    dt = float(found["dt"].item())
+    texts = {
+        key: [str(text.item()) for text in found[key].ravel()]
+        for key in ("inputs", "outputs", "states")
+    }
+    n, m, p = (len(texts[key]) for key in ("states", "inputs", "outputs"))
+    sizes = {"A": (n, n), "B": (n, m), "C": (p, n), "D": (p, m)}
+    return {
+        "kind": str(found["kind"].item()),
+        **{key: found[key].astype(float).reshape(size) for key, size in sizes.items()},
+        **texts,
+        "dt": True if dt == -1.0 else None if math.isnan(dt) else dt,
+        "name": str(found["name"].item()),
+        "metadata": json.loads(found["metadata"].item()),
+    }
+
+
+_WRITERS: dict[str, Callable[[dict[str, Any]], bytes]] = {"json": _to_json, "mat": _to_mat}
+
+
+def _replace(path: Path, content: bytes) -> None:
+    """Written beside and renamed, so that an interruption leaves the older file."""
+    partial: Path | None = None
+    try:
+        with tempfile.NamedTemporaryFile(
+            dir=path.parent, prefix=f".{path.name}.", delete=False
+        ) as stream:
+            partial = Path(stream.name)
+            stream.write(content)
+            stream.flush()
+            os.fsync(stream.fileno())
+        partial.chmod(0o644)
+        partial.replace(path)
+        partial = None
+    except OSError as error:
+        raise InputError(f"{path} cannot be written: {error.strerror}") from None
+    finally:
+        if partial is not None:
+            partial.unlink(missing_ok=True)

@@ -1,0 +1,216 @@
+"""A sampled controller as a C99 header without allocation, of any number of inputs and outputs."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from workbench.arrays import RealArray
+from workbench.errors import InputError
+from workbench.synthesis.implementation.second_order import Sections
+from workbench.systems.conversion import as_system
+
+Precision = Literal["double", "float"]
+Limits = tuple[Sequence[float], Sequence[float]]
+"""Lowest and highest value of each output."""
+
+_FRAME = """\
+/* {what}
+ *
+ * {inputs} inputs, {outputs} outputs, {states} states, sample time {time} s.
+ * Call {name}_init once, then {name}_step each sample: it reads y[{inputs}] and writes
+ * u[{outputs}], which must not overlap.
+ * {limited}
+ */
+#ifndef {guard}_H
+#define {guard}_H
+
+#define {guard}_INPUTS {inputs}
+#define {guard}_OUTPUTS {outputs}
+#define {guard}_STATES {states}
+#define {guard}_SAMPLE_TIME {time}
+
+typedef {real} {name}_real;
+
+typedef struct {{
+    {name}_real x[{room}];
+}} {name}_state;
+
+{tables}
+static inline void {name}_init({name}_state *state)
+{{
+    for (int i = 0; i < {room}; i++)
+        state->x[i] = 0;
+}}
+
+static inline void {name}_step({name}_state *state, const {name}_real y[{inputs}],
+                               {name}_real u[{outputs}])
+{{
+{body}{clip}}}
+
+#endif
+"""
+_SPACE = """\
+    {name}_real next[{room}] = {{0}};
+    for (int i = 0; i < {states}; i++) {{
+        for (int j = 0; j < {states}; j++)
+            next[i] += {name}_a[i][j] * state->x[j];
+        for (int j = 0; j < {inputs}; j++)
+            next[i] += {name}_b[i][j] * y[j];
+    }}
+    for (int i = 0; i < {outputs}; i++) {{
+        u[i] = 0;
+        for (int j = 0; j < {states}; j++)
+            u[i] += {name}_c[i][j] * state->x[j];
+        for (int j = 0; j < {inputs}; j++)
+            u[i] += {name}_d[i][j] * y[j];
+    }}
+    for (int i = 0; i < {states}; i++)
+        state->x[i] = next[i];
+"""
+_CASCADES = """\
+    /* Transposed direct form II; x holds two values a section. */
+    {name}_real *x = state->x;
+    const {name}_real (*row)[5] = {name}_sections;
+    for (int i = 0; i < {outputs}; i++) {{
+        u[i] = 0;
+        for (int j = 0; j < {inputs}; j++) {{
+            {name}_real v = y[j];
+            for (int k = 0; k < {name}_counts[i][j]; k++, row++, x += 2) {{
+                const {name}_real w = (*row)[0] * v + x[0];
+                x[0] = (*row)[1] * v - (*row)[3] * w + x[1];
+                x[1] = (*row)[2] * v - (*row)[4] * w;
+                v = w;
+            }}
+            u[i] += v;
+        }}
+    }}
+"""
+_CLIP = """\
+    for (int i = 0; i < {outputs}; i++) {{
+        if (u[i] < {name}_lowest[i])
+            u[i] = {name}_lowest[i];
+        else if (u[i] > {name}_highest[i])
+            u[i] = {name}_highest[i];
+    }}
+"""
+
+
+def header(
+    K: Any, name: str = "controller", precision: Precision = "double", limits: Limits | None = None
+) -> str:
+    """The text of a C99 header, with ``name_state``, ``name_init`` and ``name_step``.
+
+    Parameters
+    ----------
+    K
+        Sampled StateSpace or TransferFunction, computed in its own coordinates, or `Sections`.
+    name
+        Prefix of everything, a C identifier.
+    limits
+        Outputs are clipped to them. The states do not see it: this is a limit of the actuator, not
+        an anti-windup, for which the controller needs a design of its own.
+
+    Raises
+    ------
+    InputError
+        A continuous controller; numbers that the precision cannot hold; a bad name or limits.
+    """
+    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name):
+        raise InputError(f"name is {name!r}; it must be a C identifier that starts with a letter")
+    if precision not in get_args(Precision):
+        raise InputError(f'precision is {precision!r}; it must be "double" or "float"')
+    if isinstance(K, Sections):
+        what, body, tables = "second-order sections", _CASCADES, _cascade_tables(K)
+        states, dt = 2 * sum(len(rows) for line in K.channels for rows in line), K.dt
+    else:
+        K = _sampled(K)
+        what, body, tables = "state space", _SPACE, _space_tables(K)
+        states, dt = K.nstates, K.dt
+    clip, limited = "", "Outputs are not limited."
+    if limits is not None:
+        clip, limited = _CLIP, "Outputs are clipped to limits, which the states do not see."
+        tables |= _limit_tables(limits, K.noutputs)
+    places = {
+        "what": f"Controller in {what}.",
+        "limited": limited,
+        "name": name,
+        "guard": name.upper(),
+        "real": precision,
+        "inputs": K.ninputs,
+        "outputs": K.noutputs,
+        "states": states,
+        "room": max(states, 1),  # C has no arrays without entries
+        "time": repr(float(dt)),
+    }
+    constants = "".join(
+        f"static const {'int' if values.dtype == int else f'{name}_real'} {name}_{key}"
+        f"{''.join(f'[{size}]' for size in values.shape)} = {_text(values, precision)};\n"
+        for key, values in tables.items()
+    )
+    parts = {"body": body.format(**places), "clip": clip.format(**places)}
+    return _FRAME.format(tables=constants, **parts, **places)
+
+
+def _sampled(K: Any) -> Any:
+    K = as_system(K, "K")
+    if not K.dt or K.dt is True:
+        raise InputError(
+            f"K {K.name!r} has dt = {K.dt}; a computer needs a controller with a sampling time in "
+            "seconds: use discretised()"
+        )
+    return K
+
+
+def _space_tables(K: Any) -> dict[str, RealArray]:
+    """A to D, with a row and column of zeros in place of no states."""
+    room = max(K.nstates, 1)
+    rows = {"A": room, "B": room, "C": K.noutputs, "D": K.noutputs}
+    columns = {"A": room, "B": K.ninputs, "C": room, "D": K.ninputs}
+    tables = {}
+    for key in "ABCD":
+        part = np.asarray(getattr(K, key), dtype=float)
+        tables[key.lower()] = np.zeros((rows[key], columns[key]))
+        tables[key.lower()][: part.shape[0], : part.shape[1]] = part
+    return tables
+
+
+def _cascade_tables(K: Sections) -> dict[str, Any]:
+    rows = np.vstack([rows for line in K.channels for rows in line])
+    counts = np.array([[len(rows) for rows in line] for line in K.channels], dtype=int)
+    return {"sections": rows[:, [0, 1, 2, 4, 5]], "counts": counts}
+
+
+def _limit_tables(limits: Limits, outputs: int) -> dict[str, RealArray]:
+    low, high = (np.asarray(limit, dtype=float) for limit in limits)
+    if not (np.isfinite(low).all() and np.isfinite(high).all()):
+        raise InputError(f"limits are {limits}; they must be finite")
+    if low.shape != (outputs,) or high.shape != (outputs,) or not (low < high).all():
+        raise InputError(
+            f"limits are {limits}; they must be the lowest and the highest values of {outputs} "
+            "outputs, each lowest below its highest"
+        )
+    return {"lowest": low, "highest": high}
+
+
+def _text(values: Any, precision: str) -> str:
+    """A C initialiser; decimals that give the same number again."""
+    if values.ndim > 1:
+        lines = ",\n".join(f"    {_text(row, precision)}" for row in values)
+        return f"{{\n{lines}\n}}"
+    return f"{{{', '.join(_number(value, precision) for value in values)}}}"
+
+
+def _number(value: Any, precision: str) -> str:
+    if isinstance(value, np.integer):
+        return str(int(value))
+    kind, suffix = (np.float64, "") if precision == "double" else (np.float32, "f")
+    with np.errstate(over="ignore", under="ignore"):
+        near = kind(value)
+    if not math.isfinite(near) or (near == 0.0) != (value == 0.0):
+        raise InputError(f"the controller has the number {value}, which {precision} cannot hold")
+    return f"{near!s}{suffix}"

@@ -1,0 +1,56 @@
+"""Sums over the impulse response of a cascade of second-order sections: absolute, and squared."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.linalg import solve_discrete_lyapunov
+from scipy.signal import sosfilt
+
+from workbench.arrays import RealArray
+from workbench.synthesis.implementation.second_order import Sections
+
+STEPS = 20_000
+"""Samples that are summed one by one; the rest is bounded."""
+
+
+def stable(rows: RealArray) -> bool:
+    """Whether each section (L, 6) has its poles within the unit circle, by the exact triangle."""
+    a1, a2 = rows[:, 4], rows[:, 5]
+    return bool(((np.abs(a2) < 1.0) & (np.abs(a1) < 1.0 + a2)).all())
+
+
+def absolute_sum(rows: RealArray) -> float:
+    """An upper bound of the largest output for inputs up to 1; infinite if not stable."""
+    if not stable(rows):
+        return math.inf
+    impulse = np.zeros(STEPS)
+    impulse[0] = 1.0
+    return float(np.abs(sosfilt(rows, impulse)).sum()) + _rest(rows)
+
+
+def squared_sum(rows: RealArray) -> float:
+    """Variance of the output for white noise of variance 1; infinite if not stable."""
+    if not stable(rows):
+        return math.inf
+    system = Sections(((rows,),), 1.0).system
+    P = solve_discrete_lyapunov(system.A, system.B @ system.B.T, method="bilinear")
+    return float((system.C @ P @ system.C.T + system.D @ system.D.T)[0, 0])
+
+
+def _rest(rows: RealArray) -> float:
+    """Bound of the absolute sum after `STEPS` samples.
+
+    sum |h_k| <= sqrt(sum h_k^2 r^(-2k)) sqrt(sum r^(2k)), by Cauchy and Schwarz; with r^2 the
+    largest pole in modulus it is exact for one mode.
+    """
+    system = Sections(((rows,),), 1.0).system
+    radius = math.sqrt(float(np.abs(system.poles()).max()))
+    state = np.linalg.matrix_power(system.A, STEPS - 1) @ system.B
+    if not 0.0 < radius < 1.0 or not np.abs(state).max() > np.finfo(float).tiny:
+        return 0.0 if radius < 1.0 else math.inf
+    A = system.A / radius
+    Q = solve_discrete_lyapunov(A.T, system.C.T @ system.C, method="bilinear")
+    energy = float((state.T @ Q @ state)[0, 0])
+    return math.sqrt(max(energy, 0.0) / (1.0 - radius**2))

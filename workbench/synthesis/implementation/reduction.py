@@ -1,0 +1,242 @@
+"""How low the order of a controller can go: reductions, each certified in the loop anew."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.certify.stability import stability_of
+from workbench.errors import InputError
+from workbench.executor import Context
+from workbench.input_checks import need_positive, need_whole
+from workbench.mu.frequency.peak import Peak
+from workbench.mu.robust.conditions import Conditions, conditions
+from workbench.program import solve
+from workbench.synthesis.implementation import reduction_methods
+from workbench.synthesis.mu.program import MuSynthesis
+from workbench.systems.conversion import as_system
+from workbench.systems.generalised_plant import GeneralisedPlant
+from workbench.systems.realisation import realisation
+
+if TYPE_CHECKING:
+    from control import StateSpace
+
+Method = Literal["weighted", "balanced", "hankel"]
+
+
+@dataclass(frozen=True, eq=False)
+class Reduced:
+    """A controller with fewer states, and what was certified of its loop.
+
+    The peak of mu with performance (of the gain where the plant has no uncertainty, of mu without
+    performance where it has none) lies between ``lower`` and ``upper``; where the loop is not
+    ``stable`` both are infinite.
+    """
+
+    K: StateSpace
+    stable: bool
+    lower: float
+    upper: float
+
+    @property
+    def order(self) -> int:
+        return int(self.K.nstates)
+
+
+@dataclass(frozen=True, eq=False)
+class Reduction:
+    """Controllers of every order tried, lowest first; the last one is the given controller.
+
+    ``smallest`` is the one of the least order with a stable loop whose certified peak is at most
+    the target; None where no order has one.
+    """
+
+    tried: tuple[Reduced, ...]
+    target: float
+
+    @property
+    def smallest(self) -> Reduced | None:
+        return next((one for one in self.tried if one.stable and one.upper <= self.target), None)
+
+    @property
+    def curve(self) -> NDArray[np.float64]:
+        """Order, lower and upper bound of the peak (N, 3); infinite where the loop is unstable."""
+        return np.array([[one.order, one.lower, one.upper] for one in self.tried])
+
+
+def reduced(
+    K: Any, order: int, method: Method = "weighted", plant: GeneralisedPlant | None = None
+) -> StateSpace:
+    """The controller with at most `order` states.
+
+    Fewer where its minimal part has fewer, or where Hankel singular values coincide.
+
+    Parameters
+    ----------
+    K
+        StateSpace or TransferFunction, continuous time.
+    method
+        ``"weighted"``: truncation by Gramians of the closed loop; ``"balanced"`` and ``"hankel"``:
+        of the stable part of K by itself, the rest is kept (see `reduction_methods`).
+    plant
+        Of the loop, u = K y; for ``"weighted"`` only.
+
+    Raises
+    ------
+    InputError
+        A sampled controller or plant, an order below 0, above that of K, or below the number of
+        poles that the method keeps; weighted without a plant or with one that K leaves unstable.
+    """
+    K = _continuous(K)
+    least, of = _reducer(K, method, plant, None)
+    _check_order(order, least, K, method)
+    return of(order)
+
+
+def reduce(
+    K: Any,
+    plant: GeneralisedPlant,
+    *,
+    target: float = 1.0,
+    order: int | None = None,
+    method: Method = "weighted",
+    refine: bool = False,
+    context: Context | None = None,
+) -> Reduction:
+    """Reduce a controller to every order, or to one, and certify each loop from the plant alone.
+
+    Stability is that of the closed loop's poles, the peak that of `mu.conditions`; neither knows
+    how the controller was made. Peaks do not fall steadily with the order, so that all are tried.
+
+    Parameters
+    ----------
+    target
+        Largest certified peak that is accepted.
+    order
+        The only order to try; None: all.
+    refine
+        Improve those that exceed the target by method "fixed" of `MuSynthesis`, from the highest
+        order down; what a refined controller is reduced to may be the better start for the next.
+    context
+        Progress and time limit of the refinement.
+
+    Raises
+    ------
+    InputError
+        As `reduced`; a target that is not positive; refinement for a plant without uncertainty.
+    """
+    need_positive(target, "target")
+    K = _continuous(K)
+    found, given = _certified(plant, K)
+    least, of = _reducer(K, method, plant, found)
+    if order is None:
+        orders = list(range(least, K.nstates))
+    else:
+        _check_order(order, least, K, method)
+        orders = [order] if order < K.nstates else []
+    tried: dict[int, StateSpace] = {}
+    for k in orders:
+        one = of(k)
+        if one.nstates < K.nstates:
+            tried.setdefault(one.nstates, one)
+    certified = [_certified(plant, tried[k])[1] for k in sorted(tried)]
+    if refine:
+        certified = _refined(plant, certified, given, target, context or Context())
+    return Reduction((*certified, given), target)
+
+
+def _refined(
+    plant: GeneralisedPlant,
+    reductions: list[Reduced],
+    given: Reduced,
+    target: float,
+    context: Context,
+) -> list[Reduced]:
+    """The reductions, lowest order first, those above the target as method "fixed" leaves them."""
+    found: list[Reduced] = []
+    above = given
+    for one in context.track(reductions[::-1], "refinement"):
+        best = one if one.stable and one.upper <= target else _best_refined(plant, one, above)
+        above = best if best.stable else above
+        found.append(best)
+    return found[::-1]
+
+
+def _best_refined(plant: GeneralisedPlant, one: Reduced, above: Reduced) -> Reduced:
+    """A reduction, or what is left of the next higher order's, refined from the better of both."""
+    again = reduced(above.K, one.order, plant=plant)
+    best = min(one, _certified(plant, again)[1], key=lambda each: each.upper)
+    if not best.stable:
+        return best
+    solution = solve(MuSynthesis(plant, start=best.K), "fixed")
+    if solution.answer is None:
+        return best
+    return min(best, _certified(plant, solution.answer.K)[1], key=lambda each: each.upper)
+
+
+def _reducer(
+    K: StateSpace, method: str, plant: GeneralisedPlant | None, found: Conditions | None
+) -> tuple[int, Callable[[int], StateSpace]]:
+    """The least order that a method reaches, and the controller of an order."""
+    parts = K.A, K.B, K.C, K.D
+    least = 0
+    if method == "balanced":
+        least, of = reduction_methods.balanced(parts)
+    elif method == "hankel":
+        least, of = reduction_methods.hankel(parts)
+    elif method == "weighted":
+        if plant is None:
+            raise InputError(
+                'the method "weighted" weighs with the closed loop; give the plant, or ask '
+                '"balanced" or "hankel"'
+            )
+        found = found or _certified(plant, K)[0]
+        peak = _peak(found)
+        if peak is None:
+            raise InputError(
+                f"the loop with the given controller is unstable, its rightmost pole "
+                f'{found.pole:.6g}; "weighted" needs a controller that stabilises the plant'
+            )
+        loop = plant.close(K)
+        closed = loop.A, loop.B, loop.C, loop.D
+        of = reduction_methods.weighted(parts, plant, closed, peak)
+    else:
+        raise InputError(f"method is {method!r}; it must be one of {get_args(Method)}")
+    labels = {"inputs": K.input_labels, "outputs": K.output_labels}
+    return least, lambda k: realisation(of(k), 0.0, **labels)
+
+
+def _certified(plant: GeneralisedPlant, K: StateSpace) -> tuple[Conditions, Reduced]:
+    found = conditions(plant, K)
+    peak = _peak(found)
+    stable = peak is not None and bool(stability_of(plant.close(K)).holds)
+    bounds = (peak.lower, peak.upper) if peak is not None and stable else (math.inf, math.inf)
+    return found, Reduced(K, stable, *bounds)
+
+
+def _peak(found: Conditions) -> Peak | None:
+    """The condition to be kept: robust performance, without performance robust stability."""
+    return found.robust_performance or found.robust_stability
+
+
+def _continuous(K: Any) -> StateSpace:
+    K = as_system(K, "K")
+    if K.dt:
+        raise InputError(
+            f"K is sampled (dt = {K.dt}); reduce the continuous controller and discretise it then"
+        )
+    return K
+
+
+def _check_order(order: int, least: int, K: StateSpace, method: str) -> None:
+    need_whole(order, "order")
+    if not least <= order <= K.nstates:
+        kept = f" ({method!r} keeps the {least} poles that are not stable)" if least else ""
+        raise InputError(
+            f"order is {order}; it must lie between {least}{kept} and {K.nstates}, that of K"
+        )

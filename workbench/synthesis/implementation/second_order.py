@@ -1,0 +1,182 @@
+"""Sampled controllers as cascades of second-order sections, one cascade for each channel."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from workbench.arrays import ComplexArray, RealArray
+from workbench.errors import InputError, SolverError
+from workbench.systems.balancing import balanced
+from workbench.systems.conversion import as_system
+from workbench.systems.generalised_plant import response
+from workbench.systems.minimal import minimal
+from workbench.systems.realisation import realisation
+
+if TYPE_CHECKING:
+    from control import StateSpace
+
+
+CHECKED = np.pi * np.append(np.logspace(-6, 0, 120, endpoint=False), 0.999)
+"""Frequencies [rad/sample] at which the cascades are compared with the controller."""
+SAME = 1e-6
+"""Largest difference there, relative to the channel's largest gain."""
+INFINITE = 1e8
+"""Zeros beyond this modulus are at infinity."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sections:
+    """Cascades ``channels[i][j]`` (L, 6) from input j to output i, rows b0 b1 b2 1 a1 a2.
+
+    A row is (b0 + b1 / z + b2 / z^2) / (1 + a1 / z + a2 / z^2); outputs are sums over inputs. The
+    sampling time is ``dt`` [s].
+    """
+
+    channels: tuple[tuple[RealArray, ...], ...]
+    dt: float
+
+    @property
+    def noutputs(self) -> int:
+        return len(self.channels)
+
+    @property
+    def ninputs(self) -> int:
+        return len(self.channels[0])
+
+    def response(self, omega: ArrayLike) -> ComplexArray:
+        """At `omega` [rad/s] (F,): (F, outputs, inputs)."""
+        z = np.exp(1j * np.atleast_1d(np.asarray(omega, float)) * self.dt)
+        return np.array([[_value(rows, z) for rows in line] for line in self.channels]).transpose(
+            2, 0, 1
+        )
+
+    @property
+    def system(self) -> StateSpace:
+        """With the states of every cascade, two to a section."""
+        parts = [[_cascade(rows) for rows in line] for line in self.channels]
+        sizes = [len(part[0]) for line in parts for part in line]
+        n, place = sum(sizes), 0
+        A, B = np.zeros((n, n)), np.zeros((n, self.ninputs))
+        C, D = np.zeros((self.noutputs, n)), np.zeros((self.noutputs, self.ninputs))
+        for i, line in enumerate(parts):
+            for j, (a, b, c, d) in enumerate(line):
+                own = slice(place, place + len(a))
+                A[own, own], B[own, j], C[i, own], D[i, j] = a, b, c, d
+                place += len(a)
+        return realisation((A, B, C, D), self.dt)
+
+
+def second_order_sections(K: Any) -> Sections:
+    """Cascades of a sampled StateSpace or TransferFunction, poles with the zeros nearest to them.
+
+    Poles nearest to the unit circle choose first and stand last (L. Jackson, Roundoff-noise
+    analysis for fixed-point digital filters realized in cascade or parallel form, IEEE Trans.
+    Audio and Electroacoustics 18 (1970) 107-122).
+
+    Raises
+    ------
+    InputError
+        A controller that is continuous or has no sampling time.
+    SolverError
+        Poles and zeros that do not give the response of K again, for rounding.
+    """
+    K = as_system(K, "K")
+    if not K.dt or K.dt is True:
+        raise InputError(f"K has dt = {K.dt}; discretise it first, with a sampling time in seconds")
+    channels = tuple(tuple(_channel(K, i, j) for j in range(K.ninputs)) for i in range(K.noutputs))
+    found = Sections(channels, float(K.dt))
+    omega = CHECKED / found.dt
+    expected = response(K, omega)
+    change = np.abs(found.response(omega) - expected).max(axis=0)
+    if (change > SAME * np.abs(expected).max(axis=0)).any():
+        raise SolverError(
+            f"the cascades differ from K by up to {change.max():.3g}: its zeros are lost in "
+            "rounding; reduce K first"
+        )
+    return found
+
+
+def _channel(K: StateSpace, i: int, j: int) -> RealArray:
+    # What one channel hides another may show: modes drawn inwards, none of them is unstable.
+    size = 2.0 * float(np.abs(K.poles()).max(initial=0.0)) or 1.0
+    A, B, C = minimal(*balanced(K.A / size, K.B[:, [j]], K.C[[i]]), float(K.dt))
+    A = size * A
+    D = np.asarray(K.D[i, j], dtype=float).reshape(1, 1)
+    own = realisation((A, B, C, D), float(K.dt))
+    poles, zeros = own.poles().astype(complex), np.asarray(own.zeros(), dtype=complex)
+    zeros = zeros[np.abs(zeros) < INFINITE]
+    rows = paired(zeros, poles)
+    z = np.exp(1j * CHECKED)
+    raw, wanted = _value(rows, z), response(own, CHECKED / float(K.dt))[:, 0, 0]
+    # The gain where the channel is largest, which is known best.
+    at = int(np.argmax(np.abs(wanted)))
+    rows[0, :3] *= float((wanted[at] / raw[at]).real) if np.abs(wanted[at]) > 0.0 else 0.0
+    return rows
+
+
+def paired(zeros: ComplexArray, poles: ComplexArray) -> RealArray:
+    """Sections (L, 6) of gain 1 with these zeros and poles, at least one."""
+    pairs = _groups(poles)
+    pairs.sort(key=lambda group: (len(group) == 1, -max(np.abs(group))))
+    free = _groups(zeros)
+    rows = []
+    for left, group in zip(range(len(pairs), 0, -1), pairs, strict=True):
+        rows.append([*_taken(free, group, left), *_monic(group, 0)])
+    return np.array(rows[::-1] or [[1.0, 0.0, 0.0, 1.0, 0.0, 0.0]])
+
+
+def _groups(roots: ComplexArray) -> list[ComplexArray]:
+    """Complex pairs, and real roots by two, the nearest together; one may be left."""
+    upper = roots[roots.imag > 0.0]
+    real = np.sort(roots[roots.imag == 0.0].real)
+    groups = [np.array([root, root.conjugate()]) for root in upper]
+    # The pair of largest roots stays together, a single one is the smallest in modulus.
+    real = real[np.argsort(-np.abs(real), kind="stable")]
+    return groups + [real[i : i + 2].astype(complex) for i in range(0, len(real), 2)]
+
+
+def _taken(free: list[ComplexArray], poles: ComplexArray, left: int) -> RealArray:
+    """Numerator of a section with `poles`, its zeros taken out of the free ones.
+
+    As many groups of zeros of two must find a place as there are sections of two.
+    """
+    fitting = [k for k, group in enumerate(free) if len(group) <= len(poles)]
+    if not fitting:
+        return _monic(np.zeros(0, complex), len(poles))
+    if len(free) >= left:  # a group that needs two places must not be left over
+        wide = [k for k in fitting if len(free[k]) == len(poles)]
+        fitting = wide or fitting
+    nearest = min(fitting, key=lambda k: float(np.abs(free[k] - poles[: len(free[k])]).min()))
+    group = free.pop(nearest)
+    return _monic(group, len(poles) - len(group))
+
+
+def _monic(roots: ComplexArray, delays: int) -> RealArray:
+    """z^-delays prod(1 - root / z) as three coefficients of powers of 1/z."""
+    row = np.zeros(3)
+    row[delays : delays + len(roots) + 1] = np.poly(roots).real
+    return row
+
+
+def _value(rows: RealArray, z: ComplexArray) -> ComplexArray:
+    powers = np.stack([np.ones_like(z), 1 / z, z**-2.0])
+    value: ComplexArray = ((rows[:, :3] @ powers) / (rows[:, 3:] @ powers)).prod(axis=0)
+    return value
+
+
+def _cascade(
+    rows: Sequence[RealArray] | RealArray,
+) -> tuple[RealArray, RealArray, RealArray, float]:
+    """A, b, c, d of a cascade, its sections in the transposed direct form II."""
+    A, b, c, d = np.zeros((0, 0)), np.zeros(0), np.zeros(0), 1.0
+    for b0, b1, b2, _, a1, a2 in rows:
+        n = len(A)
+        own, enter = np.array([[-a1, 1.0], [-a2, 0.0]]), np.array([b1 - a1 * b0, b2 - a2 * b0])
+        A = np.block([[A, np.zeros((n, 2))], [np.outer(enter, c), own]])
+        b, c, d = np.concatenate([b, enter * d]), np.concatenate([b0 * c, [1.0, 0.0]]), b0 * d
+    return A, b, c, d

@@ -1,0 +1,133 @@
+"""Rows of stable, minimum-phase functions of one variable: a gain times biquads.
+
+    d(s) = g * prod (s^2 / z^2 + 2 a s / z + 1) / (s^2 / p^2 + 2 b s / p + 1),
+
+with zeros and poles of any damping and every parameter positive, so that logarithms are free.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import reduce
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from workbench.arrays import RealArray
+
+if TYPE_CHECKING:
+    from control import StateSpace
+
+
+Range = tuple[float, float]
+DAMPING = (0.1, 20.0)
+"""Least and largest damping of zeros and poles; above 1 they are pairs of real ones."""
+LARGEST = 50.0
+"""Of log gains: what is farther from 1 is so for lack of any effect."""
+SPREAD = (0.6, 2.6)
+"""Distances of the corners of a first guess, in natural logarithms."""
+
+
+@dataclass(frozen=True)
+class Biquads:
+    """So many rows of so many biquads each; parameters are (rows, P).
+
+    A row is log gain and, for each biquad, log z, log a, log p, log b.
+    """
+
+    rows: int
+    biquads: int
+
+    @property
+    def size(self) -> int:
+        """Parameters of a row."""
+        return 1 + 4 * self.biquads
+
+    @property
+    def corners(self) -> list[tuple[int, int]]:
+        """Places of the corners in a row, and 1 for zeros, -1 for poles."""
+        return [
+            (1 + 4 * k + at, sign) for k in range(self.biquads) for at, sign in ((0, 1), (2, -1))
+        ]
+
+    def log_magnitude(self, x: RealArray, omega: RealArray) -> tuple[RealArray, RealArray]:
+        """log|d| (rows, F) at frequencies [rad/s], and its slopes (rows, P, F)."""
+        value = np.repeat(x[:, :1], len(omega), axis=1)
+        slope = np.zeros((len(x), self.size, len(omega)))
+        slope[:, 0] = 1.0
+        for first, sign in self.corners:
+            corner, damping = (np.exp(x[:, first + k, None]) for k in (0, 1))
+            real, imaginary = corner**2 - omega**2, 2 * damping * corner * omega
+            square = real**2 + imaginary**2
+            value += sign * (np.log(square) / 2 - 2 * np.log(corner))
+            slope[:, first] = sign * ((2 * real * corner**2 + imaginary**2) / square - 2)
+            slope[:, first + 1] = sign * imaginary**2 / square
+        return value, slope
+
+    def phase(self, x: RealArray, omega: RealArray) -> tuple[RealArray, RealArray]:
+        """arg d (rows, F) [rad], continuous and 0 at frequency 0, and its slopes (rows, P, F)."""
+        value = np.zeros((len(x), len(omega)))
+        slope = np.zeros((len(x), self.size, len(omega)))
+        for first, sign in self.corners:
+            corner, damping = (np.exp(x[:, first + k, None]) for k in (0, 1))
+            real, imaginary = corner**2 - omega**2, 2 * damping * corner * omega
+            square = real**2 + imaginary**2
+            value += sign * np.arctan2(imaginary, real)
+            slope[:, first] = -sign * imaginary * (corner**2 + omega**2) / square
+            slope[:, first + 1] = sign * imaginary * real / square
+        return value, slope
+
+    def systems(self, x: RealArray) -> list[StateSpace]:
+        """d of each row."""
+        return [reduce(lambda a, b: a * b, map(_biquad, *_split(row))) for row in x]
+
+    def inverse(self, x: RealArray) -> RealArray:
+        """The parameters of 1 / d: zeros are poles and poles zeros."""
+        y = -x
+        for zero in range(1, self.size, 4):
+            y[:, zero : zero + 2], y[:, zero + 2 : zero + 4] = (
+                x[:, zero + 2 : zero + 4],
+                x[:, zero : zero + 2],
+            )
+        return y
+
+    def guess(self, gains: RealArray, middle: float, spread: float) -> RealArray:
+        """Parameters with these log gains, the corners spread about one log frequency."""
+        x = np.zeros((len(gains), self.size))
+        x[:, 0] = gains
+        places = spread * (np.arange(self.biquads) - (self.biquads - 1) / 2)
+        for first, sign in self.corners:
+            x[:, first] = middle + places[first // 4] + 0.3 * sign
+        return x
+
+    def bounds(self, within: Range) -> list[tuple[float, float]]:
+        """Of the parameters of a row, the corners within frequencies [rad/s]."""
+        low, high = np.log(within)
+        found = [(-LARGEST, LARGEST)] * self.size
+        for first, _ in self.corners:
+            found[first] = (float(low), float(high))
+            found[first + 1] = (float(np.log(DAMPING[0])), float(np.log(DAMPING[1])))
+        return found
+
+
+def _split(row: RealArray) -> tuple[list[float], RealArray]:
+    """Gains and corners of the factors of a row: the gain is in the first."""
+    biquads = row[1:].reshape(-1, 4)
+    none = np.full((1, 4), np.nan)
+    factors = np.concatenate([none, biquads])
+    return [row[0], *np.zeros(len(biquads))], factors
+
+
+def _biquad(log_gain: float, corners: RealArray) -> StateSpace:
+    """exp(log_gain) and the biquad of log corners; without one where they are NaN."""
+    import control
+
+    gain = np.exp(log_gain)
+    if np.isnan(corners).any():
+        return control.ss([], [], [], [[gain]])
+    z, a, p, b = np.exp(corners)
+    direct = gain * p**2 / z**2
+    # (s^2 + 2 a z s + z^2) - (s^2 + 2 b p s + p^2) over the latter, in units of p
+    constant, linear = direct * (z**2 - p**2) / p, direct * (2 * a * z - 2 * b * p)
+    A = p * np.array([[0.0, 1.0], [-1.0, -2.0 * b]])
+    return control.ss(A, [[0.0], [1.0]], [[constant, linear]], [[direct]])

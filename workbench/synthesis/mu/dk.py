@@ -1,0 +1,298 @@
+"""D-K and (mu, D)-K iteration: scalings for the controller, a controller for the scalings.
+
+An H-infinity controller lowers sigma_max(gamma D N D^-1). With gamma = 1 and D that makes this the
+complex bound, that is D-K iteration. With gamma the mixed over the complex bound it is the mixed
+bound that is lowered: the (mu, D)-K iteration of Toffner-Clausen, Andersen, Stoustrup and Niemann
+(1995). Since gamma depends on K, it moves a share of the way each round.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.arrays import RealArray
+from workbench.certify.stability import stability_of
+from workbench.errors import InputError, SolverError
+from workbench.executor import Context
+from workbench.mu import upper_bound
+from workbench.program import Claim, method
+from workbench.solvers import Outcome
+from workbench.structure import Structure
+from workbench.synthesis.hinf.riccati import central
+from workbench.synthesis.mu.program import MuSynthesis
+from workbench.synthesis.mu.rounds import Iterate, packed, unpacked
+from workbench.synthesis.mu.scaling_fit import Fit, worth
+from workbench.synthesis.mu.scalings import Scalings
+from workbench.systems.frequency_grid import frequencies_of
+from workbench.systems.generalised_plant import response
+
+if TYPE_CHECKING:
+    from control import StateSpace
+
+
+ROUNDS = 30
+LEVEL = 2e-3
+"""Relative width of the interval in which the least level of a K step is found."""
+SETTLED = 3e-4
+"""Relative fall of the peak over `PATIENCE` rounds at which it counts as settled."""
+PATIENCE, LONG_PATIENCE = 4, 8
+BLEND = 0.4
+"""Share of the way that gamma goes in a round: much less is slow, much more diverges."""
+SMOOTH = 0.1
+LEAST, UNIMPORTANT = 0.05, 0.05
+"""Least gamma asked for, and weight of frequencies where mu is small."""
+REACHED = "reached the target"
+FARTHER = (1.0, 3.0, 7.0, 15.0, 31.0)
+"""How much farther than it went D is tried, in shares of its last change."""
+FLOOR = 0.5
+"""Share of the peak below which scalings need not follow the bound."""
+
+
+@dataclass(frozen=True, eq=False)
+class Loop:
+    """A closed loop on its own frequencies: ``omega`` (F,) [rad/s] and the response ``M``."""
+
+    omega: RealArray
+    M: NDArray[Any]
+
+    @classmethod
+    def of(cls, system: StateSpace) -> Loop:
+        omega = frequencies_of(system)
+        return cls(omega, response(system, omega))
+
+
+@dataclass(frozen=True, eq=False)
+class Round:
+    """A round's scalings: ``D`` of each block, ``gamma`` of all but the measurements.
+
+    ``target`` is the log of gamma that was asked for, at log frequencies ``at``.
+    """
+
+    D: tuple[Scalings, RealArray]
+    gamma: RealArray
+    at: RealArray
+    target: RealArray
+
+    @property
+    def parameters(self) -> dict[str, RealArray]:
+        """Of the scalings, by name; gamma where there is one."""
+        return {"D": self.D[1]} | ({"gamma": self.gamma} if self.gamma.any() else {})
+
+
+@dataclass(eq=False)
+class Standing:
+    """Where an iteration stands after a number of rounds tried.
+
+    ``before`` are the scalings of the last controller, ``used`` those fitted to its loop, ``well``
+    those fitted to the best one's.
+    """
+
+    blend: float
+    tried: int = 0
+    history: list[Iterate] = field(default_factory=list)
+    before: Round | None = None
+    used: Round | None = None
+    well: Round | None = None
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """All of it by name."""
+        found = {"blend": np.array(self.blend), "tried": np.array(self.tried)}
+        for name in ("before", "used", "well"):
+            one: Round | None = getattr(self, name)
+            if one is not None:
+                parts = {"D": one.D[1], "gamma": one.gamma, "at": one.at, "target": one.target}
+                found |= {f"{name}_{part}": value for part, value in parts.items()}
+        return found | packed(self.history)
+
+    @classmethod
+    def restored(cls, arrays: Mapping[str, NDArray[Any]]) -> Standing:
+        """From its arrays."""
+        rounds: list[Round | None] = []
+        for name in ("before", "used", "well"):
+            if f"{name}_D" not in arrays:
+                rounds.append(None)
+                continue
+            D, *rest = (arrays[f"{name}_{part}"] for part in ("D", "gamma", "at", "target"))
+            rounds.append(Round((Scalings.of(D), D), *rest))
+        return cls(float(arrays["blend"]), int(arrays["tried"]), unpacked(arrays), *rounds)
+
+
+GAMMA = Scalings(1, 2)
+"""Gamma of the (mu, D)-K iteration: a gain and two biquads."""
+
+
+@method(MuSynthesis, "mu-dk", optimal=False)
+def _mu_dk(program: MuSynthesis, context: Context) -> Claim:
+    """(mu, D)-K iteration: a scalar gamma makes the complex bound that K lowers the mixed one."""
+    return iterated(program, context, BLEND)
+
+
+def iterated(program: MuSynthesis, context: Context, blend: float) -> Claim:
+    """Rounds of K and D steps; of those with a blend the peak may rise, and the best is kept."""
+    kept = context.checkpoint.load()
+    now = Standing(blend) if kept is None else Standing.restored(kept)
+    for number, each in enumerate(now.history, start=1):
+        context.record(each.row(number))
+    K, level = (program.start if kept is None else None), np.nan
+    said, patience = f"stopped after {ROUNDS} rounds", LONG_PATIENCE if blend else PATIENCE
+    for tried in context.rounds(ROUNDS, "mu synthesis", now.tried):
+        if K is None:
+            try:
+                K, level, now.used = _best_step(program, now.before, now.used)
+            except (SolverError, InputError) as error:
+                said, K = f"its H-infinity step failed: {error}", None
+        loop = None if K is None else _loop(program, K)
+        if K is None or loop is None:
+            said = said if K is None else "rounding made a loop unstable"
+            if now.well is None or now.blend < 0.1 * BLEND:
+                break
+            # back to where it was well, more slowly
+            now.used, now.blend, now.before, K = now.well, now.blend / 2, None, None
+            continue
+        mixed = upper_bound(loop.M, program.closed).value
+        peak = float(mixed.max())
+        reached = program.reaching(K, peak, (*now.history, Iterate(peak, level, np.nan, K)))
+        if reached is not None:
+            return reached, Outcome.SOLVED, REACHED
+        now.before = now.used
+        now.used, missed = _scalings(program, loop, mixed, now.used, now.blend)
+        if not now.history or peak < min(each.peak for each in now.history):
+            now.well = now.used
+        fit = float(np.expm1(missed))
+        now.history.append(Iterate(peak, level, fit, K, now.used.parameters))
+        context.record(now.history[-1].row(len(now.history)))
+        K = None
+        peaks = np.minimum.accumulate([each.peak for each in now.history])
+        if len(peaks) > patience and peaks[-1] > (1 - SETTLED) * peaks[-1 - patience]:
+            said = "settled"
+            break
+        now.tried = tried + 1
+        context.checkpoint.save(now.arrays())
+    if not now.history:
+        return None, Outcome.FAILED, said
+    best = min(now.history, key=lambda each: each.peak)
+    return program.answer(best.K, tuple(now.history)), Outcome.SOLVED, said
+
+
+def _loop(program: MuSynthesis, K: StateSpace) -> Loop | None:
+    """The loop's response; None where the loop is not stable."""
+    system = program.plant.close(K)
+    return Loop.of(system) if stability_of(system).holds else None
+
+
+def _best_step(
+    program: MuSynthesis, before: Round | None, now: Round | None
+) -> tuple[StateSpace, float, Round | None]:
+    """The controller of least level, D as it is or farther in the direction of its last change.
+
+    The alternation may be slow, and a K step costs little beside a D step.
+    """
+    candidates = [now]
+    if before is not None and now is not None and before.D[0] == now.D[0]:
+        scalings, x = now.D
+        change = x - before.D[1]
+        candidates += [replace(now, D=(scalings, x + share * change)) for share in FARTHER]
+    K, level = k_step(program, now)
+    best = K, level, now
+    for candidate in candidates[1:]:
+        try:
+            K, level = k_step(program, candidate)
+        except (SolverError, InputError):
+            break
+        if level >= best[1]:
+            break
+        best = K, level, candidate
+    return best
+
+
+def k_step(program: MuSynthesis, used: Round | None) -> tuple[StateSpace, float]:
+    """The H-infinity controller of the scaled plant, and its level."""
+    import control
+
+    plant = program.plant
+    system = plant.system if used is None else _scaled(program, used)
+    made = central(
+        system.A, system.B, system.C, system.D, plant.controls, plant.measurements, LEVEL
+    )
+    return control.ss(*made.K), made.gamma
+
+
+def _scalings(
+    program: MuSynthesis, loop: Loop, mixed: RealArray, before: Round | None, blend: float
+) -> tuple[Round, float]:
+    """The next scalings, and by how much D misses its bound.
+
+    Gamma moves by a share ``blend`` of its logarithm to the mixed over the complex bound, smoothed.
+    """
+    structure, at = program.closed.complexified(), np.log(loop.omega)
+    gamma, target, size = np.zeros((1, GAMMA.size)), np.zeros(len(at)), np.ones(len(at))
+    if blend:
+        bound = upper_bound(loop.M, structure).value
+        wanted = _smoothed(at, np.log(np.maximum(mixed / bound, LEAST)))
+        old = np.interp(at, before.at, before.target) if before else target
+        target = (1 - blend) * old + blend * wanted
+        weight = np.maximum(mixed / mixed.max(), UNIMPORTANT)
+        gamma = GAMMA.follow(target[None], loop.omega, weight)
+        size = np.exp(GAMMA.log_magnitude(gamma, loop.omega)[0][0])
+    weighted = Loop(loop.omega, size[:, None, None] * loop.M)
+    blocks = len(program.structure or ())
+    D, missed = d_step(structure, weighted, blocks, before.D if before else None)
+    return Round(D, gamma, at, target), missed
+
+
+def _smoothed(at: RealArray, values: RealArray) -> RealArray:
+    """A moving mean over SMOOTH of the log frequency."""
+    weight = np.exp(-(((at[:, None] - at) / SMOOTH) ** 2) / 2)
+    mean: RealArray = weight @ values / weight.sum(axis=1)
+    return mean
+
+
+def d_step(
+    structure: Structure,
+    loop: Loop,
+    blocks: int,
+    before: tuple[Scalings, RealArray] | None,
+) -> tuple[tuple[Scalings, RealArray], float]:
+    """Scalings of the first blocks, by as many biquads as are worth it, and what they miss.
+
+    What is missed is the logarithm of the worst sigma_max(D M D^-1) over the upper bound, or over
+    FLOOR of its peak where that is larger.
+    """
+    found = upper_bound(loop.M, structure)
+    bound, D = found.value, found.D_left
+    reference = np.maximum(bound, FLOOR * bound.max())
+    first = [row.start for row in structure.column_slices]
+    logs = np.log(np.diagonal(D, axis1=1, axis2=2).real[:, first]) / 2
+    high = bound > 0.8 * bound.max()
+    gains = np.median((logs[:, :blocks] - logs[:, blocks:]).T[:, high], axis=1)
+    start = before or (Scalings(blocks, 0), gains[:, None])
+    return worth(Fit.of(structure, loop.omega, loop.M, reference), start)
+
+
+def _scaled(program: MuSynthesis, used: Round) -> StateSpace:
+    """The plant with D at its perturbation's outputs, D^-1 at its inputs, gamma at all outputs."""
+    import control
+
+    assert program.structure is not None
+    scalings, x = used.D
+    pairs = zip(program.structure, scalings.systems(x), strict=True)
+    inverses = zip(program.structure, scalings.systems(scalings.inverse(x)), strict=True)
+    out = [d for block, d in pairs for _ in range(block.columns)]
+    into = [d for block, d in inverses for _ in range(block.rows)]
+    system = program.plant.system
+    one = control.ss([], [], [], [[1.0]])
+    left = control.append(*out, *[one] * (system.noutputs - len(out)))
+    right = control.append(*into, *[one] * (system.ninputs - len(into)))
+    found = left * system * right
+    if not used.gamma.any():
+        return found
+    (gamma,) = GAMMA.systems(used.gamma)
+    measurements = program.plant.measurements
+    return (
+        control.append(*[gamma] * (system.noutputs - measurements), *[one] * measurements) * found
+    )

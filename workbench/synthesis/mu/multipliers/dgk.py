@@ -1,0 +1,187 @@
+"""(D, G)-K iteration, and D-K iteration with a full D for repeated scalars.
+
+D-K iteration counts real scalars as complex. With G beside D their bound is that of mixed mu. Both
+are absorbed in the plant as multipliers (see `scaled_plant`), for which a controller is then made.
+P. Young, Controller design with mixed uncertainties, American Control Conference (1994).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.arrays import RealArray
+from workbench.certify.stability import stability_of
+from workbench.errors import InputError, SolverError
+from workbench.executor import Context
+from workbench.mu import upper_bound
+from workbench.program import Claim, method
+from workbench.solvers import Outcome
+from workbench.structure import Full, Structure
+from workbench.synthesis.mu.biquads import Range
+from workbench.synthesis.mu.dk import FARTHER, PATIENCE, REACHED, ROUNDS, SETTLED, iterated
+from workbench.synthesis.mu.multipliers.d_step import Loop, d_step
+from workbench.synthesis.mu.multipliers.functions import Multipliers
+from workbench.synthesis.mu.multipliers.k_step import k_step
+from workbench.synthesis.mu.program import MuSynthesis
+from workbench.synthesis.mu.rounds import Iterate, packed, unpacked
+
+if TYPE_CHECKING:
+    from control import StateSpace
+
+
+@method(MuSynthesis, "dk", optimal=False)
+def _dk(program: MuSynthesis, context: Context) -> Claim:
+    """D-K iteration: real scalars count as complex; scalings fitted by their effect on the loop."""
+    structure = program.closed.complexified()
+    repeated = any(block.rows > 1 for block in structure if not isinstance(block, Full))
+    return _from_dk(program, context, structure if repeated else None)
+
+
+@method(MuSynthesis, "dgk", optimal=False)
+def _dgk(program: MuSynthesis, context: Context) -> Claim:
+    """(D, G)-K iteration: D-K iteration, then rounds in which real scalars have G as well."""
+    real = program.closed != program.closed.complexified()
+    return _from_dk(program, context, program.closed if real else None)
+
+
+def _from_dk(program: MuSynthesis, context: Context, structure: Structure | None) -> Claim:
+    """D-K iteration with a function a block, then multipliers of a structure; None: no more."""
+    kept = context.checkpoint.load()
+    if structure is not None and kept is not None and "multipliers" in kept:
+        return multiplied(program, context, structure, Standing.restored(structure, kept))
+    begun = iterated(program, context, 0.0)
+    if begun[0] is None or structure is None or begun[2] == REACHED:
+        return begun
+    return multiplied(program, context, structure, Standing(list(begun[0].history)))
+
+
+@dataclass(eq=False)
+class Standing:
+    """Where the rounds with multipliers stand: all rounds, of which ``first`` are D-K iteration's,
+    the parameters of the last multipliers and of those before; corners are ``within`` [rad/s]."""
+
+    history: list[Iterate]
+    first: int = 0
+    within: Range | None = None
+    before: tuple[Multipliers, RealArray] | None = None
+    used: tuple[Multipliers, RealArray] | None = None
+    tried: int = field(default=0)
+
+    def __post_init__(self) -> None:
+        self.first = self.first or len(self.history)
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """All of it by name."""
+        assert self.used is not None and self.within is not None
+        found = packed(self.history) | {
+            "first": np.array(self.first),
+            "tried": np.array(self.tried),
+            "within": np.array(self.within),
+            "multipliers": self.used[1],
+            "biquads": np.array(self.used[0].biquads),
+        }
+        if self.before is not None:
+            found |= {"before": self.before[1], "before_biquads": np.array(self.before[0].biquads)}
+        return found
+
+    @classmethod
+    def restored(cls, structure: Structure, arrays: Any) -> Standing:
+        """From its arrays."""
+        blocks = Structure(structure.blocks[:-1])
+
+        def pair(x: str, biquads: str) -> tuple[Multipliers, RealArray] | None:
+            return (Multipliers(blocks, int(arrays[biquads])), arrays[x]) if x in arrays else None
+
+        low, high = arrays["within"].tolist()
+        return cls(
+            unpacked(arrays),
+            int(arrays["first"]),
+            (low, high),
+            pair("before", "before_biquads"),
+            pair("multipliers", "biquads"),
+            int(arrays["tried"]),
+        )
+
+
+def multiplied(
+    program: MuSynthesis, context: Context, structure: Structure, now: Standing
+) -> Claim:
+    """Rounds with multipliers of the structure, from the best of those begun; the best is kept."""
+    said = f"stopped after {ROUNDS} rounds"
+    K: StateSpace | None = None
+    if now.used is None:
+        K = min(now.history, key=lambda each: each.peak).K
+    level = np.nan
+    for tried in context.rounds(ROUNDS, "multipliers", now.tried):
+        if K is None:
+            assert now.used is not None
+            try:
+                K, level, now.used = _best_step(program, now.before, now.used, now.history[-1].peak)
+            except (SolverError, InputError) as error:
+                said = f"its H-infinity step failed: {error}"
+                break
+        system = program.plant.close(K)
+        if not stability_of(system).holds:
+            said = "rounding made a loop unstable"
+            break
+        loop = Loop.of(system)
+        peak = float(upper_bound(loop.M, program.closed).value.max())
+        now.within = now.within or loop.corners
+        start = now.used
+        if start is None:  # D first, which G goes on from
+            start = d_step(structure.complexified(), loop, now.within, None)[0]
+        now.before = now.used
+        now.used, missed = d_step(structure, loop, now.within, start)
+        fit = float(np.expm1(missed))
+        last = Iterate(peak, level, fit, K, {"multipliers": now.used[1]})
+        reached = program.reaching(K, peak, (*now.history, last))
+        if reached is not None:
+            return reached, Outcome.SOLVED, REACHED
+        now.history.append(last)
+        context.record(last.row(len(now.history)))
+        K = None
+        if _settled([each.peak for each in now.history[now.first :]]):
+            said = "settled"
+            break
+        now.tried = tried + 1
+        context.checkpoint.save(now.arrays())
+    best = min(now.history, key=lambda each: each.peak)
+    return program.answer(best.K, tuple(now.history)), Outcome.SOLVED, said
+
+
+def _settled(peaks: Sequence[float]) -> bool:
+    """Whether the least peak has not fallen for some rounds, nor falls now."""
+    least = np.minimum.accumulate(peaks)
+    falls = len(peaks) > 1 and peaks[-1] < (1 - SETTLED) * peaks[-2]
+    return bool(
+        len(peaks) > PATIENCE and least[-1] > (1 - SETTLED) * least[-1 - PATIENCE] and not falls
+    )
+
+
+def _best_step(
+    program: MuSynthesis,
+    before: tuple[Multipliers, RealArray] | None,
+    now: tuple[Multipliers, RealArray],
+    near: float,
+) -> tuple[StateSpace, float, tuple[Multipliers, RealArray]]:
+    """The controller of least bound, multipliers as they are or farther along their last change."""
+    multipliers, x = now
+    K, level = k_step(program, multipliers, x, near)
+    best = K, level, now
+    if before is None or before[0] != multipliers:
+        return best
+    for share in FARTHER:
+        candidate = x + share * (x - before[1])
+        try:
+            K, level = k_step(program, multipliers, candidate, near)
+        except (SolverError, InputError):
+            break
+        if level >= best[1]:
+            break
+        best = K, level, (multipliers, candidate)
+    return best

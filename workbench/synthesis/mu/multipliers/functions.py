@@ -1,0 +1,159 @@
+"""Multipliers of an iteration: stable, minimum-phase, and fitted by what they do to the loop.
+
+A complex block has a function d as D. A channel of a real scalar has two, of a multiplier
+m = m_+ m_-~ = D^2 (1 + jF) with |arg m| < pi/2 (F as in `scaled_bound`): |m| and arg m are free of
+each other. All are biquad functions. The n channels of a repeated scalar are mixed first by a
+stable T with a stable inverse (see `triangles`), in units that gains bring to one size: D is
+diag(d) T diag(gains).
+
+Multipliers at a frequency are not unique and mean nothing where mu is small. So the parameters are
+not fitted to them: they are those for which the worst, over a reference, of the bound that they
+prove is least.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import minimize
+
+from workbench.arrays import Array, RealArray
+from workbench.structure import Full, Structure
+from workbench.structure import Real as RealScalar
+from workbench.synthesis.mu.biquads import Biquads, Range
+from workbench.synthesis.mu.multipliers import triangles
+from workbench.synthesis.mu.multipliers.scaled_loop import ScaledLoop
+
+SHARPNESS = (6.0, 25.0, 100.0, 400.0)
+"""Exponents of the mean that stands for the worst, each started from the one before."""
+STEPS = 80
+
+
+class Place(NamedTuple):
+    """Of a block: the size of D, its channels, its entries of T, its outputs and inputs."""
+
+    n: int
+    channels: slice
+    entries: slice
+    row: slice
+    column: slice
+
+
+@dataclass(frozen=True)
+class Multipliers:
+    """Multipliers of a structure by functions of so many biquads; parameters are (rows, P).
+
+    Rows are d or m_+ of every channel (a full block has one), m_- of the real channels, whose gain
+    is that of m_+, and the entries of every T. A loop may have more channels than the structure; D
+    is 1 there.
+    """
+
+    structure: Structure
+    biquads: int
+
+    @cached_property
+    def places(self) -> tuple[Place, ...]:
+        """Of each block."""
+        return tuple(self._places())
+
+    @cached_property
+    def channels(self) -> int:
+        return sum(place.n for place in self.places)
+
+    @cached_property
+    def real(self) -> Array:
+        """Of each real channel its number, and its places among inputs and outputs, (3, k)."""
+        found = [
+            (place.channels.start + i, place.column.start + i, place.row.start + i)
+            for block, place in zip(self.structure, self.places, strict=True)
+            if isinstance(block, RealScalar)
+            for i in range(place.n)
+        ]
+        return np.array(found, dtype=int).reshape(-1, 3).T
+
+    @property
+    def minus(self) -> slice:
+        """The rows of m_-."""
+        return slice(self.channels, self.channels + self.real.shape[1])
+
+    @cached_property
+    def functions(self) -> Biquads:
+        """The rows of d, m_+ and m_-."""
+        return Biquads(self.channels + self.real.shape[1], self.biquads)
+
+    @property
+    def rows(self) -> int:
+        return self.functions.rows + sum(place.n * (place.n - 1) for place in self.places)
+
+    def carried(self, other: Multipliers, x: RealArray, middle: float) -> RealArray:
+        """Parameters that do what those of other scalings of the blocks, of no more biquads, do.
+
+        New corners are at the log frequency ``middle``, where they do nothing yet.
+        """
+        known = other.functions.rows
+        x = np.hstack([x, np.zeros((len(x), 4 * (self.biquads - other.biquads)))])
+        x[:known, other.functions.size :: 2] = middle
+        x[known:, other.functions.size :: 4] = middle
+        if self.real.shape[1] == other.real.shape[1]:
+            return x
+        minus = x[self.real[0]]
+        minus[:, 0] = 0.0
+        return np.insert(x, self.channels, minus, axis=0)
+
+    def fit(
+        self, M: Array, omega: RealArray, reference: RealArray, x: RealArray, within: Range
+    ) -> tuple[RealArray, float]:
+        """The best parameters near x, and log of the worst bound over the reference.
+
+        M (F, c, r) at omega (F,) [rad/s], reference (F,); corners are within frequencies [rad/s].
+        """
+        bounds, log_reference = self._bounds(within), np.log(reference)
+
+        def cost(flat: RealArray, sharpness: float) -> tuple[float, RealArray]:
+            at = ScaledLoop.of(self, M, omega, flat.reshape(x.shape))
+            excess = at.log_beta - log_reference
+            weight = np.exp(sharpness * (excess - excess.max()))
+            mean = excess.max() + np.log(weight.mean()) / sharpness
+            price, slope = at.price()
+            slope += at.slope(weight / weight.sum())
+            return float(mean + price), slope.ravel()
+
+        def missed(flat: RealArray) -> float:
+            at = ScaledLoop.of(self, M, omega, flat.reshape(x.shape))
+            return float(np.max(at.log_beta - log_reference))
+
+        found = [x.ravel()]  # which may be the best already
+        for sharpness in SHARPNESS:
+            stage = minimize(
+                cost,
+                found[-1],
+                args=(sharpness,),
+                jac=True,
+                method="L-BFGS-B",
+                bounds=bounds,
+                options={"maxiter": STEPS},
+            )
+            found.append(stage.x)
+        best = min(found, key=missed)
+        return best.reshape(x.shape), missed(best)
+
+    def _places(self) -> Iterator[Place]:
+        first = second = 0
+        s = self.structure
+        for block, row, column in zip(s, s.column_slices, s.row_slices, strict=True):
+            n = 1 if isinstance(block, Full) else block.rows
+            entries = slice(second, second + n * (n - 1))
+            yield Place(n, slice(first, first + n), entries, row, column)
+            first, second = first + n, entries.stop
+
+    def _bounds(self, within: Range) -> list[tuple[float, float]]:
+        row = self.functions.bounds(within)
+        no_gain = [(0.0, 0.0), *row[1:]]
+        entry = triangles.bounds(self.functions.size, within)
+        counts = self.channels, self.real.shape[1], self.rows - self.functions.rows
+        kinds = zip((row, no_gain, entry), counts, strict=True)
+        return [bound for one, count in kinds for bound in one * count]

@@ -1,0 +1,156 @@
+"""Plants with scalings absorbed: what the controller of a K step is made for.
+
+A channel w -> z of a real scalar with multiplier m = m_+ m_-~ and bound beta has
+
+    Re( conj(m_- (w + z / beta)) m_+ (w - z / beta) ) = |w'|^2 - |z'|^2,
+    w' = (m_- (w + z / beta) + m_+ (w - z / beta)) / 2,    z' the same with a minus between,
+
+so that the scalings prove beta where the norm of the loop from w' to z' and so on is 1. Solved for
+w and z' this is a feedback around the plant, stable since |arg m| < pi/2, and without a direct term
+if m_+ and m_- are equal at infinity. By small gain a controller that holds norm 1 around it
+stabilises the plant itself: with w = 0 the two are in feedback with a contraction.
+
+M. Safonov, R. Chiang, Real/complex K_m-synthesis without curve fitting, Control and Dynamic Systems
+56 (1993) 303-324; P. Young, Controller design with mixed uncertainties, American Control Conference
+(1994) 2333-2337, absorbs D and G by spectral factors, of twice the order.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag
+
+from workbench.arrays import RealArray
+from workbench.errors import SolverError
+from workbench.structure import Real as RealScalar
+from workbench.synthesis.mu.biquads import Biquads
+from workbench.synthesis.mu.multipliers import triangles
+from workbench.synthesis.mu.multipliers.functions import Multipliers, Place
+from workbench.systems.generalised_plant import GeneralisedPlant
+from workbench.systems.norms import norm
+from workbench.systems.realisation import Matrices
+from workbench.systems.standard_plant import StandardPlant
+
+if TYPE_CHECKING:
+    from control import StateSpace
+
+
+def scaled_by_D(plant: GeneralisedPlant, scalings: Multipliers, x: RealArray) -> StateSpace:
+    """The system with D at its perturbation's outputs and D^-1 at its inputs.
+
+    Of the D of real channels only T and the gains.
+    """
+    import control
+
+    left, right = [], []
+    for block, place in zip(scalings.structure, scalings.places, strict=True):
+        out, into = _D(scalings, x, place, dynamic=not isinstance(block, RealScalar))
+        left += [out] * ((place.row.stop - place.row.start) // place.n)
+        right += [into] * ((place.column.stop - place.column.start) // place.n)
+    system, one = plant.system, control.ss([], [], [], [[1.0]])
+    left += [one] * (system.noutputs - scalings.structure.columns)
+    right += [one] * (system.ninputs - scalings.structure.rows)
+    return control.append(*left) * system * control.append(*right)
+
+
+def _D(
+    scalings: Multipliers, x: RealArray, place: Place, dynamic: bool
+) -> tuple[StateSpace, StateSpace]:
+    """D of a block, of d only the gain where that is not to be dynamic, and its inverse."""
+    import control
+
+    functions = scalings.functions if dynamic else Biquads(place.n, 0)
+    rows = x[place.channels, : functions.size]
+    out = control.append(*functions.systems(rows))
+    into = control.append(*functions.systems(functions.inverse(rows)))
+    if place.n > 1:
+        g = np.exp(rows[:, 0])
+        entries = x[scalings.functions.rows :][place.entries]
+        T, back = triangles.systems(entries, place.n)
+        # d T gains, where out has the gains in d
+        out = out * np.diag(1 / g) * T * np.diag(g)
+        into = np.diag(1 / g) * back * np.diag(g) * into
+    return out, into
+
+
+@dataclass(frozen=True, eq=False)
+class Multiplied:
+    """A plant with scalings, G among them: a standard plant for every beta.
+
+    ``into`` and ``out`` are the real channels' places among its inputs and outputs. Of m_- and m_+,
+    x' = A x + B_w w + B_z z / beta, direct w = w' - C_w x and z' = direct z / beta + C_z x.
+    """
+
+    system: StateSpace
+    measurements: int
+    controls: int
+    into: NDArray[np.int_]
+    out: NDArray[np.int_]
+    A: RealArray
+    B_w: RealArray
+    B_z: RealArray
+    C_w: RealArray
+    C_z: RealArray
+    direct: RealArray
+
+    @classmethod
+    def of(cls, plant: GeneralisedPlant, scalings: Multipliers, x: RealArray) -> Multiplied:
+        """Raises SolverError where |arg m| is not below a right angle at every frequency."""
+        number, into, out = scalings.real
+        rows = np.vstack([x[number], x[scalings.minus]])
+        rows[:, 0] = 0.0  # the gains are in D
+        systems = scalings.functions.systems(rows)
+        pairs = zip(systems[: len(number)], systems[len(number) :], strict=True)
+        parts = zip(*(_channel(plus, minus) for plus, minus in pairs), strict=True)
+        *matrices, direct = (block_diag(*part) for part in parts)
+        system = scaled_by_D(plant, scalings, x)
+        sizes = plant.measurements, plant.controls
+        A, B_w, B_z, C_w, C_z = matrices
+        direct = np.diagonal(direct)
+        return cls(system, *sizes, into, out, A, B_w, B_z, C_w, C_z, direct)
+
+    def plant(self, beta: float) -> StandardPlant:
+        """The standard plant in which norm 1 proves beta."""
+        system, into, out = self.system, self.into, self.out
+        shrink = np.ones(system.noutputs)
+        shrink[: system.noutputs - self.measurements] = 1 / beta
+        A, B = system.A, system.B
+        C, D = shrink[:, None] * system.C, shrink[:, None] * system.D
+        # the inputs are enters u' + feedback x
+        enters = np.eye(system.ninputs)
+        enters[into, into] = 1 / self.direct
+        feedback = np.zeros((system.ninputs, len(self.A)))
+        feedback[into] = -self.C_w / self.direct[:, None]
+        C_all, D_all = np.hstack([C, D @ feedback]), D @ enters
+        below = self.B_z @ C_all[out]
+        below[:, len(A) :] += self.A + self.B_w @ feedback[into]
+        B_below = self.B_w @ enters[into] + self.B_z @ D_all[out]
+        C_all[out] *= self.direct[:, None]
+        D_all[out] *= self.direct[:, None]
+        C_all[out, len(A) :] += self.C_z
+        return StandardPlant(
+            np.vstack([np.hstack([A, B @ feedback]), below]),
+            np.vstack([B @ enters, B_below]),
+            C_all,
+            D_all,
+            self.controls,
+            self.measurements,
+        )
+
+
+def _channel(plus: StateSpace, minus: StateSpace) -> tuple[RealArray, ...]:
+    """A, B_w, B_z, C_w, C_z and direct of one channel, m_+ and m_- made equal at infinity."""
+    direct = np.sqrt(plus.D * minus.D)
+    C_plus, C_minus = direct * plus.C / plus.D / 2, direct * minus.C / minus.D / 2
+    A = block_diag(minus.A, plus.A)
+    B_w, B_z = np.vstack([minus.B, plus.B]), np.vstack([minus.B, -plus.B])
+    C_w, C_z = np.hstack([C_minus, C_plus]), np.hstack([C_minus, -C_plus])
+    # w from z / beta where w' is 0: (m_+ - m_-) / (m_+ + m_-)
+    contraction: Matrices = (A - B_w @ C_w / direct, B_z, -C_w / direct, np.zeros((1, 1)))
+    if not norm(contraction) < 1.0:
+        raise SolverError("the phase of a real scalar's multiplier exceeds a right angle")
+    return A, B_w, B_z, C_w, C_z, direct

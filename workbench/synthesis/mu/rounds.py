@@ -1,0 +1,99 @@
+"""The rounds of an iteration: each with its controller and its scalings, as arrays and back."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.arrays import RealArray
+from workbench.systems.realisation import realisation
+
+if TYPE_CHECKING:
+    from control import StateSpace
+
+    from workbench.executor import Row
+
+
+CONTROLLER, SCALINGS = "controller_", "scalings_"
+
+
+@dataclass(frozen=True, eq=False)
+class Iterate:
+    """One round of an iteration.
+
+    ``peak`` is the largest mixed bound on the round's own frequencies, ``level`` the gamma of its
+    H-infinity controller (NaN: it had none), ``fit`` by how much the fitted scalings miss the bound
+    where it is largest, relative (NaN: there are none). ``K`` is its controller, ``scalings`` by
+    name the parameters (blocks, P) of those fitted to its loop, as in `Scalings`.
+    """
+
+    peak: float
+    level: float
+    fit: float
+    K: StateSpace
+    scalings: Mapping[str, RealArray] = field(default_factory=dict)
+
+    @property
+    def order(self) -> int:
+        """Of the controller."""
+        return int(self.K.nstates)
+
+    def row(self, number: int) -> Row:
+        """What a table of the rounds shows."""
+        numbers = {"peak": self.peak, "level": self.level, "order": self.order, "fit": self.fit}
+        return {"round": number, **numbers}
+
+
+def packed(history: Sequence[Iterate]) -> dict[str, NDArray[Any]]:
+    """One round or more as arrays with a round a row; NaN fills what is smaller than the largest.
+
+    ``peak``, ``level``, ``fit`` and ``order`` (R,), ``controller_A`` to ``controller_D`` and
+    ``scalings_<name>`` (R, rows, columns).
+    """
+    found: dict[str, NDArray[Any]] = {
+        name: np.array([getattr(each, name) for each in history], dtype=float)
+        for name in ("peak", "level", "fit")
+    }
+    found["order"] = np.array([each.order for each in history])
+    for part in "ABCD":
+        found[CONTROLLER + part] = _filled([getattr(each.K, part) for each in history])
+    for name in sorted({name for each in history for name in each.scalings}):
+        none = np.zeros((0, 0))
+        found[SCALINGS + name] = _filled([each.scalings.get(name, none) for each in history])
+    return found
+
+
+def unpacked(arrays: Mapping[str, NDArray[Any]]) -> list[Iterate]:
+    """The rounds of arrays as `packed` makes them."""
+    names = [name for name in arrays if name.startswith(SCALINGS)]
+    history = []
+    for place, order in enumerate(arrays["order"].tolist()):
+        A, B, C, D = (arrays[CONTROLLER + part][place] for part in "ABCD")
+        K = realisation((A[:order, :order], B[:order], C[:, :order], D), 0.0)
+        scalings = {
+            name.removeprefix(SCALINGS): x
+            for name in names
+            if (x := _without_filling(arrays[name][place])).size
+        }
+        peak, level, fit = (float(arrays[name][place]) for name in ("peak", "level", "fit"))
+        history.append(Iterate(peak, level, fit, K, scalings))
+    return history
+
+
+def _filled(matrices: Sequence[RealArray]) -> RealArray:
+    """Matrices in one array, NaN beyond their rows and columns."""
+    shape = np.max([matrix.shape for matrix in matrices], axis=0)
+    found = np.full((len(matrices), *shape), np.nan)
+    for one, matrix in zip(found, matrices, strict=True):
+        one[tuple(map(slice, matrix.shape))] = matrix
+    return found
+
+
+def _without_filling(matrix: RealArray) -> RealArray:
+    """The rows and columns that have a number."""
+    known = np.isfinite(matrix)
+    return matrix[known.any(axis=1)][:, known.any(axis=0)]

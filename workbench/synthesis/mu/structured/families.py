@@ -1,0 +1,168 @@
+"""Families of controllers with a fixed structure: few real parameters, a response, its slopes.
+
+Parameters are free reals in which a step of given size matters about as much everywhere.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from workbench.arrays import ComplexArray, RealArray
+from workbench.errors import InputError
+
+if TYPE_CHECKING:
+    from control import StateSpace
+
+
+TURNS = 24
+"""Directions tried for the state of a second-order block that is least ill-conditioned."""
+
+
+class Family(ABC):
+    """Controllers K(s; x), u = K y, p outputs and m inputs."""
+
+    @abstractmethod
+    def system(self, x: RealArray) -> StateSpace:
+        """The controller of parameters x (k,)."""
+
+    @abstractmethod
+    def response(self, x: RealArray, omega: RealArray) -> tuple[ComplexArray, ComplexArray]:
+        """K (F, p, m) at omega (F,) [rad/s], and its slopes (F, k, p, m)."""
+
+    @abstractmethod
+    def parameters(self, K: StateSpace) -> RealArray:
+        """Parameters (k,) of a member; raises InputError for others."""
+
+    def units(self, x: RealArray) -> RealArray:
+        """By how much a parameter may change at a time: its own size, if it is not small."""
+        size = np.abs(x)
+        return np.maximum(size, 0.1 * float(np.median(size)))
+
+
+@dataclass(frozen=True)
+class Modal(Family):
+    """Every controller of an order: blocks of second order and free B, C and D.
+
+    A has blocks w [[0, 1], [-a, -b]], and one -w c for an odd order; a block may have complex or
+    real poles, stable or not. The corners ``w`` [rad/s] are those of the controller that the family
+    was made for, so that parameters are of order one.
+    """
+
+    corners: tuple[float, ...]
+    inputs: int
+    outputs: int
+    order: int
+
+    @classmethod
+    def of(cls, K: StateSpace) -> tuple[Modal, RealArray]:
+        """The family of a controller's order, and its parameters.
+
+        Raises InputError for one with a mode that no second-order block has.
+        """
+        blocks, T = _blocks(K.A)
+        corners, shapes, changes = (
+            zip(*map(_companion, blocks), strict=True) if blocks else ((),) * 3
+        )
+        family = cls(tuple(corners), K.ninputs, K.noutputs, K.nstates)
+        B, C = np.linalg.solve(T, K.B), K.C @ T
+        at = 0
+        for change in changes:
+            part = slice(at, at + len(change))
+            B[part], C[:, part] = np.linalg.solve(change, B[part]), C[:, part] @ change
+            out, into = float(np.linalg.norm(C[:, part])), float(np.linalg.norm(B[part]))
+            size = np.sqrt(out / into) if out > 0 and into > 0 else 1.0
+            B[part], C[:, part] = B[part] * size, C[:, part] / size
+            at = part.stop
+        x = np.concatenate([*shapes, B.ravel(), C.ravel(), K.D.ravel()]) if shapes else K.D.ravel()
+        return family, np.asarray(x, dtype=float)
+
+    def parameters(self, K: StateSpace) -> RealArray:
+        family, x = Modal.of(K)
+        if family != self:
+            raise InputError(f"the controller has other corners than the family: {family} {self}")
+        return x
+
+    def matrices(self, x: RealArray) -> tuple[RealArray, RealArray, RealArray, RealArray]:
+        """A, B, C and D."""
+        n, m, p = self.order, self.inputs, self.outputs
+        shape, B, C, D = np.split(x, np.cumsum([n, n * m, p * n]))
+        A = np.zeros((n, n))
+        for k, w in enumerate(self.corners):
+            i = 2 * k
+            if i + 1 < n:
+                A[i, i + 1], A[i + 1, i], A[i + 1, i + 1] = w, -w * shape[i], -w * shape[i + 1]
+            else:
+                A[i, i] = -w * shape[i]
+        return A, B.reshape(n, m), C.reshape(p, n), D.reshape(p, m)
+
+    def system(self, x: RealArray) -> StateSpace:
+        import control
+
+        return control.ss(*self.matrices(x))
+
+    def response(self, x: RealArray, omega: RealArray) -> tuple[ComplexArray, ComplexArray]:
+        A, B, C, D = self.matrices(x)
+        n, m, p, count = self.order, self.inputs, self.outputs, len(omega)
+        resolvent = np.linalg.inv(1j * omega[:, None, None] * np.eye(n) - A)
+        into, out = resolvent @ B, C @ resolvent
+        slopes = np.zeros((count, x.size, p, m), complex)
+        for i in range(n):
+            w, row = self.corners[i // 2], min(i | 1, n - 1)
+            slopes[:, i] = -w * out[:, :, row, None] * into[:, None, i, :]
+        B_slopes = slopes[:, n : n + n * m].reshape(count, n, m, p, m)
+        C_slopes = slopes[:, n + n * m : n + n * m + p * n].reshape(count, p, n, p, m)
+        D_slopes = slopes[:, n + n * m + p * n :].reshape(count, p, m, p, m)
+        for j in range(m):
+            B_slopes[:, :, j, :, j] = out.transpose(0, 2, 1)
+        for i in range(p):
+            C_slopes[:, i, :, i, :] = into
+            for j in range(m):
+                D_slopes[:, i, j, i, j] = 1.0
+        K: ComplexArray = np.asarray(out @ B + D, dtype=complex)
+        return K, slopes
+
+
+def _blocks(A: RealArray) -> tuple[list[RealArray], RealArray]:
+    """Real blocks of A's modes of second order, one of first where A is odd, and their basis."""
+    values, vectors = np.linalg.eig(A)
+    if len(A) and np.linalg.cond(vectors) > 1e12:
+        raise InputError("the controller has a defective mode; perturb or reduce it first")
+    pairs = np.flatnonzero(values.imag > 0)
+    blocks = [np.array([[v.real, v.imag], [-v.imag, v.real]]) for v in values[pairs]]
+    basis = [np.column_stack([vectors[:, i].real, vectors[:, i].imag]) for i in pairs]
+    reals = np.flatnonzero(values.imag == 0)
+    reals = reals[np.argsort(np.abs(values[reals]))]
+    half = len(reals) // 2
+    # Slow ones with fast ones: two equal poles have no common block.
+    for i, j in zip(reals[:half], reals[half : 2 * half], strict=True):
+        blocks.append(np.diag(values[[i, j]].real))
+        basis.append(vectors[:, [i, j]].real)
+    if len(reals) % 2:
+        blocks.append(values[reals[-1:], None].real)
+        basis.append(vectors[:, reals[-1:]].real)
+    return blocks, np.hstack(basis) if basis else np.zeros((0, 0))
+
+
+def _companion(block: RealArray) -> tuple[float, list[float], RealArray]:
+    """Corner, shape and the change of state that gives a block its form."""
+    if len(block) == 1:
+        corner = float(abs(block[0, 0])) or 1.0
+        return corner, [-block[0, 0] / corner], np.eye(1)
+    determinant, trace = float(np.linalg.det(block)), float(np.trace(block))
+    corner = float(np.sqrt(abs(determinant))) or 1.0
+    # The second state is any direction u, the first then (block u - trace u) / corner.
+    angles = np.pi * np.arange(TURNS) / TURNS
+    changes = [
+        np.column_stack([(block @ u - trace * u) / corner, u])
+        for u in np.column_stack([np.cos(angles), np.sin(angles)])
+    ]
+    best = min(changes, key=np.linalg.cond)
+    if np.linalg.cond(best) > 1e10:
+        raise InputError(
+            "two equal real poles of the controller have no common block; perturb them"
+        )
+    return corner, [determinant / corner**2, -trace / corner], best

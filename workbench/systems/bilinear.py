@@ -1,0 +1,51 @@
+"""The bilinear transformation s = (z - 1) / (z + 1), from sampled to continuous time and back."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from workbench.errors import InputError
+
+if TYPE_CHECKING:
+    pass
+from workbench.systems.realisation import Matrices
+from workbench.systems.standard_plant import StandardPlant
+
+
+def continuous(plant: StandardPlant) -> StandardPlant:
+    """A sampled plant by s = (z - 1) / (z + 1), which keeps norms; a continuous one as it is.
+
+    Raises InputError where the plant has a pole at z = -1, which goes to infinity.
+    """
+    if not plant.dt:
+        return plant
+    A, B, C, D = to_continuous((plant.A, plant.B, plant.C, plant.D))
+    return replace(plant, A=A, B=B, C=C, D=D, dt=0.0)
+
+
+def to_continuous(sampled: Matrices) -> Matrices:
+    """A sampled realisation by s = (z - 1) / (z + 1); raises InputError for a pole at z = -1."""
+    A, B, C, D = sampled
+    n = len(A)
+    shifted = A + np.eye(n)
+    if n and np.linalg.cond(shifted) > 1.0 / (100 * n * np.finfo(float).eps):
+        raise InputError(
+            "the system has a pole at z = -1, half the sampling rate; the bilinear transformation "
+            "takes it to infinity: filter it or sample at another rate"
+        )
+    back = np.linalg.inv(shifted)
+    root = math.sqrt(2.0)
+    return back @ (A - np.eye(n)), root * back @ B, root * C @ back, D - C @ back @ B
+
+
+def to_sampled(K: Matrices) -> Matrices:
+    """A controller back by z = (1 + s) / (1 - s); raises LinAlgError for a pole at s = 1."""
+    A, B, C, D = K
+    n = len(A)
+    back = np.linalg.inv(np.eye(n) - A)
+    root = math.sqrt(2.0)
+    return back @ (A + np.eye(n)), root * back @ B, root * C @ back, D + C @ back @ B

@@ -1,0 +1,39 @@
+"""Numerics of realisations [A B; C D]: their responses, and factors that bring them to one size."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from workbench.arrays import Array
+from workbench.errors import InputError
+from workbench.systems.balancing import balancing
+
+CHUNK = 4_000_000
+"""Entries of the matrices that are solved at once: 64 MB."""
+
+
+def frequency_response(M: Array, states: int, s: ArrayLike) -> Array:
+    """D + C (s I - A)^-1 B of M = [A B; C D] (..., n + m, n + p) at points s (F,): (..., F, m, p).
+
+    The states are scaled first. Raises InputError where s is a pole.
+    """
+    points = np.atleast_1d(np.asarray(s, dtype=complex))
+    scale = balancing(abs(M).reshape(-1, *M.shape[-2:]).max(axis=0), states)[0][:states]
+    A = M[..., :states, :states] * scale[:, None] / scale
+    B, C = M[..., :states, states:] * scale[:, None], M[..., states:, :states] / scale
+    D = M[..., states:, states:]
+    result = np.empty((*M.shape[:-2], len(points), *D.shape[-2:]), complex)
+    step = max(CHUNK // max(A.size, 1), 1)
+    for start in range(0, len(points), step):
+        part = slice(start, start + step)
+        resolvent = points[part, None, None] * np.eye(states) - A[..., None, :, :]
+        try:
+            state = np.linalg.solve(resolvent, B[..., None, :, :])
+        except np.linalg.LinAlgError:
+            raise InputError(
+                f"the system has a pole at one of s = {points[part][0]} ... {points[part][-1]}; "
+                "its response there is infinite: leave that frequency out"
+            ) from None
+        result[..., part, :, :] = C[..., None, :, :] @ state + D[..., None, :, :]
+    return result

@@ -1,0 +1,38 @@
+"""The H-infinity norm of matrices by SLICOT, for methods; checks have their own."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from workbench.systems.balancing import balanced
+from workbench.systems.realisation import Matrices
+
+
+def stable(A: np.ndarray) -> bool:
+    """Whether every eigenvalue lies left of the imaginary axis by more than rounding."""
+    if not len(A):
+        return True
+    # Of the modes, not of A: its entries are in the states' units, which LAPACK balances away.
+    modes = np.linalg.eigvals(A)
+    rounding = len(A) * np.finfo(float).eps * float(np.abs(modes).max())
+    return bool(modes.real.max() < -rounding)
+
+
+def norm(system: Matrices, tolerance: float = 1e-9) -> float:
+    """Of a continuous-time realisation; infinite where it is not stable.
+
+    In balanced states, since slow modes are lost in the rounding of large entries. Raises
+    SlycotArithmeticError where SLICOT does not converge.
+    """
+    from slycot import ab13dd
+
+    D = system[3]
+    A, B, C = balanced(*system[:3])
+    if not stable(A):
+        return math.inf
+    if not len(A):
+        return float(np.linalg.norm(D, 2))
+    n, m, p = len(A), B.shape[1], len(C)
+    return float(ab13dd("C", "I", "S", "D", n, m, p, A, np.eye(n), B, C, D, tolerance)[0])

@@ -1,0 +1,26 @@
+"""Realisations: their matrices, and python-control's StateSpace made of them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from workbench.arrays import RealArray
+
+if TYPE_CHECKING:
+    from control import StateSpace
+
+
+Matrices = tuple[RealArray, RealArray, RealArray, RealArray]
+"""A, B, C and D of a realisation."""
+
+
+def realisation(matrices: Matrices, dt: float, **labels: Any) -> StateSpace:
+    """As a StateSpace, with every state."""
+    import control
+
+    return control.StateSpace(*matrices, dt, remove_useless_states=False, **labels)
+
+
+EPS = float(np.finfo(float).eps)

@@ -1,0 +1,143 @@
+"""Exact discretisation of linear systems whose inputs are held, and of filters between samples."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.linalg import expm
+
+from workbench.arrays import RealArray
+from workbench.compiled import compiled
+from workbench.errors import InputError
+
+if TYPE_CHECKING:
+    from control import StateSpace
+
+
+def hold(a: ArrayLike, b: ArrayLike, duration: float) -> tuple[RealArray, RealArray]:
+    """Transition (n, n) and input (n, m) matrix of x' = a x + b u over `duration` [s], u held."""
+    a, b = np.asarray(a, float), np.asarray(b, float)
+    n, m = b.shape
+    block = np.zeros((n + m, n + m))
+    block[:n] = np.hstack([a, b])
+    block = expm(block * duration)
+    return block[:n, :n], block[:n, n:]
+
+
+def split_delay(delay: float) -> tuple[int, float]:
+    """Whole samples of a delay in samples, and the rest in [0, 1).
+
+    Raises InputError unless the delay is finite and not negative.
+    """
+    if not (math.isfinite(delay) and delay >= 0.0):
+        raise InputError(f"delay is {delay}; it must be a finite number of samples, 0 or more")
+    whole = math.floor(delay)
+    return whole, delay - whole
+
+
+def sampled(system: StateSpace, period: float, delay: float = 0.0) -> StateSpace:
+    """Exact discrete-time model of a system whose held inputs come `delay` samples late.
+
+    Within [k, k + 1) the input changes once, at k + the delay's fraction: the plant is held over
+    two pieces. The inputs on their way are states behind the plant's own.
+    """
+    import control
+
+    whole, rest = split_delay(delay)
+    n, m = system.B.shape
+    before, old = hold(system.A, system.B, rest * period)
+    after, new = hold(system.A, system.B, (1.0 - rest) * period)
+    waiting = whole + (rest > 0.0)
+    a = np.zeros((n + m * waiting, n + m * waiting))
+    b = np.zeros((n + m * waiting, m))
+    c = np.zeros((len(system.C), n + m * waiting))
+    d = np.zeros((len(system.C), m))
+    a[:n, :n] = after @ before
+    c[:, :n] = system.C
+
+    def tap(age: int, states: RealArray, direct: RealArray) -> RealArray:
+        """What multiplies the input of `age` samples ago."""
+        start = n + m * (age - 1)
+        return direct if age == 0 else states[:, start : start + m]
+
+    tap(whole, a, b)[:n] += new
+    if rest > 0.0:
+        tap(whole + 1, a, b)[:n] += after @ old
+    tap(waiting, c, d)[:] += system.D
+    if waiting:
+        b[n : n + m] = np.eye(m)
+        a[n + m :, n:-m] = np.eye(m * (waiting - 1))
+    return control.ss(a, b, c, d, period)
+
+
+def continued(system: StateSpace) -> StateSpace:
+    """The continuous system that the bilinear transform makes a discrete one of.
+
+    Its response at i (2/T) tan(w T / 2) is the discrete one's at w: stability and norm are the
+    same. Raises InputError for a continuous system, and for a pole at -1.
+    """
+    import control
+
+    if not system.isdtime(strict=True) or system.dt is True:
+        raise InputError("the system is continuous or has no sample time")
+    n, T = system.nstates, float(system.dt)
+    shifted = np.eye(n) + system.A
+    if n and np.linalg.cond(shifted) > 1e14:
+        raise InputError("the system has a pole at -1, half the sampling frequency")
+    inverse = np.linalg.inv(shifted)
+    a = 2 / T * inverse @ (system.A - np.eye(n))
+    b, c = 2 / math.sqrt(T) * inverse @ system.B, 2 / math.sqrt(T) * system.C @ inverse
+    return control.ss(a, b, c, system.D - system.C @ inverse @ system.B)
+
+
+def respond(system: StateSpace, inputs: ArrayLike) -> RealArray:
+    """Outputs (N, outputs) of a discrete-time system, at rest at first, to inputs (N, inputs).
+
+    Raises InputError for another shape.
+    """
+    u = np.ascontiguousarray(inputs, float)
+    if u.ndim != 2 or u.shape[1] != system.ninputs:
+        raise InputError(f"inputs have shape {u.shape}; they must be (N, {system.ninputs})")
+    matrices = (np.ascontiguousarray(m) for m in (system.A, system.B, system.C, system.D))
+    return _respond(*matrices, u)
+
+
+@compiled
+def _respond(a: RealArray, b: RealArray, c: RealArray, d: RealArray, u: RealArray) -> RealArray:
+    n, m, p = len(a), b.shape[1], len(c)
+    x, after, y = np.zeros(n), np.zeros(n), np.zeros((len(u), p))
+    for k in range(len(u)):
+        for i in range(p):
+            total = 0.0
+            for j in range(n):
+                total += c[i, j] * x[j]
+            for j in range(m):
+                total += d[i, j] * u[k, j]
+            y[k, i] = total
+        for i in range(n):
+            total = 0.0
+            for j in range(n):
+                total += a[i, j] * x[j]
+            for j in range(m):
+                total += b[i, j] * u[k, j]
+            after[i] = total
+        x[:] = after
+    return y
+
+
+def lowpass_weights(corner: float, duration: float) -> RealArray:
+    """Weights (4,) of a first-order low-pass over one step, its input a parabola through three.
+
+    y(h) = w0 y(0) + w1 q(0) + w2 q(h/2) + w3 q(h) is exact for y' = corner (q - y) when q is the
+    parabola through its values at the start, the middle and the end. `corner` [rad/s].
+    """
+    ah = corner * duration
+    chain = np.zeros((4, 4))  # y, q, q', q'' in units of the step
+    chain[0, :2] = -ah, ah
+    chain[1, 2] = chain[2, 3] = 1.0
+    grown = expm(chain)[0]
+    derivatives = np.array([[1.0, 0.0, 0.0], [-3.0, 4.0, -1.0], [4.0, -8.0, 4.0]])
+    return np.concatenate([grown[:1], grown[1:] @ derivatives])

@@ -1,0 +1,38 @@
+"""Systems as variables of a dataset, and back."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from workbench.systems.realisation import realisation
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from control import StateSpace
+
+
+def stored(name: str, system: StateSpace) -> dict[str, Any]:
+    """Variables of a dataset from which `restored` makes the system."""
+    state, output, entering = (f"{name}_{kind}" for kind in ("state", "output", "input"))
+    dims = {
+        "A": (state, f"{state}_"),
+        "B": (state, entering),
+        "C": (output, state),
+        "D": (output, entering),
+    }
+    parts: dict[str, Any] = {
+        f"{name}_{part}": (
+            place,
+            getattr(system, part),
+            {"long_name": f"{part} of the {name}'s realisation"},
+        )
+        for part, place in dims.items()
+    }
+    about = {"units": "s", "long_name": f"sampling time of the {name}, 0: continuous"}
+    return parts | {f"{name}_dt": ((), float(system.dt or 0.0), about)}
+
+
+def restored(data: xr.Dataset, name: str) -> StateSpace:
+    """The system that was stored by that name."""
+    A, B, C, D = (data[f"{name}_{part}"].values for part in "ABCD")
+    return realisation((A, B, C, D), float(data[f"{name}_dt"]))

@@ -1,0 +1,326 @@
+"""Covers of response sets: from measured plants to a nominal and uncertainty weights.
+
+The methods of thesis chapter 5, based on circles and on "olympic stadiums", as Programs: data are
+the responses, the answer is the sets of every step and the fitted model, the check is containment
+from the data and the model's roots alone.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, get_args
+
+import numpy as np
+
+from workbench.arrays import ComplexArray, RealArray
+from workbench.errors import InputError
+from workbench.executor import Context
+from workbench.fitting.rational import Rational, from_system
+from workbench.fitting.samples import as_count
+from workbench.geometry import Circle, NarrowestStadium, Stadium
+from workbench.program import Check, Program, worst
+from workbench.uncertainty.covers.joint import LENGTH
+from workbench.uncertainty.covers.model import ROUNDING, UncertaintyModel, contains
+from workbench.uncertainty.covers.responses import Responses
+from workbench.uncertainty.covers.sets import Form, corners, deviations, kept
+from workbench.uncertainty.covers.weights import (
+    complex_weight,
+    damped,
+    needed_radius,
+    resolved,
+    share_of_size,
+)
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
+
+
+OUTWARD = 1e-12
+"""Outward rounding of radii, relative to the plants: equal plants have no other radius."""
+
+
+@dataclass(frozen=True)
+class CoverSteps:
+    """What each step of a cover gave.
+
+    ``first`` lies in the Nyquist plane; ``second`` and ``third`` are centred on the nominal, in
+    the units of the weights. Of circles the third set is the second.
+    """
+
+    model: UncertaintyModel
+    first: Circle | Stadium
+    second: Stadium
+    third: Stadium
+
+
+@dataclass(frozen=True, eq=False)
+class UncertaintyCover(Program):
+    """What covers by circles and by stadiums share.
+
+    Parameters
+    ----------
+    responses
+        The plants' responses.
+    order
+        Of the nominal model.
+    zeros
+        How many zeros it may have; None: as many as poles.
+    complex_order
+        Of the complex weight.
+    form
+        ``"multiplicative"`` weights, relative to the nominal, or ``"additive"`` ones.
+    nominal
+        A given nominal (a SISO system of python-control, or `Rational`), which is then not fitted.
+    leave_out
+        How many points may lie outside at each frequency: those that cost most.
+    windows
+        Ranges of frequency [Hz] to show enlarged, by caption.
+    """
+
+    responses: Responses
+    order: int
+    zeros: Any = None  # an int from here on
+    complex_order: int = 4
+    form: Form = field(default="multiplicative", kw_only=True)
+    nominal: Any = field(default=None, kw_only=True)  # Rational from here on, if given
+    leave_out: int = field(default=0, kw_only=True)
+    windows: Any = field(default_factory=dict, kw_only=True)
+
+    default_method: ClassVar[str] = "joint"
+    shape: ClassVar[Literal["circle", "stadium"]]
+    size_name: ClassVar[str]
+    """What the radius of a set is called in metrics."""
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.responses, Responses):
+            raise InputError(f"responses must be Responses, not {type(self.responses).__name__}")
+        if self.form not in get_args(Form):
+            raise InputError(f"form is {self.form!r}; it must be one of {get_args(Form)}")
+        if self.nominal is not None and not isinstance(self.nominal, Rational):
+            object.__setattr__(self, "nominal", from_system(self.nominal))
+        if self.zeros is None:
+            object.__setattr__(self, "zeros", self.order)
+        for name in ("zeros", *self._most):
+            object.__setattr__(self, name, as_count(name, getattr(self, name)))
+        if self.zeros > self.order:
+            raise InputError(f"zeros={self.zeros}: at most the order, {self.order}, can be had")
+        for name, most in self._most.items():
+            if getattr(self, name) > most:
+                raise InputError(
+                    f"{name} is {getattr(self, name)}; {self.responses.omega.size} frequencies "
+                    f"determine {most} at most"
+                )
+        if self.nominal is not None and not self.nominal.is_stable:
+            raise InputError(
+                f"the given nominal must be stable, its poles are {self.nominal.poles}"
+            )
+        if self.leave_out and self.responses.assumption:
+            raise InputError(
+                f"leave_out is {self.leave_out}, but the responses stand for an assumption "
+                f"({self.responses.assumption}), which needs all of them"
+            )
+        _ = self.points  # says what cannot be left out
+
+    @property
+    def _most(self) -> dict[str, int]:
+        """Highest orders that the frequencies determine."""
+        count = self.responses.omega.size
+        order = 2 * count - 1 - min(self.zeros, self.order)
+        if self.nominal is not None:
+            order = self.order
+        return {"order": order, "complex_order": count // 2 - 1}
+
+    # --- the steps --------------------------------------------------------------------------------
+
+    @cached_property
+    def points(self) -> ComplexArray:
+        """Corners (F, H) of the point sets to cover, without what is left out."""
+        return corners(kept(self.responses, self.leave_out, self.shape))
+
+    def thinned(self, most: int) -> Self:
+        """The same question at no more than so many of the frequencies."""
+        return replace(self, responses=self.responses.thinned(most))
+
+    @property
+    def minimum_phase(self) -> bool:
+        """Whether the zeros of a real weight must lie in the left half plane."""
+        return False
+
+    @abstractmethod
+    def first_set(self, points: ComplexArray) -> Circle | Stadium:
+        """The smallest shapes around the points, wherever their centres lie."""
+
+    @abstractmethod
+    def second_set(self, away: ComplexArray) -> Stadium:
+        """The smallest shapes around deviations from a nominal, centred on it."""
+
+    @abstractmethod
+    def third_set(self, away: ComplexArray, W_r: Rational | None = None) -> Stadium:
+        """The second set with its orientation limited, or along a given real weight."""
+
+    @abstractmethod
+    def real_weight(self, third: Stadium, context: Context) -> Rational | None:
+        """W_r fitted to the third set; None where the shapes have no straight part."""
+
+    def away(self, nominal: Rational, points: ComplexArray) -> ComplexArray:
+        """Deviations (F, N) of the points from a nominal."""
+        response = nominal.response(self.responses.omega)
+        return deviations(points, response, self.form, self.responses)
+
+    @cached_property
+    def unit(self) -> RealArray:
+        """What `joint` measures sizes in (F,): the nominal or, of additive models, the plants."""
+        if self.form == "multiplicative":
+            return np.ones(self.responses.omega.size)
+        return np.sqrt(np.mean(np.abs(self.points) ** 2, axis=1))
+
+    def away_scale(self, nominal: Rational) -> RealArray:
+        """Sizes (F,) of plants and nominal together, in the units of the deviations."""
+        size = np.abs(self.points).max(axis=1)
+        response = np.abs(nominal.response(self.responses.omega))
+        return size / response + 1 if self.form == "multiplicative" else size + response
+
+    def realisable(self, nominal: Rational) -> Rational:
+        """A nominal with poles that its realisation has in the left half plane too."""
+        return nominal if self.nominal is not None else damped(nominal, self.responses.omega)
+
+    def finished(
+        self,
+        first: Circle | Stadium,
+        nominal: Rational,
+        third: Stadium,
+        W_r: Rational | None,
+        context: Context,
+    ) -> CoverSteps:
+        """The last step: a complex weight that covers whatever the real one leaves over."""
+        omega = self.responses.omega
+        W_r = None if W_r is None else damped(resolved(W_r, omega), omega)
+        away = self.away(nominal, self.points)
+        radius = needed_radius(away, None if W_r is None else W_r.response(omega))
+        # the deviations are as wrong as the plants' rounding, whatever their size
+        radius = radius + OUTWARD * self.away_scale(nominal)
+        extent = np.maximum(np.abs(away).max(axis=1), radius)
+        share = share_of_size(radius, extent)
+        W_c = complex_weight(omega, radius, share, self.complex_order, context)
+        model = UncertaintyModel(nominal, W_c, W_r, self.form)
+        return CoverSteps(model, first, self.second_set(away), third)
+
+    def fitted_size(self, answer: CoverSteps) -> float:
+        """Mean square size of the model's own sets, as `joint` has it of the points'."""
+        width, length = answer.model.sizes(self.responses.omega)
+        return float(self.responses.shares @ ((width**2 + LENGTH * length**2) / self.unit**2))
+
+    # --- the check --------------------------------------------------------------------------------
+
+    def checks(self, answer: CoverSteps, tolerance: float) -> Sequence[Check]:
+        model = answer.model
+        if model.form != self.form:
+            raise InputError(f"the answer is {model.form}, asked for was {self.form}")
+        inside = contains(model, self.responses, self.leave_out)
+        spared = f" but the {self.leave_out} worst at each frequency" if self.leave_out else ""
+        assumed = self.responses.assumption
+        statement = (
+            f"largest distance of a response{spared} beyond its set, relative to the radius"
+            + (f"; assumed: {assumed}" if assumed else "")
+        )
+        fits = self._orders(model)
+        excess, where = worst(
+            self._second_off(answer), lambda i: f"at {self.responses.place(i[0])}"
+        )
+        return [
+            Check("containment", statement, inside.worst, ROUNDING, inside.where),
+            Check(
+                "second set",
+                "a radius off the least about the nominal, a deviation beyond it, relative",
+                excess,
+                max(tolerance, ROUNDING),
+                where,
+            ),
+            *(_at_most("order", name, of.order, most) for name, of, most in fits),
+            self._nominal_check(model.nominal),
+            *(left_check(f"{name} stable", "pole", of.poles) for name, of, _ in fits),
+            left_check("W_c minimum phase", "zero", model.W_c.zeros),
+        ]
+
+    @abstractmethod
+    def least_radius(self, sets: NarrowestStadium, second: Stadium) -> RealArray:
+        """Bound (F,) from below on the radii of sets about the nominal, from the points alone."""
+
+    def _second_off(self, answer: CoverSteps) -> RealArray:
+        """How far (F,) the second set is from the least one, relative to its radius."""
+        nominal, second = answer.model.nominal, answer.second
+        sets = NarrowestStadium(self.away(nominal, self.points), center=0.0)
+        least = self.least_radius(sets, second)
+        beyond = sets.distance(second).max(axis=-1) - second.radius
+        off = np.maximum.reduce([beyond, np.abs(second.radius - least), np.abs(second.center)])
+        off = off - OUTWARD * self.away_scale(nominal)
+        return np.where(off <= 0, 0.0, off / np.maximum(least, np.finfo(float).tiny)).astype(float)
+
+    def _nominal_check(self, nominal: Rational) -> Check:
+        if self.nominal is None:
+            return _at_most("zeros", "nominal", nominal.zeros.size, self.zeros)
+        given = self.nominal.response(self.responses.omega)
+        apart = np.abs(nominal.response(self.responses.omega) - given)
+        apart = apart / np.maximum(np.abs(given), np.finfo(float).tiny)
+        value, where = worst(apart, lambda i: f"at {self.responses.place(i[0])}")
+        statement = "distance of its response from that of the given one, relative"
+        return Check("nominal given", statement, value, ROUNDING, where)
+
+    def _orders(self, model: UncertaintyModel) -> list[tuple[str, Rational, int]]:
+        """Name, function and highest order of what was fitted."""
+        order = self.order if self.nominal is None else self.nominal.order
+        return [("nominal", model.nominal, order), ("W_c", model.W_c, self.complex_order)]
+
+    # --- results ----------------------------------------------------------------------------------
+
+    def metrics(self, answer: CoverSteps) -> dict[str, float]:
+        model, second, shares = answer.model, answer.second, self.responses.shares
+        width, length = model.sizes(self.responses.omega)
+        size = np.maximum(second.radius + second.half_length, OUTWARD * (width + length))
+        return {
+            f"{self.size_name}_peak": float(second.radius.max()),
+            f"{self.size_name}_rms": float(np.sqrt(shares @ second.radius**2)),
+            f"{self.size_name}_peak_fitted": float(width.max()),
+            f"{self.size_name}_rms_fitted": float(np.sqrt(shares @ width**2)),
+            "inflation": float(np.max((width + length) / size)),
+            "order_nominal": model.nominal.order,
+            "order_Wc": model.W_c.order,
+            "outside": int(contains(model, self.responses, self.leave_out).outside.sum()),
+        }
+
+    def to_dataset(self, answer: CoverSteps) -> xr.Dataset:
+        from workbench.uncertainty.covers.storage import to_dataset
+
+        return to_dataset(self.responses, answer)
+
+    def from_dataset(self, data: xr.Dataset) -> CoverSteps:
+        from workbench.uncertainty.covers.storage import rational, shape
+
+        model = UncertaintyModel(
+            rational(data, "nominal"), rational(data, "W_c"), rational(data, "W_r"), self.form
+        )
+        first: Circle | Stadium = shape(data, "first")
+        if self.shape == "circle":
+            first = Circle(first.center, first.radius)
+        return CoverSteps(model, first, shape(data, "second"), shape(data, "third"))
+
+    def figures(self, answer: CoverSteps) -> dict[str, Figure]:
+        from workbench.uncertainty.covers.figures import cover_figures
+
+        return cover_figures(self.responses, answer, self.windows)
+
+
+def _at_most(what: str, name: str, value: int, limit: int) -> Check:
+    statement = f"{what} of {name}, at most what was asked for"
+    return Check(f"{what} of {name}", statement, float(value), float(limit))
+
+
+def left_check(name: str, kind: str, roots: ComplexArray) -> Check:
+    """That roots lie left of the imaginary axis."""
+    value = float(roots.real.max(initial=-np.inf))
+    text = f"largest real part of a {kind} [rad/s], negative"
+    return Check(name, text, value, -np.finfo(float).tiny)

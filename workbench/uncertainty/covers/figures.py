@@ -1,0 +1,113 @@
+"""Figures of covers: sets in the Nyquist plane, the nominal, and the weights over frequency."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from workbench import figures
+from workbench.geometry.figures import plane
+from workbench.uncertainty.covers.weights import unwrapped
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from workbench.uncertainty.covers.cover import CoverSteps
+    from workbench.uncertainty.covers.responses import Responses
+
+
+def cover_figures(
+    responses: Responses, answer: CoverSteps, windows: Mapping[str, tuple[float, float]]
+) -> dict[str, Figure]:
+    """The fitted sets around the points, whole and in each window; nominal and weights."""
+    points, sets = responses.labelled(), answer.model.shapes(responses.omega)
+    drawn = {"plane": plane(points, sets, "fitted sets")}
+    for caption, (low, high) in windows.items():
+        chosen = np.flatnonzero((responses.frequency >= low) & (responses.frequency <= high))
+        if chosen.size:
+            name = "plane-" + "-".join(caption.lower().split())
+            drawn[name] = plane(points, sets, f"fitted sets, {caption}", chosen)
+    drawn["nominal"] = nominal(responses, answer)
+    drawn["complex-weight"] = complex_weight(responses, answer)
+    if answer.model.W_r is not None:
+        drawn["real-weight"] = real_weight(responses, answer)
+    return drawn
+
+
+def nominal(responses: Responses, answer: CoverSteps) -> Figure:
+    """Bode plot of the nominal among the plants and the centres of the first set."""
+    figure, (top, bottom) = figures.axes(2, 1, size=(7.0, 6.0), sharex=True)
+    fit = answer.model.nominal.response(responses.omega)
+    values = np.where(responses.present, responses.values, np.nan)
+    turn = figures.phase(fit)
+    for axes, of in ((top, np.abs), (bottom, lambda z: turn + np.angle(z / fit, deg=True))):
+        for k, plant in enumerate(values.T[:100]):
+            label = "plants" if k == 0 else None
+            axes.plot(responses.frequency, of(plant), color="0.7", linewidth=0.6, label=label)
+        centres = of(answer.first.center)
+        axes.plot(
+            responses.frequency, centres, color=figures.ORANGE, ls=":", label="centres, first set"
+        )
+        axes.plot(responses.frequency, of(fit), color=figures.BLUE, label="nominal")
+    top.set_yscale("log")
+    top.set_ylabel(f"magnitude [{responses.unit}]")
+    bottom.set_ylabel("phase [deg]")
+    _finish(figure, top, bottom, responses)
+    return figure
+
+
+def complex_weight(responses: Responses, answer: CoverSteps) -> Figure:
+    """Radii of the sets, calculated and fitted (figures 5.12 and 5.13 of the thesis)."""
+    figure, (axes,) = figures.axes()
+    axes.plot(
+        responses.frequency, answer.second.radius, ":", color=figures.BLACK, label="second set"
+    )
+    if answer.model.W_r is not None:
+        axes.plot(
+            responses.frequency, answer.third.radius, ":", color=figures.ORANGE, label="third set"
+        )
+    fit = np.abs(answer.model.W_c.response(responses.omega))
+    label = f"|W_c|, order {answer.model.W_c.order}"
+    axes.plot(responses.frequency, fit, color=figures.BLUE, label=label)
+    axes.set_yscale("log")
+    axes.set_ylabel(f"radius [{_unit(responses, answer)}]")
+    _finish(figure, axes, axes, responses)
+    return figure
+
+
+def real_weight(responses: Responses, answer: CoverSteps) -> Figure:
+    """Half-length and orientation, calculated and fitted (figures 5.14 and 5.15)."""
+    figure, (top, bottom) = figures.axes(2, 1, size=(7.0, 6.0), sharex=True)
+    fit = answer.model.W_r.response(responses.omega)
+    label = f"W_r, order {answer.model.W_r.order}"
+    for name, sets, colour in (
+        ("second set", answer.second, figures.BLACK),
+        ("third set", answer.third, figures.ORANGE),
+    ):
+        end = unwrapped(sets.half_length * np.exp(1j * sets.angle))
+        # an end and its opposite are one segment: draw the one nearer to the fit
+        end = np.where((end * fit.conj()).real < 0, -end, end)
+        turn = figures.phase(fit) + np.angle(end / fit, deg=True)
+        top.plot(responses.frequency, np.abs(end), ":", color=colour, label=name)
+        bottom.plot(responses.frequency, turn, ":", color=colour)
+    top.plot(responses.frequency, np.abs(fit), color=figures.BLUE, label=label)
+    bottom.plot(responses.frequency, figures.phase(fit), color=figures.BLUE)
+    top.set_yscale("log")
+    top.set_ylabel(f"half-length [{_unit(responses, answer)}]")
+    bottom.set_ylabel("orientation [deg]")
+    _finish(figure, top, bottom, responses)
+    return figure
+
+
+def _finish(figure: Figure, source: Axes, bottom: Axes, responses: Responses) -> None:
+    if responses.frequency[-1] > 20 * responses.frequency[0]:
+        bottom.set_xscale("log")
+    bottom.set_xlabel("frequency [Hz]")
+    figures.legend_below(figure, source)
+
+
+def _unit(responses: Responses, answer: CoverSteps) -> str:
+    return "1" if answer.model.form == "multiplicative" else responses.unit

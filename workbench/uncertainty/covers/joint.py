@@ -1,0 +1,162 @@
+"""A nominal chosen for small sets, instead of fitted to the centres of others.
+
+Near a resonance that moves from plant to plant no curve of low order passes through the centres
+of the smallest shapes. What counts is the size of the sets about the nominal, so it is minimised,
+and for stadiums the real weight with it: the mean over log frequency of
+
+    circles     radius^2
+    stadiums    radius^2 + LENGTH half-length^2
+
+where the radius is the largest distance of a deviation from the nominal, or from the segment of
+the real weight, relative to the nominal or, of additive models, to the plants. The radius of
+stadiums alone would be ill-posed: as |G| grows every relative deviation tends to -1, and a stadium
+of half-length 1 and no width at all contains them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.optimize import minimize
+
+from workbench.arrays import ComplexArray, RealArray
+from workbench.executor import Context
+from workbench.fitting.rational import Rational
+from workbench.fitting.sections import Sections
+
+if TYPE_CHECKING:
+    from workbench.uncertainty.covers.cover import UncertaintyCover
+
+LENGTH = 0.1
+"""What the half-length of a stadium counts beside its radius, in squares."""
+POWERS = (8, 32, 128)
+"""Of the norms that stand for the maximum over the plants, one after the other."""
+STEPS = 200
+"""Of the quasi-Newton method with each power."""
+DIRECTIONS = 16
+"""Of sets with more points than this, the outermost in as many directions are kept."""
+
+
+@dataclass(frozen=True)
+class SmallSets:
+    """The mean square size of sets over the coefficients of a nominal and of a real weight.
+
+    A given nominal does not move; circles have no real weight.
+    """
+
+    program: UncertaintyCover
+    points: ComplexArray
+    nominal: Sections | ComplexArray
+    W_r: Sections | None
+
+    def split(self, vector: RealArray) -> tuple[RealArray, RealArray]:
+        """The nominal's coefficients and the real weight's."""
+        count = self.nominal.start.size if isinstance(self.nominal, Sections) else 0
+        return vector[:count], vector[count:]
+
+    @property
+    def start(self) -> RealArray:
+        moving = [each.start for each in (self.nominal, self.W_r) if isinstance(each, Sections)]
+        return np.concatenate([np.zeros(0), *moving])  # of circles about a given nominal: none
+
+    def __call__(self, vector: RealArray, power: int) -> tuple[float, RealArray]:
+        """The size with norms of a power over the plants, and its derivatives."""
+        of_nominal, of_weight = self.split(vector)
+        omega, shares = self.program.responses.omega, self.program.responses.shares
+        nominal, slope = _evaluated(self.nominal, of_nominal, omega)
+        unit = self.program.unit[:, None]
+        if self.program.form == "multiplicative":
+            away = self.points / nominal[:, None] - 1
+            slopes = -(1 + away)[..., None] * (slope / nominal[:, None])[:, None, :]
+        else:
+            away = (self.points - nominal[:, None]) / unit
+            step = -(slope / unit)[:, None, :]
+            slopes = np.broadcast_to(step, (*away.shape, slope.shape[1]))
+        if self.W_r is None:
+            radius, rise = _norm(away, slopes, power)
+            return float(shares @ radius**2), 2 * (shares * radius) @ rise
+        end, turn = _evaluated(self.W_r, of_weight, omega)
+        end, turn = end / unit[:, 0], turn / unit
+        square = np.maximum(np.abs(end) ** 2, np.finfo(float).tiny)
+        along = np.clip((away * end[:, None].conj()).real / square[:, None], -1, 1)
+        beside = away - along * end[:, None]
+        slopes = np.concatenate([slopes, -along[..., None] * turn[:, None, :]], axis=2)
+        radius, rise = _norm(beside, slopes, power)
+        gradient = 2 * (shares * radius) @ rise
+        gradient[of_nominal.size :] += 2 * LENGTH * ((shares * end.conj()) @ turn).real
+        return float(shares @ (radius**2 + LENGTH * square)), gradient
+
+
+Found = tuple[float, Rational, Rational | None]
+"""Mean square size, nominal, real weight."""
+
+
+def smallest_sets(
+    program: UncertaintyCover, nominal: Rational, W_r: Rational | None, context: Context
+) -> Found:
+    """Mean square size, nominal and real weight of the smallest sets near those to start from.
+
+    Without a real weight the sets are circles, whatever the program asks for. Quasi-Newton steps
+    on the coefficients of the sections; the maximum over the plants is approached by norms of
+    rising power. Locally optimal.
+    """
+    omega = program.responses.omega
+    band = float(omega[0]), float(omega[-1])
+    moving: Sections | ComplexArray = nominal.response(omega)
+    if program.nominal is None:
+        moving = Sections.of(nominal, program.zeros, band, stable=True, minimum_phase=False)
+    weight = None
+    if W_r is not None:
+        weight = Sections.of(W_r, W_r.order, band, stable=True, minimum_phase=program.minimum_phase)
+    size = SmallSets(program, outermost(program.points), moving, weight)
+    vector = size.start
+    if vector.size:
+        scale = np.maximum(np.abs(vector), 1e-3)
+
+        def scaled(vector: RealArray, power: int) -> tuple[float, RealArray]:
+            with np.errstate(all="ignore"):
+                value, gradient = size(vector * scale, power)
+            return (value, gradient * scale) if np.isfinite(value) else (np.inf, 0 * vector)
+
+        vector = vector / scale
+        for power in context.track(POWERS, "smallest sets"):
+            steps = {"maxiter": STEPS}
+            vector = minimize(scaled, vector, (power,), "BFGS", jac=True, options=steps).x
+        vector = vector * scale
+    of_nominal, of_weight = size.split(vector)
+    return (
+        size(vector, POWERS[-1])[0],
+        moving.rational(of_nominal) if isinstance(moving, Sections) else nominal,
+        None if weight is None else weight.rational(of_weight),
+    )
+
+
+def _evaluated(
+    of: Sections | ComplexArray, vector: RealArray, omega: RealArray
+) -> tuple[ComplexArray, ComplexArray]:
+    """Values (F,) and derivatives (F, P); of a fixed response there are none."""
+    if isinstance(of, Sections):
+        return of.response(vector, omega), of.slopes(vector, omega)
+    return of, np.zeros((omega.size, 0), dtype=complex)
+
+
+def _norm(values: ComplexArray, slopes: ComplexArray, power: int) -> tuple[RealArray, RealArray]:
+    """Norms (F,) over the plants of complex values (F, N), and their derivatives (F, P)."""
+    size = np.maximum(np.abs(values), np.finfo(float).tiny)
+    most = size.max(axis=1, keepdims=True)
+    share = size / most
+    norm = (share**power).sum(axis=1, keepdims=True) ** (1 / power)
+    weight = (share / norm) ** (power - 1) * values.conj() / size
+    return (most * norm)[:, 0], np.einsum("fn,fnp->fp", weight, slopes).real
+
+
+def outermost(points: ComplexArray) -> ComplexArray:
+    """The points (F, DIRECTIONS) of large sets (F, N) that are farthest out, all round."""
+    if points.shape[1] <= DIRECTIONS:
+        return points
+    away = points - points.mean(axis=1, keepdims=True)
+    turn = np.exp(-2j * np.pi * np.arange(DIRECTIONS) / DIRECTIONS)
+    farthest = np.stack([(away * t).real.argmax(axis=1) for t in turn], axis=1)
+    return np.take_along_axis(points, farthest, axis=1)

@@ -1,0 +1,81 @@
+"""Methods of covers: the nominal fitted to centres, or chosen for small sets."""
+
+from __future__ import annotations
+
+from workbench.errors import InputError, SolverError
+from workbench.executor import Context
+from workbench.fitting.rational import Rational
+from workbench.program import Claim, method
+from workbench.solvers import Outcome
+from workbench.uncertainty.covers.circle_cover import CircleCover
+from workbench.uncertainty.covers.cover import UncertaintyCover
+from workbench.uncertainty.covers.joint import Found, smallest_sets
+from workbench.uncertainty.covers.stadium_cover import StadiumCover
+from workbench.uncertainty.covers.starts import nominals, real_weights, through
+
+FEW, MANY = 100, 1000
+"""Frequencies at which starts are tried, and at which the best are finished."""
+FINISHED = 6
+"""How many are finished; the least of their fitted sets is the answer."""
+
+
+@method(CircleCover, "steps", optimal=False)
+@method(StadiumCover, "steps", optimal=False)
+def _steps(program: UncertaintyCover, context: Context) -> Claim:
+    """The steps of the thesis: the nominal is fitted to the centres of the first set."""
+    first = program.first_set(program.points)
+    nominal = program.realisable(through(first.center, first, program, context))
+    third = program.third_set(program.away(nominal, program.points))
+    W_r = program.real_weight(third, context)
+    return program.finished(first, nominal, third, W_r, context), Outcome.SOLVED, ""
+
+
+@method(CircleCover, "joint", optimal=False)
+@method(StadiumCover, "joint", optimal=False)
+def _joint(program: UncertaintyCover, context: Context) -> Claim:
+    """Nominal and real weight are chosen together for the least mean square size of the sets."""
+    found, said = _tried(program.thinned(FEW), context)
+    if not found:
+        return None, Outcome.FAILED, said
+    first = program.first_set(program.points)
+    answers = []
+    for _, nominal, W_r in sorted(found, key=_size)[:FINISHED]:
+        _, nominal, W_r = smallest_sets(program.thinned(MANY), nominal, W_r, context)
+        nominal = program.realisable(nominal)
+        third = program.third_set(program.away(nominal, program.points), W_r)
+        answers.append(program.finished(first, nominal, third, W_r, context))
+    return min(answers, key=program.fitted_size), Outcome.SOLVED, said
+
+
+def _tried(program: UncertaintyCover, context: Context) -> tuple[list[Found], str]:
+    """The smallest sets from every start, and what is to be said of them."""
+    found: list[Found] = []
+    circles: list[Found] = []
+    said = []
+
+    def stadiums(nominal: Rational) -> list[Found]:
+        assert isinstance(program, StadiumCover)
+        weights = real_weights(program, nominal, context)
+        return [smallest_sets(program, nominal, W_r, context) for W_r in weights]
+
+    for name, (response, sizes) in nominals(program).items():
+        try:
+            nominal = through(response, sizes, program, context)
+            program.away(nominal, program.points)  # says where it passes through zero
+            circles.append(smallest_sets(program, nominal, None, context))
+            own = stadiums(nominal) if isinstance(program, StadiumCover) else circles[-1:]
+        except (InputError, SolverError) as error:
+            said.append(f"none from {name} ({error})")
+            continue
+        found += own
+        said.append(f"{_size(min(own, key=_size)):.4g} from {name}")
+        if program.nominal is not None:
+            return found, f"mean square size {said[0]}"  # there is one start only
+    if circles and isinstance(program, StadiumCover):
+        found += (own := stadiums(min(circles, key=_size)[1]))
+        said.append(f"{_size(min(own, key=_size)):.4g} from the smallest circles")
+    return found, f"mean square size {', '.join(said)}"
+
+
+def _size(found: Found) -> float:
+    return found[0]

@@ -1,0 +1,176 @@
+"""An uncertainty model: a nominal and weights, and whether it contains given responses.
+
+    multiplicative   G (1 + W_c delta_c + W_r delta_r)        (eq. 5.15 of the thesis)
+    additive         G + W_c delta_c + W_r delta_r
+
+with |delta_c| <= 1 complex and -1 <= delta_r <= 1 real. At every frequency the plants it describes
+fill a circle, or with W_r a stadium.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, get_args
+
+import numpy as np
+
+from workbench.arrays import RealArray
+from workbench.errors import InputError
+from workbench.fitting.rational import Rational, from_system
+from workbench.geometry import Stadium
+from workbench.structure import Complex as ComplexScalar
+from workbench.structure import Real as RealScalar
+from workbench.structure import Structure
+from workbench.systems.generalised_plant import generalised_plant
+from workbench.systems.interconnection import UncertainPart
+from workbench.uncertainty.covers.responses import Responses
+from workbench.uncertainty.covers.sets import Form
+
+if TYPE_CHECKING:
+    from control import StateSpace
+
+ROUNDING = 1e-9
+"""Excess beyond a boundary, relative to the radius, that counts as rounding."""
+
+
+@dataclass(frozen=True, eq=False)
+class UncertaintyModel(UncertainPart):
+    """Nominal, complex weight and, of a mixed model, real weight.
+
+    Parameters
+    ----------
+    nominal, W_c, W_r
+        `Rational`, or any SISO continuous-time system of python-control. W_r None: circles.
+    form
+        ``"multiplicative"`` or ``"additive"``.
+    """
+
+    nominal: Any  # Rational from here on, all three
+    W_c: Any
+    W_r: Any = None
+    form: Form = "multiplicative"
+
+    def __post_init__(self) -> None:
+        if self.form not in get_args(Form):
+            raise InputError(f"form is {self.form!r}; it must be one of {get_args(Form)}")
+        for name in ("nominal", "W_c", "W_r"):
+            given = getattr(self, name)
+            if given is None and name != "W_r":
+                raise InputError(f"{name} is needed; only W_r may be None")
+            if given is not None and not isinstance(given, Rational):
+                object.__setattr__(self, name, from_system(given))
+
+    @property
+    def structure(self) -> Structure:
+        """(delta_r, delta_c), in the order of eq. 6.3, or delta_c alone."""
+        complex_ = ComplexScalar(1, name="complex")
+        if self.W_r is None:
+            return Structure((complex_,))
+        return Structure((RealScalar(1, name="real"), complex_))
+
+    def systems(self) -> dict[str, StateSpace]:
+        """``G``, ``W_c`` and, of a mixed model, ``W_r`` as python-control systems."""
+        rationals = {"G": self.nominal, "W_c": self.W_c, "W_r": self.W_r}
+        return {name: r.state_space() for name, r in rationals.items() if r is not None}
+
+    @cached_property
+    def system(self) -> StateSpace:
+        """Inputs (u_r, u_c, u), outputs (y_r, y_c, f): delta_r, if any, and delta_c close it.
+
+        Its perturbation acts where the weights stand: behind the input u of a multiplicative
+        model, on the output f of an additive one.
+        """
+        systems = self.systems()
+        kinds = [kind for kind in ("r", "c") if f"W_{kind}" in systems]
+        added = "".join(f" + u_{kind}" for kind in kinds)
+        sums = (
+            {"v": f"u{added}", "f": "g"}
+            if self.form == "multiplicative"
+            else {"v": "u", "f": f"g{added}"}
+        )
+        weights = [(systems[f"W_{kind}"], "u", f"y_{kind}") for kind in kinds]
+        return generalised_plant(
+            [(systems["G"], "v", "g"), *weights],
+            sums,
+            perturbation=[
+                (block, f"y_{kind}", f"u_{kind}")
+                for kind, block in zip(kinds, self.structure, strict=True)
+            ],
+            exogenous="u",
+            performance="f",
+        ).system
+
+    def sizes(self, omega: RealArray) -> tuple[RealArray, RealArray]:
+        """Radius and half-length of its sets in the units of the weights, each (F,)."""
+        length = np.zeros(np.shape(omega)) if self.W_r is None else np.abs(self.W_r.response(omega))
+        return np.abs(self.W_c.response(omega)), length
+
+    def shapes(self, omega: RealArray) -> Stadium:
+        """The sets of plants it describes at frequencies [rad/s] (F,), in the Nyquist plane."""
+        nominal = self.nominal.response(omega)
+        size = nominal if self.form == "multiplicative" else np.ones_like(nominal)
+        radius = np.abs(size * self.W_c.response(omega))
+        segment = np.zeros_like(nominal) if self.W_r is None else size * self.W_r.response(omega)
+        return Stadium(nominal, radius, np.abs(segment), np.mod(np.angle(segment), np.pi))
+
+
+@dataclass(frozen=True)
+class Containment:
+    """Whether a model contains measured responses.
+
+    ``excess`` (F,) is the largest distance of a point beyond its set, relative to the radius
+    (negative inside), ``outside`` (F,) how many points are; of the points that the most distant
+    ones leave over, when some may be left out.
+    """
+
+    excess: RealArray
+    outside: np.ndarray
+    where: str
+
+    @property
+    def worst(self) -> float:
+        return float(self.excess.max())
+
+    @property
+    def holds(self) -> bool:
+        return self.worst <= ROUNDING
+
+    def __bool__(self) -> bool:
+        return self.holds
+
+
+def contains(model: UncertaintyModel, responses: Responses, leave_out: int = 0) -> Containment:
+    """Whether every response lies in the model's set at its frequency, from roots and data alone.
+
+    Evaluated in extended precision by code that the construction of covers does not share.
+
+    Parameters
+    ----------
+    leave_out
+        How many points may lie outside at each frequency.
+    """
+    s = 1j * responses.omega.astype(np.longdouble)
+    nominal = _value(model.nominal, s)
+    size = nominal if model.form == "multiplicative" else np.ones_like(nominal)
+    radius = np.abs(size * _value(model.W_c, s))[:, None]
+    away = responses.values.astype(np.clongdouble) - nominal[:, None]
+    if model.W_r is not None:
+        segment = (size * _value(model.W_r, s))[:, None]
+        square = np.maximum(np.abs(segment) ** 2, np.finfo(np.longdouble).tiny)
+        along = np.clip((away * segment.conj()).real / square, -1, 1)
+        away = away - along * segment
+    with np.errstate(all="ignore"):
+        excess = np.where(responses.present, np.abs(away) / radius - 1, -np.inf).astype(float)
+    ordered = np.sort(np.where(np.isnan(excess), np.inf, excess), axis=1)
+    worst = ordered[:, -1 - leave_out]
+    place = f"at {responses.place(int(worst.argmax()))}"
+    return Containment(worst, (excess > ROUNDING).sum(axis=1), place)
+
+
+def _value(rational: Rational, s: np.ndarray) -> np.ndarray:
+    """gain * prod(s - z) / prod(s - p) by sums of logarithms: nothing overflows."""
+    logs = np.log(s[:, None] - rational.zeros.astype(np.clongdouble)).sum(axis=1)
+    logs = logs - np.log(s[:, None] - rational.poles.astype(np.clongdouble)).sum(axis=1)
+    value: np.ndarray = rational.gain * np.exp(logs)
+    return value

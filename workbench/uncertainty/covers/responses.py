@@ -1,0 +1,202 @@
+"""Responses of several plants on one grid of frequencies: what every cover starts from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from workbench.arrays import ComplexArray, RealArray
+from workbench.errors import InputError
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from control import FrequencyResponseData
+
+
+@dataclass(frozen=True, eq=False)
+class Responses:
+    """Measured or computed responses of N >= 2 plants at F >= 2 frequencies.
+
+    Parameters
+    ----------
+    omega
+        Angular frequencies [rad/s], increasing, positive, shape (F,).
+    values
+        Complex responses, shape (F, N); finite and not zero where present.
+    present
+        Which of them were measured, booleans of shape (F, N); None: all. At least two plants are
+        needed at every frequency.
+    plants
+        Names, N of them; None: numbered.
+    unit
+        Unit of the responses, for labels.
+    assumption
+        What the set claims beyond the measured points, for instance a distribution; see
+        `workbench.uncertainty.widened`. It stands in the certificates of covers.
+
+    Raises
+    ------
+    InputError
+        Anything else, with the plant and the frequency concerned.
+    """
+
+    omega: RealArray
+    values: ComplexArray
+    present: Any = None  # an ndarray from here on
+    plants: Any = None  # a tuple of names from here on
+    unit: str = field(default="1", kw_only=True)
+    assumption: str = field(default="", kw_only=True)
+
+    def __post_init__(self) -> None:
+        omega = np.asarray(self.omega, dtype=float)
+        if omega.ndim != 1 or omega.size < 2:
+            raise InputError(
+                f"omega of shape {omega.shape}: two frequencies or more are needed, shape (F,)"
+            )
+        bad = ~(np.isfinite(omega) & (omega > 0))
+        if bad.any():
+            raise InputError(f"omega[{bad.argmax()}] is {omega[bad.argmax()]}; it must be positive")
+        steps = np.diff(omega) <= 0
+        if steps.any():
+            k = int(steps.argmax())
+            kind = "repeated" if omega[k] == omega[k + 1] else "not increasing"
+            raise InputError(
+                f"omega[{k}] = {omega[k]:.6g} and omega[{k + 1}] = {omega[k + 1]:.6g} rad/s are "
+                f"{kind}: sort the frequencies and keep each once"
+            )
+        values = np.asarray(self.values)
+        if values.dtype.kind not in "iufc":
+            raise InputError(f"responses must be numbers, they have type {values.dtype}")
+        if values.ndim != 2 or len(values) != omega.size:
+            raise InputError(
+                f"responses of shape {values.shape} do not fit {omega.size} frequencies; "
+                "needed is (F, N), a column for each plant"
+            )
+        if values.shape[1] < 2:
+            raise InputError("one plant has no spread to cover: two or more are needed")
+        present = np.ones(values.shape, bool) if self.present is None else np.array(self.present)
+        if present.shape != values.shape or present.dtype != bool:
+            raise InputError(f"present must be booleans of shape {values.shape}")
+        plants = tuple(
+            map(str, range(1, values.shape[1] + 1)) if self.plants is None else self.plants
+        )
+        if len(plants) != values.shape[1]:
+            raise InputError(f"{len(plants)} names for {values.shape[1]} plants")
+        object.__setattr__(self, "omega", omega)
+        object.__setattr__(self, "values", values.astype(complex))
+        object.__setattr__(self, "present", present)
+        object.__setattr__(self, "plants", plants)
+        self._refuse(~np.isfinite(values), "is not finite")
+        self._refuse(values == 0, "is exactly zero")
+        few = present.sum(axis=1) < 2
+        if few.any():
+            raise InputError(
+                f"only {present[few.argmax()].sum()} plant was measured at "
+                f"{self.place(int(few.argmax()))}: two or more are needed at every frequency"
+            )
+
+    def _refuse(self, bad: np.ndarray, what: str) -> None:
+        bad = bad & self.present
+        if bad.any():
+            k, i = (int(j) for j in np.argwhere(bad)[0])
+            raise InputError(
+                f"the response of plant {self.plants[i]} {what} at {self.place(k)}; "
+                "mark what was not measured with present=False"
+            )
+
+    @property
+    def frequency(self) -> RealArray:
+        """[Hz]."""
+        return self.omega / (2 * np.pi)
+
+    @property
+    def shares(self) -> RealArray:
+        """Share (F,) of every frequency in the logarithmic axis, of sum 1."""
+        width = np.gradient(np.log(self.omega))
+        return width / width.sum()
+
+    def thinned(self, most: int) -> Responses:
+        """The same plants at no more than so many of the frequencies, both ends among them."""
+        if self.omega.size <= most:
+            return self
+        chosen = np.unique(np.linspace(0, self.omega.size - 1, most).round().astype(int))
+        return replace(
+            self,
+            omega=self.omega[chosen],
+            values=self.values[chosen],
+            present=self.present[chosen],
+        )
+
+    def place(self, index: int) -> str:
+        """A frequency, for messages."""
+        return f"{self.omega[index] / (2 * np.pi):.6g} Hz"
+
+    @property
+    def points(self) -> ComplexArray:
+        """The point sets (F, N); what is missing repeats another point of its set."""
+        return filled(self.values, self.present)
+
+    def labelled(self) -> xr.DataArray:
+        """The point sets with names and units, dims (frequency, plant)."""
+        import xarray as xr
+
+        axis = {"units": "Hz", "long_name": "frequency"}
+        return xr.DataArray(
+            self.points,
+            dims=("frequency", "plant"),
+            coords={"frequency": ("frequency", self.frequency, axis), "plant": list(self.plants)},
+            attrs={"units": self.unit, "long_name": "response"},
+        )
+
+
+def filled(values: ComplexArray, present: np.ndarray) -> ComplexArray:
+    """Values (F, N) where present; elsewhere the first present one of their frequency."""
+    substitute = values[np.arange(len(values)), present.argmax(axis=1)]
+    points: ComplexArray = np.where(present, values, substitute[:, None])
+    return points
+
+
+def responses_of(systems: Sequence[FrequencyResponseData], **names: Any) -> Responses:
+    """Responses of SISO plants, each measured at some frequencies of its own.
+
+    The grid is the union of all frequencies; where a plant has none it counts as missing.
+
+    Parameters
+    ----------
+    systems
+        `control.FrequencyResponseData` objects, frequencies in rad/s.
+    names
+        ``plants``, ``unit`` and ``assumption`` of `Responses`.
+
+    Raises
+    ------
+    InputError
+        As `Responses`; in particular where plants on different grids leave a frequency with fewer
+        than two of them.
+    """
+    for k, system in enumerate(systems):
+        if not hasattr(system, "frdata"):
+            kind = type(system).__name__
+            raise InputError(f"plant {k + 1} is no frequency response, but a {kind}")
+        if (system.ninputs, system.noutputs) != (1, 1):
+            raise InputError(f"plant {k + 1} is {system.noutputs} x {system.ninputs}, not SISO")
+    grids = [np.asarray(system.omega, dtype=float) for system in systems]
+    omega = np.unique(np.concatenate(grids)) if grids else np.zeros(0)
+    values = np.full((omega.size, len(grids)), np.nan, dtype=complex)
+    for k, (grid, system) in enumerate(zip(grids, systems, strict=True)):
+        values[np.searchsorted(omega, grid), k] = np.asarray(system.frdata)[0, 0]
+    present = np.zeros(values.shape, bool)
+    for k, grid in enumerate(grids):
+        present[np.searchsorted(omega, grid), k] = True
+    lonely = present.sum(axis=1) < 2 if grids else np.zeros(0, bool)
+    if lonely.any():
+        raise InputError(
+            f"the plants were measured on different grids: {lonely.sum()} of {omega.size} "
+            "frequencies have one plant only, the first at "
+            f"{omega[lonely][0] / (2 * np.pi):.6g} Hz; "
+            "measure on common frequencies, or interpolate before"
+        )
+    return Responses(omega, values, present, **names)

@@ -1,0 +1,154 @@
+"""Sets of relative or absolute deviations from a nominal, and the shapes around them.
+
+The second set of the thesis (sections 5.3.2 and 5.4.2) in the frame of the nominal: deviations are
+p / G - 1 for a multiplicative model and p - G for an additive one, the centre is 0, and radius,
+half-length and angle are those of the weights themselves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Literal
+
+import numpy as np
+
+from workbench.arrays import ComplexArray, RealArray
+from workbench.errors import InputError
+from workbench.fitting.samples import as_count
+from workbench.geometry import Circle, Stadium, narrowest_stadium, smallest_circle
+from workbench.geometry.exact_stadium import exact_stadium
+from workbench.geometry.hull import convex_hull
+from workbench.uncertainty.covers.responses import Responses, filled
+
+Form = Literal["multiplicative", "additive"]
+
+VANISHING = 1e-9
+"""Size of a nominal, relative to its set's largest point, that counts as passing through zero."""
+MOST_LEFT_OUT = 4
+TOUCHING = 1e-9
+"""Relative distance from a boundary within which a point supports it."""
+
+
+def deviations(
+    points: ComplexArray, nominal: ComplexArray, form: Form, responses: Responses
+) -> ComplexArray:
+    """Deviations (F, N) of point sets (F, N) from a nominal response (F,).
+
+    Raises
+    ------
+    InputError
+        The nominal passes through zero, where a relative deviation has no meaning; it says where.
+    """
+    if form == "additive":
+        difference: ComplexArray = points - nominal[:, None]
+        return difference
+    vanishing = np.abs(nominal) <= VANISHING * np.abs(points).max(axis=1)
+    if vanishing.any():
+        raise InputError(
+            f"the nominal passes through zero at {responses.place(int(vanishing.argmax()))}: "
+            'relative weights are undefined there, ask for form="additive"'
+        )
+    ratio: ComplexArray = points / nominal[:, None] - 1
+    return ratio
+
+
+def circles_about_nominal(away: ComplexArray) -> Stadium:
+    """Smallest circles centred on the nominal around deviations (F, N); half-lengths are 0."""
+    zero = np.zeros(len(away))
+    return Stadium(zero.astype(complex), np.abs(away).max(axis=1), zero, zero)
+
+
+def stadiums_about_nominal(away: ComplexArray, angle: RealArray | None = None) -> Stadium:
+    """Narrowest stadiums centred on the nominal around deviations (..., N), globally optimal.
+
+    Angles [rad] are broadcast against the sets; None: free.
+    """
+    return Stadium(*exact_stadium(away, 0.0, angle))
+
+
+def kept(responses: Responses, leave_out: int, kind: Literal["circle", "stadium"]) -> ComplexArray:
+    """Point sets (F, N) without the ``leave_out`` points that cost their first set most.
+
+    What is left out repeats a point that is kept. Of circles in general position the choice is
+    optimal: a smaller circle leaves out one of the points that support the present one, so a tree
+    of supports is searched (at most 3 branches a level; the LP-type problem with violations of
+    Matousek, 1995). Of stadiums the same tree is a heuristic: the narrowest width may have more
+    supports.
+
+    Raises
+    ------
+    InputError
+        More points than the search can take, or than leave two plants at every frequency.
+    """
+    if as_count("leave_out", leave_out) > MOST_LEFT_OUT:
+        raise InputError(
+            f"leave_out is {leave_out}; it may be {MOST_LEFT_OUT} at most, "
+            "since the search grows fourfold with each"
+        )
+    count = responses.present.sum(axis=1)
+    if count.min() - leave_out < 2:
+        raise InputError(
+            f"leaving out {leave_out} of the {count.min()} plants at "
+            f"{responses.place(int(count.argmin()))} leaves no spread: two or more must stay"
+        )
+    measure = _circle_support if kind == "circle" else _stadium_support
+    return _searched(responses.values, responses.present, leave_out, measure)[0]
+
+
+def corners(points: ComplexArray) -> ComplexArray:
+    """Vertices (F, H) of the convex hulls of point sets (F, N), repeated up to the largest H.
+
+    Circles and stadiums are convex: what contains the vertices contains the sets.
+    """
+    hulls = [convex_hull(row) for row in points]
+    most = max(hull.size for hull in hulls)
+    return np.stack([np.resize(hull, most) for hull in hulls])
+
+
+Support = Callable[[ComplexArray], tuple[RealArray, RealArray, int]]
+"""Radius (F,) of the first set, room (F, N) of points inside it, most points that support it."""
+
+
+def _searched(
+    values: ComplexArray, present: np.ndarray, leave_out: int, measure: Support
+) -> tuple[ComplexArray, RealArray]:
+    """The best sets with points left out, and their radii."""
+    points = filled(values, present)
+    radius, room, count = measure(points)
+    if leave_out == 0:
+        return points, radius
+    best, least = points, np.full(len(points), np.inf)
+    for branch in _nearest(points, np.where(present, room, np.inf), radius, count):
+        fewer = present.copy()
+        fewer[np.arange(len(points)), branch] = False
+        found, size = _searched(values, fewer, leave_out - 1, measure)
+        better = size < least
+        best = np.where(better[:, None], found, best)
+        least = np.where(better, size, least)
+    return best, least
+
+
+def _circle_support(points: ComplexArray) -> tuple[RealArray, RealArray, int]:
+    circle: Circle = smallest_circle(points)
+    return circle.radius, circle.radius[:, None] - np.abs(points - circle.center[:, None]), 3
+
+
+def _stadium_support(points: ComplexArray) -> tuple[RealArray, RealArray, int]:
+    stadium = narrowest_stadium(points)
+    away = (points - stadium.center[:, None]) * np.exp(-1j * stadium.angle[:, None])
+    return stadium.radius, stadium.radius[:, None] - np.abs(away.imag), 4
+
+
+def _nearest(
+    points: ComplexArray, room: RealArray, radius: RealArray, count: int
+) -> list[np.ndarray]:
+    """Up to ``count`` indices (F,) of distinct points nearest to the boundary; the first of them
+    where there are no more.
+    """
+    rows, found = np.arange(len(points)), [room.argmin(axis=1)]
+    for _ in range(min(count, points.shape[1]) - 1):
+        room = np.where(points == points[rows, found[-1]][:, None], np.inf, room)
+        nearest = room.argmin(axis=1)
+        touching = room[rows, nearest] <= TOUCHING * radius
+        found.append(np.where(touching, nearest, found[0]))
+    return found

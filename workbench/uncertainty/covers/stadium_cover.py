@@ -1,0 +1,95 @@
+"""Mixed uncertainty: stadiums about a nominal (thesis, section 5.4)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import ClassVar, Literal
+
+import numpy as np
+
+from workbench.arrays import ComplexArray, RealArray
+from workbench.errors import InputError
+from workbench.executor import Context
+from workbench.fitting.rational import Rational
+from workbench.geometry import NarrowestStadium, Stadium, narrowest_stadium
+from workbench.program import Check
+from workbench.uncertainty.covers.cover import OUTWARD, CoverSteps, UncertaintyCover, left_check
+from workbench.uncertainty.covers.model import UncertaintyModel
+from workbench.uncertainty.covers.orientation import Orientation, smooth
+from workbench.uncertainty.covers.sets import stadiums_about_nominal
+from workbench.uncertainty.covers.weights import real_weight
+
+
+@dataclass(frozen=True, eq=False)
+class StadiumCover(UncertaintyCover):
+    """G (1 + W_c delta_c + W_r delta_r): weights that contain every response in a stadium.
+
+    Parameters
+    ----------
+    real_order
+        Of the real weight.
+    orientation
+        The third set: a function of frequencies and deviations that gives the angles, see
+        `workbench.uncertainty.orientation`.
+    minimum_phase
+        Zeros of the real weight in the left half plane too, as the thesis has it.
+    """
+
+    real_order: int = 4
+    orientation: Orientation = field(default_factory=smooth, kw_only=True)
+    minimum_phase: bool = field(default=False, kw_only=True)
+
+    shape: ClassVar[Literal["circle", "stadium"]] = "stadium"
+    headline: ClassVar[str] = "width_peak"
+    size_name: ClassVar[str] = "width"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not callable(self.orientation):
+            raise InputError(f"orientation must be a function, not {self.orientation!r}")
+
+    @property
+    def _most(self) -> dict[str, int]:
+        return super()._most | {"real_order": self.responses.omega.size - 1}
+
+    def first_set(self, points: ComplexArray) -> Stadium:
+        return narrowest_stadium(points)
+
+    def second_set(self, away: ComplexArray) -> Stadium:
+        return stadiums_about_nominal(away)
+
+    def third_set(self, away: ComplexArray, W_r: Rational | None = None) -> Stadium:
+        omega = self.responses.omega
+        if W_r is None:
+            return stadiums_about_nominal(away, self.orientation(omega, away))
+        return stadiums_about_nominal(away, np.angle(W_r.response(omega)))
+
+    def real_weight(self, third: Stadium, context: Context) -> Rational:
+        omega = self.responses.omega
+        return real_weight(omega, third, self.real_order, self.minimum_phase, context)
+
+    def checks(self, answer: CoverSteps, tolerance: float) -> Sequence[Check]:
+        checks = list(super().checks(answer, tolerance))
+        if self.minimum_phase:
+            checks.append(left_check("W_r minimum phase", "zero", answer.model.W_r.zeros))
+        return checks
+
+    def least_radius(self, sets: NarrowestStadium, second: Stadium) -> RealArray:
+        return sets.radius_bound(second)
+
+    def _orders(self, model: UncertaintyModel) -> list[tuple[str, Rational, int]]:
+        return [*super()._orders(model), ("W_r", model.W_r, self.real_order)]
+
+    def metrics(self, answer: CoverSteps) -> dict[str, float]:
+        model, second = answer.model, answer.second
+        width, length = model.sizes(self.responses.omega)
+        inflation = width / np.maximum(second.radius, OUTWARD * width)
+        return super().metrics(answer) | {
+            "inflation_width": float(np.max(inflation)),
+            "inflation_width_median": float(np.median(inflation)),
+            "radius_peak": float(np.abs(self.away(model.nominal, self.points)).max()),
+            "length_peak": float(second.half_length.max()),
+            "length_peak_fitted": float(length.max()),
+            "order_Wr": model.W_r.order,
+        }

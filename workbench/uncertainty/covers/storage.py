@@ -1,0 +1,73 @@
+"""Covers as labelled arrays, and back."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+
+from workbench.fitting.rational import Rational
+from workbench.fitting.storage import function, roots
+from workbench.geometry import Circle, Stadium
+from workbench.uncertainty.covers.cover import CoverSteps
+from workbench.uncertainty.covers.responses import Responses
+
+PARTS = {
+    "center": "centre",
+    "radius": "radius",
+    "half_length": "half-length",
+    "angle": "angle",
+}
+
+
+def to_dataset(responses: Responses, answer: CoverSteps) -> xr.Dataset:
+    """Responses, the sets of every step, the sets of the model, and its roots."""
+    model = answer.model
+    plane = responses.unit
+    deviation = "1" if model.form == "multiplicative" else plane
+    measured = responses.labelled()
+    data = xr.Dataset(
+        {
+            "response": (
+                measured.dims,
+                np.where(responses.present, responses.values, 0),
+                {"units": plane, "long_name": "response of a plant, 0 where missing"},
+            ),
+            "present": (
+                measured.dims,
+                responses.present.astype("int8"),
+                {"units": "1", "long_name": "1 where the plant was measured"},
+            ),
+        },
+        coords=measured.coords,
+    )
+    sets: dict[str, tuple[Circle | Stadium, str, str]] = {
+        "first": (answer.first, plane, "first set"),
+        "second": (answer.second, deviation, "second set"),
+        "third": (answer.third, deviation, "third set"),
+        "fitted": (model.shapes(responses.omega), plane, "set of the fitted model"),
+    }
+    for name, (each, unit, long_name) in sets.items():
+        for part, text in PARTS.items():
+            units = "rad" if part == "angle" else unit
+            data[f"{name}_{part}"] = (
+                "frequency",
+                np.asarray(getattr(each, part)),
+                {"units": units, "long_name": f"{text} of the {long_name}"},
+            )
+    for name, of in {"nominal": model.nominal, "W_c": model.W_c, "W_r": model.W_r}.items():
+        if of is None:
+            continue
+        data = data.assign(roots(of, name, f"{name}_"))
+    return data
+
+
+def shape(data: xr.Dataset, name: str) -> Stadium:
+    """The sets of a step."""
+    return Stadium(*(data[f"{name}_{part}"].values for part in PARTS))
+
+
+def rational(data: xr.Dataset, name: str) -> Rational | None:
+    """A part of the model, None where the model has none."""
+    if f"{name}_gain" not in data:
+        return None
+    return function(data, f"{name}_")

@@ -1,0 +1,74 @@
+"""Uncertain physical parameters, and sets of their perturbations to evaluate models at."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from workbench.arrays import RealArray
+from workbench.errors import InputError
+
+LARGEST_TABLE = 5_000_000
+"""Rows of a full factorial."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """nominal * (1 + tolerance * delta), |delta| <= 1 (eq. 5.10); the name is an identifier.
+
+    Source: E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
+    """
+
+    name: str
+    nominal: float
+    tolerance: float
+
+    def __post_init__(self) -> None:
+        if not self.name.isidentifier():
+            raise InputError(
+                f"a parameter is called {self.name!r}; it must be a name that an argument can have"
+            )
+        if not (np.isfinite(self.nominal) and self.nominal != 0.0):
+            raise InputError(
+                f"{self.name} has nominal {self.nominal}; a relative tolerance needs a finite "
+                "nominal other than 0"
+            )
+        if not 0.0 < self.tolerance < np.inf:
+            raise InputError(
+                f"{self.name} has tolerance {self.tolerance}; it must be positive and finite; "
+                "write what is certain as a constant into the model"
+            )
+
+    def at(self, delta: ArrayLike) -> Any:
+        """The value at `delta`."""
+        return self.nominal * (1.0 + self.tolerance * np.asarray(delta, dtype=float))
+
+
+def vertices(parameters: Sequence[Parameter]) -> RealArray:
+    """All deltas of -1 and 1: (2^P, P)."""
+    return levels(parameters, 2)
+
+
+def levels(parameters: Sequence[Parameter], count: int) -> RealArray:
+    """The full factorial of `count` equidistant deltas from -1 to 1: (count^P, P).
+
+    Raises InputError for fewer than 2 levels, and where the table would be too large.
+    """
+    if count < 2:
+        raise InputError(f"{count} levels; at least 2 are needed, for -1 and 1")
+    if count ** len(parameters) > LARGEST_TABLE:
+        raise InputError(
+            f"{count} levels of {len(parameters)} parameters are {count ** len(parameters)} rows, "
+            f"more than {LARGEST_TABLE}; take fewer, or random ones with `samples`"
+        )
+    return np.array(list(product(np.linspace(-1.0, 1.0, count), repeat=len(parameters))))
+
+
+def samples(parameters: Sequence[Parameter], count: int, rng: np.random.Generator) -> RealArray:
+    """Random deltas, uniform in [-1, 1]: (count, P)."""
+    return rng.uniform(-1.0, 1.0, (count, len(parameters)))
