@@ -127,7 +127,7 @@ class LowerBandwidth(MuSynthesis):
 
     def responses(self, K: StateSpace, frequency: Any) -> tuple[Any, Any]:
         """S and T of the nominal loop at frequencies [Hz]."""
-        from ..control.loops import loop_response
+        from workbench.systems import loop_response
 
         L = loop_response(TradeOff(self.axis, 1.0).G * K, frequency)
         return 1 / (1 + L), L / (1 + L)

@@ -5,7 +5,6 @@ from dataclasses import replace
 import control
 import numpy as np
 import pytest
-from workbench.plants.cd_drive.control.loops import margins
 from workbench.plants.cd_drive.drive.plants import (
     controller,
     nominal_parameters,
@@ -36,6 +35,7 @@ from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.simulation import sampled
 from workbench.synthesis import Mode, SwitchedStability, discretised
+from workbench.systems import margins
 
 K = control.ss(controller("focus"))
 LOWER = K * (1 / 3)

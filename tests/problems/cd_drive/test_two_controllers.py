@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from workbench.plants.cd_drive.control.loops import crossings
 from workbench.plants.cd_drive.control.trade_off import CHANNELS, TradeOff, defect_weight
 from workbench.plants.cd_drive.control.two_controllers import problem as module
 from workbench.plants.cd_drive.control.two_controllers.checks import _channels
@@ -12,6 +11,7 @@ from workbench.plants.cd_drive.drive.plants import controller
 
 import workbench as wb
 from workbench.errors import InputError
+from workbench.systems import crossings
 from workbench.systems.generalised_plant import response
 
 LENGTH = 1.6e-3

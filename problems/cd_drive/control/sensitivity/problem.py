@@ -20,22 +20,14 @@ from workbench.arrays import RealArray
 from workbench.executor import Context
 from workbench.mu import peak
 from workbench.structure import Full, Structure
+from workbench.systems import Margins, bands, bandwidths, loop_response, margins
 
 from ...drive.plants import Gain
 from ...drive.red_book import ACCEPTABLE_ERROR, envelope
 from ...drive.shared_parameters import TABLES, Frequencies
 from ...drive.tables import Axis, Values, gain_margins
 from ..control_problem import performance_weight
-from ..loops import (
-    SCALES,
-    Margins,
-    bands,
-    bandwidths,
-    loop_response,
-    margins,
-    open_loop,
-    plants,
-)
+from ..loops import SCALES, open_loop, plants
 from .checks import independent_checks, thesis_checks
 from .report import WORDS, figures_of, gain_margin_db, tables_of
 

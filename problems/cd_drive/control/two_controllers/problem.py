@@ -18,6 +18,7 @@ from workbench.arrays import RealArray
 from workbench.certify.norms import certified_norm
 from workbench.executor import Context
 from workbench.mu import Peak, WorstCaseGain, conditions, worst_case_gain
+from workbench.systems import Margins, bandwidths, margins
 from workbench.systems.generalised_plant import response
 
 from ...drive.disc import VELOCITY
@@ -26,7 +27,6 @@ from ...drive.plants import controller
 from ...drive.red_book import ACCEPTABLE_ERROR
 from ...drive.shared_parameters import TABLES
 from ...drive.tables import Axis
-from ..loops import Margins, bandwidths, margins
 from ..trade_off import CHANNELS, TradeOff
 from ..weighting import weighted
 from .checks import two_controllers_checks

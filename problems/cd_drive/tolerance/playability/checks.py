@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from workbench import Check
+from workbench.systems import modulus_margin
 
 from ...drive.disc import VELOCITY
 from ...drive.plants import controller, responses
@@ -63,7 +64,7 @@ def continuous_peak(axis: Axis, gain_db: float) -> float:
     s = 2j * np.pi * frequency
     K = 10.0 ** (gain_db / 20.0) * controller(axis)(s)
     L = K * responses(axis, frequency) * np.exp(-1.5 * s * PERIOD)
-    return float((1.0 / abs(1.0 + L)).max())
+    return 1.0 / modulus_margin(L)
 
 
 def _trace_off(answer: xr.Dataset) -> float:

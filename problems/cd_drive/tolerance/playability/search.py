@@ -15,6 +15,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from workbench.arrays import RealArray
+from workbench.systems import modulus_margin
 
 from ...drive.tables import Axis
 from ...laboratory.bench_setup import PERIOD
@@ -46,8 +47,7 @@ def peak_sensitivity(axis: Axis, law: StateSpace) -> float:
         # f_en falls as the lens rises: the response has the feedback's sign in it.
         if abs(control.feedback(law, bench.sampled_error(), sign=1).poles()).max() >= 1.0:
             return np.inf
-        returned = 1.0 - K * bench.response(FREQUENCY)["f_en"]
-        peak = max(peak, float(1.0 / abs(returned).min()))
+        peak = max(peak, 1.0 / modulus_margin(-K * bench.response(FREQUENCY)["f_en"]))
     return peak
 
 

@@ -16,9 +16,9 @@ from workbench.executor import Context
 from workbench.mu import conditions
 from workbench.simulation import sampled
 from workbench.synthesis import discretised
+from workbench.systems import Margins, loop_response, margins
 from workbench.uncertainty import GeneralisedPlant
 
-from ...control.loops import Margins, loop_response, margins
 from ...control.trade_off import CHANNELS, TradeOff
 from ...diagnosis.stand_in import low_pass
 from ...drive.tables import Axis

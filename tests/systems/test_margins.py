@@ -1,0 +1,89 @@
+"""Margins, crossings and bandwidths against loops whose numbers are known by hand."""
+
+import control
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from workbench.errors import InputError
+from workbench.systems import bands, bandwidths, crossings, margins, modulus_margin, search_grid
+
+HZ = 2 * np.pi
+
+
+def triple_lag(gain, corner_hz=100.0):
+    """gain / (1 + s/w)^3: unstable from a gain of 8, at sqrt(3) w."""
+    w = HZ * corner_hz
+    return gain * control.ss(control.zpk([], [-w] * 3, w**3))
+
+
+@given(gain=st.floats(1.5, 7.0), corner=st.floats(10.0, 1000.0))
+def test_a_triple_lag(gain, corner):
+    found = margins(triple_lag(gain, corner))
+    assert found.increase == pytest.approx(8 / gain, rel=1e-8)
+    assert found.increase_hz == pytest.approx(np.sqrt(3) * corner, rel=1e-8)
+    assert found.decrease == 0.0
+    assert np.isnan(found.decrease_hz)
+    at = np.sqrt(gain ** (2 / 3) - 1)  # |L| = 1
+    assert found.crossover_hz == pytest.approx(at * corner, rel=1e-8)
+    assert found.phase == pytest.approx(180 - 3 * np.degrees(np.arctan(at)), rel=1e-7)
+    assert found.gain_db == pytest.approx(20 * np.log10(8 / gain))
+
+
+def test_a_conditionally_stable_loop_has_both_limits():
+    loop = control.ss(control.zpk([-HZ * 100] * 2, [-HZ * 0.1] * 3, 1.0))
+    loop = 10 * loop / abs(loop(2j * np.pi * 300.0))
+    found = margins(loop)
+    assert 0 < found.decrease < 1
+    assert np.isinf(found.increase)
+    assert found.gain_db == pytest.approx(-20 * np.log10(found.decrease))
+
+
+def test_a_loop_below_one_has_no_crossover():
+    found = margins(triple_lag(0.5))
+    assert np.isinf(found.phase)
+    assert np.isnan(found.crossover_hz)
+    assert np.isnan(list(bandwidths(triple_lag(0.2)).values())).all()
+
+
+def test_bandwidths_of_an_integrator():
+    w = HZ * 50
+    found = bandwidths(control.ss(control.zpk([], [0], w)))
+    # |S| = f / sqrt(f^2 + 50^2), |T| = 50 / sqrt(f^2 + 50^2).
+    assert found == pytest.approx({"S": 50.0, "crossover": 50.0, "T": 50.0}, rel=1e-9)
+
+
+def test_crossings_and_bands_of_a_sine():
+    grid = np.geomspace(1.0, 10.0, 50)
+    found = crossings(lambda f: np.sin(f), grid)
+    assert found == pytest.approx(np.pi * np.arange(1, 4), rel=1e-12)
+    positive = bands(lambda f: np.sin(f), grid)
+    assert np.array(positive) == pytest.approx(
+        np.array([[1.0, np.pi], [2 * np.pi, 3 * np.pi]]), rel=1e-12
+    )
+
+
+def test_modulus_margin_of_a_triple_lag():
+    """At a gain of 8 the loop meets -1; at 4 its nearest point is known from a fine grid."""
+    f = np.geomspace(1.0, 1e5, 200_001)
+    assert modulus_margin(triple_lag(8.0)(HZ * 1j * f)) == pytest.approx(0.0, abs=1e-4)
+    exact = abs(1 + 4.0 / (1 + 1j * f / 100.0) ** 3).min()
+    assert modulus_margin(triple_lag(4.0)(HZ * 1j * f)) == pytest.approx(exact, rel=1e-9)
+
+
+def test_a_sampled_integrator_has_its_closed_form():
+    """L = g / (z - 1) is unstable from g = 2, at half the sampling frequency; |L| = 1 is exact."""
+    rate, gain = 100.0, 0.5
+    loop = control.ss([[1.0]], [[gain]], [[1.0]], [[0.0]], 1 / rate)
+    assert search_grid(loop)[-1] == pytest.approx(0.4995 * rate)
+    found = margins(loop, np.geomspace(0.1, 0.4999 * rate, 200))
+    at = 2 * np.arcsin(gain / 2)  # |exp(j w) - 1| = 2 sin(w / 2)
+    assert found.crossover_hz == pytest.approx(at * rate / HZ, rel=1e-9)
+    assert found.phase == pytest.approx(90 - np.degrees(at) / 2, rel=1e-9)
+
+
+def test_an_empty_range_is_named():
+    slow = control.ss([[0.5]], [[1.0]], [[1.0]], [[0.0]], 10.0)
+    with pytest.raises(InputError, match="range is empty"):
+        search_grid(slow)

@@ -1,0 +1,170 @@
+"""Gain and phase margins, crossings and bandwidths of single loops, from their responses.
+
+    L = loop transfer function, closed with negative feedback: S = 1 / (1 + L), T = L / (1 + L)
+
+in continuous or discrete time. Responses are used instead of polynomials, because the polynomials
+of a sampled loop with an integrator lose all digits.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from workbench.arrays import ComplexArray, RealArray
+from workbench.errors import InputError
+from workbench.systems.generalised_plant import response
+
+if TYPE_CHECKING:
+    from control import StateSpace
+
+LOWEST, HIGHEST = 1.0, 1e5
+"""Default frequency range [Hz] in which crossings are searched."""
+NYQUIST_SHARE = 0.999
+"""The search in a sampled loop ends at this share of half its sampling frequency, where the
+response of a hold is still regular."""
+SEARCH_POINTS = 600
+"""Frequencies of the default search grid. Two crossings between neighbours are missed."""
+HALF_POWER = 2**-0.5
+"""Magnitude at -3 dB, which defines the bandwidths of S and T."""
+
+Curve = Callable[[RealArray], Any]
+"""Real values (F,) of a continuous function at frequencies [Hz] (F,)."""
+
+
+def loop_response(loop: StateSpace, frequency: RealArray) -> ComplexArray:
+    """Response (F,) of a loop with one input and one output at `frequency` [Hz] (F,)."""
+    values: ComplexArray = response(loop, 2 * np.pi * frequency)[:, 0, 0]
+    return values
+
+
+def search_grid(loop: StateSpace, lowest: float = LOWEST, highest: float = HIGHEST) -> RealArray:
+    """Frequencies [Hz] (F,) between which crossings of a loop are searched.
+
+    They reach from `lowest` to `highest` [Hz]; in a sampled loop to just below half its sampling
+    frequency. Raises InputError for an empty range.
+    """
+    end = NYQUIST_SHARE / loop.dt / 2 if loop.dt else highest
+    if not 0.0 < lowest < end < math.inf:
+        raise InputError(
+            f"crossings are searched from {lowest:g} to {end:g} Hz; the range is empty"
+        )
+    return np.geomspace(lowest, end, SEARCH_POINTS)
+
+
+def crossings(curve: Curve, frequency: RealArray) -> RealArray:
+    """Frequencies [Hz] at which a continuous curve changes sign, one between grid neighbours."""
+    from scipy.optimize.elementwise import find_root
+
+    before = np.flatnonzero(np.diff(np.sign(curve(frequency))))
+    ends = np.log(frequency)
+    found = find_root(lambda x: curve(np.exp(x)), (ends[before], ends[before + 1]))
+    roots: RealArray = np.exp(found.x)
+    return roots
+
+
+def bands(curve: Curve, frequency: RealArray) -> list[tuple[float, float]]:
+    """Frequency ranges [Hz] within a grid in which a continuous curve is positive."""
+    edges = [frequency[0], *crossings(curve, frequency), frequency[-1]]
+    middle = np.sqrt(np.multiply(edges[1:], edges[:-1]))
+    inside = curve(middle) > 0
+    return [
+        (float(low), float(high))
+        for low, high, positive in zip(edges[:-1], edges[1:], inside, strict=True)
+        if positive
+    ]
+
+
+@dataclass(frozen=True)
+class Margins:
+    """Gain and phase margins of a stable loop.
+
+    decrease, increase        factors on the loop's gain at which it becomes unstable, the nearest
+                              below and above 1; 0 and infinity where there is none;
+    decrease_hz, increase_hz  frequencies [Hz] at which the loop then oscillates; NaN without one;
+    phase                     phase margin [deg] of the crossover with the smallest; infinite
+                              without a crossover;
+    crossover_hz              frequency [Hz] of that crossover, where |L| = 1; NaN without one.
+    """
+
+    decrease: float
+    increase: float
+    decrease_hz: float
+    increase_hz: float
+    phase: float
+    crossover_hz: float
+
+    @property
+    def gain_db(self) -> float:
+        """Gain margin [dB]: the smaller of both changes, up or down."""
+        down = math.inf if self.decrease == 0 else -math.log10(self.decrease)
+        return 20 * min(math.log10(self.increase), down)
+
+
+def margins(loop: StateSpace, frequency: ArrayLike | None = None) -> Margins:
+    """Gain and phase margins of a stable loop, from where its response crosses the real axis.
+
+    Parameters
+    ----------
+    loop
+        L, one input and one output, closed with negative feedback. Its stability is not checked.
+    frequency
+        Grid [Hz] (F,) between whose points crossings are searched; None: `search_grid(loop)`.
+    """
+
+    def L(at: RealArray) -> ComplexArray:
+        return loop_response(loop, at)
+
+    grid = _grid(loop, frequency)
+    at = crossings(lambda f: L(f).imag, grid)
+    negative = at[L(at).real < 0] if at.size else at
+    limit = -1 / L(negative).real if negative.size else negative
+    below, above = np.flatnonzero(limit < 1), np.flatnonzero(limit > 1)
+    low = below[np.argmax(limit[below])] if below.size else None
+    high = above[np.argmin(limit[above])] if above.size else None
+    gains = crossings(lambda f: np.log(abs(L(f))), grid)
+    phases = np.degrees(np.angle(-L(gains))) if gains.size else np.array([math.inf])
+    nearest = int(np.argmin(abs(phases)))
+    return Margins(
+        0.0 if low is None else float(limit[low]),
+        math.inf if high is None else float(limit[high]),
+        math.nan if low is None else float(negative[low]),
+        math.nan if high is None else float(negative[high]),
+        float(phases[nearest]),
+        float(gains[nearest]) if gains.size else math.nan,
+    )
+
+
+def bandwidths(loop: StateSpace, frequency: ArrayLike | None = None) -> dict[str, float]:
+    """Bandwidths [Hz] of a closed loop by three definitions; NaN where there is no crossing.
+
+    "S": |S| stays under -3 dB below it; "crossover": |L| stays under 1 above it; "T": |T| stays
+    under -3 dB above it. `frequency` [Hz] (F,): search grid, None: `search_grid(loop)`.
+    """
+
+    def L(at: RealArray) -> ComplexArray:
+        return loop_response(loop, at)
+
+    grid = _grid(loop, frequency)
+    sensitive = crossings(lambda f: abs(1 / (1 + L(f))) - HALF_POWER, grid)
+    unity = crossings(lambda f: np.log(abs(L(f))), grid)
+    complementary = crossings(lambda f: abs(L(f) / (1 + L(f))) - HALF_POWER, grid)
+    return {
+        "S": float(sensitive[0]) if sensitive.size else math.nan,
+        "crossover": float(unity[-1]) if unity.size else math.nan,
+        "T": float(complementary[-1]) if complementary.size else math.nan,
+    }
+
+
+def modulus_margin(L: ArrayLike) -> float:
+    """Smallest |1 + L| of a loop's responses (...,), the distance from -1: 1 / max |S|."""
+    return float(abs(1.0 + np.asarray(L)).min())
+
+
+def _grid(loop: StateSpace, frequency: ArrayLike | None) -> RealArray:
+    return search_grid(loop) if frequency is None else np.asarray(frequency, float)
