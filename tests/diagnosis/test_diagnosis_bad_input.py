@@ -5,7 +5,6 @@ import math
 import control
 import numpy as np
 import pytest
-from workbench.plants.cd_drive.diagnosis.quality import binary_detector, clean_level, quality_signal
 from workbench.plants.textbook.fault_examples import two_actuators, unstable_sensor
 
 from workbench.certify.stability import stability_of
@@ -22,11 +21,13 @@ from workbench.diagnosis import (
     adaptive_alarm,
     attainable_structures,
     bounded_threshold,
+    clean_level,
     confusion,
     cusum,
     cusum_threshold,
     detectability,
     detection,
+    drop_detector,
     estimate,
     fault_detection,
     fault_isolation,
@@ -41,6 +42,7 @@ from workbench.diagnosis import (
     observer_gain,
     placed,
     prototype_poles,
+    quality_signal,
     quantile_threshold,
     structure_matrix,
     transfer,
@@ -267,8 +269,8 @@ CLUSTERS = Clusters.fit(NOISE[:40].reshape(20, 2), [0] * 10 + [1] * 10, ["a", "b
         "tail": (lambda: detection([0, 1], [(0, 1)], 0.1, 0.5), r"tail is 0\.5"),
         "level": (lambda: quality_signal(None, 0.1, 0.5), "level is None"),
         "dist": (lambda: quality_signal(1.0, "a", 0.5), "dist_min is 'a'"),
-        "clean": (lambda: clean_level("a"), "the sum signal is 'a'"),
-        "binary": (lambda: binary_detector(1.0, "a"), "below is 'a'"),
+        "clean": (lambda: clean_level("a"), "the record is 'a'"),
+        "binary": (lambda: drop_detector(1.0, "a"), "below is 'a'"),
     }
 )
 def test_evaluation(call, words):
@@ -284,7 +286,7 @@ def test_evaluation(call, words):
         hysteresis(1.0, 0.0, signal=4),
         moving_rms(3, (0, 4)),
         adaptive_alarm(1.0, 1.0, 0.5, residual=4),
-        quality_signal(1.0, 0.1, 0.5),
+        quality_signal(1.0, 0.1, 0.5, signals=(1, 4)),
         KALMAN.controller,
     ],
     ids=["cusum", "glr", "hysteresis", "rms", "adaptive", "quality", "kalman"],

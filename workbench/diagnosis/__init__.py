@@ -12,7 +12,9 @@ from workbench.diagnosis.estimators.prototypes import prototype_poles
 from workbench.diagnosis.estimators.rotation import Rotation
 from workbench.diagnosis.evaluation.changes import cusum, cusum_threshold, glr, hysteresis
 from workbench.diagnosis.evaluation.clusters import UNKNOWN, Clusters, confusion
+from workbench.diagnosis.evaluation.events import events, matched_events
 from workbench.diagnosis.evaluation.performance import Detection, Roc, detection, intervals, roc
+from workbench.diagnosis.evaluation.quality import clean_level, drop_detector, quality_signal
 from workbench.diagnosis.evaluation.residual_size import moving_rms
 from workbench.diagnosis.evaluation.signatures import AMBIGUOUS, NO_FAULT, isolable, isolate
 from workbench.diagnosis.evaluation.thresholds import (
@@ -72,14 +74,17 @@ __all__ = [
     "adaptive_alarm",
     "attainable_structures",
     "bounded_threshold",
+    "clean_level",
     "confusion",
     "cusum",
     "cusum_threshold",
     "detectability",
     "detection",
+    "drop_detector",
     "estimate",
     "estimation_basis",
     "estimation_methods",
+    "events",
     "fault_detection",
     "fault_isolation",
     "glr",
@@ -89,6 +94,7 @@ __all__ = [
     "isolable",
     "isolate",
     "masking",
+    "matched_events",
     "matching_bound",
     "model_matching",
     "moving_rms",
@@ -99,6 +105,7 @@ __all__ = [
     "performance_index",
     "placed",
     "prototype_poles",
+    "quality_signal",
     "quantile_threshold",
     "roc",
     "structure_matrix",

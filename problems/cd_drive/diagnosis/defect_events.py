@@ -10,9 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from workbench.arrays import RealArray
-from workbench.diagnosis import hysteresis, intervals
+from workbench.diagnosis import events
 from workbench.diagnosis.evaluation.performance import Interval
-from workbench.simulation import play
 
 from ..laboratory.bench_setup import PERIOD
 from .defect_runs import DefectRun
@@ -25,16 +24,9 @@ LATE = 20
 """Samples after a defect in which filter and hysteresis may still show it."""
 
 
-def events(dist: RealArray, dist_min: float) -> list[Interval]:
+def defect_events(dist: RealArray, dist_min: float) -> list[Interval]:
     """Where dist (N,) is above dist_min, until it is below half of it."""
-    alarm = play(hysteresis(dist_min, 0.5 * dist_min), dist[:, None])[:, 0]
-    joined: list[Interval] = []
-    for start, end in intervals(alarm):
-        if joined and start - joined[-1][1] < APART:
-            joined[-1] = (joined[-1][0], end)
-        else:
-            joined.append((start, end))
-    return joined
+    return events(dist, dist_min, 0.5 * dist_min, APART)
 
 
 def features(run: DefectRun, dist: RealArray, event: Interval) -> RealArray:
@@ -46,12 +38,3 @@ def features(run: DefectRun, dist: RealArray, event: Interval) -> RealArray:
     largest = float(dist[inside].max())
     duration = (event[1] - event[0]) * PERIOD
     return np.array([np.log10(duration), largest, dist[inside].mean() / largest, np.log10(swing)])
-
-
-def matched(found: list[Interval], faults: list[Interval]) -> list[int]:
-    """Number of the event that touches each fault, -1 where none does; the first if several do."""
-    numbers = []
-    for start, end in faults:
-        hits = [i for i, (a, b) in enumerate(found) if a < end + LATE and b > start]
-        numbers.append(hits[0] if hits else -1)
-    return numbers

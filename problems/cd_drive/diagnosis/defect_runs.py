@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from workbench.arrays import RealArray
+from workbench.diagnosis import clean_level
 from workbench.diagnosis.evaluation.performance import Interval
 from workbench.simulation import linear
 
@@ -22,7 +23,6 @@ from ..laboratory.bench_setup import PERIOD, RATE
 from ..laboratory.experiment import Laboratory
 from ..laboratory.record import Record
 from .defect_kinds import SHOCK, shocks
-from .quality import clean_level
 
 ROTATION = 5.5
 """Of the disc [Hz] (eq. 7.31)."""

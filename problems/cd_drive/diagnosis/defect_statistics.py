@@ -13,7 +13,7 @@ from ..laboratory.bench_setup import PERIOD
 from ..laboratory.experiment import measurements
 from .defect_events import LATE
 from .defect_runs import DefectRun
-from .quality import quality_signal
+from .quality import diode_quality
 
 STATISTICS = ("sum", "quality", "error", "cusum", "glr")
 CORNER = 500.0
@@ -42,7 +42,7 @@ def statistics_of(run: DefectRun, dist_min: float, dist_max: float) -> dict[str,
              noise's variance.
     """
     lost = 1.0 - run.diodes.sum(axis=1)
-    signal = play(quality_signal(run.level, dist_min, dist_max), measurements(run.record))[:, 0]
+    signal = play(diode_quality(run.level, dist_min, dist_max), measurements(run.record))[:, 0]
     return {
         "sum": lost,
         "quality": 1.0 - signal,

@@ -28,7 +28,7 @@ from workbench.simulation import (
 
 from ..diagnosis.position_estimator.model import kalman
 from ..diagnosis.position_estimator.trials import DIST_MAX, DIST_MIN
-from ..diagnosis.quality import quality_signal
+from ..diagnosis.quality import diode_quality
 from ..diagnosis.stand_in import low_pass
 from ..drive.plants import controller
 from ..drive.tables import Axis
@@ -94,7 +94,7 @@ class Strategies:
     @property
     def _detector(self) -> list[Part]:
         """The quality w_Q (eq. 7.13), and 0 in false detections."""
-        seen = quality_signal(self.level, DIST_MIN, DIST_MAX)
+        seen = diode_quality(self.level, DIST_MIN, DIST_MAX)
         return [
             Part("detector", seen, MEASUREMENTS, ("quality", "dist", "error_read")),
             Part("w_Q", silenced(self.false, PERIOD), ["quality"]),

@@ -2,15 +2,16 @@
 
 import numpy as np
 import pytest
-from workbench.plants.cd_drive.diagnosis.defect_events import APART, LATE, events, features, matched
+from workbench.plants.cd_drive.diagnosis.defect_events import APART, LATE, defect_events, features
 from workbench.plants.cd_drive.diagnosis.defect_kinds import BEAM, KINDS, SHOCK, draw, shocks
 from workbench.plants.cd_drive.diagnosis.defect_runs import SPACING, run
-from workbench.plants.cd_drive.diagnosis.quality import quality_signal
+from workbench.plants.cd_drive.diagnosis.quality import diode_quality
 from workbench.plants.cd_drive.drive.disc import VELOCITY, Defect
 from workbench.plants.cd_drive.drive.red_book import ACCEPTABLE_ERROR
 from workbench.plants.cd_drive.laboratory.bench_setup import RATE
 from workbench.plants.cd_drive.laboratory.experiment import STILL, Laboratory, measurements
 
+from workbench.diagnosis import matched_events
 from workbench.errors import InputError
 from workbench.simulation import play
 
@@ -66,9 +67,9 @@ def test_the_diodes_are_one_on_a_clean_disc(dirty):
 
 def test_every_defect_is_an_event(dirty):
     one, kinds = dirty
-    dist = play(quality_signal(one.level, 0.18, 0.5), measurements(one.record))[:, 1]
-    seen = events(dist, 0.18)
-    assert matched(seen, one.faults) == list(range(len(kinds)))
+    dist = play(diode_quality(one.level, 0.18, 0.5), measurements(one.record))[:, 1]
+    seen = defect_events(dist, 0.18)
+    assert matched_events(seen, one.faults, LATE) == list(range(len(kinds)))
     for (start, end), (a, b) in zip(one.faults, seen, strict=True):
         assert start <= a < b <= end + LATE
         log_duration, largest, fullness, _ = features(one, dist, (a, b))
@@ -80,9 +81,9 @@ def test_every_defect_is_an_event(dirty):
 def test_events_close_to_each_other_are_one():
     dist = np.zeros(200)
     dist[[20, 30, 20 + 3 * APART]] = 1.0
-    assert events(dist, 0.2) == [(20, 31), (20 + 3 * APART, 21 + 3 * APART)]
-    assert events(np.zeros(5), 0.2) == []
-    assert matched([(40, 51)], [(0, 5), (48, 49), (60, 70)]) == [-1, 0, -1]
+    assert defect_events(dist, 0.2) == [(20, 31), (20 + 3 * APART, 21 + 3 * APART)]
+    assert defect_events(np.zeros(5), 0.2) == []
+    assert matched_events([(40, 51)], [(0, 5), (48, 49), (60, 70)], LATE) == [-1, 0, -1]
 
 
 @pytest.mark.parametrize("axis", ["focus", "radial"])

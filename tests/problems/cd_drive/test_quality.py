@@ -1,132 +1,13 @@
-"""Quality signal and binary detector: eq. 7.13-7.14, darkness, bad parameters, speed."""
-
-import time
+"""The diodes' quality signal and binary detector on the virtual laboratory's records."""
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from workbench.plants.cd_drive.diagnosis.quality import (
-    DARK,
-    FARTHEST,
-    binary_detector,
-    clean_level,
-    quality,
-    quality_signal,
-)
+from workbench.plants.cd_drive.diagnosis.quality import DARK, dimming_detector, diode_quality
 from workbench.plants.cd_drive.drive.disc import Defect
-from workbench.plants.cd_drive.laboratory.experiment import MEASUREMENTS, Laboratory
+from workbench.plants.cd_drive.laboratory.experiment import Laboratory, measurements
 
-from workbench.errors import InputError
+from workbench.diagnosis import clean_level
 from workbench.simulation import play
-
-LEVEL = 3.1e-3
-
-
-def measured(d1, d2):
-    """What the laboratory would give for these diodes [V]."""
-    record = np.zeros((len(d1), len(MEASUREMENTS)))
-    for name, values in (("d1", d1), ("d2", d2), ("sum", np.add(d1, d2))):
-        record[:, MEASUREMENTS.index(name)] = values
-    return record
-
-
-positive = st.floats(1e-3, 1.0)
-limits = st.tuples(positive, positive).filter(lambda pair: pair[0] < pair[1])
-
-
-@settings(max_examples=50, deadline=None)
-@given(st.lists(st.floats(0.0, 2.0), min_size=2, max_size=20), limits, st.floats(0.1, 5.0))
-def test_quality_is_a_falling_share(dists, ends, alpha):
-    found = np.array([quality(dist, *ends, alpha) for dist in sorted(dists)])
-    assert ((found >= 0.0) & (found <= 1.0)).all()
-    assert (np.diff(found) <= 0.0).all()
-    assert quality(ends[0], *ends, alpha) == 1.0
-    assert quality(ends[1], *ends, alpha) == 0.0
-
-
-@settings(max_examples=50, deadline=None)
-@given(st.integers(0, 2**32 - 1), st.floats(0.2, 3.0))
-def test_the_stream_is_the_equations_all_at_once(seed, alpha):
-    rng = np.random.default_rng(seed)
-    d1, d2 = rng.uniform(0.03, 0.8, (2, 50)) * LEVEL
-    found = play(quality_signal(LEVEL, 0.1, 0.5, alpha), measured(d1, d2))
-    dist = abs(1.0 - d1 / LEVEL - d2 / LEVEL) / np.sqrt(2.0)
-    ramp = np.clip((0.5 - dist) / 0.4, 0.0, 1.0) ** alpha
-    assert found[:, 0] == pytest.approx(ramp, abs=1e-9)
-    assert found[:, 1] == pytest.approx(dist, abs=1e-12)
-    assert found[:, 2] == pytest.approx((d1 - d2) / (d1 + d2), abs=1e-12)
-
-
-def test_movement_along_the_linear_area_keeps_the_quality():
-    share = np.linspace(0.1, 0.9, 20) * LEVEL
-    found = play(quality_signal(LEVEL, 0.05, 0.5), measured(share, LEVEL - share))
-    assert (found[:, 0] == 1.0).all()
-    assert found[:, 1] == pytest.approx(np.zeros(20), abs=1e-12)
-
-
-@pytest.mark.parametrize("dark", [0.0, -1e-4, 0.9 * DARK])
-def test_without_light_the_quality_is_zero_and_the_error_is_held(dark):
-    d1 = np.array([0.6, dark / 2, -dark, 0.2]) * LEVEL
-    d2 = np.array([0.4, dark / 2, dark, 0.8]) * LEVEL
-    # Even where dist_max is beyond darkness, whose distance is FARTHEST.
-    found = play(quality_signal(LEVEL, 0.1, 5.0 * FARTHEST), measured(d1, d2))
-    assert found[:, 0] == pytest.approx([1.0, 0.0, 0.0, 1.0])
-    assert found[:, 2] == pytest.approx([0.2, 0.2, 0.2, -0.6])
-    assert np.isfinite(found).all()
-
-
-def test_darkness_from_the_start_gives_no_error():
-    found = play(quality_signal(LEVEL, 0.1, 0.5), measured(np.zeros(3), np.zeros(3)))
-    assert found[:, 2].tolist() == [0.0, 0.0, 0.0]
-    assert found[:, 1] == pytest.approx(np.full(3, FARTHEST))
-
-
-def test_the_binary_detector_by_hand():
-    total = np.array([1.0, 0.75, 0.69, 0.75, 0.79, 0.81, 0.75]) * LEVEL
-    alarm = play(binary_detector(LEVEL, 0.7, 0.8), measured(total / 2, total / 2))[:, 0]
-    assert alarm.tolist() == [0, 0, 1, 1, 1, 0, 0]
-
-
-@pytest.mark.parametrize(
-    ("wrong", "words"),
-    [
-        ({"dist_min": 0.5, "dist_max": 0.5}, "0 <= dist_min < dist_max"),
-        ({"dist_min": 0.6}, "0 <= dist_min < dist_max"),
-        ({"dist_min": -0.1}, "0 <= dist_min < dist_max"),
-        ({"dist_max": np.nan}, "0 <= dist_min < dist_max"),
-        ({"alpha": 0.0}, "alpha is 0.0"),
-        ({"alpha": -1.0}, "alpha is -1.0"),
-        ({"level": 0.0}, "level is 0.0 V"),
-        ({"noise": 0.2}, "threshold 0.1 is not above the noise of 0.2 rms"),
-    ],
-)
-def test_parameters_that_are_out_of_order(wrong, words):
-    with pytest.raises(InputError, match=words):
-        quality_signal(**({"level": LEVEL, "dist_min": 0.1, "dist_max": 0.5} | wrong))
-
-
-def test_binary_parameters_that_are_out_of_order():
-    with pytest.raises(InputError, match="0 < below <= release < 1"):
-        binary_detector(LEVEL, 0.8, 0.7)
-    with pytest.raises(InputError, match=r"threshold 0\.2 is not above the noise of 0\.3"):
-        binary_detector(LEVEL, 0.7, 0.8, noise=0.3)
-
-
-@pytest.mark.parametrize("record", [[], [1.0, np.nan], np.ones((2, 2))])
-def test_no_level_without_a_record(record):
-    with pytest.raises(InputError, match="the sum signal has shape"):
-        clean_level(record)
-
-
-def test_no_level_without_light():
-    with pytest.raises(InputError, match="there is no light"):
-        clean_level(np.zeros(10))
-
-
-def test_records_that_are_not_finite_are_refused():
-    with pytest.raises(InputError, match="first in row 1"):
-        play(quality_signal(LEVEL, 0.1, 0.5), measured([1.0, np.nan], [1.0, 1.0]))
 
 
 @pytest.mark.parametrize("axis", ["focus", "radial"])
@@ -137,14 +18,16 @@ def test_the_clean_level_is_the_drives_optical_gains(axis):
     assert found == pytest.approx(bench.parameters.K_opt / bench.parameters.K_optn, rel=0.01)
 
 
-@pytest.mark.parametrize("law", [quality_signal(LEVEL, 0.1, 0.5, 1.5), binary_detector(LEVEL)])
-def test_streaming_keeps_up_with_35_khz_fifty_times(law):
-    rng = np.random.default_rng(0)
-    record = measured(*(rng.uniform(0.1, 0.5, (2, 35_000)) * LEVEL))
-    play(law, record)  # compiled
-    spent = []
-    for _ in range(3):
-        start = time.thread_time()
-        play(law, record)
-        spent.append(time.thread_time() - start)
-    assert 1.0 / min(spent) > 50.0
+def test_the_diodes_and_their_sum_are_what_is_read():
+    record = Laboratory("focus", "CD7").open_loop(
+        np.zeros(3500), defects=[Defect(length=1e-3, depth=0.9)]
+    )
+    level = clean_level(record.sum)
+    found = play(diode_quality(level, 0.1, 0.5), measurements(record))
+    total = record.d1 + record.d2
+    assert found[:, 1] == pytest.approx(abs(1.0 - total / level) / np.sqrt(2.0), abs=1e-12)
+    bright = total > DARK * level
+    ratio = ((record.d1 - record.d2) / total)[bright]
+    assert found[bright, 2] == pytest.approx(ratio, abs=1e-12)
+    for brighter, alarm in ((1.0, 0.0), (2.0, 1.0)):  # a level above the record: it is dimmed
+        assert (play(dimming_detector(brighter * level), measurements(record)) == alarm).all()

@@ -14,13 +14,13 @@ from pydantic import Field
 from scipy import stats
 
 from workbench import Check, Study, problem
+from workbench.diagnosis.evaluation.quality import FARTHEST
 from workbench.executor import Context
 
 from ...drive.shared_parameters import TABLES
 from ...drive.tables import Axis
 from ..defect_events import FEATURES
 from ..defect_kinds import KINDS
-from ..quality import FARTHEST
 from .report import figures_of, tables_of
 from .runs import CLEAN_TIME, CONDITIONS, DETECTORS, Detectors, isolated
 

@@ -19,6 +19,7 @@ from workbench.diagnosis import (
     confusion,
     detection,
     hysteresis,
+    matched_events,
     quantile_threshold,
 )
 from workbench.simulation import play
@@ -27,10 +28,10 @@ from ...drive.red_book import ACCEPTABLE_ERROR
 from ...drive.tables import Axis
 from ...laboratory.bench_setup import PERIOD, RATE
 from ...laboratory.experiment import STILL, Laboratory, measurements
-from ..defect_events import LATE, events, features, matched
+from ..defect_events import LATE, defect_events, features
 from ..defect_kinds import KINDS, SHOCK_PEAK, draw
 from ..defect_runs import ROTATION, DefectRun, run
-from ..quality import binary_detector, quality_signal
+from ..quality import dimming_detector, diode_quality
 
 DETECTORS = ("binary", "quality", "error")
 CONDITIONS = ("still disc", "deviation", "shock")
@@ -80,13 +81,15 @@ class Detectors:
 
     def quality(self, one: DefectRun) -> RealArray:
         """Quality, dist and held error of a run (N, 3)."""
-        law = quality_signal(one.level, self.dist_min, self.dist_max, self.alpha)
+        law = diode_quality(one.level, self.dist_min, self.dist_max, self.alpha)
         return play(law, measurements(one.record))
 
     def binary(self, one: DefectRun) -> RealArray:
         """Alarm of the binary detector (N,)."""
         release = min(self.below + 0.1, 0.5 * (1.0 + self.below))
-        return play(binary_detector(one.level, self.below, release), measurements(one.record))[:, 0]
+        return play(dimming_detector(one.level, self.below, release), measurements(one.record))[
+            :, 0
+        ]
 
     def alarms(self, one: DefectRun, error_level: float) -> tuple[ArrayLike, ...]:
         """Alarm of each of DETECTORS (N,)."""
@@ -112,10 +115,10 @@ class Detectors:
             detection(a, dirty.faults, PERIOD, LATE).delays for a in self.alarms(dirty, level)
         ]
         dist = self.quality(dirty)[:, 1]
-        seen = events(dist, self.dist_min)
+        seen = defect_events(dist, self.dist_min)
         points = [
             (k, features(dirty, dist, seen[i]) if i >= 0 else None)
-            for k, i in zip(labels.tolist(), matched(seen, dirty.faults), strict=True)
+            for k, i in zip(labels.tolist(), matched_events(seen, dirty.faults, LATE), strict=True)
         ]
         coupling = np.corrcoef(shaken.record.sum, shaken.record.f_en)[0, 1] ** 2
         lost = sum(len(one.record.events) for one in (still, wobbling, shaken, dirty))

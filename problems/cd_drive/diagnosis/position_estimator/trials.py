@@ -21,7 +21,7 @@ from ...drive.tables import Axis, Values, red_book
 from ...laboratory.bench_setup import PERIOD, RATE
 from ...laboratory.experiment import Laboratory, measurements
 from ...laboratory.record import Record
-from ..quality import quality_signal
+from ..quality import diode_quality
 
 ROTATION = 5.5
 """Of the disc [Hz], near the average (section 7.3)."""
@@ -93,7 +93,7 @@ class Scratches:
             law, duration=DURATION, disc=disc, defects=[self.defect], seed=seed
         )
         optics = bench.parameters
-        signal = quality_signal(optics.K_opt / optics.K_optn, DIST_MIN, DIST_MAX)
+        signal = diode_quality(optics.K_opt / optics.K_optn, DIST_MIN, DIST_MAX)
         seen = play(signal, measurements(record))[:, 0]
         if prompt:
             seen = (record.light == 1.0).astype(float)

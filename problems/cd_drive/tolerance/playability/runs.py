@@ -20,7 +20,7 @@ from workbench.simulation import Cascade, in_discrete_time
 from workbench.simulation.machine import machine
 
 from ...diagnosis.position_estimator.trials import DIST_MAX, DIST_MIN
-from ...diagnosis.quality import quality_signal
+from ...diagnosis.quality import diode_quality
 from ...drive.disc import VELOCITY
 from ...drive.photo_diodes import CAPTURE
 from ...drive.plants import controller
@@ -85,7 +85,7 @@ class Design:
 
     def seeing(self, made: Cascade, level: float) -> Cascade:
         """The same with the detector of a clean disc's level [V] and of this dist_max."""
-        eye = quality_signal(level, DIST_MIN, self.dist_max)
+        eye = diode_quality(level, DIST_MIN, self.dist_max)
         parts = [
             replace(one, controller=eye) if one.name == "detector" else one for one in made.parts
         ]

@@ -1,0 +1,55 @@
+"""Events: stretches in which a signal is large, and which of them belongs to which fault."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from numpy.typing import ArrayLike
+
+from workbench.diagnosis.evaluation.changes import hysteresis
+from workbench.diagnosis.evaluation.performance import Interval, intervals
+from workbench.diagnosis.evaluation.residual_size import series
+from workbench.errors import InputError
+from workbench.input_checks import need_whole
+from workbench.simulation import play
+
+
+def events(signal: ArrayLike, on: float, off: float, apart: int = 1) -> list[Interval]:
+    """Events of a signal (N,): from where it rises above `on` until it is below `off`.
+
+    apart: events with fewer samples than this between them are joined into one. Returns first
+    sample and one after the last of each. Raises InputError for a signal that is empty or not
+    finite, and unless off <= on and apart >= 0.
+    """
+    values = series("signal", signal)
+    _check_count("apart", apart)
+    alarm = play(hysteresis(on, off), values[:, None])[:, 0]
+    joined: list[Interval] = []
+    for start, end in intervals(alarm):
+        if joined and start - joined[-1][1] < apart:
+            joined[-1] = (joined[-1][0], end)
+        else:
+            joined.append((start, end))
+    return joined
+
+
+def matched_events(
+    found: Sequence[Interval], faults: Sequence[Interval], tail: int = 0
+) -> list[int]:
+    """Number of the first event that touches each fault (F,); -1 where none does.
+
+    tail: samples behind a fault's end in which an event still belongs to it. Raises InputError for
+    a negative tail.
+    """
+    _check_count("tail", tail)
+    numbers = []
+    for start, end in faults:
+        hits = [i for i, (a, b) in enumerate(found) if a < end + tail and b > start]
+        numbers.append(hits[0] if hits else -1)
+    return numbers
+
+
+def _check_count(name: str, samples: int) -> None:
+    need_whole(samples, name)
+    if samples < 0:
+        raise InputError(f"{name} is {samples} samples; it must be 0 or more")
