@@ -1,8 +1,16 @@
-"""Sampled-data loops: exact discretisation, converters, noise, any controller or strategy in it."""
+"""Sampled-data loops: discretisation, converters, noise, controllers and strategies, scores."""
 
 from workbench.simulation.cascade import Cascade, Part
 from workbench.simulation.controllers import Controller, idle, in_discrete_time, linear
 from workbench.simulation.converters import Converter
+from workbench.simulation.ensemble_scores import (
+    ErrorScores,
+    balloon_size,
+    bootstrap_weights,
+    error_scores,
+    group_means,
+    percentile_interval,
+)
 from workbench.simulation.loop import SampledLoop, Schedule, Trajectory
 from workbench.simulation.noise import band_limited
 from workbench.simulation.play import play
@@ -14,19 +22,25 @@ __all__ = [
     "Cascade",
     "Controller",
     "Converter",
+    "ErrorScores",
     "Part",
     "Repetitive",
     "SampledLoop",
     "Schedule",
     "Trajectory",
+    "balloon_size",
     "band_limited",
     "blend",
+    "bootstrap_weights",
     "continued",
+    "error_scores",
     "following",
+    "group_means",
     "hold",
     "idle",
     "in_discrete_time",
     "linear",
+    "percentile_interval",
     "play",
     "removed",
     "respond",

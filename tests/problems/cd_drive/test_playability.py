@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from workbench.plants.cd_drive.tolerance.balloon import arms, interval, resampled, size
 from workbench.plants.cd_drive.tolerance.ensemble import circumstances
 from workbench.plants.cd_drive.tolerance.playability.checks import continuous_peak
 from workbench.plants.cd_drive.tolerance.playability.problem import named, playability
@@ -115,22 +114,6 @@ def test_a_loss_is_counted_once_until_it_is_over():
     assert scored(error, "focus")[1] == 2.0
 
 
-@given(st.integers(1, 4), st.integers(1, 5))
-def test_arms_are_means_and_resampling_keeps_the_groups(groups, each):
-    group = np.arange(groups * each) % groups
-    out = np.linspace(0.0, 1.0, groups * each)
-    arm = arms(out, group)
-    np.testing.assert_allclose(arm, [out[group == g].mean() for g in range(groups)])
-    weight = resampled(group, 50, np.random.default_rng(0))
-    for g in range(groups):
-        assert (weight[:, group == g].sum(axis=1) == each).all()
-    again = arms(out, group, weight)
-    assert again.min() >= 0.0
-    assert again.max() <= 1.0
-    low, high = interval(size(again))
-    assert low <= high
-
-
 @pytest.mark.parametrize("axis", ["focus", "radial"])
 def test_sampled_and_continuous_loops_are_as_near_to_instability(axis):
     for gain_db in (-3.0, 0.0, 3.0):
@@ -186,8 +169,6 @@ def test_a_player_needs_designs_drives_and_time():
         Player((), ("CD1",), 1.0)
     with pytest.raises(InputError, match="duration"):
         Player((Design("A"),), ("CD1",), 0.3)
-    with pytest.raises(InputError, match="2 or more"):
-        resampled(np.zeros(3, int), 1, np.random.default_rng(0))
 
 
 def test_drives_are_spread_over_the_twelve():

@@ -87,9 +87,8 @@ class Detectors:
     def binary(self, one: DefectRun) -> RealArray:
         """Alarm of the binary detector (N,)."""
         release = min(self.below + 0.1, 0.5 * (1.0 + self.below))
-        return play(dimming_detector(one.level, self.below, release), measurements(one.record))[
-            :, 0
-        ]
+        law = dimming_detector(one.level, self.below, release)
+        return play(law, measurements(one.record))[:, 0]
 
     def alarms(self, one: DefectRun, error_level: float) -> tuple[ArrayLike, ...]:
         """Alarm of each of DETECTORS (N,)."""

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from workbench import figures
+from workbench.simulation.ensemble_scores import ARM_POWER
 
-from ..balloon import POWER
 from ..strategy_looks import COLOURS, titled
 from .runs import REPAIRED
 
@@ -75,8 +75,11 @@ def balloons(answer: xr.Dataset) -> Figure:
             length, low, high = (
                 np.append(each, each[0])
                 for each in (
-                    own["arm"].values ** POWER,
-                    *(own["arm_interval"].sel(end=end).values ** POWER for end in ("low", "high")),
+                    own["arm"].values ** ARM_POWER,
+                    *(
+                        own["arm_interval"].sel(end=end).values ** ARM_POWER
+                        for end in ("low", "high")
+                    ),
                 )
             )
             dashed = "--" if name == "tuned" else "-"
@@ -86,7 +89,9 @@ def balloons(answer: xr.Dataset) -> Figure:
         panel.tick_params(axis="x", pad=16)
         panel.set_theta_zero_location("N")
         panel.set_ylim(0.0, 1.0)
-        panel.set_yticks([ring**POWER for ring in RINGS], [f"{100 * ring:g} %" for ring in RINGS])
+        panel.set_yticks(
+            [ring**ARM_POWER for ring in RINGS], [f"{100 * ring:g} %" for ring in RINGS]
+        )
         panel.set_rlabel_position(180.0 / len(known))
         panel.tick_params(axis="y", labelsize=7)
         panel.set_title(f"{axis}: share of time out of spec", pad=18)

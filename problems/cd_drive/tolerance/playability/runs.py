@@ -17,6 +17,7 @@ from workbench.arrays import RealArray
 from workbench.errors import InputError, UnknownNameError
 from workbench.executor import Progress, Threads, spread
 from workbench.simulation import Cascade, in_discrete_time
+from workbench.simulation.ensemble_scores import error_scores
 from workbench.simulation.machine import machine
 
 from ...diagnosis.position_estimator.trials import DIST_MAX, DIST_MIN
@@ -163,13 +164,8 @@ def evaluated(record: Record) -> RealArray:
 
 def scored(error: RealArray, axis: Axis) -> Sequence[float]:
     """SCORES of a true error [m] (N,)."""
-    size = abs(error)
-    out = size > ACCEPTABLE_ERROR[axis]
-    lost = np.diff((size > CAPTURE[axis]).astype(int), prepend=0) > 0
-    edges = np.flatnonzero(np.diff(out.astype(int), prepend=0, append=0))
-    longest = np.max(edges[1::2] - edges[::2], initial=0)
-    rms = np.sqrt(np.mean(np.minimum(size, CAPTURE[axis]) ** 2))
-    return float(out.mean()), float(lost.sum()), float(longest) / RATE * VELOCITY, float(rms)
+    found = error_scores(error, ACCEPTABLE_ERROR[axis], CAPTURE[axis])
+    return found.outside, found.losses, float(found.longest) / RATE * VELOCITY, found.rms
 
 
 @lru_cache(maxsize=256)

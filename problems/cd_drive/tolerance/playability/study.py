@@ -15,10 +15,17 @@ from workbench import Check, Study
 from workbench.arrays import RealArray
 from workbench.errors import InputError
 from workbench.executor import Context
+from workbench.simulation.ensemble_scores import (
+    BOOTSTRAP_SAMPLES,
+    CONFIDENCE,
+    balloon_size,
+    bootstrap_weights,
+    group_means,
+    percentile_interval,
+)
 
 from ...drive.red_book import AXES
 from ...drive.tables import Axis
-from ..balloon import BOOTSTRAP, LEVEL, arms, interval, resampled, size
 from ..ensemble import GROUPS, Circumstance, circumstances, groups
 from .checks import checks_of
 from .report import figures_of, numbers_of, tables_of
@@ -102,7 +109,7 @@ class Playability(Study):
                 if peak > LARGEST:
                     return 1.0 + peak - LARGEST  # worse than any balloon
                 found = self.scores(context, (design,), self.split[0], many, f"tuning {axis}")
-                return float(size(arms(found[0, ..., 0].mean(axis=0), groups(many))))
+                return float(balloon_size(group_means(found[0, ..., 0].mean(axis=0), groups(many))))
 
             search = Search(self.design(axis, self.tuned), cost, self.trials)
             found, points, costs = search.run()
@@ -119,7 +126,7 @@ class Playability(Study):
         dims = ("axis", "strategy", "drive", "circumstance")
         rng = np.random.default_rng([seed, 99])
         group = groups(self.drawn("focus", "held-out", seed))
-        weight = resampled(group, BOOTSTRAP, rng)
+        weight = bootstrap_weights(group, BOOTSTRAP_SAMPLES, rng)
         data = {
             name: (dims, scored_runs[..., n], {"units": UNITS[name]})
             for n, name in enumerate(SCORES)
@@ -162,14 +169,14 @@ class Playability(Study):
 
     def _balloon(self, out: RealArray, group: np.ndarray, weight: RealArray) -> dict[str, object]:
         """Arms and sizes with their intervals, and the tuned strategy's differences."""
-        arm, again = (arms(out.mean(axis=2), group, w) for w in (None, weight))
+        arm, again = (group_means(out.mean(axis=2), group, w) for w in (None, weight))
         fresh = [self.drives.index(name) for name in self.split[1]]
         base = self.strategies.index(self.tuned)
         # What is held out for tuning: discs and drives that it has not seen.
         unseen = out[:, [base, -1]][:, :, fresh].mean(axis=2)
-        pair, pairs = (arms(unseen, group, w) for w in (None, weight))
-        gain = size(pair[:, 1]) - size(pair[:, 0])
-        gains = size(pairs[:, 1]) - size(pairs[:, 0])
+        pair, pairs = (group_means(unseen, group, w) for w in (None, weight))
+        gain = balloon_size(pair[:, 1]) - balloon_size(pair[:, 0])
+        gains = balloon_size(pairs[:, 1]) - balloon_size(pairs[:, 0])
         share = (unseen[:, 1] - unseen[:, 0]).mean(axis=-1)
         shares = np.einsum("ac,wc->aw", unseen[:, 1] - unseen[:, 0], weight) / len(group)
         known = sorted(set(group.tolist()))
@@ -177,10 +184,13 @@ class Playability(Study):
             "arm": (("axis", "strategy", "known"), arm[..., known]),
             "arm_interval": (
                 ("end", "axis", "strategy", "known"),
-                interval(np.moveaxis(again, 2, -1))[..., known],
+                percentile_interval(np.moveaxis(again, 2, -1))[..., known],
             ),
-            "balloon": (("axis", "strategy"), size(arm)),
-            "balloon_interval": (("end", "axis", "strategy"), interval(size(again))),
+            "balloon": (("axis", "strategy"), balloon_size(arm)),
+            "balloon_interval": (
+                ("end", "axis", "strategy"),
+                percentile_interval(balloon_size(again)),
+            ),
             "known": ("known", [GROUPS[number] for number in known]),
             "gained": (
                 ("axis", "measure"),
@@ -189,7 +199,7 @@ class Playability(Study):
             ),
             "gained_interval": (
                 ("end", "axis", "measure"),
-                np.stack([interval(gains), interval(shares)], axis=-1),
+                np.stack([percentile_interval(gains), percentile_interval(shares)], axis=-1),
             ),
             "measure": ("measure", ["balloon", "out"]),
         }
@@ -204,7 +214,7 @@ class Playability(Study):
         return numbers_of(answer)
 
     def tables(self, answer: xr.Dataset) -> dict[str, str]:
-        return tables_of(answer, self.metrics(answer), self.tuned, LEVEL)
+        return tables_of(answer, self.metrics(answer), self.tuned, CONFIDENCE)
 
     def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
         return figures_of(answer, self.tuned)

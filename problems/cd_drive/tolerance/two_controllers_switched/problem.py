@@ -15,6 +15,13 @@ from workbench import Check, Run, Study, problem, ref
 from workbench.arrays import RealArray
 from workbench.executor import Context
 from workbench.simulation import Cascade, Part, linear
+from workbench.simulation.ensemble_scores import (
+    BOOTSTRAP_SAMPLES,
+    balloon_size,
+    bootstrap_weights,
+    group_means,
+    percentile_interval,
+)
 from workbench.systems.storage import restored
 
 from ...drive.photo_diodes import CAPTURE
@@ -23,7 +30,6 @@ from ...drive.shared_parameters import TABLES
 from ...drive.tables import Axis
 from ...laboratory.bench_setup import PERIOD
 from ...laboratory.experiment import MEASUREMENTS, Laboratory
-from ..balloon import BOOTSTRAP, arms, interval, resampled, size
 from ..ensemble import GROUPS, Circumstance, circumstances, groups
 from ..playability.runs import SCORES, chosen, evaluated, met, sampled_controller, scored
 from ..playability.search import LARGEST, peak_sensitivity
@@ -134,10 +140,10 @@ class SwitchedPair(Study):
         many = self.drawn(seed)
         every = met(self.pair, many, self.workers, context.progress, "circumstances")
         group = groups(many)
-        weight = resampled(group, BOOTSTRAP, np.random.default_rng([seed, 1]))
+        weight = bootstrap_weights(group, BOOTSTRAP_SAMPLES, np.random.default_rng([seed, 1]))
         out = every[..., 0].mean(axis=1)
-        arm, again = arms(out, group), arms(out, group, weight)
-        sizes, samples = size(arm), size(again)
+        arm, again = group_means(out, group), group_means(out, group, weight)
+        sizes, samples = balloon_size(arm), balloon_size(again)
         dims = ("case", "drive", "circumstance")
         units = ("1", "1", "m", "m")
         return xr.Dataset(
@@ -147,11 +153,14 @@ class SwitchedPair(Study):
                     for n, name in enumerate(SCORES)
                 },
                 "arm": (("case", "group"), arm),
-                "arm_interval": (("end", "case", "group"), interval(np.moveaxis(again, 1, -1))),
+                "arm_interval": (
+                    ("end", "case", "group"),
+                    percentile_interval(np.moveaxis(again, 1, -1)),
+                ),
                 "balloon": ("case", sizes),
-                "balloon_interval": (("end", "case"), interval(samples)),
+                "balloon_interval": (("end", "case"), percentile_interval(samples)),
                 "gained": ("case", sizes[-1] - sizes, {"long_name": "switched less this one"}),
-                "gained_interval": (("end", "case"), interval(samples[-1] - samples)),
+                "gained_interval": (("end", "case"), percentile_interval(samples[-1] - samples)),
                 "seed": seed,
             },
             coords={

@@ -1,0 +1,106 @@
+"""Scores of a control loop over an ensemble of circumstances, with bootstrap intervals.
+
+Every circumstance belongs to a group: the cause of what goes wrong in it. The mean score of each
+group is an arm of a star-shaped figure, the balloon; the mean length of its arms is one number for
+the whole ensemble (E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003),
+section 2.6; B. Efron, R. Tibshirani, An Introduction to the Bootstrap (1993), chapter 13).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from workbench.arrays import RealArray
+from workbench.errors import InputError
+
+BOOTSTRAP_SAMPLES, CONFIDENCE = 1000, 0.95
+"""Bootstrap samples of an interval, and the probability with which it covers the true value."""
+ARM_POWER = 0.25
+"""Power of a score between 0 and 1 that is the length of its arm: a score of 1e-4 is seen, at a
+tenth of the way to 1."""
+
+
+class ErrorScores(NamedTuple):
+    """How well a loop kept its error small.
+
+    outside  share of the samples at which the error is above its acceptable size;
+    losses   how often it passes the size at which the loop is lost;
+    longest  samples of the longest stretch above the acceptable size;
+    rms      root mean square, with larger errors counted as the size at which the loop is lost.
+    """
+
+    outside: float
+    losses: float
+    longest: int
+    rms: float
+
+
+def error_scores(error: RealArray, acceptable: float, lost: float) -> ErrorScores:
+    """Scores of an error (N,), whose acceptable size and size of loss are in its own unit."""
+    size = abs(error)
+    out = size > acceptable
+    losses = np.diff((size > lost).astype(int), prepend=0) > 0
+    edges = np.flatnonzero(np.diff(out.astype(int), prepend=0, append=0))
+    longest = np.max(edges[1::2] - edges[::2], initial=0)
+    rms = np.sqrt(np.mean(np.minimum(size, lost) ** 2))
+    return ErrorScores(float(out.mean()), float(losses.sum()), int(longest), float(rms))
+
+
+def group_means(
+    score: RealArray, group: NDArray[np.int64], weight: RealArray | None = None
+) -> RealArray:
+    """Mean score of every group (..., groups), from scores (..., circumstances).
+
+    group (circumstances,): numbers of the groups, from 0 on. weight (W, circumstances): how often
+    each circumstance counts, as `bootstrap_weights` gives them; the result is (..., W, groups)
+    then. A group whose weights are all zero has the mean NaN.
+    """
+    member = (group[:, None] == np.arange(group.max() + 1)).astype(float)
+    weights = np.ones((1, len(group))) if weight is None else weight
+    count = weights @ member
+    with np.errstate(invalid="ignore"):
+        means: RealArray = (
+            np.einsum("...c,wc,cg->...wg", score, weights, member, optimize=True) / count
+        )
+    return means[..., 0, :] if weight is None else means
+
+
+def balloon_size(means: ArrayLike, power: float = ARM_POWER) -> RealArray:
+    """Mean length of the arms (...,) of balloons whose groups have means (..., groups).
+
+    An arm is the mean score to the `power`, so that small shares of time are seen beside large.
+    """
+    mean: RealArray = np.mean(np.asarray(means, float) ** power, axis=-1)
+    return mean
+
+
+def bootstrap_weights(
+    group: NDArray[np.int64], samples: int, rng: np.random.Generator
+) -> RealArray:
+    """Weights (samples, circumstances): each group drawn from itself, with replacement.
+
+    Circumstances are what is random; every group keeps its size. Raises InputError below 2 samples.
+    """
+    if samples < 2:
+        raise InputError(f"{samples} bootstrap samples; an interval needs 2 or more")
+    weights = np.zeros((samples, len(group)))
+    for number in range(group.max() + 1):
+        own = np.flatnonzero(group == number)
+        even = np.full(len(own), 1.0 / len(own))
+        weights[:, own] = rng.multinomial(len(own), even, size=samples)
+    return weights
+
+
+def percentile_interval(samples: RealArray, confidence: float = CONFIDENCE) -> RealArray:
+    """Both ends (2, ...) of the percentile interval of bootstrap samples (..., samples).
+
+    Raises InputError unless 0 < confidence < 1.
+    """
+    if not 0.0 < confidence < 1.0:
+        raise InputError(f"confidence is {confidence}; it must be above 0 and below 1")
+    tail = (1.0 - confidence) / 2
+    ends: RealArray = np.quantile(samples, [tail, 1.0 - tail], axis=-1)
+    return ends
