@@ -25,11 +25,29 @@ from workbench.synthesis.mu.structured import fixed
 from workbench.synthesis.mu.structured.families import Family, Modal
 from workbench.synthesis.mu.structured.named_families import PID, Decentralised, LeadLag
 from workbench.synthesis.switching import conic as switching_conic
+from workbench.synthesis.switching.boxes import SwitchedBox, proven_share
+from workbench.synthesis.switching.controllers import (
+    controller_replaced,
+    measurement_dropped,
+    measurement_filtered,
+    unswitched,
+)
+from workbench.synthesis.switching.deviations import Deviations
+from workbench.synthesis.switching.loops import (
+    ControllerMode,
+    SampledPlant,
+    SwitchedLoop,
+    closed_transition,
+    switched_loop,
+)
 from workbench.synthesis.switching.program import Dwell, Mode, SwitchedStability
+from workbench.synthesis.switching.single_loops import SingleLoops
 
 __all__ = [
     "PID",
+    "ControllerMode",
     "Decentralised",
+    "Deviations",
     "Dwell",
     "Family",
     "FixedCascade",
@@ -48,8 +66,14 @@ __all__ = [
     "Reduced",
     "Reduction",
     "SampledConditions",
+    "SampledPlant",
     "Sections",
+    "SingleLoops",
+    "SwitchedBox",
+    "SwitchedLoop",
     "SwitchedStability",
+    "closed_transition",
+    "controller_replaced",
     "dgk",
     "discretised",
     "dk",
@@ -61,10 +85,15 @@ __all__ = [
     "hinf_methods",
     "known_disturbance_bound",
     "load",
+    "measurement_dropped",
+    "measurement_filtered",
+    "proven_share",
     "reduce",
     "reduced",
     "regularised",
     "sampled_conditions",
     "second_order_sections",
+    "switched_loop",
     "switching_conic",
+    "unswitched",
 ]

@@ -16,7 +16,7 @@ from pydantic import Field
 
 from workbench import Check, figures, problem
 from workbench.mu import Peak, conditions
-from workbench.synthesis import LeadLag, MuController, MuSynthesis, discretised
+from workbench.synthesis import LeadLag, MuController, MuSynthesis, closed_transition, discretised
 from workbench.systems.storage import stored
 
 from ..control.trade_off import CHANNELS, TradeOff
@@ -120,10 +120,11 @@ class LowerBandwidth(MuSynthesis):
     def sampled_radius(self, K: StateSpace) -> float:
         """Of the nominal plant behind a hold, one sample of delay: the largest pole's modulus."""
         from ..control.loops import plants
-        from .switched_loop import closed
 
         nominal = plants(self.axis, "own", "printed")["nominal"]
-        return float(abs(np.linalg.eigvals(closed(nominal, discretised(K, PERIOD), 1.0))).max())
+        return float(
+            abs(np.linalg.eigvals(closed_transition(nominal, discretised(K, PERIOD), 1.0))).max()
+        )
 
     def responses(self, K: StateSpace, frequency: Any) -> tuple[Any, Any]:
         """S and T of the nominal loop at frequencies [Hz]."""

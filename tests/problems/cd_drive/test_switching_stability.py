@@ -16,25 +16,27 @@ from workbench.plants.cd_drive.drive.red_book import envelope
 from workbench.plants.cd_drive.drive.tables import drives
 from workbench.plants.cd_drive.laboratory.bench_setup import PERIOD
 from workbench.plants.cd_drive.tolerance.switched_laboratory import Rig
-from workbench.plants.cd_drive.tolerance.switched_loop import (
-    closed,
-    lens_model,
-    modal,
-    parted,
-    regulators,
-    switched,
-)
+from workbench.plants.cd_drive.tolerance.switched_loop import lens_model, regulators
 from workbench.plants.cd_drive.tolerance.switching_stability import problem as module
-from workbench.plants.cd_drive.tolerance.switching_stability.box import Box, Cell, proven_share
+from workbench.plants.cd_drive.tolerance.switching_stability.box import parametric_box
 from workbench.plants.cd_drive.tolerance.switching_stability.checks import _played
-from workbench.plants.cd_drive.tolerance.switching_stability.error import Deviations
 from workbench.plants.cd_drive.tolerance.switching_stability.problem import SwitchingStability
 
 import workbench as wb
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.simulation import sampled
-from workbench.synthesis import Mode, SwitchedStability, discretised
+from workbench.synthesis import (
+    Deviations,
+    Mode,
+    SwitchedBox,
+    SwitchedStability,
+    closed_transition,
+    discretised,
+    proven_share,
+    switched_loop,
+)
+from workbench.synthesis.switching.boxes import Cell
 from workbench.systems import margins
 
 K = control.ss(controller("focus"))
@@ -51,7 +53,7 @@ def lens():
 
 @pytest.fixture(scope="module")
 def loop(lens):
-    return switched(lens, regulators(K, "lower", LOWER))
+    return switched_loop(lens, regulators(K, "lower", LOWER))
 
 
 def deviations(loop, false=0.5, longest=30):
@@ -69,47 +71,30 @@ def test_figure_8_10():
     assert found.phase == pytest.approx(8.0, abs=1.0)
 
 
-def test_modal_states_have_the_same_response():
-    system = plant(nominal_parameters("focus"), 1e3, antialiasing=False)
-    A, B, C = modal(system.A, system.B, system.C)
-    s = 2j * np.pi * 137.0
-    assert complex(control.ss(A, B, C, 0.0)(s)) == pytest.approx(complex(system(s)), rel=1e-9)
-    np.testing.assert_allclose(C, [[1, 0, 1, 0]], atol=1e-9)
-    assert np.allclose(A[:2, 2:], 0.0, atol=1e-9 * abs(A).max())
-
-
 @pytest.mark.parametrize("strategy", ["open", "filter", "lower"])
 def test_poles_are_those_of_each_controller(lens, strategy):
     """The controller in force, closed by itself; what only listens adds its own poles."""
-    one = switched(lens, regulators(K, strategy, LOWER))
+    one = switched_loop(lens, regulators(K, strategy, LOWER))
     drive = drives("focus")[0]
     gains = total_gains("focus", drives("focus"), [each.K_optn for each in drives("focus")])
     G = plant(drive, float(gains[0]))
     F = control.ss(-900 * np.pi, 900 * np.pi, 1.0, 0.0)
-    clean = np.linalg.eigvals(closed(G, discretised(K, PERIOD), 1.0))
+    clean = np.linalg.eigvals(closed_transition(G, discretised(K, PERIOD), 1.0))
     for pole in clean:
         assert abs(np.linalg.eigvals(one.clean[0]) - pole).min() < 1e-7
     if strategy == "open":
         expected = [*sampled(G, PERIOD, 1.0).poles(), *discretised(K, PERIOD).poles()]
     elif strategy == "filter":
         both = discretised(K, PERIOD) * discretised(F, PERIOD)
-        expected = np.linalg.eigvals(closed(G, both, 1.0))
+        expected = np.linalg.eigvals(closed_transition(G, both, 1.0))
     else:
-        expected = np.linalg.eigvals(closed(G, discretised(LOWER, PERIOD), 1.0))
+        expected = np.linalg.eigvals(closed_transition(G, discretised(LOWER, PERIOD), 1.0))
     for pole in expected:
         assert abs(np.linalg.eigvals(one.defect[0]) - pole).min() < 1e-7
 
 
-def test_parted_controllers_respond_alike():
-    sampled_K = discretised(K, PERIOD)
-    a, b, A, B, C, D = parted(sampled_K)
-    z = np.exp(0.02j)
-    fast = (C @ np.linalg.solve(z * np.eye(len(A)) - A, B))[0, 0]
-    assert b / (z - a) + fast + D == pytest.approx(complex(sampled_K(z)), rel=1e-9)
-
-
 def test_without_a_switch_the_error_is_that_of_the_loop(lens):
-    found = deviations(switched(lens, regulators(K, "none")), false=0.0)
+    found = deviations(switched_loop(lens, regulators(K, "none")), false=0.0)
     root = np.linalg.cholesky(np.eye(len(found.loop.clean[0])))
     np.testing.assert_allclose(abs(found.forced).max(), 0.0, atol=1e-9)
     assert found.simulated(20, 100, 3) == pytest.approx(abs(found.steady_error).max())
@@ -138,7 +123,7 @@ def test_bounds_hold_for_random_defects(loop):
             for stay, (A, B) in zip(stays, (loop.defect, loop.clean), strict=True):
                 for _ in range(stay):
                     w = found.amplitude[f] * turn
-                    worst = max(worst, abs(w.real - float(loop.lens[0] @ x)))
+                    worst = max(worst, abs(w.real - float(loop.output[0] @ x)))
                     v = rng.choice([-1, 1]) * found.false if A is loop.defect[0] else 0.0
                     x = A @ x + B[:, 0] * ((w * measured).real + v)
                     turn = turn * found.turn[f]
@@ -171,16 +156,8 @@ def test_the_laboratory_is_within_what_is_proven(strategy, least):
     assert least * bound < found < 1.01 * bound
 
 
-def test_halves_fill_their_cell():
-    cell = Cell(np.array([0.0, 1.0, 2.0]), np.array([1.0, 3.0, 5.0]))
-    for along in range(3):
-        low, high = sorted(cell.halves(along), key=lambda half: half.low[along])
-        assert low.volume + high.volume == pytest.approx(cell.volume)
-        assert low.high[along] == high.low[along]
-
-
 def test_a_part_of_the_parametric_set_is_proven():
-    box = Box("focus", regulators(K, "lower", LOWER), 0.1)
+    box = parametric_box("focus", regulators(K, "lower", LOWER), 0.1)
     low, high = box.ends
     sets = box.sets(Cell(low, high))
     P = box.functions(sets, 1)
@@ -194,7 +171,7 @@ def test_a_part_of_the_parametric_set_is_proven():
 
 
 def test_a_dwell_is_proven_where_any_switching_is_not():
-    box = Box("focus", regulators(K, "filter"), 0.01)
+    box = parametric_box("focus", regulators(K, "filter"), 0.01)
     low, high = box.ends
     sets = box.sets(Cell(low, high))
     P = box.functions(sets, 30)
@@ -218,12 +195,12 @@ def size(A, before, after):
 def test_points_of_the_set_are_drives(axis):
     """Their loops have the poles of eq. 3.18 behind its hold, with K in the loop."""
     law = control.ss(controller(axis))
-    box = Box(axis, regulators(law, "none"))
+    box = parametric_box(axis, regulators(law, "none"))
     for point in np.random.default_rng(4).uniform(*box.ends, (3, 3)):
         changed = {"R": 1 / point[0] - 1.25, "k1": point[1], "k2": point[2]}
         G = plant(replace(nominal_parameters(axis), **changed), total_gain(axis))
         poles = np.linalg.eigvals(box.at(point)[0])
-        for pole in np.linalg.eigvals(closed(G, discretised(law, PERIOD), 1.0)):
+        for pole in np.linalg.eigvals(closed_transition(G, discretised(law, PERIOD), 1.0)):
             assert abs(poles - pole).min() < 1e-6
 
 
@@ -236,13 +213,13 @@ def test_wrong_input_is_named():
         regulators(K, "lower", control.ss(-1.0, 1.0, 1.0, 0.0) + control.ss(-9e3, 1.0, 1.0, 0.0))
     for share in (0.0, 4.0, np.nan):
         with pytest.raises(InputError, match="share"):
-            Box("focus", regulators(K, "none"), share)
+            parametric_box("focus", regulators(K, "none"), share)
 
 
 def test_a_set_without_a_proven_cell_is_stored_as_such(monkeypatch):
     study = SwitchingStability("radial", LOWER, 2.5e-3, 1.0, 0.0, "own", False)
-    cells = Box("radial", regulators(K, "lower", LOWER), 1.0).cells()
-    monkeypatch.setattr(Box, "proven", lambda *_: ([], cells))
+    cells = parametric_box("radial", regulators(K, "lower", LOWER), 1.0).cells()
+    monkeypatch.setattr(SwitchedBox, "proven", lambda *_: ([], cells))
     found = proven_share(study.box, (1.0, 2.0), Context())
     assert np.shape(found["cell_low"][1]) == np.shape(found["cell_high"][1]) == (0, 3)
     assert found["box_volume"][1] == [0.0]

@@ -10,12 +10,12 @@ from scipy.linalg import eigh
 
 from workbench import Check
 from workbench.arrays import RealArray
-from workbench.synthesis import discretised
+from workbench.synthesis import SwitchedLoop, closed_transition, discretised
 
 from ...drive.plants import ANTIALIASING
 from ...drive.red_book import envelope
 from ...laboratory.bench_setup import PERIOD
-from ..switched_loop import MICRO, SwitchedLoop, closed
+from ..switched_loop import MICRO
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -52,7 +52,7 @@ def _loops(study: SwitchingStability) -> Check:
     K = discretised(study.reference, PERIOD)
     worst, where = 0.0, ""
     for (name, G), loop in zip(study.alone.plants.items(), study.loops("open"), strict=False):
-        expected = _sorted(np.linalg.eigvals(closed(G, K, study.delay)))
+        expected = _sorted(np.linalg.eigvals(closed_transition(G, K, study.delay)))
         found = _sorted(np.linalg.eigvals(loop.clean[0]))
         off = float(abs(expected - found).max())
         worst, where = max((worst, where), (off, f"of {name}"))
@@ -168,7 +168,7 @@ def _played(
             for stay, mode in ((samples, loop.defect), (distance, loop.clean)):
                 for i in range(stay):
                     angle = w * k * PERIOD + phase
-                    worst = max(worst, float(abs(a * np.cos(angle) - loop.lens[0] @ x).max()))
+                    worst = max(worst, float(abs(a * np.cos(angle) - loop.output[0] @ x).max()))
                     seen = a * filtered * np.cos(angle - lag)
                     seen = seen + (false[i] if mode is loop.defect else 0.0)
                     x = mode[0] @ x + mode[1] * seen

@@ -18,7 +18,16 @@ from workbench import Check, Run, Study, problem, ref, solve
 from workbench.arrays import RealArray
 from workbench.errors import SolverError
 from workbench.executor import Context
-from workbench.synthesis import Mode, SwitchedStability
+from workbench.synthesis import (
+    Deviations,
+    Mode,
+    SampledPlant,
+    SwitchedBox,
+    SwitchedLoop,
+    SwitchedStability,
+    proven_share,
+    switched_loop,
+)
 from workbench.systems.storage import restored, stored
 
 from ...control.loops import plants
@@ -30,17 +39,9 @@ from ...drive.shared_parameters import TABLES
 from ...drive.tables import Axis, drives
 from ...laboratory.bench_setup import RATE
 from ..switched_laboratory import Rig
-from ..switched_loop import (
-    MICRO,
-    LensModel,
-    SwitchedLoop,
-    lens_model,
-    regulators,
-    switched,
-)
-from .box import Box, proven_share
+from ..switched_loop import MICRO, lens_model, regulators
+from .box import parametric_box
 from .checks import switching_checks
-from .error import Deviations
 from .margins import CONTROLLERS, LoopsAlone
 from .report import proven, switching_figures, switching_tables
 
@@ -141,7 +142,7 @@ class SwitchingStability(Study):
         return LoopsAlone(self.axis, self.reference, self.lower, systems, self.delay, self.length)
 
     @cached_property
-    def lenses(self) -> list[LensModel]:
+    def lenses(self) -> list[SampledPlant]:
         """Of the twelve drives."""
         twelve = drives(self.axis)
         optical = [drive.K_optn for drive in twelve]
@@ -154,7 +155,7 @@ class SwitchingStability(Study):
     def loops(self, strategy: Any) -> list[SwitchedLoop]:
         """Of the twelve drives."""
         modes = regulators(self.reference, strategy, self.lower)
-        return [switched(lens, modes) for lens in self.lenses]
+        return [switched_loop(lens, modes) for lens in self.lenses]
 
     def program(self, loops: list[SwitchedLoop]) -> SwitchedStability:
         """Whose dwell in clean parts is sought; defects last from one sample to the longest."""
@@ -323,9 +324,9 @@ class SwitchingStability(Study):
             parts[f"P_common_{strategy}"] = (("mode", state, f"{state}_"), each[2])
         return parts
 
-    def box(self, share: float) -> Box:
+    def box(self, share: float) -> SwitchedBox:
         """Of switching to K'."""
-        return Box(self.axis, regulators(self.reference, "lower", self.lower), share)
+        return parametric_box(self.axis, regulators(self.reference, "lower", self.lower), share)
 
     # --- checks, metrics, report --------------------------------------------------------------
 

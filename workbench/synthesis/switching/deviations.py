@@ -1,13 +1,13 @@
-"""How far a disc and its defects take the lens from the layer, while controllers switch.
+"""How large the error of a switched loop becomes, over every sequence of measurement defects.
 
-The disc moves by w = Re(a exp(j omega t)), at any phase. Before the first defect the loop is where
-that keeps it, x = Re(X exp(j omega t)). What a defect adds is a deviation d from there,
+The disturbance is w = Re(a exp(j omega t)), at any phase. Before the first defect the loop is in
+its steady motion, x = Re(X exp(j omega t)). A defect adds a deviation d from there,
 
     d[k + 1] = A_o d[k] + q exp(j omega t_k) + B_o v[k]    in the defect, q = (A_o - A_c) X + ...
     d[k + 1] = A_c d[k]                                    after it,
 
-with v [um] what the defect seems to displace the layer by, |v| <= F. Of one defect, all of this is
-computed; of the earlier ones, what is left at the start of the next is bounded by V_i = x' P_i x:
+with v what the defect falsely adds to the filtered disturbance, |v| <= F. The deviation of one
+defect is computed exactly; that of all earlier ones at its start is bounded by V_i = x' P_i x:
 
     r = g_c b / (1 - g_o g_c),    b the largest deviation of one defect in V_c^(1/2),
 
@@ -24,22 +24,37 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.arrays import ComplexArray, RealArray
-
-from ...laboratory.bench_setup import PERIOD
-from ..switched_loop import SwitchedLoop, filtered
+from workbench.errors import InputError
+from workbench.synthesis.switching.loops import SwitchedLoop
 
 NDArrayInt = NDArray[np.int64]
-HORIZON, PLAYED = 2000, 400
-"""Samples after a defect that are followed one by one, in bounds and in what is simulated."""
+HORIZON = 2000
+"""Samples after a defect that are followed one by one in bounds; V_c bounds the rest."""
+SIMULATED = 400
+"""Samples after a defect at which the simulated error is read."""
 OUTWARD = 1.0 + 1e-9
-"""By which bounds are rounded up."""
+"""Factor on a bound that covers the rounding of its computation."""
 
 
 @dataclass(frozen=True, eq=False)
 class Deviations:
-    """Of one drive's loop, for defects of 1 ... N samples.
+    """Errors of a switched loop for defects of 1 ... N samples, N = longest.
 
-    ``amplitude`` [um] and ``omega`` [rad/s] (F,) of the disc; ``false`` [um] bounds v.
+    Parameters
+    ----------
+    loop
+        Stable in its clean mode.
+    amplitude, omega
+        Amplitudes of the disturbance and its angular frequencies [rad/s] (F,), one at a time.
+    longest
+        Samples of the longest defect.
+    false
+        F, the largest |v|, in the unit of the amplitudes.
+
+    Raises
+    ------
+    InputError
+        Frequencies and amplitudes of other shapes; no defect; a negative F.
     """
 
     loop: SwitchedLoop
@@ -48,16 +63,28 @@ class Deviations:
     longest: int
     false: float
 
+    def __post_init__(self) -> None:
+        if self.omega.ndim != 1 or self.amplitude.shape != self.omega.shape:
+            raise InputError(
+                f"amplitude has shape {self.amplitude.shape}, omega {self.omega.shape}; both must "
+                "be (F,)"
+            )
+        if self.longest < 1 or not self.false >= 0.0:
+            raise InputError(
+                f"longest is {self.longest} samples, false {self.false}; need 1 or more, and 0 or "
+                "more"
+            )
+
     @cached_property
     def turn(self) -> ComplexArray:
-        """What a sample turns the disc's phase by (F,)."""
-        return np.asarray(np.exp(1j * self.omega * PERIOD))
+        """Factor on the disturbance's phasor over a sample (F,)."""
+        return np.asarray(np.exp(1j * self.omega * self.loop.period))
 
     @cached_property
     def steady(self) -> ComplexArray:
-        """X (F, n): the loop's state without defects."""
+        """X (F, n): phasor of the loop's state without defects."""
         A, B = self.loop.clean
-        measured = self.amplitude * filtered(self.omega)
+        measured = self.amplitude * self.loop.filter(self.omega)
         found = np.linalg.solve(
             self.turn[:, None, None] * np.eye(len(A)) - A, B[None] * measured[:, None, None]
         )[..., 0]
@@ -65,15 +92,15 @@ class Deviations:
 
     @cached_property
     def steady_error(self) -> ComplexArray:
-        """w - lens x (F,) without defects."""
-        error = self.amplitude - (self.steady @ self.loop.lens.T)[:, 0]
+        """Phasor of the error w - output x (F,) without defects."""
+        error = self.amplitude - (self.steady @ self.loop.output.T)[:, 0]
         return np.asarray(error)
 
     @cached_property
     def forced(self) -> ComplexArray:
-        """d of the disc after 0 ... N samples of a defect (N + 1, F, n), phase 0 at its start."""
+        """d after 0 ... N samples of a defect (N + 1, F, n), the disturbance at phase 0 before."""
         (A_c, B_c), (A_o, B_o) = self.loop.clean, self.loop.defect
-        measured = self.amplitude * filtered(self.omega)
+        measured = self.amplitude * self.loop.filter(self.omega)
         q = self.steady @ (A_o - A_c).T + measured[:, None] * (B_o - B_c)[:, 0]
         d = np.zeros((self.longest + 1, *q.shape), complex)
         for k in range(self.longest):
@@ -82,7 +109,7 @@ class Deviations:
 
     @cached_property
     def kicks(self) -> RealArray:
-        """A_o^j B_o (N, n), j = 0 ...: what a unit of v leaves j samples later."""
+        """A_o^j B_o (N, n), j = 0 ...: the deviation that a unit of v leaves j samples later."""
         A, B = self.loop.defect
         found = [B[:, 0]]
         for _ in range(self.longest - 1):
@@ -91,22 +118,22 @@ class Deviations:
 
     @cached_property
     def rows(self) -> RealArray:
-        """lens A_c^k (HORIZON + 1, n)."""
-        found = [self.loop.lens[0]]
+        """output A_c^k (HORIZON + 1, n)."""
+        found = [self.loop.output[0]]
         for _ in range(HORIZON):
             found.append(found[-1] @ self.loop.clean[0])
         return np.array(found)
 
     def single(self, root: RealArray) -> RealArray:
-        """Largest error [um] of one defect of 1 ... N samples (N,), disc and v at their worst.
+        """Largest error of one defect of 1 ... n samples (N,), disturbance and v at their worst.
 
-        ``root`` of P_c = root root' bounds what follows the horizon.
+        root (n, n): P_c = root root' bounds the error after the horizon.
         """
-        lens, steps = self.loop.lens[0], np.arange(self.longest + 1)
+        output, steps = self.loop.output[0], np.arange(self.longest + 1)
         phase = self.turn ** steps[:, None]
-        disc = abs(self.steady_error * phase - self.forced @ lens)  # (N + 1, F)
-        follows = np.concatenate([[0.0], np.cumsum(abs(self.kicks @ lens))])
-        during = disc.max(axis=1) + self.false * follows
+        disturbed = abs(self.steady_error * phase - self.forced @ output)  # (N + 1, F)
+        follows = np.concatenate([[0.0], np.cumsum(abs(self.kicks @ output))])
+        during = disturbed.max(axis=1) + self.false * follows
         after = np.zeros(self.longest)
         ahead = self.turn ** np.arange(HORIZON + 1)[:, None]
         left = self.false * np.cumsum(abs(self.rows @ self.kicks.T), axis=1)  # (HORIZON + 1, N)
@@ -119,32 +146,33 @@ class Deviations:
         return np.asarray(np.maximum.accumulate(own))
 
     def reach(self, root: RealArray) -> float:
-        """The largest |lens x| for x' P x = 1, P = root root'."""
-        return float(np.linalg.norm(np.linalg.solve(root, self.loop.lens[0])))
+        """Largest |output x| for x' P x = 1, P = root root'."""
+        return float(np.linalg.norm(np.linalg.solve(root, self.loop.output[0])))
 
     def _sizes(self, root: RealArray, after: RealArray) -> RealArray:
-        """V^(1/2) of what a defect of 1 ... N samples leaves, behind a transition (N,)."""
+        """V^(1/2) of the deviation after a defect of 1 ... N samples and a transition (N,)."""
         y = self.forced[1:] @ (root.T @ after).T
         # the largest |Re(y exp(j phase))| over all phases
         square = (abs(y) ** 2).sum(axis=-1) + abs((y**2).sum(axis=-1))
-        disc = np.sqrt(square / 2).max(axis=1)
+        disturbed = np.sqrt(square / 2).max(axis=1)
         false = self.false * np.cumsum(np.linalg.norm(self.kicks @ (root.T @ after).T, axis=1))
-        return np.asarray(disc + false)
+        return np.asarray(disturbed + false)
 
     def proven(self, P: RealArray, distances: NDArrayInt) -> RealArray:
-        """Bounds of the error [um] (N, distances), for defects up to n samples, distances or more.
+        """Bounds of the error (N, distances), for defects up to n samples, that far apart or more.
 
-        P (2, n, n) as `SwitchedStability` gives them; infinite where they do not bound it.
+        P (2, n, n): functions of the clean and the defect mode, as `SwitchedStability` gives
+        them; distances [samples]. Infinite where these functions do not bound the error.
         """
         root_c, root_o = (np.linalg.cholesky(each) for each in P)
         A_c, A_o = self.loop.clean[0], self.loop.defect[0]
         g_o = np.maximum.accumulate(_factors(A_o, root_o, root_c, range(1, self.longest + 1)))
         g_c = _factors(A_c, root_c, root_o, distances)
         b = np.maximum.accumulate(self._sizes(root_c, np.eye(len(A_c))))
-        lens, seen = self.loop.lens[0], []
+        output, seen = self.loop.output[0], []
         for _ in range(self.longest):
-            seen.append(np.linalg.norm(np.linalg.solve(root_o, lens)))
-            lens = lens @ A_o
+            seen.append(np.linalg.norm(np.linalg.solve(root_o, output)))
+            output = output @ A_o
         reach = np.maximum(np.maximum.accumulate(seen), self.reach(root_c) * g_o)
         product = g_o[:, None] * g_c
         with np.errstate(divide="ignore"):
@@ -155,9 +183,10 @@ class Deviations:
         return bound
 
     def simulated(self, samples: int, distance: int, count: int) -> float:
-        """Largest error [um] of so many equal defects at equal distances, at the worst phase.
+        """Largest error of `count` equal defects at equal distances, at the worst phase.
 
-        v is a swing up and down over each defect, as a scratch makes it.
+        samples: of each defect; distance: samples from its end to the next. v is one period of a
+        sine over each defect, of amplitude F.
         """
         (A_c, _), (A_o, B_o) = self.loop.clean, self.loop.defect
         v = self.false * np.sin(2 * np.pi * (np.arange(samples) + 0.5) / samples)
@@ -167,15 +196,15 @@ class Deviations:
             swing[k + 1] = A_o @ swing[k] + B_o[:, 0] * v[k]
         rest = np.linalg.matrix_power(A_c, distance)
         ahead = self.turn ** np.arange(samples + 1)[:, None]
-        rows, lens = self.rows[: min(distance, PLAYED) + 1], self.loop.lens[0]
+        rows, output = self.rows[: min(distance, SIMULATED) + 1], self.loop.output[0]
         d, false = np.zeros_like(self.steady), np.zeros(len(A_o))
         start, worst = np.ones_like(self.turn), 0.0
         for _ in range(count):
-            # (samples + 1, F, n): what was there, and what this defect adds
+            # (samples + 1, F, n): the deviation that was there, and the one this defect adds
             path = np.einsum("kij,fj->kfi", during, d) + self.forced[: samples + 1] * start[:, None]
             other = during @ false + swing
-            error = self.steady_error * start * ahead - path @ lens
-            worst = max(worst, float((abs(error) + abs(other @ lens)[:, None]).max()))
+            error = self.steady_error * start * ahead - path @ output
+            worst = max(worst, float((abs(error) + abs(other @ output)[:, None]).max()))
             start = start * ahead[-1]
             after = self.steady_error * start * self.turn ** np.arange(len(rows))[:, None]
             error = after - rows @ path[-1].T

@@ -1,0 +1,261 @@
+"""Switching between two controllers over a whole box of plants, not at samples of it.
+
+The plant is affine in its parameters, which lie in a box. The box is cut into cells. In each the
+plant behind its hold is an affine part, whose extremes are at the cell's vertices, and a remainder
+bounded entry by entry (`held_set`). P from the LMIs at the vertices prove the cell if they hold for
+all of that. Every plant keeps its parameters while the controllers switch, so cells may have P of
+their own.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from workbench.arrays import RealArray
+from workbench.errors import InputError
+from workbench.program import solve
+from workbench.synthesis.switching.program import Mode, SwitchedStability
+from workbench.synthesis.switching.transition_sets import TransitionSet, held_set
+
+if TYPE_CHECKING:
+    from workbench.executor import Context
+
+LARGEST_RATIO = 1.0 - 1e-9
+"""Largest ratio of V after a sample to V before that counts as a decrease: below 1 by far more
+than the rounding of the ratio."""
+
+
+@dataclass(frozen=True, eq=False)
+class Cell:
+    """A part of a box of parameters: ``low`` and ``high`` (p,), and how often it was halved."""
+
+    low: RealArray
+    high: RealArray
+    depth: int = 0
+
+    @property
+    def centre(self) -> RealArray:
+        middle: RealArray = (self.low + self.high) / 2
+        return middle
+
+    @property
+    def volume(self) -> float:
+        """Product of its edges, in the units of the parameters."""
+        return float(np.prod(self.high - self.low))
+
+    def halves(self, along: int) -> Iterator[Cell]:
+        """Both halves along a parameter, by its number."""
+        for side, end in (("high", self.high.copy()), ("low", self.low.copy())):
+            end[along] = self.centre[along]
+            yield replace(self, **{side: end}, depth=self.depth + 1)
+
+
+@dataclass(frozen=True, eq=False)
+class CellProof:
+    """Functions P (2, n, n) of both modes and the dwell [samples] that they prove over a cell."""
+
+    cell: Cell
+    P: RealArray
+    dwell: int
+
+
+@dataclass(frozen=True, eq=False)
+class SwitchedBox:
+    """Plants with parameters in a box, whose controller switches between a clean and a defect mode.
+
+    Parameters
+    ----------
+    ends
+        Lowest and highest parameters (p,) each.
+    plant
+        Parameters (p,) -> [A B; 0 0] (m, m) of the continuous plant, inputs last; affine. Scaled
+        so that the entries of period times it are about 1.
+    loops
+        [A_d B_d; 0 1] (m, m) of the held plant -> transitions (n, n) of the clean and of the
+        defect mode; affine.
+    period
+        Sampling period [s].
+    parts
+        Cells along each parameter to begin with (p,).
+    halved
+        Numbers of the parameters along which a cell is halved, one after the other, before it is
+        given up.
+    dwells
+        Samples of the clean mode between defects that are tried, rising; 1 is any switching.
+    label
+        Names and units of the parameters, for stored results.
+
+    Raises
+    ------
+    InputError
+        Ends of other shapes, not finite or in the wrong order; parts or halved that do not fit.
+    """
+
+    ends: tuple[RealArray, RealArray]
+    plant: Callable[[RealArray], RealArray]
+    loops: Callable[[RealArray], tuple[RealArray, RealArray]]
+    period: float
+    parts: tuple[int, ...]
+    halved: tuple[int, ...] = ()
+    dwells: tuple[int, ...] = (1, 10, 30)
+    label: str = "parameters"
+
+    def __post_init__(self) -> None:
+        low, high = self.ends
+        p = len(low)
+        if low.shape != (p,) or high.shape != (p,) or not (low < high).all():
+            raise InputError(f"ends are {low} and {high}; the first must be below the second, (p,)")
+        if not np.isfinite([low, high]).all():
+            raise InputError(f"ends are {low} and {high}; both must be finite")
+        if len(self.parts) != p or min(self.parts) < 1:
+            raise InputError(f"parts are {self.parts}; need {p} numbers from 1 on")
+        if any(not 0 <= along < p for along in self.halved):
+            raise InputError(f"halved is {self.halved}; parameters are numbered from 0 to {p - 1}")
+        if not self.dwells or self.dwells[0] < 1 or list(self.dwells) != sorted(set(self.dwells)):
+            raise InputError(f"dwells are {self.dwells}; need rising numbers of samples from 1 on")
+
+    def cells(self) -> list[Cell]:
+        """Cells that fill the box, to begin with."""
+        low, high = self.ends
+        edges = [np.linspace(a, b, n + 1) for a, b, n in zip(low, high, self.parts, strict=True)]
+        return [
+            Cell(
+                np.array([edge[i] for edge, i in zip(edges, at, strict=True)]),
+                np.array([edge[i + 1] for edge, i in zip(edges, at, strict=True)]),
+            )
+            for at in np.ndindex(*self.parts)
+        ]
+
+    def at(self, parameters: RealArray) -> tuple[RealArray, RealArray]:
+        """Transitions (n, n) of both modes of the plant with these parameters (p,)."""
+        from scipy.linalg import expm
+
+        return self.loops(expm(self.period * self.plant(parameters)))
+
+    def sets(self, cell: Cell) -> tuple[TransitionSet, TransitionSet]:
+        """Transitions of both modes over a cell."""
+        centre = cell.centre
+        M = self.plant(centre)
+        half = (cell.high - cell.low) / 2
+        slopes = [self.plant(centre + step) - M for step in np.diag(half)]
+        held = held_set(M, slopes, self.period)
+        pairs = [self.loops(each) for each in held.vertices]
+        clean, defect = (
+            TransitionSet(np.stack(vertices), np.tensordot(held.remainder, gains, 2))
+            for vertices, gains in zip(zip(*pairs, strict=True), self._gains(len(M)), strict=True)
+        )
+        return clean, defect
+
+    def _gains(self, m: int) -> tuple[RealArray, RealArray]:
+        """Magnitudes (m, m, n, n) of the loops' entries over those of the held plant, by mode."""
+        base = self.loops(np.zeros((m, m)))
+        units = np.eye(m * m).reshape(m * m, m, m)
+        moved = [self.loops(unit) for unit in units]
+        clean, defect = (
+            np.array([abs(each[i] - base[i]) for each in moved]).reshape(m, m, *base[i].shape)
+            for i in (0, 1)
+        )
+        return clean, defect
+
+    # --- proof --------------------------------------------------------------------------------
+
+    def functions(self, sets: Sequence[TransitionSet], dwell: int) -> RealArray | None:
+        """P of both modes (2, n, n) by LMIs at the vertices, for a dwell in the clean mode.
+
+        V_c falls there half as fast as the slowest motion. None where there are none.
+        """
+        clean, defect = (each.vertices for each in sets)
+        slowest = float(abs(np.linalg.eigvals(clean)).max())
+        if max(slowest, abs(np.linalg.eigvals(defect)).max()) >= 1.0:
+            return None
+        rate = None if dwell == 1 else math.sqrt(slowest)
+        # The shortest stay in the defect is sought, among one sample only: it exists or not.
+        modes = Mode("clean", clean, dwell, rate=rate), Mode("defect", defect, None)
+        found = solve(SwitchedStability(modes, 1))
+        return found.answer.P if found.certificate and found.certificate.valid else None
+
+    def dwell(self, sets: Sequence[TransitionSet], P: RealArray) -> int | None:
+        """Samples of the clean mode that P prove between defects of any length; None: none.
+
+        Over the cell, V_c becomes at most r_cc V_c in a sample of the clean mode, and V_o r_oo V_o
+        in one of a defect, both less than 1; over the last sample of either, V_o is at most r_co
+        times what V_c was, and V_c r_oc times V_o. From one defect to the next V then changes by
+        r_cc^(n - 1) r_co r_oc at most.
+        """
+        r = np.array([[each.ratio(p, q) for q in P] for each, p in zip(sets, P, strict=True)])
+        if max(r[0, 0], r[1, 1]) > LARGEST_RATIO:
+            return None
+        rises = math.log(r[0, 1] * r[1, 0] / LARGEST_RATIO)
+        return 1 + max(0, math.ceil(-rises / math.log(r[0, 0])))
+
+    def proof(self, cell: Cell) -> CellProof | None:
+        """Proof for the first of the dwells for which the LMIs give one; None: for none."""
+        sets = self.sets(cell)
+        for tried in self.dwells:
+            P = self.functions(sets, tried)
+            dwell = None if P is None else self.dwell(sets, P)
+            if P is not None and dwell is not None and dwell <= self.dwells[-1]:
+                return CellProof(cell, P, dwell)
+        return None
+
+    def proven(self, context: Context) -> tuple[list[CellProof], list[Cell]]:
+        """Proofs of cells, and the cells that were given up; together they fill the box."""
+        waiting, given_up = self.cells(), []
+        done: list[CellProof] = []
+        while waiting:
+            context.progress("cells of the parametric set", len(done), len(done) + len(waiting))
+            cell = waiting.pop()
+            found = self.proof(cell)
+            if found is not None:
+                done.append(found)
+            elif cell.depth == len(self.halved):
+                given_up.append(cell)
+            else:
+                waiting += cell.halves(self.halved[cell.depth])
+        return done, given_up
+
+
+def proven_share(
+    box: Callable[[float], SwitchedBox], shares: Sequence[float], context: Context
+) -> dict[str, Any]:
+    """Variables of a dataset: the proven volume of multiples of a parametric set, and its cells.
+
+    box: multiple -> its box. shares: rising multiples, tried up to the first of which not all is
+    proven. The cells are those of the largest of which all is, or else of the first.
+    """
+    volumes: list[float] = []
+    kept: list[CellProof] = []
+    best = shares[0]
+    for share in shares:
+        done, given_up = box(share).proven(context)
+        low, high = box(share).ends
+        volumes.append(sum(one.cell.volume for one in done) / float(np.prod(high - low)))
+        if len(volumes) == 1 or not given_up:
+            kept, best = done, share
+        if given_up:
+            break
+    one_box = box(best)
+    n, p = len(one_box.at(one_box.cells()[0].centre)[0]), len(one_box.ends[0])
+    about = {"long_name": one_box.label}
+    dwell = np.array([one.dwell for one in kept], dtype=np.int64)
+    tried = list(shares[: len(volumes)])
+    ends = {name: [getattr(one.cell, name) for one in kept] for name in ("low", "high")}
+    return {
+        "box_volume": ("box_share", volumes, {"units": "1", "long_name": "proven volume"}),
+        "box_share": ("box_share", tried, {"units": "1", "long_name": "multiple of the set"}),
+        "box_of_cells": ((), best, {"units": "1", "long_name": "multiple that the cells fill"}),
+        **{
+            f"cell_{name}": (("cell", "parameter"), np.reshape(rows, (len(kept), p)), about)
+            for name, rows in ends.items()
+        },
+        "cell_P": (
+            ("cell", "mode", "state_box", "state_box_"),
+            np.reshape([one.P for one in kept], (len(kept), 2, n, n)),
+        ),
+        "cell_dwell": ("cell", dwell, {"long_name": "proven distance, in samples"}),
+    }

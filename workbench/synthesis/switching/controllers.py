@@ -1,0 +1,113 @@
+"""Controllers switched with their integrator handed over, as modes of one bank of states.
+
+u = z + C_i f + D_i e,  z' = a z + b_i e: z is the integrator, or the slowest state, of whichever
+controller is in force, and keeps its value when that changes; f are the fast states of every
+controller and filter, which run all the time. So u keeps its slow part at a switch.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from workbench.arrays import RealArray
+from workbench.errors import InputError
+from workbench.synthesis.switching.loops import ControllerMode, Modes
+
+if TYPE_CHECKING:
+    from control import StateSpace
+
+POLE_TOLERANCE = 1e-6
+"""Difference of two slow poles that count as the same, relative to their distance from 1."""
+POLE_ROUNDING = 1e-15
+"""Absolute rounding of a slow pole near 1, added to that difference."""
+
+
+class SplitController(NamedTuple):
+    """A controller as u = z + C f + D e, z' = a z + b e, f' = A f + B e."""
+
+    a: float
+    b: float
+    A: RealArray
+    B: RealArray
+    C: RealArray
+    D: float
+
+
+def split_slowest(K: StateSpace) -> SplitController:
+    """A sampled controller with its slowest state, scaled to reach u with gain 1, taken out.
+
+    K: one input and output, its slowest pole real and not coupled with others, as `discretised`
+    leaves it. Raises InputError otherwise.
+    """
+    A = K.A
+    slow = int(np.argmin(abs(np.diag(A) - 1.0)))
+    fast = [i for i in range(len(A)) if i != slow]
+    if abs(A[slow, fast]).max(initial=0.0) + abs(A[fast, slow]).max(initial=0.0) > 0.0:
+        raise InputError("the controller's slowest pole is not parted from its others")
+    gain = float(K.C[0, slow])
+    inner = A[np.ix_(fast, fast)]
+    return SplitController(
+        float(A[slow, slow]), gain * float(K.B[slow, 0]), inner, K.B[fast], K.C[:, fast],
+        float(K.D[0, 0]),
+    )  # fmt: skip
+
+
+def unswitched(K: StateSpace) -> Modes:
+    """Modes of a sampled controller that goes on as it is while the measurement has a defect."""
+    alone = _alone(split_slowest(K))
+    return alone, alone
+
+
+def measurement_dropped(K: StateSpace) -> Modes:
+    """Modes of a sampled controller whose input is set to zero during a defect; its states run."""
+    alone = _alone(split_slowest(K))
+    return alone, ControllerMode(alone.A, 0 * alone.B, alone.C, 0 * alone.D)
+
+
+def measurement_filtered(K: StateSpace, F: StateSpace) -> Modes:
+    """Modes of a sampled controller whose input passes F during a defect: K, then K F.
+
+    F: sampled, one input and output; it is fed all the time.
+    """
+    alone = _alone(split_slowest(K))
+    n, both = len(alone.A), block_diag(alone.A, F.A)
+    wide = np.hstack([alone.C, np.zeros((1, F.nstates))])
+    clean = ControllerMode(both, np.vstack([alone.B, F.B]), wide, alone.D)
+    fed = both.copy()
+    fed[:n, n:] = alone.B @ F.C
+    return clean, ControllerMode(
+        fed,
+        np.vstack([alone.B @ F.D, F.B]),
+        np.hstack([alone.C, alone.D @ F.C]),
+        alone.D @ F.D,
+    )
+
+
+def controller_replaced(K: StateSpace, other: StateSpace) -> Modes:
+    """Modes of a sampled controller K in whose place another one stands during a defect.
+
+    Raises InputError where they have different slowest poles.
+    """
+    a, _, _, B, C, _ = first = split_slowest(K)
+    a2, b2, A2, B2, C2, D2 = split_slowest(other)
+    if abs(a2 - a) > POLE_TOLERANCE * abs(1 - a) + POLE_ROUNDING:
+        raise InputError(
+            f"K and K' have slow poles {a:.12g} and {a2:.12g}; the integrator can only be handed "
+            "over if they are the same"
+        )
+    one = np.array([[1.0]])
+    alone = _alone(first)
+    both = block_diag(alone.A, A2)
+    none_1, none_2 = np.zeros_like(C), np.zeros_like(C2)
+    clean = ControllerMode(both, np.vstack([alone.B, B2]), np.hstack([one, C, none_2]), alone.D)
+    slow = np.vstack([[[b2]], B, B2])
+    return clean, ControllerMode(both, slow, np.hstack([one, none_1, C2]), np.array([[D2]]))
+
+
+def _alone(K: SplitController) -> ControllerMode:
+    one = np.array([[1.0]])
+    whole, enter = block_diag(K.a, K.A), np.vstack([[[K.b]], K.B])
+    return ControllerMode(whole, enter, np.hstack([one, K.C]), np.array([[K.D]]))

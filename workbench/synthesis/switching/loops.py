@@ -1,0 +1,106 @@
+"""Sampled loops whose controller is switched while the measurement has a defect.
+
+With w the disturbance, y the plant's output and H the filter through which both are measured,
+
+    e = k H (w - y)    measured error,        u = C x_K + D e,    x_K' = A x_K + B e,
+
+where A, B, C, D of the controllers change with the mode, clean or defect, and their states do not:
+all controllers run all the time, see `controllers`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from workbench.arrays import ComplexArray, RealArray
+from workbench.systems.sampling import sampled
+
+if TYPE_CHECKING:
+    from control import StateSpace
+
+FilterResponse = Callable[[RealArray], ComplexArray]
+"""Response (F,) of the measurement's filter H at omega [rad/s] (F,)."""
+
+
+@dataclass(frozen=True, eq=False)
+class SampledPlant:
+    """A plant and its measurement's filter, u held over a period: x' = A x + B u.
+
+    A (n, n), B (n, 1); output (1, n): the state's share in y; measured (1, n): in H y. gain: k of
+    the measured error. period [s]. filter: response of H.
+    """
+
+    A: RealArray
+    B: RealArray
+    output: RealArray
+    measured: RealArray
+    gain: float
+    period: float
+    filter: FilterResponse
+
+
+@dataclass(frozen=True, eq=False)
+class ControllerMode:
+    """How the states of all controllers go on and make u in one mode, from the measured error.
+
+    A (m, m), B (m, 1), C (1, m), D (1, 1).
+    """
+
+    A: RealArray
+    B: RealArray
+    C: RealArray
+    D: RealArray
+
+
+Modes = tuple[ControllerMode, ControllerMode]
+"""While the measurement is clean, and while it has a defect."""
+
+
+@dataclass(frozen=True, eq=False)
+class SwitchedLoop:
+    """Both modes of a loop: x[k + 1] = A_i x[k] + B_i H w[k], error w - output x.
+
+    clean, defect: A_i (n, n) and B_i (n, 1) of each mode. output (1, n). period [s]. filter:
+    response of H.
+    """
+
+    clean: tuple[RealArray, RealArray]
+    defect: tuple[RealArray, RealArray]
+    output: RealArray
+    period: float
+    filter: FilterResponse
+
+
+def switched_loop(plant: SampledPlant, modes: Modes) -> SwitchedLoop:
+    """The loop of a plant and of controllers in two modes, closed with negative feedback."""
+    clean, defect = ((transition(plant, mode), disturbance_input(plant, mode)) for mode in modes)
+    output = np.hstack([plant.output, np.zeros((1, len(modes[0].A)))])
+    return SwitchedLoop(clean, defect, output, plant.period, plant.filter)
+
+
+def transition(plant: SampledPlant, mode: ControllerMode) -> RealArray:
+    """A of the loop (n + m, n + m) in one mode, states of the plant first."""
+    read = plant.gain * plant.measured
+    return np.block(
+        [[plant.A - plant.B @ mode.D @ read, plant.B @ mode.C], [-mode.B @ read, mode.A]]
+    )
+
+
+def disturbance_input(plant: SampledPlant, mode: ControllerMode) -> RealArray:
+    """B of the loop (n + m, 1) in one mode, from the disturbance behind the filter, H w."""
+    return plant.gain * np.vstack([plant.B @ mode.D, mode.B])
+
+
+def closed_transition(G: StateSpace, K: StateSpace, delay: float) -> RealArray:
+    """Transition (n, n) over a sample of G behind a hold, and of K in negative feedback.
+
+    G: continuous, strictly proper; K: sampled, its dt is the period [s]; delay: samples by which u
+    is late.
+    """
+    P = sampled(G, K.dt, delay)
+    corner = P.A - P.B @ K.D @ P.C
+    return np.block([[corner, P.B @ K.C], [-K.B @ P.C, K.A]])
