@@ -2,6 +2,11 @@
 
 from workbench.diagnosis.estimation import basis as estimation_basis
 from workbench.diagnosis.estimation import methods as estimation_methods
+from workbench.diagnosis.estimation.fault_loop import EstimationDemands, FaultLoop
+from workbench.diagnosis.estimation.front import FaultFront, FrontPoint
+from workbench.diagnosis.estimation.front_bound import least_total
+from workbench.diagnosis.estimation.front_filters import FrontFilter, few_states, full_order
+from workbench.diagnosis.estimation.laguerre import LaguerreBasis
 from workbench.diagnosis.estimation.program import FaultEstimation, FaultFilter
 from workbench.diagnosis.estimation.weighting import Requirement
 from workbench.diagnosis.estimators.disturbed import DisturbedPlant
@@ -55,11 +60,17 @@ __all__ = [
     "Detection",
     "DisturbedPlant",
     "Estimate",
+    "EstimationDemands",
     "Estimator",
     "FaultEstimation",
     "FaultFilter",
+    "FaultFront",
+    "FaultLoop",
     "FaultModel",
+    "FrontFilter",
+    "FrontPoint",
     "KalmanEstimator",
+    "LaguerreBasis",
     "ModelMatch",
     "Noise",
     "ParityRelation",
@@ -87,12 +98,15 @@ __all__ = [
     "events",
     "fault_detection",
     "fault_isolation",
+    "few_states",
+    "full_order",
     "glr",
     "hysteresis",
     "intervals",
     "isolability",
     "isolable",
     "isolate",
+    "least_total",
     "masking",
     "matched_events",
     "matching_bound",

@@ -11,8 +11,9 @@ import numpy as np
 from workbench.errors import InputError
 
 if TYPE_CHECKING:
-    pass
-from workbench.systems.realisation import Matrices
+    from control import StateSpace
+
+from workbench.systems.realisation import Matrices, realisation
 from workbench.systems.standard_plant import StandardPlant
 
 
@@ -49,3 +50,24 @@ def to_sampled(K: Matrices) -> Matrices:
     back = np.linalg.inv(np.eye(n) - A)
     root = math.sqrt(2.0)
     return back @ (A + np.eye(n)), root * back @ B, root * C @ back, D + C @ back @ B
+
+
+def bilinear_continuous(system: StateSpace) -> StateSpace:
+    """The continuous system of a sampled one by s = (2 / T) (z - 1) / (z + 1), T its period [s].
+
+    Its response at omega = (2 / T) tan(w T / 2) is the sampled one's at w [rad/s]. Raises
+    InputError for a pole at z = -1.
+    """
+    rate = 2.0 / system.dt
+    A, B, C, D = to_continuous((system.A, system.B, system.C, system.D))
+    return realisation((rate * A, rate * B, C, D), 0.0)
+
+
+def bilinear_sampled(system: StateSpace, period: float) -> StateSpace:
+    """The sampled system, period [s], that `bilinear_continuous` makes this continuous one of.
+
+    Raises LinAlgError for a pole at s = 2 / period.
+    """
+    rate = 2.0 / period
+    A, B, C, D = to_sampled((system.A / rate, system.B / rate, system.C, system.D))
+    return realisation((A, B, C, D), period)

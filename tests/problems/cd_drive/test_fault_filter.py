@@ -5,7 +5,6 @@ from pathlib import Path
 import control
 import numpy as np
 import pytest
-from workbench.plants.cd_drive.diagnosis.fault_filter import bound as fault_bound
 from workbench.plants.cd_drive.diagnosis.fault_filter.defect_estimates import (
     SHAPES,
     SIZE,
@@ -13,25 +12,23 @@ from workbench.plants.cd_drive.diagnosis.fault_filter.defect_estimates import (
     relative_errors,
     sampled_defect,
 )
-from workbench.plants.cd_drive.diagnosis.fault_filter.design import (
-    estimation,
-    few_states,
-    full_order,
-)
-from workbench.plants.cd_drive.diagnosis.fault_filter.front import FaultFront, full_filter, laguerre
 from workbench.plants.cd_drive.diagnosis.fault_filter.loop import (
+    BOUND_CORNER,
+    CORNER,
     FAST,
     SLOW,
-    FaultLoop,
     disc_weight,
-    resampled,
-    unsampled,
+    fault_loop,
+    fine_grid,
+    grid,
 )
 from workbench.plants.cd_drive.diagnosis.fault_filter.peers import defect_weight, peer_filters
 from workbench.plants.cd_drive.drive.plants import controller
 from workbench.plants.cd_drive.drive.red_book import envelope
 
 import workbench as wb
+from workbench.diagnosis import FaultFront, LaguerreBasis, few_states, full_order, least_total
+from workbench.diagnosis.estimation.front_filters import estimation
 from workbench.errors import SolverError
 from workbench.fitting.storage import function
 from workbench.systems.generalised_plant import response
@@ -46,7 +43,7 @@ def loops():
     data = wb.open_run(folder).data
     model = UncertaintyModel(*(function(data, f"{name}3_") for name in ("nominal", "W_c", "W_r")))
     K = control.ss(controller("focus"))
-    return FaultLoop("focus", model, K), FaultLoop("focus", model, K, 1.0)
+    return fault_loop("focus", model, K), fault_loop("focus", model, K, 1.0)
 
 
 @pytest.mark.parametrize("which", [0, 1])
@@ -74,11 +71,6 @@ def test_the_sampled_loop_is_held_and_delayed(loops):
     G, held = (response(loop.G, loop.warped(frequency))[:, 0, 0] for loop in loops)
     half = 1.5 * 2 * np.pi * frequency / 35e3
     assert held == pytest.approx(G * np.exp(-1j * half), rel=0.02)
-    F = control.ss([[-3e3]], [[1.0]], [[2e3]], [[0.5]])
-    z = np.exp(2j * np.pi * frequency / 35e3)
-    again = response(F, loops[1].warped(frequency))[:, 0, 0]
-    assert resampled(F)(z) == pytest.approx(again)
-    assert pytest.approx(F.A) == unsampled(resampled(F)).A
 
 
 def test_the_disc_weight_is_above_the_envelope():
@@ -92,51 +84,35 @@ def test_the_disc_weight_is_above_the_envelope():
 def test_a_full_filter_has_the_response_of_its_coefficients(loops):
     rng = np.random.default_rng(2)
     for loop in loops:
-        front = FaultFront(loop)
+        front, basis = FaultFront(loop, grid(loop)), LaguerreBasis(loop, CORNER)
         x = rng.standard_normal(9)
-        F = full_filter(loop, x)
+        F = basis.filter(x)
         assert (F.poles().real < 0).all()
-        expected = laguerre(loop, 9, front.omega) @ x
+        expected = basis.response(9, front.omega) @ x
         np.testing.assert_allclose(front.estimate(F), expected, atol=1e-9)
 
 
-def test_every_plant_costs_more_than_one_and_no_filter_beats_the_bound(loops, monkeypatch):
-    monkeypatch.setattr(fault_bound, "COEFFICIENTS", 24)
+def test_every_plant_costs_more_than_one_and_no_filter_beats_the_bound(loops):
     loop = loops[0]
-    fronts = [FaultFront(loop, nominal) for nominal in (True, False)]
-    points = [each.least(laguerre(loop, 12, each.omega), 0.3) for each in fronts]
+    fronts = [FaultFront(loop, grid(loop), nominal) for nominal in (True, False)]
+    basis = LaguerreBasis(loop, CORNER)
+    points = [each.least(basis.response(12, each.omega), 0.3) for each in fronts]
     assert points[0].total < points[1].total
     assert all(point.error <= 0.3 for point in points)
-    bound = fault_bound.least_total(loop, 0.3)
+    bound = least_total(loop.demands, 0.3, BOUND_CORNER, 24)
     assert 0.2 * points[0].total < bound < points[0].total
 
 
-def test_a_bound_of_more_coefficients_is_no_lower(loops, monkeypatch):
-    bounds = []
-    for count in (12, 24):
-        monkeypatch.setattr(fault_bound, "COEFFICIENTS", count)
-        bounds.append(fault_bound.least_total(loops[0], 0.4))
-    assert bounds[0] <= bounds[1] * (1 + 1e-3)
-
-
-def test_outer_functions_have_their_modulus(monkeypatch):
-    monkeypatch.setattr(fault_bound, "COEFFICIENTS", 400)
-    theta = 2 * np.pi * (np.arange(fault_bound.CIRCLE) + 0.5) / fault_bound.CIRCLE
-    modulus = 1 / abs(1 - 0.8 * np.exp(1j * theta))
-    expected = 0.8 ** np.arange(400)
-    np.testing.assert_allclose(fault_bound._outer(modulus), expected, atol=1e-10)
-
-
 def test_a_set_too_large_for_an_error_is_named(loops):
-    front = FaultFront(loops[0])
+    front = FaultFront(loops[0], grid(loops[0]))
     with pytest.raises(SolverError, match=r"no filter of this basis has a relative error of 0\.05"):
-        front.least(laguerre(loops[0], 8, front.omega), 0.05)
+        front.least(LaguerreBasis(loops[0], CORNER).response(8, front.omega), 0.05)
 
 
 def test_ten_states_keep_what_is_wanted_of_every_plant(loops):
     loop = loops[1]
-    fine = full_order(loop, 20, 0.3, 0.5e-6)
-    few = few_states(loop, fine.F, 10, 0.3, 0.5e-6)
+    fine = full_order(loop, grid(loop), LaguerreBasis(loop, CORNER), 20, 0.3, 0.5e-6)
+    few = few_states(loop, fine_grid(loop), fine.F, 10, 0.3, 0.5e-6)
     assert few.F.nstates == 10
     assert few.answer.upper < 1.0
     again = estimation(loop, 0.3, 0.5e-6).answer(few.F)

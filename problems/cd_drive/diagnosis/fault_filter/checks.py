@@ -8,6 +8,9 @@ import numpy as np
 
 from workbench import Check
 from workbench.certify.stability import stability_of
+from workbench.diagnosis import FaultLoop
+from workbench.diagnosis.estimation.front_filters import estimation
+from workbench.systems.bilinear import bilinear_continuous
 from workbench.systems.generalised_plant import response
 from workbench.systems.storage import restored
 
@@ -15,9 +18,7 @@ from ...drive.plants import ANTIALIASING
 from ...drive.red_book import envelope
 from ...laboratory.bench_setup import PERIOD
 from .defect_estimates import LONGEST, SHAPES
-from .design import estimation
-from .front import BAND
-from .loop import FAST, MOST, SLOW, FaultLoop, unsampled
+from .loop import BAND, FAST, MOST, SLOW
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -36,7 +37,7 @@ def filter_checks(
     found = []
     for name, loop in loops.items():
         K = restored(answer, name)
-        F = unsampled(K) if K.dt else K
+        F = bilinear_continuous(K) if K.dt else K
         stability = stability_of(K)
         found.append(
             Check(f"{name}: stable filter", stability.statement, stability.value, stability.limit)
@@ -90,7 +91,7 @@ def _members(loop: FaultLoop, F: StateSpace) -> dict[str, float]:
         delta = np.exp(1j * (phase - omega * delay))
         T = filter_ / (1 + K * G * (1 + x * real + delta * circular))
         slow = frequency <= SLOW
-        leaks = np.abs(T)[slow] * envelope(loop.axis, frequency[slow])
+        leaks = np.abs(T)[slow] * envelope("focus", frequency[slow])
         curves = {"error": np.abs(1 - T)[frequency >= FAST], "leakage": leaks, "gain": np.abs(T)}
         worst = {name: max(worst[name], float(curve.max())) for name, curve in curves.items()}
     return worst

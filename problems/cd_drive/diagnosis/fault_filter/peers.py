@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from workbench.diagnosis import FaultEstimation, Requirement
+from workbench.diagnosis import FaultEstimation, FaultLoop, Requirement
 from workbench.diagnosis.estimation.program import without_perturbation
 from workbench.errors import SolverError
 from workbench.fitting.rational import Rational
@@ -14,7 +14,6 @@ from workbench.program import solve
 from workbench.uncertainty import GeneralisedPlant
 
 from ..stand_in import low_pass
-from .loop import FaultLoop, disc_weight
 
 if TYPE_CHECKING:
     from control import StateSpace
@@ -56,7 +55,7 @@ def peer_filters(loop: FaultLoop, error: float, leakage: float) -> dict[str, Sta
         "f_sd",
         [
             Requirement("error", "f_sd", defect_weight(), error),
-            Requirement("leakage", "x_cd", disc_weight(loop.axis), leakage),
+            Requirement("leakage", "x_cd", loop.demands.disturbance, leakage),
             Requirement("noise", "n", ELECTRONICS, leakage),
         ],
     )

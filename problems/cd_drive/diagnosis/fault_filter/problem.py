@@ -15,21 +15,28 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, Run, Study, problem, ref
+from workbench.diagnosis import (
+    FaultFront,
+    FaultLoop,
+    LaguerreBasis,
+    few_states,
+    full_order,
+    least_total,
+)
 from workbench.errors import SolverError
 from workbench.executor import Context
 from workbench.fitting.storage import function
+from workbench.systems.bilinear import bilinear_sampled
 from workbench.systems.storage import restored, stored
 from workbench.uncertainty import UncertaintyModel
 
 from ...control.cover_for_control.problem import PARTS, STAGES
 from ...drive.plants import Gain, controller
 from ...drive.shared_parameters import TABLES, Frequencies
-from .bound import least_total
+from ...laboratory.bench_setup import PERIOD
 from .checks import filter_checks
 from .defect_estimates import SHAPES, estimates, sampled_defect
-from .design import few_states, full_order
-from .front import FaultFront, laguerre
-from .loop import FaultLoop, resampled
+from .loop import BOUND_CORNER, CORNER, fault_loop, fine_grid, grid
 from .peers import peer_filters
 from .report import filter_figures, filter_tables, shape_errors
 
@@ -95,33 +102,35 @@ class FaultFilterStudy(Study):
 
         K = control.ss(controller("focus"))
         return {
-            "full": FaultLoop("focus", self.model, K),
-            "discrete": FaultLoop("focus", self.model, K, self.delay),
+            "full": fault_loop("focus", self.model, K),
+            "discrete": fault_loop("focus", self.model, K, self.delay),
         }
 
     def compute(self, context: Context) -> xr.Dataset:
         import xarray as xr
 
         loop, sampled = self.loops["full"], self.loops["discrete"]
-        fronts = {name: FaultFront(loop, name == KINDS[0]) for name in KINDS}
+        fronts = {name: FaultFront(loop, grid(loop), name == KINDS[0]) for name in KINDS}
+        basis = LaguerreBasis(loop, CORNER)
         front = np.full((len(KINDS), len(ERRORS), 3), np.nan)
         bound = np.full(len(ERRORS), np.nan)
         for j, error in context.track(list(enumerate(ERRORS)), "front"):
             for i, each in enumerate(fronts.values()):
                 try:
-                    point = each.least(laguerre(loop, CONTINUOUS, each.omega), error)
+                    point = each.least(basis.response(CONTINUOUS, each.omega), error)
                 except SolverError:  # no filter of the basis: the front ends there
                     continue
                 front[i, j] = point.error, point.leakage, point.noise
-            bound[j] = least_total(loop, error)
+            bound[j] = least_total(loop.demands, error, BOUND_CORNER)
         limits = self.error, self.leakage
-        full = full_order(loop, CONTINUOUS, *limits)
-        fine = full_order(sampled, SAMPLED, *limits)
-        few = few_states(sampled, fine.F, self.order, *limits)
+        full = full_order(loop, grid(loop), basis, CONTINUOUS, *limits)
+        fine_basis = LaguerreBasis(sampled, CORNER)
+        fine = full_order(sampled, grid(sampled), fine_basis, SAMPLED, *limits)
+        few = few_states(sampled, fine_grid(sampled), fine.F, self.order, *limits)
         filters = {"robust": few.F} | peer_filters(loop, *limits)
-        judges = [FaultFront(sampled, name == KINDS[0]) for name in KINDS]
+        judges = [FaultFront(sampled, grid(sampled), name == KINDS[0]) for name in KINDS]
         judged = [[each.judged(each.estimate(F)) for each in judges] for F in filters.values()]
-        played = {name: resampled(F) for name, F in filters.items()}
+        played = {name: bilinear_sampled(F, PERIOD) for name, F in filters.items()}
         shown = [sampled_defect(shape) for shape in SHAPES]
         runs = np.array(
             [

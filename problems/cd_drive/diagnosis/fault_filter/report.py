@@ -8,14 +8,15 @@ import numpy as np
 
 from workbench import figures
 from workbench.arrays import RealArray
+from workbench.diagnosis import FaultFront, FaultLoop
+from workbench.systems.bilinear import bilinear_continuous
 from workbench.systems.generalised_plant import response
 from workbench.systems.storage import restored
 
 from ...control.control_problem import optical_gain
 from ...laboratory.bench_setup import RATE
 from .defect_estimates import relative_errors
-from .front import FaultFront
-from .loop import FAST, SLOW, FaultLoop, unsampled
+from .loop import FAST, SLOW, grid
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -133,8 +134,8 @@ def _filters(answer: xr.Dataset) -> Figure:
 
 def _channel(loop: FaultLoop, answer: xr.Dataset) -> Figure:
     """What of a defect is estimated: nominal, and the largest and least gain over the set."""
-    front = FaultFront(loop)
-    T = front.estimate(unsampled(restored(answer, "discrete")))
+    front = FaultFront(loop, grid(loop))
+    T = front.estimate(bilinear_continuous(restored(answer, "discrete")))
     figure, (gain, error) = figures.axes(2, 1, size=(7.4, 6.4), sharex=True)
     every = np.abs(T[:, None] / front.p)
     gain.fill_between(front.frequency, every.min(axis=1), every.max(axis=1), color=figures.SKY,

@@ -1,0 +1,203 @@
+"""A feedback loop with an additive fault on its measurement, and demands on the fault's estimate.
+
+    e = d + f - H G (1 + W_c delta_c + W_r delta_r) K e,     u_f = F e,
+
+with the disturbance d, the fault f and a filter H of the measurement inside the loop. F S is both
+what of the fault is estimated and what of the disturbance leaks into the estimate. Before F the
+filter H is left out: the fault is estimated as H lets it through.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from workbench.arrays import ComplexArray, RealArray
+from workbench.diagnosis.estimation.weighting import Requirement
+from workbench.input_checks import need_positive
+from workbench.systems.bilinear import bilinear_continuous
+from workbench.systems.generalised_plant import GeneralisedPlant, generalised_plant, response
+from workbench.systems.sampling import sampled
+from workbench.uncertainty import UncertaintyModel
+
+if TYPE_CHECKING:
+    from control import StateSpace
+
+BOUNDARY_POINTS = 24
+"""Points on each half of the boundary of the plants' stadium or circle at a frequency."""
+
+
+@dataclass(frozen=True, eq=False)
+class EstimationDemands:
+    """Where the estimate of a fault must be right, and what may disturb it.
+
+    Parameters
+    ----------
+    error_above
+        Frequency [Hz] from which on the relative error of the estimate is limited.
+    leakage_below
+        Frequency [Hz] up to which the leakage of the disturbance is limited.
+    gain
+        Largest gain from disturbance or fault to the estimate, at any frequency and plant.
+    disturbance
+        Stable weight whose magnitude is the disturbance's largest amplitude [unit of the fault].
+    noise
+        Rms of the measurement's noise, in the unit of the fault, white up to `noise_band`.
+    noise_band
+        Bandwidth of the noise [Hz].
+    unit
+        Typical size of a leakage, by which cone programs are scaled.
+
+    Raises
+    ------
+    InputError
+        Numbers that are not positive and finite.
+    """
+
+    error_above: float
+    leakage_below: float
+    gain: float
+    disturbance: StateSpace
+    noise: float
+    noise_band: float
+    unit: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name in ("error_above", "leakage_below", "gain", "noise", "noise_band", "unit"):
+            need_positive(getattr(self, name), name)
+
+    def disturbance_size(self, omega: RealArray) -> RealArray:
+        """Largest amplitude (F,) of the disturbance at omega [rad/s] (F,)."""
+        return np.abs(response(self.disturbance, omega)[:, 0, 0])
+
+
+@dataclass(frozen=True, eq=False)
+class FaultLoop:
+    """A loop around all plants of a model; sampled where a delay is given.
+
+    Parameters
+    ----------
+    model
+        Nominal plant and weights u -> y, without the measurement's filter.
+    K
+        e -> u, continuous, closed with negative feedback.
+    filter
+        H, continuous, stable.
+    demands
+        On the estimate of the fault.
+    period
+        Sampling period [s]; None: the loop is continuous.
+    delay
+        Turn-around of the computer [samples], where a period is given: the plant is sampled behind
+        a hold and brought back to continuous time by the bilinear transform; K and the weights
+        stand for their bilinear transforms.
+
+    Raises
+    ------
+    InputError
+        A period that is not positive.
+    """
+
+    model: UncertaintyModel
+    K: StateSpace
+    filter: StateSpace
+    demands: EstimationDemands
+    period: float | None = None
+    delay: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.period is not None:
+            need_positive(self.period, "period")
+
+    def warped(self, frequency: ArrayLike) -> RealArray:
+        """omega [rad/s] at which the continuous systems have the loop's response at `frequency`.
+
+        frequency [Hz] (F,).
+        """
+        omega = 2 * np.pi * np.asarray(frequency, float)
+        if self.period is None:
+            return omega
+        rate = 2.0 / self.period
+        return rate * np.tan(omega / rate)
+
+    @cached_property
+    def G(self) -> StateSpace:
+        """Nominal plant, its measurement's filter and delay included."""
+        G = self.filter * self.model.systems()["G"]
+        if self.period is None:
+            return G
+        return bilinear_continuous(sampled(G, self.period, self.delay))
+
+    @cached_property
+    def plant(self) -> GeneralisedPlant:
+        """(perturbation; d, f) -> (perturbation; e) of the closed loop."""
+        systems = self.model.systems()
+        kinds = [kind for kind in ("r", "c") if f"W_{kind}" in systems]
+        blocks = [(systems[f"W_{kind}"], "m", f"y_{kind}") for kind in kinds]
+        perturbation = [
+            (block, f"y_{kind}", f"u_{kind}")
+            for kind, block in zip(kinds, self.model.structure, strict=True)
+        ]
+        return generalised_plant(
+            [(self.G, "v", "x"), (self.K, "e", "m"), *blocks],
+            {"v": " + ".join(["m", *(f"u_{kind}" for kind in kinds)]), "e": "d + f - x"},
+            perturbation=perturbation,
+            exogenous=["d", "f"],
+            measurement="e",
+        )
+
+    def open_loop(self, omega: RealArray) -> ComplexArray:
+        """L (F,) of the nominal loop."""
+        parts = response(self.K, omega)[:, 0, 0], response(self.G, omega)[:, 0, 0]
+        return parts[0] * parts[1]
+
+    def differences(self, omega: RealArray, sides: int = BOUNDARY_POINTS) -> ComplexArray:
+        """S_nominal / S (F, P) on the boundary of the set: 1 + T (W_c delta_c + W_r delta_r)."""
+        L = self.open_loop(omega)
+        T = L / (1 + L)
+        circular, real = (part[:, None] for part in self._extents(omega, T))
+        along = np.exp(1j * np.angle(real))
+        cap = real + circular * along * np.exp(1j * np.pi * np.linspace(-0.5, 0.5, sides // 2))
+        side = real * np.linspace(-1.0, 1.0, sides // 2)[1:-1] + 1j * circular * along
+        return np.concatenate([1 + cap, 1 - cap, 1 + side, 1 - side], axis=1)
+
+    def amplification(self, omega: RealArray) -> RealArray:
+        """Largest |S / S_nominal| (F,) over the set; infinite where the loop may be unstable."""
+        L = self.open_loop(omega)
+        circular, real = self._extents(omega, L / (1 + L))
+        along = np.clip(-real.real / np.maximum(np.abs(real) ** 2, np.finfo(float).tiny), -1, 1)
+        distance = np.abs(1 + along * real) - circular
+        with np.errstate(divide="ignore"):
+            return np.where(distance > 0, 1 / np.maximum(distance, 0.0), np.inf)
+
+    def _extents(self, omega: RealArray, T: ComplexArray) -> tuple[RealArray, ComplexArray]:
+        """Radius and end of the stadiums of T (W_c delta_c + W_r delta_r)."""
+        real = np.zeros(len(omega), complex)
+        if self.model.W_r is not None:
+            real = self.model.W_r.response(omega) * T
+        return np.abs(self.model.W_c.response(omega) * T), real
+
+    def requirements(self, error: float, leakage: float) -> list[Requirement]:
+        """Requirements on a filter: relative error of f, leakage of d, gain at any frequency.
+
+        leakage: in the unit of the fault.
+        """
+        demands = self.demands
+        fast = float(self.warped(demands.error_above))
+        slow = float(self.warped(demands.leakage_below))
+        return [
+            Requirement("error", "f", 1.0, error, (fast, math.inf)),
+            Requirement("leakage", "d", demands.disturbance, leakage, (0.0, slow)),
+            Requirement("gain", "d", 1.0, demands.gain),
+        ]
+
+    @property
+    def slowest_pole(self) -> float:
+        """Distance [rad/s] of the slowest pole of K and G from the imaginary axis."""
+        poles = np.concatenate([self.K.poles(), self.G.poles()])
+        return float(-poles[np.argmin(np.abs(poles))].real)

@@ -1,0 +1,161 @@
+"""The least leakage of a fault filter for a relative error: convex in the filter.
+
+With T = F S of the nominal loop and p = S_nominal / S over the set, each plant estimates T / p of a
+fault, and lets as much of the disturbance and of the noise through. Over a basis of T, for all p,
+
+    min   E + 3 rms     |p - T| <= r |p|             from demands.error_above on,
+                        |T| max|1/p| W_d <= E        up to demands.leakage_below,
+                        |T| max|1/p| <= demands.gain everywhere,    ||T max|1/p||| = rms
+
+with the noise white up to demands.noise_band. Second-order cones on a grid of frequencies; a
+filter's requirements are certified elsewhere, at all frequencies.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from workbench.arrays import ComplexArray, RealArray
+from workbench.diagnosis.estimation.fault_loop import FaultLoop
+from workbench.errors import InputError, SolverError
+from workbench.executor import Context
+from workbench.solvers import Outcome, conic_solvers, solve_conic
+from workbench.systems.generalised_plant import response
+from workbench.systems.realisation import realisation
+
+if TYPE_CHECKING:
+    from control import StateSpace
+
+GRID_MARGIN = 0.01
+"""Relative tightening of the limits on the grid, for what lies between its frequencies and between
+the boundary points of the set of plants."""
+
+
+@dataclass(frozen=True)
+class FrontPoint:
+    """A filter of the front: coefficients, relative error, leakage and rms of the noise.
+
+    Leakage and noise are in the unit of the fault.
+    """
+
+    coefficients: RealArray
+    error: float
+    leakage: float
+    noise: float
+
+    @property
+    def total(self) -> float:
+        return self.leakage + 3 * self.noise
+
+
+class FaultFront:
+    """Filters F over a basis, for a loop's set of plants or (`nominal`) for its nominal one.
+
+    frequency: grid [Hz] (F,), rising. Raises InputError for another one, and where it has no
+    frequency at which the error, or none at which the leakage is limited.
+    """
+
+    def __init__(self, loop: FaultLoop, frequency: ArrayLike, nominal: bool = False) -> None:
+        self.loop = loop
+        self.frequency = f = np.asarray(frequency, float)
+        if f.ndim != 1 or not np.isfinite(f).all() or (np.diff(f, prepend=0.0) <= 0.0).any():
+            raise InputError("frequency must be (F,), positive, finite and rising")
+        if not f[0] <= loop.demands.leakage_below or not f[-1] >= loop.demands.error_above:
+            raise InputError(
+                f"the grid from {f[0]:g} to {f[-1]:g} Hz must have frequencies up to "
+                f"{loop.demands.leakage_below:g} Hz and from {loop.demands.error_above:g} Hz on"
+            )
+        self.omega = loop.warped(self.frequency)
+        L = loop.open_loop(self.omega)
+        self.back = 1 + L  # 1 / S
+        one = np.ones((len(L), 1), complex)
+        self.p = one if nominal else loop.differences(self.omega)
+        self.worst = np.ones(len(L)) if nominal else loop.amplification(self.omega)
+        self.disturbance = loop.demands.disturbance_size(self.omega)
+
+    def estimate(self, F: StateSpace) -> ComplexArray:
+        """T (F,) of a filter."""
+        return np.asarray(response(F, self.omega)[:, 0, 0] / self.back)
+
+    def of_filter(self, F: StateSpace) -> ComplexArray:
+        """Basis of T (F, n + 1) of the filters with the poles and the input matrix of one."""
+        n = F.nstates
+        states = realisation((F.A, F.B, np.eye(n), np.zeros((n, 1))), 0.0)
+        columns = [response(states, self.omega)[:, :, 0], np.ones((len(self.omega), 1))]
+        return np.asarray(np.hstack(columns) / self.back[:, None], complex)
+
+    def judged(self, T: ComplexArray) -> tuple[float, float, float]:
+        """Relative error, leakage and rms of the noise of T (F,), on the grid."""
+        f, size = self.frequency, np.abs(T) * self.worst
+        demands = self.loop.demands
+        error = np.abs(1 - T[:, None] / self.p).max(axis=1)
+        leakage = (size * self.disturbance)[f <= demands.leakage_below].max()
+        noise = demands.noise * np.sqrt((self._shares * size**2).sum())
+        return float(error[f >= demands.error_above].max()), float(leakage), float(noise)
+
+    @property
+    def _shares(self) -> RealArray:
+        """Shares of the noise's power (F,) that the frequencies stand for."""
+        band = self.loop.demands.noise_band
+        inside = np.minimum(self.frequency, band)
+        edges = np.concatenate([[0.0], (inside[1:] + inside[:-1]) / 2, [inside[-1]]])
+        return np.diff(edges) / band
+
+    def least(self, basis: ComplexArray, error: float, leakage: float | None = None) -> FrontPoint:
+        """The filter with the least leakage and noise for a relative error, over T = basis @ x.
+
+        basis (F, n). leakage: its limit alone, in the unit of the fault; None: no limit. Raises
+        SolverError where no filter meets the limits.
+        """
+        import cvxpy as cp
+
+        demands = self.loop.demands
+        f, tight = self.frequency, 1 - GRID_MARGIN
+        scale = np.abs(basis).max(axis=0)
+        basis = basis / scale
+        x, E, rms = cp.Variable(basis.shape[1]), cp.Variable(), cp.Variable()
+        size = self.worst / demands.unit
+        slow, fast = f <= demands.leakage_below, f >= demands.error_above
+        power = np.sqrt(self._shares) * demands.noise
+        limits = [
+            cp.abs(_rows(basis, size * self.disturbance)[slow] @ x) <= tight * E,
+            cp.abs(_rows(basis, self.worst) @ x) <= tight * demands.gain,
+            cp.norm(_rows(basis, size * power) @ x) <= rms,
+        ]
+        for p in self.p[fast].T:
+            rest = p / np.abs(p) - _rows(basis[fast], 1 / np.abs(p)) @ x
+            limits.append(cp.abs(rest) <= tight * error)
+        if leakage is not None:
+            limits.append(leakage >= E * demands.unit)
+        problem = cp.Problem(cp.Minimize(E + 3 * rms), limits)
+        said = solve_in_place(problem)
+        if x.value is None:
+            raise SolverError(f"no filter of this basis has a relative error of {error:g}: {said}")
+        T = basis @ x.value
+        return FrontPoint(x.value / scale, *self.judged(T))
+
+
+def solve_in_place(problem: Any) -> str:
+    """Solve a cone program by the default solver; its message. Variables are None if it failed."""
+    context = Context()
+    outcome, said = solve_conic(problem, conic_solvers()[0], context.options, context)
+    if outcome not in (Outcome.SOLVED, Outcome.INACCURATE):
+        for variable in problem.variables():
+            variable.value = None
+    return said
+
+
+def near_poles(loop: FaultLoop, frequency: RealArray, poles: ComplexArray) -> RealArray:
+    """A grid [Hz] (F,) with frequencies about poles [rad/s] added, nearer if less damped."""
+    upper = poles[poles.imag > 0.0]
+    near = (upper.imag[:, None] + upper.real[:, None] * np.linspace(-3.0, 3.0, 13)).ravel()
+    found = np.interp(near, loop.warped(frequency), frequency)
+    return np.union1d(frequency, found)
+
+
+def _rows(basis: ComplexArray, weight: RealArray) -> ComplexArray:
+    return basis * weight[:, None]

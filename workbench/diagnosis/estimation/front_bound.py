@@ -1,0 +1,166 @@
+"""Lower bound of leakage and noise of every stable fault filter, on the nominal plant.
+
+T = F S may be any stable function, T = sum t_k z^k with z = (a - s) / (a + s). Where |W T - V| <= 1
+at all frequencies, the lower triangular Toeplitz matrix of the first n coefficients of W T - V has
+norm at most 1, whatever the others are; so has every vector that it is applied to, and the noise is
+at least what these coefficients make. Least E + 3 rms over t_0 to t_(n-1) under such vectors is a
+bound; vectors that violate it most are added in turn.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.linalg import toeplitz
+
+from workbench.arrays import RealArray
+from workbench.diagnosis.estimation.fault_loop import EstimationDemands
+from workbench.diagnosis.estimation.front import solve_in_place
+from workbench.errors import SolverError
+from workbench.input_checks import need_positive
+
+COEFFICIENTS = 64
+"""Default number of coefficients t_k that are variables; more of them raise the bound."""
+CIRCLE = 2**14
+"""Points on the unit circle at which the modulus of a weight is given."""
+WEIGHT_FLOOR = 1e-2
+"""Value, in the unit of the demands, of weights that should be zero in a band: outer functions are
+nowhere zero. What it adds to the bound is taken off again."""
+FIRST_VECTORS = 24
+"""Windowed waves, of as many frequencies, with which each limit is stated at first."""
+ROUNDS = 25
+"""Largest number of programs that are solved, each with the most violated vectors added."""
+CUTS = 3
+"""Most violated vectors of a limit that are added in a round."""
+NORM_EXCESS = 0.02
+"""Relative excess of a limit's norm at which no more vectors are added: the bound holds anyway."""
+SOLVER_ACCURACY = 1e-4
+"""Relative amount by which the bound is lowered, for the solver's accuracy."""
+
+
+@dataclass(frozen=True, eq=False)
+class Limit:
+    """|W T - V| <= 1, or <= E in the demands' unit: Toeplitz matrices (n, n) of W and of V."""
+
+    W: RealArray
+    V: RealArray
+    leaks: bool
+
+
+def least_total(
+    demands: EstimationDemands, error: float, corner: float, coefficients: int = COEFFICIENTS
+) -> float:
+    """E + 3 rms below which no stable filter comes with this relative error on the nominal plant.
+
+    In the unit of the fault, for any plant and controller of a continuous loop.
+
+    Parameters
+    ----------
+    demands
+        On the estimate of the fault.
+    error
+        Relative, from demands.error_above on.
+    corner
+        a [rad/s], about where the demands lie.
+    coefficients
+        Number of t_k.
+
+    Raises
+    ------
+    InputError
+        Error or corner not positive.
+    SolverError
+        Where the solver fails.
+    """
+    import cvxpy as cp
+
+    need_positive(error, "error")
+    need_positive(corner, "corner")
+    most = demands.gain
+
+    theta = 2 * np.pi * (np.arange(CIRCLE) + 0.5) / CIRCLE
+    omega = corner * np.abs(np.tan(theta / 2))
+    f = omega / 2 / np.pi
+    disturbance = demands.disturbance_size(omega) / demands.unit
+    everywhere = _lower(_outer(np.full(CIRCLE, 1 / most), coefficients))
+    relative = _lower(
+        _outer(np.where(f >= demands.error_above, 1 / error, 1 / (1 + most)), coefficients)
+    )
+    leaking = _lower(
+        _outer(np.where(f <= demands.leakage_below, disturbance, WEIGHT_FLOOR), coefficients)
+    )
+    limits = [
+        Limit(everywhere, 0 * everywhere, False),
+        Limit(relative, relative, False),
+        Limit(leaking, 0 * leaking, True),
+    ]
+    N, lost = _noise(demands, corner, coefficients, theta, f)
+    t, E, rms = cp.Variable(coefficients), cp.Variable(nonneg=True), cp.Variable(nonneg=True)
+    held: list[Any] = [cp.norm(N @ t) <= rms, most * WEIGHT_FLOOR <= E]
+    waves = [_wave(angle, coefficients) for angle in np.linspace(0.0, np.pi, FIRST_VECTORS)]
+    held += [_held(limit, v, t, E) for limit in limits for v in waves]
+    best = 0.0
+    for _ in range(ROUNDS):
+        problem = cp.Problem(cp.Minimize(E + 3 * rms), held)
+        said = solve_in_place(problem)
+        if t.value is None:
+            raise SolverError(f"the bound of a relative error of {error:g}: {said}")
+        best = max(best, float(problem.value) * (1 - SOLVER_ACCURACY))
+        worst = 0.0
+        for limit in limits:
+            level = float(E.value) if limit.leaks else 1.0
+            _, sizes, right = np.linalg.svd(limit.W @ _lower(t.value) - limit.V)
+            worst = max(worst, sizes[0] / level - 1)
+            held += [_held(limit, right[k], t, E) for k in range(CUTS) if sizes[k] > level]
+        if worst < NORM_EXCESS:
+            break
+    # A filter that leaks less than E may is bounded with E in its leakage's place.
+    return max(best - most * WEIGHT_FLOOR - 3 * lost, 0.0) * demands.unit
+
+
+def _lower(column: Any) -> Any:
+    """The lower triangular Toeplitz matrix of coefficients."""
+    return toeplitz(column, np.zeros(len(column)))
+
+
+def _outer(modulus: RealArray, count: int) -> RealArray:
+    """The first coefficients (count,) of the outer function with a modulus on the circle."""
+    log = np.fft.fft(np.log(modulus)) / len(modulus)
+    # The points lie half a step from 1.
+    k = np.arange(count)
+    d = (log[:count] * np.exp(-1j * np.pi * k / len(modulus))).real * np.where(k, 2.0, 1.0)
+    w = np.zeros(count)
+    w[0] = np.exp(d[0])
+    for n in range(1, count):
+        w[n] = (k[1 : n + 1] * d[1 : n + 1] * w[n - 1 :: -1][:n]).sum() / n
+    return w
+
+
+def _noise(
+    demands: EstimationDemands, corner: float, count: int, theta: RealArray, f: RealArray
+) -> tuple[RealArray, float]:
+    """Toeplitz matrix of the noise's weight in the demands' unit, and what its floor adds."""
+    size = demands.noise / demands.unit
+    density = np.pi * size**2 / demands.noise_band * corner / (4 * np.pi) / np.cos(theta / 2) ** 2
+    outside = f > demands.noise_band
+    floor = WEIGHT_FLOOR**2 * density[~outside].max()
+    lost = demands.gain * np.sqrt(floor * outside.mean())
+    return _lower(_outer(np.sqrt(np.where(outside, floor, density)), count)), float(lost)
+
+
+def _wave(angle: float, count: int) -> Any:
+    k = np.arange(count)
+    window = np.sin(np.pi * (k + 0.5) / count)
+    v = window * np.exp(1j * angle * k)
+    return v / np.linalg.norm(v)
+
+
+def _held(limit: Limit, v: Any, t: Any, E: Any) -> Any:
+    """||(W T - V) v|| <= 1 or E, T v = Toeplitz(v) t."""
+    import cvxpy as cp
+
+    A, b = limit.W @ _lower(v), limit.V @ v
+    rows, offset = np.vstack([A.real, A.imag]), np.concatenate([b.real, b.imag])
+    return cp.norm(rows @ t - offset) <= (E if limit.leaks else 1.0)

@@ -1,0 +1,103 @@
+"""Fault filters on the front: full order over a Laguerre basis, then few states, certified.
+
+The reduced filter keeps only its poles: what they can do is a convex problem again.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from workbench.arrays import RealArray
+from workbench.certify.stability import stability_of
+from workbench.diagnosis.estimation.fault_loop import FaultLoop
+from workbench.diagnosis.estimation.front import FaultFront, FrontPoint, near_poles
+from workbench.diagnosis.estimation.laguerre import LaguerreBasis
+from workbench.diagnosis.estimation.program import FaultEstimation, FaultFilter
+from workbench.errors import InputError, SolverError
+from workbench.synthesis import reduced
+from workbench.systems.realisation import realisation
+
+if TYPE_CHECKING:
+    from control import StateSpace
+
+REDUCTIONS = ("weighted", "balanced", "hankel")
+"""Methods of `reduced` whose poles are tried."""
+
+
+@dataclass(frozen=True, eq=False)
+class FrontFilter:
+    """A filter F e -> u_f, continuous, how it does on a grid, and its certified answer."""
+
+    F: StateSpace
+    point: FrontPoint
+    answer: FaultFilter
+
+
+def full_order(
+    loop: FaultLoop,
+    frequency: ArrayLike,
+    basis: LaguerreBasis,
+    count: int,
+    error: float,
+    leakage: float,
+) -> FrontFilter:
+    """The filter of least leakage and noise for a relative error over a Laguerre basis, certified.
+
+    frequency: grid [Hz] (F,) of the convex problem. count: functions of the basis. leakage: limit
+    that the certificate is about, in the unit of the fault. Raises SolverError where the set of
+    plants allows no such filter.
+    """
+    front = FaultFront(loop, frequency)
+    point = front.least(basis.response(count, front.omega), error)
+    return certified(loop, basis.filter(point.coefficients), point, error, leakage)
+
+
+def few_states(
+    loop: FaultLoop, frequency: RealArray, F: StateSpace, order: int, error: float, leakage: float
+) -> FrontFilter:
+    """The best filter with the poles of a reduction of F to at most an order.
+
+    Of those that are certified to meet all requirements, if there are any. frequency: grid [Hz]
+    (F,), to which those about the reduced poles are added. Raises SolverError where no reduction
+    has poles that meet the relative error and the leakage.
+    """
+    program = estimation(loop, error, leakage)
+    found: list[FrontFilter] = []
+    for method in REDUCTIONS:
+        plant = program.plant if method == "weighted" else None
+        try:
+            poles = reduced(F, order, method, plant)  # type: ignore[arg-type]
+            front = FaultFront(loop, near_poles(loop, frequency, poles.poles()))
+            point = front.least(front.of_filter(poles), error, leakage)
+        except (InputError, SolverError):
+            continue
+        x = point.coefficients
+        made = realisation((poles.A, poles.B, x[None, :-1], x[None, -1:]), 0.0)
+        if stability_of(made).holds:
+            found.append(certified(loop, made, point, error, leakage))
+    if not found:
+        raise SolverError(
+            f"no filter of order {order} with a relative error of {error:g} and a leakage of "
+            f"{leakage:g} by {REDUCTIONS}"
+        )
+    meeting = [each for each in found if each.answer.upper <= 1.0]
+    return min(meeting or found, key=lambda each: each.point.total)
+
+
+def estimation(loop: FaultLoop, error: float, leakage: float) -> FaultEstimation:
+    """The fault estimation of a loop with its requirements."""
+    return FaultEstimation(loop.plant, "f", loop.requirements(error, leakage))
+
+
+def certified(
+    loop: FaultLoop, F: StateSpace, point: FrontPoint, error: float, leakage: float
+) -> FrontFilter:
+    """A filter with its certified bounds. Raises SolverError for one that is not stable."""
+    answer = estimation(loop, error, leakage).answer(F)
+    if answer is None:
+        raise SolverError(f"the filter is not stable: poles {np.sort(F.poles().real)[-2:]}")
+    return FrontFilter(F, point, answer)

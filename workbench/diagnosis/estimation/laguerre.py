@@ -1,0 +1,59 @@
+"""Laguerre basis of T = F S, the estimate of a fault in a loop, and the filters F = T / S."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from workbench.arrays import ComplexArray, RealArray
+from workbench.diagnosis.estimation.fault_loop import FaultLoop
+from workbench.fitting.rational import Rational, paired
+from workbench.input_checks import need_positive
+from workbench.systems.realisation import realisation
+
+if TYPE_CHECKING:
+    from control import StateSpace
+
+
+@dataclass(frozen=True, eq=False)
+class LaguerreBasis:
+    """Functions of T: zero where the loop integrates, then all-pass factors with one pole.
+
+    corner: -pole [rad/s]. Raises InputError for one that is not positive.
+    """
+
+    loop: FaultLoop
+    corner: float
+
+    def __post_init__(self) -> None:
+        need_positive(self.corner, "corner")
+
+    def response(self, count: int, omega: RealArray) -> ComplexArray:
+        """The first functions at omega [rad/s]: (F, count)."""
+        s = 1j * omega[:, None]
+        zero = (s + self.loop.slowest_pole) / (s + self.corner)
+        every = zero * ((s - self.corner) / (s + self.corner)) ** np.arange(count)
+        return np.asarray(every, complex)
+
+    def filter(self, coefficients: RealArray) -> StateSpace:
+        """F = T / S of coefficients (count,), its zero cancelling what integrates in 1 / S."""
+        corner = self.corner
+        root, n = np.sqrt(2 * corner), len(coefficients) - 1
+        # z_k = (s - a) / (s + a) z_(k-1) = z_(k-1) - sqrt(2 a) x_k.
+        A = -corner * (np.eye(n) + 2 * np.tril(np.ones((n, n)), -1))
+        left = np.cumsum(coefficients[::-1])[::-1]
+        C, D = -root * left[1:][None, :], np.array([[left[0]]])
+        ladder = realisation((A, root * np.ones((n, 1)), C, D), 0.0)
+        return ladder * self._inverse_sensitivity().state_space()
+
+    def _inverse_sensitivity(self) -> Rational:
+        """(1 + L) (s + slowest pole) / (s + corner)."""
+        loop = self.loop
+        L = loop.G * loop.K
+        direct = 1.0 + float(L.D[0, 0])
+        zeros = np.linalg.eigvals(L.A - L.B @ L.C / direct)
+        poles = np.concatenate([loop.K.poles(), loop.G.poles()])
+        poles[np.argmin(np.abs(poles))] = -self.corner
+        return Rational(paired(zeros), paired(poles), direct)
