@@ -24,7 +24,7 @@ from workbench.synthesis import (
     switched_loop,
     unswitched,
 )
-from workbench.synthesis.switching.boxes import Cell
+from workbench.synthesis.switching.cells import Cell
 from workbench.synthesis.switching.controllers import split_slowest
 from workbench.systems.generalised_plant import generalised_plant
 from workbench.systems.sampling import sampled
@@ -231,10 +231,14 @@ def test_wrong_boxes_are_named(low, options, words):
 # --- each loop alone: an integrator with a gain ---------------------------------------------------
 
 
+def static(gains, dt):
+    return {f"{k:g}": control.ss([], [], [], [[k]], dt) for k in gains}
+
+
 def test_an_integrator_alone_has_its_closed_forms():
     G, gains, T = control.ss(0.0, 40.0, 1.0, 0.0), (1.0, 6.0), 0.01
-    K = {f"{k:g}": control.ss([], [], [], [[k]]) for k in gains}
-    found = SingleLoops(K, {"tank": G}, T, 0.0).margins()
+    K = static(gains, 0)
+    found = SingleLoops(K, static(gains, T), {"tank": G}, 0.0).margins()
     for i, k in enumerate(gains):
         assert found.growth[i, 0, 0] == pytest.approx(-40.0 * k)
         assert found.growth[i, 1, 0] == pytest.approx(np.log(abs(1 - 40.0 * k * T)) / T)
@@ -254,8 +258,10 @@ def test_robust_stability_of_an_uncertain_gain():
         control=["u"],
         measurement="e",
     )
-    loops = SingleLoops({"K": control.ss([], [], [], [[3.0]])}, {"tank": G}, 0.1, 0.5)
+    loops = SingleLoops(static([3.0], 0), static([3.0], 0.1), {"tank": G}, 0.5)
     mu = loops.robust(plant, Context())
     assert mu.shape == (1, 2, 2)
     assert mu[0, 0, 0] <= 0.4 <= mu[0, 0, 1] * (1 + 1e-9)
     assert mu[0, 1, 0] > 0.41
+    with pytest.raises(InputError, match="need those named"):
+        SingleLoops(static([3.0], 0), {}, {"tank": G}, 0.5)

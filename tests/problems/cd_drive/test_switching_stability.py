@@ -36,7 +36,7 @@ from workbench.synthesis import (
     proven_share,
     switched_loop,
 )
-from workbench.synthesis.switching.boxes import Cell
+from workbench.synthesis.switching.cells import Cell
 from workbench.systems import margins
 
 K = control.ss(controller("focus"))

@@ -10,8 +10,8 @@ their own.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,6 +19,7 @@ import numpy as np
 from workbench.arrays import RealArray
 from workbench.errors import InputError
 from workbench.program import solve
+from workbench.synthesis.switching.cells import Cell, CellProof
 from workbench.synthesis.switching.program import Mode, SwitchedStability
 from workbench.synthesis.switching.transition_sets import TransitionSet, held_set
 
@@ -28,40 +29,6 @@ if TYPE_CHECKING:
 LARGEST_RATIO = 1.0 - 1e-9
 """Largest ratio of V after a sample to V before that counts as a decrease: below 1 by far more
 than the rounding of the ratio."""
-
-
-@dataclass(frozen=True, eq=False)
-class Cell:
-    """A part of a box of parameters: ``low`` and ``high`` (p,), and how often it was halved."""
-
-    low: RealArray
-    high: RealArray
-    depth: int = 0
-
-    @property
-    def centre(self) -> RealArray:
-        middle: RealArray = (self.low + self.high) / 2
-        return middle
-
-    @property
-    def volume(self) -> float:
-        """Product of its edges, in the units of the parameters."""
-        return float(np.prod(self.high - self.low))
-
-    def halves(self, along: int) -> Iterator[Cell]:
-        """Both halves along a parameter, by its number."""
-        for side, end in (("high", self.high.copy()), ("low", self.low.copy())):
-            end[along] = self.centre[along]
-            yield replace(self, **{side: end}, depth=self.depth + 1)
-
-
-@dataclass(frozen=True, eq=False)
-class CellProof:
-    """Functions P (2, n, n) of both modes and the dwell [samples] that they prove over a cell."""
-
-    cell: Cell
-    P: RealArray
-    dwell: int
 
 
 @dataclass(frozen=True, eq=False)

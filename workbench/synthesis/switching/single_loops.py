@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from workbench.arrays import RealArray
+from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.mu import conditions
-from workbench.synthesis.implementation.discretise import discretised
 from workbench.synthesis.switching.loops import closed_transition
 from workbench.systems.margins import margins
 from workbench.systems.sampling import sampled
@@ -47,39 +47,60 @@ class LoopMargins(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class SingleLoops:
-    """Loops of controllers with plants, continuous systems by name.
+    """Loops of controllers with plants, by name.
 
-    period [s]: of the computer. delay: its turn-around [samples].
+    Parameters
+    ----------
+    controllers, plants
+        Continuous systems with one input and one output; the plants strictly proper.
+    discrete
+        The controllers as a computer runs them, under the same names; their dt is the period [s].
+    delay
+        Turn-around of the computer [samples].
+
+    Raises
+    ------
+    InputError
+        Other names of the discrete controllers.
     """
 
     controllers: Mapping[str, StateSpace]
+    discrete: Mapping[str, StateSpace]
     plants: Mapping[str, StateSpace]
-    period: float
     delay: float
 
-    def open_loop(self, K: StateSpace, G: StateSpace, sampling: str) -> StateSpace:
-        """Loop transfer function G K in one of SAMPLINGS."""
-        if sampling == "continuous":
-            return G * K
-        delay = self.delay if sampling == "delayed" else 0.0
-        return sampled(G, self.period, delay) * discretised(K, self.period)
+    def __post_init__(self) -> None:
+        if list(self.discrete) != list(self.controllers):
+            raise InputError(
+                f"discrete controllers {list(self.discrete)}; need those named "
+                f"{list(self.controllers)}"
+            )
 
-    def growth(self, K: StateSpace, G: StateSpace, sampling: str) -> float:
-        """Growth rate [1/s] of the slowest decaying motion of a closed loop; negative if stable."""
+    def open_loop(self, controller: str, plant: str, sampling: str) -> StateSpace:
+        """Loop transfer function G K in one of SAMPLINGS."""
+        G = self.plants[plant]
         if sampling == "continuous":
-            L = G * K
+            return G * self.controllers[controller]
+        K = self.discrete[controller]
+        return sampled(G, K.dt, self.delay if sampling == "delayed" else 0.0) * K
+
+    def growth(self, controller: str, plant: str, sampling: str) -> float:
+        """Growth rate [1/s] of the slowest decaying motion of a closed loop; negative if stable."""
+        G = self.plants[plant]
+        if sampling == "continuous":
+            L = G * self.controllers[controller]
             return float(np.linalg.eigvals(L.A - L.B @ L.C).real.max())
-        delay = self.delay if sampling == "delayed" else 0.0
-        A = closed_transition(G, discretised(K, self.period), delay)
-        return math.log(abs(np.linalg.eigvals(A)).max()) / self.period
+        K = self.discrete[controller]
+        A = closed_transition(G, K, self.delay if sampling == "delayed" else 0.0)
+        return math.log(abs(np.linalg.eigvals(A)).max()) / K.dt
 
     def margins(self) -> LoopMargins:
         """Margins and growth rates of every loop."""
         shape = (len(self.controllers), len(SAMPLINGS), len(self.plants))
         gains, phases, growths = (np.full(shape, np.nan) for _ in range(3))
-        for i, K in enumerate(self.controllers.values()):
+        for i, K in enumerate(self.controllers):
             for j, sampling in enumerate(SAMPLINGS):
-                for k, G in enumerate(self.plants.values()):
+                for k, G in enumerate(self.plants):
                     growths[i, j, k] = self.growth(K, G, sampling)
                     if growths[i, j, k] < 0.0:
                         found = margins(self.open_loop(K, G, sampling))
@@ -95,13 +116,12 @@ class SingleLoops:
         """
         import control
 
-        late = control.ss(control.tf(*control.pade((0.5 + self.delay) * self.period, PADE_ORDER)))
-        return np.array(
-            [
-                [_mu(uncertain, K), _mu(uncertain, late * K)]
-                for K in context.track(list(self.controllers.values()), "robust stability")
-            ]
-        )
+        found = []
+        for name in context.track(list(self.controllers), "robust stability"):
+            K, delay = self.controllers[name], (0.5 + self.delay) * self.discrete[name].dt
+            late = control.ss(control.tf(*control.pade(delay, PADE_ORDER)))
+            found.append([_mu(uncertain, K), _mu(uncertain, late * K)])
+        return np.array(found)
 
 
 def _mu(uncertain: GeneralisedPlant, K: StateSpace) -> tuple[float, float]:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from workbench.executor import Context
+from workbench.synthesis import discretised
 from workbench.synthesis.switching.single_loops import SAMPLINGS, SingleLoops
 from workbench.systems import loop_response
 
@@ -49,7 +50,8 @@ class LoopsAlone:
         """By the names of CONTROLLERS."""
         controllers = (self.K, self.K * low_pass(), self.lower)
         named = dict(zip(CONTROLLERS, controllers, strict=True))
-        return SingleLoops(named, self.plants, PERIOD, self.delay)
+        discrete = {name: discretised(K, PERIOD) for name, K in named.items()}
+        return SingleLoops(named, discrete, self.plants, self.delay)
 
     def margins(self) -> dict[str, Any]:
         """Variables of a dataset: margins and decay of every loop, L of the nominal ones."""
@@ -57,8 +59,8 @@ class LoopsAlone:
         loops = self.loops
         found = loops.margins()
         curves = np.zeros((len(CONTROLLERS), len(frequency)), complex)
-        for i, K in enumerate(loops.controllers.values()):
-            nominal = loops.open_loop(K, self.plants["nominal"], "sampled")
+        for i, name in enumerate(CONTROLLERS):
+            nominal = loops.open_loop(name, "nominal", "sampled")
             curves[i] = loop_response(nominal, frequency)
         dims = ("controller", "sampling", "plant")
         text = "of the loops that are stable"

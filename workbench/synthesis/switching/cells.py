@@ -1,0 +1,44 @@
+"""Cells of a box of parameters, and what is proven over one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from workbench.arrays import RealArray
+
+
+@dataclass(frozen=True, eq=False)
+class Cell:
+    """A part of a box of parameters: ``low`` and ``high`` (p,), and how often it was halved."""
+
+    low: RealArray
+    high: RealArray
+    depth: int = 0
+
+    @property
+    def centre(self) -> RealArray:
+        middle: RealArray = (self.low + self.high) / 2
+        return middle
+
+    @property
+    def volume(self) -> float:
+        """Product of its edges, in the units of the parameters."""
+        return float(np.prod(self.high - self.low))
+
+    def halves(self, along: int) -> Iterator[Cell]:
+        """Both halves along a parameter, by its number."""
+        for side, end in (("high", self.high.copy()), ("low", self.low.copy())):
+            end[along] = self.centre[along]
+            yield replace(self, **{side: end}, depth=self.depth + 1)
+
+
+@dataclass(frozen=True, eq=False)
+class CellProof:
+    """Functions P (2, n, n) of both modes and the dwell [samples] that they prove over a cell."""
+
+    cell: Cell
+    P: RealArray
+    dwell: int
