@@ -11,8 +11,9 @@ import numpy as np
 from workbench import figures
 from workbench.errors import ResultError
 from workbench.executor import Context
-from workbench.program import Check, Study
+from workbench.program import Check
 from workbench.solvers import ACCURACY
+from workbench.study import Study
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -24,8 +24,9 @@ from workbench.bench.results import FORMAT, Run
 from workbench.bench.store import Store, Writer, damage
 from workbench.errors import InputError, RegistryError, ResultError
 from workbench.executor import Context, Progress, Watch, silent, unwatched
-from workbench.program import Certificate, Program, Study, Task, find_method, solve
+from workbench.program import Certificate, Program, Task, find_method, solve
 from workbench.solvers import Options, Outcome, versions
+from workbench.study import Study
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,9 @@ from workbench.bench.results import Run, given, rebuilt
 from workbench.bench.run import Bench, Bound, environment
 from workbench.bench.store import CHECKSUMS, FAILED, Store, damage
 from workbench.errors import InputError, ResultError, WorkbenchError
-from workbench.program import Certificate, Program, Solution, Study, find_method
+from workbench.program import Certificate, Program, Solution, find_method
 from workbench.solvers import Options, Outcome
+from workbench.study import Study
 
 SAME = 1e-9
 """Relative difference at which recomputed numbers count as the stored ones."""
