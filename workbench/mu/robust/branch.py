@@ -22,9 +22,8 @@ from typing import Any
 import numpy as np
 
 from workbench.errors import InputError
-from workbench.input_checks import need_count
+from workbench.input_checks import as_matrices, need_count
 from workbench.mu.lower.bound import lower_bound
-from workbench.mu.lower.program import as_matrices
 from workbench.solvers import Options
 from workbench.structure import Real, Structure
 
