@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from workbench import figures
 from workbench.errors import InputError
 from workbench.input_checks import as_matrices
 from workbench.program import Check, Program, worst
@@ -164,9 +165,7 @@ class MuLowerBound(Program):
         return LowerBound(data["mu_lower"].values, data["Delta"].values)
 
     def figures(self, answer: LowerBound) -> dict[str, Figure]:
-        from workbench.figures import axes
-
-        figure, (axis,) = axes()
+        figure, (axis,) = figures.axes()
         axis.plot(np.ravel(answer.value), ".-")
         axis.set(xlabel="matrix", ylabel="lower bound of mu", title="Lower bound of mu")
         return {"mu_lower": figure}
