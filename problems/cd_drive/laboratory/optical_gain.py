@@ -115,9 +115,9 @@ class OpticalGain(Study):
 
     @table
     def gains(self, gain: xr.DataArray) -> tuple[list[str], list[list[str]]]:
-        heads = [
-            head for n, u in GAINS.items() for head in (f"{n} [{u}]", "Table A.3", "error [%]")
-        ]
+        heads = ["drive"]
+        for name, unit in GAINS.items():
+            heads += [f"{name} [{unit}]", "Table A.3", "error [%]"]
         rows = [
             [drive, *(text for pair in zip(found, true, strict=True) for text in _row(*pair))]
             for drive, found, true in zip(
