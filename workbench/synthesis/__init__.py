@@ -18,11 +18,11 @@ from workbench.synthesis.implementation.sampled_loop import (
 )
 from workbench.synthesis.implementation.second_order import Sections, second_order_sections
 from workbench.synthesis.mu import dk
+from workbench.synthesis.mu.families import Family, Modal
 from workbench.synthesis.mu.multipliers import dgk
 from workbench.synthesis.mu.program import MuController, MuSynthesis
 from workbench.synthesis.mu.rounds import Iterate
 from workbench.synthesis.mu.structured import fixed
-from workbench.synthesis.mu.structured.families import Family, Modal
 from workbench.synthesis.mu.structured.named_families import PID, Decentralised, LeadLag
 from workbench.synthesis.switching import conic as switching_conic
 from workbench.synthesis.switching.boxes import SwitchedBox, proven_share

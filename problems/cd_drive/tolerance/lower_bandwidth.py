@@ -17,8 +17,10 @@ from pydantic import Field
 from workbench import Check, figures, problem
 from workbench.mu import Peak, conditions
 from workbench.synthesis import LeadLag, MuController, MuSynthesis, closed_transition, discretised
+from workbench.systems import loop_response
 from workbench.systems.storage import stored
 
+from ..control.loops import plants
 from ..control.trade_off import CHANNELS, TradeOff
 from ..control.weighting import weighted
 from ..drive.photo_diodes import CAPTURE
@@ -119,8 +121,6 @@ class LowerBandwidth(MuSynthesis):
 
     def sampled_radius(self, K: StateSpace) -> float:
         """Of the nominal plant behind a hold, one sample of delay: the largest pole's modulus."""
-        from ..control.loops import plants
-
         nominal = plants(self.axis, "own", "printed")["nominal"]
         return float(
             abs(np.linalg.eigvals(closed_transition(nominal, discretised(K, PERIOD), 1.0))).max()
@@ -128,8 +128,6 @@ class LowerBandwidth(MuSynthesis):
 
     def responses(self, K: StateSpace, frequency: Any) -> tuple[Any, Any]:
         """S and T of the nominal loop at frequencies [Hz]."""
-        from workbench.systems import loop_response
-
         L = loop_response(TradeOff(self.axis, 1.0).G * K, frequency)
         return 1 / (1 + L), L / (1 + L)
 

@@ -7,12 +7,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from workbench.plants.cd_drive.control.mu_pid_analysis.problem import (
-    COVERS,
-    GAINS,
-    MuPidAnalysis,
-    needs,
-)
+from workbench.plants.cd_drive.control.mu_pid_analysis.problem import needs
+from workbench.plants.cd_drive.control.mu_pid_analysis.study import COVERS, GAINS, MuPidAnalysis
 from workbench.plants.cd_drive.control.rank_one import rank_one_mu
 
 import workbench as wb

@@ -17,10 +17,10 @@ from workbench.plants.cd_drive.drive.tables import drives
 from workbench.plants.cd_drive.laboratory.bench_setup import PERIOD
 from workbench.plants.cd_drive.tolerance.switched_laboratory import Rig
 from workbench.plants.cd_drive.tolerance.switched_loop import lens_model, regulators
-from workbench.plants.cd_drive.tolerance.switching_stability import problem as module
 from workbench.plants.cd_drive.tolerance.switching_stability.box import parametric_box
 from workbench.plants.cd_drive.tolerance.switching_stability.checks import _played
-from workbench.plants.cd_drive.tolerance.switching_stability.problem import SwitchingStability
+from workbench.plants.cd_drive.tolerance.switching_stability.study import SwitchingStability
+from workbench.plants.cd_drive.tolerance.switching_stability.switched_drives import DEFECTS
 
 import workbench as wb
 from workbench.errors import InputError
@@ -140,7 +140,7 @@ def test_longer_defects_and_shorter_distances_are_worse(loop):
 
 def test_played_again(loop):
     study = SwitchingStability("focus", LOWER, 2.5e-3, 1.0, 0.0, "own", False)
-    told = study.deviations(loop, "rotation").simulated(40, 150, module.DEFECTS)
+    told = study.deviations(loop, "rotation").simulated(40, 150, DEFECTS)
     assert _played(study, loop, "rotation", 40, 150) == pytest.approx(told, rel=5e-3)
 
 

@@ -24,7 +24,7 @@ from ...drive.tables import Axis
 from ..control_problem import generalised
 from ..design import cover_of, uncertainty
 from ..equal_channels import performance_peak
-from ..five_x.problem import CHANNELS
+from ..five_x.study import CHANNELS
 from ..least_mu import LoopWeights, largest_least_mu, least_mu
 from .report import figure_6_4, peaks_table
 

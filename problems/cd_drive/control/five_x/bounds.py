@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -18,9 +18,7 @@ from ..design import NOISE
 from ..dual_bound import POLES, Proof, highest_proven
 from ..least_mu import largest_least_mu
 from ..rank_one import NONE
-
-if TYPE_CHECKING:
-    from .problem import FiveX
+from .uncertain_loop import UncertainLoop
 
 BOUNDED = ("disturbance", "both")
 """Channels that no controller makes as small as it likes; K = 0 does the control channel."""
@@ -30,25 +28,27 @@ ABOVE = 1.002
 """Times the pointwise bound, where a set is nearly a point, is the least level to be proven."""
 
 
-def lower_bounds(study: FiveX, omega: RealArray, best: float, context: Context) -> dict[str, Any]:
+def lower_bounds(
+    uncertain: UncertainLoop, omega: RealArray, best: float, context: Context
+) -> dict[str, Any]:
     """Variables: by every frequency alone, by the nominal plant alone, and by both together.
 
     `omega` (F,) [rad/s], `best` a peak that a controller has.
     """
     pointwise = {
-        name: largest_least_mu(partial(study.weights, channel=name), omega) for name in BOUNDED
+        name: largest_least_mu(partial(uncertain.weights, channel=name), omega) for name in BOUNDED
     }
-    at_one, _ = largest_least_mu(partial(study.weights, speed=1.0), omega)
-    loop = hinf(regularised(nominal_plant(study), NEARLY))
-    W = study.weights(omega)
+    at_one, _ = largest_least_mu(partial(uncertain.weights, speed=1.0), omega)
+    optimal = hinf(regularised(nominal_plant(uncertain), NEARLY))
+    W = uncertain.weights(omega)
     nominal = W.performance * W.control / np.hypot(W.performance, W.control)
     ends = {
-        "nominal": (float(nominal.max()), loop.norm),
+        "nominal": (float(nominal.max()), optimal.norm),
         "dynamic": (ABOVE * pointwise["both"][0], best),
     }
     proofs = []
     for name, (low, high) in ends.items():
-        found = highest_proven(study.sets[name], low, high, context) if low < high else None
+        found = highest_proven(uncertain.sets[name], low, high, context) if low < high else None
         proofs.append(found or Proof(np.nan, np.full(POLES.shape, np.nan)))
     one = {"units": "1"}
     return {
@@ -63,7 +63,7 @@ def lower_bounds(study: FiveX, omega: RealArray, best: float, context: Context) 
             {"units": "Hz", "long_name": "frequency of the pointwise bound"},
         ),
         "pointwise_bound_1X": ((), at_one, one | {"long_name": "pointwise bound of both at 1X"}),
-        "nominal_norm": ((), loop.norm, one | {"long_name": "norm of the H-infinity loop"}),
+        "nominal_norm": ((), optimal.norm, one | {"long_name": "norm of the H-infinity loop"}),
         "proven_level": (
             "proof",
             [proof.level for proof in proofs],
@@ -79,12 +79,12 @@ def lower_bounds(study: FiveX, omega: RealArray, best: float, context: Context) 
     }
 
 
-def nominal_plant(study: FiveX) -> GeneralisedPlant:
+def nominal_plant(uncertain: UncertainLoop) -> GeneralisedPlant:
     """Without uncertainty, w_p to both outputs."""
     import control
 
-    none = UncertaintyModel(study.model.nominal, Rational(NONE, NONE, 1.0))
-    plant = generalised(study.axis, none, study.speed).channel(("z_p", "z_u"), "w_p")
+    none = UncertaintyModel(uncertain.model.nominal, Rational(NONE, NONE, 1.0))
+    plant = generalised(uncertain.axis, none, uncertain.speed).channel(("z_p", "z_u"), "w_p")
     P = plant.system
     system = control.ss(P.A, P.B[:, 1:], P.C[1:], P.D[1:, 1:])
     return GeneralisedPlant(system, None, plant.controls, plant.measurements)
