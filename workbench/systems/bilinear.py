@@ -4,15 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from workbench.errors import InputError
-
-if TYPE_CHECKING:
-    from control import StateSpace
-
+from workbench.heavy_types import StateSpace
 from workbench.systems.realisation import Matrices, realisation
 from workbench.systems.standard_plant import StandardPlant
 

@@ -11,17 +11,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
+from workbench.heavy_types import StateSpace
 from workbench.systems.generalised_plant import response
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 LOWEST, HIGHEST = 1.0, 1e5
 """Default frequency range [Hz] in which crossings are searched."""

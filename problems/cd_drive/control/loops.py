@@ -7,16 +7,12 @@ CD-players (2003).
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
+from workbench.heavy_types import StateSpace
 from workbench.simulation import sampled
 
 from ..drive.plants import Gain, controller, nominal_parameters, plant, total_gain, total_gains
 from ..drive.tables import Axis, Values, drives
 from ..laboratory.bench_setup import PERIOD
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 SCALES = {"full": 1.0, "third": 1 / 3}
 """Gains of the controller in figure 6.6, relative to eq. 6.12."""

@@ -19,12 +19,13 @@ CD-players (2003).
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
+from workbench.heavy_types import StateSpace
 from workbench.simulation import sampled
 from workbench.synthesis import (
     ControllerMode,
@@ -42,9 +43,6 @@ from ..drive.actuator import specific_model
 from ..drive.plants import ANTIALIASING
 from ..drive.tables import ActuatorParameters
 from ..laboratory.bench_setup import PERIOD
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 Strategy = Literal["none", "open", "filter", "lower"]
 MICRO = 1e-6

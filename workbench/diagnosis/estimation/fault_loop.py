@@ -12,21 +12,18 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.diagnosis.estimation.weighting import Requirement
+from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_positive
 from workbench.systems.bilinear import bilinear_continuous
 from workbench.systems.generalised_plant import GeneralisedPlant, generalised_plant, response
 from workbench.systems.sampling import sampled
 from workbench.uncertainty import UncertaintyModel
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 BOUNDARY_POINTS = 24
 """Points on each half of the boundary of the plants' stadium or circle at a frequency."""

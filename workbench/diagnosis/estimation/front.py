@@ -14,7 +14,7 @@ filter's requirements are certified elsewhere, at all frequencies.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,12 +23,10 @@ from workbench.arrays import ComplexArray, RealArray
 from workbench.diagnosis.estimation.fault_loop import FaultLoop
 from workbench.errors import InputError, SolverError
 from workbench.executor import Context
+from workbench.heavy_types import StateSpace
 from workbench.solvers import Outcome, conic_solvers, solve_conic
 from workbench.systems.generalised_plant import response
 from workbench.systems.realisation import realisation
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 GRID_MARGIN = 0.01
 """Relative tightening of the limits on the grid, for what lies between its frequencies and between

@@ -6,7 +6,6 @@ The reduced filter keeps only its poles: what they can do is a convex problem ag
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,11 +17,9 @@ from workbench.diagnosis.estimation.front import FaultFront, FrontPoint, near_po
 from workbench.diagnosis.estimation.laguerre import LaguerreBasis
 from workbench.diagnosis.estimation.program import FaultEstimation, FaultFilter
 from workbench.errors import InputError, SolverError
+from workbench.heavy_types import StateSpace
 from workbench.synthesis import reduced
 from workbench.systems.realisation import realisation
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 REDUCTIONS = ("weighted", "balanced", "hankel")
 """Methods of `reduced` whose poles are tried."""

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.diagnosis.estimation.fault_loop import FaultLoop
 from workbench.fitting.rational import Rational, paired
+from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_positive
 from workbench.systems.realisation import realisation
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,17 +7,15 @@ controller and filter, which run all the time. So u keeps its slow part at a swi
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import block_diag
 
 from workbench.arrays import RealArray
 from workbench.errors import InputError
+from workbench.heavy_types import StateSpace
 from workbench.synthesis.switching.loops import ControllerMode, Modes
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 POLE_TOLERANCE = 1e-6
 """Difference of two slow poles that count as the same, relative to their distance from 1."""

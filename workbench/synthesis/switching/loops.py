@@ -12,15 +12,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from workbench.arrays import ComplexArray, RealArray
+from workbench.heavy_types import StateSpace
 from workbench.systems.sampling import sampled
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 FilterResponse = Callable[[RealArray], ComplexArray]
 """Response (F,) of the measurement's filter H at omega [rad/s] (F,)."""

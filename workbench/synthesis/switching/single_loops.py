@@ -15,14 +15,13 @@ import numpy as np
 from workbench.arrays import RealArray
 from workbench.errors import InputError
 from workbench.executor import Context
+from workbench.heavy_types import StateSpace
 from workbench.mu import conditions
 from workbench.synthesis.switching.loops import closed_transition
 from workbench.systems.margins import margins
 from workbench.systems.sampling import sampled
 
 if TYPE_CHECKING:
-    from control import StateSpace
-
     from workbench.uncertainty import GeneralisedPlant
 
 SAMPLINGS = ("continuous", "sampled", "delayed")

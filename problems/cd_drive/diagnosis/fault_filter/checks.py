@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from workbench import Check
 from workbench.certify.stability import stability_of
 from workbench.diagnosis import FaultLoop
 from workbench.diagnosis.estimation.front_filters import estimation
+from workbench.heavy_types import Dataset, StateSpace
 from workbench.systems.bilinear import bilinear_continuous
 from workbench.systems.generalised_plant import response
 from workbench.systems.storage import restored
@@ -20,10 +19,6 @@ from ...laboratory.bench_setup import PERIOD
 from .defect_estimates import LONGEST, SHAPES
 from .loop import BAND, FAST, MOST, SLOW
 
-if TYPE_CHECKING:
-    import xarray as xr
-    from control import StateSpace
-
 AGAIN = 1e-3
 """By which a certified peak may differ when it is made again, relative."""
 MEMBERS = 40
@@ -32,7 +27,7 @@ BOUNDED = 1e-6
 
 
 def filter_checks(
-    loops: dict[str, FaultLoop], error: float, leakage: float, order: int, answer: xr.Dataset
+    loops: dict[str, FaultLoop], error: float, leakage: float, order: int, answer: Dataset
 ) -> list[Check]:
     found = []
     for name, loop in loops.items():

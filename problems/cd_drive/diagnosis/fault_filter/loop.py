@@ -9,21 +9,17 @@ equation numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.diagnosis import EstimationDemands, FaultLoop
+from workbench.heavy_types import StateSpace
 from workbench.uncertainty import UncertaintyModel
 
 from ...drive.plants import ANTIALIASING
 from ...drive.red_book import corners
 from ...drive.tables import Axis, red_book
 from ...laboratory.bench_setup import NOISE, PERIOD, RATE
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 FAST = 1500.0
 """Frequency [Hz] from which on the relative error of the estimate counts."""

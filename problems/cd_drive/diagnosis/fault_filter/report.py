@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from workbench import figures
 from workbench.arrays import RealArray
 from workbench.diagnosis import FaultFront, FaultLoop
+from workbench.heavy_types import Dataset, Figure
 from workbench.systems.bilinear import bilinear_continuous
 from workbench.systems.generalised_plant import response
 from workbench.systems.storage import restored
@@ -17,10 +16,6 @@ from ...control.control_problem import optical_gain
 from ...laboratory.bench_setup import RATE
 from .defect_estimates import relative_errors
 from .loop import FAST, SLOW, grid
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
 
 LOOKS = {
     "robust": ("-", figures.BLUE),
@@ -34,13 +29,13 @@ NAMES = {
 }
 
 
-def shape_errors(answer: xr.Dataset, name: str, shape: str) -> RealArray:
+def shape_errors(answer: Dataset, name: str, shape: str) -> RealArray:
     """Relative errors (12,) of a filter's estimates of a defect."""
     one = answer.sel(filter=name, shape=shape)
     return relative_errors(one["defect"].values, one["estimate"].values)
 
 
-def filter_figures(loop: FaultLoop, answer: xr.Dataset) -> dict[str, Figure]:
+def filter_figures(loop: FaultLoop, answer: Dataset) -> dict[str, Figure]:
     return {
         "front": _front(answer),
         "figure-7-12": _filters(answer),
@@ -49,7 +44,7 @@ def filter_figures(loop: FaultLoop, answer: xr.Dataset) -> dict[str, Figure]:
     }
 
 
-def filter_tables(answer: xr.Dataset) -> dict[str, str]:
+def filter_tables(answer: Dataset) -> dict[str, str]:
     """The front, and what each filter does."""
     lines = [
         "| relative error allowed | nominal plant [um] | no filter below [um] | every plant [um] |",
@@ -83,7 +78,7 @@ def _or_none(value: float) -> str:
     return f"{value:.3f}" if np.isfinite(value) else "none found"
 
 
-def _front(answer: xr.Dataset) -> Figure:
+def _front(answer: Dataset) -> Figure:
     figure, (panel,) = figures.axes(1, 1, size=(7.4, 5.2))
     looks = (("o--", figures.GREEN), ("s-", figures.BLUE))
     for kind, (dash, colour) in zip(answer["kind"].values, looks, strict=True):
@@ -108,7 +103,7 @@ def _front(answer: xr.Dataset) -> Figure:
     return figure
 
 
-def _filters(answer: xr.Dataset) -> Figure:
+def _filters(answer: Dataset) -> Figure:
     frequency = np.geomspace(1.0, 0.499 * RATE, 600)
     omega = 2 * np.pi * frequency
     K_optn = optical_gain("focus")
@@ -132,7 +127,7 @@ def _filters(answer: xr.Dataset) -> Figure:
     return figure
 
 
-def _channel(loop: FaultLoop, answer: xr.Dataset) -> Figure:
+def _channel(loop: FaultLoop, answer: Dataset) -> Figure:
     """What of a defect is estimated: nominal, and the largest and least gain over the set."""
     front = FaultFront(loop, grid(loop))
     T = front.estimate(bilinear_continuous(restored(answer, "discrete")))
@@ -156,7 +151,7 @@ def _channel(loop: FaultLoop, answer: xr.Dataset) -> Figure:
     return figure
 
 
-def _defects(answer: xr.Dataset) -> Figure:
+def _defects(answer: Dataset) -> Figure:
     shapes, names = answer["shape"].values, answer["filter"].values
     figure, panels = figures.axes(
         len(shapes), len(names), size=(11.0, 7.4), sharex=True, sharey=True

@@ -7,11 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from workbench.executor import Context
+from workbench.heavy_types import StateSpace
 from workbench.synthesis import discretised
 from workbench.synthesis.switching.single_loops import SAMPLINGS, SingleLoops
 from workbench.systems import loop_response
@@ -20,9 +21,6 @@ from ...control.trade_off import CHANNELS, TradeOff
 from ...diagnosis.stand_in import low_pass
 from ...drive.tables import Axis
 from ...laboratory.bench_setup import PERIOD
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 CONTROLLERS = ("K", "K (1 - F)", "K'")
 LOW, HIGH, POINTS = 1.0, 17.4e3, 250

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from workbench.arrays import RealArray
+from workbench.heavy_types import StateSpace
 from workbench.synthesis import (
     Deviations,
     Mode,
@@ -29,9 +30,6 @@ from ...laboratory.bench_setup import RATE
 from ..switched_loop import MICRO, lens_model, regulators
 from .box import parametric_box
 from .margins import LoopsAlone
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 ROTATION = np.linspace(3.0, 9.0, 4)
 """Rotation frequencies [Hz] of a disc of the largest deviation."""
