@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from workbench.heavy_types import Axes, Figure
 
 # Okabe and Ito's colours, which colour-blind readers tell apart.
 BLACK, BLUE, ORANGE, GREEN = "#222222", "#0072b2", "#d55e00", "#009e73"
@@ -49,6 +47,15 @@ def phase(response: np.ndarray) -> np.ndarray:
     """Unwrapped phase [deg] of a response along its last axis."""
     turned: np.ndarray = np.degrees(np.unwrap(np.angle(response)))
     return turned
+
+
+def label(panel: Axes, x: str = "", y: str = "", title: str = "", log: str = "") -> None:
+    """Label axes, give them a title, and make those of ``log`` ("x", "y" or "xy") logarithmic."""
+    for axis in log:
+        getattr(panel, f"set_{axis}scale")("log")
+    for words, put in ((x, panel.set_xlabel), (y, panel.set_ylabel), (title, panel.set_title)):
+        if words:
+            put(words)
 
 
 def axis_label(values: Any, name: str) -> str:

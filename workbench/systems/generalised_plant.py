@@ -9,13 +9,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Integral
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.arrays import Array
 from workbench.errors import InputError, UnknownNameError
+from workbench.heavy_types import StateSpace
 from workbench.structure import Block, Structure
 from workbench.systems.frequency_response import frequency_response
 from workbench.systems.interconnection import (
@@ -29,9 +30,6 @@ from workbench.systems.interconnection import (
     sum_of,
     unique,
 )
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 Signals = str | int | Sequence[str | int] | None
 """One or some of a list of signals, by name or number; None for all."""

@@ -9,21 +9,18 @@ where sum of delta_k c_k = 1, and with one real scalar, a complex one and the ch
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.fitting.rational import Rational
 from workbench.geometry import Stadium
+from workbench.heavy_types import StateSpace
 from workbench.uncertainty import UncertaintyModel, cheapest
 from workbench.uncertainty.covers.sets import stadiums_about_nominal
 
 from ..drive.tables import Axis
 from .control_problem import generalised
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 NONE = np.empty(0, complex)
 CHANNELS = {"disturbance": ("w_p", "z_p"), "control": ("w_u", "z_u")}

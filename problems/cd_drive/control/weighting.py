@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from workbench.heavy_types import StateSpace
 from workbench.uncertainty import GeneralisedPlant
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 
 def nominal_of(plant: GeneralisedPlant) -> GeneralisedPlant:

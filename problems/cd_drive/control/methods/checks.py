@@ -7,12 +7,12 @@ that are defined by one.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from workbench import Check
 from workbench.arrays import ComplexArray, RealArray
+from workbench.heavy_types import Dataset, StateSpace
 from workbench.program import worst
 from workbench.systems.generalised_plant import response
 from workbench.uncertainty import ParametricModel
@@ -23,10 +23,6 @@ from ...uncertainty.parametric.checks import plants
 from ...uncertainty.parametric_model import uncertain_parameters
 from ..control_problem import control_weight, optical_gain
 from .designs import GAINS, SIZES, Setting, full_block_plant, shaped
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from control import StateSpace
 
 Controllers = dict[str, "StateSpace"]
 HERTZ = np.geomspace(0.01, 1e5, 5000)
@@ -45,7 +41,7 @@ COMPLEX_PART = 1.01
 SAMPLES = 100
 
 
-def method_checks(setting: Setting, controllers: Controllers, answer: xr.Dataset) -> list[Check]:
+def method_checks(setting: Setting, controllers: Controllers, answer: Dataset) -> list[Check]:
     """That all stabilise, peaks are in order, each method is best at what it minimises."""
     names = list(controllers)
     poles = [_rightmost(setting, K) for K in controllers.values()]
@@ -78,7 +74,7 @@ def _rightmost(setting: Setting, K: StateSpace) -> float:
     return float(control.feedback(setting.G * K, 1).poles().real.max())
 
 
-def _order(answer: xr.Dataset) -> list[Check]:
+def _order(answer: Dataset) -> list[Check]:
     """More uncertainty or more channels: a larger peak."""
     peak, names = answer["peak"], answer["design"].values
     statements = [
@@ -160,7 +156,7 @@ def _margin_missed(setting: Setting, K: StateSpace) -> float:
     return min(missed, key=abs)
 
 
-def _sampled(setting: Setting, controllers: Controllers, answer: xr.Dataset) -> Check:
+def _sampled(setting: Setting, controllers: Controllers, answer: Dataset) -> Check:
     """The bound beta of mu holds beta >= |(z_p, z_u)| for perturbations up to 1 / beta."""
     upper = answer["peak"].sel(condition="robust performance", bound="upper")
     excess = []

@@ -10,12 +10,13 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from workbench.errors import SolverError
 from workbench.executor import Context
+from workbench.heavy_types import StateSpace
 from workbench.program import Program, solve
 from workbench.synthesis import HinfSynthesis, LoopShaping, MixedSensitivity, MuSynthesis
 from workbench.synthesis.hinf.riccati import central
@@ -27,9 +28,6 @@ from ...drive.tables import Axis
 from ..control_problem import control_weight, generalised, optical_gain, performance_weight
 from ..design import synthesis_plant
 from ..weighting import nominal_of, unstructured, weighted
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 CHANNELS = ("z_p", "z_u")
 GAINS = np.geomspace(0.5, 4.0, 13)

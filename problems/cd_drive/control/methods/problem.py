@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -16,6 +16,7 @@ from pydantic import Field
 from workbench import Check, Run, Study, problem
 from workbench.arrays import RealArray
 from workbench.executor import Context
+from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.mu import Peak, conditions, peak, sweep
 from workbench.structure import Full, Structure
 from workbench.systems.generalised_plant import response
@@ -29,11 +30,6 @@ from ..design import Cover, Form, cover_of, uncertainty
 from .checks import method_checks
 from .designs import DESIGNS, Setting
 from .report import method_figures, method_tables
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from control import StateSpace
-    from matplotlib.figure import Figure
 
 CONDITIONS = (
     "nominal performance",
@@ -93,7 +89,7 @@ class Methods(Study):
         """Frequencies of the curves [Hz] (F,)."""
         return np.geomspace(LOW, HIGH, self.frequencies)
 
-    def compute(self, context: Context) -> xr.Dataset:
+    def compute(self, context: Context) -> Dataset:
         import xarray as xr
 
         setting = self.setting
@@ -150,7 +146,7 @@ class Methods(Study):
             },
         )
 
-    def controllers(self, answer: xr.Dataset) -> dict[str, StateSpace]:
+    def controllers(self, answer: Dataset) -> dict[str, StateSpace]:
         """The controllers of an answer by method."""
         return {name: restored(answer, _key(name)) for name in answer["design"].values.tolist()}
 
@@ -199,10 +195,10 @@ class Methods(Study):
 
         return float(control.feedback(self.setting.G * K, 1).poles().real.max())
 
-    def checks(self, answer: xr.Dataset, tolerance: float) -> list[Check]:
+    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
         return method_checks(self.setting, self.controllers(answer), answer)
 
-    def metrics(self, answer: xr.Dataset) -> dict[str, float]:
+    def metrics(self, answer: Dataset) -> dict[str, float]:
         upper = answer["peak"].sel(bound="upper")
         numbers = {}
         for name in answer["design"].values.tolist():
@@ -213,10 +209,10 @@ class Methods(Study):
                 numbers[f"peak{short}_{_key(name)}"] = float(value)
         return numbers
 
-    def tables(self, answer: xr.Dataset) -> dict[str, str]:
+    def tables(self, answer: Dataset) -> dict[str, str]:
         return method_tables(answer)
 
-    def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
+    def figures(self, answer: Dataset) -> dict[str, Figure]:
         return method_figures(self.axis, answer)
 
 
