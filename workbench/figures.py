@@ -49,6 +49,15 @@ def phase(response: np.ndarray) -> np.ndarray:
     return turned
 
 
+def label(panel: Axes, x: str = "", y: str = "", title: str = "", log: str = "") -> None:
+    """Label axes, give them a title, and make those of ``log`` ("x", "y" or "xy") logarithmic."""
+    for axis in log:
+        getattr(panel, f"set_{axis}scale")("log")
+    for words, put in ((x, panel.set_xlabel), (y, panel.set_ylabel), (title, panel.set_title)):
+        if words:
+            put(words)
+
+
 def axis_label(values: Any, name: str) -> str:
     """The label of an axis: what an array means (or its name) and its unit."""
     unit = values.attrs.get("units", "1")
