@@ -30,7 +30,8 @@ def test_what_a_notebook_names_is_there(path):
     cells = [
         cell.source for cell in nbformat.read(path, as_version=4).cells if cell.cell_type == "code"
     ]
-    tree = ast.parse("\n".join(cells))
+    lines = [line for cell in cells for line in cell.splitlines() if not line.startswith("%")]
+    tree = ast.parse("\n".join(lines))
     for node in ast.walk(tree):
         if isinstance(node, ast.ImportFrom):
             module = importlib.import_module(node.module)
