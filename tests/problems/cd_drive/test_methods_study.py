@@ -14,7 +14,6 @@ from workbench.plants.cd_drive.control.methods.designs import (
 )
 from workbench.plants.cd_drive.control.methods.problem import CONDITIONS, Methods, methods
 from workbench.plants.cd_drive.control.methods.report import CLAIMS, LOOKS
-from workbench.plants.cd_drive.control.weighting import nominal_of, weighted
 from workbench.plants.cd_drive.drive.plants import ANTIALIASING, nominal_response
 
 import workbench as wb
@@ -85,7 +84,7 @@ def test_the_nominal_plant_is_that_of_the_generalised_one(axis):
     np.testing.assert_allclose(
         response(setting.G, omega)[:, 0, 0], nominal_response(axis, HERTZ), rtol=1e-9
     )
-    P = nominal_of(generalised(axis, setting.uncertain)).response(omega)
+    P = generalised(axis, setting.uncertain).nominal().response(omega)
     np.testing.assert_allclose(-P[:, -1, -1], response(setting.G, omega)[:, 0, 0], rtol=1e-6)
 
 
@@ -97,22 +96,10 @@ def test_covers_are_plants_too(covered):
     G = answer.model.nominal.response(omega)
     np.testing.assert_allclose(response(setting.G, omega)[:, 0, 0], G * filtered, rtol=1e-6)
     for design in (lqg, mixed_sensitivity):
-        loop = nominal_of(setting.plant).close(design(setting, Context()))
+        loop = setting.plant.nominal().close(design(setting, Context()))
         assert loop.poles().real.max() < 0
     away = abs(_plants(setting, 0.5, HERTZ) / G - 1)
     np.testing.assert_allclose(away, 0.5 * abs(answer.model.W_c.response(omega))[None] + 0 * away)
-
-
-def test_weights_act_on_their_own_channels():
-    plant = generalised("focus", uncertainty("focus", None))
-    omega = 2 * np.pi * HERTZ
-    changed = weighted(plant, performance=[2.0], exogenous=[1.0, 3.0])
-    assert changed.system.output_labels == plant.system.output_labels
-    before, after = plant.response(omega), changed.response(omega)
-    rows, columns = plant.structure.columns, plant.structure.rows
-    before[:, rows] *= 2
-    before[:, :, columns + 1] *= 3
-    np.testing.assert_allclose(after, before, rtol=1e-8, atol=1e-10)
 
 
 def test_a_cover_is_needed_where_it_is_asked_for():

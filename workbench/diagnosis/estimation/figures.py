@@ -21,14 +21,12 @@ if TYPE_CHECKING:
 
 def channels(program: FaultEstimation, answer: FaultFilter) -> Figure:
     """Mixed mu of each requirement over frequency, in its band."""
-    from workbench.diagnosis.estimation.program import closed
-
     figure, (panel,) = figures.axes(1, 1, size=(7.2, 4.6))
     for channel, colour in zip(program.channels, cycle(figures.CYCLE), strict=False):
         loop = program.loop(answer.K, channel)
         omega = frequencies_of(loop.system)
         omega = omega[(omega >= channel.band[0]) & (omega <= channel.band[1])]
-        found = sweep(loop.system, closed(loop), omega)
+        found = sweep(loop.system, loop.performance_structure, omega)
         frequency = found.omega / 2 / np.pi
         panel.loglog(frequency, found.upper, color=colour, label=f"{channel.name}, upper bound")
         panel.loglog(frequency, found.lower, ":", color=colour, label="lower bound")

@@ -26,7 +26,6 @@ from workbench.diagnosis.estimation.weighting import (
 from workbench.errors import InputError
 from workbench.mu import Peak, peak
 from workbench.program import Check, Program
-from workbench.structure import Full, Structure
 from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import GeneralisedPlant, Signals
 from workbench.systems.storage import restored, stored
@@ -142,7 +141,7 @@ class FaultEstimation(Program):
     @cached_property
     def nominal(self) -> GeneralisedPlant:
         """The weighted plant without its uncertainty."""
-        return without_perturbation(self.plant)
+        return self.plant.nominal()
 
     def loop(self, K: StateSpace, channel: Channel | None = None) -> GeneralisedPlant:
         """(perturbation, w) -> (perturbation, z), of one channel or of all."""
@@ -153,7 +152,7 @@ class FaultEstimation(Program):
         """The peak of one channel, or of all together, of a stable filter."""
         loop = self.loop(K, channel)
         band = EVERYWHERE if channel is None else channel.band
-        return peak(loop.system, closed(loop), TOLERANCE, band=band)
+        return peak(loop.system, loop.performance_structure, TOLERANCE, band=band)
 
     def answer(
         self, K: StateSpace, history: tuple[float, ...] = (), least: float = math.nan
@@ -233,26 +232,3 @@ class FaultEstimation(Program):
         from workbench.diagnosis.estimation.figures import channels, fault_filter
 
         return {"channels": channels(self, answer), "filter": fault_filter(answer.K)}
-
-
-def closed(loop: GeneralisedPlant) -> Structure:
-    """The perturbation, and a full block from z to w."""
-    if loop.structure is None:
-        return Structure([Full(loop.exogenous, loop.performance)])
-    return loop.structure.with_performance(loop.performance, loop.exogenous)
-
-
-def without_perturbation(plant: GeneralisedPlant) -> GeneralisedPlant:
-    """The nominal plant of a set."""
-    import control
-
-    if plant.structure is None:
-        return plant
-    rows, columns = plant.structure.columns, plant.structure.rows
-    system = plant.system
-    nominal = control.ss(
-        system.A, system.B[:, columns:], system.C[rows:], system.D[rows:, columns:],
-        inputs=list(system.input_labels[columns:]), outputs=list(system.output_labels[rows:]),
-        remove_useless_states=False,
-    )  # fmt: skip
-    return GeneralisedPlant(nominal, None, plant.controls, plant.measurements)

@@ -14,8 +14,9 @@ from workbench.errors import InputError
 from workbench.program import Check, worst
 from workbench.synthesis.hinf.figures import grid
 from workbench.synthesis.hinf.program import HinfController, HinfSynthesis
+from workbench.systems.connection import generalised_plant
 from workbench.systems.conversion import as_system, as_weight
-from workbench.systems.generalised_plant import GeneralisedPlant, generalised_plant, response
+from workbench.systems.generalised_plant import GeneralisedPlant, response
 
 if TYPE_CHECKING:
     from control import StateSpace

@@ -11,7 +11,7 @@ from workbench.arrays import RealArray
 from workbench.executor import Context
 from workbench.fitting.rational import Rational
 from workbench.synthesis import hinf, regularised
-from workbench.uncertainty import GeneralisedPlant, UncertaintyModel
+from workbench.uncertainty import UncertaintyModel
 
 from ..control_problem import generalised
 from ..design import NOISE
@@ -39,7 +39,9 @@ def lower_bounds(study: FiveX, omega: RealArray, best: float, context: Context) 
         name: largest_least_mu(partial(study.weights, channel=name), omega) for name in BOUNDED
     }
     at_one, _ = largest_least_mu(partial(study.weights, speed=1.0), omega)
-    loop = hinf(regularised(nominal_plant(study), NEARLY))
+    certain = UncertaintyModel(study.model.nominal, Rational(NONE, NONE, 1.0))
+    plant = generalised(study.axis, certain, study.speed).channel(("z_p", "z_u"), "w_p").nominal()
+    loop = hinf(regularised(plant, NEARLY))
     W = study.weights(omega)
     nominal = W.performance * W.control / np.hypot(W.performance, W.control)
     ends = {
@@ -77,14 +79,3 @@ def lower_bounds(study: FiveX, omega: RealArray, best: float, context: Context) 
         "proof": list(ends),
         "pole": ("pole", -POLES, {"units": "rad/s", "long_name": "pole of h"}),
     }
-
-
-def nominal_plant(study: FiveX) -> GeneralisedPlant:
-    """Without uncertainty, w_p to both outputs."""
-    import control
-
-    none = UncertaintyModel(study.model.nominal, Rational(NONE, NONE, 1.0))
-    plant = generalised(study.axis, none, study.speed).channel(("z_p", "z_u"), "w_p")
-    P = plant.system
-    system = control.ss(P.A, P.B[:, 1:], P.C[1:], P.D[1:, 1:])
-    return GeneralisedPlant(system, None, plant.controls, plant.measurements)

@@ -26,7 +26,6 @@ from ...drive.plants import ANTIALIASING, controller, nominal_parameters, plant,
 from ...drive.tables import Axis
 from ..control_problem import control_weight, generalised, optical_gain, performance_weight
 from ..design import synthesis_plant
-from ..weighting import nominal_of, unstructured, weighted
 
 if TYPE_CHECKING:
     from control import StateSpace
@@ -83,7 +82,7 @@ class Setting:
         import control
 
         limit = control.ss(-ANTIALIASING, ANTIALIASING, 1.0, 0.0)
-        return weighted(nominal_of(self.synthesis), exogenous=[limit])
+        return self.synthesis.nominal().weighted(exogenous=[limit])
 
 
 def reference(setting: Setting, context: Context) -> StateSpace:
@@ -114,7 +113,7 @@ def loop_shaping(setting: Setting, context: Context) -> StateSpace:
     The shape is the designer's, and the method has no weight for performance: W_1 is eq. 6.12, an
     integral and a lead as positioning servos have, at the gain with the best nominal performance.
     """
-    nominal = nominal_of(setting.plant)
+    nominal = setting.plant.nominal()
     tried = []
     for gain in context.track(list(GAINS), "loop shapes"):
         program = shaped(setting, gain)
@@ -157,7 +156,7 @@ def full_block_plant(setting: Setting, size: float) -> GeneralisedPlant:
     structure = setting.synthesis.structure
     assert structure is not None
     out, into = [size] * structure.columns, [1.0 / size] * structure.rows
-    return weighted(unstructured(setting.synthesis), out, into)
+    return setting.synthesis.unstructured().weighted(out, into)
 
 
 def dk(setting: Setting, context: Context) -> StateSpace:
