@@ -9,15 +9,17 @@ import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.executor import Context
-from workbench.fitting.rational import Rational
-from workbench.synthesis import hinf, regularised
-from workbench.uncertainty import UncertaintyModel
+from workbench.synthesis import (
+    DualCertificate,
+    highest_proven,
+    hinf,
+    largest_least_mu,
+    regularised,
+)
 
 from ..control_problem import generalised
 from ..design import NOISE
-from ..dual_bound import POLES, Proof, highest_proven
-from ..least_mu import largest_least_mu
-from ..rank_one import NONE
+from ..loop_weights import BASIS, unit_uncertainty
 
 if TYPE_CHECKING:
     from .problem import FiveX
@@ -39,8 +41,8 @@ def lower_bounds(study: FiveX, omega: RealArray, best: float, context: Context) 
         name: largest_least_mu(partial(study.weights, channel=name), omega) for name in BOUNDED
     }
     at_one, _ = largest_least_mu(partial(study.weights, speed=1.0), omega)
-    certain = UncertaintyModel(study.model.nominal, Rational(NONE, NONE, 1.0))
-    plant = generalised(study.axis, certain, study.speed).channel(("z_p", "z_u"), "w_p").nominal()
+    whole = generalised(study.axis, unit_uncertainty(study.model.nominal), study.speed)
+    plant = whole.channel(("z_p", "z_u"), "w_p").nominal()
     loop = hinf(regularised(plant, NEARLY))
     W = study.weights(omega)
     nominal = W.performance * W.control / np.hypot(W.performance, W.control)
@@ -50,8 +52,8 @@ def lower_bounds(study: FiveX, omega: RealArray, best: float, context: Context) 
     }
     proofs = []
     for name, (low, high) in ends.items():
-        found = highest_proven(study.sets[name], low, high, context) if low < high else None
-        proofs.append(found or Proof(np.nan, np.full(POLES.shape, np.nan)))
+        found = highest_proven(study.sets[name], BASIS, low, high, context) if low < high else None
+        proofs.append(found or DualCertificate(np.nan, np.full(BASIS.corners.shape, np.nan), BASIS))
     one = {"units": "1"}
     return {
         "pointwise_bound": (
@@ -77,5 +79,5 @@ def lower_bounds(study: FiveX, omega: RealArray, best: float, context: Context) 
             one | {"long_name": "h of the proof"},
         ),
         "proof": list(ends),
-        "pole": ("pole", -POLES, {"units": "rad/s", "long_name": "pole of h"}),
+        "pole": ("pole", -BASIS.corners, {"units": "rad/s", "long_name": "pole of h"}),
     }

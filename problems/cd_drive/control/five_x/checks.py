@@ -8,18 +8,20 @@ import numpy as np
 
 from workbench import Check
 from workbench.arrays import ComplexArray, RealArray
+from workbench.mu import rank_one_mu
 from workbench.program import worst
+from workbench.synthesis import SetsAt
 
 from ...drive.plants import ANTIALIASING
 from ..control_problem import control_weight, optical_gain, performance_weight
-from ..dual_bound import HIGHEST, LOWEST, SetsAt
-from ..rank_one import rank_one_mu
+from ..loop_weights import BASIS
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from .problem import FiveX
 
+LOWEST, HIGHEST = BASIS.band
 DENSE = 20_000
 """Frequencies of the closed form that no certified peak may lie below."""
 PARTS = 1501

@@ -16,9 +16,18 @@ from workbench import Check, Run, Study, problem, ref
 from workbench.arrays import RealArray
 from workbench.errors import SolverError
 from workbench.executor import Context
-from workbench.mu import sweep
-from workbench.synthesis import reduced
+from workbench.mu import performance_peak, performance_sweep
+from workbench.synthesis import (
+    LoopWeights,
+    SetsAt,
+    allowed_discs,
+    allowed_polygons,
+    equalising_gain,
+    least_mu,
+    reduced,
+)
 from workbench.synthesis.implementation.reduction import Method
+from workbench.synthesis.mu.equalising_gain import MOST_GAIN
 from workbench.systems.storage import restored, stored
 from workbench.uncertainty import GeneralisedPlant, UncertaintyModel
 from workbench.uncertainty.covers.storage import shape
@@ -26,12 +35,9 @@ from workbench.uncertainty.covers.storage import shape
 from ...drive.plants import Gain, controller
 from ...drive.shared_parameters import TABLES, Frequencies
 from ...drive.tables import Axis
-from ..allowed_sets import discs, polygons
 from ..control_problem import generalised
 from ..design import Cover, cover_of, synthesis_plant, uncertainty
-from ..dual_bound import SetsAt
-from ..equal_channels import MOST_GAIN, equalising_gain, performance_peak
-from ..least_mu import LoopWeights, least_mu
+from ..loop_weights import loop_weights
 from .bounds import BOUNDED, lower_bounds
 from .checks import five_x_checks
 from .report import conclusions_table, figure_6_5, peaks_table
@@ -115,15 +121,15 @@ class FiveX(Study):
 
     def weights(self, omega: RealArray, channel: str = "both", speed: float = SPEED) -> LoopWeights:
         """What mu depends on at frequencies [rad/s], of one of BOUNDED."""
-        found = LoopWeights.of(self.axis, self.model, speed, omega)
+        found = loop_weights(self.axis, self.model, speed, omega)
         return found if channel == "both" else replace(found, control=np.zeros(omega.shape))
 
     @property
     def sets(self) -> dict[str, SetsAt]:
         """The T that a level allows: of nominal loops, and of those with uncertainty."""
         return {
-            "nominal": lambda omega, level: discs(self.weights(omega), level),
-            "dynamic": lambda omega, level: polygons(self.weights(omega), level),
+            "nominal": lambda omega, level: allowed_discs(self.weights(omega), level),
+            "dynamic": lambda omega, level: allowed_polygons(self.weights(omega), level),
         }
 
     def controllers(self, answer: xr.Dataset) -> dict[str, Any]:
@@ -140,7 +146,7 @@ class FiveX(Study):
 
         one = {"units": "1"}
         plants = {name: self.whole.channel(*signals) for name, signals in CHANNELS.items()}
-        gain = equalising_gain([plants["disturbance"], plants["control"]], controller(self.axis))
+        gain = equalising_gain(plants["disturbance"], plants["control"], controller(self.axis))
         if np.isnan(gain):
             raise SolverError(f"no gain up to {MOST_GAIN:g} makes both channels equally bad")
         reductions = self._reductions(plants["both"])
@@ -263,8 +269,6 @@ def _numbers(
     found = performance_peak(plant, K, TOLERANCE)
     if found is None:
         return [np.nan] * 3, np.full((2, len(omega)), np.nan)
-    assert plant.structure is not None
-    whole = plant.structure.with_performance(plant.performance, plant.exogenous)
-    curve = sweep(plant.close(K), whole, omega)
+    curve = performance_sweep(plant, K, omega)
     numbers = [found.lower, found.upper, found.omega / (2 * np.pi)]
     return numbers, np.array([curve.lower, curve.upper])

@@ -9,6 +9,7 @@ import numpy as np
 
 from workbench import Check
 from workbench.arrays import RealArray
+from workbench.mu import rank_one_mu
 from workbench.program import worst
 from workbench.uncertainty.covers.storage import rational
 from workbench.uncertainty.parametric.parameters import vertices
@@ -17,7 +18,6 @@ from ...drive.plants import ANTIALIASING, controller
 from ...uncertainty.parametric.checks import plants
 from ...uncertainty.parametric_model import uncertain_parameters
 from ..control_problem import control_weight, optical_gain, performance_weight
-from ..rank_one import rank_one_mu
 
 if TYPE_CHECKING:
     import xarray as xr
