@@ -143,7 +143,11 @@ class ControlCover:
             yield parts | found
 
     def loop(self, parts: dict[Name, Rational]) -> Loop | None:
-        """The loop of these parts; None where the nominal one is unstable."""
+        """The loop of these parts; None where the nominal one is unstable.
+
+        Stability is read from the encirclements of -1, for a stable nominal and controller with
+        L(0) > -1 or one integrator.
+        """
         grids = self.omega, self.responses.omega
         return self._loop(
             {name: [part.response(grid) for grid in grids] for name, part in parts.items()}
@@ -199,7 +203,10 @@ def _norm(loop: Loop | None, power: int) -> float:
 
 
 def _encirclements(L: ComplexArray) -> int:
-    """How often L encircles -1 over frequencies of either sign; L vanishes at the last."""
+    """How often L encircles -1 over frequencies of either sign; L vanishes at the last.
+
+    The path is closed through the positive real axis at the first: L(0) > -1, or one integrator.
+    """
     back = 1 + L
     turned = np.angle(back[0]) + np.angle(back[1:] / back[:-1]).sum()
     return round(float(turned) / np.pi)
