@@ -18,8 +18,9 @@ if TYPE_CHECKING:
     from workbench.bench.report import report
     from workbench.bench.results import Run, open_run
     from workbench.geometry import narrowest_stadium, smallest_circle
-    from workbench.program import Certificate, Check, Program, Solution, Study, method, solve
+    from workbench.program import Certificate, Check, Program, Solution, method, solve
     from workbench.solvers import Options, Outcome
+    from workbench.study import Study
 
 _HOME = {
     "workbench.api": ("compare", "load", "problems", "results", "run", "verify"),
@@ -33,11 +34,11 @@ _HOME = {
         "Check",
         "Program",
         "Solution",
-        "Study",
         "method",
         "solve",
     ),
     "workbench.solvers": ("Options", "Outcome"),
+    "workbench.study": ("Study",),
 }
 _MODULE = {name: module for module, names in _HOME.items() for name in names}
 

@@ -175,7 +175,7 @@ def compare(
     as_json: bool,
 ) -> None:
     """Every problem that fits PATTERN by every method at every accuracy level."""
-    from workbench.bench.compare import rows, unfit
+    from workbench.bench.comparison import rows, unfit
     from workbench.executor import InProcess, Processes
 
     # Only a process can be killed when its solver does not listen.
@@ -232,6 +232,28 @@ def verify(paths: tuple[Path, ...], rerun: bool, as_json: bool) -> None:
     else:
         click.echo(f"{sum(one.holds for one in found)} of {len(found)} verified")
     sys.exit(0 if all(one.holds for one in found) else 1)
+
+
+@main.command()
+@click.argument("paths", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option(
+    "--to",
+    "folder",
+    type=click.Path(path_type=Path),
+    default=Path("figures"),
+    show_default=True,
+    help="Where to put them, below a folder for each problem and key.",
+)
+def draw(paths: tuple[Path, ...], folder: Path) -> None:
+    """Figures (SVG, PNG) and tables (Markdown) of the results folders at or below PATHS."""
+    from workbench.bench.results import Run
+    from workbench.bench.verify import finished
+
+    for path in paths:
+        for found in finished(path):
+            one = Run(found)
+            for file in one.draw(folder / one.problem / one.key):
+                click.echo(file)
 
 
 @main.command()

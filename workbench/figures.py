@@ -51,6 +51,13 @@ def phase(response: np.ndarray) -> np.ndarray:
     return turned
 
 
+def axis_label(values: Any, name: str) -> str:
+    """The label of an axis: what an array means (or its name) and its unit."""
+    unit = values.attrs.get("units", "1")
+    meaning = values.attrs.get("long_name", name.replace("_", " "))
+    return meaning if unit == "1" else f"{meaning} [{unit}]"
+
+
 def legend_below(figure: Figure, source: Axes, columns: int = 4) -> None:
     """A legend under the axes, where it covers no data."""
     handles, labels = source.get_legend_handles_labels()

@@ -72,6 +72,26 @@ def as_array(values: ArrayLike, name: str, *, dtype: type = float) -> NDArray[An
         ) from None
 
 
+def as_matrices(M: Any, structure: Structure) -> NDArray[Any]:
+    """M as a complex array (..., columns, rows) that fits the structure.
+
+    Raises
+    ------
+    InputError
+        M is not numeric, has the wrong shape, or an entry that is not finite.
+    """
+    try:
+        matrices = np.asarray(getattr(M, "values", M)).astype(complex)
+    except (TypeError, ValueError):
+        raise InputError("M must be an array of numbers (..., columns, rows)") from None
+    need_structure(structure)
+    structure.check(matrices)
+    bad = np.argwhere(~np.isfinite(matrices))
+    if bad.size:
+        raise InputError(f"M has an entry that is not finite, at index {tuple(bad[0].tolist())}")
+    return matrices
+
+
 def need_numbers(**values: Any) -> None:
     """Raise InputError, by its name, for the first that is no real number."""
     for name, value in values.items():

@@ -3,7 +3,7 @@
 A `Program` is one family of optimisation problems: its data and a check of any answer.
 A *method* is anything that answers a Program; it is never believed.
 A `Certificate` says what was checked from the data alone, and by how much it holds.
-A `Study` is what has no method to choose: arrays, metrics and figures with checks of its own.
+A `Study` (see `workbench.study`) has no method to choose: arrays with checks of its own.
 """
 
 from __future__ import annotations
@@ -139,6 +139,10 @@ def _read(stored: Mapping[str, Any], derived: str) -> dict[str, Any]:
     }
 
 
+Claim = tuple[Any, Outcome, str]
+"""What a method returns: an answer or None, what it says of it, and the solver's own words."""
+
+
 # --- programs and studies ---------------------------------------------------------------------
 
 
@@ -176,6 +180,14 @@ class Task(ABC):
     def from_dataset(self, data: xr.Dataset) -> Any:
         """The answer, read back."""
 
+    @abstractmethod
+    def respond(self, method: str | None, context: Context) -> Claim:
+        """An answer by a method (None: the default one), what is said of it, and in what words."""
+
+    @abstractmethod
+    def claims_optimum(self, method: str | None) -> bool:
+        """Whether the method claims the best answer; raises as `find_method` for an unknown one."""
+
     def certify(self, answer: Any, tolerance: float, *, optimal: bool = False) -> Certificate:
         """Certificate of an answer; ``optimal`` when whoever gave it claims it is the best."""
         with np.errstate(all="ignore"):  # a wrong answer may make NaN of a check, which fails it
@@ -189,25 +201,14 @@ class Program(Task):
 
     default_method: ClassVar[str]
 
+    def respond(self, method: str | None, context: Context) -> Claim:
+        return find_method(self, method).answer(self, context)
 
-class Study(Task):
-    """Arrays, metrics and figures computed without a choice of method; its answer is a dataset."""
-
-    @abstractmethod
-    def compute(self, context: Context) -> xr.Dataset:
-        """The arrays."""
-
-    def to_dataset(self, answer: xr.Dataset) -> xr.Dataset:
-        return answer
-
-    def from_dataset(self, data: xr.Dataset) -> xr.Dataset:
-        return data
+    def claims_optimum(self, method: str | None) -> bool:
+        return find_method(self, method).optimal
 
 
 # --- methods ----------------------------------------------------------------------------------
-
-Claim = tuple[Any, Outcome, str]
-"""What a method returns: an answer or None, what it says of it, and the solver's own words."""
 
 
 @dataclass(frozen=True)
@@ -352,20 +353,14 @@ def solve(
         As `find_method`; or a method was named for a Study, which has none.
     """
     context = context or Context(options or Options())
-    if isinstance(task, Program):
-        chosen = find_method(task, method)
-        respond, optimal = chosen.answer, chosen.optimal
-    elif isinstance(task, Study):
-        if method is not None:
-            raise InputError(f"{type(task).__name__} is a study: it has no method {method!r}")
-        respond, optimal = _compute, False
-    else:
+    if not isinstance(task, Task):
         raise InputError(f"a Program or a Study is needed, not {type(task).__name__}")
+    optimal = task.claims_optimum(method)
 
     trace = ""
     start = time.perf_counter()
     try:
-        answer, claim, message = respond(task, context)
+        answer, claim, message = task.respond(method, context)
     except TimeLimitError as error:
         answer, claim, message = None, Outcome.TIME_LIMIT, str(error)
     except (KeyboardInterrupt, SystemExit, GeneratorExit):
@@ -392,10 +387,6 @@ def solve(
         return Solution(None, claim, message, None, seconds, traceback.format_exc())
     seconds["check"] = time.perf_counter() - start
     return Solution(answer, claim, message, certificate, seconds)
-
-
-def _compute(study: Study, context: Context) -> Claim:
-    return study.compute(context), Outcome.SOLVED, ""
 
 
 def worst(values: Any, labels: Callable[[tuple[int, ...]], str]) -> tuple[float, str]:

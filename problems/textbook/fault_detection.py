@@ -26,6 +26,7 @@ from workbench.program import worst
 from workbench.systems.realisation import realisation
 from workbench.systems.storage import restored, stored
 
+from . import fault_detection_figures as drawn
 from .fault_examples import (
     SUBOPTIMAL,
     YUAN_ROWS,
@@ -229,9 +230,7 @@ class FaultDetection(Study):
         return found
 
     def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
-        from .fault_detection_figures import matching, steps
-
-        return {"steps": steps(answer), "matching": matching(answer)}
+        return {"steps": drawn.steps(answer), "matching": drawn.matching(answer)}
 
 
 def _joined(Q: StateSpace, model: FaultModel, A: Array) -> tuple[Array, Array, Array, Array]:

@@ -7,7 +7,7 @@ from multiprocessing import get_context
 import pytest
 
 import workbench as wb
-from workbench.bench.compare import rows
+from workbench.bench.comparison import rows
 from workbench.bench.store import damage
 from workbench.errors import InputError, UnknownNameError
 from workbench.executor import InProcess, Processes
@@ -108,7 +108,7 @@ def test_every_problem_method_and_level_is_a_cell(project):
 def test_the_folder_holds_table_figure_and_data(project, one):
     run = one("exact", "lying")
     assert run.path.parent == project.results / "compare" and damage(run.path) == []
-    table = (run.path / "comparison.md").read_text().splitlines()
+    table = run.tables["comparison"].splitlines()
     assert len(table) == 4 and table[0].startswith("| problem | method | accuracy |")
     assert table[3].startswith("| toy/root | lying | middle | failed | solved | no | no |")
     assert run.figures.keys() == {"accuracy-against-time"}

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from workbench.bench.results import open_run, read_json, write_json
+from workbench.bench.files import read_json, write_json
+from workbench.bench.results import open_run
 from workbench.bench.store import CHECKSUMS, files
 from workbench.errors import ResultError
 
@@ -28,8 +29,6 @@ def test_the_folder_holds_what_it_should(run):
     assert files(run.path) == [
         "certificate.json",
         "data.nc",
-        "figures/roots.png",
-        "figures/roots.svg",
         "log.txt",
         "metrics.json",
         "ro-crate-metadata.json",
@@ -84,7 +83,7 @@ def test_the_same_run_gives_the_same_files(run):
     before = {
         name: (run.path / name).read_bytes()
         for name in files(run.path)
-        if name.startswith(("figures", "cert", "metrics"))
+        if name.startswith(("cert", "metrics"))
     }
     again = wb.run("toy/root", drawn=True, fresh=True)
     assert before == {name: (again.path / name).read_bytes() for name in before}
@@ -104,13 +103,38 @@ def test_a_run_shows_itself(run):
     page = run._repr_html_()
     assert "optimality gap" in page and "reach" in page and run.key in page
     assert run.show()._repr_png_().startswith(b"\x89PNG")
-    assert run.show("roots").path == run.figures["roots"]
+    assert run.show("roots") == run.show()
+    assert run.tables == {}
+
+
+def test_the_answer_comes_back_as_the_method_gave_it(run):
+    assert np.array_equal(run.answer, np.sqrt(run.task.targets))
+    assert run.task.drawn
+
+
+def test_figures_are_drawn_into_a_folder_of_ones_own(run, tmp_path):
+    files = run.draw(tmp_path / "new" / "figures")
+    assert [file.name for file in files] == ["roots.svg", "roots.png"]
+    before = [file.read_bytes() for file in files]
+    assert [file.read_bytes() for file in run.draw(tmp_path / "new" / "figures")] == before
+    with pytest.raises(ResultError, match="sealed results folder"):
+        run.draw(run.path / "figures")
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ResultError, match="cannot write"):
+        run.draw(tmp_path / "file" / "figures")
+
+
+def test_a_run_whose_problem_is_gone_says_so(run, project):
+    (project.root / "plants" / "toy" / "problems.py").unlink()
+    with pytest.raises(ResultError, match="'toy/root' is not registered here"):
+        run.show()
+    assert run.data["x"].size
 
 
 def test_a_figure_that_is_not_there_is_an_error(run):
     with pytest.raises(ResultError, match="no figure 'other' here; there are roots"):
         run.show("other")
-    with pytest.raises(ResultError, match="made no figure"):
+    with pytest.raises(ResultError, match="has no figure"):
         wb.run("toy/root").show()
 
 

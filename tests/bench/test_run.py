@@ -117,8 +117,11 @@ def test_a_missing_data_file_is_named(project):
 def test_a_figure_that_cannot_be_drawn_loses_no_answer(project):
     project.edit("if not self.drawn:", "if 1 / 0:")
     run = wb.run("toy/root")
-    assert run.holds and run.data["x"].size and run.figures == {}
-    assert "ZeroDivisionError" in run.note and "ZeroDivisionError" in run.log
+    assert run.holds and run.data["x"].size
+    with pytest.raises(ZeroDivisionError):
+        run.show()
+    page = wb.report().read_text(encoding="utf-8")
+    assert "Figures and tables cannot be made: ZeroDivisionError" in page and run.key in page
 
 
 # --- keys and reuse ---------------------------------------------------------------------------

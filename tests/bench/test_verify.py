@@ -10,7 +10,7 @@ import xarray as xr
 
 import workbench as wb
 from workbench.bench import netcdf
-from workbench.bench.results import read_json, write_json
+from workbench.bench.files import read_json, write_json
 from workbench.bench.store import CHECKSUMS, seal
 from workbench.bench.verify import finished
 from workbench.errors import ResultError

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from workbench.bench.comparison import UNFIT
 from workbench.bench.project import add_problems
 from workbench.bench.run import Bench
 from workbench.bench.store import Store
@@ -19,7 +20,6 @@ from workbench.solvers import Options, Outcome
 
 WARM = 20.0
 """A solve faster than this [s] is timed a second time: its first call may have compiled."""
-UNFIT = "unfit"
 
 
 @dataclass(frozen=True)

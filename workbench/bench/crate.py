@@ -157,7 +157,9 @@ def write_crate(folder: Path, run: Mapping[str, Any], help: str) -> None:
     root["mentions"] = action
     root["hasPart"] = _unpack(files)
 
-    crate.metadata.write(folder)  # crate.write(folder) would also write the files
+    # crate.write(folder) would also write the files, crate.metadata.write spends half on blanks.
+    text = json.dumps(crate.metadata.generate(), separators=(",", ":"), sort_keys=True)
+    (folder / crate.metadata.id).write_text(text + "\n", encoding="utf-8")
 
 
 def _unpack(entities: list[Any]) -> Any:
@@ -173,8 +175,6 @@ def _files(folder: Path) -> list[str]:
 
 def _describe(name: str) -> str:
     """What a file of a run folder holds, in one line."""
-    if name.startswith("figures/"):
-        return f"Figure: {Path(name).stem.replace('_', ' ').replace('-', ' ')}"
     return DESCRIPTIONS.get(name, name)
 
 

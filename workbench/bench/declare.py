@@ -18,6 +18,10 @@ from typing import Any
 PLACEMENT = "__workbench_problem__"
 
 
+class Fed:
+    """A stored run, as a problem is fed with it."""
+
+
 @dataclass(frozen=True)
 class Ref:
     """A reference to the result of a problem: its name, method (None: default), parameters."""

@@ -7,6 +7,7 @@ variables, ``name_real`` and ``name_imag``, and joined again on reading.
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -17,19 +18,29 @@ from workbench.errors import ResultError
 from workbench.executor import WALL_TIME
 
 WHOLE, PART = "complex_of", "complex_part"
+WORTH_PACKING = 512
+"""Size [bytes] from which compressing an array saves more than its index takes."""
 
 
 def write(data: xr.Dataset, file: Path) -> None:
-    """Write a dataset, compressed."""
+    """Write a dataset, compressed without loss.
+
+    In the file format of HDF5 1.10: its headers take a third of what those of 1.8 take, and these
+    are half of a file with many small arrays.
+    """
+    import h5netcdf
+    from xarray.backends import H5NetCDFStore
+
     split = _split(data)
     # A fill value would turn some number into a missing one.
     plain: dict[str, Any] = {"_FillValue": None}
-    packed = plain | {"zlib": True, "complevel": 4}
+    packed = plain | {"zlib": True, "complevel": 9, "shuffle": True}
     encoding = {
-        name: packed if array.ndim and array.dtype.kind in "iuf" else plain
+        name: packed if array.dtype.kind in "iuf" and array.nbytes >= WORTH_PACKING else plain
         for name, array in split.variables.items()
     }
-    split.to_netcdf(file, engine="h5netcdf", encoding=encoding)
+    with closing(H5NetCDFStore(h5netcdf.File(file, "w", libver="v110"))) as store:
+        split.dump_to_store(store, encoding=encoding)
 
 
 def read(file: Path) -> xr.Dataset:

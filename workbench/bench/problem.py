@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import workbench.plants
-from workbench.bench.declare import PLACEMENT, Needs, Ref, Settings
+from workbench.bench.declare import PLACEMENT, Fed, Needs, Ref, Settings
 from workbench.bench.discovery import Entry
 from workbench.bench.question import sources
 from workbench.errors import InputError, RegistryError, UnknownNameError, WorkbenchError
@@ -175,10 +175,9 @@ class Problem:
 
     def _is_run(self, name: str) -> bool:
         """Whether an argument is a run by its annotation, or None where nothing feeds it."""
-        from workbench.bench.results import Run
-
         hint = self.hint(name)
-        return hint is Run or set(typing.get_args(hint)) == {Run, type(None)}
+        kinds = [kind for kind in typing.get_args(hint) or (hint,) if kind is not type(None)]
+        return len(kinds) == 1 and inspect.isclass(kinds[0]) and issubclass(kinds[0], Fed)
 
     def hint(self, name: str) -> Any:
         """The annotation of a parameter, or of what is returned, evaluated."""

@@ -3,37 +3,44 @@
 run.json                 the question, who answered it, with what, how long it took
 certificate.json  metrics.json
 data.nc                  every array, labelled, with units
-figures/*.svg, *.png
 ro-crate-metadata.json   the folder as a Process Run Crate
 log.txt  SHA256SUMS
+
+Figures and tables are functions of the arrays, made when somebody looks.
 """
 
 from __future__ import annotations
 
 import fnmatch
 import html
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from workbench.bench.comparison import Comparison
+from workbench.bench.declare import Fed
+from workbench.bench.files import Picture, picture, read_json
+from workbench.bench.problem import Problem
+from workbench.bench.project import registry, results_root
 from workbench.bench.question import plain
-from workbench.bench.store import Store, damage
+from workbench.bench.store import CHECKSUMS, Store, damage
 from workbench.errors import ResultError
-from workbench.program import Certificate
+from workbench.program import Certificate, Task
 from workbench.solvers import Outcome
 
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
-FORMAT = 1
+FORMAT = 2
+COMPARISON = "compare"
+"""The problem of comparisons, which the bench makes itself."""
 
 
 @dataclass(frozen=True)
-class Run:
+class Run(Fed):
     """A finished run, read from its folder when asked.
 
     ``reused`` tells that the answer was there before, ``note`` what else there is to say of that.
@@ -109,16 +116,32 @@ class Run:
 
         return netcdf.read(self.path / "data.nc")
 
+    @cached_property
+    def task(self) -> Task:
+        """The Program or Study that it answers, made anew from the question.
+
+        Raises
+        ------
+        ResultError
+            Its problem is not registered here or takes other parameters now, or the results that
+            it was fed with are missing.
+        """
+        return rebuilt(self).task
+
+    @cached_property
+    def answer(self) -> Any:
+        """The answer, read back from the arrays: what the task's methods returned."""
+        return self.task.from_dataset(self.data)
+
     @property
-    def figures(self) -> dict[str, Path]:
-        """PNG files by name, the one that people look at first."""
-        return {name: self.path / "figures" / f"{name}.png" for name in self.info["figures"]}
+    def figures(self) -> dict[str, Figure]:
+        """Figures by name, drawn from the arrays; the first is the one that people look at."""
+        return {} if self.certificate is None else self.task.figures(self.answer)
 
     @property
     def tables(self) -> dict[str, str]:
-        """Tables in Markdown by name."""
-        files = sorted(self.path.glob("*.md"))
-        return {file.stem: file.read_text(encoding="utf-8") for file in files}
+        """Tables in Markdown by name, made from the arrays."""
+        return {} if self.certificate is None else self.task.tables(self.answer)
 
     @property
     def log(self) -> str:
@@ -126,12 +149,40 @@ class Run:
 
     def show(self, figure: str | None = None) -> Picture:
         """The figure that people look at (default: the first), as an image for a notebook."""
-        if not self.figures:
-            raise ResultError(f"{self.problem} made no figure")
-        name = figure or next(iter(self.figures))
-        if name not in self.figures:
-            raise ResultError(f"no figure {name!r} here; there are {', '.join(self.figures)}")
-        return Picture(self.figures[name])
+        figures = self.figures
+        if not figures:
+            raise ResultError(f"{self.problem} has no figure")
+        name = figure or next(iter(figures))
+        if name not in figures:
+            raise ResultError(f"no figure {name!r} here; there are {', '.join(figures)}")
+        return picture(figures[name])
+
+    def draw(self, folder: str | Path) -> list[Path]:
+        """Write every figure as SVG and PNG, and every table as Markdown, into a folder.
+
+        Raises
+        ------
+        ResultError
+            The folder is a sealed results folder, or cannot be written.
+        """
+        place = Path(folder)
+        if any(
+            (above / CHECKSUMS).exists() for above in (place.absolute(), *place.absolute().parents)
+        ):
+            raise ResultError(f"{place} lies in a sealed results folder: name another one")
+        try:
+            files = [
+                file
+                for name, figure in self.figures.items()
+                for file in picture(figure).save(place, name)
+            ]
+            for name, table in self.tables.items():
+                place.mkdir(parents=True, exist_ok=True)
+                files.append(place / f"{name}.md")
+                files[-1].write_text(table, encoding="utf-8")
+        except OSError as error:
+            raise ResultError(f"cannot write {error.filename}: {error.strerror}") from None
+        return files
 
     def __repr__(self) -> str:
         method = f" by {self.method}" if self.method else ""
@@ -155,16 +206,6 @@ class Run:
         return f"<table><caption><b>{title}</b></caption>{cells}</table>"
 
 
-@dataclass(frozen=True)
-class Picture:
-    """A PNG file that a notebook shows."""
-
-    path: Path
-
-    def _repr_png_(self) -> bytes:
-        return self.path.read_bytes()
-
-
 def open_run(path: str | Path) -> Run:
     """The run in a folder.
 
@@ -179,30 +220,74 @@ def open_run(path: str | Path) -> Run:
     return Run(path)
 
 
-def read_json(file: Path) -> Any:
-    try:
-        return json.loads(file.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise ResultError(f"{file.name} is missing in {file.parent}") from None
-    except ValueError as error:
-        raise ResultError(f"{file.name} is no JSON: {error}") from None
+@dataclass(frozen=True)
+class Rebuilt:
+    """A task made anew from a stored question, and what it was fed with.
+
+    A comparison has no problem.
+    """
+
+    problem: Problem | None
+    needs: Mapping[str, Run | list[Run]]
+    task: Task
 
 
-def write_json(file: Path, content: Mapping[str, Any]) -> None:
-    text = json.dumps(plain(content), indent=2, allow_nan=False)
-    file.write_text(text + "\n", encoding="utf-8")
+def rebuilt(run: Run) -> Rebuilt:
+    """The problem of a run with the stored parameters, fed from stored results only.
+
+    Raises
+    ------
+    ResultError
+        As `Run.task`.
+    """
+    info = run.info
+    if run.problem == COMPARISON:
+        return Rebuilt(None, {}, Comparison.stored())
+    if run.problem not in registry().entries:
+        raise ResultError(
+            f"problem {run.problem!r} is not registered here; name its folder with --problems or "
+            "workbench.add_problems"
+        )
+    problem = registry().find(run.problem)
+    parameters = problem.bind(given(run, problem))
+    if plain(problem.to_json(parameters)) != info["parameters"]:
+        raise ResultError(
+            f"the problem takes other parameters now: {problem.to_json(parameters)} "
+            f"instead of {info['parameters']}"
+        )
+    store = Store(_root(run))
+    fed: dict[str, Any] = {}
+    for name, need in problem.needs(parameters).items():
+        keys = info["needs"][name]
+        fed[name] = (
+            [_upstream(store, one.name, key) for one, key in zip(need, keys, strict=True)]
+            if isinstance(need, list)
+            else _upstream(store, need.name, keys)
+        )
+    return Rebuilt(problem, fed, problem.task(parameters, fed))
 
 
-def write_figures(folder: Path, figures: Mapping[str, Figure]) -> list[str]:
-    """Every figure as SVG and PNG, and their names; the same figure gives the same file."""
-    import matplotlib as mpl
+def given(run: Run, problem: Problem) -> dict[str, Any]:
+    """The stored parameters that a user may set; axes come from the name."""
+    stored = run.info["parameters"]
+    return {name: value for name, value in stored.items() if name in problem.parameters}
 
-    folder.mkdir()
-    with mpl.rc_context({"svg.hashsalt": "workbench"}):
-        for name, figure in figures.items():
-            figure.savefig(folder / f"{name}.svg", metadata={"Date": None})
-            figure.savefig(folder / f"{name}.png", dpi=120, metadata={"Software": None})
-    return list(figures)
+
+def _root(run: Run) -> Path:
+    """The results root that a folder stands in: needs are found there."""
+    depth = len(run.problem.split("/"))
+    parents = run.path.resolve().parents
+    return parents[depth] if len(parents) > depth else results_root()
+
+
+def _upstream(store: Store, problem: str, key: str) -> Run:
+    folder = store.folder(problem, key)
+    if not folder.exists():
+        raise ResultError(f"its need {problem}/{key} is not here: run {problem} first")
+    wrong = damage(folder)
+    if wrong:
+        raise ResultError(f"its need {problem}/{key} is damaged: {'; '.join(wrong)}")
+    return Run(folder)
 
 
 def stored_runs(root: Path, pattern: str = "*") -> list[Run]:

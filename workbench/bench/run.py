@@ -5,7 +5,6 @@ from __future__ import annotations
 import datetime
 import platform
 import time
-import traceback
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -16,16 +15,18 @@ from workbench.bench import netcdf
 from workbench.bench.checkpoint import FileCheckpoint
 from workbench.bench.crate import write_crate
 from workbench.bench.declare import Ref
+from workbench.bench.files import write_json
 from workbench.bench.notes import compared, log, went_on
 from workbench.bench.problem import Problem
 from workbench.bench.project import registry, results_root
 from workbench.bench.question import Question, asked, canonical, code_hash, digest
-from workbench.bench.results import FORMAT, Run, write_figures, write_json
+from workbench.bench.results import FORMAT, Run
 from workbench.bench.store import Store, Writer, damage
 from workbench.errors import InputError, RegistryError, ResultError
 from workbench.executor import Context, Progress, Watch, silent, unwatched
-from workbench.program import Certificate, Program, Study, Task, find_method, solve
+from workbench.program import Certificate, Program, Task, find_method, solve
 from workbench.solvers import Options, Outcome, versions
+from workbench.study import Study
 
 
 @dataclass(frozen=True)
@@ -103,7 +104,7 @@ class Bench:
         earlier = _earlier(writer.final, question)
         started = datetime.datetime.now(datetime.UTC)
         clock = time.perf_counter()
-        task, drawn = bound.task, []
+        task = bound.task
         checkpoint = self._checkpoint(question, code, writer)
         context = Context(self.options, self.progress, self.watch, checkpoint)
         solution = solve(task, question.method, context=context)
@@ -118,20 +119,12 @@ class Bench:
             write_json(folder / "certificate.json", solution.certificate.to_json())
             write_json(folder / "metrics.json", task.metrics(solution.answer))
             notes += compared(earlier, data, self.options)
-            try:
-                for name, table in task.tables(solution.answer).items():
-                    (folder / f"{name}.md").write_text(table, encoding="utf-8")
-                drawn = write_figures(folder / "figures", task.figures(solution.answer))
-            except Exception as error:  # the answer is worth more than its picture
-                notes.append(f"not all figures and tables: {type(error).__name__}: {error}")
-                solution = replace(solution, trace=traceback.format_exc())
         info = {
             "format": FORMAT,
             **{name: getattr(question, name) for name in question.__dataclass_fields__},
             "key": question.key,
             "kind": "study" if isinstance(task, Study) else "program",
             "headline": task.headline,
-            "figures": drawn,
             "claim": solution.claim,
             "outcome": solution.outcome,
             "message": solution.message,

@@ -12,14 +12,16 @@ from pathlib import Path
 from typing import Any
 
 from workbench.bench import netcdf
-from workbench.bench.project import registry, results_root
+from workbench.bench.files import read_json
+from workbench.bench.project import registry
 from workbench.bench.question import Question, plain
-from workbench.bench.results import Run, read_json
+from workbench.bench.results import Run, given, rebuilt
 from workbench.bench.run import Bench, Bound, environment
 from workbench.bench.store import CHECKSUMS, FAILED, Store, damage
 from workbench.errors import InputError, ResultError, WorkbenchError
-from workbench.program import Certificate, Program, Solution, Study, find_method
+from workbench.program import Certificate, Program, Solution, find_method
 from workbench.solvers import Options, Outcome
+from workbench.study import Study
 
 SAME = 1e-9
 """Relative difference at which recomputed numbers count as the stored ones."""
@@ -70,7 +72,8 @@ def verify_folder(path: Path, *, rerun: bool = False) -> Verification:
         if run.problem not in registry().entries:
             notes.append(f"problem {run.problem!r} is not registered: checksums and key only")
         else:
-            bound = _rebuild(run)
+            again = rebuilt(run)
+            bound = Bound(again.problem, run.info["parameters"], again.needs, again.task)
             notes += _other_code(run, bound)
             certificate, wrong = _recheck(run, bound)
             found += wrong
@@ -94,50 +97,6 @@ def _misplaced(run: Run) -> list[str]:
     if run.path.resolve().name.removesuffix(FAILED) != question.key:
         found.append(f"run.json: its question has key {question.key}, unlike the folder's name")
     return found
-
-
-def _rebuild(run: Run) -> Bound:
-    """The problem with the stored parameters, fed from stored results only."""
-    info = run.info
-    store = Store(_root(run))
-    problem = registry().find(run.problem)
-    given = {
-        name: value for name, value in info["parameters"].items() if name in problem.parameters
-    }
-    parameters = problem.bind(given)
-    if plain(problem.to_json(parameters)) != info["parameters"]:
-        raise ResultError(
-            f"the problem takes other parameters now: {problem.to_json(parameters)} "
-            f"instead of {info['parameters']}"
-        )
-    fed: dict[str, Any] = {}
-    for name, need in problem.needs(parameters).items():
-        keys = info["needs"][name]
-        if isinstance(need, list):
-            fed[name] = [
-                _upstream(store, one.name, key) for one, key in zip(need, keys, strict=True)
-            ]
-        else:
-            fed[name] = _upstream(store, need.name, keys)
-    task = problem.task(parameters, fed)
-    return Bound(problem, info["parameters"], fed, task)
-
-
-def _root(run: Run) -> Path:
-    """The results root that a folder stands in: needs are found there."""
-    depth = len(run.problem.split("/"))
-    parents = run.path.resolve().parents
-    return parents[depth] if len(parents) > depth else results_root()
-
-
-def _upstream(store: Store, problem: str, key: str) -> Run:
-    folder = store.folder(problem, key)
-    if not folder.exists():
-        raise ResultError(f"its need {problem}/{key} is not here: run {problem} first")
-    wrong = damage(folder)
-    if wrong:
-        raise ResultError(f"its need {problem}/{key} is damaged: {'; '.join(wrong)}")
-    return Run(folder)
 
 
 def _other_code(run: Run, bound: Bound) -> list[str]:
@@ -215,11 +174,8 @@ def _rerun(run: Run, notes: list[str]) -> list[str]:
     info = run.info
     options = Options(**info["options"])
     problem = registry().find(run.problem)
-    given = {
-        name: value for name, value in info["parameters"].items() if name in problem.parameters
-    }
     with tempfile.TemporaryDirectory() as folder:
-        again = Bench(Store(folder), options).run(run.problem, run.method, given)
+        again = Bench(Store(folder), options).run(run.problem, run.method, given(run, problem))
         if again.path.name.endswith(FAILED):
             return [f"re-run: {again.outcome}. {again.info['message']}"]
         found = netcdf.differences(run.data, again.data, options.accuracy)

@@ -8,12 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from workbench.errors import InputError
+from workbench.geometry.figures import cover_figures
 from workbench.geometry.points import as_points
+from workbench.geometry.shapes import Shape
 from workbench.program import Check, Program, worst
 
 if TYPE_CHECKING:
@@ -23,19 +25,6 @@ if TYPE_CHECKING:
 EPS = float(np.finfo(float).eps)
 CONTAINMENT = 1e-9
 """Excess of a point over the radius, relative to the radius, that a certificate lets pass."""
-
-
-class Shape(Protocol):
-    """Arrays over the sets; of a circle ``half_length`` and ``angle`` are 0."""
-
-    @property
-    def center(self) -> np.ndarray: ...
-    @property
-    def radius(self) -> np.ndarray: ...
-    @property
-    def half_length(self) -> np.ndarray: ...
-    @property
-    def angle(self) -> np.ndarray: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,8 +167,6 @@ class Cover(Program):
         return xr.Dataset(variables, coords=points.coords)
 
     def figures(self, answer: Any) -> dict[str, Figure]:
-        from workbench.geometry.figures import cover_figures
-
         return cover_figures(self._labelled(), answer, self.windows)
 
     def _labelled(self) -> xr.DataArray:

@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from workbench import figures
+from workbench.geometry.shapes import Shape
 
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
-
-    from workbench.geometry.cover import Shape
 
 CORNERS = 48
 """Corners that each round end is drawn with."""

@@ -30,11 +30,11 @@ from workbench.synthesis.limits.loop_weights import LoopWeights
 from workbench.synthesis.mu import dk
 from workbench.synthesis.mu.control_cover import ControlCover
 from workbench.synthesis.mu.equalising_gain import equalising_gain
+from workbench.synthesis.mu.families import Family, Modal
 from workbench.synthesis.mu.multipliers import dgk
 from workbench.synthesis.mu.program import MuController, MuSynthesis
 from workbench.synthesis.mu.rounds import Iterate
 from workbench.synthesis.mu.structured import fixed
-from workbench.synthesis.mu.structured.families import Family, Modal
 from workbench.synthesis.mu.structured.named_families import PID, Decentralised, LeadLag
 from workbench.synthesis.switching import conic as switching_conic
 from workbench.synthesis.switching.program import Dwell, Mode, SwitchedStability

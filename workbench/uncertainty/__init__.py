@@ -4,7 +4,6 @@ from workbench.systems.connection import generalised_plant
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.uncertainty.covers import methods as cover_methods
 from workbench.uncertainty.covers.circle_cover import CircleCover
-from workbench.uncertainty.covers.cover import CoverSteps
 from workbench.uncertainty.covers.extrapolation import widened
 from workbench.uncertainty.covers.model import Containment, UncertaintyModel, contains
 from workbench.uncertainty.covers.orientation import (
@@ -16,6 +15,7 @@ from workbench.uncertainty.covers.orientation import (
 )
 from workbench.uncertainty.covers.responses import Responses, responses_of
 from workbench.uncertainty.covers.stadium_cover import StadiumCover
+from workbench.uncertainty.covers.steps import CoverSteps
 from workbench.uncertainty.parametric.lft import inverse, matrix, solve
 from workbench.uncertainty.parametric.model import ParametricModel, parametric
 from workbench.uncertainty.parametric.parameters import Parameter, levels, samples, vertices

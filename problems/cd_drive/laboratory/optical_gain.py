@@ -14,16 +14,16 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from workbench import Check, Study, figures, problem
+from workbench import Check, figures, problem
 from workbench.arrays import RealArray
 from workbench.executor import Context
-from workbench.program import worst
+from workbench.study import Study, array, check, dim, figure, metric, part, table
 
 from ..drive.photo_diodes import PEAK, PITCH
 from ..drive.shared_parameters import TABLES
 from ..drive.tables import Axis, drives
 from .experiment import Laboratory
-from .scans import focus_scan, radial_scan
+from .scans import Scan, focus_scan, radial_scan
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -62,97 +62,89 @@ class OpticalGain(Study):
 
     headline: ClassVar[str] = "worst_error"
 
-    def compute(self, context: Context) -> xr.Dataset:
-        import xarray as xr
+    drive = dim(lambda self: [each.name for each in drives(self.axis)])
+    quantity = dim(GAINS)
+    unit = array(quantity, value=lambda: list(GAINS.values()), coordinate=True)
 
+    @part
+    def scans(self, context: Context) -> list[Scan]:
+        """One scan of every drive, each with noise of its own."""
         scan = focus_scan if self.axis == "focus" else radial_scan
-        twelve = drives(self.axis)
-        seeds = context.rng.integers(2**31, size=len(twelve))
-        scans = [
-            scan(Laboratory(self.axis, drive.name), self.passes, int(seed))
-            for drive, seed in zip(twelve, seeds, strict=True)
+        names = [each.name for each in drives(self.axis)]
+        seeds = context.rng.integers(2**31, size=len(names))
+        return [
+            scan(Laboratory(self.axis, name), self.passes, int(seed))
+            for name, seed in zip(names, seeds, strict=True)
         ]
-        along = ("drive", "distance")
-        difference, total = (np.stack(part) for part in list(zip(*scans, strict=True))[1:3])
-        return xr.Dataset(
-            {
-                "difference": (along, difference, {"units": "V", "long_name": "error"}),
-                "sum": (along, total, {"units": "V", "long_name": "sum of the diodes"}),
-                "normalised": (
-                    along,
-                    difference / total,
-                    {"units": "1", "long_name": "normalised error"},
-                ),
-                "gain": (("drive", "quantity"), [each.gains for each in scans]),
-            },
-            coords={
-                "drive": [drive.name for drive in twelve],
-                "distance": ("distance", scans[0].distance, {"units": "m"}),
-                "quantity": list(GAINS),
-                "unit": ("quantity", list(GAINS.values())),
-            },
-        )
 
-    def truth(self) -> RealArray:
-        """The gains of Table A.3, (12, 2)."""
-        return np.array([[getattr(drive, name) for name in GAINS] for drive in drives(self.axis)])
+    distance = dim(lambda scans: scans[0].distance, unit="m")
+    along = (drive, distance)
+    difference = array(along, "V", "error", lambda scans: [s.difference for s in scans])
+    sum = array(along, "V", "sum of the diodes", lambda scans: [s.sum for s in scans])
+    normalised = array(along, "1", "normalised error", lambda difference, sum: difference / sum)
+    gain = array((drive, quantity), value=lambda scans: [s.gains for s in scans])
 
-    def checks(self, answer: xr.Dataset, tolerance: float) -> list[Check]:
-        names, checks = answer["drive"].values, []
-        for name in GAINS:
-            most, where = worst(self._error(answer, name), lambda p: f"of {names[p[0]]}")
-            checks.append(Check(name, "relative distance from Table A.3", most, WANTED, where))
-        spreads = {name: spread(answer, name) for name in GAINS}
-        stated = SPREADS[self.axis]
+    def error(self, gain: xr.DataArray) -> xr.DataArray:
+        """Relative distance of gains (drive, quantity) from those of Table A.3."""
+        return gain / _printed(self.axis) - 1
+
+    @check("{quantity}", at_most=WANTED, each="quantity", where="of {drive}")
+    def near(self, gain: xr.DataArray) -> xr.DataArray:
+        """relative distance from Table A.3"""
+        return abs(self.error(gain))
+
+    @check()
+    def spreads(self, gain: xr.DataArray) -> list[Check]:
+        """The tolerances of section 4.6.3: bounds in focus, near ones in the radial loop."""
+        found, stated = spread(gain), SPREADS[self.axis]
+        K_opt, K_optn = (float(found.sel(quantity=name)) for name in GAINS)
         if self.axis == "focus":
-            short = stated["K_opt"] - spreads["K_opt"]
+            short = "by how much it falls short of 50 %"
             return [
-                *checks,
-                Check("spread of K_opt", "by how much it falls short of 50 %", short, 0.0),
-                Check("spread of K_optn", "over the drives", spreads["K_optn"], stated["K_optn"]),
+                Check("spread of K_opt", short, stated["K_opt"] - K_opt, 0.0),
+                Check("spread of K_optn", "over the drives", K_optn, stated["K_optn"]),
             ]
-        return checks + [
-            Check(
-                f"spread of {name}",
-                f"distance from {stated[name]:.0%}",
-                abs(spreads[name] - stated[name]),
-                NEAR[name],
-            )
-            for name in GAINS
+        return [
+            Check(f"spread of {name}", f"distance from {said:.0%}", abs(one - said), NEAR[name])
+            for (name, said), one in zip(stated.items(), (K_opt, K_optn), strict=True)
         ]
 
-    def _error(self, answer: xr.Dataset, name: str) -> RealArray:
-        true = self.truth()[:, list(GAINS).index(name)]
-        error: RealArray = np.abs(answer["gain"].sel(quantity=name).values / true - 1)
-        return error
+    worst_error = metric(lambda self, gain: abs(self.error(gain)).max())
+    errors = metric("error_{quantity}", lambda self, gain: abs(self.error(gain)).max("drive"))
+    spread = metric("spread_{quantity}", lambda gain: spread(gain))
 
-    def metrics(self, answer: xr.Dataset) -> dict[str, float]:
-        errors = {f"error_{name}": float(self._error(answer, name).max()) for name in GAINS}
-        spreads = {f"spread_{name}": spread(answer, name) for name in GAINS}
-        return {"worst_error": max(errors.values()), **errors, **spreads}
+    @table
+    def gains(self, gain: xr.DataArray) -> tuple[list[str], list[list[str]]]:
+        heads = ["drive"]
+        for name, unit in GAINS.items():
+            heads += [f"{name} [{unit}]", "Table A.3", "error [%]"]
+        rows = [
+            [drive, *(text for pair in zip(found, true, strict=True) for text in _row(*pair))]
+            for drive, found, true in zip(
+                gain["drive"].values, gain.values, _printed(self.axis), strict=True
+            )
+        ]
+        return heads, rows
 
-    def tables(self, answer: xr.Dataset) -> dict[str, str]:
-        heads = [f"{n} [{u}] | Table A.3 | error [%]" for n, u in GAINS.items()]
-        lines = [f"| drive | {' | '.join(heads)} |", "| --- |" + " ---: |" * 6]
-        for drive, row, true in zip(
-            answer["drive"].values, answer["gain"].values, self.truth(), strict=True
-        ):
-            cells = [
-                f"{x:.0f} | {t:.0f} | {100 * (x / t - 1):+.2f}"
-                for x, t in zip(row, true, strict=True)
-            ]
-            lines.append(f"| {drive} | {' | '.join(cells)} |")
-        return {"gains": "\n".join(lines) + "\n"}
-
-    def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
+    @figure
+    def scan(self, answer: xr.Dataset) -> dict[str, Figure]:
         name = "s-curve" if self.axis == "focus" else "track-scan"
         return {name: _scan_figure(answer, self.axis), "gains": _gain_figure(answer)}
 
 
-def spread(answer: xr.Dataset, name: str) -> float:
-    """Half the range of a gain over the drives, relative to the middle of it."""
-    gain = answer["gain"].sel(quantity=name)
-    return float((gain.max() - gain.min()) / (gain.max() + gain.min()))
+def _printed(axis: Axis) -> RealArray:
+    """The gains of Table A.3, (12, 2)."""
+    return np.array([[getattr(drive, name) for name in GAINS] for drive in drives(axis)])
+
+
+def _row(found: float, true: float) -> tuple[str, str, str]:
+    return f"{found:.0f}", f"{true:.0f}", f"{100 * (found / true - 1):+.2f}"
+
+
+def spread(gain: xr.DataArray) -> xr.DataArray:
+    """Half the range of gains over the drives, relative to the middle of it."""
+    low, high = gain.min("drive"), gain.max("drive")
+    return (high - low) / (high + low)
 
 
 def _scan_figure(answer: xr.Dataset, axis: Axis) -> Figure:
@@ -180,10 +172,11 @@ def _scan_figure(answer: xr.Dataset, axis: Axis) -> Figure:
 def _gain_figure(answer: xr.Dataset) -> Figure:
     figure, panels = figures.axes(2, 1, size=(7.0, 5.0), sharex=True)
     for panel, (name, unit) in zip(panels, GAINS.items(), strict=True):
-        gain = answer["gain"].sel(quantity=name).values
+        found = answer["gain"].sel(quantity=name)
+        gain = found.values
         middle = (gain.max() + gain.min()) / 2
         panel.bar(answer["drive"].values, gain, color=figures.BLUE, width=0.6)
         panel.axhline(middle, color=figures.BLACK, linestyle="--", linewidth=1.0)
-        panel.set_title(f"{name}: +-{spread(answer, name):.1%} around the dashed middle")
+        panel.set_title(f"{name}: +-{float(spread(found)):.1%} around the dashed middle")
         panel.set_ylabel(f"{name} [{unit}]")
     return figure

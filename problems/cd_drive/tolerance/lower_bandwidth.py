@@ -19,6 +19,7 @@ from workbench.mu import Peak, conditions
 from workbench.synthesis import LeadLag, MuController, MuSynthesis, discretised
 from workbench.systems.storage import stored
 
+from ..control.loops import loop_response, plants
 from ..control.trade_off import CHANNELS, TradeOff
 from ..drive.photo_diodes import CAPTURE
 from ..drive.plants import controller as reference
@@ -26,6 +27,7 @@ from ..drive.red_book import ACCEPTABLE_ERROR
 from ..drive.shared_parameters import TABLES
 from ..drive.tables import Axis
 from ..laboratory.bench_setup import PERIOD
+from .switched_loop import closed
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -118,16 +120,11 @@ class LowerBandwidth(MuSynthesis):
 
     def sampled_radius(self, K: StateSpace) -> float:
         """Of the nominal plant behind a hold, one sample of delay: the largest pole's modulus."""
-        from ..control.loops import plants
-        from .switched_loop import closed
-
         nominal = plants(self.axis, "own", "printed")["nominal"]
         return float(abs(np.linalg.eigvals(closed(nominal, discretised(K, PERIOD), 1.0))).max())
 
     def responses(self, K: StateSpace, frequency: Any) -> tuple[Any, Any]:
         """S and T of the nominal loop at frequencies [Hz]."""
-        from ..control.loops import loop_response
-
         L = loop_response(TradeOff(self.axis, 1.0).G * K, frequency)
         return 1 / (1 + L), L / (1 + L)
 

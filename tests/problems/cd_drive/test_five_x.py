@@ -6,8 +6,9 @@ import pytest
 import xarray as xr
 from workbench.plants.cd_drive.control.controller import controller
 from workbench.plants.cd_drive.control.design import synthesis_plant, uncertainty
-from workbench.plants.cd_drive.control.five_x.problem import CONTROLLERS, FiveX, needs
+from workbench.plants.cd_drive.control.five_x.problem import needs
 from workbench.plants.cd_drive.control.five_x.report import conclusions_table
+from workbench.plants.cd_drive.control.five_x.study import CONTROLLERS, FiveX
 
 import workbench as wb
 from workbench.synthesis import hinf

@@ -4,12 +4,8 @@ from itertools import product
 from types import SimpleNamespace
 
 import pytest
-from workbench.plants.cd_drive.control.mu_pid_analysis.problem import (
-    COVERS,
-    GAINS,
-    MuPidAnalysis,
-    needs,
-)
+from workbench.plants.cd_drive.control.mu_pid_analysis.problem import needs
+from workbench.plants.cd_drive.control.mu_pid_analysis.study import COVERS, GAINS, MuPidAnalysis
 
 import workbench as wb
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from workbench.plants.cd_drive.tolerance.switching_stability import checks
-from workbench.plants.cd_drive.tolerance.switching_stability.problem import SwitchingStability
+from workbench.plants.cd_drive.tolerance.switching_stability.study import SwitchingStability
 
 import workbench as wb
 from workbench.systems.storage import restored

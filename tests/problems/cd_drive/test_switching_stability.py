@@ -25,11 +25,11 @@ from workbench.plants.cd_drive.tolerance.switched_loop import (
     regulators,
     switched,
 )
-from workbench.plants.cd_drive.tolerance.switching_stability import problem as module
 from workbench.plants.cd_drive.tolerance.switching_stability.box import Box, Cell, proven_share
 from workbench.plants.cd_drive.tolerance.switching_stability.checks import _played
 from workbench.plants.cd_drive.tolerance.switching_stability.error import Deviations
-from workbench.plants.cd_drive.tolerance.switching_stability.problem import SwitchingStability
+from workbench.plants.cd_drive.tolerance.switching_stability.study import SwitchingStability
+from workbench.plants.cd_drive.tolerance.switching_stability.switched_drives import DEFECTS
 
 import workbench as wb
 from workbench.errors import InputError
@@ -155,7 +155,7 @@ def test_longer_defects_and_shorter_distances_are_worse(loop):
 
 def test_played_again(loop):
     study = SwitchingStability("focus", LOWER, 2.5e-3, 1.0, 0.0, "own", False)
-    told = study.deviations(loop, "rotation").simulated(40, 150, module.DEFECTS)
+    told = study.deviations(loop, "rotation").simulated(40, 150, DEFECTS)
     assert _played(study, loop, "rotation", 40, 150) == pytest.approx(told, rel=5e-3)
 
 

@@ -14,9 +14,11 @@ from urllib.parse import quote
 
 from markupsafe import Markup
 
+from workbench.bench.files import Picture, picture
+from workbench.bench.problem import place_of
 from workbench.bench.results import Run, stored_runs
 from workbench.bench.store import CHECKSUMS, FAILED, PARTIAL, REFERENCE, damage
-from workbench.errors import ResultError
+from workbench.errors import WorkbenchError
 
 
 @dataclass(frozen=True)
@@ -58,44 +60,48 @@ class Entry:
         return self.run.log if (self.run.path / "log.txt").is_file() else ""
 
     @property
-    def figures(self) -> Iterator[Picture]:
-        """One by one: a page of many runs is written without holding all of them."""
-        return (Picture(name, file) for name, file in self.run.figures.items())
+    def looks(self) -> Looks:
+        """Its figures and tables, made now: a page of many runs does not hold all of them."""
+        try:
+            figures = {name: picture(figure) for name, figure in self.run.figures.items()}
+            return Looks([Embedded(*one) for one in figures.items()], self.run.tables, "")
+        except Exception as error:  # the page shows the rest
+            told = str(error) if isinstance(error, WorkbenchError) else place_of(error)
+            return Looks([], {}, told)
 
 
 @dataclass(frozen=True)
-class Picture:
+class Looks:
+    """Figures and tables of a run, or why there are none."""
+
+    figures: list[Embedded]
+    tables: dict[str, str]
+    missing: str
+
+
+@dataclass(frozen=True)
+class Embedded:
     """A figure to embed: the drawing or the pixels, whichever is smaller."""
 
     stem: str
-    png: Path
+    picture: Picture
 
     @property
     def name(self) -> str:
         return re.sub(r"[-_]+", " ", self.stem)
 
     @property
-    def files(self) -> list[Path]:
-        """The figure's files, the drawing first."""
-        svg = self.png.with_suffix(".svg")
-        return [svg, self.png] if svg.is_file() else [self.png]
-
-    @property
     def source(self) -> Markup:
         """As a data URI; base64, so that nothing in it can be taken for markup."""
-        file = min(self.files, key=lambda file: file.stat().st_size)
-        kind = "svg+xml" if file.suffix == ".svg" else "png"
-        code = base64.b64encode(file.read_bytes()).decode()
+        svg, png = self.picture.svg, self.picture.png
+        kind, content = ("svg+xml", svg) if len(svg) <= len(png) else ("png", png)
+        code = base64.b64encode(content).decode()
         return Markup(f"data:image/{kind};base64,{code}")  # no character of it needs escaping
 
     @property
     def size(self) -> tuple[int, int]:
         """Width and height in pixels: the page keeps the room before it draws the figure."""
-        with self.png.open("rb") as stream:
-            head = stream.read(24)
-        if head[12:16] != b"IHDR":
-            raise ResultError(f"{self.png} is no PNG file")
-        width, height = struct.unpack(">II", head[16:24])
+        width, height = struct.unpack(">II", self.picture.png[16:24])
         return width, height
 
 

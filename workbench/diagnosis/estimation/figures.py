@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import cycle
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from workbench import figures
 from workbench.mu import sweep
+from workbench.structure import Structure
 from workbench.systems.frequency_grid import frequencies_of
 from workbench.systems.generalised_plant import response
 
@@ -16,19 +18,25 @@ if TYPE_CHECKING:
     from control import StateSpace
     from matplotlib.figure import Figure
 
-    from workbench.diagnosis.estimation.program import FaultEstimation, FaultFilter
+
+class RequirementLoop(NamedTuple):
+    """The closed loop of one requirement, the blocks that close it, and its band [rad/s]."""
+
+    name: str
+    system: StateSpace
+    structure: Structure
+    band: tuple[float, float]
 
 
-def channels(program: FaultEstimation, answer: FaultFilter) -> Figure:
+def channels(loops: Sequence[RequirementLoop]) -> Figure:
     """Mixed mu of each requirement over frequency, in its band."""
     figure, (panel,) = figures.axes(1, 1, size=(7.2, 4.6))
-    for channel, colour in zip(program.channels, cycle(figures.CYCLE), strict=False):
-        loop = program.loop(answer.K, channel)
+    for loop, colour in zip(loops, cycle(figures.CYCLE), strict=False):
         omega = frequencies_of(loop.system)
-        omega = omega[(omega >= channel.band[0]) & (omega <= channel.band[1])]
-        found = sweep(loop.system, loop.performance_structure, omega)
+        omega = omega[(omega >= loop.band[0]) & (omega <= loop.band[1])]
+        found = sweep(loop.system, loop.structure, omega)
         frequency = found.omega / 2 / np.pi
-        panel.loglog(frequency, found.upper, color=colour, label=f"{channel.name}, upper bound")
+        panel.loglog(frequency, found.upper, color=colour, label=f"{loop.name}, upper bound")
         panel.loglog(frequency, found.lower, ":", color=colour, label="lower bound")
     panel.axhline(1.0, color="0.4", linewidth=0.8)
     panel.set_xlabel("frequency [Hz]")

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 import numpy as np
 
 from workbench.certify.stability import stability_of
+from workbench.diagnosis.estimation.figures import RequirementLoop, channels, fault_filter
 from workbench.diagnosis.estimation.weighting import (
     EVERYWHERE,
     TOGETHER,
@@ -229,6 +230,9 @@ class FaultEstimation(Program):
         return FaultFilter(restored(data, "filter"), bounds[:-1], bounds[-1], least, history)
 
     def figures(self, answer: FaultFilter) -> dict[str, Figure]:
-        from workbench.diagnosis.estimation.figures import channels, fault_filter
-
-        return {"channels": channels(self, answer), "filter": fault_filter(answer.K)}
+        loops = []
+        for channel in self.channels:
+            loop = self.loop(answer.K, channel)
+            structure = loop.performance_structure
+            loops.append(RequirementLoop(channel.name, loop.system, structure, channel.band))
+        return {"channels": channels(loops), "filter": fault_filter(answer.K)}

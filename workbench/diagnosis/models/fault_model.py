@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.arrays import Array
-from workbench.diagnosis.models.parameter_faults import factors
+from workbench.diagnosis.models.rank_factors import rank_factors
 from workbench.errors import InputError, UnknownNameError
 from workbench.input_checks import as_array
 from workbench.systems.generalised_plant import response
@@ -203,8 +203,10 @@ class FaultModel:
         InputError
             Another shape, entries that are not finite, all zero, or a name that is taken.
         """
-        left, _ = factors(self, name, (dA, dB, dC, dD))
-        n, rank = int(self.system.nstates), left.shape[1]
+        n = int(self.system.nstates)
+        sizes = n, len(self.outputs), len(self.controls)
+        left, _ = rank_factors(name, (dA, dB, dC, dD), *sizes)
+        rank = left.shape[1]
         model = self
         for k, column in enumerate(left.T):
             each = name if rank == 1 else f"{name}_{k + 1}"

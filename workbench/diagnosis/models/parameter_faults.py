@@ -3,24 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import Array
+from workbench.diagnosis.models.fault_model import FaultModel
+from workbench.diagnosis.models.rank_factors import rank_factors
 from workbench.errors import InputError
-from workbench.input_checks import as_array
 from workbench.structure import Real, Structure
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.realisation import realisation
-
-if TYPE_CHECKING:
-    from workbench.diagnosis.models.fault_model import FaultModel
-
-
-RANK = 1e-12
-"""Singular values of a parameter's matrix below this share of the largest are rounding."""
 
 
 def multiplicative_lft(
@@ -43,7 +35,8 @@ def multiplicative_lft(
     """
     if not changes:
         raise InputError("changes is empty; it needs the matrices of one parameter or more")
-    found = {name: factors(model, name, _four(name, dM)) for name, dM in changes.items()}
+    sizes = int(model.system.nstates), len(model.outputs), len(model.controls)
+    found = {name: rank_factors(name, _four(name, dM), *sizes) for name, dM in changes.items()}
     left = np.hstack([L for L, _ in found.values()])
     right = np.vstack([R for _, R in found.values()])
     blocks = [Real(L.shape[1], name) for name, (L, _) in found.items()]
@@ -65,35 +58,6 @@ def multiplicative_lft(
         outputs=[*(f"q_{s}" for s in signals), *model.outputs],
     )
     return GeneralisedPlant(plant, Structure(blocks), len(model.controls), len(model.outputs))
-
-
-def factors(
-    model: FaultModel, name: str, parts: tuple[ArrayLike | None, ...]
-) -> tuple[Array, Array]:
-    """L (n + p, k) and R (k, n + m) of full rank with L R = [dA dB; dC dD]."""
-    n, p, m = int(model.system.nstates), len(model.outputs), len(model.controls)
-    shapes = {"dA": (n, n), "dB": (n, m), "dC": (p, n), "dD": (p, m)}
-    given: list[Array] = []
-    for (label, shape), part in zip(shapes.items(), parts, strict=True):
-        matrix = np.zeros(shape) if part is None else as_array(part, f"{label} of {name}")
-        if matrix.shape != shape:
-            raise InputError(
-                f"{label} of fault {name!r} has shape {matrix.shape}; the model has {n} states, "
-                f"{p} outputs and {m} controls: {shape} is needed"
-            )
-        if not np.isfinite(matrix).all():
-            raise InputError(f"{label} of fault {name!r} has entries that are not finite")
-        given.append(matrix)
-    dM = np.block([given[:2], given[2:]])
-    if not dM.any():
-        raise InputError(f"fault {name!r} changes nothing: dA, dB, dC and dD are zero")
-    U, sizes, V = np.linalg.svd(dM)
-    rank = int((sizes > RANK * sizes[0]).sum())
-    if rank == 1:  # one column of a matrix stays what it was, as I_i in equation 7.2
-        pivot = int(np.abs(dM).sum(axis=0).argmax())
-        L = dM[:, [pivot]]
-        return L, np.linalg.lstsq(L, dM, rcond=None)[0]
-    return U[:, :rank], sizes[:rank, None] * V[:rank]
 
 
 def _four(name: str, parts: tuple[ArrayLike | None, ...]) -> tuple[ArrayLike | None, ...]:

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from workbench.arrays import RealArray
 from workbench.errors import InputError, SolverError
 from workbench.executor import Context
+from workbench.fitting.magnitude import results
 from workbench.fitting.magnitude.alternation import error_bound
 from workbench.fitting.magnitude.coverage import least_margin
 from workbench.fitting.rational import Rational
@@ -142,17 +143,21 @@ class MagnitudeFit(Program):
     # --- datasets and figures -----------------------------------------------------------------
 
     def to_dataset(self, answer: Rational) -> xr.Dataset:
-        from workbench.fitting.magnitude.results import to_dataset
-
-        return to_dataset(self, answer)
+        return results.to_dataset(self.omega, self.magnitude, self.weight, answer)
 
     def from_dataset(self, data: xr.Dataset) -> Rational:
         return function(data)
 
     def figures(self, answer: Rational) -> dict[str, Figure]:
-        from workbench.fitting.magnitude.results import figures
-
-        return figures(self, answer)
+        return results.figures(
+            self.omega,
+            self.magnitude,
+            self.weight,
+            answer,
+            worst=self.error(answer),
+            bound=self.bound(answer),
+            cover=self.cover,
+        )
 
 
 _TINY = float(np.finfo(float).tiny)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from workbench import figures as style
+from workbench.arrays import RealArray
 from workbench.fitting.rational import Rational
 from workbench.fitting.storage import roots
 
@@ -14,50 +15,72 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
-    from workbench.fitting.magnitude.program import MagnitudeFit
-
 DENSE = 10
 """Points of the fitted curve for each of the data."""
 
 
-def to_dataset(program: MagnitudeFit, answer: Rational) -> xr.Dataset:
-    """Data, fitted magnitude, roots and gain."""
+def to_dataset(
+    omega: RealArray, magnitude: RealArray, weight: RealArray, answer: Rational
+) -> xr.Dataset:
+    """Data (F,) at omega [rad/s], the fitted magnitude, and the fit's roots and gain."""
     import xarray as xr
 
     plain = {"units": "1"}
-    fitted = np.abs(answer.response(program.omega))
+    fitted = np.abs(answer.response(omega))
     variables = {
-        "magnitude": ("omega", program.magnitude, plain | {"long_name": "magnitude to fit"}),
-        "weight": ("omega", program.weight, plain | {"long_name": "weight of the error"}),
+        "magnitude": ("omega", magnitude, plain | {"long_name": "magnitude to fit"}),
+        "weight": ("omega", weight, plain | {"long_name": "weight of the error"}),
         "fit": ("omega", fitted, plain | {"long_name": "magnitude of the fit"}),
         **roots(answer, "the fit"),
     }
     attributes = {"units": "rad/s", "long_name": "angular frequency"}
-    return xr.Dataset(variables, coords={"omega": ("omega", program.omega, attributes)})
+    return xr.Dataset(variables, coords={"omega": ("omega", omega, attributes)})
 
 
-def figures(program: MagnitudeFit, answer: Rational) -> dict[str, Figure]:
-    """Magnitudes over frequency, and the weighted error between its bounds."""
+def figures(
+    omega: RealArray,
+    magnitude: RealArray,
+    weight: RealArray,
+    answer: Rational,
+    *,
+    worst: float,
+    bound: float,
+    cover: bool,
+) -> dict[str, Figure]:
+    """Magnitudes over frequency, and the weighted relative error between its bounds.
+
+    Parameters
+    ----------
+    omega, magnitude, weight
+        The data (F,), frequencies in rad/s.
+    answer
+        The fit.
+    worst
+        Largest weighted relative error of the fit.
+    bound
+        Error that no fit of the same order goes below.
+    cover
+        Whether the fit covers the data, so that its error has one sign.
+    """
     figure, (top, below) = style.axes(2, 1, size=(7.0, 5.6), sharex=True)
-    hertz = program.omega / (2 * np.pi)
+    hertz = omega / (2 * np.pi)
     steps = np.arange((hertz.size - 1) * DENSE + 1) / DENSE
     dense = np.exp(np.interp(steps, np.arange(hertz.size), np.log(hertz)))
-    top.loglog(hertz, program.magnitude, ".", color=style.BLACK, markersize=3, label="data")
+    top.loglog(hertz, magnitude, ".", color=style.BLACK, markersize=3, label="data")
     fitted = np.abs(answer.response(2 * np.pi * dense))
     top.loglog(dense, fitted, color=style.BLUE, label=f"fit of order {answer.order}")
     top.set_ylabel("magnitude [1]")
 
-    relative = np.abs(answer.response(program.omega)) / program.magnitude - 1
-    worst, bound = program.error(answer), program.bound(answer)
-    below.semilogx(hertz, program.weight * relative, color=style.BLUE)
-    signs = (1,) if program.cover else (1, -1)
+    relative = np.abs(answer.response(omega)) / magnitude - 1
+    below.semilogx(hertz, weight * relative, color=style.BLUE)
+    signs = (1,) if cover else (1, -1)
     for sign in signs:
         below.axhline(sign * worst, color=style.ORANGE)
         below.axhline(sign * bound, color=style.GREEN, linestyle="--")
     # lines of the lower panel, named in the one legend
     top.plot([], [], color=style.ORANGE, label="worst error")
     top.plot([], [], color=style.GREEN, linestyle="--", label="no fit is better than")
-    if program.cover:
+    if cover:
         below.axhline(0, color=style.BLACK, linewidth=0.8)
     below.set_ylabel("weighted relative error [1]")
     below.set_xlabel("frequency [Hz]")

@@ -7,20 +7,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from workbench import figures
+from workbench.arrays import RealArray
+from workbench.fitting.rational import Rational
+from workbench.fitting.response.data import Data
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from workbench.fitting.rational import Rational
-    from workbench.fitting.response.program import ResponseFit
 
 POINTS = 2000
 """Frequencies at which the fit is drawn: between the data too."""
 
 
-def bode(program: ResponseFit, answer: Rational) -> Figure:
-    """Magnitude and phase of data and fit, and the weighted error, over frequency."""
-    data, omega = program.active, _fine(program)
+def bode(data: Data, answer: Rational, errors: RealArray) -> Figure:
+    """Magnitude and phase of data and fit, and the weighted errors (F,), over frequency."""
+    omega = _fine(data.omega)
     fit = answer.response(omega)
     figure, (magnitude, phase, error) = figures.axes(3, 1, size=(7.0, 7.0), sharex=True)
     dots: Any = {"marker": ".", "linestyle": "none", "color": figures.BLUE, "markersize": 4}
@@ -34,7 +34,6 @@ def bode(program: ResponseFit, answer: Rational) -> Figure:
     along += 2 * np.pi * np.round((turned[0] - along[0]) / (2 * np.pi))  # on the data's sheet
     phase.plot(omega, np.degrees(along), color=figures.ORANGE)
     phase.set_ylabel("phase [deg]")
-    errors = program.errors(answer)[program.weight > 0].astype(float)
     error.plot(data.omega, errors, **{**dots, "color": figures.BLACK})
     error.axhline(errors.max(), color=figures.GREEN, linewidth=0.8)
     if errors.min() > 0:
@@ -47,11 +46,11 @@ def bode(program: ResponseFit, answer: Rational) -> Figure:
     return figure
 
 
-def nyquist(program: ResponseFit, answer: Rational) -> Figure:
+def nyquist(data: Data, answer: Rational) -> Figure:
     """Data and fit in the complex plane."""
-    data, fit = program.active.response, answer.response(_fine(program))
+    response, fit = data.response, answer.response(_fine(data.omega))
     figure, (plane,) = figures.axes(size=(6.0, 5.0))
-    plane.plot(data.real, data.imag, ".", color=figures.BLUE, markersize=4, label="data")
+    plane.plot(response.real, response.imag, ".", color=figures.BLUE, markersize=4, label="data")
     plane.plot(fit.real, fit.imag, color=figures.ORANGE, label="fit")
     plane.set_aspect("equal", adjustable="datalim")
     plane.set_xlabel("real part [1]")
@@ -60,7 +59,7 @@ def nyquist(program: ResponseFit, answer: Rational) -> Figure:
     return figure
 
 
-def _fine(program: ResponseFit) -> np.ndarray:
-    omega = program.active.omega
+def _fine(omega: RealArray) -> np.ndarray:
+    """The frequencies of the data and POINTS others between them."""
     between = np.geomspace(omega[0], omega[-1], POINTS)
     return np.union1d(between[1:-1], omega)

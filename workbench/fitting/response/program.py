@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench.arrays import ComplexArray
 from workbench.errors import InputError, SolverError
 from workbench.fitting.rational import Rational
+from workbench.fitting.response.data import Data
+from workbench.fitting.response.figures import bode, nyquist
 from workbench.fitting.samples import as_count, as_frequencies, as_responses, as_weights
 from workbench.fitting.storage import function, roots
 from workbench.program import Check, Program, solve, worst
@@ -25,15 +27,6 @@ if TYPE_CHECKING:
 
 HIGHEST = 12
 """Order up to which an order is looked for."""
-
-
-@dataclass(frozen=True)
-class Data:
-    """Frequencies [rad/s], responses and positive weights, each (F,)."""
-
-    omega: RealArray
-    response: ComplexArray
-    weight: RealArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,9 +167,11 @@ class ResponseFit(Program):
         return function(data)
 
     def figures(self, answer: Rational) -> dict[str, Figure]:
-        from workbench.fitting.response.figures import bode, nyquist
-
-        return {"bode": bode(self, answer), "nyquist": nyquist(self, answer)}
+        errors = self.errors(answer)[self.weight > 0].astype(float)
+        return {
+            "bode": bode(self.active, answer, errors),
+            "nyquist": nyquist(self.active, answer),
+        }
 
 
 def fit_response(

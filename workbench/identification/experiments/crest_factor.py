@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from workbench.errors import InputError
+from workbench.identification.experiments.figures import period_figure
 from workbench.identification.experiments.multisine import Multisine, as_lines
 from workbench.program import Check, Program, worst
 
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
 
 POINTS = 64
 """Instants of the check per period of the highest line: the bound is then 0.12 % above them."""
+DRAWN = 16
+"""Instants drawn per period of the highest line."""
 CHUNK = 1 << 20
 """Numbers that a direct sum holds in memory at once."""
 
@@ -107,9 +110,12 @@ class CrestFactor(Program):
         }
 
     def figures(self, answer: Any) -> dict[str, Figure]:
-        from workbench.identification.parameters.figures import crest_factor_figure
-
-        return {"period": crest_factor_figure(self, self._phases(answer))}
+        points = DRAWN * int(self.lines[-1])
+        drawn, schroeder = (
+            self.multisine(phases).period(points) / self.rms
+            for phases in (self._phases(answer), schroeder_phases(self.lines, self.amplitudes))
+        )
+        return {"period": period_figure(drawn, schroeder)}
 
     def to_dataset(self, answer: Any) -> xr.Dataset:
         import xarray as xr

@@ -48,6 +48,28 @@ def require_alive(record: np.ndarray, name: str) -> None:
         )
 
 
+def checked_record(u: ArrayLike, y: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+    """A record as float arrays u (N, nu) and y (N, ny).
+
+    Raises
+    ------
+    InputError
+        Wrong shapes or unequal lengths, values that are not finite, a channel that never changes.
+    """
+    pair = []
+    for name, values in (("u", u), ("y", y)):
+        if np.ndim(values) != 2:
+            raise InputError(
+                f"{name} has shape {np.shape(values)}; an array of samples by channels is needed"
+            )
+        channels = as_record(np.transpose(values), name)
+        require_alive(channels, name)
+        pair.append(channels.T)
+    if len(pair[0]) != len(pair[1]):
+        raise InputError(f"u has {len(pair[0])} samples and y {len(pair[1])}; they must be equal")
+    return pair[0], pair[1]
+
+
 def saturation(signal: ArrayLike, limits: tuple[float, float] | None = None) -> np.ndarray:
     """Share of samples, of every channel, at the end of the converter's range.
 

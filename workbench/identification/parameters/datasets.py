@@ -6,37 +6,36 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from workbench.identification.parameters.least_squares import LeastSquares
 from workbench.identification.parameters.measured import MeasuredRecord, MeasuredResponse
 
 if TYPE_CHECKING:
     import xarray as xr
 
-    from workbench.identification.parameters.program import ParameterFit
 
-
-def fit_dataset(program: ParameterFit, values: np.ndarray) -> xr.Dataset:
+def fit_dataset(problem: LeastSquares, values: np.ndarray) -> xr.Dataset:
     """Parameters with bounds and covariance, and each datum beside its model."""
     import xarray as xr
 
-    names = list(program.names)
+    names = list(problem.names)
     named = dict(zip(names, map(float, values), strict=True))
     one: dict[str, Any] = {"units": "1"}  # the parameters have different units
     variables: dict[str, Any] = {
         "value": ("parameter", values, one | {"long_name": "estimate"}),
-        "lower": ("parameter", program.lower, one | {"long_name": "lower bound"}),
-        "upper": ("parameter", program.upper, one | {"long_name": "upper bound"}),
+        "lower": ("parameter", problem.lower, one | {"long_name": "lower bound"}),
+        "upper": ("parameter", problem.upper, one | {"long_name": "upper bound"}),
         "half_width": (
             "parameter",
-            program.intervals(values),
+            problem.intervals(values),
             one | {"long_name": "half-width of the 99 % interval"},
         ),
         "covariance": (
             ("parameter", "other_parameter"),
-            program.covariance(values),
+            problem.covariance(values),
             one | {"long_name": "covariance"},
         ),
     }
-    for datum in program.data:
+    for datum in problem.data:
         label = "_".join(datum.name.split())
         if isinstance(datum, MeasuredResponse):
             data, axis = datum.response, f"{label}_frequency"

@@ -1,4 +1,4 @@
-"""Figures of identification: fits over their data, one period of a multisine."""
+"""Figures of parameter fits: each response and record beside its model."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from workbench import figures
-from workbench.identification.experiments.crest_factor import CrestFactor, schroeder_phases
 from workbench.identification.parameters.measured import Measured, MeasuredRecord, MeasuredResponse
 
 if TYPE_CHECKING:
@@ -68,24 +67,6 @@ def record_figure(datum: MeasuredRecord, values: Mapping[str, float]) -> Figure:
     panels[-1].set_xlabel("sample")
     panels[0].set_title(datum.name)
     figures.legend_below(figure, panels[0])
-    return figure
-
-
-def crest_factor_figure(program: CrestFactor, phases: np.ndarray) -> Figure:
-    """One period in units of its root mean square, beside Schroeder's."""
-    figure, (panel,) = figures.axes()
-    points = 16 * int(program.lines[-1])
-    time = np.arange(points) / points
-    schroeder = schroeder_phases(program.lines, program.amplitudes)
-    for values, name, color in (
-        (schroeder, "Schroeder", figures.SKY),
-        (phases, "answer", figures.BLUE),
-    ):
-        signal = program.multisine(values).period(points) / program.rms
-        panel.plot(time, signal, color=color, label=f"{name}: {np.abs(signal).max():.3f}")
-    panel.set_xlabel("time [periods]")
-    panel.set_ylabel("signal over its rms [1]")
-    figures.legend_below(figure, panel)
     return figure
 
 

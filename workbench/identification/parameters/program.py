@@ -11,6 +11,8 @@ import numpy as np
 
 from workbench.errors import InputError, SolverError
 from workbench.identification.experiments.quality import IdentificationWarning
+from workbench.identification.parameters.datasets import fit_dataset
+from workbench.identification.parameters.figures import fit_figures
 from workbench.identification.parameters.least_squares import AT_BOUND, LeastSquares, Parameter
 from workbench.identification.parameters.measured import Measured
 from workbench.program import Check, Program, solve
@@ -118,14 +120,10 @@ class ParameterFit(LeastSquares, Program):
         return {"parameters": "\n".join([*rows, "", *(f"- {n}" for n in self.notes(values))])}
 
     def figures(self, answer: Any) -> dict[str, Figure]:
-        from workbench.identification.parameters.figures import fit_figures
-
         named = dict(zip(self.names, map(float, self._values(answer)), strict=True))
         return fit_figures(self.data, named)
 
     def to_dataset(self, answer: Any) -> xr.Dataset:
-        from workbench.identification.parameters.datasets import fit_dataset
-
         return fit_dataset(self, self._values(answer))
 
     def from_dataset(self, data: xr.Dataset) -> np.ndarray:

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
-from workbench.identification.state_space.innovations import checked_record
+from workbench.identification.experiments.quality import checked_record
 
 
 @dataclass(frozen=True, eq=False)

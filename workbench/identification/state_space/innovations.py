@@ -16,8 +16,6 @@ from numpy.typing import ArrayLike
 from scipy.signal import dlsim
 
 from workbench.arrays import ComplexArray, RealArray
-from workbench.errors import InputError
-from workbench.identification.experiments.quality import as_record, require_alive
 
 if TYPE_CHECKING:
     from control import StateSpace
@@ -106,25 +104,3 @@ def initial_state(
     left = (y - forced).ravel()
     state: RealArray = np.linalg.lstsq(observed.reshape(-1, len(A)), left, rcond=None)[0]
     return state
-
-
-def checked_record(u: ArrayLike, y: ArrayLike) -> tuple[RealArray, RealArray]:
-    """A record as float arrays u (N, nu) and y (N, ny).
-
-    Raises
-    ------
-    InputError
-        Wrong shapes or unequal lengths, values that are not finite, a channel that never changes.
-    """
-    pair = []
-    for name, values in (("u", u), ("y", y)):
-        if np.ndim(values) != 2:
-            raise InputError(
-                f"{name} has shape {np.shape(values)}; an array of samples by channels is needed"
-            )
-        channels = as_record(np.transpose(values), name)
-        require_alive(channels, name)
-        pair.append(channels.T)
-    if len(pair[0]) != len(pair[1]):
-        raise InputError(f"u has {len(pair[0])} samples and y {len(pair[1])}; they must be equal")
-    return pair[0], pair[1]

@@ -23,9 +23,9 @@ import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.errors import InputError
+from workbench.identification.experiments.quality import checked_record
 from workbench.identification.state_space.innovations import (
     InnovationsModel,
-    checked_record,
     initial_state,
 )
 

@@ -19,9 +19,10 @@ import numpy as np
 from workbench.arrays import RealArray
 from workbench.errors import InputError
 from workbench.executor import Context
+from workbench.identification.experiments.quality import checked_record
 from workbench.identification.responses.local_polynomial import LocalPolynomial, local_polynomial
 from workbench.identification.state_space import figures as drawn
-from workbench.identification.state_space.innovations import InnovationsModel, checked_record
+from workbench.identification.state_space.innovations import InnovationsModel
 from workbench.identification.state_space.prediction_error import refine
 from workbench.identification.state_space.subspace import HORIZONS, best_subspace, order_fits
 from workbench.identification.state_space.validation import (

@@ -14,7 +14,8 @@ import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.errors import InputError
-from workbench.identification.state_space.innovations import InnovationsModel, checked_record
+from workbench.identification.experiments.quality import checked_record
+from workbench.identification.state_space.innovations import InnovationsModel
 
 HORIZONS = (10, 15, 20, 30, 40)
 """Pasts [samples] among which `best_subspace` chooses."""

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from workbench import figures
 from workbench.errors import InputError
-from workbench.input_checks import need_structure
+from workbench.input_checks import as_matrices
 from workbench.program import Check, Program, worst
 from workbench.structure import Full, Real, Structure
 
@@ -164,9 +165,7 @@ class MuLowerBound(Program):
         return LowerBound(data["mu_lower"].values, data["Delta"].values)
 
     def figures(self, answer: LowerBound) -> dict[str, Figure]:
-        from workbench.figures import axes
-
-        figure, (axis,) = axes()
+        figure, (axis,) = figures.axes()
         axis.plot(np.ravel(answer.value), ".-")
         axis.set(xlabel="matrix", ylabel="lower bound of mu", title="Lower bound of mu")
         return {"mu_lower": figure}
@@ -183,23 +182,3 @@ class MuLowerBound(Program):
         count = len(self.batch)
         names = [f"matrix_{axis}" for axis in range(count)] if count > 1 else ["matrix"] * count
         return xr.DataArray(self.M, dims=[*names, "input", "output"])
-
-
-def as_matrices(M: Any, structure: Structure) -> np.ndarray:
-    """M as a complex array that fits the structure.
-
-    Raises
-    ------
-    InputError
-        M is not numeric, has the wrong shape, or an entry that is not finite.
-    """
-    try:
-        matrices = np.asarray(getattr(M, "values", M)).astype(complex)
-    except (TypeError, ValueError):
-        raise InputError("M must be an array of numbers (..., columns, rows)") from None
-    need_structure(structure)
-    structure.check(matrices)
-    bad = np.argwhere(~np.isfinite(matrices))
-    if bad.size:
-        raise InputError(f"M has an entry that is not finite, at index {tuple(bad[0].tolist())}")
-    return matrices

@@ -22,9 +22,9 @@ from typing import Any
 import numpy as np
 
 from workbench.errors import InputError
-from workbench.input_checks import need_count
+from workbench.input_checks import as_matrices, need_count
 from workbench.mu.lower.bound import lower_bound
-from workbench.mu.lower.program import as_matrices
+from workbench.mu.upper.bound import upper_bound
 from workbench.solvers import Options
 from workbench.structure import Real, Structure
 
@@ -98,7 +98,7 @@ def branch_and_bound(
     if not (isinstance(gap, Number) and 0.0 < gap < np.inf):
         raise InputError(f"gap is {gap!r}; it must be a number, positive and finite")
     need_count("nodes", nodes)
-    search = _Search(M, structure, upper or _own_upper(), nodes, options)
+    search = _Search(M, structure, upper or upper_bound, nodes, options)
     if any(isinstance(block, Real) for block in structure):
         while search.upper > (1 + gap) * search.lower and search.nodes < nodes:
             # Coarse levels first: each one proven is an answer if the budget ends. The last one
@@ -108,13 +108,6 @@ def branch_and_bound(
             if not search.lower < level < search.upper or not search.decide(level):
                 break
     return Interval(search.lower, max(search.upper, search.lower), search.Delta, search.nodes)
-
-
-def _own_upper() -> Upper:
-    from workbench.mu.upper.bound import upper_bound
-
-    own: Upper = upper_bound
-    return own
 
 
 class _Search:

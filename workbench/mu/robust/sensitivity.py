@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.mu.lower.program import as_matrices
+from workbench.input_checks import as_matrices
 from workbench.mu.upper.bound import upper_bound
 from workbench.structure import Structure
 

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from workbench.arrays import Array, RealArray
 from workbench.errors import InputError, SolverError, UnknownNameError
+from workbench.input_checks import as_matrices
 from workbench.mu.lower.bound import lower_bound
-from workbench.mu.lower.program import as_matrices
 from workbench.mu.upper.bound import upper_bound
 from workbench.structure import Structure
 

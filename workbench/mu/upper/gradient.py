@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 
 from workbench.arrays import Array
 from workbench.errors import InputError
-from workbench.mu.lower.program import as_matrices
+from workbench.input_checks import as_matrices
 from workbench.mu.upper.pattern import basis, pattern_of, spread
 from workbench.mu.upper.program import UpperBound
 from workbench.structure import Structure

@@ -15,6 +15,7 @@ from workbench.errors import InputError, SolverError
 from workbench.input_checks import need_positive
 from workbench.program import Check, Program, solve
 from workbench.solvers import Options
+from workbench.synthesis.hinf import figures as drawn
 from workbench.synthesis.hinf.assumptions import checked
 from workbench.synthesis.hinf.normalised import Scaled
 from workbench.systems.conversion import as_system
@@ -135,10 +136,11 @@ class HinfSynthesis(Program):
     # --- datasets and figures -----------------------------------------------------------------
 
     def figures(self, answer: HinfController) -> dict[str, Figure]:
-        from workbench.synthesis.hinf.figures import controller, loop
-
         closed = self.plant.close(answer.K)
-        return {"loop": loop(closed, answer.gamma), "controller": controller(answer.K, closed)}
+        return {
+            "loop": drawn.loop(closed, answer.gamma),
+            "controller": drawn.controller(answer.K, closed),
+        }
 
     def to_dataset(self, answer: HinfController) -> xr.Dataset:
         import xarray as xr

@@ -1,34 +1,37 @@
-"""Figures of mu synthesis: mixed mu over frequency, the controller, the rounds of an iteration."""
+"""Figures of mu synthesis: mixed mu over frequency, and the rounds of an iteration."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from workbench import figures
 from workbench.mu import sweep
-from workbench.synthesis.hinf.figures import controller as bode
+from workbench.structure import Structure
 from workbench.synthesis.hinf.figures import grid
+from workbench.synthesis.mu.rounds import Iterate
 
 if TYPE_CHECKING:
+    from control import StateSpace
     from matplotlib.figure import Figure
 
-    from workbench.synthesis.mu.program import MuController, MuSynthesis
 
+def bounds(loop: StateSpace, structure: Structure, peak: float) -> Figure:
+    """Bounds of mixed mu of a closed loop, also with its real scalars taken as complex.
 
-def bounds(program: MuSynthesis, answer: MuController) -> Figure:
-    """Bounds of mixed mu, and the upper bound with complex scalars in place of the real ones."""
-    loop = program.plant.close(answer.K)
+    `peak` is the certified upper bound over all frequencies.
+    """
     omega = grid(loop)
-    mixed = sweep(loop, program.closed, omega)
-    complex_ = sweep(loop, program.closed.complexified(), omega)
+    mixed = sweep(loop, structure, omega)
+    complex_ = sweep(loop, structure.complexified(), omega)
     figure, (panel,) = figures.axes(size=(7.0, 4.0))
     panel.semilogx(omega, complex_.upper, ":", color=figures.ORANGE, label="all blocks complex")
     panel.semilogx(omega, mixed.upper, color=figures.BLUE, label="upper bound")
     panel.semilogx(omega, mixed.lower, "--", color=figures.SKY, label="lower bound")
-    panel.axhline(answer.upper, color="0.4", linewidth=0.8, label="certified peak")
-    panel.set_ylim(0.0, 1.1 * max(answer.upper, float(np.max(complex_.upper))))
+    panel.axhline(peak, color="0.4", linewidth=0.8, label="certified peak")
+    panel.set_ylim(0.0, 1.1 * max(peak, float(np.max(complex_.upper))))
     panel.set_xlabel("angular frequency [rad/s]")
     panel.set_ylabel("mu [1]")
     panel.set_title("robust performance")
@@ -36,21 +39,19 @@ def bounds(program: MuSynthesis, answer: MuController) -> Figure:
     return figure
 
 
-def controller(program: MuSynthesis, answer: MuController) -> Figure:
-    """Singular values of the controller."""
-    return bode(answer.K, program.plant.close(answer.K))
+def rounds(history: Sequence[Iterate], peak: float) -> Figure:
+    """Peaks and levels over the rounds, and the controllers' orders.
 
-
-def rounds(answer: MuController) -> Figure:
-    """Peaks and levels over the rounds, and the controllers' orders."""
-    count = np.arange(1, len(answer.history) + 1)
+    `peak` is the certified upper bound of the best controller.
+    """
+    count = np.arange(1, len(history) + 1)
     figure, (peaks, orders) = figures.axes(2, 1, size=(7.0, 5.0), sharex=True)
-    peaks.plot(count, [each.peak for each in answer.history], "o-", label="peak of mixed mu")
-    levels = [each.level for each in answer.history]
+    peaks.plot(count, [each.peak for each in history], "o-", label="peak of mixed mu")
+    levels = [each.level for each in history]
     if np.isfinite(levels).any():  # a structured controller has none
         peaks.plot(count, levels, "s:", label="H-infinity level")
-    peaks.axhline(answer.upper, color="0.4", linewidth=0.8, label="certified, best")
-    orders.bar(count, [each.order for each in answer.history], color=figures.SKY)
+    peaks.axhline(peak, color="0.4", linewidth=0.8, label="certified, best")
+    orders.bar(count, [each.order for each in history], color=figures.SKY)
     peaks.set_ylabel("mu, gamma [1]")
     orders.set_ylabel("order of K")
     orders.set_xlabel("round")

@@ -14,9 +14,11 @@ from workbench.input_checks import need_positive
 from workbench.mu import Peak, performance_peak
 from workbench.program import Check, Program
 from workbench.structure import Structure
+from workbench.synthesis.hinf.figures import controller
+from workbench.synthesis.mu.families import Family
+from workbench.synthesis.mu.figures import bounds, rounds
 from workbench.synthesis.mu.rounds import Iterate, packed, unpacked
 from workbench.synthesis.mu.scalings import PARAMETERS
-from workbench.synthesis.mu.structured.families import Family
 from workbench.systems.balancing import balanced
 from workbench.systems.conversion import as_system, need_plant
 from workbench.systems.generalised_plant import GeneralisedPlant
@@ -220,10 +222,12 @@ class MuSynthesis(Program):
         return MuController(restored(data, "controller"), lower, upper, omega, history)
 
     def figures(self, answer: MuController) -> dict[str, Figure]:
-        from workbench.synthesis.mu.figures import bounds, controller, rounds
-
-        found = {"mu": bounds(self, answer), "controller": controller(self, answer)}
-        return found | ({"rounds": rounds(answer)} if answer.history else {})
+        loop = self.plant.close(answer.K)
+        found = {
+            "mu": bounds(loop, self.closed, answer.upper),
+            "controller": controller(answer.K, loop),
+        }
+        return found | ({"rounds": rounds(answer.history, answer.upper)} if answer.history else {})
 
 
 def _rounds(history: tuple[Iterate, ...]) -> dict[str, Any]:

@@ -27,6 +27,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench import figures
 from workbench.arrays import RealArray
 from workbench.errors import InputError
 from workbench.program import Check, Program
@@ -275,8 +276,6 @@ class SwitchedStability(Program):
         return Dwell(int(data["dwell"]), data["P"].values)
 
     def figures(self, answer: Dwell) -> dict[str, Figure]:
-        from workbench import figures
-
         figure, (panel,) = figures.axes()
         for i, mode in enumerate(self.modes):
             ratio, _ = self.ratios(answer, i)

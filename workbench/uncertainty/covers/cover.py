@@ -22,10 +22,11 @@ from workbench.fitting.rational import Rational, from_system
 from workbench.fitting.samples import as_count
 from workbench.geometry import Circle, NarrowestStadium, Stadium
 from workbench.program import Check, Program, worst
-from workbench.uncertainty.covers.joint import LENGTH
+from workbench.uncertainty.covers.figures import cover_figures
 from workbench.uncertainty.covers.model import ROUNDING, UncertaintyModel, contains
 from workbench.uncertainty.covers.responses import Responses
 from workbench.uncertainty.covers.sets import Form, corners, deviations, kept
+from workbench.uncertainty.covers.steps import CoverSteps
 from workbench.uncertainty.covers.weights import (
     complex_weight,
     damped,
@@ -41,20 +42,6 @@ if TYPE_CHECKING:
 
 OUTWARD = 1e-12
 """Outward rounding of radii, relative to the plants: equal plants have no other radius."""
-
-
-@dataclass(frozen=True)
-class CoverSteps:
-    """What each step of a cover gave.
-
-    ``first`` lies in the Nyquist plane; ``second`` and ``third`` are centred on the nominal, in
-    the units of the weights. Of circles the third set is the second.
-    """
-
-    model: UncertaintyModel
-    first: Circle | Stadium
-    second: Stadium
-    third: Stadium
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,11 +196,6 @@ class UncertaintyCover(Program):
         model = UncertaintyModel(nominal, W_c, W_r, self.form)
         return CoverSteps(model, first, self.second_set(away), third)
 
-    def fitted_size(self, answer: CoverSteps) -> float:
-        """Mean square size of the model's own sets, as `joint` has it of the points'."""
-        width, length = answer.model.sizes(self.responses.omega)
-        return float(self.responses.shares @ ((width**2 + LENGTH * length**2) / self.unit**2))
-
     # --- the check --------------------------------------------------------------------------------
 
     def checks(self, answer: CoverSteps, tolerance: float) -> Sequence[Check]:
@@ -309,8 +291,6 @@ class UncertaintyCover(Program):
         return CoverSteps(model, first, shape(data, "second"), shape(data, "third"))
 
     def figures(self, answer: CoverSteps) -> dict[str, Figure]:
-        from workbench.uncertainty.covers.figures import cover_figures
-
         return cover_figures(self.responses, answer, self.windows)
 
 

@@ -9,14 +9,13 @@ import numpy as np
 
 from workbench import figures
 from workbench.geometry.figures import plane
+from workbench.uncertainty.covers.responses import Responses
+from workbench.uncertainty.covers.steps import CoverSteps
 from workbench.uncertainty.covers.weights import unwrapped
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-    from workbench.uncertainty.covers.cover import CoverSteps
-    from workbench.uncertainty.covers.responses import Responses
 
 
 def cover_figures(

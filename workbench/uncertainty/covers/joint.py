@@ -16,7 +16,6 @@ of half-length 1 and no width at all contains them.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import minimize
@@ -25,9 +24,8 @@ from workbench.arrays import ComplexArray, RealArray
 from workbench.executor import Context
 from workbench.fitting.rational import Rational
 from workbench.fitting.sections import Sections
-
-if TYPE_CHECKING:
-    from workbench.uncertainty.covers.cover import UncertaintyCover
+from workbench.uncertainty.covers.cover import UncertaintyCover
+from workbench.uncertainty.covers.steps import CoverSteps
 
 LENGTH = 0.1
 """What the half-length of a stadium counts beside its radius, in squares."""
@@ -131,6 +129,13 @@ def smallest_sets(
         moving.rational(of_nominal) if isinstance(moving, Sections) else nominal,
         None if weight is None else weight.rational(of_weight),
     )
+
+
+def fitted_size(program: UncertaintyCover, answer: CoverSteps) -> float:
+    """Mean square size of the fitted model's sets, as `SmallSets` measures those of the points."""
+    responses = program.responses
+    width, length = answer.model.sizes(responses.omega)
+    return float(responses.shares @ ((width**2 + LENGTH * length**2) / program.unit**2))
 
 
 def _evaluated(

@@ -14,10 +14,11 @@ from workbench.executor import Context
 from workbench.fitting.rational import Rational
 from workbench.geometry import NarrowestStadium, Stadium, narrowest_stadium
 from workbench.program import Check
-from workbench.uncertainty.covers.cover import OUTWARD, CoverSteps, UncertaintyCover, left_check
+from workbench.uncertainty.covers.cover import OUTWARD, UncertaintyCover, left_check
 from workbench.uncertainty.covers.model import UncertaintyModel
 from workbench.uncertainty.covers.orientation import Orientation, smooth
 from workbench.uncertainty.covers.sets import stadiums_about_nominal
+from workbench.uncertainty.covers.steps import CoverSteps
 from workbench.uncertainty.covers.weights import real_weight
 
 

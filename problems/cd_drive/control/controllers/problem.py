@@ -24,7 +24,7 @@ from ...drive.shared_parameters import TABLES, Frequencies
 from ...drive.tables import Axis
 from ..control_problem import generalised
 from ..design import cover_of, uncertainty
-from ..five_x.problem import CHANNELS
+from ..five_x.study import CHANNELS
 from ..loop_weights import loop_weights
 from .report import figure_6_4, peaks_table
 

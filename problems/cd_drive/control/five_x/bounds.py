@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -20,9 +20,7 @@ from workbench.synthesis import (
 from ..control_problem import generalised
 from ..design import NOISE
 from ..loop_weights import BASIS, unit_uncertainty
-
-if TYPE_CHECKING:
-    from .problem import FiveX
+from .uncertain_loop import UncertainLoop
 
 BOUNDED = ("disturbance", "both")
 """Channels that no controller makes as small as it likes; K = 0 does the control channel."""
@@ -32,27 +30,29 @@ ABOVE = 1.002
 """Times the pointwise bound, where a set is nearly a point, is the least level to be proven."""
 
 
-def lower_bounds(study: FiveX, omega: RealArray, best: float, context: Context) -> dict[str, Any]:
+def lower_bounds(
+    uncertain: UncertainLoop, omega: RealArray, best: float, context: Context
+) -> dict[str, Any]:
     """Variables: by every frequency alone, by the nominal plant alone, and by both together.
 
     `omega` (F,) [rad/s], `best` a peak that a controller has.
     """
     pointwise = {
-        name: largest_least_mu(partial(study.weights, channel=name), omega) for name in BOUNDED
+        name: largest_least_mu(partial(uncertain.weights, channel=name), omega) for name in BOUNDED
     }
-    at_one, _ = largest_least_mu(partial(study.weights, speed=1.0), omega)
-    whole = generalised(study.axis, unit_uncertainty(study.model.nominal), study.speed)
-    plant = whole.channel(("z_p", "z_u"), "w_p").nominal()
-    loop = hinf(regularised(plant, NEARLY))
-    W = study.weights(omega)
+    at_one, _ = largest_least_mu(partial(uncertain.weights, speed=1.0), omega)
+    whole = generalised(uncertain.axis, unit_uncertainty(uncertain.model.nominal), uncertain.speed)
+    optimal = hinf(regularised(whole.channel(("z_p", "z_u"), "w_p").nominal(), NEARLY))
+    W = uncertain.weights(omega)
     nominal = W.performance * W.control / np.hypot(W.performance, W.control)
     ends = {
-        "nominal": (float(nominal.max()), loop.norm),
+        "nominal": (float(nominal.max()), optimal.norm),
         "dynamic": (ABOVE * pointwise["both"][0], best),
     }
     proofs = []
     for name, (low, high) in ends.items():
-        found = highest_proven(study.sets[name], BASIS, low, high, context) if low < high else None
+        sets = uncertain.sets[name]
+        found = highest_proven(sets, BASIS, low, high, context) if low < high else None
         proofs.append(found or DualCertificate(np.nan, np.full(BASIS.corners.shape, np.nan), BASIS))
     one = {"units": "1"}
     return {
@@ -67,7 +67,7 @@ def lower_bounds(study: FiveX, omega: RealArray, best: float, context: Context) 
             {"units": "Hz", "long_name": "frequency of the pointwise bound"},
         ),
         "pointwise_bound_1X": ((), at_one, one | {"long_name": "pointwise bound of both at 1X"}),
-        "nominal_norm": ((), loop.norm, one | {"long_name": "norm of the H-infinity loop"}),
+        "nominal_norm": ((), optimal.norm, one | {"long_name": "norm of the H-infinity loop"}),
         "proven_level": (
             "proof",
             [proof.level for proof in proofs],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,11 +16,11 @@ from workbench.synthesis import SetsAt
 from ...drive.plants import ANTIALIASING
 from ..control_problem import control_weight, optical_gain, performance_weight
 from ..loop_weights import BASIS
+from .uncertain_loop import UncertainLoop
 
 if TYPE_CHECKING:
     import xarray as xr
-
-    from .problem import FiveX
+    from control import StateSpace, TransferFunction
 
 LOWEST, HIGHEST = BASIS.band
 DENSE = 20_000
@@ -34,22 +35,28 @@ CAUCHY = 1e-4
 """Of the integral of |T h|: what trapezoids leave of one that is zero."""
 
 
-def five_x_checks(study: FiveX, answer: xr.Dataset) -> list[Check]:
-    """That no closed form lies outside the bounds, and that the proofs hold."""
+def five_x_checks(
+    uncertain: UncertainLoop,
+    controllers: Mapping[str, TransferFunction | StateSpace],
+    answer: xr.Dataset,
+) -> list[Check]:
+    """Check that no closed form lies outside the bounds, and that the proofs hold.
+
+    `controllers` are those of the answer, by its names.
+    """
     frequency = answer["frequency"].values
     dense = np.geomspace(frequency[0] / 100, 100 * frequency[-1], DENSE)
     outside, above, beaten = {}, {}, {}
-    loops = study.controllers(answer)
-    for name, K in loops.items():
+    for name, K in controllers.items():
         at_curve, at_dense = K(2j * np.pi * frequency), K(2j * np.pi * dense)
         for channel in answer["channel"].values.tolist():
             case = name, channel
             at = {"controller": name, "channel": channel}
             lower, upper = answer["mu"].sel(at).values
-            exact = _closed_form(study, at_curve, channel, frequency)
+            exact = _closed_form(uncertain, at_curve, channel, frequency)
             outside[case] = np.maximum(lower / exact, exact / upper).max() - 1
             peak = float(answer["peak"].sel(at).sel(bound="upper"))
-            above[case] = _closed_form(study, at_dense, channel, dense).max() / peak - 1
+            above[case] = _closed_form(uncertain, at_dense, channel, dense).max() / peak - 1
             if channel in answer["bounded"].values:
                 least = answer["least_mu"].sel(bounded=channel, bound="lower").values
                 beaten[case] = (least / exact).max() - 1
@@ -65,9 +72,9 @@ def five_x_checks(study: FiveX, answer: xr.Dataset) -> list[Check]:
     checks.append(Check("bounds", "lower over upper bound of every peak, less 1", crossed, 0.0))
     best = float(answer["peak"].sel(channel="both", bound="upper").min())
     wide = np.geomspace(LOWEST, HIGHEST, DENSE)
-    T = {name: _loop(study, K(2j * np.pi * wide), wide)[0] for name, K in loops.items()}
+    T = {name: _loop(uncertain, K(2j * np.pi * wide), wide)[0] for name, K in controllers.items()}
     reached = {"nominal": float(answer["nominal_norm"]), "dynamic": best}
-    for name, sets in study.sets.items():
+    for name, sets in uncertain.sets.items():
         level = float(answer["proven_level"].sel(proof=name))
         if np.isnan(level):
             continue
@@ -82,31 +89,35 @@ def five_x_checks(study: FiveX, answer: xr.Dataset) -> list[Check]:
         left = {key: _cauchy(loop, _h(x, poles, 2 * np.pi * wide), wide) for key, loop in T.items()}
         checks.append(_largest(f"{name} analytic", statement, left, CAUCHY))
         statement = "random T within the level: how far outside their set"
-        sampled = _sampled(study, sets, name == "nominal", level)
+        sampled = _sampled(uncertain, sets, name == "nominal", level)
         checks.append(Check(f"{name} sets", statement, sampled, AGREE))
     return checks
 
 
-def _closed_form(study: FiveX, K: ComplexArray, channel: str, frequency: RealArray) -> RealArray:
+def _closed_form(
+    uncertain: UncertainLoop, K: ComplexArray, channel: str, frequency: RealArray
+) -> RealArray:
     """Mu of robust performance by transfer functions, those of K given (F,)."""
     s = 2j * np.pi * frequency
-    sensor = optical_gain(study.axis) / (1 + s / ANTIALIASING)  # e [m] to f_en
-    T, S = _loop(study, K, frequency)
+    sensor = optical_gain(uncertain.axis) / (1 + s / ANTIALIASING)  # e [m] to f_en
+    T, S = _loop(uncertain, K, frequency)
     outputs = {
-        "disturbance": performance_weight(study.axis, study.speed)(s) * S,
-        "control": control_weight(study.axis)(s) * K * sensor * S,
+        "disturbance": performance_weight(uncertain.axis, uncertain.speed)(s) * S,
+        "control": control_weight(uncertain.axis)(s) * K * sensor * S,
     }
     chosen = list(outputs.values()) if channel == "both" else [outputs[channel]]
-    W_c, W_r = study.model.W_c(s), study.model.W_r
+    W_c, W_r = uncertain.model.W_c(s), uncertain.model.W_r
     # The sign of c_r does not matter: delta_r may have either.
     real = np.zeros_like(T) if W_r is None else T * W_r(s)
     return rank_one_mu(real, np.abs(T * W_c) + np.linalg.norm(chosen, axis=0))
 
 
-def _loop(study: FiveX, K: ComplexArray, frequency: RealArray) -> tuple[ComplexArray, ComplexArray]:
+def _loop(
+    uncertain: UncertainLoop, K: ComplexArray, frequency: RealArray
+) -> tuple[ComplexArray, ComplexArray]:
     """T and S of the nominal plant."""
     s = 2j * np.pi * frequency
-    L = K * study.model.nominal(s) / (1 + s / ANTIALIASING)
+    L = K * uncertain.model.nominal(s) / (1 + s / ANTIALIASING)
     return L / (1 + L), 1 / (1 + L)
 
 
@@ -131,22 +142,22 @@ def _cauchy(T: ComplexArray, h: ComplexArray, frequency: RealArray) -> float:
     return float(abs(np.trapezoid(product.real, logs)) / whole)
 
 
-def _sampled(study: FiveX, sets: SetsAt, nominal: bool, level: float) -> float:
+def _sampled(uncertain: UncertainLoop, sets: SetsAt, nominal: bool, level: float) -> float:
     """By how much random T that a level allows lie outside the sets, in random directions."""
     rng = np.random.default_rng(0)
     omega = 2 * np.pi * np.exp(rng.uniform(np.log(LOWEST), np.log(HIGHEST), SAMPLES))
     s = 1j * omega
-    W_p = np.abs(performance_weight(study.axis, study.speed)(s))
-    actuator = study.model.nominal(s) / optical_gain(study.axis)
-    W_u = np.abs(control_weight(study.axis)(s) / actuator)
+    W_p = np.abs(performance_weight(uncertain.axis, uncertain.speed)(s))
+    actuator = uncertain.model.nominal(s) / optical_gain(uncertain.axis)
+    W_u = np.abs(control_weight(uncertain.axis)(s) / actuator)
     # About 1 with |W_p (1 - T)|, and about 0 with |W_u T / ACT|, up to the level.
     ball = np.sqrt(rng.uniform(size=SAMPLES)) * np.exp(2j * np.pi * rng.uniform(size=SAMPLES))
     T = np.where(W_p > W_u, 1 + ball * level / W_p, ball * level / W_u)
     others = np.hypot(W_p * np.abs(1 - T), W_u * np.abs(T))
     real = np.zeros_like(T)
     if not nominal:
-        others = others + np.abs(study.model.W_c(s) * T)
-        real = real if study.model.W_r is None else study.model.W_r(s) * T
+        others = others + np.abs(uncertain.model.W_c(s) * T)
+        real = real if uncertain.model.W_r is None else uncertain.model.W_r(s) * T
     within = rank_one_mu(real, others) <= level
     direction = np.exp(2j * np.pi * rng.uniform(size=SAMPLES))
     outside = (T * direction).real - sets(omega, level).support(direction)

@@ -16,10 +16,11 @@ from workbench.arrays import ComplexArray, RealArray
 from workbench.program import worst
 from workbench.synthesis import DesignTask
 from workbench.systems.generalised_plant import response
-from workbench.uncertainty import ParametricModel
+from workbench.uncertainty import ParametricModel, UncertaintyModel
 from workbench.uncertainty.parametric.parameters import vertices
 
 from ...drive.plants import ANTIALIASING
+from ...drive.tables import Axis
 from ...uncertainty.parametric.checks import plants
 from ...uncertainty.parametric_model import uncertain_parameters
 
@@ -27,9 +28,8 @@ if TYPE_CHECKING:
     import xarray as xr
     from control import StateSpace
 
-    from .problem import Methods
-
 Controllers = dict[str, "StateSpace"]
+Uncertain = UncertaintyModel | ParametricModel
 HERTZ = np.geomspace(0.01, 1e5, 5000)
 """Where criteria are evaluated [Hz]."""
 WIDE = np.geomspace(1e-6, 1e8, 8000)
@@ -46,14 +46,20 @@ COMPLEX_PART = 1.01
 SAMPLES = 100
 
 
-def method_checks(study: Methods, controllers: Controllers, answer: xr.Dataset) -> list[Check]:
+def method_checks(
+    axis: Axis,
+    uncertain: Uncertain,
+    task: DesignTask,
+    controllers: Controllers,
+    answer: xr.Dataset,
+) -> list[Check]:
     """That all stabilise, peaks are in order, each method is best at what it minimises."""
-    task, names = study.task, list(controllers)
+    names = list(controllers)
     poles = [_rightmost(task, K) for K in controllers.values()]
     right, where = worst(poles, lambda i: names[i[0]])
     statement = "rightmost pole of G K / (1 + G K) [rad/s]"
     found = [Check("nominal stability", statement, right, -ROUNDING, where)]
-    found += [*_order(answer), _sampled(study, controllers, answer)]
+    found += [*_order(answer), _sampled(axis, uncertain, task, controllers, answer)]
     criteria = {
         "LQG": (_mean_squares, QUADRATURE, "its mean square over the least of the others, less 1"),
         "mixed sensitivity": (_stacks, MADE, "its eq. 5.6 over the least of the others, less 1"),
@@ -160,19 +166,25 @@ def _margin_missed(task: DesignTask, K: StateSpace) -> float:
     return min(missed, key=abs)
 
 
-def _sampled(study: Methods, controllers: Controllers, answer: xr.Dataset) -> Check:
+def _sampled(
+    axis: Axis,
+    uncertain: Uncertain,
+    task: DesignTask,
+    controllers: Controllers,
+    answer: xr.Dataset,
+) -> Check:
     """The bound beta of mu holds beta >= |(z_p, z_u)| for perturbations up to 1 / beta."""
     upper = answer["peak"].sel(condition="robust performance", bound="upper")
     excess = []
     hertz = answer["frequency"].values
     omega = 2 * np.pi * hertz
     filtered = ANTIALIASING / (1j * omega + ANTIALIASING)
-    W_p = response(study.task.W_S, omega)[:, 0, 0]
-    W_u = study.task.W_KS * filtered
+    W_p = response(task.W_S, omega)[:, 0, 0]
+    W_u = task.W_KS * filtered
     for name, K in controllers.items():
         beta = float(upper.sel(design=name))
         k = response(K, omega)[:, 0, 0]
-        S = 1 / (1 + k * filtered * _plants(study, 1 / beta, hertz))
+        S = 1 / (1 + k * filtered * _plants(axis, uncertain, 1 / beta, hertz))
         excess.append(float(np.hypot(abs(W_p * S), abs(W_u * k * S)).max()) / beta - 1)
     names = list(controllers)
     value, where = worst(excess, lambda i: names[i[0]])
@@ -180,14 +192,14 @@ def _sampled(study: Methods, controllers: Controllers, answer: xr.Dataset) -> Ch
     return Check("sampled plants", statement, value, 0.0, where)
 
 
-def _plants(study: Methods, size: float, hertz: RealArray) -> ComplexArray:
+def _plants(axis: Axis, uncertain: Uncertain, size: float, hertz: RealArray) -> ComplexArray:
     """f_en / u without the filter of plants whose perturbations have that size: (N, F)."""
     rng = np.random.default_rng(0)
-    if isinstance(study.uncertain, ParametricModel):
-        box = uncertain_parameters(study.axis)
+    if isinstance(uncertain, ParametricModel):
+        box = uncertain_parameters(axis)
         deltas = np.vstack([vertices(box), rng.uniform(-1, 1, (SAMPLES, len(box)))])
-        return plants(study.axis, size * deltas, box, hertz)
-    model, omega = study.uncertain, 2 * np.pi * hertz
+        return plants(axis, size * deltas, box, hertz)
+    model, omega = uncertain, 2 * np.pi * hertz
     turned = np.exp(2j * np.pi * rng.uniform(size=(SAMPLES, len(hertz))))
     away = size * turned * model.W_c.response(omega)
     if model.W_r is not None:

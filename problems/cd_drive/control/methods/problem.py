@@ -197,7 +197,8 @@ class Methods(Study):
         return float(control.feedback(self.task.G * K, 1).poles().real.max())
 
     def checks(self, answer: xr.Dataset, tolerance: float) -> list[Check]:
-        return method_checks(self, self.controllers(answer), answer)
+        controllers = self.controllers(answer)
+        return method_checks(self.axis, self.uncertain, self.task, controllers, answer)
 
     def metrics(self, answer: xr.Dataset) -> dict[str, float]:
         upper = answer["peak"].sel(bound="upper")

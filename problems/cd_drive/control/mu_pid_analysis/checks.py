@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from itertools import product
 from typing import TYPE_CHECKING
 
@@ -15,6 +16,7 @@ from workbench.uncertainty.covers.storage import rational
 from workbench.uncertainty.parametric.parameters import vertices
 
 from ...drive.plants import ANTIALIASING, controller
+from ...drive.tables import Axis
 from ...uncertainty.parametric.checks import plants
 from ...uncertainty.parametric_model import uncertain_parameters
 from ..control_problem import control_weight, optical_gain, performance_weight
@@ -22,16 +24,19 @@ from ..control_problem import control_weight, optical_gain, performance_weight
 if TYPE_CHECKING:
     import xarray as xr
 
-    from .problem import MuPidAnalysis
-
 DENSE = 20_000
 """Frequencies of the closed form that no certified peak may lie below."""
 AGREE = 1e-6
 """Relative distance of bounds that counts as rounding."""
 
 
-def mu_pid_checks(study: MuPidAnalysis, answer: xr.Dataset) -> list[Check]:
-    """That no closed form and no sampled plant lies outside the bounds."""
+def mu_pid_checks(
+    axis: Axis, covers: Mapping[tuple[str, str], xr.Dataset], answer: xr.Dataset
+) -> list[Check]:
+    """Check that no closed form and no sampled plant lies outside the bounds.
+
+    `covers` holds the dataset of each cover by its form and its gain variant.
+    """
     frequency = answer["frequency"].values
     dense = np.geomspace(frequency[0] / 100, 100 * frequency[-1], DENSE)
     outside, above = {}, {}
@@ -42,19 +47,20 @@ def mu_pid_checks(study: MuPidAnalysis, answer: xr.Dataset) -> list[Check]:
         ("circle", "stadium"),
     ):
         gain, speed, single, form = case
+        cover = covers[form, gain]
         at = {"gain": gain, "speed": speed, "channel": single, "form": form}
         lower, upper = answer["mu"].sel(at).values
-        exact = _closed_form(study, *case, frequency)
+        exact = _closed_form(axis, cover, speed, single, frequency)
         outside[case] = np.maximum(lower / exact, exact / upper).max() - 1
         peak = answer["peak"].sel(at).sel(condition="robust performance", bound="upper")
-        above[case] = _closed_form(study, *case, dense).max() / float(peak) - 1
+        above[case] = _closed_form(axis, cover, speed, single, dense).max() / float(peak) - 1
     checks = [
         _largest(
             "closed form", "distance of rank-one mu from its bounds, relative", outside, AGREE
         ),
         _largest("peaks", "rank-one mu at 20,000 frequencies over the peak, less 1", above, 0.0),
     ]
-    sampled = {speed: _sampled(study, speed, answer) for speed in answer["speed"].values}
+    sampled = {speed: _sampled(axis, speed, answer) for speed in answer["speed"].values}
     checks.append(
         _largest("sampled plants", "|W_p S| of parametric plants over the peak, less 1", sampled, 0)
     )
@@ -65,33 +71,32 @@ def mu_pid_checks(study: MuPidAnalysis, answer: xr.Dataset) -> list[Check]:
 
 
 def _closed_form(
-    study: MuPidAnalysis, gain: str, speed: float, single: str, form: str, frequency: RealArray
+    axis: Axis, cover: xr.Dataset, speed: float, single: str, frequency: RealArray
 ) -> RealArray:
     """Mu of robust performance from L = K G AAF and the weights, knowing no generalised plant."""
     s = 2j * np.pi * frequency
-    data = study.runs[form, gain].data
-    G, W_c, W_r = (rational(data, name) for name in ("nominal", "W_c", "W_r"))
+    G, W_c, W_r = (rational(cover, name) for name in ("nominal", "W_c", "W_r"))
     assert G is not None and W_c is not None
     omega = 2 * np.pi * frequency
-    K = controller(study.axis)(s)
+    K = controller(axis)(s)
     L = K * G.response(omega) / (1 + s / ANTIALIASING)
     T, S = L / (1 + L), 1 / (1 + L)
     if single == "disturbance":
-        weighted = performance_weight(study.axis, speed)(s) * S
+        weighted = performance_weight(axis, speed)(s) * S
     else:
-        into = K * optical_gain(study.axis) / (1 + s / ANTIALIASING)  # e [m] to u [V]
-        weighted = control_weight(study.axis)(s) * into * S
+        into = K * optical_gain(axis) / (1 + s / ANTIALIASING)  # e [m] to u [V]
+        weighted = control_weight(axis)(s) * into * S
     # The sign of c_r does not matter: delta_r may have either.
     real = np.zeros_like(T) if W_r is None else -T * W_r.response(omega)
     return rank_one_mu(real, np.abs(T * W_c.response(omega)) + np.abs(weighted))
 
 
-def _sampled(study: MuPidAnalysis, speed: float, answer: xr.Dataset) -> float:
+def _sampled(axis: Axis, speed: float, answer: xr.Dataset) -> float:
     """Largest |W_p S| of the vertices and of random plants in the parameters' box over the bound.
 
     The bound beta of mu holds beta >= |W_p S| for perturbations up to 1 / beta.
     """
-    box = uncertain_parameters(study.axis)
+    box = uncertain_parameters(axis)
     rng = np.random.default_rng(0)
     peak = float(
         answer["peak"].sel(
@@ -102,9 +107,9 @@ def _sampled(study: MuPidAnalysis, speed: float, answer: xr.Dataset) -> float:
     deltas = np.vstack([vertices(box), rng.uniform(-1, 1, (200, len(box)))]) / peak
     frequency = answer["frequency"].values
     s = 2j * np.pi * frequency
-    L = controller(study.axis)(s) * plants(study.axis, deltas, box, frequency)
+    L = controller(axis)(s) * plants(axis, deltas, box, frequency)
     S = 1 / (1 + L / (1 + s / ANTIALIASING))
-    return float(np.abs(performance_weight(study.axis, speed)(s) * S).max()) / peak - 1
+    return float(np.abs(performance_weight(axis, speed)(s) * S).max()) / peak - 1
 
 
 def _largest(name: str, statement: str, found: dict, limit: float) -> Check:

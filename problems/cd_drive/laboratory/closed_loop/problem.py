@@ -44,6 +44,7 @@ from ..in_the_loop import (
     pooled,
 )
 from ..record import Record
+from .figures import bode
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -254,8 +255,6 @@ class ClosedLoop(Study):
         return {"parameters": "\n".join([*lines, "", *notes]) + "\n"}
 
     def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
-        from .figures import bode
-
         return {"figure-4-5": bode(answer, f"{self.bench.drive}, {self.bench.axis}")}
 
 

@@ -16,11 +16,10 @@ from ...drive.plants import ANTIALIASING
 from ...drive.red_book import envelope
 from ...laboratory.bench_setup import PERIOD
 from ..switched_loop import MICRO, SwitchedLoop, closed
+from .switched_drives import DEFECTS, SwitchedDrives
 
 if TYPE_CHECKING:
     import xarray as xr
-
-    from .problem import SwitchingStability
 
 FALLS = 1.0 - 1e-9
 PLANTS = 200
@@ -36,23 +35,24 @@ BETWEEN, CLOSE = 131, 0.02
 """Frequencies, and how near those stored are to the worst of them, relative."""
 
 
-def switching_checks(study: SwitchingStability, answer: xr.Dataset) -> list[Check]:
+def switching_checks(drives: SwitchedDrives, answer: xr.Dataset) -> list[Check]:
+    """Check loops, functions, bounds, simulations and cells of an answer."""
     found = [
-        _loops(study),
-        *(_functions(study, answer, each) for each in answer["strategy"].values),
+        _loops(drives),
+        *(_functions(drives, answer, each) for each in answer["strategy"].values),
     ]
     found += [_ordered(answer), _bounded(answer), _in_laboratory(answer)]
-    found += [_replayed(study, answer)]
-    found += [_between(study, answer), _cells(study, answer), _in_cells(study, answer)]
-    return found + _figure(study, answer)
+    found += [_replayed(drives, answer)]
+    found += [_between(drives, answer), _cells(drives, answer), _in_cells(drives, answer)]
+    return found + _figure(drives, answer)
 
 
-def _loops(study: SwitchingStability) -> Check:
+def _loops(drives: SwitchedDrives) -> Check:
     """Poles of every clean loop, from the transfer u -> f_en and K as they stand elsewhere."""
-    K = discretised(study.reference, PERIOD)
+    K = discretised(drives.reference, PERIOD)
     worst, where = 0.0, ""
-    for (name, G), loop in zip(study.alone.plants.items(), study.loops("open"), strict=False):
-        expected = _sorted(np.linalg.eigvals(closed(G, K, study.delay)))
+    for (name, G), loop in zip(drives.alone.plants.items(), drives.loops("open"), strict=False):
+        expected = _sorted(np.linalg.eigvals(closed(G, K, drives.delay)))
         found = _sorted(np.linalg.eigvals(loop.clean[0]))
         off = float(abs(expected - found).max())
         worst, where = max((worst, where), (off, f"of {name}"))
@@ -64,19 +64,19 @@ def _sorted(poles: Any) -> Any:
     return np.sort_complex(poles)
 
 
-def _functions(study: SwitchingStability, answer: xr.Dataset, strategy: str) -> Check:
+def _functions(drives: SwitchedDrives, answer: xr.Dataset, strategy: str) -> Check:
     """V falls over every stay that is allowed, by generalised eigenvalues."""
     worst, where = 0.0, ""
     one = answer.sel(strategy=strategy)
-    loops = study.loops(strategy)
+    loops = drives.loops(strategy)
     for i, loop in enumerate(loops):
         P = answer[f"P_{strategy}"].values[i]
-        value = _worst(loop, P, int(one["dwell"][i]), study.longest)
+        value = _worst(loop, P, int(one["dwell"][i]), drives.longest)
         worst, where = max((worst, where), (value, f"for {one['drive'].values[i]}"))
     if "dwell_common" in one:
         P = answer[f"P_common_{strategy}"].values
         for i, loop in enumerate(loops):
-            value = _worst(loop, P, int(one["dwell_common"]), study.longest)
+            value = _worst(loop, P, int(one["dwell_common"]), drives.longest)
             name = f"for {one['drive'].values[i]}, one set of functions"
             worst, where = max((worst, where), (value, name))
     statement = "largest V at the next entry, or after a sample of the clean mode, over V before"
@@ -128,28 +128,26 @@ def _in_laboratory(answer: xr.Dataset) -> Check:
     return Check("laboratory", statement, float(over.max()), 1.0 + OPTICS)
 
 
-def _replayed(study: SwitchingStability, answer: xr.Dataset) -> Check:
+def _replayed(drives: SwitchedDrives, answer: xr.Dataset) -> Check:
     """The largest error of six defects again, sample by sample in real time, at many phases."""
     off, where = 0.0, ""
     distances = answer["spaced"].values
     for strategy in answer["strategy"].values:
-        loop = study.loops(strategy)[0]
+        loop = drives.loops(strategy)[0]
         case, samples, distance = "rotation", int(answer["played"][-2]), int(distances[2])
         one = answer["simulated"].sel(strategy=strategy, case=case, played=samples)
         told = float(one.isel(drive=0).sel(spaced=distance))
-        again = _played(study, loop, case, samples, distance)
+        again = _played(drives, loop, case, samples, distance)
         off, where = max((off, where), (abs(again / told - 1), f"of {strategy}"))
     statement = "largest error of defects played sample by sample over the stored one, less 1"
     return Check("replay", statement, off, 0.005, where)
 
 
 def _played(
-    study: SwitchingStability, loop: SwitchedLoop, case: str, samples: int, distance: int
+    drives: SwitchedDrives, loop: SwitchedLoop, case: str, samples: int, distance: int
 ) -> float:
     """Largest |w - lens x| of discs at 64 phases, from the loop's steady motion on."""
-    from .problem import DEFECTS
-
-    amplitude, omega = study.disc(case)
+    amplitude, omega = drives.disc(case)
     worst = 0.0
     for a, w in zip(amplitude, omega, strict=True):
         filtered = ANTIALIASING / np.hypot(ANTIALIASING, w)
@@ -163,7 +161,7 @@ def _played(
         c, s = np.split(np.linalg.solve(big, side), 2)
         x = np.outer(c, np.cos(phase)) - np.outer(s, np.sin(phase))
         k = 0
-        false = study.false * np.sin(2 * np.pi * (np.arange(samples) + 0.5) / samples)
+        false = drives.false * np.sin(2 * np.pi * (np.arange(samples) + 0.5) / samples)
         for _ in range(DEFECTS):
             for stay, mode in ((samples, loop.defect), (distance, loop.clean)):
                 for i in range(stay):
@@ -176,15 +174,15 @@ def _played(
     return worst
 
 
-def _between(study: SwitchingStability, answer: xr.Dataset) -> Check:
+def _between(drives: SwitchedDrives, answer: xr.Dataset) -> Check:
     """Errors of one defect at frequencies between those of the answer."""
     worst, where = 0.0, ""
     for strategy in answer["strategy"].values:
-        loop = study.loops(strategy)[0]
+        loop = drives.loops(strategy)[0]
         root = np.linalg.cholesky(answer[f"P_{strategy}"].values[0, 0])
-        at = study.deviations(loop, "envelope")
+        at = drives.deviations(loop, "envelope")
         omega = np.geomspace(at.omega[0], at.omega[-1], BETWEEN)
-        amplitude = envelope(study.axis, omega / (2 * np.pi)) / MICRO
+        amplitude = envelope(drives.axis, omega / (2 * np.pi)) / MICRO
         more = replace(at, amplitude=amplitude, omega=omega)
         value = float((more.single(root) / at.single(root)).max())
         worst, where = max((worst, where), (value, f"of {strategy}"))
@@ -192,9 +190,9 @@ def _between(study: SwitchingStability, answer: xr.Dataset) -> Check:
     return Check("frequencies", statement, worst, 1.0 + CLOSE, where)
 
 
-def _cells(study: SwitchingStability, answer: xr.Dataset) -> Check:
+def _cells(drives: SwitchedDrives, answer: xr.Dataset) -> Check:
     """Cells within the box that do not overlap fill as much of it as their volumes say."""
-    low, high = study.box(float(answer["box_of_cells"])).ends
+    low, high = drives.box(float(answer["box_of_cells"])).ends
     # Relative to the box, which is then 0 to 1.
     a, b = ((answer[f"cell_{end}"].values - low) / (high - low) for end in ("low", "high"))
     beyond = max((-a).max(initial=0.0), (b - 1.0).max(initial=0.0))
@@ -206,9 +204,9 @@ def _cells(study: SwitchingStability, answer: xr.Dataset) -> Check:
     return Check("cells", statement, float(max(beyond, overlap, off)), 1e-9)
 
 
-def _in_cells(study: SwitchingStability, answer: xr.Dataset) -> Check:
+def _in_cells(drives: SwitchedDrives, answer: xr.Dataset) -> Check:
     """V falls from defect to defect at random plants of the set, held and sampled as such."""
-    box = study.box(float(answer["box_of_cells"]))
+    box = drives.box(float(answer["box_of_cells"]))
     low, high = box.ends
     rng = np.random.default_rng(0)
     worst, where = 0.0, ""
@@ -234,9 +232,9 @@ def _cycle(A_c: RealArray, A_o: RealArray, P: RealArray, dwell: int) -> float:
     return max(_ratio(A_c, P[0], P[0]), _ratio(A_o, P[1], P[1]), back * max(longer))
 
 
-def _figure(study: SwitchingStability, answer: xr.Dataset) -> list[Check]:
+def _figure(drives: SwitchedDrives, answer: xr.Dataset) -> list[Check]:
     """Figure 8.10 has the focus loop only."""
-    if study.axis != "focus":
+    if drives.axis != "focus":
         return []
     one = answer.sel(controller="K (1 - F)", sampling="sampled", plant="nominal")
     return [

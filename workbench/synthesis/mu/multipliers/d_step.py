@@ -14,6 +14,7 @@ from workbench.structure import Real as RealScalar
 from workbench.structure import Structure
 from workbench.synthesis.mu.biquads import SPREAD, Range
 from workbench.synthesis.mu.multipliers import triangles
+from workbench.synthesis.mu.multipliers.fit import fit_multipliers
 from workbench.synthesis.mu.multipliers.functions import Multipliers
 from workbench.systems.frequency_grid import frequencies_of
 from workbench.systems.generalised_plant import response
@@ -85,7 +86,7 @@ def d_step(
         # a guess knows D alone: where there is G to carry on with it is worth little
         if tried is None or not (tried == biquads or scalings.real.size):
             starts += [_guess(scalings, found, middle, spread) for spread in SPREAD]
-        fits = [scalings.fit(loop.M, loop.omega, reference, x, within) for x in starts]
+        fits = [fit_multipliers(scalings, loop.M, loop.omega, reference, x, within) for x in starts]
         if not fits:
             continue
         x, missed = min(fits, key=lambda fit: fit[1])

@@ -1,14 +1,10 @@
-"""Multipliers of an iteration: stable, minimum-phase, and fitted by what they do to the loop.
+"""Multipliers of an iteration: stable, minimum-phase functions of few parameters.
 
 A complex block has a function d as D. A channel of a real scalar has two, of a multiplier
 m = m_+ m_-~ = D^2 (1 + jF) with |arg m| < pi/2 (F as in `scaled_bound`): |m| and arg m are free of
 each other. All are biquad functions. The n channels of a repeated scalar are mixed first by a
 stable T with a stable inverse (see `triangles`), in units that gains bring to one size: D is
 diag(d) T diag(gains).
-
-Multipliers at a frequency are not unique and mean nothing where mu is small. So the parameters are
-not fitted to them: they are those for which the worst, over a reference, of the bound that they
-prove is least.
 """
 
 from __future__ import annotations
@@ -19,18 +15,11 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import minimize
 
 from workbench.arrays import Array, RealArray
 from workbench.structure import Full, Structure
 from workbench.structure import Real as RealScalar
-from workbench.synthesis.mu.biquads import Biquads, Range
-from workbench.synthesis.mu.multipliers import triangles
-from workbench.synthesis.mu.multipliers.scaled_loop import ScaledLoop
-
-SHARPNESS = (6.0, 25.0, 100.0, 400.0)
-"""Exponents of the mean that stands for the worst, each started from the one before."""
-STEPS = 80
+from workbench.synthesis.mu.biquads import Biquads
 
 
 class Place(NamedTuple):
@@ -104,43 +93,6 @@ class Multipliers:
         minus[:, 0] = 0.0
         return np.insert(x, self.channels, minus, axis=0)
 
-    def fit(
-        self, M: Array, omega: RealArray, reference: RealArray, x: RealArray, within: Range
-    ) -> tuple[RealArray, float]:
-        """The best parameters near x, and log of the worst bound over the reference.
-
-        M (F, c, r) at omega (F,) [rad/s], reference (F,); corners are within frequencies [rad/s].
-        """
-        bounds, log_reference = self._bounds(within), np.log(reference)
-
-        def cost(flat: RealArray, sharpness: float) -> tuple[float, RealArray]:
-            at = ScaledLoop.of(self, M, omega, flat.reshape(x.shape))
-            excess = at.log_beta - log_reference
-            weight = np.exp(sharpness * (excess - excess.max()))
-            mean = excess.max() + np.log(weight.mean()) / sharpness
-            price, slope = at.price()
-            slope += at.slope(weight / weight.sum())
-            return float(mean + price), slope.ravel()
-
-        def missed(flat: RealArray) -> float:
-            at = ScaledLoop.of(self, M, omega, flat.reshape(x.shape))
-            return float(np.max(at.log_beta - log_reference))
-
-        found = [x.ravel()]  # which may be the best already
-        for sharpness in SHARPNESS:
-            stage = minimize(
-                cost,
-                found[-1],
-                args=(sharpness,),
-                jac=True,
-                method="L-BFGS-B",
-                bounds=bounds,
-                options={"maxiter": STEPS},
-            )
-            found.append(stage.x)
-        best = min(found, key=missed)
-        return best.reshape(x.shape), missed(best)
-
     def _places(self) -> Iterator[Place]:
         first = second = 0
         s = self.structure
@@ -149,11 +101,3 @@ class Multipliers:
             entries = slice(second, second + n * (n - 1))
             yield Place(n, slice(first, first + n), entries, row, column)
             first, second = first + n, entries.stop
-
-    def _bounds(self, within: Range) -> list[tuple[float, float]]:
-        row = self.functions.bounds(within)
-        no_gain = [(0.0, 0.0), *row[1:]]
-        entry = triangles.bounds(self.functions.size, within)
-        counts = self.channels, self.real.shape[1], self.rows - self.functions.rows
-        kinds = zip((row, no_gain, entry), counts, strict=True)
-        return [bound for one, count in kinds for bound in one * count]

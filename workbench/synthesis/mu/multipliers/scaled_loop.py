@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from workbench.arrays import Array, RealArray
 from workbench.synthesis.mu.multipliers import triangles
+from workbench.synthesis.mu.multipliers.functions import Multipliers
 from workbench.synthesis.mu.multipliers.scaled_bound import ScaledBound, scaled_bound
-
-if TYPE_CHECKING:
-    from workbench.synthesis.mu.multipliers.functions import Multipliers
-
 
 PLAIN, NARROW = 1e-4, 1e-5
 """Weights of log dampings, and of log distances of zeros from poles, squared: what the loop does

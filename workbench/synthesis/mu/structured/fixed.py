@@ -22,9 +22,9 @@ from workbench.mu import UpperBound, gradient, upper_bound
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
 from workbench.structure import Structure
+from workbench.synthesis.mu.families import Family, Modal
 from workbench.synthesis.mu.program import TOLERANCE, MuSynthesis
 from workbench.synthesis.mu.rounds import Iterate, packed, unpacked
-from workbench.synthesis.mu.structured.families import Family, Modal
 from workbench.systems.frequency_grid import frequencies_of
 from workbench.systems.generalised_plant import GeneralisedPlant, response
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
-from workbench.synthesis.mu.structured.families import Family
+from workbench.synthesis.mu.families import Family
 
 if TYPE_CHECKING:
     from control import StateSpace

@@ -1,0 +1,133 @@
+"""The loops of the twelve drives of an axis, whose controller is switched by defects."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from workbench.arrays import RealArray
+from workbench.synthesis import Mode, SwitchedStability
+
+from ...control.loops import plants
+from ...drive.disc import VELOCITY
+from ...drive.plants import Gain, controller, total_gains
+from ...drive.red_book import ACCEPTABLE_ERROR, corners, envelope
+from ...drive.tables import Axis, drives
+from ...laboratory.bench_setup import RATE
+from ..switched_loop import (
+    MICRO,
+    LensModel,
+    SwitchedLoop,
+    lens_model,
+    regulators,
+    switched,
+)
+from .box import Box
+from .error import Deviations
+from .margins import LoopsAlone
+
+if TYPE_CHECKING:
+    from control import StateSpace
+
+ROTATION = np.linspace(3.0, 9.0, 4)
+"""Rotation frequencies [Hz] of a disc of the largest deviation."""
+HARMONICS = np.geomspace(1.0, 500.0, 27)
+"""Frequencies [Hz] at which the Red Book's envelope is met, its lower corner among them."""
+DEFECTS = 6
+"""Number of equal defects in a row in a simulation."""
+
+
+@dataclass(frozen=True, eq=False)
+class SwitchedDrives:
+    """An axis whose loops switch from its controller to another one while a defect passes.
+
+    Parameters
+    ----------
+    axis
+        Focus or radial.
+    lower
+        Controller K' of strategy "lower".
+    length
+        Length of the longest defect [m].
+    delay
+        Delay of the computer [samples].
+    displacement
+        Largest false displacement that a defect causes, in acceptable errors.
+    gain
+        Variant of the drives' loop gains.
+    """
+
+    axis: Axis
+    lower: StateSpace
+    length: float
+    delay: float
+    displacement: float
+    gain: Gain
+
+    @cached_property
+    def longest(self) -> int:
+        """Samples of the longest defect."""
+        return max(1, math.ceil(self.length / VELOCITY * RATE))
+
+    @cached_property
+    def reference(self) -> StateSpace:
+        import control
+
+        return control.ss(controller(self.axis))
+
+    @cached_property
+    def alone(self) -> LoopsAlone:
+        """Loops of one controller each, with the twelve drives and the nominal one."""
+        systems = plants(self.axis, self.gain, "printed")
+        return LoopsAlone(self.axis, self.reference, self.lower, systems, self.delay, self.length)
+
+    @cached_property
+    def lenses(self) -> list[LensModel]:
+        """Lens models of the twelve drives."""
+        twelve = drives(self.axis)
+        optical = [drive.K_optn for drive in twelve]
+        gains = total_gains(self.axis, twelve, optical, self.gain)
+        return [
+            lens_model(drive, float(K), K_optn, self.delay)
+            for drive, K, K_optn in zip(twelve, gains, optical, strict=True)
+        ]
+
+    def loops(self, strategy: Any) -> list[SwitchedLoop]:
+        """Switched loops of the twelve drives with a strategy."""
+        modes = regulators(self.reference, strategy, self.lower)
+        return [switched(lens, modes) for lens in self.lenses]
+
+    def program(self, loops: list[SwitchedLoop]) -> SwitchedStability:
+        """The search for the least dwell in clean parts, stable for defects up to the longest."""
+        clean, defect = (
+            np.stack([getattr(loop, mode)[0] for loop in loops]) for mode in ("clean", "defect")
+        )
+        return SwitchedStability(
+            (Mode("clean", clean, None), Mode("defect", defect, 1, self.longest))
+        )
+
+    def disc(self, case: str) -> tuple[RealArray, RealArray]:
+        """Amplitudes [um] of the disc and their angular frequencies [rad/s].
+
+        `case` is "rotation" or "envelope".
+        """
+        harmonics = np.union1d(HARMONICS, corners(self.axis)[0])
+        frequency = ROTATION if case == "rotation" else harmonics
+        return envelope(self.axis, frequency) / MICRO, 2 * np.pi * frequency
+
+    @property
+    def false(self) -> float:
+        """Largest false displacement [um]."""
+        return self.displacement * ACCEPTABLE_ERROR[self.axis] / MICRO
+
+    def deviations(self, loop: SwitchedLoop, case: str) -> Deviations:
+        """The errors of a loop on the disc of a case."""
+        return Deviations(loop, *self.disc(case), self.longest, self.false)
+
+    def box(self, share: float) -> Box:
+        """The parametric set, extended by `share`, with the loops that switch to K'."""
+        return Box(self.axis, regulators(self.reference, "lower", self.lower), share)

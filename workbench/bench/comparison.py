@@ -1,0 +1,146 @@
+"""A comparison as a Study: cells of problems by methods by accuracy levels, shown and counted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from workbench import figures
+from workbench.errors import ResultError
+from workbench.executor import Context
+from workbench.program import Check
+from workbench.solvers import ACCURACY
+from workbench.study import Study
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
+
+UNFIT = "unfit"
+"""Outcome of a cell whose method cannot take its problem."""
+METHOD = "by_method"
+"""The dimension of methods; xarray's ``sel`` keeps the word method for itself."""
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison(Study):
+    """The cells of a comparison. Its dataset has dims (problem, by_method, accuracy)."""
+
+    cells: Callable[[Context], xr.Dataset]
+
+    headline = "success_rate"
+
+    @classmethod
+    def stored(cls) -> Comparison:
+        """One whose cells are known: it shows them, and answers no more."""
+
+        def unknown(context: Context) -> xr.Dataset:
+            raise ResultError("a stored comparison cannot run again; call workbench.compare")
+
+        return cls(unknown)
+
+    def compute(self, context: Context) -> xr.Dataset:
+        return self.cells(context)
+
+    def checks(self, answer: xr.Dataset, tolerance: float) -> list[Check]:
+        missing = int(np.sum(answer["outcome"].values == ""))
+        return [Check("complete", "cells without an outcome", missing, 0)]
+
+    def metrics(self, answer: xr.Dataset) -> dict[str, float]:
+        tried = answer["outcome"].values != UNFIT
+        count = max(int(tried.sum()), 1)
+        return {
+            "success_rate": float(answer["success"].values[tried].sum() / count),
+            "correctness_rate": float(answer["correct"].values[tried].sum() / count),
+            "cells": int(tried.sum()),
+            "unfit": int((~tried).sum()),
+        }
+
+    def tables(self, answer: xr.Dataset) -> dict[str, str]:
+        head = (
+            "| problem | method | accuracy | outcome | claim | success | correct | gap "
+            "| statement [s] | solve [s] |\n"
+            "| --- | --- | --- | --- | --- | --- | --- | ---: | ---: | ---: |\n"
+        )
+        body = "".join(f"| {' | '.join(row)} |\n" for row in rows(answer))
+        reasons = "".join(f"\nUnfit: {text}\n" for text in unfit(answer))
+        return {"comparison": head + body + reasons}
+
+    def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
+        return {"accuracy-against-time": accuracy_against_time(answer)}
+
+
+def rows(data: xr.Dataset) -> list[list[str]]:
+    """A comparison's cells as text, a row each."""
+    table = []
+    for i, j, k in np.ndindex(*data["outcome"].shape):
+        cell = {name: data[name].values[i, j, k] for name in data.data_vars}
+        unfit = cell["outcome"] == UNFIT
+        labels = (data["problem"].values[i], data[METHOD].values[j], data["accuracy"].values[k])
+        table.append(
+            [
+                *map(str, labels),
+                str(cell["outcome"]),
+                "-" if unfit else str(cell["claim"]),
+                "-" if unfit else ("yes" if cell["success"] else "no"),
+                "-" if unfit else ("yes" if cell["correct"] else "no"),
+                "-" if np.isnan(cell["gap"]) else f"{cell['gap']:.1e}",
+                "-" if np.isnan(cell["statement"]) else f"{cell['statement']:.4f}",
+                "-" if np.isnan(cell["solve"]) else f"{cell['solve']:.4f}",
+            ]
+        )
+    return table
+
+
+def unfit(data: xr.Dataset) -> list[str]:
+    """Why some methods cannot take some of the problems, a sentence each."""
+    found = {}
+    for i, j, k in np.ndindex(*data["outcome"].shape):
+        if data["outcome"].values[i, j, k] == UNFIT:
+            pair = f"{data['problem'].values[i]} by {data[METHOD].values[j]}"
+            found[pair] = f"{pair}: {data['message'].values[i, j, k]}"
+    return list(found.values())
+
+
+def accuracy_against_time(data: xr.Dataset) -> Figure:
+    """Certified gap over wall time, a panel per problem; hollow where no certificate holds."""
+    names = data["problem"].values
+    columns = min(2, len(names))
+    lines = -(-len(names) // columns)
+    figure, panels = figures.axes(
+        lines, columns, size=(3.6 + 3.4 * columns, 0.8 + 3.2 * lines), sharex=True, sharey=True
+    )
+    floor = 1e-17  # an exact answer has no gap, a logarithmic axis no zero
+    markers = dict(zip(ACCURACY, "osD", strict=True))
+    for i, (panel, name) in enumerate(zip(panels, names, strict=False)):
+        for j, method in enumerate(data[METHOD].values):
+            colour = figures.CYCLE[j % len(figures.CYCLE)]
+            seconds = (data["statement"] + data["solve"]).values[i, j]
+            gap = np.maximum(data["gap"].values[i, j], floor)
+            panel.plot(seconds, gap, color=colour, linewidth=0.7, alpha=0.6)
+            for k, level in enumerate(data["accuracy"].values):
+                held = bool(data["success"].values[i, j, k])
+                panel.plot(
+                    seconds[k],
+                    gap[k],
+                    markers[str(level)],
+                    color=colour,
+                    markerfacecolor=colour if held else "none",
+                    label=str(method) if k == 0 else None,
+                )
+        if np.isfinite(data["gap"].values).any():
+            panel.set_xscale("log")
+            panel.set_yscale("log")
+        panel.set_title(str(name))
+        panel.set_xlabel("statement and solve [s]")
+        panel.set_ylabel("certified gap, 0 at the bottom [relative]")
+    for panel in panels[len(names) :]:
+        panel.set_visible(False)
+    for level in data["accuracy"].values:
+        panels[0].plot([], [], markers[str(level)], color=figures.BLACK, label=str(level))
+    panels[0].plot([], [], "o", color=figures.BLACK, markerfacecolor="none", label="no certificate")
+    figures.legend_below(figure, panels[0], columns=8)
+    return figure

@@ -1,0 +1,61 @@
+"""Files beside the arrays of a results folder: strict JSON, and pictures of figures."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from workbench.bench.question import plain
+from workbench.errors import ResultError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def read_json(file: Path) -> Any:
+    try:
+        return json.loads(file.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise ResultError(f"{file.name} is missing in {file.parent}") from None
+    except ValueError as error:
+        raise ResultError(f"{file.name} is no JSON: {error}") from None
+
+
+def write_json(file: Path, content: Mapping[str, Any]) -> None:
+    text = json.dumps(plain(content), indent=2, allow_nan=False)
+    file.write_text(text + "\n", encoding="utf-8")
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure as files hold it; the same figure gives the same bytes. A notebook shows it."""
+
+    png: bytes
+    svg: bytes
+
+    def _repr_png_(self) -> bytes:
+        return self.png
+
+    def save(self, folder: str | Path, name: str) -> list[Path]:
+        """Write ``name.svg`` and ``name.png`` into a folder, which is made if it is missing."""
+        place = Path(folder)
+        place.mkdir(parents=True, exist_ok=True)
+        files = [place / f"{name}.svg", place / f"{name}.png"]
+        for file, content in zip(files, (self.svg, self.png), strict=True):
+            file.write_bytes(content)
+        return files
+
+
+def picture(figure: Figure) -> Picture:
+    """A figure as PNG and SVG."""
+    import matplotlib as mpl
+
+    svg, png = io.BytesIO(), io.BytesIO()
+    with mpl.rc_context({"svg.hashsalt": "workbench"}):
+        figure.savefig(svg, format="svg", metadata={"Date": None})
+        figure.savefig(png, format="png", dpi=120, metadata={"Software": None})
+    return Picture(png.getvalue(), svg.getvalue())

@@ -1,0 +1,16 @@
+"""The data that a response fit uses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from workbench.arrays import ComplexArray, RealArray
+
+
+@dataclass(frozen=True)
+class Data:
+    """Frequencies [rad/s], responses and positive weights, each (F,)."""
+
+    omega: RealArray
+    response: ComplexArray
+    weight: RealArray

@@ -1,0 +1,114 @@
+"""Checks of a Study, declared: a statement, a limit, and the array that must stay below it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from workbench.errors import InputError
+from workbench.program import Check
+from workbench.study.declarations import Declaration, Function
+
+
+class Checked(Declaration):
+    """Values that may not exceed a limit; one check for each label of the dimensions ``each``."""
+
+    def __init__(
+        self,
+        function: Function,
+        title: str,
+        statement: str,
+        at_most: float | Callable[[Any], float] | None,
+        each: tuple[str, ...],
+        where: str,
+    ) -> None:
+        super().__init__(function)
+        self.title, self.statement, self.at_most = title, statement, at_most
+        self.each, self.where = each, where
+
+    def checks(self, study: Any, get: Callable[[str], Any]) -> Iterator[Check]:
+        value = self.value(study, get)
+        if value is None:
+            return
+        if isinstance(value, list):  # checks made by hand
+            yield from value
+            return
+        limit = self.at_most(study) if callable(self.at_most) else self.at_most
+        if limit is None:
+            raise InputError(f"check {self.name!r} of {type(study).__name__} needs at_most=...")
+        title = self.title or self.name.replace("_", " ")
+        statement = self.statement or self.help
+        for labels, one in _split(value, self.each):
+            size, where = _worst(one, self.where)
+            yield Check(title.format(**labels), statement.format(**labels), size, limit, where)
+
+
+def check(
+    title: str = "",
+    statement: str = "",
+    value: Function | None = None,
+    *,
+    at_most: float | Callable[[Any], float] | None = None,
+    each: str | tuple[str, ...] = (),
+    where: str = "",
+) -> Any:
+    """Declare a check: a function of stored arrays whose value may not exceed ``at_most``.
+
+    The function returns a number, a number and its place in words, or an array whose largest value
+    counts (NaN counts as largest); None where there is nothing to check; or a list of `Check`.
+
+    Parameters
+    ----------
+    title, statement
+        Default: the function's name, and the first line of its docstring. With ``each``, both may
+        name the labels, as in ``"{axis} resonance"``.
+    value
+        The function; without one this is a decorator.
+    at_most
+        The limit, or a function of the Study that gives it; a list of `Check` has its own.
+    each
+        Dimensions of the array with a check for each label.
+    where
+        How the place of the largest value is said, as in ``"of {drive}"``. Default: the labels of
+        all its dimensions.
+    """
+    over = (each,) if isinstance(each, str) else each
+    if value is not None:
+        return Checked(value, title, statement, at_most, over, where)
+    return lambda function: Checked(function, title, statement, at_most, over, where)
+
+
+def _split(value: Any, each: tuple[str, ...]) -> Iterator[tuple[dict[str, Any], Any]]:
+    if not each:
+        yield {}, value
+        return
+    for labels in product(*(value[name].values.tolist() for name in each)):
+        place = dict(zip(each, labels, strict=True))
+        yield place, value.sel(place)
+
+
+def _worst(value: Any, where: str) -> tuple[float, str]:
+    """The largest value and where it is."""
+    if isinstance(value, tuple):
+        return float(value[0]), str(value[1])
+    if not hasattr(value, "dims") or not value.dims:
+        return float(value), where
+    values = np.asarray(value.values, dtype=float)
+    place = np.unravel_index(
+        int(np.argmax(np.where(np.isnan(values), math.inf, values))), values.shape
+    )
+    at = value[place]
+    labels = {name: _said(at[name]) for name in value.dims if name in at.coords}
+    words = where.format(**labels) if where else ", ".join(f"{k} {v}" for k, v in labels.items())
+    return float(values[place]), words if where or not words else f"at {words}"
+
+
+def _said(coordinate: Any) -> str:
+    label = coordinate.values.item()
+    text = f"{label:.6g}" if isinstance(label, float) else str(label)
+    unit = coordinate.attrs.get("units", "")
+    return f"{text} {unit}" if unit else text

@@ -1,0 +1,281 @@
+"""What a Study stores, declared once: dimensions, arrays, systems, and parts on the way to them.
+
+A declaration is an attribute of a Study's class. Its function takes what it needs by name, as
+pytest fixtures do: other declarations, ``self`` for the Study's own fields, ``context`` for the
+run's. Arrays and dimensions arrive as labelled `xarray.DataArray`.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from workbench.errors import InputError
+from workbench.systems.storage import restored, stored
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Function = Callable[..., Any]
+
+
+class Declaration:
+    """A named function of a Study and of what it needs by name."""
+
+    def __init__(self, function: Function | None) -> None:
+        self.function = function
+        self.name = ""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = name
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """Names of the arguments, ``self`` left out."""
+        if self.function is None:
+            return ()
+        return tuple(name for name in inspect.signature(self.function).parameters if name != "self")
+
+    @property
+    def help(self) -> str:
+        """The first line of the docstring, its full stop left out."""
+        text = inspect.getdoc(self.function) if self.function is not None else None
+        return (text or "").partition("\n")[0].removesuffix(".")
+
+    def value(self, study: Any, get: Callable[[str], Any]) -> Any:
+        """What the function gives, its needs got by name."""
+        assert self.function is not None
+        given = {name: get(name) for name in self.needs}
+        if "self" in inspect.signature(self.function).parameters:
+            given["self"] = study
+        return self.function(**given)
+
+
+class Part(Declaration):
+    """Something on the way to arrays, computed once for all that need it, and not stored."""
+
+
+def part(function: Function) -> Any:
+    """Declare something on the way to arrays: computed once, not stored, of any type."""
+    return Part(function)
+
+
+class Dim(Declaration):
+    """A dimension with its coordinates."""
+
+    def __init__(
+        self, function: Function | None, labels: Sequence[Any] | None, unit: str, meaning: str
+    ) -> None:
+        super().__init__(function)
+        self.labels, self.unit, self.meaning = labels, unit, meaning
+
+    def variable(self, study: Any, get: Callable[[str], Any]) -> tuple[Any, ...]:
+        """What a dataset takes for it."""
+        labels = self.labels if self.function is None else self.value(study, get)
+        meaning = self.meaning or self.help
+        about = {"units": self.unit} if self.unit else {}
+        about |= {"long_name": meaning} if meaning else {}
+        return self.name, np.asarray(labels), about
+
+
+def dim(*labels: Any, unit: str = "", meaning: str = "") -> Any:
+    """Declare a dimension by its labels, or as a decorator of a function that gives them.
+
+    Examples
+    --------
+    ``bound = dim("lower", "upper")``, or ``@dim(unit="Hz")`` above a function that returns
+    frequencies (F,).
+    """
+    if labels:
+        every = labels[0] if len(labels) == 1 and not isinstance(labels[0], str) else labels
+        if callable(every):
+            return Dim(every, None, unit, meaning)
+        return Dim(None, list(every), unit, meaning)
+    return lambda function: Dim(function, None, unit, meaning)
+
+
+class Array(Declaration):
+    """Arrays that are stored, over declared dimensions; several where ``units`` names them."""
+
+    def __init__(
+        self,
+        function: Function,
+        dims: Sequence[Any],
+        units: str | Mapping[str, Any],
+        meaning: str,
+        coordinate: bool,
+        extra: Mapping[str, Any],
+    ) -> None:
+        super().__init__(function)
+        self._dims, self.units, self.meaning = dims, units, meaning
+        self.coordinate, self.extra = coordinate, dict(extra)
+
+    @property
+    def dims(self) -> tuple[str, ...]:
+        return tuple(one.name if isinstance(one, Declaration) else str(one) for one in self._dims)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the arrays that it gives."""
+        return (self.name,) if isinstance(self.units, str) else tuple(self.units)
+
+    def variables(
+        self, study: Any, get: Callable[[str], Any], sizes: Mapping[str, Sequence[Any]]
+    ) -> dict[str, tuple[Any, ...]]:
+        """What a dataset takes for them; none where the function gives None."""
+        value = self.value(study, get)
+        if value is None:
+            return {}
+        if isinstance(self.units, str):
+            return {
+                self.name: self._variable(
+                    self.name, value, self.units, self.meaning or self.help, sizes
+                )
+            }
+        return {
+            name: self._variable(name, value[name], *_unit_and_meaning(about), sizes)
+            for name, about in self.units.items()
+            if value.get(name) is not None
+        }
+
+    def _variable(
+        self, name: str, value: Any, unit: str, meaning: str, sizes: Mapping[str, Sequence[Any]]
+    ) -> tuple[Any, ...]:
+        dims = self.dims
+        if hasattr(value, "dims"):
+            value = value.transpose(*dims).values
+        elif isinstance(value, Mapping) and dims:
+            value = [value[label] for label in sizes[dims[0]]]
+        values = np.asarray(value)
+        shape = tuple(len(sizes[one]) for one in dims if one in sizes)
+        if values.ndim != len(dims) or (len(shape) == len(dims) and values.shape != shape):
+            raise InputError(
+                f"array {name!r} has shape {values.shape}; its dims "
+                f"({', '.join(dims)}) have sizes {shape}"
+            )
+        about = {"units": unit} if unit else {}
+        about |= {"long_name": meaning} if meaning else {}
+        return dims, values, about | self.extra
+
+
+Dims = Any  # a dimension, declared before or by name, or a tuple of them
+
+
+def array(
+    dims: Dims = (),
+    unit: str = "",
+    meaning: str = "",
+    value: Function | None = None,
+    *,
+    coordinate: bool = False,
+    **attributes: Any,
+) -> Any:
+    """Declare an array over dimensions.
+
+    Parameters
+    ----------
+    dims
+        A dimension, declared before or by name, or a tuple of them.
+    unit, meaning
+        Stored as ``units`` and ``long_name``. The meaning is the docstring where none is given.
+    value
+        The function that gives it; without one this is a decorator. It returns anything of the
+        shape of the dimensions, or a mapping from the labels of the first one; None where this
+        Study has no such array.
+    coordinate
+        It stands beside the labels of its dimension.
+    attributes
+        Stored as they are.
+
+    Examples
+    --------
+    ``gain = array((drive, quantity), "1", "optical gain", lambda scans: [s.gain for s in scans])``
+    """
+    over = dims if isinstance(dims, tuple) else (dims,)
+    if value is not None:
+        return Array(value, over, unit, meaning, coordinate, attributes)
+    return lambda function: Array(function, over, unit, meaning, coordinate, attributes)
+
+
+def arrays(dims: Dims = (), value: Function | None = None, **units: Any) -> Any:
+    """Declare several arrays over the same dimensions; their function returns them by name.
+
+    ``arrays((loop, drive), lambda found: found, crossover=("Hz", "crossover"), phase="deg")``: each
+    array with its unit, or with unit and meaning. Without a function this is a decorator.
+    """
+    over = dims if isinstance(dims, tuple) else (dims,)
+    if value is not None:
+        return Array(value, over, units, "", False, {})
+    return lambda function: Array(function, over, units, "", False, {})
+
+
+def _unit_and_meaning(about: str | tuple[str, str]) -> tuple[str, str]:
+    return (about, "") if isinstance(about, str) else about
+
+
+class System(Declaration):
+    """python-control systems that are stored, one or one for each label of a dimension.
+
+    Called with a Study and its dataset it gives them back.
+    """
+
+    def __init__(self, function: Function, over: Any, called: str) -> None:
+        super().__init__(function)
+        self._over, self.called = over, called
+
+    @property
+    def over(self) -> str | None:
+        return self._over.name if isinstance(self._over, Declaration) else self._over
+
+    def prefix(self, label: Any) -> str:
+        """How the arrays of one system begin."""
+        if self.over is None:
+            return self.called or self.name
+        return (self.called or f"{self.name}_{{}}").format(identifier(label))
+
+    def variables(self, value: Any, labels: Sequence[Any]) -> dict[str, Any]:
+        """What a dataset takes for the systems that the function gave."""
+        if value is None:
+            return {}
+        if self.over is None:
+            return stored(self.prefix(None), value)
+        every = value if isinstance(value, Mapping) else dict(zip(labels, value, strict=True))
+        return {
+            key: one
+            for label in labels
+            if every.get(label) is not None
+            for key, one in stored(self.prefix(label), every[label]).items()
+        }
+
+    def restored(self, data: xr.Dataset) -> Any:
+        """The system, or the systems by label; those that are not stored are left out."""
+        if self.over is None:
+            return restored(data, self.prefix(None)) if f"{self.prefix(None)}_A" in data else None
+        return {
+            label: restored(data, self.prefix(label))
+            for label in data[self.over].values.tolist()
+            if f"{self.prefix(label)}_A" in data
+        }
+
+    def __get__(self, study: Any, owner: type) -> Any:
+        return self if study is None else self.restored
+
+
+def system(over: Any = None, called: str = "") -> Any:
+    """Declare a system (or one for each label of the dimension ``over``) that is stored.
+
+    ``study.name(dataset)`` gives it back: a StateSpace, or a mapping from labels. ``called`` is
+    how its arrays begin, with ``{}`` for the label.
+    """
+    if inspect.isfunction(over):
+        return System(over, None, "")
+    return lambda function: System(function, over, called)
+
+
+def identifier(label: Any) -> str:
+    """A label as it stands in names of arrays and metrics: lower case, words joined by ``_``."""
+    text = str(label).lower()
+    return "_".join("".join(one if one.isalnum() else " " for one in text).split())

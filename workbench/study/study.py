@@ -1,0 +1,204 @@
+"""A Study: arrays, metrics and figures computed without a choice of method."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from workbench.errors import InputError
+from workbench.executor import Context
+from workbench.program import Check, Claim, Task
+from workbench.solvers import Outcome
+from workbench.study.checks import Checked
+from workbench.study.declarations import Array, Declaration, Dim, Part, System
+from workbench.study.views import Drawn, Metric, Table
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
+
+Kind = TypeVar("Kind", bound=Declaration)
+
+
+class Study(Task):
+    """Arrays, metrics and figures computed without a choice of method; its answer is a dataset.
+
+    Subclasses are frozen dataclasses of what they depend on. They declare dimensions, arrays,
+    checks, metrics, tables and figures (see `workbench.study`), or define the methods of the same
+    names below; a method may be defined and the rest declared.
+    """
+
+    def compute(self, context: Context) -> xr.Dataset:
+        """The arrays, each declaration computed after what it needs.
+
+        Raises
+        ------
+        InputError
+            A declaration needs a name that is not declared, or itself by way of others; an array
+            that does not fit its dimensions.
+        """
+        return _Computation(self, context).dataset()
+
+    def checks(self, answer: xr.Dataset, tolerance: float) -> Sequence[Check]:
+        get = self._getter(answer)
+        return [one for check in self._declared(Checked) for one in check.checks(self, get)]
+
+    def metrics(self, answer: xr.Dataset) -> dict[str, float]:
+        get = self._getter(answer)
+        found: dict[str, float] = {}
+        for one in self._declared(Metric):
+            found |= one.metrics(self, get)
+        return found
+
+    def tables(self, answer: xr.Dataset) -> dict[str, str]:
+        get = self._getter(answer)
+        made = (one.tables(self, get) for one in self._declared(Table))
+        return {name: table for some in made for name, table in some.items()}
+
+    def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
+        get = self._getter(answer)
+        drawn = (one.figures(self, get) for one in self._declared(Drawn))
+        return {name: figure for some in drawn for name, figure in some.items()}
+
+    def to_dataset(self, answer: xr.Dataset) -> xr.Dataset:
+        return answer
+
+    def from_dataset(self, data: xr.Dataset) -> xr.Dataset:
+        return data
+
+    def respond(self, method: str | None, context: Context) -> Claim:
+        return self.compute(context), Outcome.SOLVED, ""
+
+    def claims_optimum(self, method: str | None) -> bool:
+        if method is not None:
+            raise InputError(f"{type(self).__name__} is a study: it has no method {method!r}")
+        return False
+
+    def _declared(self, kind: type[Kind]) -> Iterator[Kind]:
+        """The declarations of a kind, those of base classes first, in order."""
+        return (one for one in declarations(type(self)).values() if isinstance(one, kind))
+
+    def _getter(self, answer: xr.Dataset) -> Callable[[str], Any]:
+        """What checks, metrics, tables and figures are given by name: stored things alone."""
+        systems = {one.name: one for one in self._declared(System)}
+        optional = {name for one in self._declared(Array) for name in one.names}
+
+        def get(name: str) -> Any:
+            if name == "answer":
+                return answer
+            if name in systems:
+                return systems[name].restored(answer)
+            if name in answer.variables or name in answer.dims:
+                return answer[name]
+            if name in optional:
+                return None
+            raise InputError(
+                f"{type(self).__name__} stores no {name!r}; there are "
+                f"{', '.join([*map(str, answer.variables), *systems])}"
+            )
+
+        return get
+
+
+def declarations(cls: type) -> dict[str, Declaration]:
+    """The declarations of a class and its bases by name."""
+    return {
+        name: one
+        for base in reversed(cls.__mro__)
+        for name, one in vars(base).items()
+        if isinstance(one, Declaration)
+    }
+
+
+class _Computation:
+    """One run of a Study's declarations."""
+
+    def __init__(self, study: Study, context: Context) -> None:
+        self.study, self.context = study, context
+        self.declared = declarations(type(study))
+        self.home = {
+            name: one
+            for one in self.declared.values()
+            if isinstance(one, Array)
+            for name in one.names
+        }
+        self.coordinates: dict[str, Any] = {}
+        self.variables: dict[str, Any] = {}
+        self.values: dict[str, Any] = {"context": context}
+        self.waiting: list[str] = []
+
+    def dataset(self) -> xr.Dataset:
+        import xarray as xr
+
+        for one in self.declared.values():
+            if isinstance(one, Dim | Array | System):
+                self._make(one)
+        dims = {one.name: one for one in self.declared.values() if isinstance(one, Dim)}
+        used = {
+            name
+            for value in [*self.variables.values(), *self.coordinates.values()]
+            for name in ([value[0]] if isinstance(value[0], str) else value[0])
+        }
+        return xr.Dataset(
+            self.variables,
+            {name: v for name, v in self.coordinates.items() if name not in dims or name in used},
+        )
+
+    def get(self, name: str) -> Any:
+        """A declared thing by name: made now where it is not yet."""
+        if name not in self.values:
+            one = self.declared.get(name) or self.home.get(name)
+            if one is None:
+                known = sorted({*self.declared, *self.home, "context"})
+                raise InputError(
+                    f"{type(self.study).__name__} declares no {name!r}; there are "
+                    f"{', '.join(known)}"
+                )
+            self._make(one)
+        return self.values.get(name)
+
+    def _make(self, one: Declaration) -> None:
+        if one.name in self.values or one.name in self.waiting:
+            if one.name in self.waiting:
+                chain = " -> ".join([*self.waiting, one.name])
+                raise InputError(f"{type(self.study).__name__}: {chain} need each other")
+            return
+        self.waiting.append(one.name)
+        try:
+            self._compute(one)
+        finally:
+            self.waiting.pop()
+
+    def _compute(self, one: Declaration) -> None:
+        import xarray as xr
+
+        if isinstance(one, Dim):
+            self.coordinates[one.name] = one.variable(self.study, self.get)
+            self.values[one.name] = xr.DataArray(
+                self.coordinates[one.name][1],
+                dims=one.name,
+                coords={one.name: self.coordinates[one.name]},
+                attrs=self.coordinates[one.name][2],
+            )
+        elif isinstance(one, Array):
+            sizes = {name: self.get(name).values for name in one.dims if name in self.declared}
+            made = one.variables(self.study, self.get, sizes)
+            (self.coordinates if one.coordinate else self.variables).update(made)
+            for name in one.names:
+                self.values[name] = self._labelled(made[name]) if name in made else None
+            self.values[one.name] = self.values.get(one.name)
+        elif isinstance(one, System):
+            labels = [] if one.over is None else self.get(one.over).values.tolist()
+            self.values[one.name] = value = one.value(self.study, self.get)
+            self.variables |= one.variables(value, labels)
+        elif isinstance(one, Part):
+            self.values[one.name] = one.value(self.study, self.get)
+        else:
+            raise InputError(f"{one.name!r} is made from stored arrays; no array may need it")
+
+    def _labelled(self, variable: tuple[Any, ...]) -> xr.DataArray:
+        import xarray as xr
+
+        dims, values, about = variable
+        coords = {name: self.coordinates[name] for name in dims if name in self.coordinates}
+        return xr.DataArray(values, dims=dims, coords=coords, attrs=about)

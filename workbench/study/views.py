@@ -1,0 +1,193 @@
+"""Metrics, tables and plain figures of a Study, declared over its stored arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from itertools import product
+from typing import TYPE_CHECKING, Any
+
+from workbench import figures
+from workbench.study.declarations import Declaration, Function, identifier
+from workbench.tables import markdown
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Get = Callable[[str], Any]
+
+
+class Metric(Declaration):
+    """A number that people quote, or one for each label of an array's dimensions."""
+
+    def __init__(self, function: Function, template: str) -> None:
+        super().__init__(function)
+        self.template = template
+
+    def metrics(self, study: Any, get: Get) -> dict[str, float]:
+        value = self.value(study, get)
+        if value is None:
+            return {}
+        if isinstance(value, Mapping):
+            return {name: float(one) for name, one in value.items()}
+        if not getattr(value, "dims", ()):
+            return {self.template or self.name: float(value)}
+        template = self.template or "_".join([self.name, *(f"{{{name}}}" for name in value.dims)])
+        names = [value[name].values.tolist() for name in value.dims]
+        return {
+            template.format(**dict(zip(value.dims, map(_named, labels), strict=True))): float(
+                value.sel(dict(zip(value.dims, labels, strict=True)))
+            )
+            for labels in product(*names)
+        }
+
+
+def _named(label: Any) -> str:
+    """A label as it stands in the name of a metric."""
+    text = str(label)
+    return text if text.isidentifier() or text.isalnum() else identifier(text)
+
+
+def metric(template: Function | str = "", value: Function | None = None) -> Any:
+    """Declare a metric: a function of stored arrays that gives a number.
+
+    Of an array it makes one metric for each label; they are named by a template, as in
+    ``metric("error_{quantity}", lambda error: abs(error).max("drive"))``. A mapping is taken by its
+    names; None is left out. Without a function this is a decorator.
+    """
+    if not isinstance(template, str):
+        return Metric(template, "")
+    if value is not None:
+        return Metric(value, template)
+    return lambda function: Metric(function, template)
+
+
+class Table(Declaration):
+    """A table in Markdown, or several by name."""
+
+    def tables(self, study: Any, get: Get) -> dict[str, str]:
+        value = self.value(study, get)
+        every = value if isinstance(value, Mapping) else {stem(self.name): value}
+        return {
+            name: one if isinstance(one, str) else markdown(*one)
+            for name, one in every.items()
+            if one is not None
+        }
+
+
+def table(function: Function | None = None, *, rows: Any = None, **columns: Any) -> Any:
+    """Declare a table: a function that returns heads and rows, or a column for each array.
+
+    A function may also return a text, or a mapping from names of tables; None is no table.
+
+    ``table(rows="drive", gain="{:.0f}", error="{:+.2%}")`` has a row for each drive and a column
+    for each array over drives; a second dimension makes a column for each of its labels.
+    """
+    if function is not None:
+        return Table(function)
+    over = rows
+
+    def build(**values: Any) -> tuple[list[str], list[list[str]]]:
+        name = over.name if isinstance(over, Declaration) else over
+        heads, cells = [name], [[str(label)] for label in values[name].values.tolist()]
+        for column, form in columns.items():
+            value = values[column]
+            others = [one for one in value.dims if one != name]
+            unit = value.attrs.get("units", "")
+            for labels in product(*(value[one].values.tolist() for one in others)):
+                part = value.sel(dict(zip(others, labels, strict=True)))
+                title = " ".join([column.replace("_", " "), *map(str, labels)])
+                heads.append(f"{title} [{unit}]" if unit not in ("", "1") else title)
+                for row, one in zip(cells, part.values.tolist(), strict=True):
+                    row.append(form.format(one))
+        return heads, cells
+
+    return _Columns(build, over, tuple(columns))
+
+
+class _Columns(Table):
+    """A table of one column for each array."""
+
+    def __init__(self, function: Function, rows: Any, columns: tuple[str, ...]) -> None:
+        super().__init__(function)
+        self._rows, self._columns = rows, columns
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        rows = self._rows.name if isinstance(self._rows, Declaration) else self._rows
+        return (rows, *self._columns)
+
+    def value(self, study: Any, get: Get) -> Any:
+        assert self.function is not None
+        return self.function(**{name: get(name) for name in self.needs})
+
+
+class Drawn(Declaration):
+    """A figure, or several by name."""
+
+    def figures(self, study: Any, get: Get) -> dict[str, Figure]:
+        value = self.value(study, get)
+        every = value if isinstance(value, Mapping) else {stem(self.name): value}
+        return {name: one for name, one in every.items() if one is not None}
+
+
+def figure(function: Function) -> Any:
+    """Declare a figure: a function of stored arrays that returns it (see `workbench.figures`).
+
+    It may also return a mapping from names of figures; None is no figure.
+    """
+    return Drawn(function)
+
+
+def lines(
+    name: str,
+    *,
+    x: str,
+    each: str | None = None,
+    log: str = "xy",
+    limit: float | None = None,
+    title: str = "",
+) -> Any:
+    """Declare a plain figure: an array over a dimension, a line for each label of another.
+
+    Parameters
+    ----------
+    name, x, each
+        The array, and the dimensions along the axis and across the lines.
+    log
+        Which axes are logarithmic: "x", "y", "xy" or "".
+    limit
+        A level drawn across.
+    """
+    return _Lines(name, x, each, log, limit, title)
+
+
+class _Lines(Drawn):
+    def __init__(
+        self, array: str, x: str, each: str | None, log: str, limit: float | None, title: str
+    ) -> None:
+        super().__init__(None)
+        self.array, self.x, self.each = array, x, each
+        self.log, self.limit, self.title = log, limit, title
+
+    def figures(self, study: Any, get: Get) -> dict[str, Figure]:
+        values = get(self.array)
+        drawn, (panel,) = figures.axes()
+        labels = [None] if self.each is None else values[self.each].values.tolist()
+        for label in labels:
+            one = values if label is None else values.sel({self.each: label})
+            panel.plot(values[self.x].values, one.values, label=label)
+        if self.limit is not None:
+            panel.axhline(self.limit, color=figures.BLACK, linewidth=0.8, linestyle="--")
+        for axis in self.log:
+            getattr(panel, f"set_{axis}scale")("log")
+        panel.set_xlabel(figures.axis_label(values[self.x], self.x))
+        panel.set_ylabel(figures.axis_label(values, self.array))
+        panel.set_title(self.title)
+        if self.each is not None:
+            figures.legend_below(drawn, panel)
+        return {stem(self.name): drawn}
+
+
+def stem(name: str) -> str:
+    """The name of a table or figure as a file has it."""
+    return name.strip("_").replace("_", "-")

@@ -1,0 +1,88 @@
+"""Multipliers fitted by what they do to a loop.
+
+Multipliers at a frequency are not unique and mean nothing where mu is small. So the parameters are
+not fitted to values of multipliers: the fit minimises the largest ratio, over frequency, of the
+bound that the multipliers prove to a reference.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.optimize import minimize
+
+from workbench.arrays import Array, RealArray
+from workbench.synthesis.mu.biquads import Range
+from workbench.synthesis.mu.multipliers import triangles
+from workbench.synthesis.mu.multipliers.functions import Multipliers
+from workbench.synthesis.mu.multipliers.scaled_loop import ScaledLoop
+
+SHARPNESS = (6.0, 25.0, 100.0, 400.0)
+"""Exponents of the mean that stands for the worst, each started from the one before."""
+STEPS = 80
+
+
+def fit_multipliers(
+    multipliers: Multipliers,
+    M: Array,
+    omega: RealArray,
+    reference: RealArray,
+    x: RealArray,
+    within: Range,
+) -> tuple[RealArray, float]:
+    """The best parameters near `x`, and the log of their largest ratio of bound to reference.
+
+    Parameters
+    ----------
+    multipliers
+        The functions whose parameters are sought.
+    M, omega
+        The loop's response (F, c, r) at frequencies (F,) [rad/s].
+    reference
+        Values (F,), positive, that the proven bound is divided by.
+    x
+        Parameters (rows, P) to start from.
+    within
+        Lowest and highest corner frequency [rad/s].
+    """
+    bounds, log_reference = _bounds(multipliers, within), np.log(reference)
+
+    def cost(flat: RealArray, sharpness: float) -> tuple[float, RealArray]:
+        at = ScaledLoop.of(multipliers, M, omega, flat.reshape(x.shape))
+        excess = at.log_beta - log_reference
+        weight = np.exp(sharpness * (excess - excess.max()))
+        mean = excess.max() + np.log(weight.mean()) / sharpness
+        price, slope = at.price()
+        slope += at.slope(weight / weight.sum())
+        return float(mean + price), slope.ravel()
+
+    def missed(flat: RealArray) -> float:
+        at = ScaledLoop.of(multipliers, M, omega, flat.reshape(x.shape))
+        return float(np.max(at.log_beta - log_reference))
+
+    found = [x.ravel()]  # which may be the best already
+    for sharpness in SHARPNESS:
+        stage = minimize(
+            cost,
+            found[-1],
+            args=(sharpness,),
+            jac=True,
+            method="L-BFGS-B",
+            bounds=bounds,
+            options={"maxiter": STEPS},
+        )
+        found.append(stage.x)
+    best = min(found, key=missed)
+    return best.reshape(x.shape), missed(best)
+
+
+def _bounds(multipliers: Multipliers, within: Range) -> list[tuple[float, float]]:
+    row = multipliers.functions.bounds(within)
+    no_gain = [(0.0, 0.0), *row[1:]]
+    entry = triangles.bounds(multipliers.functions.size, within)
+    counts = (
+        multipliers.channels,
+        multipliers.real.shape[1],
+        multipliers.rows - multipliers.functions.rows,
+    )
+    kinds = zip((row, no_gain, entry), counts, strict=True)
+    return [bound for one, count in kinds for bound in one * count]

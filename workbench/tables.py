@@ -1,0 +1,50 @@
+"""Tables in Markdown, made from heads and rows in one place."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+
+def markdown(heads: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
+    """A Markdown table with columns of even width.
+
+    Cells are texts or numbers; a column without a text other than a number is aligned to the right.
+    Numbers are written with up to five significant digits; give a text where others are wanted.
+    """
+    cells = [[_text(cell) for cell in row] for row in rows]
+    columns = list(zip(heads, *cells, strict=True))
+    right = [bool(cells) and all(map(_is_number, column[1:])) for column in columns]
+    width = [max(3, *map(len, column)) for column in columns]
+
+    def line(row: Sequence[str]) -> str:
+        padded = (
+            cell.rjust(size) if is_number else cell.ljust(size)
+            for cell, size, is_number in zip(row, width, right, strict=True)
+        )
+        return f"| {' | '.join(padded)} |\n"
+
+    rule = ["-" * (size - 1) + (":" if r else "-") for size, r in zip(width, right, strict=True)]
+    return "".join(line(row) for row in [heads, rule, *cells])
+
+
+def _text(cell: Any) -> str:
+    if isinstance(cell, str):
+        return cell
+    if isinstance(cell, bool | np.bool_):
+        return "yes" if cell else "no"
+    if isinstance(cell, int | np.integer):
+        return str(cell)
+    number = float(cell)
+    return "-" if np.isnan(number) else f"{number:.5g}"
+
+
+def _is_number(text: str) -> bool:
+    """Whether a cell reads as a number, perhaps with a per cent sign, or is empty."""
+    try:
+        float(text.rstrip("%").replace("-", "0") if text in ("-", "") else text.rstrip("%"))
+    except ValueError:
+        return not text
+    return True

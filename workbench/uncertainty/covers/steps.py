@@ -1,0 +1,22 @@
+"""The answer of a cover: the fitted model, and the sets of each step."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from workbench.geometry import Circle, Stadium
+from workbench.uncertainty.covers.model import UncertaintyModel
+
+
+@dataclass(frozen=True)
+class CoverSteps:
+    """What each step of a cover gave.
+
+    ``first`` lies in the Nyquist plane; ``second`` and ``third`` are centred on the nominal, in
+    the units of the weights. Of circles the third set is the second.
+    """
+
+    model: UncertaintyModel
+    first: Circle | Stadium
+    second: Stadium
+    third: Stadium
