@@ -14,18 +14,14 @@ import traceback
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from workbench.errors import InputError, TimeLimitError, UnknownNameError
 from workbench.executor import Context
+from workbench.heavy_types import Dataset, Figure
 from workbench.solvers import ConicSolver, Options, Outcome, conic_solvers
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
-
 
 # --- certificates -----------------------------------------------------------------------------
 
@@ -173,11 +169,11 @@ class Task(ABC):
         return {}
 
     @abstractmethod
-    def to_dataset(self, answer: Any) -> xr.Dataset:
+    def to_dataset(self, answer: Any) -> Dataset:
         """Every array of question and answer, labelled, with units."""
 
     @abstractmethod
-    def from_dataset(self, data: xr.Dataset) -> Any:
+    def from_dataset(self, data: Dataset) -> Any:
         """The answer, read back."""
 
     @abstractmethod

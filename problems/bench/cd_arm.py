@@ -5,13 +5,14 @@ from __future__ import annotations
 import contextlib
 import io
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from workbench import Check, Run, Study, figures, problem, ref
 from workbench.errors import InputError
 from workbench.executor import Context
+from workbench.heavy_types import Dataset, Figure
 from workbench.identification.state_space.innovations import InnovationsModel
 from workbench.identification.state_space.program import (
     MODELS,
@@ -23,10 +24,6 @@ from workbench.identification.state_space.program import (
 from workbench.identification.state_space.subspace import HORIZONS
 
 from ..cd_arm.identification import ESTIMATION, RECORD, read_record
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
 
 ALGORITHMS = ("N4SID", "MOESP", "CVA", "PARSIM-K")
 """Subspace algorithms of the package; its PARSIM-S and PARSIM-P give no stable model here."""
@@ -57,7 +54,7 @@ class PeerComparison(Study):
 
     headline: ClassVar[str] = "least_advantage"
 
-    def compute(self, context: Context) -> xr.Dataset:
+    def compute(self, context: Context) -> Dataset:
         import xarray as xr
 
         program, orders, outputs = self.program, self.program.orders, self.program.y.shape[1]
@@ -140,7 +137,7 @@ class PeerComparison(Study):
             rows.append(blocks.mean(axis=0) / (blocks.std(axis=0, ddof=1) / np.sqrt(count)))
         return np.array(rows)
 
-    def checks(self, answer: xr.Dataset, tolerance: float) -> list[Check]:
+    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
         own, theirs = (answer["fit"].sel(package=name) for name in answer["package"].values)
         return [
             Check(
@@ -153,7 +150,7 @@ class PeerComparison(Study):
             for output in answer["output"].values
         ]
 
-    def metrics(self, answer: xr.Dataset) -> dict[str, float]:
+    def metrics(self, answer: Dataset) -> dict[str, float]:
         numbers = {}
         for package in answer["package"].values:
             for use in USES:
@@ -170,7 +167,7 @@ class PeerComparison(Study):
         ahead = answer["fit"].sel(package="workbench") - answer["fit"].sel(package="sippy_unipi")
         return numbers | {"least_advantage": float(ahead.min())}
 
-    def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
+    def figures(self, answer: Dataset) -> dict[str, Figure]:
         figure, (panel,) = figures.axes(size=(7.0, 3.8))
         pairs = [(use, output) for use in USES for output in answer["output"].values]
         place = np.arange(len(pairs))

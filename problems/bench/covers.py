@@ -6,7 +6,7 @@ import resource
 import sys
 import time
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -16,6 +16,7 @@ from workbench.errors import SolverError
 from workbench.executor import WALL_TIME, Context
 from workbench.fitting import MagnitudeFit, ResponseFit
 from workbench.geometry import narrowest_stadium
+from workbench.heavy_types import Dataset, Figure
 from workbench.uncertainty import CircleCover, CoverSteps, Responses, StadiumCover, limited
 from workbench.uncertainty.covers.sets import stadiums_about_nominal
 from workbench.uncertainty.covers.weights import needed_radius, unwrapped
@@ -26,10 +27,6 @@ from ..cd_drive.drive.shared_parameters import TABLES
 from ..cd_drive.drive.tables import ActuatorParameters, nominal_table
 from ..cd_drive.uncertainty.measured_drives import measured_drives
 from .scanned import ScannedStadiums
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
 
 ORDER, ZEROS, WEIGHT = 4, 2, 4
 """Orders of the nominal, its zeros, and of both weights."""
@@ -67,7 +64,7 @@ class CoverSpeed(Study):
 
     headline: ClassVar[str] = "steps_over_conic"
 
-    def compute(self, context: Context) -> xr.Dataset:
+    def compute(self, context: Context) -> Dataset:
         import xarray as xr
 
         drives = measured_drives("focus", self.frequencies, 5.0, 5000.0)
@@ -104,7 +101,7 @@ class CoverSpeed(Study):
             },
         )
 
-    def checks(self, answer: xr.Dataset, tolerance: float) -> list[Check]:
+    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
         apart = float((answer["scanned"] / answer["exact"] - 1).median())
         below = float((1 - answer["scanned"] / answer["exact"]).max())
         large = answer["seconds"].sel(task=[t for t in answer["task"].values if "large" in t])
@@ -118,7 +115,7 @@ class CoverSpeed(Study):
             Check("memory", "peak of the process [GiB]", float(answer["memory"]), GIBIBYTES),
         ]
 
-    def metrics(self, answer: xr.Dataset) -> dict[str, float]:
+    def metrics(self, answer: Dataset) -> dict[str, float]:
         seconds = answer["seconds"]
         return {
             "steps_over_conic": float(seconds.sel(task="conic") / seconds.sel(task="steps")),
@@ -126,7 +123,7 @@ class CoverSpeed(Study):
             "memory_gib": float(answer["memory"]),
         }
 
-    def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
+    def figures(self, answer: Dataset) -> dict[str, Figure]:
         figure, (panel,) = figures.axes(size=(7.5, 3.4))
         seconds = answer["seconds"] / answer["seconds"].sel(task="steps")
         labels = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -18,10 +18,7 @@ from workbench.geometry import (
     narrowest_stadium,
     smallest_circle,
 )
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
+from workbench.heavy_types import Dataset, Figure
 
 WANTED = {
     "circles_over_conic": 100.0,
@@ -59,7 +56,7 @@ class GeometrySpeed(Study):
 
     headline: ClassVar[str] = "circles_over_conic"
 
-    def compute(self, context: Context) -> xr.Dataset:
+    def compute(self, context: Context) -> Dataset:
         import shapely
         import xarray as xr
 
@@ -114,7 +111,7 @@ class GeometrySpeed(Study):
             coords={"task": tasks, "pair": list(worst)},
         )
 
-    def checks(self, answer: xr.Dataset, tolerance: float) -> list[Check]:
+    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
         ratios = self.metrics(answer)
         return [
             *(
@@ -137,7 +134,7 @@ class GeometrySpeed(Study):
             ),
         ]
 
-    def metrics(self, answer: xr.Dataset) -> dict[str, float]:
+    def metrics(self, answer: Dataset) -> dict[str, float]:
         def ratio(peer: str, own: str) -> float:
             seconds = answer["seconds"]
             return float(seconds.sel(task=peer) / seconds.sel(task=own))
@@ -150,7 +147,7 @@ class GeometrySpeed(Study):
             "large_stadium_over_shapely": ratio("shapely large circle", "exact large stadium"),
         }
 
-    def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
+    def figures(self, answer: Dataset) -> dict[str, Figure]:
         ratios = self.metrics(answer)
         labels = [name.replace("_over_", " over ").replace("_", " ") for name in ratios]
         figure, (panel,) = figures.axes(size=(7.5, 3.4))

@@ -7,21 +7,17 @@ import tracemalloc
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
 
 from workbench import Check, Options, Study, figures, problem
 from workbench.executor import WALL_TIME, Context
+from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.mu import peak, upper_bound
 from workbench.structure import Block, Complex, Full, Real, Structure
 from workbench.systems.generalised_plant import response
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from control import StateSpace
-    from matplotlib.figure import Figure
 
 CASES: dict[int, tuple[Block, ...]] = {
     3: (Real(1), Complex(1), Complex(1)),
@@ -75,7 +71,7 @@ class MuSpeed(Study):
 
     headline: ClassVar[str] = "ab13md_4"
 
-    def compute(self, context: Context) -> xr.Dataset:
+    def compute(self, context: Context) -> Dataset:
         import xarray as xr
 
         sizes = [size for size in CASES if size <= self.largest]
@@ -135,7 +131,7 @@ class MuSpeed(Study):
             },
         )
 
-    def checks(self, answer: xr.Dataset, tolerance: float) -> list[Check]:
+    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
         checks = []
         for name, limit in ABOVE.items():
             excess = float(answer["above"].sel(by=name).max())
@@ -162,7 +158,7 @@ class MuSpeed(Study):
         )
         return checks
 
-    def metrics(self, answer: xr.Dataset) -> dict[str, float]:
+    def metrics(self, answer: Dataset) -> dict[str, float]:
         ratios = {
             f"{name}_{size}": self._ratio(answer, name, int(size))
             for name in PEERS
@@ -175,7 +171,7 @@ class MuSpeed(Study):
             "peak_over_ab13md": self._peak_ratio(answer),
         }
 
-    def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
+    def figures(self, answer: Dataset) -> dict[str, Figure]:
         figure, (sizes, counts) = figures.axes(1, 2, size=(9.0, 3.8))
         for name in answer["by"].values:
             sizes.loglog(answer["size"], answer["seconds"].sel(by=name), "o-", label=name)
@@ -187,7 +183,7 @@ class MuSpeed(Study):
         figures.legend_below(figure, sizes)
         return {"times": figure}
 
-    def tables(self, answer: xr.Dataset) -> dict[str, str]:
+    def tables(self, answer: Dataset) -> dict[str, str]:
         names = list(answer["by"].values)
         lines = [f"| size | {' | '.join(names)} | fastest peer over fast |"]
         lines.append("| ---: |" + " ---: |" * (len(names) + 1))
@@ -206,12 +202,12 @@ class MuSpeed(Study):
         return {"sizes": "\n".join(lines) + "\n", "frequencies": "\n".join(growth) + "\n"}
 
     @staticmethod
-    def _peak_ratio(answer: xr.Dataset) -> float:
+    def _peak_ratio(answer: Dataset) -> float:
         times = answer["peak"]
         return float((times.sel(what="peak") / times.sel(what="ab13md")).max())
 
     @staticmethod
-    def _ratio(answer: xr.Dataset, name: str, size: int) -> float:
+    def _ratio(answer: Dataset, name: str, size: int) -> float:
         seconds = answer["seconds"].sel(size=size)
         return float(seconds.sel(by=name) / seconds.sel(by="fast"))
 

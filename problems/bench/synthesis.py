@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeVar
+from typing import Annotated, Any, ClassVar, TypeVar
 
 import numpy as np
 from pydantic import Field
@@ -15,6 +15,7 @@ from pydantic import Field
 from workbench import Check, Study, problem, solve
 from workbench.errors import SolverError
 from workbench.executor import WALL_TIME, Context
+from workbench.heavy_types import Dataset, Figure
 from workbench.mu import upper_bound
 from workbench.synthesis import MuController, MuSynthesis, hinf
 from workbench.synthesis.hinf.riccati import central
@@ -27,10 +28,6 @@ from ..textbook.distillation import distillation_column
 from .synthesis_peers import ITERATIONS, OMEGA, achieved, dk_iteration, hinfsyn, need_dkpy
 from .synthesis_plants import drive_plants, random_plant
 from .synthesis_report import of_packages, of_plants, times_and_norms
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
 
 T = TypeVar("T")
 SIZES = (10, 20, 40)
@@ -85,7 +82,7 @@ class SynthesisSpeed(Study):
     def groups(self) -> list[str]:
         return [*map(_states, self.sizes), *([DRIVE] if self.drives else [])]
 
-    def compute(self, context: Context) -> xr.Dataset:
+    def compute(self, context: Context) -> Dataset:
         import xarray as xr
 
         if self.distillation:
@@ -118,7 +115,7 @@ class SynthesisSpeed(Study):
 
     # --- checks and metrics -------------------------------------------------------------------
 
-    def checks(self, answer: xr.Dataset, tolerance: float) -> list[Check]:
+    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
         found = []
         for group in self.groups:
             some = _of(answer, group)
@@ -148,7 +145,7 @@ class SynthesisSpeed(Study):
             ]
         return found
 
-    def metrics(self, answer: xr.Dataset) -> dict[str, float]:
+    def metrics(self, answer: Dataset) -> dict[str, float]:
         numbers = {}
         for group in self.groups:
             some, name = _of(answer, group), group.replace(" states", "").replace(" ", "_")
@@ -167,15 +164,15 @@ class SynthesisSpeed(Study):
 
     # --- figures and tables -------------------------------------------------------------------
 
-    def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
+    def figures(self, answer: Dataset) -> dict[str, Figure]:
         return {"hinf": times_and_norms(answer)}
 
-    def tables(self, answer: xr.Dataset) -> dict[str, str]:
+    def tables(self, answer: Dataset) -> dict[str, str]:
         found = {"hinf": of_plants(answer)}
         return found | ({"distillation": of_packages(answer)} if self.distillation else {})
 
 
-def failed(some: xr.Dataset) -> np.ndarray:
+def failed(some: Dataset) -> np.ndarray:
     """Where hinfsyn gives no controller, one that does not stabilise, or one far from its claim."""
     own, theirs = (some["norm"].sel(by=name).values for name in ("workbench", "hinfsyn"))
     claimed = theirs <= HONEST * some["claim"].sel(by="hinfsyn").values
@@ -235,24 +232,24 @@ def _states(size: int) -> str:
     return f"{size} states"
 
 
-def _of(answer: xr.Dataset, group: str) -> xr.Dataset:
+def _of(answer: Dataset, group: str) -> Dataset:
     return answer.isel(case=np.flatnonzero(answer["group"].values == group))
 
 
-def _slower(some: xr.Dataset) -> float:
+def _slower(some: Dataset) -> float:
     """The largest ratio of our time to hinfsyn's."""
     seconds = some["seconds"]
     return float((seconds.sel(by="workbench") / seconds.sel(by="hinfsyn")).max(skipna=False))
 
 
-def _excess(some: xr.Dataset) -> float:
+def _excess(some: Dataset) -> float:
     """The largest of our norm over hinfsyn's, less 1, where both stabilise; -1 where none does."""
     own, theirs = some["norm"].sel(by="workbench"), some["norm"].sel(by="hinfsyn")
     both = np.isfinite(own) & np.isfinite(theirs)
     return float((own / theirs).where(both, 0.0).max()) - 1.0
 
 
-def _faster(answer: xr.Dataset) -> float:
+def _faster(answer: Dataset) -> float:
     seconds = answer["dk_seconds"]
     return float(seconds.sel(package="dkpy") / seconds.sel(package="workbench"))
 

@@ -7,16 +7,14 @@ import time
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
 from workbench.errors import InputError
+from workbench.heavy_types import StateSpace
 from workbench.systems.realisation import realisation
 from workbench.uncertainty import GeneralisedPlant
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 T = TypeVar("T")
 ITERATIONS, ORDER = 3, 4

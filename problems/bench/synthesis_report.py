@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from workbench import figures
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
+from workbench.heavy_types import Dataset, Figure
 
 
-def times_and_norms(answer: xr.Dataset) -> Figure:
+def times_and_norms(answer: Dataset) -> Figure:
     """Times of controllers, and norms of their loops over our level."""
     figure, (times, norms) = figures.axes(1, 2, size=(10.0, 4.4))
     place = np.arange(answer["case"].size)
@@ -45,7 +40,7 @@ def times_and_norms(answer: xr.Dataset) -> Figure:
     return figure
 
 
-def of_plants(answer: xr.Dataset) -> str:
+def of_plants(answer: Dataset) -> str:
     """Times and norms of each plant, in Markdown."""
     lines = [
         "| plant | time | Riccati method | hinfsyn's | norm | hinfsyn's | it claims |",
@@ -62,7 +57,7 @@ def of_plants(answer: xr.Dataset) -> str:
     return "\n".join(lines) + "\n"
 
 
-def of_packages(answer: xr.Dataset) -> str:
+def of_packages(answer: Dataset) -> str:
     """D-K iteration of the distillation column by each package, in Markdown."""
     lines = [
         "| package | time | controllers made | states | peak claimed | mu attained |",

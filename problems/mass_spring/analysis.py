@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
 
 from workbench import Check, Study, figures, problem
 from workbench.executor import Context
+from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.mu import Conditions, conditions, sweep, upper_bound
 from workbench.program import worst
 from workbench.structure import Structure
@@ -17,11 +18,6 @@ from workbench.uncertainty import GeneralisedPlant
 
 from .equations import characteristic_roots, determinant, real_spring_mu
 from .plant import simple_controller, two_mass_plant
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from control import StateSpace
-    from matplotlib.figure import Figure
 
 QUESTIONS = ("performance", "stability")
 KINDS = ("mixed", "complex")
@@ -67,7 +63,7 @@ class Analysis(Study):
 
     headline: ClassVar[str] = "peak_mixed"
 
-    def compute(self, context: Context) -> xr.Dataset:
+    def compute(self, context: Context) -> Dataset:
         import xarray as xr
 
         K, plants = simple_controller(), _plants()
@@ -124,7 +120,7 @@ class Analysis(Study):
             },
         )
 
-    def checks(self, answer: xr.Dataset, tolerance: float) -> list[Check]:
+    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
         omega, upper = answer["omega"].values, answer["upper"]
         cases = [f"{kind} {question}" for question in QUESTIONS for kind in KINDS]
 
@@ -188,7 +184,7 @@ class Analysis(Study):
             Check("size of Delta", "times the lower bound, distance from 1", size, SLACK, which),
         ]
 
-    def _sizes(self, answer: xr.Dataset) -> list[float]:
+    def _sizes(self, answer: Dataset) -> list[float]:
         """How far Delta's largest singular value times the lower bound is from 1."""
         lower = answer["peak"].sel(bound="lower")
         return [
@@ -200,7 +196,7 @@ class Analysis(Study):
             )
         ]
 
-    def metrics(self, answer: xr.Dataset) -> dict[str, float]:
+    def metrics(self, answer: Dataset) -> dict[str, float]:
         numbers = {}
         for question, after in (("performance", ""), ("stability", "_stability")):
             for kind in KINDS:
@@ -212,7 +208,7 @@ class Analysis(Study):
         numbers["rightmost_pole"] = float(answer["pole"].real)
         return numbers
 
-    def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
+    def figures(self, answer: Dataset) -> dict[str, Figure]:
         figure, panels = figures.axes(2, 1, size=(7.0, 7.0), sharex=True)
         for panel, question in zip(panels, QUESTIONS, strict=True):
             # The mixed curves lie on the complex ones or below: they are drawn last and thinner.

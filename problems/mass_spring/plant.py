@@ -15,13 +15,11 @@ wall holds m2, and K closes the loop with positive feedback, u = K y.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from workbench.heavy_types import StateSpace, TransferFunction
 from workbench.structure import Complex
 from workbench.uncertainty import GeneralisedPlant, Parameter, generalised_plant, parametric
-
-if TYPE_CHECKING:
-    from control import StateSpace, TransferFunction
 
 M1, M2 = 1.0, 2.0
 """Masses [kg]."""

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
 from workbench import Run, problem, ref
 from workbench.errors import InputError
+from workbench.heavy_types import StateSpace
 from workbench.synthesis import MuSynthesis, reduced
 from workbench.systems.storage import restored
 from workbench.uncertainty import GeneralisedPlant
@@ -16,9 +17,6 @@ from workbench.uncertainty import GeneralisedPlant
 from ..mass_spring.plant import two_mass_plant
 from .distillation import distillation_column
 from .first_order import unstable_first_order
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 PLANTS: dict[str, Callable[[], GeneralisedPlant]] = {
     "mass-spring": two_mass_plant,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -22,6 +22,7 @@ from workbench.diagnosis import (
     transfer,
 )
 from workbench.executor import Context
+from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.program import worst
 from workbench.systems.realisation import realisation
 from workbench.systems.storage import restored, stored
@@ -36,12 +37,6 @@ from .fault_examples import (
     unstable_sensor,
     unstable_sensor_residual,
 )
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from control import StateSpace
-    from matplotlib.figure import Figure
-
 
 GENERATORS = ("exact", "approximate")
 INPUTS = ("f_u1", "f_u2", "u1", "u2")
@@ -90,7 +85,7 @@ class FaultDetection(Study):
         one = np.eye(2)
         return realisation((self.pole * one, one, -self.pole * one, 0.0 * one), 0.0)
 
-    def compute(self, context: Context) -> xr.Dataset:
+    def compute(self, context: Context) -> Dataset:
         import xarray as xr
 
         model = self.model
@@ -142,7 +137,7 @@ class FaultDetection(Study):
 
     # --- checks, from the stored matrices alone -----------------------------------------------
 
-    def checks(self, answer: xr.Dataset, tolerance: float) -> list[Check]:
+    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
         omega = np.geomspace(1.3e-3, 0.7e4, 97)
         found = []
         filters = {name: restored(answer, name) for name in GENERATORS}
@@ -182,7 +177,7 @@ class FaultDetection(Study):
             )
         return found
 
-    def _norm_checks(self, answer: xr.Dataset, Q: StateSpace) -> list[Check]:
+    def _norm_checks(self, answer: Dataset, Q: StateSpace) -> list[Check]:
         norm, bound = float(answer["norm"]), float(answer["bound"].max())
         again = _peak_gain(_joined(Q, self.model, self.model.system.A), self.reference)
         statement = "peak of the error by another algorithm over the certified norm, less 1"
@@ -211,7 +206,7 @@ class FaultDetection(Study):
 
     # --- what people look at --------------------------------------------------------------------
 
-    def metrics(self, answer: xr.Dataset) -> dict[str, float]:
+    def metrics(self, answer: Dataset) -> dict[str, float]:
         final = answer["step"].isel(time=-1)
         nominal = final.sel(curve="nominal")
         found = {
@@ -229,7 +224,7 @@ class FaultDetection(Study):
             found[f"order_{name}"] = float(answer.sizes[f"{name}_state"])
         return found
 
-    def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
+    def figures(self, answer: Dataset) -> dict[str, Figure]:
         return {"steps": drawn.steps(answer), "matching": drawn.matching(answer)}
 
 

@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from workbench import figures
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
+from workbench.heavy_types import Dataset, Figure
 
 LOOKS = {"exact": (figures.ORANGE, "exact isolation"), "approximate": (figures.BLUE, "least error")}
 TITLES = {
@@ -19,7 +14,7 @@ TITLES = {
 }
 
 
-def steps(answer: xr.Dataset) -> Figure:
+def steps(answer: Dataset) -> Figure:
     """Residuals after unit steps, nominal and over the uncertain plants."""
     rows, columns = answer["residual"].values, answer["input"].values
     figure, panels = figures.axes(2, 4, size=(9.6, 5.0), sharex=True, sharey="row")
@@ -49,7 +44,7 @@ def steps(answer: xr.Dataset) -> Figure:
     return figure
 
 
-def matching(answer: xr.Dataset) -> Figure:
+def matching(answer: Dataset) -> Figure:
     """Errors against the reference model, and what no generator can go below."""
     figure, (panel,) = figures.axes(size=(7.0, 4.2))
     for name, (colour, label) in LOOKS.items():

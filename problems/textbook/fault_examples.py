@@ -7,15 +7,11 @@ accompany the book.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from workbench.diagnosis import FaultModel
+from workbench.heavy_types import StateSpace
 from workbench.systems.realisation import realisation
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 YUAN_ROWS = {"weak": 18, "strong": 12}
 """Attainable rows of `four_compartments`: generic, and at 0 and 1 rad/s."""

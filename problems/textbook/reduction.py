@@ -3,23 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
 from workbench import Check, Run, Study, figures, problem, ref
 from workbench.executor import Context
+from workbench.heavy_types import Dataset, Figure
 from workbench.program import worst
 from workbench.synthesis import MuSynthesis, reduce
 from workbench.systems.storage import restored, stored
 from workbench.uncertainty import GeneralisedPlant
 
 from .controller import PLANTS
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
 
 TOLERANCE = 1e-3
 """Of certified peaks, relative."""
@@ -63,7 +60,7 @@ class ReductionCurve(Study):
 
     headline: ClassVar[str] = "least_order"
 
-    def compute(self, context: Context) -> xr.Dataset:
+    def compute(self, context: Context) -> Dataset:
         import xarray as xr
 
         K = restored(self.full.data, "controller")
@@ -94,7 +91,7 @@ class ReductionCurve(Study):
             },
         )
 
-    def checks(self, answer: xr.Dataset, tolerance: float) -> list[Check]:
+    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
         upper = answer["peak"].sel(bound="upper")
         gain = upper.sel(refined="refined") / upper.sel(refined="reduced")
         grown, where = worst(
@@ -110,7 +107,7 @@ class ReductionCurve(Study):
             checks.append(Check("target", statement, peak, self.target * (1 + TOLERANCE)))
         return checks
 
-    def metrics(self, answer: xr.Dataset) -> dict[str, float]:
+    def metrics(self, answer: Dataset) -> dict[str, float]:
         upper = answer["peak"].sel(bound="upper")
         found = {"order_full": float(answer["order"].max())}
         for name, key in (("reduced", "least_order_reduced"), ("refined", "least_order")):
@@ -119,7 +116,7 @@ class ReductionCurve(Study):
         found["peak"] = float(upper.min())
         return found
 
-    def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
+    def figures(self, answer: Dataset) -> dict[str, Figure]:
         figure, (panel,) = figures.axes(size=(7.2, 4.6))
         upper = answer["peak"].sel(bound="upper")
         for name, look in (("reduced", "o:"), ("refined", "s-")):

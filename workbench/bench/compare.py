@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -19,10 +19,8 @@ from workbench.bench.results import COMPARISON, Run
 from workbench.bench.run import Bound, default_bench
 from workbench.errors import InputError, UnknownNameError
 from workbench.executor import WALL_TIME, Context, InProcess, Progress, silent
+from workbench.heavy_types import Dataset
 from workbench.solvers import ACCURACY, Options
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 
 @dataclass(frozen=True)
@@ -36,7 +34,7 @@ class Cells:
     results: Path
     executor: Executor
 
-    def __call__(self, context: Context) -> xr.Dataset:
+    def __call__(self, context: Context) -> Dataset:
         import xarray as xr
 
         shape = (len(self.problems), len(self.methods), len(self.accuracies))

@@ -4,20 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from workbench import figures
 from workbench.errors import ResultError
 from workbench.executor import Context
+from workbench.heavy_types import Dataset, Figure
 from workbench.program import Check
 from workbench.solvers import ACCURACY
 from workbench.study import Study
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
 
 UNFIT = "unfit"
 """Outcome of a cell whose method cannot take its problem."""
@@ -29,7 +25,7 @@ METHOD = "by_method"
 class Comparison(Study):
     """The cells of a comparison. Its dataset has dims (problem, by_method, accuracy)."""
 
-    cells: Callable[[Context], xr.Dataset]
+    cells: Callable[[Context], Dataset]
 
     headline = "success_rate"
 
@@ -37,19 +33,19 @@ class Comparison(Study):
     def stored(cls) -> Comparison:
         """One whose cells are known: it shows them, and answers no more."""
 
-        def unknown(context: Context) -> xr.Dataset:
+        def unknown(context: Context) -> Dataset:
             raise ResultError("a stored comparison cannot run again; call workbench.compare")
 
         return cls(unknown)
 
-    def compute(self, context: Context) -> xr.Dataset:
+    def compute(self, context: Context) -> Dataset:
         return self.cells(context)
 
-    def checks(self, answer: xr.Dataset, tolerance: float) -> list[Check]:
+    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
         missing = int(np.sum(answer["outcome"].values == ""))
         return [Check("complete", "cells without an outcome", missing, 0)]
 
-    def metrics(self, answer: xr.Dataset) -> dict[str, float]:
+    def metrics(self, answer: Dataset) -> dict[str, float]:
         tried = answer["outcome"].values != UNFIT
         count = max(int(tried.sum()), 1)
         return {
@@ -59,7 +55,7 @@ class Comparison(Study):
             "unfit": int((~tried).sum()),
         }
 
-    def tables(self, answer: xr.Dataset) -> dict[str, str]:
+    def tables(self, answer: Dataset) -> dict[str, str]:
         head = (
             "| problem | method | accuracy | outcome | claim | success | correct | gap "
             "| statement [s] | solve [s] |\n"
@@ -69,11 +65,11 @@ class Comparison(Study):
         reasons = "".join(f"\nUnfit: {text}\n" for text in unfit(answer))
         return {"comparison": head + body + reasons}
 
-    def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
+    def figures(self, answer: Dataset) -> dict[str, Figure]:
         return {"accuracy-against-time": accuracy_against_time(answer)}
 
 
-def rows(data: xr.Dataset) -> list[list[str]]:
+def rows(data: Dataset) -> list[list[str]]:
     """A comparison's cells as text, a row each."""
     table = []
     for i, j, k in np.ndindex(*data["outcome"].shape):
@@ -95,7 +91,7 @@ def rows(data: xr.Dataset) -> list[list[str]]:
     return table
 
 
-def unfit(data: xr.Dataset) -> list[str]:
+def unfit(data: Dataset) -> list[str]:
     """Why some methods cannot take some of the problems, a sentence each."""
     found = {}
     for i, j, k in np.ndindex(*data["outcome"].shape):
@@ -105,7 +101,7 @@ def unfit(data: xr.Dataset) -> list[str]:
     return list(found.values())
 
 
-def accuracy_against_time(data: xr.Dataset) -> Figure:
+def accuracy_against_time(data: Dataset) -> Figure:
     """Certified gap over wall time, a panel per problem; hollow where no certificate holds."""
     names = data["problem"].values
     columns = min(2, len(names))

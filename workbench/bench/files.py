@@ -7,13 +7,11 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from workbench.bench.question import plain
 from workbench.errors import ResultError
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from workbench.heavy_types import Figure
 
 
 def read_json(file: Path) -> Any:

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from workbench.bench import netcdf
 from workbench.bench.checkpoint import FileCheckpoint
 from workbench.bench.results import Run
 from workbench.executor import Row, shown
+from workbench.heavy_types import Dataset
 from workbench.program import Solution
 from workbench.solvers import Options, Outcome
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 
 def went_on(solution: Solution, checkpoint: FileCheckpoint) -> list[str]:
@@ -26,7 +24,7 @@ def went_on(solution: Solution, checkpoint: FileCheckpoint) -> list[str]:
     return notes
 
 
-def compared(earlier: Run | None, data: xr.Dataset, options: Options) -> list[str]:
+def compared(earlier: Run | None, data: Dataset, options: Options) -> list[str]:
     """Whether an answer agrees with the one that was there."""
     if earlier is None:
         return []

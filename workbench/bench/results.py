@@ -17,7 +17,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from workbench.bench.comparison import Comparison
 from workbench.bench.declare import Fed
@@ -27,12 +27,9 @@ from workbench.bench.project import registry, results_root
 from workbench.bench.question import plain
 from workbench.bench.store import CHECKSUMS, Store, damage
 from workbench.errors import ResultError
+from workbench.heavy_types import Dataset, Figure
 from workbench.program import Certificate, Task
 from workbench.solvers import Outcome
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
 
 FORMAT = 2
 COMPARISON = "compare"
@@ -110,7 +107,7 @@ class Run(Fed):
         return f"{name} {self.metrics[name]:.4g}" if name in self.metrics else "-"
 
     @cached_property
-    def data(self) -> xr.Dataset:
+    def data(self) -> Dataset:
         """Every array, labelled."""
         from workbench.bench import netcdf
 

@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.certify.cover import Cover, FrequencyBounds, refined
 from workbench.certify.interval import stable_system
 from workbench.certify.mu_bound import certified
+from workbench.heavy_types import StateSpace
 from workbench.structure import Full, Structure
 from workbench.systems.bilinear import to_continuous
 from workbench.systems.realisation import realisation
-
-if TYPE_CHECKING:
-    from control import StateSpace
-
 
 CERTIFIED = 1e-4
 """Relative width of the interval in which the norm of a loop is certified."""

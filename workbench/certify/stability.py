@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from workbench.heavy_types import StateSpace
 from workbench.program import Check
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 
 def stability_of(loop: StateSpace) -> Check:

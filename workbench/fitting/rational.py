@@ -7,16 +7,13 @@ work on zeros, poles and a gain, and become a state-space cascade of small secti
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
-
-if TYPE_CHECKING:
-    from control import StateSpace
+from workbench.heavy_types import StateSpace
 
 
 @dataclass(frozen=True, eq=False)

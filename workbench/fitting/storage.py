@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from workbench.fitting.rational import Rational
-
-if TYPE_CHECKING:
-    import xarray as xr
+from workbench.heavy_types import Dataset
 
 
 def roots(function: Rational, of: str, prefix: str = "") -> dict[str, Any]:
@@ -24,7 +22,7 @@ def roots(function: Rational, of: str, prefix: str = "") -> dict[str, Any]:
     return variables | {f"{prefix}gain": ((), function.gain, about)}
 
 
-def function(data: xr.Dataset, prefix: str = "") -> Rational:
+def function(data: Dataset, prefix: str = "") -> Rational:
     """The function whose roots were stored with that prefix."""
     zeros, poles = (data[f"{prefix}{name}"].values for name in ("zeros", "poles"))
     return Rational(zeros, poles, float(data[f"{prefix}gain"]))

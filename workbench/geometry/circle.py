@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,11 +14,9 @@ from workbench.geometry.bounds import circle_radius_bound
 from workbench.geometry.cover import EPS, Cover, relative
 from workbench.geometry.exact_circle import exact_circle
 from workbench.geometry.thesis import thesis_circle
+from workbench.heavy_types import Dataset
 from workbench.program import Claim, find_method, method
 from workbench.solvers import Options, Outcome
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 
 @dataclass(frozen=True)
@@ -57,7 +55,7 @@ class SmallestCircle(Cover):
         value = float(np.max(relative(radius - bound - 8 * EPS * self.reach, radius), initial=0.0))
         return "radius above its bound from the dual of the support points, relative", value
 
-    def from_dataset(self, data: xr.Dataset) -> Circle:
+    def from_dataset(self, data: Dataset) -> Circle:
         return Circle(data["center"].values, data["radius"].values)
 
 

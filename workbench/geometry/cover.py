@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -16,11 +16,8 @@ from workbench.errors import InputError
 from workbench.geometry.figures import cover_figures
 from workbench.geometry.points import as_points
 from workbench.geometry.shapes import Shape
+from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.program import Check, Program, worst
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
 
 EPS = float(np.finfo(float).eps)
 CONTAINMENT = 1e-9
@@ -42,7 +39,7 @@ class Cover(Program):
 
     points: Any  # an ndarray from here on
     windows: Mapping[str, tuple[float, float]] = field(default_factory=dict, kw_only=True)
-    labels: xr.DataArray | None = field(default=None, init=False, repr=False)
+    labels: DataArray | None = field(default=None, init=False, repr=False)
 
     default_method: ClassVar[str] = "exact"
     headline: ClassVar[str] = "radius_peak"
@@ -144,7 +141,7 @@ class Cover(Program):
 
     # --- datasets and figures -----------------------------------------------------------------
 
-    def to_dataset(self, answer: Any) -> xr.Dataset:
+    def to_dataset(self, answer: Any) -> Dataset:
         import xarray as xr
 
         points = self._labelled()
@@ -169,7 +166,7 @@ class Cover(Program):
     def figures(self, answer: Any) -> dict[str, Figure]:
         return cover_figures(self._labelled(), answer, self.windows)
 
-    def _labelled(self) -> xr.DataArray:
+    def _labelled(self) -> DataArray:
         import xarray as xr
 
         if self.labels is not None:

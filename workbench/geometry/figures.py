@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from workbench import figures
 from workbench.geometry.shapes import Shape
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
+from workbench.heavy_types import DataArray, Figure
 
 CORNERS = 48
 """Corners that each round end is drawn with."""
@@ -21,7 +18,7 @@ FEW = 60
 
 
 def cover_figures(
-    points: xr.DataArray, answer: Shape, windows: Mapping[str, tuple[float, float]]
+    points: DataArray, answer: Shape, windows: Mapping[str, tuple[float, float]]
 ) -> dict[str, Figure]:
     """The plane whole, the plane enlarged for each window, and sizes over the first axis.
 
@@ -45,9 +42,7 @@ def cover_figures(
     return drawn
 
 
-def plane(
-    points: xr.DataArray, answer: Shape, title: str, chosen: np.ndarray | None = None
-) -> Figure:
+def plane(points: DataArray, answer: Shape, title: str, chosen: np.ndarray | None = None) -> Figure:
     """Points and shapes of some sets (default: all) in the complex plane, coloured by the axis."""
     from matplotlib.collections import LineCollection, PolyCollection
     from matplotlib.colors import LogNorm, Normalize
@@ -95,7 +90,7 @@ def plane(
     return figure
 
 
-def sizes(axis: xr.DataArray, answer: Shape, unit: str) -> Figure:
+def sizes(axis: DataArray, answer: Shape, unit: str) -> Figure:
     """Radius, half-length and, of stadiums, orientation over the axis."""
     stadium = bool(np.any(np.nan_to_num(answer.half_length) > 0))
     figure, panels = figures.axes(
@@ -135,12 +130,12 @@ def outline(answer: Shape) -> np.ndarray:
     return center + corners * np.exp(1j * angle)
 
 
-def _is_logarithmic(axis: xr.DataArray) -> bool:
+def _is_logarithmic(axis: DataArray) -> bool:
     values = axis.values
     return bool(np.all(values > 0) and values.max() >= 20 * values.min())
 
 
-def _label(axis: xr.DataArray) -> str:
+def _label(axis: DataArray) -> str:
     return f"{axis.attrs.get('long_name', axis.name)} [{axis.attrs.get('units', '1')}]"
 
 

@@ -7,7 +7,7 @@ and among those of least half-length.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,11 +20,9 @@ from workbench.geometry.cover import EPS, Cover, relative
 from workbench.geometry.exact_stadium import exact_stadium
 from workbench.geometry.points import canonical_angle
 from workbench.geometry.thesis import thesis_stadium
+from workbench.heavy_types import Dataset
 from workbench.program import Check, Claim, method, worst
 from workbench.solvers import Options, Outcome
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 
 @dataclass(frozen=True)
@@ -158,7 +156,7 @@ class NarrowestStadium(Cover):
     def size(self) -> int:
         return self.points.shape[-1]
 
-    def from_dataset(self, data: xr.Dataset) -> Stadium:
+    def from_dataset(self, data: Dataset) -> Stadium:
         return Stadium(*(data[name].values for name in self.answer_names))
 
 

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.compiled import kernel
 from workbench.errors import InputError
-
-if TYPE_CHECKING:
-    from control import StateSpace, TransferFunction
+from workbench.heavy_types import StateSpace, TransferFunction
 
 
 @dataclass(frozen=True, eq=False)

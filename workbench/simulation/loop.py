@@ -20,22 +20,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from workbench.arrays import RealArray
 from workbench.errors import InputError
+from workbench.heavy_types import StateSpace
 from workbench.simulation.cascade import Cascade, Slots, alone, carried, slots
 from workbench.simulation.controllers import Controller
 from workbench.simulation.machine import machine, pointer
 from workbench.simulation.plain import plain_loop
 from workbench.systems.sampling import hold, lowpass_weights, split_delay
-
-if TYPE_CHECKING:
-    from control import StateSpace
-
 
 Whole = NDArray[np.int64]
 

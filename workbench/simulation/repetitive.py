@@ -17,17 +17,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.compiled import kernel
 from workbench.errors import InputError
+from workbench.heavy_types import StateSpace
 from workbench.simulation.controllers import Controller, in_discrete_time
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 
 @dataclass(frozen=True)

@@ -7,17 +7,14 @@ NaN, which every run reports.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.compiled import kernel
 from workbench.errors import InputError
+from workbench.heavy_types import StateSpace, TransferFunction
 from workbench.simulation.controllers import Controller, in_discrete_time
-
-if TYPE_CHECKING:
-    from control import StateSpace, TransferFunction
 
 
 def blend() -> Controller:

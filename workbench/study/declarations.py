@@ -9,15 +9,13 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from workbench.errors import InputError
+from workbench.heavy_types import Dataset
 from workbench.systems.storage import restored, stored
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 Function = Callable[..., Any]
 
@@ -250,7 +248,7 @@ class System(Declaration):
             for key, one in stored(self.prefix(label), every[label]).items()
         }
 
-    def restored(self, data: xr.Dataset) -> Any:
+    def restored(self, data: Dataset) -> Any:
         """The system, or the systems by label; those that are not stored are left out."""
         if self.over is None:
             return restored(data, self.prefix(None)) if f"{self.prefix(None)}_A" in data else None

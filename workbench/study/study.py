@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 from workbench.errors import InputError
 from workbench.executor import Context
+from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.program import Check, Claim, Task
 from workbench.solvers import Outcome
 from workbench.study.checks import Checked
 from workbench.study.declarations import Array, Declaration, Dim, Part, System
 from workbench.study.views import Drawn, Metric, Table
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
 
 Kind = TypeVar("Kind", bound=Declaration)
 
@@ -28,7 +25,7 @@ class Study(Task):
     names below; a method may be defined and the rest declared.
     """
 
-    def compute(self, context: Context) -> xr.Dataset:
+    def compute(self, context: Context) -> Dataset:
         """The arrays, each declaration computed after what it needs.
 
         Raises
@@ -39,31 +36,31 @@ class Study(Task):
         """
         return _Computation(self, context).dataset()
 
-    def checks(self, answer: xr.Dataset, tolerance: float) -> Sequence[Check]:
+    def checks(self, answer: Dataset, tolerance: float) -> Sequence[Check]:
         get = self._getter(answer)
         return [one for check in self._declared(Checked) for one in check.checks(self, get)]
 
-    def metrics(self, answer: xr.Dataset) -> dict[str, float]:
+    def metrics(self, answer: Dataset) -> dict[str, float]:
         get = self._getter(answer)
         found: dict[str, float] = {}
         for one in self._declared(Metric):
             found |= one.metrics(self, get)
         return found
 
-    def tables(self, answer: xr.Dataset) -> dict[str, str]:
+    def tables(self, answer: Dataset) -> dict[str, str]:
         get = self._getter(answer)
         made = (one.tables(self, get) for one in self._declared(Table))
         return {name: table for some in made for name, table in some.items()}
 
-    def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
+    def figures(self, answer: Dataset) -> dict[str, Figure]:
         get = self._getter(answer)
         drawn = (one.figures(self, get) for one in self._declared(Drawn))
         return {name: figure for some in drawn for name, figure in some.items()}
 
-    def to_dataset(self, answer: xr.Dataset) -> xr.Dataset:
+    def to_dataset(self, answer: Dataset) -> Dataset:
         return answer
 
-    def from_dataset(self, data: xr.Dataset) -> xr.Dataset:
+    def from_dataset(self, data: Dataset) -> Dataset:
         return data
 
     def respond(self, method: str | None, context: Context) -> Claim:
@@ -78,7 +75,7 @@ class Study(Task):
         """The declarations of a kind, those of base classes first, in order."""
         return (one for one in declarations(type(self)).values() if isinstance(one, kind))
 
-    def _getter(self, answer: xr.Dataset) -> Callable[[str], Any]:
+    def _getter(self, answer: Dataset) -> Callable[[str], Any]:
         """What checks, metrics, tables and figures are given by name: stored things alone."""
         systems = {one.name: one for one in self._declared(System)}
         optional = {name for one in self._declared(Array) for name in one.names}
@@ -127,7 +124,7 @@ class _Computation:
         self.values: dict[str, Any] = {"context": context}
         self.waiting: list[str] = []
 
-    def dataset(self) -> xr.Dataset:
+    def dataset(self) -> Dataset:
         import xarray as xr
 
         for one in self.declared.values():
@@ -196,7 +193,7 @@ class _Computation:
         else:
             raise InputError(f"{one.name!r} is made from stored arrays; no array may need it")
 
-    def _labelled(self, variable: tuple[Any, ...]) -> xr.DataArray:
+    def _labelled(self, variable: tuple[Any, ...]) -> DataArray:
         import xarray as xr
 
         dims, values, about = variable

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from workbench import figures
+from workbench.heavy_types import Figure
 from workbench.study.declarations import Declaration, Function, identifier
 from workbench.tables import markdown
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 Get = Callable[[str], Any]
 

@@ -10,12 +10,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from workbench.errors import InputError, SolverError
 from workbench.executor import Context
+from workbench.heavy_types import StateSpace
 from workbench.program import Program, solve
 from workbench.structure import Structure
 from workbench.synthesis.hinf.loop_shaping import LoopShaping
@@ -25,9 +26,6 @@ from workbench.synthesis.hinf.riccati import central
 from workbench.synthesis.mu.program import MuSynthesis
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.norms import norm
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 GAINS = tuple(np.geomspace(0.5, 4.0, 13))
 SIZES = tuple(np.geomspace(1e-8, 1e2, 31))

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from workbench.errors import InputError
-from workbench.systems.generalised_plant import GeneralisedPlant
-
-if TYPE_CHECKING:
-    from control import StateSpace
+from workbench.heavy_types import StateSpace
 from workbench.input_checks import is_real
+from workbench.systems.generalised_plant import GeneralisedPlant
 
 
 def as_system(system: Any, name: str) -> StateSpace:

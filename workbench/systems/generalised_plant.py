@@ -10,19 +10,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from numbers import Integral
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.arrays import Array
 from workbench.errors import InputError, UnknownNameError
+from workbench.heavy_types import StateSpace
 from workbench.structure import Full, Structure
 from workbench.systems.frequency_response import frequency_response
 from workbench.systems.interconnection import common_dt, connected, part_of, state_space
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 Signals = str | int | Sequence[str | int] | None
 """One or some of a list of signals, by name or number; None for all."""

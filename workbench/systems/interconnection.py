@@ -6,7 +6,7 @@ import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -14,11 +14,9 @@ from scipy.sparse.csgraph import connected_components
 
 from workbench.arrays import Array
 from workbench.errors import InputError
+from workbench.heavy_types import StateSpace
 from workbench.structure import Block, Structure
 from workbench.systems.balancing import balancing, singular
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 Names = str | Sequence[str]
 

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from workbench.arrays import RealArray
-
-if TYPE_CHECKING:
-    from control import StateSpace
-
+from workbench.heavy_types import StateSpace
 
 Matrices = tuple[RealArray, RealArray, RealArray, RealArray]
 """A, B, C and D of a realisation."""

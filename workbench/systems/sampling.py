@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,9 +11,7 @@ from scipy.linalg import expm
 from workbench.arrays import RealArray
 from workbench.compiled import compiled
 from workbench.errors import InputError
-
-if TYPE_CHECKING:
-    from control import StateSpace
+from workbench.heavy_types import StateSpace
 
 
 def hold(a: ArrayLike, b: ArrayLike, duration: float) -> tuple[RealArray, RealArray]:

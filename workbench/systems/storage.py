@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from workbench.heavy_types import Dataset, StateSpace
 from workbench.systems.realisation import realisation
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from control import StateSpace
 
 
 def stored(name: str, system: StateSpace) -> dict[str, Any]:
@@ -32,7 +29,7 @@ def stored(name: str, system: StateSpace) -> dict[str, Any]:
     return parts | {f"{name}_dt": ((), float(system.dt or 0.0), about)}
 
 
-def restored(data: xr.Dataset, name: str) -> StateSpace:
+def restored(data: Dataset, name: str) -> StateSpace:
     """The system that was stored by that name."""
     A, B, C, D = (data[f"{name}_{part}"].values for part in "ABCD")
     return realisation((A, B, C, D), float(data[f"{name}_dt"]))

@@ -11,12 +11,12 @@ numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-playe
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from workbench.errors import InputError
 from workbench.fitting.rational import Rational
+from workbench.heavy_types import StateSpace
 from workbench.systems.connection import generalised_plant
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.uncertainty import UncertaintyModel
@@ -24,9 +24,6 @@ from workbench.uncertainty.parametric.model import ParametricModel
 
 from ..drive.plants import ANTIALIASING
 from ..drive.tables import Axis, check_axis, drives
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 WEIGHTS = {"focus": (2.0, 0.004, 230.0, 10.0), "radial": (2.0, 0.2 / 70, 145.0, 5.0)}
 """M, A, w_B / 2 pi [Hz] and w_I / 2 pi [Hz] of eq. 6.11; the thesis gives those of the focus loop,

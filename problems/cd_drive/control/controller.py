@@ -6,12 +6,13 @@ CD-players (2003).
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
 from workbench import Run, problem, ref
 from workbench.errors import InputError
+from workbench.heavy_types import StateSpace
 from workbench.synthesis import MuSynthesis, reduced
 from workbench.systems.storage import restored
 
@@ -20,9 +21,6 @@ from ..drive.plants import controller as reference
 from ..drive.shared_parameters import TABLES, Frequencies
 from ..drive.tables import Axis
 from .design import Cover, Form, cover_of, synthesis_plant, uncertainty
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 After = Literal["", "reference", "dk", "mu-dk", "dgk"]
 Speed = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.arrays import RealArray
 from workbench.fitting.rational import Rational
+from workbench.heavy_types import StateSpace
 from workbench.mu import RankOneLoop
 from workbench.synthesis import AnalyticBasis, ControlCover, LoopWeights
 from workbench.uncertainty import Responses, UncertaintyModel
@@ -16,9 +15,6 @@ from workbench.uncertainty import Responses, UncertaintyModel
 from ..drive.plants import ANTIALIASING
 from ..drive.tables import Axis
 from .control_problem import LEAK, control_weight, generalised, optical_gain, performance_weight
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 CHANNELS = {"disturbance": ("w_p", "z_p"), "control": ("w_u", "z_u")}
 """Exogenous input and performance output of each channel."""

@@ -12,21 +12,19 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.optimize.elementwise import find_root
 
 from workbench.arrays import ComplexArray, RealArray
+from workbench.heavy_types import StateSpace
 from workbench.simulation import sampled
 from workbench.systems.generalised_plant import response
 
 from ..drive.plants import Gain, controller, nominal_parameters, plant, total_gain, total_gains
 from ..drive.tables import Axis, Values, drives
 from ..laboratory.bench_setup import PERIOD, RATE
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 SCALES = {"full": 1.0, "third": 1 / 3}
 """Gains of the controller in figure 6.6, relative to eq. 6.12."""

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
 
 from workbench import Check, Run, figures, problem
+from workbench.heavy_types import Figure, StateSpace
 from workbench.mu import performance_sweep
 from workbench.synthesis import LeadLag, MuController, MuSynthesis
 
@@ -23,10 +24,6 @@ from ..drive.shared_parameters import TABLES, Frequencies
 from ..drive.tables import Axis
 from .controller import Speed
 from .design import Cover, Form, cover_of, synthesis_plant, uncertainty
-
-if TYPE_CHECKING:
-    from control import StateSpace
-    from matplotlib.figure import Figure
 
 FREQUENCIES = np.geomspace(1.0, 5e4, 240)
 """Of the curves [Hz]."""

@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq, minimize
@@ -25,6 +25,7 @@ from scipy.signal import butter
 from workbench.arrays import RealArray
 from workbench.errors import SolverError
 from workbench.fitting.rational import Rational
+from workbench.heavy_types import StateSpace
 from workbench.synthesis import known_disturbance_bound
 from workbench.synthesis.hinf.riccati import central
 from workbench.systems.norms import norm
@@ -35,9 +36,6 @@ from ..drive.plants import ANTIALIASING, nominal_parameters, plant, total_gain
 from ..drive.tables import Axis
 from ..uncertainty.parametric_model import parametric_plant
 from .control_problem import control_weight, optical_gain, performance_weight
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 CHANNELS = ("z_p", "z_sd", "z_u")
 SHOCK = 5.0

@@ -6,12 +6,9 @@ CD-players (2003).
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-if TYPE_CHECKING:
-    from control import StateSpace
+from workbench.heavy_types import StateSpace
 
 CORNER = 450.0
 """Of the low-pass that the filter leaves of the error [Hz]."""

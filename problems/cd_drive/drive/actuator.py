@@ -14,19 +14,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
+from workbench.heavy_types import StateSpace
 
 from .tables import ActuatorParameters, Drive
-
-if TYPE_CHECKING:
-    from control import StateSpace
-
 
 SERIES_RESISTANCE = 1.25
 """r [ohm]: stands in series with the coil to measure its current (section 3.6.2)."""

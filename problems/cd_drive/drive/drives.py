@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any, ClassVar, get_args
+from typing import Any, ClassVar, get_args
 
 import numpy as np
 
 from workbench import Check, Study, figures, problem
 from workbench.executor import Context
+from workbench.heavy_types import Axes, DataArray, Dataset, Figure
 
 from .actuator import general_model, resonances, stack, transfer_coefficients
 from .nominal_table import compare_nominal
 from .plants import ANTIALIASING, crossover, nominal_response, phase_margin, responses
 from .shared_parameters import TABLES, WINDOWS, Frequencies
 from .tables import ActuatorParameters, Axis, Drive, Values, drives
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 AXES: tuple[Axis, ...] = get_args(Axis)
 PARAMETERS = [f.name for f in fields(Drive) if f.name not in ("name", "axis")]
@@ -62,7 +58,7 @@ class Drives(Study):
 
     headline: ClassVar[str] = "first_resonance_focus_hz"
 
-    def compute(self, context: Context) -> xr.Dataset:
+    def compute(self, context: Context) -> Dataset:
         import xarray as xr
 
         grid = ("axis", "drive", "frequency")
@@ -111,7 +107,7 @@ class Drives(Study):
             },
         )
 
-    def checks(self, answer: xr.Dataset, tolerance: float) -> list[Check]:
+    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
         polynomial = _from_table_3_2(answer)
         shape = answer["response"] / answer["response"].isel(frequency=0)
         off = float(np.max(np.abs(shape / (polynomial / polynomial.isel(frequency=0)) - 1)))
@@ -131,7 +127,7 @@ class Drives(Study):
             ),
         ]
 
-    def _near(self, answer: xr.Dataset, axis: Axis, kind: int) -> Check:
+    def _near(self, answer: Dataset, axis: Axis, kind: int) -> Check:
         expected = EXPECTED[axis][0 if kind == 0 else 1]
         found = answer["resonance"].sel(axis=axis).isel(kind=kind)
         off = abs(found / expected - 1)
@@ -144,7 +140,7 @@ class Drives(Study):
             f"of {worst}",
         )
 
-    def metrics(self, answer: xr.Dataset) -> dict[str, float]:
+    def metrics(self, answer: Dataset) -> dict[str, float]:
         numbers = {}
         for axis in AXES:
             one = answer.sel(axis=axis)
@@ -161,10 +157,10 @@ class Drives(Study):
             numbers[f"phase_margin_{axis}_deg"] = phase_margin(axis)
         return numbers
 
-    def tables(self, answer: xr.Dataset) -> dict[str, str]:
+    def tables(self, answer: Dataset) -> dict[str, str]:
         return {"parameters": _parameter_table(answer), "table-5-2": _nominal_table(self.values)}
 
-    def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
+    def figures(self, answer: Dataset) -> dict[str, Figure]:
         return {
             "bode": _bode(answer, answer["response"], "own optical gain"),
             "bode-agc": _bode(
@@ -181,7 +177,7 @@ def _agc_gain(axis: Axis, values: Values) -> np.ndarray:
     return (wanted / own)[:, 0].real
 
 
-def _from_table_3_2(data: xr.Dataset) -> xr.DataArray:
+def _from_table_3_2(data: Dataset) -> DataArray:
     """Responses by the polynomials of Table 3.2, from the stored parameters, gain apart."""
     s = 2j * np.pi * data["frequency"].values
     result = data["response"].copy()
@@ -196,7 +192,7 @@ def _from_table_3_2(data: xr.Dataset) -> xr.DataArray:
     return result
 
 
-def _spread_at_crossover(data: xr.Dataset) -> float:
+def _spread_at_crossover(data: Dataset) -> float:
     spreads = []
     for axis in AXES:
         gained = abs(data["response"] * data["agc_gain"]).sel(axis=axis)
@@ -205,7 +201,7 @@ def _spread_at_crossover(data: xr.Dataset) -> float:
     return max(spreads)
 
 
-def _bode(data: xr.Dataset, response: xr.DataArray, gain: str) -> Figure:
+def _bode(data: Dataset, response: DataArray, gain: str) -> Figure:
     figure, panels = figures.axes(2, 2, size=(9.0, 6.2), sharex=True)
     for column, axis in enumerate(AXES):
         magnitude, phase = panels[column], panels[2 + column]
@@ -225,14 +221,14 @@ def _bode(data: xr.Dataset, response: xr.DataArray, gain: str) -> Figure:
 
 
 def _bode_line(
-    magnitude: Axes, phase: Axes, data: xr.Dataset, response: xr.DataArray, drive: int | None
+    magnitude: Axes, phase: Axes, data: Dataset, response: DataArray, drive: int | None
 ) -> None:
     line = _line(data, drive)
     magnitude.plot(data["frequency"], abs(response), **line)
     phase.plot(data["frequency"], figures.phase(response.values), **line)
 
 
-def _line(data: xr.Dataset, drive: int | None) -> dict[str, Any]:
+def _line(data: Dataset, drive: int | None) -> dict[str, Any]:
     """Colour and label of a drive's line, or of the nominal plant's."""
     from matplotlib import colormaps
 
@@ -242,7 +238,7 @@ def _line(data: xr.Dataset, drive: int | None) -> dict[str, Any]:
     return {"color": colormaps["viridis"](drive / 11), "linewidth": 0.9, "label": name}
 
 
-def _nyquist(data: xr.Dataset) -> Figure:
+def _nyquist(data: Dataset) -> Figure:
     figure, panels = figures.axes(2, 2, size=(9.0, 8.4))
     for column, axis in enumerate(AXES):
         low, high = WINDOWS[axis]["parasitic resonance"]
@@ -264,7 +260,7 @@ def _nyquist(data: xr.Dataset) -> Figure:
     return figure
 
 
-def _parameter_table(data: xr.Dataset) -> str:
+def _parameter_table(data: Dataset) -> str:
     heads = [f"{p} [{UNITS[p]}]" for p in PARAMETERS]
     lines = [
         "| drive | axis | " + " | ".join(heads) + " |",

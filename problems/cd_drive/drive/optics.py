@@ -7,20 +7,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field
 
 from workbench import Check, Study, figures, problem
 from workbench.executor import Context
+from workbench.heavy_types import Axes, DataArray, Dataset, Figure
 
 from .tables import DiscFormat, disc_formats
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
@@ -89,7 +85,7 @@ class Optics(Study):
 
     headline: ClassVar[str] = "blocked_by_dust_CD"
 
-    def compute(self, context: Context) -> xr.Dataset:
+    def compute(self, context: Context) -> Dataset:
         import xarray as xr
 
         formats = disc_formats()
@@ -129,7 +125,7 @@ class Optics(Study):
             },
         )
 
-    def checks(self, answer: xr.Dataset, tolerance: float) -> list[Check]:
+    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
         wide = answer["beam"].sel(quantity="D") / answer["beam"].sel(quantity="d")
         theta1, theta2 = (np.radians(answer["beam"].sel(quantity=f"theta{i}")) for i in (1, 2))
         index = [disc.refractive_index for disc in disc_formats().values()]
@@ -150,12 +146,12 @@ class Optics(Study):
             ),
         ]
 
-    def _halves(self, answer: xr.Dataset, variable: str) -> xr.DataArray:
+    def _halves(self, answer: Dataset, variable: str) -> DataArray:
         steps = np.array([PRINTED_STEP[str(name)] for name in answer["quantity"].values])
-        distance: xr.DataArray = abs(answer[variable] - answer["printed"]) / (steps / 2)
+        distance: DataArray = abs(answer[variable] - answer["printed"]) / (steps / 2)
         return distance
 
-    def metrics(self, answer: xr.Dataset) -> dict[str, float]:
+    def metrics(self, answer: Dataset) -> dict[str, float]:
         numbers = {}
         for name in answer["format"].values:
             one = answer.sel(format=name)
@@ -171,7 +167,7 @@ class Optics(Study):
         numbers["printed_D_missed_by_exact_angles"] = float((unrounded > 1.0).sum())
         return numbers
 
-    def tables(self, answer: xr.Dataset) -> dict[str, str]:
+    def tables(self, answer: Dataset) -> dict[str, str]:
         lines = [
             "| format | quantity | printed | computed | with theta2 in whole degrees |",
             "| --- | --- | ---: | ---: | ---: |",
@@ -184,7 +180,7 @@ class Optics(Study):
                 lines.append(f"| {name} | {quantity} [{UNITS[str(quantity)]}] | {cells} |")
         return {"table-2-2": "\n".join(lines) + "\n"}
 
-    def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
+    def figures(self, answer: Dataset) -> dict[str, Figure]:
         names = answer["format"].values
         figure, panels = figures.axes(2, 3, size=(9.0, 7.6), sharex=True, height_ratios=(1.55, 1.0))
         for side, above, name in zip(panels[:3], panels[3:], names, strict=True):
@@ -196,7 +192,7 @@ class Optics(Study):
         figures.legend_below(figure, panels[0], columns=5)
         return {"out-of-focus": figure}
 
-    def _side(self, panel: Axes, one: xr.Dataset) -> None:
+    def _side(self, panel: Axes, one: Dataset) -> None:
         """The converging cone through the cover layer, the dust and the hair lying on it."""
         from matplotlib.patches import Circle
 
@@ -219,7 +215,7 @@ class Optics(Study):
         panel.set_xlim(-0.55, 0.55)
         panel.grid(False)
 
-    def _above(self, panel: Axes, one: xr.Dataset) -> None:
+    def _above(self, panel: Axes, one: Dataset) -> None:
         """The beam's footprint on the surface with the dust and the hair."""
         from matplotlib.patches import Circle, Rectangle
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import cache
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,12 +21,10 @@ from scipy.optimize import brentq
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
+from workbench.heavy_types import StateSpace, TransferFunction
 
 from .actuator import checked_frequency, specific_model, stack
 from .tables import ActuatorParameters, Axis, Values, check_axis, drives, nominal_table
-
-if TYPE_CHECKING:
-    from control import StateSpace, TransferFunction
 
 Gain = Literal["own", "equal", "agc"]
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, ClassVar, get_args
+from typing import Annotated, ClassVar, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,13 +16,10 @@ from pydantic import Field
 from workbench import Check, Study, figures, problem
 from workbench.arrays import RealArray
 from workbench.executor import Context
+from workbench.heavy_types import Dataset, Figure
 
 from .actuator import checked_frequency
 from .tables import Axis, red_book
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
 
 AXES: tuple[Axis, ...] = get_args(Axis)
 
@@ -83,7 +80,7 @@ class Specifications(Study):
 
     headline: ClassVar[str] = "upper_corner_focus_hz"
 
-    def compute(self, context: Context) -> xr.Dataset:
+    def compute(self, context: Context) -> Dataset:
         import xarray as xr
 
         limits = [red_book(axis) for axis in AXES]
@@ -110,10 +107,10 @@ class Specifications(Study):
             },
         )
 
-    def checks(self, answer: xr.Dataset, tolerance: float) -> list[Check]:
+    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
         return [check for axis in AXES for check in self._checks(answer.sel(axis=axis), axis)]
 
-    def _checks(self, one: xr.Dataset, axis: Axis) -> list[Check]:
+    def _checks(self, one: Dataset, axis: Axis) -> list[Check]:
         limits = red_book(axis)
         frequency, amplitude = one["frequency"].values, one["envelope"].values
         under = frequency <= float(one["corner"].sel(side="upper"))
@@ -141,7 +138,7 @@ class Specifications(Study):
             ),
         ]
 
-    def metrics(self, answer: xr.Dataset) -> dict[str, float]:
+    def metrics(self, answer: Dataset) -> dict[str, float]:
         numbers = {}
         for axis in AXES:
             one = answer.sel(axis=axis)
@@ -156,7 +153,7 @@ class Specifications(Study):
             ) / (2 * math.pi)
         return numbers
 
-    def tables(self, answer: xr.Dataset) -> dict[str, str]:
+    def tables(self, answer: Dataset) -> dict[str, str]:
         lines = [
             "| direction | deviation [m] | acceleration [m/s^2] | above 500 Hz [m] "
             "| corners [Hz] | printed [Hz] | acceptable error [m] |",
@@ -172,7 +169,7 @@ class Specifications(Study):
             )
         return {"tables-2-3-2-4": "\n".join(lines) + "\n"}
 
-    def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
+    def figures(self, answer: Dataset) -> dict[str, Figure]:
         figure, (deviation, attenuation) = figures.axes(2, 1, size=(7.0, 6.4), sharex=True)
         frequency = answer["frequency"]
         for axis, colour in zip(AXES, (figures.BLUE, figures.ORANGE), strict=True):

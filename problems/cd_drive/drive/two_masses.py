@@ -9,19 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from workbench.arrays import RealArray
+from workbench.heavy_types import Dataset
 from workbench.identification import MeasuredResponse, Parameter, ParameterFit, PeriodicResponse
 
 from .actuator import SERIES_RESISTANCE
 from .plants import nominal_parameters
 from .tables import Axis, Drive
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 FITTED = ("m1", "m2", "k1", "k2", "b1", "b2")
 NORMAL_99 = 2.576
@@ -46,7 +44,7 @@ class Lumped:
     deviation: tuple[float, float, float, float] = (0.003, 0.015, 0.001, 0.01)
 
     @classmethod
-    def found(cls, open_loop: xr.Dataset, mass: float) -> Lumped:
+    def found(cls, open_loop: Dataset, mass: float) -> Lumped:
         """What an open-loop experiment found, the mass taken as known.
 
         Its intervals are those of the lumped model; the deviations are not let below what that

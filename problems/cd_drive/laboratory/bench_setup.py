@@ -8,12 +8,13 @@ of CD-players (2003).
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.errors import InputError
+from workbench.heavy_types import StateSpace
 from workbench.simulation import Converter, band_limited
 
 from ..drive.actuator import SERIES_RESISTANCE, Actuator, specific_model
@@ -28,9 +29,6 @@ from ..drive.plants import (
     total_gain,
 )
 from ..drive.tables import ActuatorParameters, Axis, Drive, Values, drives
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 RATE = 35e3
 """Sampling frequency [Hz]."""

@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,6 +18,7 @@ from pydantic import with_config
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
+from workbench.heavy_types import StateSpace
 from workbench.simulation import (
     Cascade,
     Controller,
@@ -54,9 +54,6 @@ from .bench_setup import (
     split_arms,
 )
 from .record import CoilRecord, Event, Record
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 MEASUREMENTS = ("f_en", "sum", *CHANNELS)
 """What a controller is given, in this order."""

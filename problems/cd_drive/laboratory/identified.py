@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from scipy import stats
@@ -17,6 +17,7 @@ from workbench import Check, Run, Study, figures, problem, ref, solve
 from workbench.arrays import RealArray
 from workbench.errors import SolverError
 from workbench.executor import Context
+from workbench.heavy_types import Dataset, Figure
 from workbench.identification import MeasuredResponse, Parameter, ParameterFit
 
 from ..drive.actuator import SERIES_RESISTANCE, specific_model, stack
@@ -24,10 +25,6 @@ from ..drive.plants import nominal_parameters
 from ..drive.shared_parameters import TABLES, WINDOWS
 from ..drive.tables import ActuatorParameters, Axis, Drive, drives
 from ..drive.two_masses import Known, lens, lumped, seen
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
 
 NAMES = ("R", "Bl", "k1", "k2", "b1", "b2", "m1", "m2")
 MASS, GAIN = 0.001, 0.01
@@ -77,7 +74,7 @@ class Identified(Study):
 
     headline: ClassVar[str] = "worst_response"
 
-    def compute(self, context: Context) -> xr.Dataset:
+    def compute(self, context: Context) -> Dataset:
         import xarray as xr
 
         twelve = drives(self.axis)
@@ -155,7 +152,7 @@ class Identified(Study):
         answer = np.asarray(solution.answer)
         return Fit(answer, program.intervals(answer, 0.99), program.chi_square(answer)[0])
 
-    def checks(self, answer: xr.Dataset, tolerance: float) -> list[Check]:
+    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
         errors = abs(answer["value"] / answer["table"] - 1)
         found = []
         for name, limit in LIMITS.items():
@@ -166,7 +163,7 @@ class Identified(Study):
         statement = "largest relative error of a response, over drives and frequencies"
         return [*found, Check("response", statement, _worst_response(answer), RESPONSE[self.axis])]
 
-    def metrics(self, answer: xr.Dataset) -> dict[str, float]:
+    def metrics(self, answer: Dataset) -> dict[str, float]:
         errors = abs(answer["value"] / answer["table"] - 1)
         total = answer["table"].sel(parameter=["b1", "b2"]).sum("parameter")
         joint = answer["value"].sel(parameter=["b1", "b2"]).sum("parameter")
@@ -180,7 +177,7 @@ class Identified(Study):
             "chi_square": float(answer["chi_square"].max()),
         }
 
-    def tables(self, answer: xr.Dataset) -> dict[str, str]:
+    def tables(self, answer: Dataset) -> dict[str, str]:
         lines = [
             "| drive | " + " | ".join(f"{name} | error" for name in NAMES) + " |",
             "| --- |" + " ---: | ---: |" * len(NAMES),
@@ -195,7 +192,7 @@ class Identified(Study):
             lines.append(f"| {drive} | " + " | ".join(cells) + " |")
         return {"parameters": "\n".join(lines) + "\n"}
 
-    def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
+    def figures(self, answer: Dataset) -> dict[str, Figure]:
         figure, panels = figures.axes(1, 2, size=(9.5, 5.0))
         for panel, (caption, (low, high)) in zip(panels, WINDOWS[self.axis].items(), strict=True):
             part = answer.sel(frequency=slice(0.7 * low, 1.3 * high)) * 1e3
@@ -238,7 +235,7 @@ def _responses(parameters: Sequence[ActuatorParameters], frequency: RealArray) -
     return stack([specific_model(one) for one in parameters]).response(frequency)
 
 
-def _worst_response(answer: xr.Dataset) -> float:
+def _worst_response(answer: Dataset) -> float:
     return float((abs(answer["identified"] - answer["true"]) / abs(answer["true"])).max())
 
 

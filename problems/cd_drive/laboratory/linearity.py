@@ -8,7 +8,7 @@ and equation numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Contro
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -16,6 +16,7 @@ from pydantic import Field
 from workbench import Check, Study, figures, problem
 from workbench.arrays import RealArray
 from workbench.executor import Context
+from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.identification import SteppedSine, sine_fit, total_harmonic_distortion
 from workbench.program import worst
 from workbench.simulation import linear
@@ -26,10 +27,6 @@ from ..drive.shared_parameters import TABLES
 from ..drive.tables import Axis, Values
 from .bench_setup import PERIOD, RATE
 from .experiment import STILL, Laboratory
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
 
 LOOPS = ("open", "closed")
 CHANNELS = ("input", "output")
@@ -87,7 +84,7 @@ class Linearity(Study):
 
     headline: ClassVar[str] = "output_closed_percent"
 
-    def compute(self, context: Context) -> xr.Dataset:
+    def compute(self, context: Context) -> Dataset:
         import xarray as xr
 
         seeds = [int(seed) for seed in context.rng.integers(2**31, size=2)]
@@ -115,7 +112,7 @@ class Linearity(Study):
             coords={"loop": list(LOOPS), "channel": list(CHANNELS)},
         )
 
-    def checks(self, answer: xr.Dataset, tolerance: float) -> list[Check]:
+    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
         opened, closed = (answer["thd"].sel(loop=loop) for loop in LOOPS)
         apart = abs(opened.sel(channel="input") - opened.sel(channel="output"))
         grid = answer["frequency"].sel(loop="open").values
@@ -146,7 +143,7 @@ class Linearity(Study):
             ),
         ]
 
-    def metrics(self, answer: xr.Dataset) -> dict[str, float]:
+    def metrics(self, answer: Dataset) -> dict[str, float]:
         numbers = {
             f"{channel}_{loop}_percent": float(answer["thd"].sel(loop=loop, channel=channel).mean())
             for loop in LOOPS
@@ -159,7 +156,7 @@ class Linearity(Study):
             "output_distortion_percent": float(answer["distortion"].sel(channel="output").max()),
         }
 
-    def tables(self, answer: xr.Dataset) -> dict[str, str]:
+    def tables(self, answer: Dataset) -> dict[str, str]:
         lines = [
             "| loop | frequency [Hz] | THD of input [%] | of output [%] |",
             "| --- | ---: | ---: | ---: |",
@@ -170,7 +167,7 @@ class Linearity(Study):
                 lines.append(f"| {loop} | {f:.1f} | {levels[0]:.2f} | {levels[1]:.2f} |")
         return {"thd": "\n".join(lines) + "\n"}
 
-    def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
+    def figures(self, answer: Dataset) -> dict[str, Figure]:
         figure, panels = figures.axes(1, 2, size=(9.0, 3.8), sharey=True)
         for panel, loop in zip(panels, LOOPS, strict=True):
             one = answer.sel(loop=loop)
@@ -231,7 +228,7 @@ def _levels(signal: RealArray, sweep: SteppedSine) -> RealArray:
     return total_harmonic_distortion(averages)
 
 
-def _quarter(levels: xr.DataArray, end: int) -> float:
+def _quarter(levels: DataArray, end: int) -> float:
     """Mean of the first (0) or the last (-1) quarter."""
     quarter = max(levels.size // 4, 1)
     return float((levels[:quarter] if end == 0 else levels[-quarter:]).mean())

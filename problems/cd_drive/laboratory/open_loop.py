@@ -7,7 +7,7 @@ of the motion: v_r / u has a peak at the first resonance (eq. 4.17). No optics t
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -15,6 +15,7 @@ from pydantic import Field
 from workbench import Check, Study, figures, problem, solve
 from workbench.errors import SolverError
 from workbench.executor import Context
+from workbench.heavy_types import Dataset, Figure
 from workbench.identification import (
     MeasuredResponse,
     Parameter,
@@ -30,10 +31,6 @@ from ..drive.tables import Axis, Values
 from ..drive.two_masses import lumped
 from .bench_setup import RATE
 from .experiment import Laboratory
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
 
 PERIODS, DISCARDED = 20, 10
 """Played and left out at each frequency (section 4.6.1)."""
@@ -86,7 +83,7 @@ class OpenLoop(Study):
         count = round((HIGHEST[self.laboratory.axis] - 10) / self.step)
         return 10 + self.step * np.arange(count + 1)
 
-    def compute(self, context: Context) -> xr.Dataset:
+    def compute(self, context: Context) -> Dataset:
         import xarray as xr
 
         laboratory, frequency = self.laboratory, self.frequency
@@ -211,7 +208,7 @@ class OpenLoop(Study):
 
     # --- what the run shows ---------------------------------------------------------------------
 
-    def checks(self, answer: xr.Dataset, tolerance: float) -> list[Check]:
+    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
         errors = self._errors(answer)
         fits = [
             Check(
@@ -236,11 +233,11 @@ class OpenLoop(Study):
             ),
         ]
 
-    def _errors(self, answer: xr.Dataset) -> dict[str, float]:
+    def _errors(self, answer: Dataset) -> dict[str, float]:
         relative = abs(answer["estimate"] / answer["truth"] - 1)
         return {name: float(relative.sel(parameter=name)) for name in PARAMETERS}
 
-    def metrics(self, answer: xr.Dataset) -> dict[str, float]:
+    def metrics(self, answer: Dataset) -> dict[str, float]:
         inside = abs(answer["estimate"] - answer["truth"]) <= answer["half_width"]
         bias = answer["truth"] / answer["table"] - 1
         return {
@@ -255,7 +252,7 @@ class OpenLoop(Study):
             },
         }
 
-    def tables(self, answer: xr.Dataset) -> dict[str, str]:
+    def tables(self, answer: Dataset) -> dict[str, str]:
         head = (
             "| parameter | estimate | 99 % interval | by eq. 4.20-4.23 | noise-free fit | table "
             "| bias of the lumped model |\n| --- | ---: | ---: | ---: | ---: | ---: | ---: |\n"
@@ -271,7 +268,7 @@ class OpenLoop(Study):
             )
         return {"parameters": head + "".join(lines)}
 
-    def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
+    def figures(self, answer: Dataset) -> dict[str, Figure]:
         figure, panels = figures.axes(2, 2, size=(9.0, 6.0), sharex=True)
         frequency = answer["frequency"].values
         periods = answer["periods"].values
@@ -344,5 +341,5 @@ def _radius(variance: np.ndarray, degrees: float) -> np.ndarray:
     return np.sqrt(stats.f.ppf(CONFIDENCE, 2, degrees) * variance)
 
 
-def _of(data: xr.Dataset, name: str) -> float:
+def _of(data: Dataset, name: str) -> float:
     return float(data[name])

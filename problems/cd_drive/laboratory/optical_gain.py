@@ -9,7 +9,7 @@ CD-players (2003).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -17,6 +17,7 @@ from pydantic import Field
 from workbench import Check, figures, problem
 from workbench.arrays import RealArray
 from workbench.executor import Context
+from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.study import Study, array, check, dim, figure, metric, part, table
 
 from ..drive.photo_diodes import PEAK, PITCH
@@ -24,10 +25,6 @@ from ..drive.shared_parameters import TABLES
 from ..drive.tables import Axis, drives
 from .experiment import Laboratory
 from .scans import Scan, focus_scan, radial_scan
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
 
 GAINS = {"K_opt": "V/m", "K_optn": "units/m"}
 WANTED = 0.02
@@ -84,17 +81,17 @@ class OpticalGain(Study):
     normalised = array(along, "1", "normalised error", lambda difference, sum: difference / sum)
     gain = array((drive, quantity), value=lambda scans: [s.gains for s in scans])
 
-    def error(self, gain: xr.DataArray) -> xr.DataArray:
+    def error(self, gain: DataArray) -> DataArray:
         """Relative distance of gains (drive, quantity) from those of Table A.3."""
         return gain / _printed(self.axis) - 1
 
     @check("{quantity}", at_most=WANTED, each="quantity", where="of {drive}")
-    def near(self, gain: xr.DataArray) -> xr.DataArray:
+    def near(self, gain: DataArray) -> DataArray:
         """relative distance from Table A.3"""
         return abs(self.error(gain))
 
     @check()
-    def spreads(self, gain: xr.DataArray) -> list[Check]:
+    def spreads(self, gain: DataArray) -> list[Check]:
         """The tolerances of section 4.6.3: bounds in focus, near ones in the radial loop."""
         found, stated = spread(gain), SPREADS[self.axis]
         K_opt, K_optn = (float(found.sel(quantity=name)) for name in GAINS)
@@ -114,7 +111,7 @@ class OpticalGain(Study):
     spread = metric("spread_{quantity}", lambda gain: spread(gain))
 
     @table
-    def gains(self, gain: xr.DataArray) -> tuple[list[str], list[list[str]]]:
+    def gains(self, gain: DataArray) -> tuple[list[str], list[list[str]]]:
         heads = ["drive"]
         for name, unit in GAINS.items():
             heads += [f"{name} [{unit}]", "Table A.3", "error [%]"]
@@ -127,7 +124,7 @@ class OpticalGain(Study):
         return heads, rows
 
     @figure
-    def scan(self, answer: xr.Dataset) -> dict[str, Figure]:
+    def scan(self, answer: Dataset) -> dict[str, Figure]:
         name = "s-curve" if self.axis == "focus" else "track-scan"
         return {name: _scan_figure(answer, self.axis), "gains": _gain_figure(answer)}
 
@@ -141,13 +138,13 @@ def _row(found: float, true: float) -> tuple[str, str, str]:
     return f"{found:.0f}", f"{true:.0f}", f"{100 * (found / true - 1):+.2f}"
 
 
-def spread(gain: xr.DataArray) -> xr.DataArray:
+def spread(gain: DataArray) -> DataArray:
     """Half the range of gains over the drives, relative to the middle of it."""
     low, high = gain.min("drive"), gain.max("drive")
     return (high - low) / (high + low)
 
 
-def _scan_figure(answer: xr.Dataset, axis: Axis) -> Figure:
+def _scan_figure(answer: Dataset, axis: Axis) -> Figure:
     one = answer.sel(drive="CD1")
     distance = 1e6 * one["distance"].values
     figure, (volts, units) = figures.axes(2, 1, size=(7.0, 5.6), sharex=True)
@@ -169,7 +166,7 @@ def _scan_figure(answer: xr.Dataset, axis: Axis) -> Figure:
     return figure
 
 
-def _gain_figure(answer: xr.Dataset) -> Figure:
+def _gain_figure(answer: Dataset) -> Figure:
     figure, panels = figures.axes(2, 1, size=(7.0, 5.0), sharex=True)
     for panel, (name, unit) in zip(panels, GAINS.items(), strict=True):
         found = answer["gain"].sel(quantity=name)

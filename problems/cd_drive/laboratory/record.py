@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from workbench.arrays import RealArray
-
-if TYPE_CHECKING:
-    import xarray as xr
+from workbench.heavy_types import Dataset
 
 UNITS = {"f_en": "1", "x": "m", "x_cd": "m", "f_sd": "m", "light": "1", "time": "s"}
 """Of the recorded signals; [V] where nothing else is said."""
@@ -39,7 +37,7 @@ class CoilRecord:
     u_m: RealArray
     saturation: dict[str, float]
 
-    def to_dataset(self) -> xr.Dataset:
+    def to_dataset(self) -> Dataset:
         """The record as labelled arrays; saturation and events become attributes."""
         import xarray as xr
 

@@ -9,12 +9,13 @@ CD-players (2003).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
 
 from workbench import Check, figures, problem
+from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.mu import Peak, conditions
 from workbench.synthesis import LeadLag, MuController, MuSynthesis, discretised
 from workbench.systems.storage import stored
@@ -28,11 +29,6 @@ from ..drive.shared_parameters import TABLES
 from ..drive.tables import Axis
 from ..laboratory.bench_setup import PERIOD
 from .switched_loop import closed
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from control import StateSpace
-    from matplotlib.figure import Figure
 
 THIRD = 1 / 3
 """Gain of the start relative to eq. 6.12, that of figure 6.7."""
@@ -140,7 +136,7 @@ class LowerBandwidth(MuSynthesis):
             found[f"T_defects{name}"] = self.defect_gain(K)
         return found
 
-    def to_dataset(self, answer: MuController) -> xr.Dataset:
+    def to_dataset(self, answer: MuController) -> Dataset:
         sampled = discretised(answer.K, PERIOD)
         return super().to_dataset(answer).assign(stored("sampled", sampled))
 

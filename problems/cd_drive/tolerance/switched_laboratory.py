@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+
+from workbench.heavy_types import StateSpace
 
 from ..drive.disc import VELOCITY, Defect, Disc
 from ..drive.plants import Gain
@@ -17,9 +18,6 @@ from ..drive.tables import Axis, red_book
 from ..laboratory.bench_setup import RATE
 from ..laboratory.experiment import Laboratory
 from .tactics import Strategies, clean_level
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 NAMES = {"open": "reference", "filter": "C", "lower": "K_prime"}
 """Strategies by what they put in the place of K."""

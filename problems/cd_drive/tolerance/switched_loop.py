@@ -20,13 +20,14 @@ CD-players (2003).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 from scipy.linalg import block_diag
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
+from workbench.heavy_types import StateSpace
 from workbench.simulation import sampled
 from workbench.synthesis import discretised
 
@@ -35,9 +36,6 @@ from ..drive.actuator import specific_model
 from ..drive.plants import ANTIALIASING
 from ..drive.tables import ActuatorParameters
 from ..laboratory.bench_setup import PERIOD
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 Strategy = Literal["none", "open", "filter", "lower"]
 MICRO = 1e-6

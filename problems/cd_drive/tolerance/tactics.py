@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from workbench.diagnosis import Rotation
 from workbench.errors import InputError, UnknownNameError
+from workbench.heavy_types import StateSpace
 from workbench.simulation import (
     Cascade,
     Controller,
@@ -36,7 +37,6 @@ from ..laboratory.bench_setup import PERIOD, find_drive
 from ..laboratory.experiment import MEASUREMENTS, Laboratory
 
 if TYPE_CHECKING:
-    from control import StateSpace
     from control.lti import LTI
 
 CORNER = 200.0

@@ -7,21 +7,18 @@ CD-players (2003).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from workbench import Check, Run, Study, figures, problem, ref
 from workbench.executor import Context
+from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.uncertainty.covers.storage import rational
 
 from ..drive.plants import nominal_response
 from ..drive.shared_parameters import TABLES, WINDOWS, Frequencies
 from ..drive.tables import Axis
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
 
 FORMS = ("parametric", "complex", "mixed")
 CLOSE = {False: 2.0, True: 4.0}
@@ -64,7 +61,7 @@ class NominalModels(Study):
 
     headline: ClassVar[str] = "difference_db"
 
-    def compute(self, context: Context) -> xr.Dataset:
+    def compute(self, context: Context) -> Dataset:
         import xarray as xr
 
         frequency = self.circles.data["frequency"].values
@@ -95,7 +92,7 @@ class NominalModels(Study):
             },
         )
 
-    def checks(self, answer: xr.Dataset, tolerance: float) -> list[Check]:
+    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
         found = []
         for inside, place in ((False, "outside"), (True, "inside")):
             difference, where = self._difference(answer, inside)
@@ -104,7 +101,7 @@ class NominalModels(Study):
             found.append(Check(place, statement, difference, CLOSE[inside], f"at {where:.4g} Hz"))
         return found
 
-    def metrics(self, answer: xr.Dataset) -> dict[str, float]:
+    def metrics(self, answer: Dataset) -> dict[str, float]:
         outside, _ = self._difference(answer, inside=False)
         inside, where = self._difference(answer, inside=True)
         resonance = abs(answer["nominal"]).idxmax("frequency")
@@ -115,20 +112,20 @@ class NominalModels(Study):
             **{f"resonance_{form}_hz": float(resonance.sel(form=form)) for form in FORMS},
         }
 
-    def _difference(self, answer: xr.Dataset, inside: bool) -> tuple[float, float]:
+    def _difference(self, answer: Dataset, inside: bool) -> tuple[float, float]:
         """Largest difference of two magnitudes [dB], and its frequency [Hz]."""
-        level: xr.DataArray = 20 * np.log10(abs(answer["nominal"]))  # type: ignore[assignment]
+        level: DataArray = 20 * np.log10(abs(answer["nominal"]))  # type: ignore[assignment]
         spread = (level.max("form") - level.min("form")).where(
             self._near_resonance(answer) == inside, drop=True
         )
         return float(spread.max()), float(spread.idxmax())
 
-    def _near_resonance(self, answer: xr.Dataset) -> xr.DataArray:
+    def _near_resonance(self, answer: Dataset) -> DataArray:
         frequency = answer["frequency"]
         windows = [(frequency >= a) & (frequency <= b) for a, b in WINDOWS[self.axis].values()]
         return windows[0] | windows[1]
 
-    def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
+    def figures(self, answer: Dataset) -> dict[str, Figure]:
         figure, (top, bottom) = figures.axes(2, 1, size=(7.0, 6.0), sharex=True)
         frequency = answer["frequency"].values
         for k, drive in enumerate(answer["response"].values.T):

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from workbench.heavy_types import DataArray
 
 from ..drive.plants import Gain, responses
 from ..drive.shared_parameters import grid
 from ..drive.tables import Axis, Values, drives
 
-if TYPE_CHECKING:
-    import xarray as xr
-
 
 def nyquist_points(
     axis: Axis, frequencies: int, lowest: float, highest: float, gain: Gain, values: Values
-) -> xr.DataArray:
+) -> DataArray:
     """Responses of the twelve drives, dims (frequency, drive) [units/V]."""
     import xarray as xr
 

@@ -8,11 +8,12 @@ Control of CD-players (2003).
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from workbench.arrays import RealArray
+from workbench.heavy_types import StateSpace
 from workbench.uncertainty.parametric.lft import matrix, solve
 from workbench.uncertainty.parametric.model import ParametricModel, parametric
 from workbench.uncertainty.parametric.parameters import Parameter
@@ -20,9 +21,6 @@ from workbench.uncertainty.parametric.parameters import Parameter
 from ..drive.actuator import SERIES_RESISTANCE
 from ..drive.plants import nominal_parameters, plant, total_gain
 from ..drive.tables import Axis, nominal_table, reduced_tolerances
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 UNITS = {
     "K_total": "units/V", "R": "ohm", "Bl": "N/A", "k1": "N/m", "k2": "N/m",

@@ -7,13 +7,14 @@ CD-players (2003).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, get_args
+from typing import Any, ClassVar, get_args
 
 import numpy as np
 
 from workbench import Check, Run, Study, figures, problem, ref
 from workbench.executor import Context
 from workbench.fitting.rational import Rational
+from workbench.heavy_types import Dataset, Figure
 from workbench.program import worst
 from workbench.uncertainty.covers.sets import (
     circles_about_nominal,
@@ -26,10 +27,6 @@ from ..drive.plants import Gain, nominal_response
 from ..drive.shared_parameters import TABLES, WINDOWS, Frequencies
 from ..drive.tables import Axis
 from .measured_drives import measured_drives
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
 
 GAINS: tuple[Gain, ...] = get_args(Gain)
 METHODS = ("steps", "joint")
@@ -88,7 +85,7 @@ class Comparison(Study):
 
     headline: ClassVar[str] = "radius_over_width_at_peak"
 
-    def compute(self, context: Context) -> xr.Dataset:
+    def compute(self, context: Context) -> Dataset:
         import xarray as xr
 
         data = {key: run.data for key, run in self.runs.items()}
@@ -124,7 +121,7 @@ class Comparison(Study):
             },
         )
 
-    def checks(self, answer: xr.Dataset, tolerance: float) -> list[Check]:
+    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
         frequency = answer["frequency"].values
         variant, size = answer["variant"], answer["size"]
         pairs = (
@@ -156,11 +153,11 @@ class Comparison(Study):
             ),
         ]
 
-    def _peak(self, answer: xr.Dataset) -> float:
+    def _peak(self, answer: Dataset) -> float:
         """Frequency [Hz] of the largest circle about the nominal of Table 5.2."""
         return float(answer["variant"].sel(gain="own", shape="circle").idxmax("frequency"))
 
-    def metrics(self, answer: xr.Dataset) -> dict[str, float]:
+    def metrics(self, answer: Dataset) -> dict[str, float]:
         own = answer["variant"].sel(gain="own").sel(frequency=self._peak(answer))
         numbers = {
             "radius_over_width_at_peak": float(own.sel(shape="circle") / own.sel(shape="stadium")),
@@ -182,7 +179,7 @@ class Comparison(Study):
                 numbers[f"{shape}_weight_peak_{method}"] = peak
         return numbers
 
-    def tables(self, answer: xr.Dataset) -> dict[str, str]:
+    def tables(self, answer: Dataset) -> dict[str, str]:
         numbers = self.metrics(answer)
         gains = [
             f"| gain | radius peak | width peak | median radius above {HIGH:g} Hz | median width |",
@@ -202,10 +199,10 @@ class Comparison(Study):
             methods.append(f"| {method} | {' | '.join(cells)} |")
         return {"gains": "\n".join(gains) + "\n", "methods": "\n".join(methods) + "\n"}
 
-    def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
+    def figures(self, answer: Dataset) -> dict[str, Figure]:
         return {"sizes": self._sizes(answer), "gains": self._gains(answer)}
 
-    def _sizes(self, answer: xr.Dataset) -> Figure:
+    def _sizes(self, answer: Dataset) -> Figure:
         """Figure 5.16 by either method: parametric, complex and mixed uncertainty."""
         figure, panels = figures.axes(2, 1, size=(7.5, 7.5), sharex=True)
         frequency = answer["frequency"]
@@ -232,7 +229,7 @@ class Comparison(Study):
         figures.legend_below(figure, panels[0], columns=3)
         return figure
 
-    def _gains(self, answer: xr.Dataset) -> Figure:
+    def _gains(self, answer: Dataset) -> Figure:
         """The three gain variants about the nominal of Table 5.2."""
         figure, panels = figures.axes(1, 2, size=(9.5, 4.4), sharex=True, sharey=True)
         for panel, shape, name in zip(panels, COVERS, ("radius", "half-width"), strict=True):
@@ -253,7 +250,7 @@ def _about(axis: Axis, frequency: np.ndarray, gain: Gain, nominal: np.ndarray) -
     return [circles_about_nominal(away).radius, stadiums_about_nominal(away).radius]
 
 
-def _weight(data: xr.Dataset, omega: np.ndarray) -> np.ndarray:
+def _weight(data: Dataset, omega: np.ndarray) -> np.ndarray:
     W_c = rational(data, "W_c")
     assert isinstance(W_c, Rational)
     return np.abs(W_c.response(omega))

@@ -10,7 +10,6 @@ the grid; where that shows more, the next grid has it.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,16 +17,13 @@ from workbench.arrays import Array
 from workbench.diagnosis.estimation.methods import nominal_filter
 from workbench.diagnosis.estimation.program import Channel, FaultEstimation
 from workbench.executor import Context
+from workbench.heavy_types import StateSpace
 from workbench.mu import UpperBound, upper_bound
 from workbench.program import Claim, method
 from workbench.solvers import Outcome, conic_solvers, solve_conic
 from workbench.systems.frequency_grid import frequencies_of
 from workbench.systems.generalised_plant import response
 from workbench.systems.realisation import realisation
-
-if TYPE_CHECKING:
-    from control import StateSpace
-
 
 ROUNDS = 15
 SETTLED, PATIENCE = 1e-3, 3

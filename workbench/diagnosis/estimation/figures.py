@@ -4,19 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import cycle
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from workbench import figures
+from workbench.heavy_types import Figure, StateSpace
 from workbench.mu import sweep
 from workbench.structure import Structure
 from workbench.systems.frequency_grid import frequencies_of
 from workbench.systems.generalised_plant import response
-
-if TYPE_CHECKING:
-    from control import StateSpace
-    from matplotlib.figure import Figure
 
 
 class RequirementLoop(NamedTuple):

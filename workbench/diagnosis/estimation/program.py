@@ -12,7 +12,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -25,16 +25,12 @@ from workbench.diagnosis.estimation.weighting import (
     estimation_plant,
 )
 from workbench.errors import InputError
+from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.mu import Peak, peak
 from workbench.program import Check, Program
 from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import GeneralisedPlant, Signals
 from workbench.systems.storage import restored, stored
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from control import StateSpace
-    from matplotlib.figure import Figure
 
 TOLERANCE = 1e-3
 """Of certified peaks, relative."""
@@ -204,7 +200,7 @@ class FaultEstimation(Program):
 
     # --- datasets and figures -----------------------------------------------------------------
 
-    def to_dataset(self, answer: FaultFilter) -> xr.Dataset:
+    def to_dataset(self, answer: FaultFilter) -> Dataset:
         import xarray as xr
 
         one = {"units": "1"}
@@ -223,7 +219,7 @@ class FaultEstimation(Program):
             },
         )
 
-    def from_dataset(self, data: xr.Dataset) -> FaultFilter:
+    def from_dataset(self, data: Dataset) -> FaultFilter:
         bounds = data["peak"].values
         history = tuple(map(float, data["round_peak"].values))
         least = float(data["least"])

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate, pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -14,9 +14,7 @@ from workbench.arrays import RealArray
 from workbench.diagnosis.estimators.observers import balanced, check_observable
 from workbench.diagnosis.estimators.rotation import Rotation
 from workbench.errors import InputError
-
-if TYPE_CHECKING:
-    from control import StateSpace
+from workbench.heavy_types import StateSpace
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -34,12 +33,10 @@ from workbench.diagnosis.models.detectability import (
 )
 from workbench.diagnosis.models.fault_model import FaultModel
 from workbench.errors import InputError, SolverError
+from workbench.heavy_types import StateSpace
 from workbench.input_checks import as_array
 from workbench.systems.generalised_plant import response
 from workbench.systems.realisation import realisation
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 SHOWN = 1e-10
 """What rows leave of a detectable fault below this share of what there was is rounding."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,13 +13,10 @@ from workbench.diagnosis.models.decoupling import Parity
 from workbench.diagnosis.models.detectability import frequencies, need_faults
 from workbench.diagnosis.models.fault_model import FaultModel
 from workbench.errors import InputError
+from workbench.heavy_types import StateSpace
 from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import response
 from workbench.systems.realisation import realisation
-
-if TYPE_CHECKING:
-    from control import StateSpace
-
 
 Poles = complex | Sequence[complex]
 CANCELLED = 1e-8

@@ -10,7 +10,7 @@ and Ding (1997)).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,14 +23,12 @@ from workbench.diagnosis.models.decoupling import Parity
 from workbench.diagnosis.models.detectability import frequencies, masking, need_faults
 from workbench.diagnosis.models.fault_model import FaultModel
 from workbench.errors import InputError, SolverError
+from workbench.heavy_types import StateSpace
 from workbench.synthesis.hinf.assumptions import regularised
 from workbench.synthesis.hinf.program import hinf
 from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import GeneralisedPlant, response
 from workbench.systems.realisation import realisation
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 RANK = 1e-10
 """Singular values of responses below this share of the largest count as 0."""

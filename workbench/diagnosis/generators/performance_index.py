@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,12 +19,9 @@ from workbench.diagnosis.generators.generator import structure_matrix, transfer
 from workbench.diagnosis.models.detectability import need_faults
 from workbench.diagnosis.models.fault_model import FaultModel
 from workbench.errors import InputError, SolverError, UnknownNameError
+from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_positive
 from workbench.systems.bilinear import to_continuous
-
-if TYPE_CHECKING:
-    from control import StateSpace
-
 
 GRID = 60
 """Frequencies that the search starts from."""

@@ -10,7 +10,7 @@ solution). It is the innovation of the Kalman filter of Q_1's noise.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,11 +22,9 @@ from workbench.diagnosis.generators.matching import null_space_generator, series
 from workbench.diagnosis.models.detectability import need_faults
 from workbench.diagnosis.models.fault_model import FaultModel
 from workbench.errors import InputError
+from workbench.heavy_types import StateSpace
 from workbench.input_checks import is_real
 from workbench.systems.realisation import Matrices, realisation
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 RANK = 1e-9
 """Of the noise's direct term: singular values below this share of the largest count as 0."""

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,13 +20,10 @@ from numpy.typing import ArrayLike
 from workbench.arrays import Array
 from workbench.diagnosis.models.rank_factors import rank_factors
 from workbench.errors import InputError, UnknownNameError
+from workbench.heavy_types import StateSpace
 from workbench.input_checks import as_array
 from workbench.systems.generalised_plant import response
 from workbench.systems.realisation import realisation
-
-if TYPE_CHECKING:
-    from control import StateSpace
-
 
 KINDS = ("controls", "disturbances", "faults", "noise")
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,13 +18,9 @@ from workbench.fitting.magnitude.coverage import least_margin
 from workbench.fitting.rational import Rational
 from workbench.fitting.samples import as_count, as_frequencies, as_positive
 from workbench.fitting.storage import function
+from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.program import Check, Program, find_method, worst
 from workbench.solvers import Options
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from control import StateSpace
-    from matplotlib.figure import Figure
 
 LARGEST_ORDER = 12
 """Largest order that `fit_magnitude` tries in search of the smallest one."""
@@ -142,10 +138,10 @@ class MagnitudeFit(Program):
 
     # --- datasets and figures -----------------------------------------------------------------
 
-    def to_dataset(self, answer: Rational) -> xr.Dataset:
+    def to_dataset(self, answer: Rational) -> Dataset:
         return results.to_dataset(self.omega, self.magnitude, self.weight, answer)
 
-    def from_dataset(self, data: xr.Dataset) -> Rational:
+    def from_dataset(self, data: Dataset) -> Rational:
         return function(data)
 
     def figures(self, answer: Rational) -> dict[str, Figure]:

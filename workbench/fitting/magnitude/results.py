@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from workbench import figures as style
 from workbench.arrays import RealArray
 from workbench.fitting.rational import Rational
 from workbench.fitting.storage import roots
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
+from workbench.heavy_types import Dataset, Figure
 
 DENSE = 10
 """Points of the fitted curve for each of the data."""
@@ -21,7 +16,7 @@ DENSE = 10
 
 def to_dataset(
     omega: RealArray, magnitude: RealArray, weight: RealArray, answer: Rational
-) -> xr.Dataset:
+) -> Dataset:
     """Data (F,) at omega [rad/s], the fitted magnitude, and the fit's roots and gain."""
     import xarray as xr
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -10,9 +10,7 @@ from workbench import figures
 from workbench.arrays import RealArray
 from workbench.fitting.rational import Rational
 from workbench.fitting.response.data import Data
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from workbench.heavy_types import Figure
 
 POINTS = 2000
 """Frequencies at which the fit is drawn: between the data too."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,13 +17,9 @@ from workbench.fitting.response.data import Data
 from workbench.fitting.response.figures import bode, nyquist
 from workbench.fitting.samples import as_count, as_frequencies, as_responses, as_weights
 from workbench.fitting.storage import function, roots
+from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.program import Check, Program, solve, worst
 from workbench.solvers import Options
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from control import StateSpace
-    from matplotlib.figure import Figure
 
 HIGHEST = 12
 """Order up to which an order is looked for."""
@@ -148,7 +144,7 @@ class ResponseFit(Program):
 
     # --- datasets and figures -----------------------------------------------------------------
 
-    def to_dataset(self, answer: Rational) -> xr.Dataset:
+    def to_dataset(self, answer: Rational) -> Dataset:
         import xarray as xr
 
         fit = answer.response(self.omega)
@@ -163,7 +159,7 @@ class ResponseFit(Program):
             {"omega": ("omega", self.omega, {"units": "rad/s", "long_name": "angular frequency"})},
         )
 
-    def from_dataset(self, data: xr.Dataset) -> Rational:
+    def from_dataset(self, data: Dataset) -> Rational:
         return function(data)
 
     def figures(self, answer: Rational) -> dict[str, Figure]:

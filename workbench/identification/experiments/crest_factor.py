@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from workbench.errors import InputError
+from workbench.heavy_types import Dataset, Figure
 from workbench.identification.experiments.figures import period_figure
 from workbench.identification.experiments.multisine import Multisine, as_lines
 from workbench.program import Check, Program, worst
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
 
 POINTS = 64
 """Instants of the check per period of the highest line: the bound is then 0.12 % above them."""
@@ -117,7 +114,7 @@ class CrestFactor(Program):
         )
         return {"period": period_figure(drawn, schroeder)}
 
-    def to_dataset(self, answer: Any) -> xr.Dataset:
+    def to_dataset(self, answer: Any) -> Dataset:
         import xarray as xr
 
         phases = self._phases(answer)
@@ -131,7 +128,7 @@ class CrestFactor(Program):
             coords={"line": ("line", self.lines, {"units": "1", "long_name": "harmonic"})},
         )
 
-    def from_dataset(self, data: xr.Dataset) -> np.ndarray:
+    def from_dataset(self, data: Dataset) -> np.ndarray:
         return data["phase"].values
 
     def _phases(self, answer: Any) -> np.ndarray:

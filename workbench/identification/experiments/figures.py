@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from workbench import figures
 from workbench.arrays import RealArray
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from workbench.heavy_types import Figure
 
 
 def period_figure(answer: RealArray, schroeder: RealArray) -> Figure:

@@ -6,15 +6,12 @@ Every error names the file and the line or the variable.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from workbench.errors import InputError
+from workbench.heavy_types import Dataset
 from workbench.identification.experiments.variables import File, read_variables
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 
 def read_record(
@@ -23,7 +20,7 @@ def read_record(
     outputs: Sequence[str],
     sample_rate: float | None = None,
     time: str | None = None,
-) -> xr.Dataset:
+) -> Dataset:
     """A record of inputs and outputs.
 
     Parameters
@@ -84,7 +81,7 @@ def read_record(
     return xr.Dataset(arrays, coords={"time": ("time", instants, unit), **coords})
 
 
-def read_response(file: File, frequency: str, response: str | tuple[str, str]) -> xr.Dataset:
+def read_response(file: File, frequency: str, response: str | tuple[str, str]) -> Dataset:
     """A measured frequency response.
 
     Parameters

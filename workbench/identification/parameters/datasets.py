@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from workbench.heavy_types import Dataset
 from workbench.identification.parameters.least_squares import LeastSquares
 from workbench.identification.parameters.measured import MeasuredRecord, MeasuredResponse
 
-if TYPE_CHECKING:
-    import xarray as xr
 
-
-def fit_dataset(problem: LeastSquares, values: np.ndarray) -> xr.Dataset:
+def fit_dataset(problem: LeastSquares, values: np.ndarray) -> Dataset:
     """Parameters with bounds and covariance, and each datum beside its model."""
     import xarray as xr
 

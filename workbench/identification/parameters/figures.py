@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from workbench import figures
+from workbench.heavy_types import Figure
 from workbench.identification.parameters.measured import Measured, MeasuredRecord, MeasuredResponse
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 def fit_figures(data: Sequence[Measured], values: Mapping[str, float]) -> dict[str, Figure]:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from workbench.errors import InputError, SolverError
+from workbench.heavy_types import Dataset, Figure
 from workbench.identification.experiments.quality import IdentificationWarning
 from workbench.identification.parameters.datasets import fit_dataset
 from workbench.identification.parameters.figures import fit_figures
@@ -17,10 +18,6 @@ from workbench.identification.parameters.least_squares import AT_BOUND, LeastSqu
 from workbench.identification.parameters.measured import Measured
 from workbench.program import Check, Program, solve
 from workbench.solvers import Options
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
 
 STATIONARY = 1e-3
 """Change of the residuals by a Newton step to the optimum, over their norm, that is let pass."""
@@ -123,10 +120,10 @@ class ParameterFit(LeastSquares, Program):
         named = dict(zip(self.names, map(float, self._values(answer)), strict=True))
         return fit_figures(self.data, named)
 
-    def to_dataset(self, answer: Any) -> xr.Dataset:
+    def to_dataset(self, answer: Any) -> Dataset:
         return fit_dataset(self, self._values(answer))
 
-    def from_dataset(self, data: xr.Dataset) -> np.ndarray:
+    def from_dataset(self, data: Dataset) -> np.ndarray:
         return data["value"].values
 
     def _values(self, answer: Any) -> np.ndarray:

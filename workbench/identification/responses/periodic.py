@@ -14,18 +14,15 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy import stats
 
 from workbench.errors import InputError
+from workbench.heavy_types import Dataset
 from workbench.identification.experiments.quality import IdentificationWarning
 from workbench.identification.responses.assumptions import Assumptions, assess
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +59,7 @@ class ResponseEstimate:
         """Half-width of the interval of the real part, or of the imaginary part."""
         return stats.t.ppf((1 + confidence) / 2, self.degrees) * np.sqrt(self.variance / 2)
 
-    def to_dataset(self) -> xr.Dataset:
+    def to_dataset(self) -> Dataset:
         """Response, variance and the radius at 99 %, labelled."""
         import xarray as xr
 

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from workbench import figures
+from workbench.heavy_types import Dataset, Figure
 from workbench.identification.state_space.validation import BOUND
 
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
 
-
-def held_out(data: xr.Dataset, title: str) -> Figure:
+def held_out(data: Dataset, title: str) -> Figure:
     """Measured and modelled outputs, and what is left, on the samples held out."""
     outputs = data["output"].values
     figure, panels = figures.axes(
@@ -40,7 +35,7 @@ def held_out(data: xr.Dataset, title: str) -> Figure:
     return figure
 
 
-def response(data: xr.Dataset, title: str) -> Figure:
+def response(data: Dataset, title: str) -> Figure:
     """Magnitudes of the simulator and of the nonparametric response with its 99 % radius."""
     rows, columns = data.sizes["output"], data.sizes["input"]
     figure, panels = figures.axes(rows, columns, size=(4.4 * columns, 3.2 * rows), sharex=True)
@@ -69,7 +64,7 @@ def response(data: xr.Dataset, title: str) -> Figure:
     return figure
 
 
-def residuals(data: xr.Dataset) -> Figure:
+def residuals(data: Dataset) -> Figure:
     """Correlations of the predictor's errors with their past and the inputs, and the 99 % bound."""
     outputs, inputs = data["output"].values, data["input"].values
     columns = 1 + len(inputs)
@@ -92,7 +87,7 @@ def residuals(data: xr.Dataset) -> Figure:
     return figure
 
 
-def validation(data: xr.Dataset) -> Figure:
+def validation(data: Dataset) -> Figure:
     """Fits within the estimation part over the order, of predictors and of simulators."""
     figure, panels = figures.axes(1, 2, size=(9.0, 4.0))
     fits = data["validation_fit"].where(np.isfinite(data["validation_fit"]))

@@ -9,16 +9,13 @@ Source: L. Ljung, System Identification, 2nd ed., 1999, sections 4.3 and 16.4.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.signal import dlsim
 
 from workbench.arrays import ComplexArray, RealArray
-
-if TYPE_CHECKING:
-    from control import StateSpace
+from workbench.heavy_types import StateSpace
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,13 +12,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.errors import InputError
 from workbench.executor import Context
+from workbench.heavy_types import Dataset, Figure
 from workbench.identification.experiments.quality import checked_record
 from workbench.identification.responses.local_polynomial import LocalPolynomial, local_polynomial
 from workbench.identification.state_space import figures as drawn
@@ -33,10 +34,6 @@ from workbench.identification.state_space.validation import (
 )
 from workbench.program import Check, Claim, Program, method
 from workbench.solvers import Outcome
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
 
 USES = ("one_step", "free_run")
 """What the predictor and the simulator are for, each named as the method of the model."""
@@ -272,7 +269,7 @@ class StateSpaceFit(Program):
             "validation": drawn.validation(data),
         }
 
-    def to_dataset(self, answer: Identified) -> xr.Dataset:
+    def to_dataset(self, answer: Identified) -> Dataset:
         import xarray as xr
 
         predictor, simulator = answer.predictor, answer.simulator
@@ -322,7 +319,7 @@ class StateSpaceFit(Program):
             attrs={"washout": self.washout},
         )
 
-    def from_dataset(self, data: xr.Dataset) -> Identified:
+    def from_dataset(self, data: Dataset) -> Identified:
         predictor, simulator = (
             InnovationsModel(**{matrix: data[f"{name}_{matrix}"].values for matrix in MATRICES})
             for name in MODELS

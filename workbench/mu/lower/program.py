@@ -4,19 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from workbench import figures
 from workbench.errors import InputError
+from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.input_checks import as_matrices
 from workbench.program import Check, Program, worst
 from workbench.structure import Full, Real, Structure
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
 
 NORM = 1e-10
 """Deviation of the size of Delta from 1 / value, relative, that a certificate lets pass."""
@@ -58,7 +55,7 @@ class MuLowerBound(Program):
 
     M: Any  # an ndarray from here on
     structure: Structure
-    labels: xr.DataArray | None = field(default=None, init=False, repr=False)
+    labels: DataArray | None = field(default=None, init=False, repr=False)
 
     default_method: ClassVar[str] = "best"
     headline: ClassVar[str] = "mu_lower_peak"
@@ -140,7 +137,7 @@ class MuLowerBound(Program):
             "matrices": value.size,
         }
 
-    def to_dataset(self, answer: LowerBound) -> xr.Dataset:
+    def to_dataset(self, answer: LowerBound) -> Dataset:
         import xarray as xr
 
         labels = self._labelled()
@@ -161,7 +158,7 @@ class MuLowerBound(Program):
             coords=coords,
         )
 
-    def from_dataset(self, data: xr.Dataset) -> LowerBound:
+    def from_dataset(self, data: Dataset) -> LowerBound:
         return LowerBound(data["mu_lower"].values, data["Delta"].values)
 
     def figures(self, answer: LowerBound) -> dict[str, Figure]:
@@ -174,7 +171,7 @@ class MuLowerBound(Program):
         """The name of a matrix, for messages."""
         return f"at matrix {', '.join(map(str, index))}" if self.batch else ""
 
-    def _labelled(self) -> xr.DataArray:
+    def _labelled(self) -> DataArray:
         import xarray as xr
 
         if self.labels is not None:

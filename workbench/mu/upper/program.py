@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,13 +12,10 @@ from workbench import figures
 from workbench.arrays import ComplexArray
 from workbench.certify.mu_bound import certified, structured
 from workbench.errors import InputError
+from workbench.heavy_types import Dataset, Figure
 from workbench.input_checks import need_structure
 from workbench.program import Check, Program, worst
 from workbench.structure import Structure
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)
@@ -129,7 +126,7 @@ class MuUpperBound(Program):
         panel.set_ylabel("upper bound of mu")
         return {"bound": figure}
 
-    def to_dataset(self, answer: UpperBound) -> xr.Dataset:
+    def to_dataset(self, answer: UpperBound) -> Dataset:
         import xarray as xr
 
         batch = tuple(f"batch_{i}" for i in range(len(self.batch)))
@@ -160,7 +157,7 @@ class MuUpperBound(Program):
             }
         )
 
-    def from_dataset(self, data: xr.Dataset) -> UpperBound:
+    def from_dataset(self, data: Dataset) -> UpperBound:
         return UpperBound(*(data[name].values for name in ("value", "D_left", "D_right", "G")))
 
 

@@ -2,17 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from workbench import figures
+from workbench.heavy_types import Axes, Figure, StateSpace
 from workbench.systems.generalised_plant import response
-
-if TYPE_CHECKING:
-    from control import StateSpace
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 POINTS = 400
 DECADES = 1.5

@@ -11,7 +11,7 @@ import math
 import warnings
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from scipy.linalg import LinAlgError, solve_continuous_are, solve_continuous_lyapunov
@@ -19,6 +19,7 @@ from scipy.linalg import LinAlgError, solve_continuous_are, solve_continuous_lya
 from workbench.certify.norms import CERTIFIED
 from workbench.errors import InputError
 from workbench.executor import Context
+from workbench.heavy_types import StateSpace
 from workbench.program import Check, Claim, method
 from workbench.solvers import Outcome
 from workbench.synthesis.hinf.levels import LARGEST
@@ -34,10 +35,6 @@ from workbench.systems.norms import norm
 from workbench.systems.realisation import Matrices, realisation
 from workbench.systems.riccati import hamiltonian_solution
 from workbench.systems.standard_plant import standard_plant
-
-if TYPE_CHECKING:
-    from control import StateSpace
-
 
 CANCELLED = 1e6
 """Multiple of the rounding error of the Hankel norm's square that its value may be off."""

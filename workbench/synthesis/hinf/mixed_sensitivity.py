@@ -5,21 +5,19 @@ Tolerant Control of CD-players (2003), eq. 5.6, which weighs S and K S).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from workbench.certify.norms import CERTIFIED
 from workbench.errors import InputError
+from workbench.heavy_types import StateSpace
 from workbench.program import Check, worst
 from workbench.synthesis.hinf.figures import grid
 from workbench.synthesis.hinf.program import HinfController, HinfSynthesis
 from workbench.systems.connection import generalised_plant
 from workbench.systems.conversion import as_system, as_weight
 from workbench.systems.generalised_plant import GeneralisedPlant, response
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 
 @dataclass(frozen=True, eq=False, init=False, kw_only=True)

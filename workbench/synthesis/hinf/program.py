@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from workbench.certify.norms import CERTIFIED, certified_norm
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError, SolverError
+from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.input_checks import need_positive
 from workbench.program import Check, Program, solve
 from workbench.solvers import Options
@@ -23,11 +24,6 @@ from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.minimal import visible
 from workbench.systems.standard_plant import standard_plant
 from workbench.systems.storage import restored, stored
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from control import StateSpace
-    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +138,7 @@ class HinfSynthesis(Program):
             "controller": drawn.controller(answer.K, closed),
         }
 
-    def to_dataset(self, answer: HinfController) -> xr.Dataset:
+    def to_dataset(self, answer: HinfController) -> Dataset:
         import xarray as xr
 
         units = {"units": "1"}
@@ -156,7 +152,7 @@ class HinfSynthesis(Program):
             }
         )
 
-    def from_dataset(self, data: xr.Dataset) -> HinfController:
+    def from_dataset(self, data: Dataset) -> HinfController:
         numbers = (float(data[name]) for name in ("norm", "gamma", "least"))
         return HinfController(restored(data, "controller"), *numbers)
 

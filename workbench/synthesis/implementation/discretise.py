@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 from scipy.linalg import schur
 
 from workbench.arrays import RealArray
 from workbench.errors import InputError
+from workbench.heavy_types import StateSpace
 from workbench.input_checks import is_real, need_positive
 from workbench.synthesis.implementation.sampled_loop import need_fitting, sampled_conditions
 from workbench.systems.balancing import speed, state_units
@@ -17,9 +18,6 @@ from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import response
 from workbench.systems.realisation import realisation
 from workbench.systems.sampling import hold
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 Method = Literal["tustin", "zoh"]
 CONDITION = 1e3

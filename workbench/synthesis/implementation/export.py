@@ -9,18 +9,16 @@ import tempfile
 from collections.abc import Callable, Mapping
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 
 from workbench.errors import InputError, ResultError
+from workbench.heavy_types import StateSpace
 from workbench.synthesis.implementation.export_c import Limits, Precision, header
 from workbench.synthesis.implementation.second_order import Sections
 from workbench.systems.conversion import as_system
 from workbench.systems.realisation import realisation
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 Format = Literal["json", "mat", "c"]
 KIND = "workbench controller"

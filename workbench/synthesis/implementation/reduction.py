@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError
 from workbench.executor import Context
+from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_positive, need_whole
 from workbench.mu.frequency.peak import Peak
 from workbench.mu.robust.conditions import Conditions, conditions
@@ -22,9 +23,6 @@ from workbench.synthesis.mu.program import MuSynthesis
 from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.realisation import realisation
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 Method = Literal["weighted", "balanced", "hankel"]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq, root
@@ -12,13 +12,11 @@ from scipy.optimize import brentq, root
 from workbench.arrays import ComplexArray, RealArray
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError
+from workbench.heavy_types import StateSpace
 from workbench.input_checks import is_real, need_positive
 from workbench.synthesis.implementation.sampled_response import SampledLoop
 from workbench.systems.conversion import as_system
 from workbench.systems.realisation import realisation
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 STATIC = 1e-8
 """Share of the lowest frequency at which the static gain is read."""

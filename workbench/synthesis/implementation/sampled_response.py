@@ -4,19 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from workbench.arrays import ComplexArray, RealArray
+from workbench.heavy_types import StateSpace
 from workbench.systems.generalised_plant import response
 from workbench.systems.interconnection import connected, part_of
 from workbench.systems.realisation import realisation
 from workbench.systems.sampling import sampled, split_delay
-
-if TYPE_CHECKING:
-    from control import StateSpace
-
 
 POINTS = 4000
 """Frequencies between the slowest mode and half the sampling rate; more about each mode."""

@@ -4,22 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError, SolverError
+from workbench.heavy_types import StateSpace
 from workbench.systems.balancing import balanced
 from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import response
 from workbench.systems.minimal import minimal
 from workbench.systems.realisation import realisation
-
-if TYPE_CHECKING:
-    from control import StateSpace
-
 
 CHECKED = np.pi * np.append(np.logspace(-6, 0, 120, endpoint=False), 0.999)
 """Frequencies [rad/sample] at which the cascades are compared with the controller."""

@@ -9,15 +9,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import reduce
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from workbench.arrays import RealArray
-
-if TYPE_CHECKING:
-    from control import StateSpace
-
+from workbench.heavy_types import StateSpace
 
 Range = tuple[float, float]
 DAMPING = (0.1, 20.0)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from workbench.arrays import RealArray
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError, SolverError
 from workbench.executor import Context
+from workbench.heavy_types import StateSpace
 from workbench.mu import upper_bound
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
@@ -30,10 +31,6 @@ from workbench.synthesis.mu.scaling_fit import Fit, worth
 from workbench.synthesis.mu.scalings import Scalings
 from workbench.systems.frequency_grid import frequencies_of
 from workbench.systems.generalised_plant import response
-
-if TYPE_CHECKING:
-    from control import StateSpace
-
 
 ROUNDS = 30
 LEVEL = 2e-3

@@ -7,16 +7,12 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
-
-if TYPE_CHECKING:
-    from control import StateSpace
-
+from workbench.heavy_types import StateSpace
 
 TURNS = 24
 """Directions tried for the state of a second-order block that is least ill-conditioned."""

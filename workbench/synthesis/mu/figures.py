@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from workbench import figures
+from workbench.heavy_types import Figure, StateSpace
 from workbench.mu import sweep
 from workbench.structure import Structure
 from workbench.synthesis.hinf.figures import grid
 from workbench.synthesis.mu.rounds import Iterate
-
-if TYPE_CHECKING:
-    from control import StateSpace
-    from matplotlib.figure import Figure
 
 
 def bounds(loop: StateSpace, structure: Structure, peak: float) -> Figure:

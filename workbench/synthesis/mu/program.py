@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError
+from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.input_checks import need_positive
 from workbench.mu import Peak, performance_peak
 from workbench.program import Check, Program
@@ -25,11 +26,6 @@ from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.minimal import visible
 from workbench.systems.realisation import realisation
 from workbench.systems.storage import restored, stored
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from control import StateSpace
-    from matplotlib.figure import Figure
 
 TOLERANCE = 1e-3
 """Of certified peaks, relative."""
@@ -195,7 +191,7 @@ class MuSynthesis(Program):
 
     # --- datasets and figures -----------------------------------------------------------------
 
-    def to_dataset(self, answer: MuController) -> xr.Dataset:
+    def to_dataset(self, answer: MuController) -> Dataset:
         import xarray as xr
 
         one = {"units": "1"}
@@ -210,7 +206,7 @@ class MuSynthesis(Program):
             coords={"bound": ["lower", "upper"]},
         )
 
-    def from_dataset(self, data: xr.Dataset) -> MuController:
+    def from_dataset(self, data: Dataset) -> MuController:
         arrays = {
             str(name).removeprefix(ROUND): array.values
             for name, array in data.data_vars.items()

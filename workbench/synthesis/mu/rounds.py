@@ -10,11 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.arrays import RealArray
+from workbench.heavy_types import StateSpace
 from workbench.systems.realisation import realisation
 
 if TYPE_CHECKING:
-    from control import StateSpace
-
     from workbench.executor import Row
 
 

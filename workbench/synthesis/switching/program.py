@@ -22,7 +22,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,12 +30,8 @@ from numpy.typing import NDArray
 from workbench import figures
 from workbench.arrays import RealArray
 from workbench.errors import InputError
+from workbench.heavy_types import Dataset, Figure
 from workbench.program import Check, Program
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
-
 
 ROUNDING = 1e-9
 """By which V must fall at least, relative: far more than the rounding of what is recomputed."""
@@ -254,7 +250,7 @@ class SwitchedStability(Program):
 
     # --- datasets and figures -----------------------------------------------------------------
 
-    def to_dataset(self, answer: Dwell) -> xr.Dataset:
+    def to_dataset(self, answer: Dwell) -> Dataset:
         import xarray as xr
 
         about = {"long_name": "V = x' P x at the entry of each mode"}
@@ -272,7 +268,7 @@ class SwitchedStability(Program):
             coords={"mode": [mode.name for mode in self.modes]},
         )
 
-    def from_dataset(self, data: xr.Dataset) -> Dwell:
+    def from_dataset(self, data: Dataset) -> Dwell:
         return Dwell(int(data["dwell"]), data["P"].values)
 
     def figures(self, answer: Dwell) -> dict[str, Figure]:

@@ -11,7 +11,7 @@ from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, get_args
+from typing import Any, ClassVar, Literal, Self, get_args
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from workbench.executor import Context
 from workbench.fitting.rational import Rational, from_system
 from workbench.fitting.samples import as_count
 from workbench.geometry import Circle, NarrowestStadium, Stadium
+from workbench.heavy_types import Dataset, Figure
 from workbench.program import Check, Program, worst
 from workbench.uncertainty.covers.figures import cover_figures
 from workbench.uncertainty.covers.model import ROUNDING, UncertaintyModel, contains
@@ -34,11 +35,6 @@ from workbench.uncertainty.covers.weights import (
     resolved,
     share_of_size,
 )
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
-
 
 OUTWARD = 1e-12
 """Outward rounding of radii, relative to the plants: equal plants have no other radius."""
@@ -274,12 +270,12 @@ class UncertaintyCover(Program):
             "outside": int(contains(model, self.responses, self.leave_out).outside.sum()),
         }
 
-    def to_dataset(self, answer: CoverSteps) -> xr.Dataset:
+    def to_dataset(self, answer: CoverSteps) -> Dataset:
         from workbench.uncertainty.covers.storage import to_dataset
 
         return to_dataset(self.responses, answer)
 
-    def from_dataset(self, data: xr.Dataset) -> CoverSteps:
+    def from_dataset(self, data: Dataset) -> CoverSteps:
         from workbench.uncertainty.covers.storage import rational, shape
 
         model = UncertaintyModel(

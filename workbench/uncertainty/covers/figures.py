@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from workbench import figures
 from workbench.geometry.figures import plane
+from workbench.heavy_types import Axes, Figure
 from workbench.uncertainty.covers.responses import Responses
 from workbench.uncertainty.covers.steps import CoverSteps
 from workbench.uncertainty.covers.weights import unwrapped
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 
 def cover_figures(

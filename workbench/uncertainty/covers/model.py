@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, get_args
+from typing import Any, get_args
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from workbench.arrays import RealArray
 from workbench.errors import InputError
 from workbench.fitting.rational import Rational, from_system
 from workbench.geometry import Stadium
+from workbench.heavy_types import StateSpace
 from workbench.structure import Complex as ComplexScalar
 from workbench.structure import Real as RealScalar
 from workbench.structure import Structure
@@ -26,9 +27,6 @@ from workbench.systems.connection import generalised_plant
 from workbench.systems.interconnection import UncertainPart
 from workbench.uncertainty.covers.responses import Responses
 from workbench.uncertainty.covers.sets import Form
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 ROUNDING = 1e-9
 """Excess beyond a boundary, relative to the radius, that counts as rounding."""

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from control import FrequencyResponseData
+from workbench.heavy_types import DataArray, FrequencyResponseData
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,7 +136,7 @@ class Responses:
         """The point sets (F, N); what is missing repeats another point of its set."""
         return filled(self.values, self.present)
 
-    def labelled(self) -> xr.DataArray:
+    def labelled(self) -> DataArray:
         """The point sets with names and units, dims (frequency, plant)."""
         import xarray as xr
 

@@ -11,22 +11,20 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.arrays import Array, RealArray
 from workbench.errors import InputError, UnknownNameError
+from workbench.heavy_types import StateSpace
 from workbench.structure import Real, Structure
 from workbench.systems.frequency_response import frequency_response
 from workbench.systems.interconnection import UncertainPart
 from workbench.uncertainty.parametric.lft import INTEGRATOR, LFT, SINGULAR, lift, matrix, scalar
 from workbench.uncertainty.parametric.parameters import Parameter
 from workbench.uncertainty.parametric.reduction import grouped, reduced
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 Model = Callable[..., tuple[Any, Any, Any, Any]]
 Deltas = Mapping[str, ArrayLike] | ArrayLike

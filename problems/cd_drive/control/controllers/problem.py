@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from workbench import Check, Run, Study, problem, ref
 from workbench.executor import Context
+from workbench.heavy_types import Dataset, Figure
 from workbench.mu import performance_peak, performance_sweep
 from workbench.synthesis import largest_least_mu, least_mu
 from workbench.systems.storage import restored
@@ -27,10 +28,6 @@ from ..design import cover_of, uncertainty
 from ..five_x.study import CHANNELS
 from ..loop_weights import loop_weights
 from .report import figure_6_4, peaks_table
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
 
 DESIGNS = {
     "third order": ("fixed", "reference"),
@@ -101,7 +98,7 @@ class Controllers(Study):
         covered = self.covers[model - 1] if model else None
         return generalised(self.axis, uncertainty(self.axis, covered))
 
-    def compute(self, context: Context) -> xr.Dataset:
+    def compute(self, context: Context) -> Dataset:
         import control
         import xarray as xr
 
@@ -173,7 +170,7 @@ class Controllers(Study):
         assert isinstance(found, UncertaintyModel)
         return lambda omega: loop_weights(self.axis, found, 1.0, omega)
 
-    def checks(self, answer: xr.Dataset, tolerance: float) -> list[Check]:
+    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
         upper, lower = (answer["peak"].sel(bound=bound) for bound in ("upper", "lower"))
         both = upper.sel(channel="both")
         statement = "largest lower over upper bound of a peak, less 1"
@@ -189,7 +186,7 @@ class Controllers(Study):
         checks.append(Check("parametric", statement, parametric, 1.0))
         return checks
 
-    def metrics(self, answer: xr.Dataset) -> dict[str, float]:
+    def metrics(self, answer: Dataset) -> dict[str, float]:
         numbers = {}
         for model in MODELS:
             at = answer.sel(model=model)
@@ -204,10 +201,10 @@ class Controllers(Study):
                 numbers[f"least_possible_{_key(model)}"] = float(at["least_peak"])
         return numbers
 
-    def tables(self, answer: xr.Dataset) -> dict[str, str]:
+    def tables(self, answer: Dataset) -> dict[str, str]:
         return {"peaks": peaks_table(answer)}
 
-    def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
+    def figures(self, answer: Dataset) -> dict[str, Figure]:
         return {
             "disturbance": figure_6_4(self.axis, answer, "disturbance"),
             "both": figure_6_4(self.axis, answer, "both"),

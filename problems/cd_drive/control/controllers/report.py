@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from workbench import figures
+from workbench.heavy_types import Dataset, Figure
 
 from ...drive.tables import Axis
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
 
 LOOKS = {
     "mu-PID": (":", figures.ORANGE),
@@ -22,7 +17,7 @@ LOOKS = {
 SIGNALS = {"disturbance": "w_p to z_p", "both": "w_p to both"}
 
 
-def figure_6_4(axis: Axis, answer: xr.Dataset, channel: str) -> Figure:
+def figure_6_4(axis: Axis, answer: Dataset, channel: str) -> Figure:
     """Mu of every controller with the uncertainty that it was made for, a panel for each model."""
     figure, panels = figures.axes(2, 2, size=(10.0, 8.0), sharex=True, sharey=True)
     for panel, model in zip(panels, answer["model"].values, strict=True):
@@ -44,7 +39,7 @@ def figure_6_4(axis: Axis, answer: xr.Dataset, channel: str) -> Figure:
     return figure
 
 
-def peaks_table(answer: xr.Dataset) -> str:
+def peaks_table(answer: Dataset) -> str:
     """Certified upper bounds, a line for every controller and model."""
     channels = answer["channel"].values
     lines = [

@@ -19,6 +19,7 @@ from workbench.errors import SolverError
 from workbench.executor import Context
 from workbench.fitting.rational import Rational, from_system
 from workbench.fitting.storage import function, roots
+from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.mu import performance_peak, performance_sweep
 from workbench.program import solve
 from workbench.synthesis import ControlCover, MuSynthesis
@@ -36,10 +37,6 @@ from ..loop_weights import control_cover
 from .report import cover_figures, rounds_table
 
 if TYPE_CHECKING:
-    import xarray as xr
-    from control import StateSpace
-    from matplotlib.figure import Figure
-
     Stage = tuple[UncertaintyModel, StateSpace]
 
 STAGES = ("narrowest", "controller for it", "in turn", "together")
@@ -109,7 +106,7 @@ class CoverForControl(Study):
     def program(self, model: UncertaintyModel, K: StateSpace | None) -> MuSynthesis:
         return MuSynthesis(synthesis_plant(self.axis, model), start=K)
 
-    def compute(self, context: Context) -> xr.Dataset:
+    def compute(self, context: Context) -> Dataset:
         import control
         import xarray as xr
 
@@ -229,12 +226,12 @@ class CoverForControl(Study):
         certified = self.program(model, None).certified(K)
         return np.inf if certified is None else certified.upper
 
-    def stage(self, answer: xr.Dataset, number: int) -> Stage:
+    def stage(self, answer: Dataset, number: int) -> Stage:
         """The model and controller of a stage."""
         nominal, W_c, W_r = (function(answer, f"{name}{number}_") for name in PARTS)
         return UncertaintyModel(nominal, W_c, W_r), restored(answer, f"controller{number}")
 
-    def checks(self, answer: xr.Dataset, tolerance: float) -> list[Check]:
+    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
         checks = []
         for number, name in enumerate(STAGES):
             model, K = self.stage(answer, number)
@@ -260,7 +257,7 @@ class CoverForControl(Study):
             checks.append(Check(f"{name}: lower", statement, value, 1.0))
         return checks
 
-    def metrics(self, answer: xr.Dataset) -> dict[str, float]:
+    def metrics(self, answer: Dataset) -> dict[str, float]:
         upper = answer["peak"].sel(bound="upper")
         K = restored(answer, "controller3")
         return {
@@ -273,9 +270,9 @@ class CoverForControl(Study):
             "iterations": float(answer.sizes["step"]),
         }
 
-    def tables(self, answer: xr.Dataset) -> dict[str, str]:
+    def tables(self, answer: Dataset) -> dict[str, str]:
         return {"rounds": rounds_table(answer)}
 
-    def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
+    def figures(self, answer: Dataset) -> dict[str, Figure]:
         sizes = [self.stage(answer, number)[0].sizes(self.responses.omega) for number in (0, 3)]
         return cover_figures(self.axis, answer, sizes)

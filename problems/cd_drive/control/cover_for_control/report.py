@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from workbench import figures
 from workbench.arrays import RealArray
+from workbench.heavy_types import Dataset, Figure
 
 from ...drive.tables import Axis
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
 
 LOOKS = {
     "narrowest": (":", figures.ORANGE, "narrowest stadiums, reference controller"),
@@ -22,7 +17,7 @@ LOOKS = {
 
 
 def cover_figures(
-    axis: Axis, answer: xr.Dataset, sizes: list[tuple[RealArray, RealArray]]
+    axis: Axis, answer: Dataset, sizes: list[tuple[RealArray, RealArray]]
 ) -> dict[str, Figure]:
     """Mu of the stages over frequency; sizes (W_c, W_r) of the first and the last model."""
     mu, (panel,) = figures.axes(1, 1, size=(7.2, 4.8))
@@ -48,7 +43,7 @@ def cover_figures(
     return {"mu": mu, "weights": size}
 
 
-def rounds_table(answer: xr.Dataset) -> str:
+def rounds_table(answer: Dataset) -> str:
     """Certified peaks step by step."""
     lines = ["| step | optimised | certified peak |", "| ---: | --- | ---: |"]
     for number, (what, peak) in enumerate(

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from workbench import Check
 from workbench.arrays import ComplexArray, RealArray
+from workbench.heavy_types import Dataset, StateSpace, TransferFunction
 from workbench.mu import rank_one_mu
 from workbench.program import worst
 from workbench.synthesis import SetsAt
@@ -17,10 +17,6 @@ from ...drive.plants import ANTIALIASING
 from ..control_problem import control_weight, optical_gain, performance_weight
 from ..loop_weights import BASIS
 from .uncertain_loop import UncertainLoop
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from control import StateSpace, TransferFunction
 
 LOWEST, HIGHEST = BASIS.band
 DENSE = 20_000
@@ -38,7 +34,7 @@ CAUCHY = 1e-4
 def five_x_checks(
     uncertain: UncertainLoop,
     controllers: Mapping[str, TransferFunction | StateSpace],
-    answer: xr.Dataset,
+    answer: Dataset,
 ) -> list[Check]:
     """Check that no closed form lies outside the bounds, and that the proofs hold.
 

@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from workbench import figures
+from workbench.heavy_types import Dataset, Figure
 
 from ...drive.tables import Axis
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
 
 LOOKS = {
     "mu-PID": (":", figures.ORANGE),
@@ -24,7 +20,7 @@ LOOKS = {
 PANELS = {"disturbance": "w_p to z_p", "control": "w_u to z_u", "both": "w_p to both"}
 
 
-def figure_6_5(axis: Axis, answer: xr.Dataset) -> Figure:
+def figure_6_5(axis: Axis, answer: Dataset) -> Figure:
     """Figure 6.5, with both channels together and what no controller can beat."""
     figure, panels = figures.axes(3, 1, size=(7.5, 9.5), sharex=True)
     frequency = answer["frequency"]
@@ -56,7 +52,7 @@ def figure_6_5(axis: Axis, answer: xr.Dataset) -> Figure:
     return figure
 
 
-def peaks_table(answer: xr.Dataset) -> str:
+def peaks_table(answer: Dataset) -> str:
     """Certified peaks [lower, upper] and their frequencies, a line for every controller."""
     channels = answer["channel"].values
     lines = [

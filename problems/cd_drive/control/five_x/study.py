@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, get_args
+from typing import Any, ClassVar, get_args
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from workbench import Check, Run, Study
 from workbench.arrays import RealArray
 from workbench.errors import SolverError
 from workbench.executor import Context
+from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.mu import performance_peak, performance_sweep
 from workbench.synthesis import equalising_gain, least_mu, reduced
 from workbench.synthesis.implementation.reduction import Method
@@ -32,11 +33,6 @@ from .bounds import BOUNDED, lower_bounds
 from .checks import five_x_checks
 from .report import conclusions_table, figure_6_5, peaks_table
 from .uncertain_loop import SPEED, UncertainLoop
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from control import StateSpace
-    from matplotlib.figure import Figure
 
 ORDER = 9
 """Of the controller that the thesis shows, reduced from its 74th."""
@@ -70,7 +66,7 @@ class FiveX(Study):
         assert isinstance(model, UncertaintyModel)
         return UncertainLoop(self.axis, model)
 
-    def controllers(self, answer: xr.Dataset) -> dict[str, Any]:
+    def controllers(self, answer: Dataset) -> dict[str, Any]:
         """The four, by the names of CONTROLLERS."""
         K = controller(self.axis)
         full = restored(self.designed.data, "controller")
@@ -79,7 +75,7 @@ class FiveX(Study):
 
     # --- arrays -------------------------------------------------------------------------------
 
-    def compute(self, context: Context) -> xr.Dataset:
+    def compute(self, context: Context) -> Dataset:
         import xarray as xr
 
         one = {"units": "1"}
@@ -162,10 +158,10 @@ class FiveX(Study):
 
     # --- what is said of them -----------------------------------------------------------------
 
-    def checks(self, answer: xr.Dataset, tolerance: float) -> list[Check]:
+    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
         return five_x_checks(self.loop, self.controllers(answer), answer)
 
-    def metrics(self, answer: xr.Dataset) -> dict[str, float]:
+    def metrics(self, answer: Dataset) -> dict[str, float]:
         numbers = {}
         short = dict(zip(CONTROLLERS, ("mu_pid", "adjusted", "full", "ninth"), strict=True))
         upper = answer["peak"].sel(bound="upper")
@@ -194,11 +190,11 @@ class FiveX(Study):
         numbers["least_reached"] = float(upper.sel(channel="both").min())
         return numbers
 
-    def tables(self, answer: xr.Dataset) -> dict[str, str]:
+    def tables(self, answer: Dataset) -> dict[str, str]:
         numbers = self.metrics(answer)
         return {"peaks": peaks_table(answer), "conclusions": conclusions_table(self.axis, numbers)}
 
-    def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
+    def figures(self, answer: Dataset) -> dict[str, Figure]:
         return {"figure-6-5": figure_6_5(self.axis, answer)}
 
 

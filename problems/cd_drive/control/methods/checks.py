@@ -7,12 +7,12 @@ that are defined by one.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from workbench import Check
 from workbench.arrays import ComplexArray, RealArray
+from workbench.heavy_types import Dataset, StateSpace
 from workbench.program import worst
 from workbench.synthesis import DesignTask
 from workbench.systems.generalised_plant import response
@@ -23,10 +23,6 @@ from ...drive.plants import ANTIALIASING
 from ...drive.tables import Axis
 from ...uncertainty.parametric.checks import plants
 from ...uncertainty.parametric_model import uncertain_parameters
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from control import StateSpace
 
 Controllers = dict[str, "StateSpace"]
 Uncertain = UncertaintyModel | ParametricModel
@@ -51,7 +47,7 @@ def method_checks(
     uncertain: Uncertain,
     task: DesignTask,
     controllers: Controllers,
-    answer: xr.Dataset,
+    answer: Dataset,
 ) -> list[Check]:
     """That all stabilise, peaks are in order, each method is best at what it minimises."""
     names = list(controllers)
@@ -85,7 +81,7 @@ def _rightmost(task: DesignTask, K: StateSpace) -> float:
     return float(control.feedback(task.G * K, 1).poles().real.max())
 
 
-def _order(answer: xr.Dataset) -> list[Check]:
+def _order(answer: Dataset) -> list[Check]:
     """More uncertainty or more channels: a larger peak."""
     peak, names = answer["peak"], answer["design"].values
     statements = [
@@ -171,7 +167,7 @@ def _sampled(
     uncertain: Uncertain,
     task: DesignTask,
     controllers: Controllers,
-    answer: xr.Dataset,
+    answer: Dataset,
 ) -> Check:
     """The bound beta of mu holds beta >= |(z_p, z_u)| for perturbations up to 1 / beta."""
     upper = answer["peak"].sel(condition="robust performance", bound="upper")

@@ -6,8 +6,7 @@ CD-players (2003).
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
+from workbench.heavy_types import StateSpace
 from workbench.synthesis import DesignTask
 from workbench.uncertainty import ParametricModel, UncertaintyModel
 
@@ -15,9 +14,6 @@ from ...drive.plants import ANTIALIASING, controller, nominal_parameters, plant,
 from ...drive.tables import Axis
 from ..control_problem import control_weight, generalised, optical_gain, performance_weight
 from ..design import synthesis_plant
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 CHANNELS = ("z_p", "z_u")
 FULL_ORDER = ("LQG", "mixed sensitivity", "loop shaping", "full block", "D-K", "(mu,D)-K")

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -16,6 +16,7 @@ from pydantic import Field
 from workbench import Check, Run, Study, problem
 from workbench.arrays import RealArray
 from workbench.executor import Context
+from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.mu import Peak, conditions, performance_peak, performance_sweep
 from workbench.structure import Full, Structure
 from workbench.synthesis import DESIGNS, DesignTask
@@ -30,11 +31,6 @@ from ..design import Cover, Form, cover_of, uncertainty
 from .checks import method_checks
 from .designs import design_task
 from .report import method_figures, method_tables
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from control import StateSpace
-    from matplotlib.figure import Figure
 
 CONDITIONS = (
     "nominal performance",
@@ -94,7 +90,7 @@ class Methods(Study):
         """Frequencies of the curves [Hz] (F,)."""
         return np.geomspace(LOW, HIGH, self.frequencies)
 
-    def compute(self, context: Context) -> xr.Dataset:
+    def compute(self, context: Context) -> Dataset:
         import xarray as xr
 
         task = self.task
@@ -151,7 +147,7 @@ class Methods(Study):
             },
         )
 
-    def controllers(self, answer: xr.Dataset) -> dict[str, StateSpace]:
+    def controllers(self, answer: Dataset) -> dict[str, StateSpace]:
         """The controllers of an answer by method."""
         return {name: restored(answer, _key(name)) for name in answer["design"].values.tolist()}
 
@@ -196,11 +192,11 @@ class Methods(Study):
 
         return float(control.feedback(self.task.G * K, 1).poles().real.max())
 
-    def checks(self, answer: xr.Dataset, tolerance: float) -> list[Check]:
+    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
         controllers = self.controllers(answer)
         return method_checks(self.axis, self.uncertain, self.task, controllers, answer)
 
-    def metrics(self, answer: xr.Dataset) -> dict[str, float]:
+    def metrics(self, answer: Dataset) -> dict[str, float]:
         upper = answer["peak"].sel(bound="upper")
         numbers = {}
         for name in answer["design"].values.tolist():
@@ -211,10 +207,10 @@ class Methods(Study):
                 numbers[f"peak{short}_{_key(name)}"] = float(value)
         return numbers
 
-    def tables(self, answer: xr.Dataset) -> dict[str, str]:
+    def tables(self, answer: Dataset) -> dict[str, str]:
         return method_tables(answer)
 
-    def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
+    def figures(self, answer: Dataset) -> dict[str, Figure]:
         return method_figures(self.axis, answer)
 
 

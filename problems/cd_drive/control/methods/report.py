@@ -8,13 +8,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from workbench import figures
+from workbench.heavy_types import DataArray, Dataset, Figure
 
 from .designs import FULL_ORDER
 
 if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
-
     from ...drive.tables import Axis
 
 CLAIMS = {
@@ -40,7 +38,7 @@ LOOKS = {
 }
 
 
-def method_tables(answer: xr.Dataset) -> dict[str, str]:
+def method_tables(answer: Dataset) -> dict[str, str]:
     return {
         "methods": _methods(answer),
         "uncertainty": _uncertainty(answer),
@@ -48,7 +46,7 @@ def method_tables(answer: xr.Dataset) -> dict[str, str]:
     }
 
 
-def _methods(answer: xr.Dataset) -> str:
+def _methods(answer: Dataset) -> str:
     """Certified upper bounds; "yes" where that proves the condition, "no" where it is refuted."""
     shown = ("nominal performance", "robust stability", "robust performance", "disturbance alone")
     heads = ["method", "order", "nominal stability", *shown[:3], "RP of z_p alone", "Table 5.1"]
@@ -61,7 +59,7 @@ def _methods(answer: xr.Dataset) -> str:
     return aligned(heads, rows)
 
 
-def _uncertainty(answer: xr.Dataset) -> str:
+def _uncertainty(answer: Dataset) -> str:
     """Robust performance by what a method can see of the uncertainty; the least of each starred."""
     conditions = ("robust performance", "complex scalars", "full block")
     upper = answer["peak"].sel(bound="upper")
@@ -77,7 +75,7 @@ def _uncertainty(answer: xr.Dataset) -> str:
     return aligned(heads, rows)
 
 
-def _claims(answer: xr.Dataset) -> str:
+def _claims(answer: Dataset) -> str:
     """What Table 5.1 and section 5.1 say, and what was found here."""
     peak = answer["peak"].sel(bound="upper")
     names = answer["design"].values.tolist()
@@ -114,7 +112,7 @@ def _claims(answer: xr.Dataset) -> str:
     return aligned(["section 5.1", "found"], rows)
 
 
-def _judged(bounds: xr.DataArray) -> str:
+def _judged(bounds: DataArray) -> str:
     lower, upper = bounds.values.tolist()
     return f"{upper:.3f} {'yes' if upper < 1 else 'no' if lower >= 1 else 'open'}"
 
@@ -129,11 +127,11 @@ def aligned(heads: list[str], rows: list[list[str]]) -> str:
     )
 
 
-def method_figures(axis: Axis, answer: xr.Dataset) -> dict[str, Figure]:
+def method_figures(axis: Axis, answer: Dataset) -> dict[str, Figure]:
     return {"mu": _mu(axis, answer), "sensitivity": _sensitivity(axis, answer)}
 
 
-def _mu(axis: Axis, answer: xr.Dataset) -> Figure:
+def _mu(axis: Axis, answer: Dataset) -> Figure:
     """Robust performance over frequency; dots are the certified peaks."""
     figure, (panel,) = figures.axes(size=(7.5, 5.2))
     low, high = answer["frequency"].values[[0, -1]]
@@ -157,7 +155,7 @@ def _mu(axis: Axis, answer: xr.Dataset) -> Figure:
     return figure
 
 
-def _sensitivity(axis: Axis, answer: xr.Dataset) -> Figure:
+def _sensitivity(axis: Axis, answer: Dataset) -> Figure:
     figure, (panel,) = figures.axes(size=(7.5, 5.2))
     for name in answer["design"].values.tolist():
         dash, colour = LOOKS[name]

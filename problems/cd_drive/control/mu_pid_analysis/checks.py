@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from itertools import product
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from workbench import Check
 from workbench.arrays import RealArray
+from workbench.heavy_types import Dataset
 from workbench.mu import rank_one_mu
 from workbench.program import worst
 from workbench.uncertainty.covers.storage import rational
@@ -21,9 +21,6 @@ from ...uncertainty.parametric.checks import plants
 from ...uncertainty.parametric_model import uncertain_parameters
 from ..control_problem import control_weight, optical_gain, performance_weight
 
-if TYPE_CHECKING:
-    import xarray as xr
-
 DENSE = 20_000
 """Frequencies of the closed form that no certified peak may lie below."""
 AGREE = 1e-6
@@ -31,7 +28,7 @@ AGREE = 1e-6
 
 
 def mu_pid_checks(
-    axis: Axis, covers: Mapping[tuple[str, str], xr.Dataset], answer: xr.Dataset
+    axis: Axis, covers: Mapping[tuple[str, str], Dataset], answer: Dataset
 ) -> list[Check]:
     """Check that no closed form and no sampled plant lies outside the bounds.
 
@@ -71,7 +68,7 @@ def mu_pid_checks(
 
 
 def _closed_form(
-    axis: Axis, cover: xr.Dataset, speed: float, single: str, frequency: RealArray
+    axis: Axis, cover: Dataset, speed: float, single: str, frequency: RealArray
 ) -> RealArray:
     """Mu of robust performance from L = K G AAF and the weights, knowing no generalised plant."""
     s = 2j * np.pi * frequency
@@ -91,7 +88,7 @@ def _closed_form(
     return rank_one_mu(real, np.abs(T * W_c.response(omega)) + np.abs(weighted))
 
 
-def _sampled(axis: Axis, speed: float, answer: xr.Dataset) -> float:
+def _sampled(axis: Axis, speed: float, answer: Dataset) -> float:
     """Largest |W_p S| of the vertices and of random plants in the parameters' box over the bound.
 
     The bound beta of mu holds beta >= |W_p S| for perturbations up to 1 / beta.

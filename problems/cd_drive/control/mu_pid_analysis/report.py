@@ -3,16 +3,11 @@
 from __future__ import annotations
 
 from itertools import product
-from typing import TYPE_CHECKING
 
 from workbench import figures
+from workbench.heavy_types import Axes, Dataset, Figure
 
 from ...drive.tables import Axis
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 LOOKS = {
     "parametric": ("--", figures.GREEN),
@@ -29,7 +24,7 @@ RESONANCE = (20.0, 60.0)
 """Where [Hz] the first resonance of either axis is."""
 
 
-def mu_figures(axis: Axis, answer: xr.Dataset) -> dict[str, Figure]:
+def mu_figures(axis: Axis, answer: Dataset) -> dict[str, Figure]:
     return {
         "one-x": _one_x(axis, answer),
         "five-x": _five_x(axis, answer),
@@ -37,7 +32,7 @@ def mu_figures(axis: Axis, answer: xr.Dataset) -> dict[str, Figure]:
     }
 
 
-def _one_x(axis: Axis, answer: xr.Dataset) -> Figure:
+def _one_x(axis: Axis, answer: Dataset) -> Figure:
     """Figure 6.4, and what the sets allow that the fitted weights do not."""
     figure, (fitted, sets) = figures.axes(1, 2, size=(10.0, 4.6), sharex=True, sharey=True)
     case = answer.sel(gain="own", speed=1.0)
@@ -58,7 +53,7 @@ def _one_x(axis: Axis, answer: xr.Dataset) -> Figure:
     return figure
 
 
-def _five_x(axis: Axis, answer: xr.Dataset) -> Figure:
+def _five_x(axis: Axis, answer: Dataset) -> Figure:
     """Figure 6.5: both channels at 5X, and with the gain that makes them equally bad."""
     figure, panels = figures.axes(2, 1, size=(7.5, 7.0), sharex=True)
     case = answer.sel(gain="own", speed=5.0)
@@ -85,7 +80,7 @@ def _five_x(axis: Axis, answer: xr.Dataset) -> Figure:
     return figure
 
 
-def _gains(axis: Axis, answer: xr.Dataset) -> Figure:
+def _gains(axis: Axis, answer: Dataset) -> Figure:
     """Circles and stadiums of the three gain variants at 1X."""
     figure, panels = figures.axes(1, 2, size=(10.0, 4.4), sharex=True, sharey=True)
     case = answer["mu"].sel(speed=1.0, channel="disturbance", bound="upper")
@@ -100,7 +95,7 @@ def _gains(axis: Axis, answer: xr.Dataset) -> Figure:
     return figure
 
 
-def _mark_peak(panel: Axes, case: xr.Dataset, channel: str, form: str, colour: str) -> None:
+def _mark_peak(panel: Axes, case: Dataset, channel: str, form: str, colour: str) -> None:
     at = {"channel": channel, "form": form, "condition": "robust performance"}
     top, where = case["peak"].sel(at).sel(bound="upper"), case["peak_frequency"].sel(at)
     low, high = case["frequency"].values[[0, -1]]
@@ -113,7 +108,7 @@ def _limit(panel: Axes) -> None:
     panel.set_xlabel("frequency [Hz]")
 
 
-def conditions_table(answer: xr.Dataset) -> str:
+def conditions_table(answer: Dataset) -> str:
     """Certified peaks [lower, upper] and their frequencies, a line for every loop."""
     conditions = answer["condition"].values
     lines = [
@@ -137,7 +132,7 @@ def conditions_table(answer: xr.Dataset) -> str:
     return "\n".join(lines) + "\n"
 
 
-def sets_table(answer: xr.Dataset) -> str:
+def sets_table(answer: Dataset) -> str:
     """Largest mu over the frequencies of sets without weights, at 1X, and in the resonance."""
     lines = [
         "| gain | sets | largest mu | at [Hz] | in the resonance |",
@@ -152,7 +147,7 @@ def sets_table(answer: xr.Dataset) -> str:
     return "\n".join(lines) + "\n"
 
 
-def claims_table(answer: xr.Dataset) -> str:
+def claims_table(answer: Dataset) -> str:
     """What section 6.3 says of the focus loop, and what was found for this axis."""
     own = answer.sel(gain="own")
     sets = own["set_mu"].sel(speed=1.0, single="disturbance")

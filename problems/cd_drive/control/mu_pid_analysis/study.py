@@ -10,13 +10,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
-from typing import TYPE_CHECKING, Any, ClassVar, get_args
+from typing import Any, ClassVar, get_args
 
 import numpy as np
 
 from workbench import Check, Run, Study
 from workbench.arrays import RealArray
 from workbench.executor import Context
+from workbench.heavy_types import Dataset, Figure
 from workbench.mu import Peak, conditions, performance_sweep
 from workbench.synthesis import equalising_gain
 from workbench.uncertainty import GeneralisedPlant, ParametricModel, UncertaintyModel
@@ -29,10 +30,6 @@ from ..design import uncertainty
 from ..loop_weights import CHANNELS, channel_of
 from .checks import mu_pid_checks
 from .report import claims_table, conditions_table, mu_figures, sets_table
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
 
 FORMS = ("parametric", "circle", "stadium")
 COVERS = FORMS[1:]
@@ -73,7 +70,7 @@ class MuPidAnalysis(Study):
         whole = generalised(self.axis, self.model(form, gain), speed)
         return whole.channel(performance, exogenous)
 
-    def compute(self, context: Context) -> xr.Dataset:
+    def compute(self, context: Context) -> Dataset:
         import xarray as xr
 
         K = controller(self.axis)
@@ -180,11 +177,11 @@ class MuPidAnalysis(Study):
             return gain, np.full((len(CHANNELS), 2, self.frequency.size), np.nan)
         return gain, np.array([self._curve(plant, gain * K) for plant in (disturbance, control)])
 
-    def checks(self, answer: xr.Dataset, tolerance: float) -> list[Check]:
+    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
         covers = {case: run.data for case, run in self.runs.items()}
         return mu_pid_checks(self.axis, covers, answer)
 
-    def metrics(self, answer: xr.Dataset) -> dict[str, float]:
+    def metrics(self, answer: Dataset) -> dict[str, float]:
         numbers = {"adjusted_gain_5X": float(answer["adjusted_gain"])}
         for gain, speed, form in product(GAINS, SPEEDS, FORMS):
             for channel in ("disturbance", "control"):
@@ -208,14 +205,14 @@ class MuPidAnalysis(Study):
             numbers[f"set_peak_{each.replace(' ', '_')}"] = float(sets.sel(set=each))
         return numbers
 
-    def tables(self, answer: xr.Dataset) -> dict[str, str]:
+    def tables(self, answer: Dataset) -> dict[str, str]:
         return {
             "claims": claims_table(answer),
             "conditions": conditions_table(answer),
             "sets": sets_table(answer),
         }
 
-    def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
+    def figures(self, answer: Dataset) -> dict[str, Figure]:
         return mu_figures(self.axis, answer)
 
 

@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from workbench import figures
 from workbench.geometry import Stadium
 from workbench.geometry.figures import outline
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from workbench.heavy_types import Axes, Dataset, Figure
 
 NEAR = ((-2.6, 0.6), (-2.4, 0.6))
 """Real and imaginary parts shown near -1."""
@@ -21,7 +15,7 @@ MOST = 60
 """Sets drawn; of more frequencies some are left out."""
 
 
-def planes(answer: xr.Dataset, high: tuple[float, float]) -> Figure:
+def planes(answer: Dataset, high: tuple[float, float]) -> Figure:
     """Sets of one kind: stadiums left and circles right, whole above and near -1 below."""
     figure, panels = figures.axes(2, 2, size=(9.5, 8.6))
     for column, form in enumerate(("stadium", "circle")):
@@ -43,7 +37,7 @@ def planes(answer: xr.Dataset, high: tuple[float, float]) -> Figure:
     return figure
 
 
-def _draw(panel: Axes, one: xr.Dataset, colour: str) -> None:
+def _draw(panel: Axes, one: Dataset, colour: str) -> None:
     from matplotlib.collections import PolyCollection
     from matplotlib.colors import to_rgb
 
@@ -64,7 +58,7 @@ def _draw(panel: Axes, one: xr.Dataset, colour: str) -> None:
     panel.autoscale()
 
 
-def clearances(answer: xr.Dataset, kinds: list[str]) -> Figure:
+def clearances(answer: Dataset, kinds: list[str]) -> Figure:
     """Distance of -1 from the sets over its distance from their centres; 0 where they reach it."""
     figure, panels = figures.axes(1, 2, size=(9.5, 4.8), sharex=True, sharey=True)
     for panel, form in zip(panels, answer["shape"].values, strict=True):

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import product
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from workbench.geometry import (
     signed_distance,
     signed_distance_bounds,
 )
+from workbench.heavy_types import Dataset, Figure
 from workbench.program import worst
 from workbench.uncertainty.covers.sets import circles_about_nominal, stadiums_about_nominal
 from workbench.uncertainty.covers.storage import rational, shape
@@ -31,10 +32,6 @@ from ...drive.plants import ANTIALIASING, Gain, controller, nominal_response
 from ...drive.shared_parameters import TABLES, WINDOWS, Frequencies
 from ...drive.tables import Axis
 from .figures import clearances, planes
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
 
 SHAPES = ("stadium", "circle")
 METHODS = ("steps", "joint")
@@ -100,7 +97,7 @@ class Nyquist(Study):
 
     headline: ClassVar[str] = "contains_stadium"
 
-    def compute(self, context: Context) -> xr.Dataset:
+    def compute(self, context: Context) -> Dataset:
         import xarray as xr
 
         data = self.runs["circle", "steps"].data
@@ -163,7 +160,7 @@ class Nyquist(Study):
         of = circles_about_nominal if form == "circle" else stadiums_about_nominal
         return around_nominal(nominal, of(away))
 
-    def checks(self, answer: xr.Dataset, tolerance: float) -> list[Check]:
+    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
         names, frequency = [*product(KINDS, SHAPES)], answer["frequency"].values
         drives = NarrowestStadium(answer["L"].values.T)
         inside, bounds = [], []
@@ -192,7 +189,7 @@ class Nyquist(Study):
         ]
         return found + (self._claims(answer) if self.axis == "focus" else [])
 
-    def _claims(self, answer: xr.Dataset) -> list[Check]:
+    def _claims(self, answer: Dataset) -> list[Check]:
         """What section 6.3.5 says, of sets about one nominal; what holds where that does not."""
         numbers = self.metrics(answer)
         return [
@@ -216,7 +213,7 @@ class Nyquist(Study):
             ),
         ]
 
-    def metrics(self, answer: xr.Dataset) -> dict[str, float]:
+    def metrics(self, answer: Dataset) -> dict[str, float]:
         numbers = {}
         for kind, form in product(KINDS, SHAPES):
             one = answer["distance"].sel(kind=kind, shape=form)
@@ -232,7 +229,7 @@ class Nyquist(Study):
     def _bands(self) -> dict[str, tuple[float, float]]:
         return {"low": WINDOWS[self.axis]["first resonance"], "high": HIGH}
 
-    def tables(self, answer: xr.Dataset) -> dict[str, str]:
+    def tables(self, answer: Dataset) -> dict[str, str]:
         (a, b), (c, d) = self._bands.values()
         lines = [
             "| sets | shape | contain -1 at | between [Hz] "
@@ -248,7 +245,7 @@ class Nyquist(Study):
             lines.append(f"| {kind} | {form} | {at.size} | {where} | {' | '.join(cells)} |")
         return {"distances": "\n".join(lines) + "\n"}
 
-    def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
+    def figures(self, answer: Dataset) -> dict[str, Figure]:
         drawn = {"figure-6-8": SAME, "steps": "steps second", "joint": "joint second"}
         found = {name: planes(answer.sel(kind=kind), HIGH) for name, kind in drawn.items()}
         return found | {"clearance": clearances(answer, list(KINDS))}
@@ -261,7 +258,7 @@ def known_factor(axis: Axis, frequency: RealArray) -> ComplexArray:
     return K * ANTIALIASING / (s + ANTIALIASING)
 
 
-def stored(answer: xr.Dataset) -> Stadium:
+def stored(answer: Dataset) -> Stadium:
     """Sets of one kind and shape."""
     names = ("center", "radius", "half_length", "angle")
     return Stadium(*(answer[name].values for name in names))

@@ -5,24 +5,18 @@ Section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from scipy.optimize import minimize_scalar
 
 from workbench import Check
 from workbench.arrays import ComplexArray, RealArray
+from workbench.heavy_types import Dataset, StateSpace
 from workbench.program import worst
 
 from ...drive.plants import Gain, controller, responses
 from ...drive.tables import Axis, Values
 from ..control_problem import LEAK, WEIGHTS
 from ..loops import SCALES
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from control import StateSpace
-
 
 ASIDE = 1e-3
 """How far beside a gain limit the poles must be on the right side, relative."""
@@ -43,7 +37,7 @@ UNRELATED = 0.5
 
 
 def independent_checks(
-    answer: xr.Dataset,
+    answer: Dataset,
     loops: dict[str, dict[str, StateSpace]],
     axis: Axis,
     gain: Gain,
@@ -102,7 +96,7 @@ def independent_checks(
     ]
 
 
-def thesis_checks(answer: xr.Dataset, numbers: dict[str, float]) -> list[Check]:
+def thesis_checks(answer: Dataset, numbers: dict[str, float]) -> list[Check]:
     """What section 6.3.3 says of the focus loop; where it does not hold, what does instead."""
     twelve = answer.isel(drive=slice(-1))
     names = twelve["drive"].values

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import astuple, dataclass, fields
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -18,6 +18,7 @@ from scipy.optimize import brentq
 from workbench import Check, Study, problem
 from workbench.arrays import RealArray
 from workbench.executor import Context
+from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.mu import peak
 from workbench.structure import Full, Structure
 
@@ -38,12 +39,6 @@ from ..loops import (
 )
 from .checks import independent_checks, thesis_checks
 from .report import WORDS, figures_of, gain_margin_db, tables_of
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from control import StateSpace
-    from matplotlib.figure import Figure
-
 
 LOOPS = ("continuous", "sampled", "delayed")
 LOW, HIGH = 1.0, 15e3
@@ -100,7 +95,7 @@ class Sensitivity(Study):
         systems = plants(self.axis, self.gain, self.values)
         return {name: open_loop(self.axis, system, delay) for name, system in systems.items()}
 
-    def compute(self, context: Context) -> xr.Dataset:
+    def compute(self, context: Context) -> Dataset:
         import xarray as xr
 
         frequency = np.geomspace(LOW, HIGH, self.frequencies)
@@ -195,12 +190,12 @@ class Sensitivity(Study):
 
         return [_zero(margin_off), _zero(bandwidth_off)]
 
-    def checks(self, answer: xr.Dataset, tolerance: float) -> list[Check]:
+    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
         every, numbers = {loop: self.loops(loop) for loop in LOOPS}, self.metrics(answer)
         found = independent_checks(answer, every, self.axis, self.gain, self.values, numbers)
         return found + (thesis_checks(answer, numbers) if self.axis == "focus" else [])
 
-    def metrics(self, answer: xr.Dataset) -> dict[str, float]:
+    def metrics(self, answer: Dataset) -> dict[str, float]:
         twelve = answer.isel(drive=slice(-1))
         upper = twelve["weighted"].sel(bound="upper").max("drive")
         numbers = {
@@ -267,10 +262,10 @@ class Sensitivity(Study):
             found[f"Red Book exceeded, {WORDS[scale]}"] = bands(beyond(factor), grid)
         return found
 
-    def tables(self, answer: xr.Dataset) -> dict[str, str]:
+    def tables(self, answer: Dataset) -> dict[str, str]:
         return tables_of(answer, self.red_book_bands())
 
-    def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
+    def figures(self, answer: Dataset) -> dict[str, Figure]:
         return figures_of(answer, self.axis)
 
 

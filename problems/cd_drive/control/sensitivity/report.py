@@ -7,13 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from workbench import figures
+from workbench.heavy_types import DataArray, Dataset, Figure
 
 from ..loops import SCALES
 
 if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
-
     from ...drive.tables import Axis
 
 LINES = {"continuous": figures.BLUE, "sampled": figures.ORANGE, "delayed": figures.GREEN}
@@ -21,14 +19,14 @@ LINES = {"continuous": figures.BLUE, "sampled": figures.ORANGE, "delayed": figur
 WORDS = {"full": "full gain", "third": "a third of the gain"}
 
 
-def gain_margin_db(answer: xr.Dataset) -> xr.DataArray:
+def gain_margin_db(answer: Dataset) -> DataArray:
     """Gain margins [dB] as Table A.4 has them: the smaller change, up or down."""
     up, down = (20 * np.log10(answer[side]) for side in ("increase", "decrease"))
-    smaller: xr.DataArray = np.minimum(up, -down)
+    smaller: DataArray = np.minimum(up, -down)
     return smaller
 
 
-def tables_of(answer: xr.Dataset, bands: dict[str, list[tuple[float, float]]]) -> dict[str, str]:
+def tables_of(answer: Dataset, bands: dict[str, list[tuple[float, float]]]) -> dict[str, str]:
     """Margins beside Table A.4, peaks of |W_p S|, bandwidths, bands of the Red Book."""
     return {
         "margins": _margins(answer),
@@ -38,7 +36,7 @@ def tables_of(answer: xr.Dataset, bands: dict[str, list[tuple[float, float]]]) -
     }
 
 
-def _margins(answer: xr.Dataset) -> str:
+def _margins(answer: Dataset) -> str:
     loops = [str(loop) for loop in answer["loop"].values]
     measured = bool(answer["measured_db"].notnull().any())
     heads = ["drive", *(["Table A.4 [dB]"] if measured else [])]
@@ -59,7 +57,7 @@ def _margins(answer: xr.Dataset) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _weighted(answer: xr.Dataset) -> str:
+def _weighted(answer: Dataset) -> str:
     heads = ["drive"]
     for scale in answer["scale"].values:
         heads += [f"{WORDS[scale]}: largest W_p S", "at [Hz]", "above 1 [Hz]"]
@@ -76,7 +74,7 @@ def _weighted(answer: xr.Dataset) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _bandwidths(answer: xr.Dataset) -> str:
+def _bandwidths(answer: Dataset) -> str:
     lines = _head(
         ["loop", "definition", "nominal [Hz]", "least of twelve [Hz]", "largest of twelve [Hz]"]
     )
@@ -112,12 +110,12 @@ def _number(value: float, digits: int) -> str:
     return "-" if np.isnan(value) else f"{value:.{digits}f}"
 
 
-def figures_of(answer: xr.Dataset, axis: Axis) -> dict[str, Figure]:
+def figures_of(answer: Dataset, axis: Axis) -> dict[str, Figure]:
     """Figure 6.6, and margins beside Table A.4 (section 6.3.3)."""
     return {"sensitivity": _sensitivity(answer, axis), "margins": _margin_figure(answer, axis)}
 
 
-def _sensitivity(answer: xr.Dataset, axis: Axis) -> Figure:
+def _sensitivity(answer: Dataset, axis: Axis) -> Figure:
     """|S| of twelve drives at both gains, continuous and with the sampled loop's delay."""
     figure, panels = figures.axes(2, 2, size=(9.5, 7.0), sharex=True, sharey=True)
     frequency = answer["frequency"]
@@ -144,7 +142,7 @@ def _sensitivity(answer: xr.Dataset, axis: Axis) -> Figure:
     return figure
 
 
-def _margin_figure(answer: xr.Dataset, axis: Axis) -> Figure:
+def _margin_figure(answer: Dataset, axis: Axis) -> Figure:
     """Gain margins up and down, and phase margins, of every drive."""
     figure, (gains, phases) = figures.axes(1, 2, size=(9.5, 4.8), sharey=True)
     drives = [str(drive) for drive in answer["drive"].values]

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from workbench import Check
 from workbench.arrays import ComplexArray
+from workbench.heavy_types import Dataset, StateSpace
 from workbench.program import worst
 from workbench.systems.generalised_plant import response
 from workbench.uncertainty.parametric.parameters import vertices
@@ -16,10 +15,6 @@ from ...drive.plants import ANTIALIASING, controller
 from ...uncertainty.parametric.checks import plants
 from ...uncertainty.parametric_model import uncertain_parameters
 from ..trade_off import SPLIT, TradeOff
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from control import StateSpace
 
 HERTZ = np.geomspace(0.01, 1e6, 8000)
 """Where gains are evaluated [Hz]."""
@@ -32,7 +27,7 @@ SAMPLES = 100
 
 
 def two_controllers_checks(
-    trade: TradeOff, front: list[StateSpace], answer: xr.Dataset
+    trade: TradeOff, front: list[StateSpace], answer: Dataset
 ) -> list[Check]:
     """That all stabilise within c <= 1, have the gains that are said, and beat no bound."""
     import control
@@ -96,7 +91,7 @@ def _sampled(trade: TradeOff, K: StateSpace, upper: np.ndarray) -> float:
     return float((np.array(gains) / upper).max()) - 1
 
 
-def _front(answer: xr.Dataset) -> Check:
+def _front(answer: Dataset) -> Check:
     """No controller of the front may have both a and b smaller than another one."""
     a, b = (answer["nominal"].sel(channel=z).values for z in ("z_p", "z_sd"))
     better = np.minimum(a[:, None] / a, b[:, None] / b) - 1
@@ -105,7 +100,7 @@ def _front(answer: xr.Dataset) -> Check:
     return Check("front", statement, value, LEVELS, where)
 
 
-def _bounds(answer: xr.Dataset, certified: np.ndarray, names: list[str]) -> list[Check]:
+def _bounds(answer: Dataset, certified: np.ndarray, names: list[str]) -> list[Check]:
     """No controller with c <= 1 is below any of the levels that are said to be out of reach."""
     shares, levels = answer["share"].values, answer["excluded"].values
     a, b, c = certified.T
@@ -116,7 +111,7 @@ def _bounds(answer: xr.Dataset, certified: np.ndarray, names: list[str]) -> list
     return [Check("bounds", "1 less max(a, share b) over its bound", beaten, 0.0, where)]
 
 
-def _filters(answer: xr.Dataset, omega: np.ndarray) -> Check:
+def _filters(answer: Dataset, omega: np.ndarray) -> Check:
     """Squares of the bounds' filters: their sum may not exceed 1, nor zeta the bound."""
     excess = []
     for (split, upper, zeta), level in zip(

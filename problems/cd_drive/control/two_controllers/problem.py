@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import astuple, dataclass, fields
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -17,6 +17,7 @@ from workbench import Check, Study, problem
 from workbench.arrays import RealArray
 from workbench.certify.norms import certified_norm
 from workbench.executor import Context
+from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.mu import Peak, WorstCaseGain, conditions, worst_case_gain
 from workbench.systems.generalised_plant import response
 
@@ -30,11 +31,6 @@ from ..loops import Margins, bandwidths, margins
 from ..trade_off import CHANNELS, TradeOff
 from .checks import two_controllers_checks
 from .report import two_controllers_figures, two_controllers_tables
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from control import StateSpace
-    from matplotlib.figure import Figure
 
 SHARES = (0.3, 60.0)
 """Weights of the defects' channel, the disturbances' having 1, from and to."""
@@ -95,7 +91,7 @@ class TwoControllers(Study):
         """How much larger than acceptable the error may be before focus, or the track, is lost."""
         return CAPTURE[self.axis] / ACCEPTABLE_ERROR[self.axis]
 
-    def compute(self, context: Context) -> xr.Dataset:
+    def compute(self, context: Context) -> Dataset:
         import control
         import xarray as xr
 
@@ -191,7 +187,7 @@ class TwoControllers(Study):
         bearable = disturbance <= max(self.relaxed, disturbance[high])
         return [high, int(np.argmin(np.where(bearable, defect, np.inf)))]
 
-    def controllers(self, answer: xr.Dataset) -> list[StateSpace]:
+    def controllers(self, answer: Dataset) -> list[StateSpace]:
         """Those of the front, by share."""
         import control
 
@@ -290,10 +286,10 @@ class TwoControllers(Study):
         ]
         return [peak for peak in peaks if peak is not None]
 
-    def checks(self, answer: xr.Dataset, tolerance: float) -> list[Check]:
+    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
         return two_controllers_checks(self.trade_off, self.controllers(answer), answer)
 
-    def metrics(self, answer: xr.Dataset) -> dict[str, float]:
+    def metrics(self, answer: Dataset) -> dict[str, float]:
         upper, numbers = answer["worst"].sel(bound="upper"), {}
         a, b = (answer["nominal"].sel(channel=z) for z in UNCERTAIN)
         ratio = np.maximum(a, answer["share"] * b) / answer["excluded"]
@@ -310,8 +306,8 @@ class TwoControllers(Study):
         numbers["largest_distance_from_bound"] = float(ratio.max()) - 1
         return numbers
 
-    def tables(self, answer: xr.Dataset) -> dict[str, str]:
+    def tables(self, answer: Dataset) -> dict[str, str]:
         return two_controllers_tables(answer, self.relaxed)
 
-    def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
+    def figures(self, answer: Dataset) -> dict[str, Figure]:
         return two_controllers_figures(self.axis, answer, self.relaxed)

@@ -8,25 +8,22 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from workbench import figures
+from workbench.heavy_types import Axes, DataArray, Dataset, Figure
 
 from ..methods.report import aligned
 
 if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
     from ...drive.tables import Axis
 
 LOOKS = {"high": ("-", figures.BLUE), "low": ("--", figures.ORANGE), "reference": (":", "0.2")}
 WORDS = {"high": "high bandwidth", "low": "low bandwidth", "reference": "reference controller"}
 
 
-def two_controllers_tables(answer: xr.Dataset, relaxed: float) -> dict[str, str]:
+def two_controllers_tables(answer: Dataset, relaxed: float) -> dict[str, str]:
     return {"front": _front_table(answer), "two": _two(answer, relaxed)}
 
 
-def _front_table(answer: xr.Dataset) -> str:
+def _front_table(answer: Dataset) -> str:
     """Certified gains of every controller, and how small max(a, share b) of any may be."""
     heads = ["controller", "a", "b", "c", "worst a", "worst b", "max(a, share b)", "its bound"]
     rows = []
@@ -46,7 +43,7 @@ def _front_table(answer: xr.Dataset) -> str:
     return aligned(heads, rows)
 
 
-def _two(answer: xr.Dataset, relaxed: float) -> str:
+def _two(answer: Dataset, relaxed: float) -> str:
     """Margins of the nominal loops in continuous time, and certified robust performance of z_p."""
     heads = [
         "controller", "order", "crossover [Hz]", "|S| below -3 dB to [Hz]", "|T| above to [Hz]",
@@ -72,17 +69,17 @@ def _two(answer: xr.Dataset, relaxed: float) -> str:
     return aligned(heads, rows)
 
 
-def _decibel(factor: xr.DataArray) -> str:
+def _decibel(factor: DataArray) -> str:
     """A gain margin; 0 and infinity where there is none."""
     size = float(factor)
     return f"{20 * math.log10(size):+.1f}" if 0 < size < math.inf else "none"
 
 
-def two_controllers_figures(axis: Axis, answer: xr.Dataset, relaxed: float) -> dict[str, Figure]:
+def two_controllers_figures(axis: Axis, answer: Dataset, relaxed: float) -> dict[str, Figure]:
     return {"front": _front(axis, answer, relaxed), "loops": _loops(axis, answer)}
 
 
-def _front(axis: Axis, answer: xr.Dataset, relaxed: float) -> Figure:
+def _front(axis: Axis, answer: Dataset, relaxed: float) -> Figure:
     """b over a: nominal and worst cases, the reference controller, and what is out of reach."""
     figure, (panel,) = figures.axes(size=(7.5, 5.6))
     nominal, worst = answer["nominal"].values, answer["worst"].sel(bound="upper").values
@@ -122,7 +119,7 @@ def _front(axis: Axis, answer: xr.Dataset, relaxed: float) -> Figure:
     return figure
 
 
-def _shade(panel: Axes, answer: xr.Dataset, left: float, bottom: float) -> None:
+def _shade(panel: Axes, answer: Dataset, left: float, bottom: float) -> None:
     """The union of the rectangles that no controller with c <= 1 is in."""
     level, share = answer["excluded"].values, answer["share"].values
     a = np.geomspace(left, level.max(), 2000)
@@ -134,7 +131,7 @@ def _shade(panel: Axes, answer: xr.Dataset, left: float, bottom: float) -> None:
     )  # fmt: skip
 
 
-def _loops(axis: Axis, answer: xr.Dataset) -> Figure:
+def _loops(axis: Axis, answer: Dataset) -> Figure:
     figure, (S, T, step, defect) = figures.axes(2, 2, size=(10.0, 7.2))
     frequency, time = answer["frequency"].values, 1e3 * answer["time"].values
     for case, (dash, colour) in LOOKS.items():

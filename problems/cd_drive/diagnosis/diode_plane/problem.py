@@ -7,7 +7,7 @@ CD-players (2003).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -15,6 +15,7 @@ from scipy import stats
 
 from workbench import Check, Study, problem
 from workbench.executor import Context
+from workbench.heavy_types import Dataset, Figure
 
 from ...drive.shared_parameters import TABLES
 from ...drive.tables import Axis
@@ -23,10 +24,6 @@ from ..defect_kinds import KINDS
 from ..quality import FARTHEST
 from .report import figures_of, tables_of
 from .runs import CLEAN_TIME, CONDITIONS, DETECTORS, Detectors, isolated
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
 
 TRAINED = tuple(f"CD{n}" for n in range(1, 7))
 HELD_OUT = tuple(f"CD{n}" for n in range(7, 13))
@@ -69,7 +66,7 @@ class DiodePlane(Study):
 
     headline: ClassVar[str] = "isolated"
 
-    def compute(self, context: Context) -> xr.Dataset:
+    def compute(self, context: Context) -> Dataset:
         import xarray as xr
 
         names = [*TRAINED, *HELD_OUT]
@@ -117,7 +114,7 @@ class DiodePlane(Study):
             },
         )
 
-    def checks(self, answer: xr.Dataset, tolerance: float) -> list[Check]:
+    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
         sums = answer["false_alarms"].sel(detector=["binary", "quality"])
         felt = answer["false_alarms"].sel(detector="error", condition="shock")
         numbers = self.metrics(answer)
@@ -141,23 +138,23 @@ class DiodePlane(Study):
             Check("kinds", "share not isolated", 1.0 - numbers["isolated"], 0.1),
         ]
 
-    def _quality_off(self, answer: xr.Dataset) -> tuple[float, float]:
+    def _quality_off(self, answer: Dataset) -> tuple[float, float]:
         """Stored quality against eq. 7.13 of the stored diodes, all samples at once."""
         law = self.detectors
         dist = abs(1.0 - answer["zoom_diodes"].sum("diode").values) * FARTHEST
         ramp = np.clip((law.dist_max - dist) / (law.dist_max - law.dist_min), 0.0, 1.0)
         return float(abs(ramp**law.alpha - answer["zoom_quality"].values).max()), 1e-9
 
-    def _outside(self, answer: xr.Dataset) -> float:
+    def _outside(self, answer: Dataset) -> float:
         """How far any point is below d1n = 0 or d2n = 0; the third side is the noise's."""
         return -min(float(answer[name].min()) for name in ("clean", "shaken", "trace"))
 
-    def _beyond_ellipse(self, answer: xr.Dataset) -> float:
+    def _beyond_ellipse(self, answer: Dataset) -> float:
         points = answer["clean"].values - answer["clean"].values.mean(axis=0)
         squared = np.sum(points @ np.linalg.inv(np.cov(points.T)) * points, axis=1)
         return float(np.mean(squared > stats.chi2.isf(0.01, 2)))
 
-    def metrics(self, answer: xr.Dataset) -> dict[str, float]:
+    def metrics(self, answer: Dataset) -> dict[str, float]:
         counts = answer["confusion"].values
         numbers = {
             "isolated": float(np.trace(counts) / counts.sum()),
@@ -180,9 +177,9 @@ class DiodePlane(Study):
             numbers[f"clean_deviation_{diode}"] = float(width.sel(diode=diode))
         return numbers
 
-    def tables(self, answer: xr.Dataset) -> dict[str, str]:
+    def tables(self, answer: Dataset) -> dict[str, str]:
         return tables_of(answer)
 
-    def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
+    def figures(self, answer: Dataset) -> dict[str, Figure]:
         law = self.detectors
         return figures_of(answer, law.axis, law.dist_min, law.dist_max)

@@ -5,18 +5,15 @@ Figure numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of C
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy import stats
 
 from workbench import figures
+from workbench.heavy_types import Dataset, Figure
 
 from ...drive.tables import Axis
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
 
 COLOURS = (figures.ORANGE, figures.GREEN, figures.PURPLE, figures.BLUE)
 MARKERS = ("o", "s", "^", "D")
@@ -24,9 +21,7 @@ CLEAN = 0.99
 """Probability content of the clean disc's ellipse."""
 
 
-def figures_of(
-    answer: xr.Dataset, axis: Axis, dist_min: float, dist_max: float
-) -> dict[str, Figure]:
+def figures_of(answer: Dataset, axis: Axis, dist_min: float, dist_max: float) -> dict[str, Figure]:
     """The three figures, by file stem."""
     return {
         "figure-7-5-7-10": plane(answer, axis, dist_min, dist_max),
@@ -35,7 +30,7 @@ def figures_of(
     }
 
 
-def plane(answer: xr.Dataset, axis: Axis, dist_min: float, dist_max: float) -> Figure:
+def plane(answer: Dataset, axis: Axis, dist_min: float, dist_max: float) -> Figure:
     """The triangle, the linear area, the clean ellipse and a trace of each kind."""
     figure, panels = figures.axes(1, 2, size=(10.0, 5.6))
     names = ("d$_{1n}$", "d$_{2n}$") if axis == "focus" else ("s$_{1n}$", "s$_{2n}$")
@@ -91,7 +86,7 @@ def ellipse(centre: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     return outline
 
 
-def over_time(answer: xr.Dataset) -> Figure:
+def over_time(answer: Dataset) -> Figure:
     """Quality over revolutions, and over one scratch with the binary detector."""
     figure, (above, below) = figures.axes(2, 1, size=(7.5, 6.0))
     time = answer["block_time"].values
@@ -120,7 +115,7 @@ def over_time(answer: xr.Dataset) -> Figure:
     return figure
 
 
-def clusters(answer: xr.Dataset) -> Figure:
+def clusters(answer: Dataset) -> Figure:
     """Held-out events in two pairs of features with the clusters' 99 % ellipses."""
     figure, panels = figures.axes(1, 2, size=(10.0, 4.6))
     kind_of, points = answer["event_kind"].values, answer["features"].values
@@ -145,7 +140,7 @@ def clusters(answer: xr.Dataset) -> Figure:
     return figure
 
 
-def tables_of(answer: xr.Dataset) -> dict[str, str]:
+def tables_of(answer: Dataset) -> dict[str, str]:
     """Confusion of the kinds; delays and misses; false alarms."""
     kinds = [str(kind) for kind in answer["kind"].values]
     found = [str(name) for name in answer["found"].values]

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from workbench import Check
 from workbench.certify.stability import stability_of
+from workbench.heavy_types import Dataset, StateSpace
 from workbench.systems.generalised_plant import response
 from workbench.systems.storage import restored
 
@@ -19,10 +18,6 @@ from .design import estimation
 from .front import BAND
 from .loop import FAST, MOST, SLOW, FaultLoop, unsampled
 
-if TYPE_CHECKING:
-    import xarray as xr
-    from control import StateSpace
-
 AGAIN = 1e-3
 """By which a certified peak may differ when it is made again, relative."""
 MEMBERS = 40
@@ -31,7 +26,7 @@ BOUNDED = 1e-6
 
 
 def filter_checks(
-    loops: dict[str, FaultLoop], error: float, leakage: float, order: int, answer: xr.Dataset
+    loops: dict[str, FaultLoop], error: float, leakage: float, order: int, answer: Dataset
 ) -> list[Check]:
     found = []
     for name, loop in loops.items():

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from workbench.arrays import RealArray
+from workbench.heavy_types import StateSpace
 from workbench.simulation import respond
 from workbench.systems.realisation import realisation
 
@@ -15,9 +14,6 @@ from ...drive.disc import VELOCITY
 from ...drive.plants import ANTIALIASING
 from ...drive.tables import Axis
 from ...laboratory.bench_setup import PERIOD, RATE
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 LONGEST = 1.6e-3
 """Length along the track [m] (section 7.3.2)."""

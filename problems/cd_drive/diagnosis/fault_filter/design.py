@@ -6,21 +6,18 @@ The reduced filter keeps only its poles: what they can do is a convex problem ag
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from workbench.certify.stability import stability_of
 from workbench.diagnosis import FaultEstimation, FaultFilter
 from workbench.errors import InputError, SolverError
+from workbench.heavy_types import StateSpace
 from workbench.synthesis import reduced
 from workbench.systems.realisation import realisation
 
 from .front import FaultFront, Point, full_filter, laguerre
 from .loop import FaultLoop
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 REDUCTIONS = ("weighted", "balanced", "hankel")
 

@@ -13,7 +13,7 @@ is certified elsewhere.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -21,15 +21,13 @@ from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import SolverError
 from workbench.executor import Context
 from workbench.fitting.rational import Rational, paired
+from workbench.heavy_types import StateSpace
 from workbench.solvers import Outcome, conic_solvers, solve_conic
 from workbench.systems.generalised_plant import response
 from workbench.systems.realisation import realisation
 
 from ...laboratory.bench_setup import NOISE, RATE
 from .loop import FAST, MOST, SLOW, FaultLoop, disc_weight
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 BAND = 1750.0
 """Of the measurement's noise [Hz]."""

@@ -12,13 +12,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.diagnosis import Requirement
+from workbench.heavy_types import StateSpace
 from workbench.simulation import sampled
 from workbench.systems.bilinear import to_continuous, to_sampled
 from workbench.systems.connection import generalised_plant
@@ -30,9 +30,6 @@ from ...drive.plants import ANTIALIASING
 from ...drive.red_book import corners
 from ...drive.tables import Axis, red_book
 from ...laboratory.bench_setup import PERIOD
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 FAST = 1500.0
 """Frequency [Hz] from which on the relative error of the estimate counts."""

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from workbench.diagnosis import FaultEstimation, Requirement
 from workbench.errors import SolverError
 from workbench.fitting.rational import Rational
+from workbench.heavy_types import StateSpace
 from workbench.program import solve
 from workbench.uncertainty import GeneralisedPlant
 
 from ..stand_in import low_pass
 from .loop import FaultLoop, disc_weight
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 M, A, X, BANDWIDTH = 250.0, 0.001, 3.0, 2 * np.pi * 230.0
 """Of eq. 7.32."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -18,6 +18,7 @@ from workbench import Check, Run, Study, problem, ref
 from workbench.errors import SolverError
 from workbench.executor import Context
 from workbench.fitting.storage import function
+from workbench.heavy_types import Dataset, Figure
 from workbench.systems.storage import restored, stored
 from workbench.uncertainty import UncertaintyModel
 
@@ -32,10 +33,6 @@ from .front import FaultFront, laguerre
 from .loop import FaultLoop, resampled
 from .peers import peer_filters
 from .report import filter_figures, filter_tables, shape_errors
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
 
 ERRORS = (0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6)
 """Relative errors of the front."""
@@ -99,7 +96,7 @@ class FaultFilterStudy(Study):
             "discrete": FaultLoop("focus", self.model, K, self.delay),
         }
 
-    def compute(self, context: Context) -> xr.Dataset:
+    def compute(self, context: Context) -> Dataset:
         import xarray as xr
 
         loop, sampled = self.loops["full"], self.loops["discrete"]
@@ -161,10 +158,10 @@ class FaultFilterStudy(Study):
 
     # --- checks and metrics -------------------------------------------------------------------
 
-    def checks(self, answer: xr.Dataset, tolerance: float) -> list[Check]:
+    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
         return filter_checks(self.loops, self.error, self.leakage, self.order, answer)
 
-    def metrics(self, answer: xr.Dataset) -> dict[str, float]:
+    def metrics(self, answer: Dataset) -> dict[str, float]:
         judged = answer["judged"].sel(filter="robust", kind=KINDS[1])
         full, few = (restored(answer, name) for name in ("full", "discrete"))
         worst = answer["peak"].sel(bound="upper").max("requirement")
@@ -184,8 +181,8 @@ class FaultFilterStudy(Study):
                 found[f"estimation_error_{shape.replace(' ', '_')}{end}"] = float(errors.max())
         return found
 
-    def tables(self, answer: xr.Dataset) -> dict[str, str]:
+    def tables(self, answer: Dataset) -> dict[str, str]:
         return filter_tables(answer)
 
-    def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
+    def figures(self, answer: Dataset) -> dict[str, Figure]:
         return filter_figures(self.loops["discrete"], answer)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from workbench import figures
 from workbench.arrays import RealArray
+from workbench.heavy_types import Dataset, Figure
 from workbench.systems.generalised_plant import response
 from workbench.systems.storage import restored
 
@@ -16,10 +15,6 @@ from ...laboratory.bench_setup import RATE
 from .defect_estimates import relative_errors
 from .front import FaultFront
 from .loop import FAST, SLOW, FaultLoop, unsampled
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
 
 LOOKS = {
     "robust": ("-", figures.BLUE),
@@ -33,13 +28,13 @@ NAMES = {
 }
 
 
-def shape_errors(answer: xr.Dataset, name: str, shape: str) -> RealArray:
+def shape_errors(answer: Dataset, name: str, shape: str) -> RealArray:
     """Relative errors (12,) of a filter's estimates of a defect."""
     one = answer.sel(filter=name, shape=shape)
     return relative_errors(one["defect"].values, one["estimate"].values)
 
 
-def filter_figures(loop: FaultLoop, answer: xr.Dataset) -> dict[str, Figure]:
+def filter_figures(loop: FaultLoop, answer: Dataset) -> dict[str, Figure]:
     return {
         "front": _front(answer),
         "figure-7-12": _filters(answer),
@@ -48,7 +43,7 @@ def filter_figures(loop: FaultLoop, answer: xr.Dataset) -> dict[str, Figure]:
     }
 
 
-def filter_tables(answer: xr.Dataset) -> dict[str, str]:
+def filter_tables(answer: Dataset) -> dict[str, str]:
     """The front, and what each filter does."""
     lines = [
         "| relative error allowed | nominal plant [um] | no filter below [um] | every plant [um] |",
@@ -82,7 +77,7 @@ def _or_none(value: float) -> str:
     return f"{value:.3f}" if np.isfinite(value) else "none found"
 
 
-def _front(answer: xr.Dataset) -> Figure:
+def _front(answer: Dataset) -> Figure:
     figure, (panel,) = figures.axes(1, 1, size=(7.4, 5.2))
     looks = (("o--", figures.GREEN), ("s-", figures.BLUE))
     for kind, (dash, colour) in zip(answer["kind"].values, looks, strict=True):
@@ -107,7 +102,7 @@ def _front(answer: xr.Dataset) -> Figure:
     return figure
 
 
-def _filters(answer: xr.Dataset) -> Figure:
+def _filters(answer: Dataset) -> Figure:
     frequency = np.geomspace(1.0, 0.499 * RATE, 600)
     omega = 2 * np.pi * frequency
     K_optn = optical_gain("focus")
@@ -131,7 +126,7 @@ def _filters(answer: xr.Dataset) -> Figure:
     return figure
 
 
-def _channel(loop: FaultLoop, answer: xr.Dataset) -> Figure:
+def _channel(loop: FaultLoop, answer: Dataset) -> Figure:
     """What of a defect is estimated: nominal, and the largest and least gain over the set."""
     front = FaultFront(loop)
     T = front.estimate(unsampled(restored(answer, "discrete")))
@@ -155,7 +150,7 @@ def _channel(loop: FaultLoop, answer: xr.Dataset) -> Figure:
     return figure
 
 
-def _defects(answer: xr.Dataset) -> Figure:
+def _defects(answer: Dataset) -> Figure:
     shapes, names = answer["shape"].values, answer["filter"].values
     figure, panels = figures.axes(
         len(shapes), len(names), size=(11.0, 7.4), sharex=True, sharey=True

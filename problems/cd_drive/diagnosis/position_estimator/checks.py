@@ -6,21 +6,18 @@ Equation numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
 from __future__ import annotations
 
 from fractions import Fraction
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from workbench import Check
 from workbench.arrays import RealArray
+from workbench.heavy_types import Dataset
 from workbench.simulation import sampled
 
 from ...drive.plants import nominal_parameters, plant, total_gain
 from ...drive.red_book import ACCEPTABLE_ERROR
 from ...drive.tables import Axis
 from ...laboratory.bench_setup import PERIOD
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 PRINTED_POLES = -np.array([0.8955, 0.3764 + 1.2920j, 0.3764 - 1.2920j, 0.5758 + 0.5339j])
 """Of equation 7.33, without the last one's conjugate."""
@@ -32,7 +29,7 @@ SPIKE = {"focus": 1e-6, "radial": 0.1e-6}
 """The spike of section 7.3.3 [m]; radially the same share of the error that can be read."""
 
 
-def checks_of(answer: xr.Dataset, axis: Axis, rotation: float) -> list[Check]:
+def checks_of(answer: Dataset, axis: Axis, rotation: float) -> list[Check]:
     """Named checks of a study of one axis."""
     kalman = answer["error"].sel(estimator="Kalman", size="largest")
     known, adapted = kalman.sel(case="known"), kalman.sel(case="adapted")
@@ -105,7 +102,7 @@ def checks_of(answer: xr.Dataset, axis: Axis, rotation: float) -> list[Check]:
     return found
 
 
-def _cured(answer: xr.Dataset) -> float:
+def _cured(answer: Dataset) -> float:
     """What following the rotation leaves of the errors between scratches, of the slow observer."""
     quiet = answer["error"].sel(estimator="ITAE 300 Hz", phase="quiet", size="rms")
     return float(quiet.sel(case="adapted") / quiet.sel(case="wrong"))

@@ -10,8 +10,6 @@ Control of CD-players (2003).
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from scipy.linalg import solve_discrete_lyapunov
 
@@ -26,6 +24,7 @@ from workbench.diagnosis import (
     placed,
     prototype_poles,
 )
+from workbench.heavy_types import StateSpace
 from workbench.simulation import hold, sampled
 
 from ...drive.actuator import specific_model
@@ -33,9 +32,6 @@ from ...drive.plants import ANTIALIASING, nominal_parameters, plant, total_gain
 from ...drive.red_book import ACCEPTABLE_ERROR
 from ...drive.tables import Axis
 from ...laboratory.bench_setup import NOISE, PERIOD, coil_gain, find_drive
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 OBSERVER = 5000.0
 """Bandwidth of the observer in section 7.3.3 [Hz]."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -17,6 +17,7 @@ from workbench import Check, Study, problem
 from workbench.arrays import RealArray
 from workbench.diagnosis import Estimator, KalmanEstimator, Rotation, estimate
 from workbench.executor import Context
+from workbench.heavy_types import Dataset, Figure
 
 from ...drive.disc import VELOCITY
 from ...drive.shared_parameters import TABLES
@@ -35,10 +36,6 @@ from .model import (
 )
 from .report import figures_of, numbers_of, tables_of
 from .trials import ROTATION, SCRATCHED, Scratches, Trial
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
 
 ADAPTATION, FLOOR = 10.0, 0.1
 """Rate of the frequency loop [1/s], a sixth of the oscillators' (see `Rotation`), and the control
@@ -109,7 +106,7 @@ class PositionEstimator(Study):
             return found if name == "Kalman" else found.settled
         return itae(self.axis, rotation, OBSERVER if name == "ITAE 5 kHz" else SLOW)
 
-    def compute(self, context: Context) -> xr.Dataset:
+    def compute(self, context: Context) -> Dataset:
         import xarray as xr
 
         seed = int(context.rng.integers(2**31))
@@ -258,10 +255,10 @@ class PositionEstimator(Study):
         effort: RealArray = (swing * np.exp(2j * np.pi * ROTATION * time)).imag
         return effort
 
-    def checks(self, answer: xr.Dataset, tolerance: float) -> list[Check]:
+    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
         return checks_of(answer, self.axis, ROTATION)
 
-    def metrics(self, answer: xr.Dataset) -> dict[str, float]:
+    def metrics(self, answer: Dataset) -> dict[str, float]:
         numbers = numbers_of(answer)
         thesis = self.estimator("thesis", "known")
         assert isinstance(thesis, Estimator)
@@ -269,8 +266,8 @@ class PositionEstimator(Study):
         numbers["scratch_ms"] = 1e3 * self.scratches.length / VELOCITY
         return numbers
 
-    def tables(self, answer: xr.Dataset) -> dict[str, str]:
+    def tables(self, answer: Dataset) -> dict[str, str]:
         return tables_of(answer)
 
-    def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
+    def figures(self, answer: Dataset) -> dict[str, Figure]:
         return figures_of(answer, self.axis)

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from workbench import figures
+from workbench.heavy_types import Axes, Dataset, Figure
 
 from ...drive.red_book import ACCEPTABLE_ERROR
 from ...drive.tables import Axis
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 LOOKS: dict[str, dict[str, Any]] = {
     "thesis": {"color": figures.PURPLE, "linestyle": ":"},
@@ -26,7 +22,7 @@ LOOKS: dict[str, dict[str, Any]] = {
 TRUE: dict[str, Any] = {"color": figures.BLACK, "linewidth": 0.9}
 
 
-def figures_of(answer: xr.Dataset, axis: Axis) -> dict[str, Figure]:
+def figures_of(answer: Dataset, axis: Axis) -> dict[str, Figure]:
     """All figures of a study."""
     return {
         "figure-7-14": _effort(answer),
@@ -37,7 +33,7 @@ def figures_of(answer: xr.Dataset, axis: Axis) -> dict[str, Figure]:
     }
 
 
-def numbers_of(answer: xr.Dataset) -> dict[str, float]:
+def numbers_of(answer: Dataset) -> dict[str, float]:
     """Metrics that follow from the arrays alone, lengths in micrometres."""
     um = 1e6 * answer["error"]
     numbers = {}
@@ -75,7 +71,7 @@ def _word(name: Any) -> str:
     return "_".join(str(name).lower().split())
 
 
-def tables_of(answer: xr.Dataset) -> dict[str, str]:
+def tables_of(answer: Dataset) -> dict[str, str]:
     """Errors by estimator and case, and the gains of eq. 7.34."""
     head = "| estimator | rotation | in a scratch | 5 ms after | otherwise, rms |"
     lines = [head, "| --- | --- |" + " ---: |" * 3]
@@ -99,7 +95,7 @@ def tables_of(answer: xr.Dataset) -> dict[str, str]:
     return found
 
 
-def _effort(answer: xr.Dataset) -> Figure:
+def _effort(answer: Dataset) -> Figure:
     figure, (whole, zoom, quality) = figures.axes(
         3, 1, size=(7.2, 8.0), height_ratios=(1.0, 1.0, 0.45)
     )
@@ -121,7 +117,7 @@ def _effort(answer: xr.Dataset) -> Figure:
     return figure
 
 
-def _error(answer: xr.Dataset, axis: Axis) -> Figure:
+def _error(answer: Dataset, axis: Axis) -> Figure:
     figure, (above, below, quality) = figures.axes(
         3, 1, size=(7.2, 8.0), sharex=True, height_ratios=(1.0, 1.0, 0.4)
     )
@@ -145,14 +141,14 @@ def _error(answer: xr.Dataset, axis: Axis) -> Figure:
     return figure
 
 
-def _quality(panel: Axes, answer: xr.Dataset) -> None:
+def _quality(panel: Axes, answer: Dataset) -> None:
     panel.plot(answer["zoomed"], answer["quality"], color=figures.BLACK)
     panel.set_ylim(-0.05, 1.05)
     panel.set_ylabel("$w_Q$ [1]")
     panel.set_xlabel("time from the start of the scratch [ms]")
 
 
-def _rotation(answer: xr.Dataset) -> Figure:
+def _rotation(answer: Dataset) -> Figure:
     figure, (frequency, errors) = figures.axes(1, 2, size=(8.4, 3.8))
     time = np.concatenate([answer["early"], answer["time"]])
     for name in answer["rival"].values:
@@ -172,7 +168,7 @@ def _rotation(answer: xr.Dataset) -> Figure:
     return figure
 
 
-def _drives(answer: xr.Dataset) -> Figure:
+def _drives(answer: Dataset) -> Figure:
     figure, panels = figures.axes(2, 1, size=(7.2, 6.0), sharex=True)
     names, width = answer["drive"].values, 0.27
     for panel, phase, title in zip(
@@ -192,7 +188,7 @@ def _drives(answer: xr.Dataset) -> Figure:
     return figure
 
 
-def _growth(answer: xr.Dataset) -> Figure:
+def _growth(answer: Dataset) -> Figure:
     figure, (panel,) = figures.axes(size=(7.0, 4.2))
     for name in answer["fixed"].values:
         one = answer["growth"].sel(fixed=name)

@@ -8,7 +8,7 @@ apart. Section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Cont
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -18,6 +18,7 @@ from workbench import Check, Study, problem
 from workbench.arrays import RealArray
 from workbench.diagnosis import quantile_threshold, roc
 from workbench.executor import Context
+from workbench.heavy_types import Dataset, Figure
 
 from ...drive.disc import VELOCITY, Defect
 from ...drive.red_book import ACCEPTABLE_ERROR
@@ -31,10 +32,6 @@ from ..defect_statistics import STATISTICS, peaks, statistics_of
 from ..diode_plane.problem import DIST_MIN
 from .report import figures_of, tables_of
 from .sets import FAULTS, fading, isolation
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
 
 DEPTHS = (0.05, 0.1, 0.2, 0.4)
 LENGTHS = (0.3e-3, 1.0e-3, 4.0e-3)
@@ -111,7 +108,7 @@ class ResidualCurves(Study):
     def measured(self, one: DefectRun) -> dict[str, RealArray]:
         return statistics_of(one, DIST_MIN[self.axis], DIST_MAX)
 
-    def compute(self, context: Context) -> xr.Dataset:
+    def compute(self, context: Context) -> Dataset:
         import xarray as xr
 
         shape = (len(STATISTICS), len(DEPTHS), len(LENGTHS), len(FACTORS))
@@ -195,7 +192,7 @@ class ResidualCurves(Study):
         defects = [replace(defect, displacement=sign * swing) for sign in signs]
         return run(bench, defects, int(rng.integers(2**31)))
 
-    def checks(self, answer: xr.Dataset, tolerance: float) -> list[Check]:
+    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
         area, curve = answer["area"], answer["detection"].values
         under = np.trapezoid(curve, answer["rate"].values, axis=-1)
         alarms, blocks = np.moveaxis(answer["fresh"].values, -1, 0)
@@ -226,11 +223,11 @@ class ResidualCurves(Study):
             Check("isolation", "share not isolated", 1.0 - self._isolated(answer), 0.3),
         ]
 
-    def _isolated(self, answer: xr.Dataset) -> float:
+    def _isolated(self, answer: Dataset) -> float:
         counts = answer["confusion"].values
         return float(np.trace(counts) / counts.sum())
 
-    def metrics(self, answer: xr.Dataset) -> dict[str, float]:
+    def metrics(self, answer: Dataset) -> dict[str, float]:
         usual = answer.sel(noise=NOISE[self.axis])
         numbers = {"isolated": self._isolated(answer)}
         for name in STATISTICS:
@@ -249,10 +246,10 @@ class ResidualCurves(Study):
             numbers[f"light_lost_at_alarm_{place}"] = float(answer["fade"].sel(way=way))
         return numbers
 
-    def tables(self, answer: xr.Dataset) -> dict[str, str]:
+    def tables(self, answer: Dataset) -> dict[str, str]:
         return tables_of(answer)
 
-    def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
+    def figures(self, answer: Dataset) -> dict[str, Figure]:
         return figures_of(answer)
 
 

@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from workbench import figures
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
+from workbench.heavy_types import Dataset, Figure
 
 NAMES = {
     "sum": "sum signal",
@@ -23,12 +18,12 @@ SHOWN = 0.1
 """Depth of the defects whose curves are shown over length and noise."""
 
 
-def figures_of(answer: xr.Dataset) -> dict[str, Figure]:
+def figures_of(answer: Dataset) -> dict[str, Figure]:
     """ROC curves, and areas and delays over depth."""
     return {"roc": curves(answer), "area": areas(answer)}
 
 
-def curves(answer: xr.Dataset) -> Figure:
+def curves(answer: Dataset) -> Figure:
     """A panel for each length (column) and noise (row), defects of one depth."""
     lengths, noises = answer["length"].values, answer["noise"].values
     figure, panels = figures.axes(
@@ -53,7 +48,7 @@ def curves(answer: xr.Dataset) -> Figure:
     return figure
 
 
-def areas(answer: xr.Dataset) -> Figure:
+def areas(answer: Dataset) -> Figure:
     """Area under the curve with two standard errors, and delay, over depth at the usual noise."""
     lengths = answer["length"].values
     usual = answer.isel(noise=len(answer["noise"]) // 2)
@@ -90,7 +85,7 @@ def areas(answer: xr.Dataset) -> Figure:
     return figure
 
 
-def tables_of(answer: xr.Dataset) -> dict[str, str]:
+def tables_of(answer: Dataset) -> dict[str, str]:
     """Areas of all conditions; confusion of the faults and how often each residual fired."""
     names = list(NAMES)
     lines = [

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from workbench import figures
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
+from workbench.heavy_types import Dataset, Figure
 
 
-def bode(answer: xr.Dataset, title: str) -> Figure:
+def bode(answer: Dataset, title: str) -> Figure:
     """Magnitude, phase and error: measured with the 99 % region, fitted, true."""
     figure, (magnitude, phase, error) = figures.axes(3, 1, size=(7.0, 8.0), sharex=True)
     frequency, measured = answer["frequency"].values, answer["response"].values

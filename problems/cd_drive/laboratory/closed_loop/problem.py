@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -18,6 +18,7 @@ from workbench.arrays import RealArray
 from workbench.bench.declare import Ref
 from workbench.errors import SolverError
 from workbench.executor import Context
+from workbench.heavy_types import Dataset, Figure
 from workbench.identification import (
     IdentificationWarning,
     SteppedSine,
@@ -45,10 +46,6 @@ from ..in_the_loop import (
 )
 from ..record import Record
 from .figures import bode
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
 
 LIMITS = {"m1": 0.008, "m2": 0.12, "k1": 0.015, "k2": 0.12, "b1": 0.06, "b2": 6.0}
 """Relative errors that pass at FINE steps, wider by the root of coarser ones. Of b2, a twentieth of
@@ -110,7 +107,7 @@ class ClosedLoop(Study):
 
     headline: ClassVar[str] = "chi_square"
 
-    def compute(self, context: Context) -> xr.Dataset:
+    def compute(self, context: Context) -> Dataset:
         import xarray as xr
 
         bench, frequency = self.bench, self.frequency
@@ -189,7 +186,7 @@ class ClosedLoop(Study):
         law = linear(controller(axis), PERIOD)
         return self.bench.closed_loop(law, played, disc=disc, seed=seed)
 
-    def checks(self, answer: xr.Dataset, tolerance: float) -> list[Check]:
+    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
         axis = self.bench.axis
         found = [
             Check("loop", "times that it was lost or regained", *_none(answer["events"])),
@@ -225,7 +222,7 @@ class ClosedLoop(Study):
             ),
         ]
 
-    def metrics(self, answer: xr.Dataset) -> dict[str, float]:
+    def metrics(self, answer: Dataset) -> dict[str, float]:
         held = abs(answer["value"] - answer["table"]) <= answer["half_width"]
         size = abs(answer["true"])
         off = {name: abs(answer[name] - answer["true"]) for name in ("response", "fitted")}
@@ -245,7 +242,7 @@ class ClosedLoop(Study):
             "largest_error_um": 1e6 * float(answer["largest_error"]),
         }
 
-    def tables(self, answer: xr.Dataset) -> dict[str, str]:
+    def tables(self, answer: Dataset) -> dict[str, str]:
         lines = ["| parameter | fitted | 99 %, +- | true | error |", "| --- |" + " ---: |" * 4]
         for name, error in _errors(answer).items():
             one = answer.sel(parameter=name)
@@ -254,11 +251,11 @@ class ClosedLoop(Study):
         notes = [f"- {note}" for note in answer.attrs["notes"].splitlines()]
         return {"parameters": "\n".join([*lines, "", *notes]) + "\n"}
 
-    def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
+    def figures(self, answer: Dataset) -> dict[str, Figure]:
         return {"figure-4-5": bode(answer, f"{self.bench.drive}, {self.bench.axis}")}
 
 
-def _errors(answer: xr.Dataset) -> dict[str, float]:
+def _errors(answer: Dataset) -> dict[str, float]:
     errors = answer["value"] / answer["table"] - 1
     return dict(zip(FITTED, errors.values.tolist(), strict=True))
 

@@ -6,12 +6,12 @@ Equation numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
 from __future__ import annotations
 
 from itertools import product
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.integrate import solve_ivp
 
 from workbench import Check
+from workbench.heavy_types import Dataset
 
 from ...drive.disc import VELOCITY
 from ...drive.photo_diodes import CAPTURE
@@ -20,11 +20,8 @@ from ...drive.tables import Axis, red_book
 from .runs import MET, Cell, Crossing, excursion_of
 from .theory import WORST, standing
 
-if TYPE_CHECKING:
-    import xarray as xr
 
-
-def checks_of(crossing: Crossing, answer: xr.Dataset) -> list[Check]:
+def checks_of(crossing: Crossing, answer: Dataset) -> list[Check]:
     reference = answer.sel(strategy="reference", share=1.0)
     full = float(abs(answer["standing"]).max())
     driven = answer["driven"].sel(theta=answer["angle"]).drop_vars("theta")
@@ -67,7 +64,7 @@ def checks_of(crossing: Crossing, answer: xr.Dataset) -> list[Check]:
     ]
 
 
-def _disc_off(crossing: Crossing, answer: xr.Dataset) -> float:
+def _disc_off(crossing: Crossing, answer: Dataset) -> float:
     """Equation 8.1 against where the laboratory's disc is before and after the defect."""
     worst = 0.0
     for angle, length in product(answer["theta"].values, answer["length"].values):
@@ -83,7 +80,7 @@ def _thesis_off() -> float:
     return abs(float(standing(focus, *WORST, 0.0)) / 53.7e-6 - 1.0)
 
 
-def _flight_off(crossing: Crossing, answer: xr.Dataset) -> float:
+def _flight_off(crossing: Crossing, answer: Dataset) -> float:
     """Stored flights against an integration of the same equations; relative to the largest."""
     worst, angle, length = 0.0, answer["theta"].values[1], answer["length"].values[-1]
     for name, driven in (("free", False), ("driven", True)):
@@ -107,7 +104,7 @@ def _flight_off(crossing: Crossing, answer: xr.Dataset) -> float:
     return worst
 
 
-def _replay_off(crossing: Crossing, answer: xr.Dataset) -> float:
+def _replay_off(crossing: Crossing, answer: Dataset) -> float:
     """A defect of middle length at the first angle, again with the optics at half the step."""
     place = answer.isel(angle=0, length=answer.sizes["length"] // 2).sel(share=1.0)
     cell = Cell(float(place["angle"]), float(place["length"]), crossing.allowed)
@@ -120,6 +117,6 @@ def _replay_off(crossing: Crossing, answer: xr.Dataset) -> float:
     return max(off)
 
 
-def _reversed(axis: Axis, answer: xr.Dataset) -> float:
+def _reversed(axis: Axis, answer: Dataset) -> float:
     kept = (answer["peak"].sel(strategy="reference") <= CAPTURE[axis]).values
     return float((kept[..., 1:] & ~kept[..., :-1]).mean())

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import product
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field
 
 from workbench import Check, Run, Study, problem, ref
 from workbench.executor import Context
+from workbench.heavy_types import Dataset, Figure
 from workbench.systems.storage import restored
 
 from ...drive.disc import VELOCITY
@@ -27,10 +28,6 @@ from .checks import checks_of
 from .report import figures_of, tables_of
 from .runs import Cell, Crossing, excursion_of
 from .theory import WORST, standing
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
 
 LENGTHS = (0.3e-3, 2.5e-3)
 """Shortest and longest defect [m]; the error correction repairs 2.5 mm."""
@@ -81,7 +78,7 @@ class Excursion(Study):
 
     headline: ClassVar[str] = "survived_reference"
 
-    def compute(self, context: Context) -> xr.Dataset:
+    def compute(self, context: Context) -> Dataset:
         import xarray as xr
 
         crossing = self.crossing
@@ -127,10 +124,10 @@ class Excursion(Study):
             },
         )
 
-    def checks(self, answer: xr.Dataset, tolerance: float) -> list[Check]:
+    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
         return checks_of(self.crossing, answer)
 
-    def metrics(self, answer: xr.Dataset) -> dict[str, float]:
+    def metrics(self, answer: Dataset) -> dict[str, float]:
         kept = answer["peak"] <= CAPTURE[self.crossing.axis]
         numbers = {
             "thesis_um": 1e6 * float(standing(red_book("focus").deviation, *WORST, 0.0)),
@@ -154,8 +151,8 @@ class Excursion(Study):
             }
         return numbers
 
-    def tables(self, answer: xr.Dataset) -> dict[str, str]:
+    def tables(self, answer: Dataset) -> dict[str, str]:
         return tables_of(answer, self.metrics(answer))
 
-    def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
+    def figures(self, answer: Dataset) -> dict[str, Figure]:
         return figures_of(answer, self.crossing.axis)

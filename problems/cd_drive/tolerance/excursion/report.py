@@ -3,28 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from workbench import figures
+from workbench.heavy_types import Dataset, Figure
 
 from ...drive.photo_diodes import CAPTURE
 from ...drive.red_book import ACCEPTABLE_ERROR
 from ...drive.tables import Axis
 from ..strategy_looks import titled
 
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
 
-
-def figures_of(answer: xr.Dataset, axis: Axis) -> dict[str, Figure]:
+def figures_of(answer: Dataset, axis: Axis) -> dict[str, Figure]:
     """Both figures, by file stem."""
     return {"equation-8-1": against_theory(answer, axis), "survival": maps(answer, axis)}
 
 
-def against_theory(answer: xr.Dataset, axis: Axis) -> Figure:
+def against_theory(answer: Dataset, axis: Axis) -> Figure:
     """Excursion at the defect's end over length, worst angle; and over angle, longest defect."""
     figure, panels = figures.axes(1, 2, size=(10.0, 4.4))
     reference = answer["end"].sel(strategy="reference", share=1.0)
@@ -57,7 +54,7 @@ def against_theory(answer: xr.Dataset, axis: Axis) -> Figure:
     return figure
 
 
-def maps(answer: xr.Dataset, axis: Axis) -> Figure:
+def maps(answer: Dataset, axis: Axis) -> Figure:
     """Over angle and length: largest deviation survived; largest error at the Red Book's."""
     from matplotlib.colors import BoundaryNorm, LogNorm
 
@@ -113,7 +110,7 @@ def maps(answer: xr.Dataset, axis: Axis) -> Figure:
     return figure
 
 
-def survived_share(one: xr.Dataset, axis: Axis) -> np.ndarray:
+def survived_share(one: Dataset, axis: Axis) -> np.ndarray:
     """Largest share up to which every smaller one is survived too (angle, length); 0: none."""
     kept = (one["peak"] <= CAPTURE[axis]).transpose("angle", "length", "share").values
     count = np.cumprod(kept, axis=-1).sum(axis=-1)
@@ -121,7 +118,7 @@ def survived_share(one: xr.Dataset, axis: Axis) -> np.ndarray:
     return shares
 
 
-def tables_of(answer: xr.Dataset, numbers: Mapping[str, float]) -> dict[str, str]:
+def tables_of(answer: Dataset, numbers: Mapping[str, float]) -> dict[str, str]:
     """What each strategy survives, and the three answers for the reference strategy."""
     rows = [
         "| strategy | kept, all | kept, Red Book | in spec, Red Book | worst [um] | "

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from workbench.arrays import RealArray
+from workbench.heavy_types import StateSpace
 from workbench.simulation import Cascade
 
 from ...drive.disc import VELOCITY, Defect, Disc
@@ -23,9 +24,6 @@ from ...laboratory.experiment import Laboratory
 from ...laboratory.record import Record
 from ..tactics import STRATEGIES, Strategies, clean_level
 from .theory import BlindLens
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 MET = 0.45
 """When the defect begins [s]: strategies A and B have learnt the rotation by then."""

@@ -10,22 +10,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import block_diag, expm
 
 from workbench.arrays import ComplexArray, RealArray
+from workbench.heavy_types import StateSpace
 
 from ...drive.actuator import specific_model
 from ...drive.plants import ANTIALIASING, controller
 from ...drive.tables import Axis
 from ...laboratory.bench_setup import coil_gain, find_drive
-
-if TYPE_CHECKING:
-    from control import StateSpace
-
 
 WORST = (9.0, 1.9e-3)
 """Rotation [Hz] and duration [s] with which eq. 8.1 gives the worst case of the thesis, 53.7 um."""

@@ -6,11 +6,11 @@ Equation numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from workbench import Check
+from workbench.heavy_types import Dataset
 
 from ...drive.disc import VELOCITY
 from ...drive.plants import controller, responses
@@ -21,12 +21,9 @@ from ..ensemble import GROUPS, Circumstance
 from .runs import Design, evaluated, played
 from .search import BOUNDS, LARGEST, PARAMETERS
 
-if TYPE_CHECKING:
-    import xarray as xr
-
 
 def checks_of(
-    answer: xr.Dataset,
+    answer: Dataset,
     first: Mapping[Axis, Circumstance],
     duration: float,
     designs: Mapping[Axis, Sequence[Design]],
@@ -66,7 +63,7 @@ def continuous_peak(axis: Axis, gain_db: float) -> float:
     return float((1.0 / abs(1.0 + L)).max())
 
 
-def _trace_off(answer: xr.Dataset) -> float:
+def _trace_off(answer: Dataset) -> float:
     """Share of time out of spec and burst from the stored error, sample by sample."""
     off = 0.0
     for axis in AXES:
@@ -82,7 +79,7 @@ def _trace_off(answer: xr.Dataset) -> float:
 
 
 def _replay_off(
-    answer: xr.Dataset,
+    answer: Dataset,
     first: Mapping[Axis, Circumstance],
     duration: float,
     designs: Mapping[Axis, Sequence[Design]],
@@ -103,7 +100,7 @@ def _replay_off(
     return off
 
 
-def _arms_off(answer: xr.Dataset) -> float:
+def _arms_off(answer: Dataset) -> float:
     """Arms against plain means over drives and the group's circumstances."""
     off = 0.0
     for k, name in enumerate(answer["known"].values):

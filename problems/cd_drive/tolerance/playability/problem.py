@@ -6,12 +6,13 @@ CD-players (2003).
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from pydantic import Field
 
 from workbench import Run, problem, ref
 from workbench.errors import InputError
+from workbench.heavy_types import StateSpace
 from workbench.systems.storage import restored
 
 from ...drive.red_book import AXES
@@ -20,9 +21,6 @@ from ...drive.tables import Axis
 from ..tactics import STRATEGIES
 from .runs import chosen
 from .study import Playability
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 Count = Annotated[int, Field(ge=1, le=100_000)]
 Drives = Annotated[int, Field(ge=1, le=12)]

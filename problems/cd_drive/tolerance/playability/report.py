@@ -6,25 +6,22 @@ Figure numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of C
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from workbench import figures
+from workbench.heavy_types import Dataset, Figure
 
 from ..balloon import POWER
 from ..strategy_looks import COLOURS, titled
 from .runs import REPAIRED
 
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
-
 RINGS = (1e-3, 1e-2, 0.1, 0.5)
 """Shares of time out of spec that are drawn as circles."""
 
 
-def figures_of(answer: xr.Dataset, tuned: str) -> dict[str, Figure]:
+def figures_of(answer: Dataset, tuned: str) -> dict[str, Figure]:
     """The three figures, by file stem."""
     return {
         "balloon": balloons(answer),
@@ -33,11 +30,11 @@ def figures_of(answer: xr.Dataset, tuned: str) -> dict[str, Figure]:
     }
 
 
-def labels(answer: xr.Dataset) -> list[str]:
+def labels(answer: Dataset) -> list[str]:
     return [titled(str(name)) for name in answer["strategy"].values]
 
 
-def numbers_of(answer: xr.Dataset) -> dict[str, float]:
+def numbers_of(answer: Dataset) -> dict[str, float]:
     """Scores of each axis and strategy, and what tuning gains."""
     numbers: dict[str, float] = {}
     over = answer["burst"] > REPAIRED
@@ -62,7 +59,7 @@ def numbers_of(answer: xr.Dataset) -> dict[str, float]:
     return numbers
 
 
-def balloons(answer: xr.Dataset) -> Figure:
+def balloons(answer: Dataset) -> Figure:
     """Figure 2.15 with numbers: an arm for every cause, a balloon for every strategy."""
     figure, panels = figures.axes(1, 2, size=(11.0, 5.8), subplot_kw={"projection": "polar"})
     known = [str(name) for name in answer["known"].values]
@@ -94,7 +91,7 @@ def balloons(answer: xr.Dataset) -> Figure:
     return figure
 
 
-def scores(answer: xr.Dataset) -> Figure:
+def scores(answer: Dataset) -> Figure:
     """Losses and bursts of all circumstances together."""
     figure, panels = figures.axes(1, 3, size=(11.0, 4.2))
     names = labels(answer)
@@ -120,7 +117,7 @@ def scores(answer: xr.Dataset) -> Figure:
     return figure
 
 
-def tuning(answer: xr.Dataset, tuned: str) -> Figure:
+def tuning(answer: Dataset, tuned: str) -> Figure:
     """Trials of the search, and what is gained on discs that it has not seen."""
     figure, panels = figures.axes(1, 2, size=(9.5, 4.2))
     for n, axis in enumerate(answer["axis"].values):
@@ -146,7 +143,7 @@ def tuning(answer: xr.Dataset, tuned: str) -> Figure:
 
 
 def tables_of(
-    answer: xr.Dataset, numbers: Mapping[str, float], tuned: str, level: float
+    answer: Dataset, numbers: Mapping[str, float], tuned: str, level: float
 ) -> dict[str, str]:
     """Scores of every strategy; parameters found and what they gain."""
     rows = [

@@ -9,13 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.errors import InputError, UnknownNameError
 from workbench.executor import Progress, Threads, spread
+from workbench.heavy_types import StateSpace
 from workbench.simulation import Cascade, in_discrete_time
 from workbench.simulation.machine import machine
 
@@ -31,9 +31,6 @@ from ...laboratory.experiment import Laboratory
 from ...laboratory.record import Record
 from ..ensemble import Circumstance
 from ..tactics import CORNER, STRATEGIES, Strategies, clean_level
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 SETTLING = 0.4
 """From when on a run is scored [s]: disc and loop have settled, repetitive control has learnt."""

@@ -9,20 +9,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize
 
 from workbench.arrays import RealArray
+from workbench.heavy_types import StateSpace
 
 from ...drive.tables import Axis
 from ...laboratory.bench_setup import PERIOD
 from ...laboratory.experiment import Laboratory
 from .runs import Design
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 PARAMETERS = ("gain_db", "dist_max", "corner")
 BOUNDS = {"gain_db": (-9.0, 9.0), "dist_max": (0.2, 0.7), "corner": (60.0, 600.0)}

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from workbench import Check, Study
 from workbench.arrays import RealArray
 from workbench.errors import InputError
 from workbench.executor import Context
+from workbench.heavy_types import Dataset, Figure, StateSpace
 
 from ...drive.red_book import AXES
 from ...drive.tables import Axis
@@ -24,11 +25,6 @@ from .checks import checks_of
 from .report import figures_of, numbers_of, tables_of
 from .runs import SCORES, Design, Player, evaluated, met, played, sampled_controller
 from .search import LARGEST, PARAMETERS, Search, peak_sensitivity
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from control import StateSpace
-    from matplotlib.figure import Figure
 
 UNITS = {"out": "1", "losses": "1", "burst": "m", "deviation": "m"}
 
@@ -87,7 +83,7 @@ class Playability(Study):
         player = Player(designs, drives, self.duration)
         return met(player, many, self.workers, context.progress, what)
 
-    def compute(self, context: Context) -> xr.Dataset:
+    def compute(self, context: Context) -> Dataset:
         import xarray as xr
 
         seed = int(context.rng.integers(2**31))
@@ -194,17 +190,17 @@ class Playability(Study):
             "measure": ("measure", ["balloon", "out"]),
         }
 
-    def checks(self, answer: xr.Dataset, tolerance: float) -> list[Check]:
+    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
         seed = int(answer["seed"])
         first = {axis: self.drawn(axis, "held-out", seed)[0] for axis in AXES}
         designs = {axis: [self.design(axis, name) for name in self.strategies] for axis in AXES}
         return checks_of(answer, first, self.duration, designs)
 
-    def metrics(self, answer: xr.Dataset) -> dict[str, float]:
+    def metrics(self, answer: Dataset) -> dict[str, float]:
         return numbers_of(answer)
 
-    def tables(self, answer: xr.Dataset) -> dict[str, str]:
+    def tables(self, answer: Dataset) -> dict[str, str]:
         return tables_of(answer, self.metrics(answer), self.tuned, LEVEL)
 
-    def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
+    def figures(self, answer: Dataset) -> dict[str, Figure]:
         return figures_of(answer, self.tuned)

@@ -5,14 +5,12 @@ Section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from workbench import Check
-
-if TYPE_CHECKING:
-    import xarray as xr
+from workbench.heavy_types import Dataset
 
 SMALLER = {"A": 0.5, "B": 0.5, "C": 2 / 3, "K_prime": 2 / 3}
 """Share of the reference strategy's excursion that these may have: a much smaller one."""
@@ -24,7 +22,7 @@ REPLAYED = 0.05
 """By how much an excursion may change at half the step, relative."""
 
 
-def checks_of(answer: xr.Dataset) -> list[Check]:
+def checks_of(answer: Dataset) -> list[Check]:
     """Named checks of a study of one axis."""
     excursion = answer["excursion"] / answer["excursion"].sel(strategy="reference")
     periodic = answer["periodic"] / answer["periodic"].sel(strategy="reference")

@@ -15,6 +15,7 @@ from pydantic import Field
 from workbench import Check, Run, Study, problem, ref
 from workbench.errors import InputError
 from workbench.executor import Context
+from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.systems.storage import restored
 
 from ...drive.shared_parameters import TABLES
@@ -28,10 +29,6 @@ from .runs import ROTATION, WINDOW, Experiment, envelope
 from .stability import estimated_decay, repetitive_level
 
 if TYPE_CHECKING:
-    import xarray as xr
-    from control import StateSpace
-    from matplotlib.figure import Figure
-
     from ...laboratory.record import Record
 
 SHOWN = ("u", "f_en", "error", "w_Q")
@@ -101,7 +98,7 @@ class StrategiesStudy(Study):
 
     headline: ClassVar[str] = "excursion_A"
 
-    def compute(self, context: Context) -> xr.Dataset:
+    def compute(self, context: Context) -> Dataset:
         import xarray as xr
 
         seed, experiment = int(context.rng.integers(2**31)), self.experiment
@@ -182,16 +179,16 @@ class StrategiesStudy(Study):
             "zoomed": ("zoomed", 1e3 * (WINDOW[0] + np.arange(size) / RATE), {"units": "ms"}),
         }
 
-    def checks(self, answer: xr.Dataset, tolerance: float) -> list[Check]:
+    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
         return checks_of(answer)
 
-    def metrics(self, answer: xr.Dataset) -> dict[str, float]:
+    def metrics(self, answer: Dataset) -> dict[str, float]:
         return numbers_of(answer)
 
-    def tables(self, answer: xr.Dataset) -> dict[str, str]:
+    def tables(self, answer: Dataset) -> dict[str, str]:
         return tables_of(answer)
 
-    def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
+    def figures(self, answer: Dataset) -> dict[str, Figure]:
         return figures_of(answer, self.experiment.axis)
 
 

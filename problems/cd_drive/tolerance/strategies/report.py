@@ -5,26 +5,22 @@ Figure numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of C
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from workbench import figures
+from workbench.heavy_types import Axes, Dataset, Figure
 
 from ...drive.red_book import ACCEPTABLE_ERROR
 from ...drive.tables import Axis
 from ..strategy_looks import COLOURS, titled
 from .runs import ENGAGED
 
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
 STEMS = {"A": "figure-8-7", "B": "figure-8-8", "C": "figure-8-9", "K_prime": "figure-8-6"}
 
 
-def numbers_of(answer: xr.Dataset) -> dict[str, float]:
+def numbers_of(answer: Dataset) -> dict[str, float]:
     """Excursion and periodic error [m] of the nominal drive and the worst of all; events."""
     numbers = {}
     for name in answer["strategy"].values:
@@ -39,7 +35,7 @@ def numbers_of(answer: xr.Dataset) -> dict[str, float]:
     return numbers
 
 
-def tables_of(answer: xr.Dataset) -> dict[str, str]:
+def tables_of(answer: Dataset) -> dict[str, str]:
     """Excursion and periodic error by drive and strategy."""
     names = [str(name) for name in answer["strategy"].values]
     found = {}
@@ -56,13 +52,13 @@ def tables_of(answer: xr.Dataset) -> dict[str, str]:
     return found
 
 
-def figures_of(answer: xr.Dataset, axis: Axis) -> dict[str, Figure]:
+def figures_of(answer: Dataset, axis: Axis) -> dict[str, Figure]:
     """A figure of each strategy against the reference, and of all drives."""
     found = {stem: _against(answer, name, axis) for name, stem in STEMS.items()}
     return found | {"drives": _drives(answer, axis)}
 
 
-def _against(answer: xr.Dataset, name: str, axis: Axis) -> Figure:
+def _against(answer: Dataset, name: str, axis: Axis) -> Figure:
     figure, panels = figures.axes(3, 2, size=(8.4, 8.6))
     one, colour = answer.sel(strategy=name), COLOURS[name]
     for panel, signal, label in zip(
@@ -100,7 +96,7 @@ def _against(answer: xr.Dataset, name: str, axis: Axis) -> Figure:
     return figure
 
 
-def _shade(panel: Axes, one: xr.Dataset, stage: str) -> None:
+def _shade(panel: Axes, one: Dataset, stage: str) -> None:
     quality = one["zoom"].sel(stage=stage, signal="w_Q").values
     panel.fill_between(
         one["zoomed"].values,
@@ -125,7 +121,7 @@ def _true(axis: Axis) -> str:
     return "true error $e_x$ [um]" if axis == "focus" else "true error $e_y$ [um]"
 
 
-def _drives(answer: xr.Dataset, axis: Axis) -> Figure:
+def _drives(answer: Dataset, axis: Axis) -> Figure:
     figure, panels = figures.axes(2, 1, size=(8.4, 6.4), sharex=True)
     names = [str(name) for name in answer["strategy"].values]
     for panel, what, label in zip(

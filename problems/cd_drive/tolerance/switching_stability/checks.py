@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.linalg import eigh
 
 from workbench import Check
 from workbench.arrays import RealArray
+from workbench.heavy_types import Dataset
 from workbench.synthesis import discretised
 
 from ...drive.plants import ANTIALIASING
@@ -17,9 +18,6 @@ from ...drive.red_book import envelope
 from ...laboratory.bench_setup import PERIOD
 from ..switched_loop import MICRO, SwitchedLoop, closed
 from .switched_drives import DEFECTS, SwitchedDrives
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 FALLS = 1.0 - 1e-9
 PLANTS = 200
@@ -35,7 +33,7 @@ BETWEEN, CLOSE = 131, 0.02
 """Frequencies, and how near those stored are to the worst of them, relative."""
 
 
-def switching_checks(drives: SwitchedDrives, answer: xr.Dataset) -> list[Check]:
+def switching_checks(drives: SwitchedDrives, answer: Dataset) -> list[Check]:
     """Check loops, functions, bounds, simulations and cells of an answer."""
     found = [
         _loops(drives),
@@ -64,7 +62,7 @@ def _sorted(poles: Any) -> Any:
     return np.sort_complex(poles)
 
 
-def _functions(drives: SwitchedDrives, answer: xr.Dataset, strategy: str) -> Check:
+def _functions(drives: SwitchedDrives, answer: Dataset, strategy: str) -> Check:
     """V falls over every stay that is allowed, by generalised eigenvalues."""
     worst, where = 0.0, ""
     one = answer.sel(strategy=strategy)
@@ -105,21 +103,21 @@ def _ratio(A: RealArray, after: RealArray, before: RealArray) -> float:
     return float(eigh((M + M.T) / 2, before / np.outer(units, units), eigvals_only=True)[-1])
 
 
-def _ordered(answer: xr.Dataset) -> Check:
+def _ordered(answer: Dataset) -> Check:
     """No distance is proven that a periodic switching makes unstable."""
     less = (answer["unstable"] + 1 - answer["dwell"]).max()
     statement = "largest distance that periodic defects make unstable, and one, less the proven one"
     return Check("dwell", statement, float(less), 0.0)
 
 
-def _bounded(answer: xr.Dataset) -> Check:
+def _bounded(answer: Dataset) -> Check:
     bound = answer["bound"].sel(length=answer["played"].values, distance=answer["spaced"].values)
     over = answer["simulated"].max("drive").values / bound.values
     statement = "largest simulated error over its bound"
     return Check("bounds", statement, float(over.max()), 1.0 + 1e-9)
 
 
-def _in_laboratory(answer: xr.Dataset) -> Check:
+def _in_laboratory(answer: Dataset) -> Check:
     """With a disc so small that the optics are linear."""
     bound = answer["bound"].sel(case="rotation", length=answer["tested"].values).isel(distance=-1)
     small = answer["laboratory"].isel(size=0).max("drive")
@@ -128,7 +126,7 @@ def _in_laboratory(answer: xr.Dataset) -> Check:
     return Check("laboratory", statement, float(over.max()), 1.0 + OPTICS)
 
 
-def _replayed(drives: SwitchedDrives, answer: xr.Dataset) -> Check:
+def _replayed(drives: SwitchedDrives, answer: Dataset) -> Check:
     """The largest error of six defects again, sample by sample in real time, at many phases."""
     off, where = 0.0, ""
     distances = answer["spaced"].values
@@ -174,7 +172,7 @@ def _played(
     return worst
 
 
-def _between(drives: SwitchedDrives, answer: xr.Dataset) -> Check:
+def _between(drives: SwitchedDrives, answer: Dataset) -> Check:
     """Errors of one defect at frequencies between those of the answer."""
     worst, where = 0.0, ""
     for strategy in answer["strategy"].values:
@@ -190,7 +188,7 @@ def _between(drives: SwitchedDrives, answer: xr.Dataset) -> Check:
     return Check("frequencies", statement, worst, 1.0 + CLOSE, where)
 
 
-def _cells(drives: SwitchedDrives, answer: xr.Dataset) -> Check:
+def _cells(drives: SwitchedDrives, answer: Dataset) -> Check:
     """Cells within the box that do not overlap fill as much of it as their volumes say."""
     low, high = drives.box(float(answer["box_of_cells"])).ends
     # Relative to the box, which is then 0 to 1.
@@ -204,7 +202,7 @@ def _cells(drives: SwitchedDrives, answer: xr.Dataset) -> Check:
     return Check("cells", statement, float(max(beyond, overlap, off)), 1e-9)
 
 
-def _in_cells(drives: SwitchedDrives, answer: xr.Dataset) -> Check:
+def _in_cells(drives: SwitchedDrives, answer: Dataset) -> Check:
     """V falls from defect to defect at random plants of the set, held and sampled as such."""
     box = drives.box(float(answer["box_of_cells"]))
     low, high = box.ends
@@ -232,7 +230,7 @@ def _cycle(A_c: RealArray, A_o: RealArray, P: RealArray, dwell: int) -> float:
     return max(_ratio(A_c, P[0], P[0]), _ratio(A_o, P[1], P[1]), back * max(longer))
 
 
-def _figure(drives: SwitchedDrives, answer: xr.Dataset) -> list[Check]:
+def _figure(drives: SwitchedDrives, answer: Dataset) -> list[Check]:
     """Figure 8.10 has the focus loop only."""
     if drives.axis != "focus":
         return []

@@ -8,11 +8,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from workbench.executor import Context
+from workbench.heavy_types import StateSpace
 from workbench.mu import conditions
 from workbench.simulation import sampled
 from workbench.synthesis import discretised
@@ -24,9 +25,6 @@ from ...diagnosis.stand_in import low_pass
 from ...drive.tables import Axis
 from ...laboratory.bench_setup import PERIOD
 from ..switched_loop import closed
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 CONTROLLERS = ("K", "K (1 - F)", "K'")
 SAMPLINGS = ("continuous", "sampled", "delayed")

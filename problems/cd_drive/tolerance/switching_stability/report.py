@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from workbench import figures
+from workbench.heavy_types import Dataset, Figure
 
 from ...control.methods.report import aligned
 from ...drive.disc import VELOCITY
@@ -15,9 +16,6 @@ from ...drive.red_book import ACCEPTABLE_ERROR
 from ...laboratory.bench_setup import PERIOD
 
 if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
-
     from ...drive.tables import Axis
 
 LOOKS = {
@@ -35,7 +33,7 @@ MM = 1e3 * PERIOD * VELOCITY
 """Of track that passes in a sample [mm]."""
 
 
-def switching_tables(axis: Axis, answer: xr.Dataset) -> dict[str, str]:
+def switching_tables(axis: Axis, answer: Dataset) -> dict[str, str]:
     return {
         "loops": _loops(answer),
         "dwell": _dwell(answer),
@@ -44,7 +42,7 @@ def switching_tables(axis: Axis, answer: xr.Dataset) -> dict[str, str]:
     }
 
 
-def _loops(answer: xr.Dataset) -> str:
+def _loops(answer: Dataset) -> str:
     """Margins of the nominal loops, the worst of the drives, and the share of the set tolerated."""
     heads = [
         "loop", "controller", "gain margin [dB]", "phase margin [deg]", "least of drives [dB]",
@@ -77,7 +75,7 @@ def _loops(answer: xr.Dataset) -> str:
     return aligned(heads, rows)
 
 
-def _dwell(answer: xr.Dataset) -> str:
+def _dwell(answer: Dataset) -> str:
     """Shortest distances between defects [samples]: proven, and made unstable."""
     longest = answer.sizes["length"]
     heads = ["drive"]
@@ -103,7 +101,7 @@ def _dwell(answer: xr.Dataset) -> str:
     return head + aligned(heads, rows) + "\n" + below + "\n"
 
 
-def _errors(axis: Axis, answer: xr.Dataset) -> str:
+def _errors(axis: Axis, answer: Dataset) -> str:
     """Largest errors of all drives: after the longest defect, and how long a defect may be."""
     unit, far = ACCEPTABLE_ERROR[axis] * 1e6, int(answer["distance"][-1])
     heads = [
@@ -131,7 +129,7 @@ def _errors(axis: Axis, answer: xr.Dataset) -> str:
     return f"All drives; defects {MM * far:.0f} mm apart.\n\n" + aligned(heads, rows)
 
 
-def _laboratory(answer: xr.Dataset) -> str:
+def _laboratory(answer: Dataset) -> str:
     """Bounds beside what the strategies do in the virtual laboratory."""
     heads = ["strategy", "longest defect [mm]", "bound [um]"]
     heads += [f"{float(size):g} of the disc [um]" for size in answer["size"].values]
@@ -149,7 +147,7 @@ def _laboratory(answer: xr.Dataset) -> str:
     return head + aligned(heads, rows)
 
 
-def switching_figures(axis: Axis, answer: xr.Dataset) -> dict[str, Figure]:
+def switching_figures(axis: Axis, answer: Dataset) -> dict[str, Figure]:
     return {
         "figure-8-10": _open_loops(axis, answer),
         "dwell": _dwell_figure(axis, answer),
@@ -157,7 +155,7 @@ def switching_figures(axis: Axis, answer: xr.Dataset) -> dict[str, Figure]:
     }
 
 
-def _open_loops(axis: Axis, answer: xr.Dataset) -> Figure:
+def _open_loops(axis: Axis, answer: Dataset) -> Figure:
     """Bode and Nyquist plots of the nominal loops, sampled without delay."""
     figure, (size, phase, nyquist) = figures.axes(1, 3, size=(12.0, 4.4))
     frequency = answer["frequency"].values
@@ -186,7 +184,7 @@ def _open_loops(axis: Axis, answer: xr.Dataset) -> Figure:
     return figure
 
 
-def _dwell_figure(axis: Axis, answer: xr.Dataset) -> Figure:
+def _dwell_figure(axis: Axis, answer: Dataset) -> Figure:
     figure, (panel,) = figures.axes(size=(8.0, 4.6))
     place = np.arange(answer.sizes["drive"])
     width = 0.26
@@ -214,7 +212,7 @@ def _dwell_figure(axis: Axis, answer: xr.Dataset) -> Figure:
     return figure
 
 
-def _region(axis: Axis, answer: xr.Dataset) -> Figure:
+def _region(axis: Axis, answer: Dataset) -> Figure:
     """Where the error of all drives stays within the linear range, and within the capture range."""
     strategies, cases = answer["strategy"].values.tolist(), answer["case"].values.tolist()
     figure, panels = figures.axes(
@@ -259,7 +257,7 @@ def proven(bound: np.ndarray, limit: float) -> np.ndarray:
     return MM * held
 
 
-def _crossed(error: np.ndarray, answer: xr.Dataset, limit: float) -> np.ndarray:
+def _crossed(error: np.ndarray, answer: Dataset, limit: float) -> np.ndarray:
     """Length [mm] at which simulated errors (played, distances) first pass a limit.
 
     Linearly between the lengths that were played; 0 where the shortest of them passes it.

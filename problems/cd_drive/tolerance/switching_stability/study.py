@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from workbench import Check, Study, solve
 from workbench.arrays import RealArray
 from workbench.errors import SolverError
 from workbench.executor import Context
+from workbench.heavy_types import Dataset, Figure
 from workbench.synthesis import SwitchedStability
 from workbench.systems.storage import stored
 
@@ -29,10 +30,6 @@ from .checks import switching_checks
 from .margins import CONTROLLERS
 from .report import proven, switching_figures, switching_tables
 from .switched_drives import DEFECTS, ROTATION, SwitchedDrives
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
 
 STRATEGIES = ("open", "filter", "lower")
 SHARES: dict[Axis, tuple[float, ...]] = {"focus": (1.0, 2.0), "radial": (1.0,)}
@@ -57,7 +54,7 @@ class SwitchingStability(SwitchedDrives, Study):
 
     # --- answer -------------------------------------------------------------------------------
 
-    def compute(self, context: Context) -> xr.Dataset:
+    def compute(self, context: Context) -> Dataset:
         import xarray as xr
 
         parts: dict[str, Any] = self.alone.margins() | self.alone.robust(context)
@@ -201,10 +198,10 @@ class SwitchingStability(SwitchedDrives, Study):
 
     # --- checks, metrics, report --------------------------------------------------------------
 
-    def checks(self, answer: xr.Dataset, tolerance: float) -> list[Check]:
+    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
         return switching_checks(self, answer)
 
-    def metrics(self, answer: xr.Dataset) -> dict[str, float]:
+    def metrics(self, answer: Dataset) -> dict[str, float]:
         found = {}
         for name, word in zip(CONTROLLERS, ("K", "filter", "lower"), strict=True):
             one = answer.sel(controller=name, plant="nominal", sampling="sampled")
@@ -228,8 +225,8 @@ class SwitchingStability(SwitchedDrives, Study):
         found["box_dwell"] = float(answer["cell_dwell"].max()) if answer.sizes["cell"] else np.inf
         return found
 
-    def tables(self, answer: xr.Dataset) -> dict[str, str]:
+    def tables(self, answer: Dataset) -> dict[str, str]:
         return switching_tables(self.axis, answer)
 
-    def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
+    def figures(self, answer: Dataset) -> dict[str, Figure]:
         return switching_figures(self.axis, answer)

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from workbench.arrays import RealArray
+from workbench.heavy_types import StateSpace
 from workbench.synthesis import Mode, SwitchedStability
 
 from ...control.loops import plants
@@ -29,9 +30,6 @@ from ..switched_loop import (
 from .box import Box
 from .error import Deviations
 from .margins import LoopsAlone
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 ROTATION = np.linspace(3.0, 9.0, 4)
 """Rotation frequencies [Hz] of a disc of the largest deviation."""

@@ -6,7 +6,7 @@ Section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -14,6 +14,7 @@ from pydantic import Field
 from workbench import Check, Run, Study, problem, ref
 from workbench.arrays import RealArray
 from workbench.executor import Context
+from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.simulation import Cascade, Part, linear
 from workbench.systems.storage import restored
 
@@ -29,11 +30,6 @@ from ..playability.runs import SCORES, chosen, evaluated, met, sampled_controlle
 from ..playability.search import LARGEST, peak_sensitivity
 from ..tactics import Strategies, clean_level
 from .report import figures_of, tables_of
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from control import StateSpace
-    from matplotlib.figure import Figure
 
 CASES = ("fast", "slow", "switched")
 
@@ -127,7 +123,7 @@ class SwitchedPair(Study):
         rng = np.random.default_rng([seed, 0])
         return circumstances(self.axis, self.scenarios, self.pair.duration, rng)
 
-    def compute(self, context: Context) -> xr.Dataset:
+    def compute(self, context: Context) -> Dataset:
         import xarray as xr
 
         seed = int(context.rng.integers(2**31))
@@ -162,7 +158,7 @@ class SwitchedPair(Study):
             },
         )
 
-    def checks(self, answer: xr.Dataset, tolerance: float) -> list[Check]:
+    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
         fast, slow = (peak_sensitivity(self.axis, K) for K in (self.pair.fast, self.slow))
         relaxed = CAPTURE[self.axis] / ACCEPTABLE_ERROR[self.axis]
         one = self.drawn(int(answer["seed"]))[0]
@@ -186,7 +182,7 @@ class SwitchedPair(Study):
             Check("arms", "off the mean of the stored runs", apart, 1e-9),
         ]
 
-    def metrics(self, answer: xr.Dataset) -> dict[str, float]:
+    def metrics(self, answer: Dataset) -> dict[str, float]:
         numbers: dict[str, float] = {}
         for case in CASES:
             own = answer.sel(case=case)
@@ -200,8 +196,8 @@ class SwitchedPair(Study):
             }
         return {key: value for key, value in numbers.items() if "less_switched" not in key}
 
-    def tables(self, answer: xr.Dataset) -> dict[str, str]:
+    def tables(self, answer: Dataset) -> dict[str, str]:
         return tables_of(answer, self.metrics(answer))
 
-    def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
+    def figures(self, answer: Dataset) -> dict[str, Figure]:
         return figures_of(answer, self.axis)

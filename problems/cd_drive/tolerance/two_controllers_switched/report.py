@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from workbench import figures
+from workbench.heavy_types import Dataset, Figure
 
 from ...drive.tables import Axis
 
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
 
-
-def figures_of(answer: xr.Dataset, axis: Axis) -> dict[str, Figure]:
+def figures_of(answer: Dataset, axis: Axis) -> dict[str, Figure]:
     """Time out of spec of each case, cause by cause."""
     figure, (panel,) = figures.axes(size=(8.0, 4.4))
     groups = [str(name) for name in answer["group"].values]
@@ -38,7 +34,7 @@ def figures_of(answer: xr.Dataset, axis: Axis) -> dict[str, Figure]:
     return {"switched": figure}
 
 
-def tables_of(answer: xr.Dataset, numbers: Mapping[str, float]) -> dict[str, str]:
+def tables_of(answer: Dataset, numbers: Mapping[str, float]) -> dict[str, str]:
     """Scores of each case, and what switching gains over it."""
     rows = [
         "| controller | in spec | lost | balloon | switched less this one, 95 % |",

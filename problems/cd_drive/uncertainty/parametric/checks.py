@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from workbench import Check
 from workbench.arrays import ComplexArray, RealArray
+from workbench.heavy_types import Dataset
 from workbench.program import worst
 from workbench.uncertainty.parametric.model import ParametricModel
 from workbench.uncertainty.parametric.parameters import Parameter, samples, vertices
@@ -17,9 +17,6 @@ from ...drive.actuator import specific_model, stack
 from ...drive.plants import nominal_response
 from ...drive.tables import ActuatorParameters, Axis, nominal_table
 from ..parametric_model import COPIES, UNITS, parametric_plant, uncertain_parameters
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 MODELS = ("nine", "reduced")
 AGREE = 1e-9
@@ -52,7 +49,7 @@ def plants(
     return np.array(gains)[:, None] * stack(actuators).response(frequency)
 
 
-def spread_checks(axis: Axis, answer: xr.Dataset) -> list[Check]:
+def spread_checks(axis: Axis, answer: Dataset) -> list[Check]:
     """That the models are the actuator, and the deviations the largest, of plants that exist."""
     hertz, models = answer["frequency"].values, pulled_out(axis)
     copies = answer["copies"].sel(stage="after reduction").values
@@ -105,7 +102,7 @@ def _least_determinant(model: ParametricModel) -> float:
     return float(np.linalg.det(loops).min())
 
 
-def _claims(axis: Axis, answer: xr.Dataset) -> RealArray:
+def _claims(axis: Axis, answer: Dataset) -> RealArray:
     """Distance of each largest deviation from that of the plant said to have it (4, F)."""
     hertz, nominal = answer["frequency"].values, answer["nominal"].values
     sets = boxes(axis)
@@ -121,7 +118,7 @@ def _claims(axis: Axis, answer: xr.Dataset) -> RealArray:
     return np.array(result)
 
 
-def _missed(axis: Axis, answer: xr.Dataset) -> RealArray:
+def _missed(axis: Axis, answer: Dataset) -> RealArray:
     """By how much a vertex deviates more than what was found the largest (3, F)."""
     hertz = answer["frequency"].values
     nominal = nominal_response(axis, hertz, antialiasing=False)

@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from workbench import figures
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
+from workbench.heavy_types import Dataset, Figure
 
 LOOKS = {
     "nine": ("nine parameters", figures.BLUE, "-"),
@@ -17,7 +12,7 @@ LOOKS = {
 }
 
 
-def deviation_figure(answer: xr.Dataset) -> Figure:
+def deviation_figure(answer: Dataset) -> Figure:
     """Largest relative deviation of each set, and those of the drives with either gain."""
     figure, panels = figures.axes(2, 1, size=(7.0, 7.0), sharex=True, sharey=True)
     hertz = answer["frequency"].values
@@ -46,7 +41,7 @@ def deviation_figure(answer: xr.Dataset) -> Figure:
     return figure
 
 
-def bode_figure(answer: xr.Dataset) -> Figure:
+def bode_figure(answer: Dataset) -> Figure:
     """Magnitude of the nominal within the band that each set fills."""
     figure, (panel,) = figures.axes()
     hertz = answer["frequency"].values

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -17,6 +17,7 @@ from pydantic import Field
 from workbench import Check, Study, problem
 from workbench.arrays import ComplexArray, RealArray
 from workbench.executor import Context
+from workbench.heavy_types import Dataset, Figure
 from workbench.uncertainty.parametric.factorial import factorial_response
 from workbench.uncertainty.parametric.model import ParametricModel
 from workbench.uncertainty.parametric.parameters import Parameter, levels, samples
@@ -28,10 +29,6 @@ from ..parametric_model import UNITS
 from .checks import MODELS, boxes, pulled_out, spread_checks
 from .figures import bode_figure, deviation_figure
 from .search import climbed
-
-if TYPE_CHECKING:
-    import xarray as xr
-    from matplotlib.figure import Figure
 
 GAINS: Any = ("own", "agc")
 CHUNK = 8
@@ -80,7 +77,7 @@ class ParametricSpread(Study):
 
     headline: ClassVar[str] = "deviation_peak_reduced"
 
-    def compute(self, context: Context) -> xr.Dataset:
+    def compute(self, context: Context) -> Dataset:
         import xarray as xr
 
         models = pulled_out(self.axis)
@@ -168,10 +165,10 @@ class ParametricSpread(Study):
         own |= {n: np.array([getattr(d, n) for d in twelve]) for n in table if n not in own}
         return np.stack([(own[n] / p.nominal - 1) / p.tolerance for n, p in table.items()], axis=1)
 
-    def checks(self, answer: xr.Dataset, tolerance: float) -> list[Check]:
+    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
         return spread_checks(self.axis, answer)
 
-    def metrics(self, answer: xr.Dataset) -> dict[str, float]:
+    def metrics(self, answer: Dataset) -> dict[str, float]:
         hertz = answer["frequency"].values
         over = {str(n): answer["deviation"].sel(set=n).values for n in answer["set"].values}
         shown = {"nine": "", "without gain": "_no_gain", "reduced": "_reduced"}
@@ -203,7 +200,7 @@ class ParametricSpread(Study):
             "channels_reduced": float(after.sel(model="reduced")),
         }
 
-    def tables(self, answer: xr.Dataset) -> dict[str, str]:
+    def tables(self, answer: Dataset) -> dict[str, str]:
         lines = [
             "| parameter | nominal | tolerance [%] | repetitions, before reduction "
             "| Table 5.3 [%] | repetitions, before reduction | drives, largest delta |",
@@ -221,7 +218,7 @@ class ParametricSpread(Study):
             lines.append(f"| {name} | {nominal} | {' | '.join(cells)} | {most:.2f} |")
         return {"tables-5-2-5-3": "\n".join(lines) + "\n"}
 
-    def figures(self, answer: xr.Dataset) -> dict[str, Figure]:
+    def figures(self, answer: Dataset) -> dict[str, Figure]:
         return {"deviation": deviation_figure(answer), "bode": bode_figure(answer)}
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.arrays import RealArray
+from workbench.heavy_types import StateSpace
 from workbench.mu import upper_bound
 from workbench.structure import Real as RealScalar
 from workbench.structure import Structure
@@ -20,8 +21,6 @@ from workbench.systems.frequency_grid import frequencies_of
 from workbench.systems.generalised_plant import response
 
 if TYPE_CHECKING:
-    from control import StateSpace
-
     from workbench.mu import UpperBound
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from workbench.arrays import RealArray
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError, SolverError
 from workbench.executor import Context
+from workbench.heavy_types import StateSpace
 from workbench.mu import upper_bound
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
@@ -29,9 +30,6 @@ from workbench.synthesis.mu.multipliers.functions import Multipliers
 from workbench.synthesis.mu.multipliers.k_step import k_step
 from workbench.synthesis.mu.program import MuSynthesis
 from workbench.synthesis.mu.rounds import Iterate, packed, unpacked
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 
 @method(MuSynthesis, "dk", optimal=False)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from workbench.arrays import RealArray
 from workbench.errors import SolverError
+from workbench.heavy_types import StateSpace
 from workbench.synthesis.hinf.levels import level_at
 from workbench.synthesis.hinf.normalised import scaled
 from workbench.synthesis.hinf.riccati import BACK_OFF, Central, central, central_of
@@ -15,8 +16,6 @@ from workbench.synthesis.mu.multipliers.functions import Multipliers
 from workbench.synthesis.mu.multipliers.scaled_plant import Multiplied, scaled_by_D
 
 if TYPE_CHECKING:
-    from control import StateSpace
-
     from workbench.synthesis.mu.program import MuSynthesis
 
 

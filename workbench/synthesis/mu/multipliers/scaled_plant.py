@@ -18,7 +18,6 @@ M. Safonov, R. Chiang, Real/complex K_m-synthesis without curve fitting, Control
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +25,7 @@ from scipy.linalg import block_diag
 
 from workbench.arrays import RealArray
 from workbench.errors import SolverError
+from workbench.heavy_types import StateSpace
 from workbench.structure import Real as RealScalar
 from workbench.synthesis.mu.biquads import Biquads
 from workbench.synthesis.mu.multipliers import triangles
@@ -34,9 +34,6 @@ from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.norms import norm
 from workbench.systems.realisation import Matrices
 from workbench.systems.standard_plant import StandardPlant
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 
 def scaled_by_D(plant: GeneralisedPlant, scalings: Multipliers, x: RealArray) -> StateSpace:

@@ -8,15 +8,13 @@ functions, here sums of sections of second order,
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from workbench.arrays import Array, RealArray
+from workbench.heavy_types import StateSpace
 from workbench.synthesis.mu.biquads import DAMPING, LARGEST, Range
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 
 def beside(n: int) -> Any:

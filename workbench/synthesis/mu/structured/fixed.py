@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from workbench.arrays import RealArray
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError
 from workbench.executor import Context
+from workbench.heavy_types import StateSpace
 from workbench.mu import UpperBound, gradient, upper_bound
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
@@ -27,10 +27,6 @@ from workbench.synthesis.mu.program import TOLERANCE, MuSynthesis
 from workbench.synthesis.mu.rounds import Iterate, packed, unpacked
 from workbench.systems.frequency_grid import frequencies_of
 from workbench.systems.generalised_plant import GeneralisedPlant, response
-
-if TYPE_CHECKING:
-    from control import StateSpace
-
 
 ROUNDS = 300
 NEAR = 0.6

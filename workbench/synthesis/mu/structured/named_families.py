@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
+from workbench.heavy_types import StateSpace
 from workbench.synthesis.mu.families import Family
-
-if TYPE_CHECKING:
-    from control import StateSpace
 
 LEAST_GAIN = 1e-12
 """Of a PID's gains, relative to the largest, at which one counts as absent."""
