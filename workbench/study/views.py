@@ -176,11 +176,10 @@ class _Lines(Drawn):
             panel.plot(values[self.x].values, one.values, label=label)
         if self.limit is not None:
             panel.axhline(self.limit, color=figures.BLACK, linewidth=0.8, linestyle="--")
-        for axis in self.log:
-            getattr(panel, f"set_{axis}scale")("log")
-        panel.set_xlabel(figures.axis_label(values[self.x], self.x))
-        panel.set_ylabel(figures.axis_label(values, self.array))
-        panel.set_title(self.title)
+        across, up = (
+            figures.axis_label(a, n) for a, n in ((values[self.x], self.x), (values, self.array))
+        )
+        figures.label(panel, across, up, self.title, self.log)
         if self.each is not None:
             figures.legend_below(drawn, panel)
         return {stem(self.name): drawn}

@@ -1,0 +1,1 @@
+"""Linear time-invariant systems: what every room needs of them."""

@@ -1,0 +1,1 @@
+"""The arm's parasitic resonance, measured in closed loop."""
