@@ -7,7 +7,6 @@ import math
 import numpy as np
 
 from workbench.synthesis import regularised
-from workbench.systems.realisation import realisation
 from workbench.uncertainty import GeneralisedPlant
 
 from ..cd_drive.control.control_problem import generalised
@@ -40,16 +39,7 @@ def drive_plants() -> dict[str, GeneralisedPlant]:
     axes: tuple[Axis, ...] = ("focus", "radial")
     for axis in axes:
         plant = generalised(axis, parametric_plant(axis))
-        for name, one in (("nominal", nominal(plant)), ("parametric", plant)):
+        nominal = plant.channel(["z_p", "z_u"], "w_p").nominal()
+        for name, one in (("nominal", nominal), ("parametric", plant)):
             found[f"{axis} {name}"] = regularised(one, SMALL)
     return found
-
-
-def nominal(plant: GeneralisedPlant) -> GeneralisedPlant:
-    """w_p, u -> z_p, z_u, y without the perturbation."""
-    part = plant.channel(["z_p", "z_u"], "w_p")
-    assert part.structure is not None
-    system, rows, columns = part.system, part.structure.columns, part.structure.rows
-    matrices = system.A, system.B[:, columns:], system.C[rows:], system.D[rows:, columns:]
-    labels = {"inputs": system.input_labels[columns:], "outputs": system.output_labels[rows:]}
-    return GeneralisedPlant(realisation(matrices, 0.0, **labels), None, 1, 1)

@@ -7,6 +7,8 @@ from workbench.mu.lower.program import LowerBound, MuLowerBound
 from workbench.mu.robust.branch import branch_and_bound
 from workbench.mu.robust.conditions import Conditions, conditions
 from workbench.mu.robust.destabilising import destabilising
+from workbench.mu.robust.performance import performance_peak, performance_sweep
+from workbench.mu.robust.rank_one import RankOneLoop, rank_one_mu
 from workbench.mu.robust.sensitivity import sensitivity
 from workbench.mu.robust.skew import SkewBounds, skew_bounds
 from workbench.mu.robust.worst_case import WorstCaseGain, worst_case_gain
@@ -26,6 +28,7 @@ __all__ = [
     "MuLowerBound",
     "MuUpperBound",
     "Peak",
+    "RankOneLoop",
     "Real",
     "SkewBounds",
     "Structure",
@@ -38,6 +41,9 @@ __all__ = [
     "gradient",
     "lower_bound",
     "peak",
+    "performance_peak",
+    "performance_sweep",
+    "rank_one_mu",
     "regularised",
     "sensitivity",
     "skew_bounds",

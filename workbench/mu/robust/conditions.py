@@ -105,7 +105,8 @@ def conditions(
             f"plant must be a GeneralisedPlant, not {type(plant).__name__}; it says which of a "
             "system's inputs and outputs are perturbation, performance and control"
         )
-    N = plant.channel(performance, exogenous).close(K)
+    chosen = plant.channel(performance, exogenous)
+    N = chosen.close(K)
     poles = N.poles()
     pole = complex(poles[np.argmax(poles.real)]) if len(poles) else None
     if pole is not None and pole.real >= 0:
@@ -128,8 +129,8 @@ def conditions(
     stability = of(y, u, structure, complex_part if real else 0.0)
     robust = None
     if performs:
-        whole = structure.with_performance(len(z), len(w))
-        robust = of(np.arange(N.noutputs), np.arange(N.ninputs), whole)
+        whole = np.arange(N.noutputs), np.arange(N.ninputs)
+        robust = of(*whole, chosen.performance_structure)
     return Conditions(pole, nominal, stability, robust)
 
 

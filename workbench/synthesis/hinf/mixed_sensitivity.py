@@ -15,8 +15,9 @@ from workbench.heavy_types import StateSpace
 from workbench.program import Check, worst
 from workbench.synthesis.hinf.figures import grid
 from workbench.synthesis.hinf.program import HinfController, HinfSynthesis
+from workbench.systems.connection import generalised_plant
 from workbench.systems.conversion import as_system, as_weight
-from workbench.systems.generalised_plant import GeneralisedPlant, generalised_plant, response
+from workbench.systems.generalised_plant import GeneralisedPlant, response
 
 
 @dataclass(frozen=True, eq=False, init=False, kw_only=True)

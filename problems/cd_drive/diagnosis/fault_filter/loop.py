@@ -21,7 +21,8 @@ from workbench.diagnosis import Requirement
 from workbench.heavy_types import StateSpace
 from workbench.simulation import sampled
 from workbench.systems.bilinear import to_continuous, to_sampled
-from workbench.systems.generalised_plant import GeneralisedPlant, generalised_plant, response
+from workbench.systems.connection import generalised_plant
+from workbench.systems.generalised_plant import GeneralisedPlant, response
 from workbench.systems.realisation import realisation
 from workbench.uncertainty import UncertaintyModel
 
