@@ -1,1 +1,0 @@
-"""The arm's parasitic resonance, measured in closed loop."""
