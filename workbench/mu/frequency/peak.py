@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from workbench.arrays import Array
-from workbench.certify.cover import Cover, FrequencyBounds, Interval, refined
+from workbench.certify.cover import BandCover, CertifiedInterval, FrequencyBounds, refined
 from workbench.certify.interval import StableSystem, stable_system
 from workbench.errors import InputError
 from workbench.input_checks import need_count, need_tolerance
@@ -42,7 +42,7 @@ class Peak:
     upper: float
     omega: float
     Delta: Array
-    intervals: tuple[Interval, ...]
+    intervals: tuple[CertifiedInterval, ...]
     message: str
     complex_part: float = 0.0
 
@@ -106,7 +106,7 @@ def peak(
         stable, larger = original, structure
     at = partial(bounds_at, stable, larger)
     found = refined(at, stable.poles).joined(at(np.array(band))).within(*band)
-    cover = Cover(stable, at, tolerance, found)
+    cover = BandCover(stable, at, tolerance, found)
     message = cover.complete(steps)
     lower, omega, Delta = _lower(cover.found, larger)
     intervals = tuple(sorted(cover.intervals, key=lambda interval: interval.low))

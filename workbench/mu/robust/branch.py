@@ -41,7 +41,7 @@ Upper = Callable[[np.ndarray, Structure], Any]
 
 
 @dataclass(frozen=True)
-class Interval:
+class MuInterval:
     """Bounds of mu: ``lower`` with its singular ``Delta`` (rows, columns), ``upper``.
 
     ``nodes`` parts were bounded; where ``lower`` is 0, Delta is NaN.
@@ -68,7 +68,7 @@ def branch_and_bound(
     nodes: int = 2000,
     upper: Upper | None = None,
     options: Options | None = None,
-) -> Interval:
+) -> MuInterval:
     """Mixed mu of one matrix between bounds that differ by no more than asked, or than affordable.
 
     Cutting closes what real blocks leave open. The gap of the complex blocks alone stays, and
@@ -107,7 +107,7 @@ def branch_and_bound(
             level = level or 0.5 * search.upper
             if not search.lower < level < search.upper or not search.decide(level):
                 break
-    return Interval(search.lower, max(search.upper, search.lower), search.Delta, search.nodes)
+    return MuInterval(search.lower, max(search.upper, search.lower), search.Delta, search.nodes)
 
 
 class _Search:
