@@ -1,6 +1,6 @@
 """The structured singular value: certified bounds at frequencies and over all of them."""
 
-from workbench.mu.frequency.peak import Peak, peak, regularised
+from workbench.mu.frequency.peak import Peak, peak, with_complex_part
 from workbench.mu.frequency.sweep import Sweep, sweep
 from workbench.mu.lower.bound import lower_bound
 from workbench.mu.lower.program import LowerBound, MuLowerBound
@@ -38,7 +38,6 @@ __all__ = [
     "gradient",
     "lower_bound",
     "peak",
-    "regularised",
     "sensitivity",
     "skew_bounds",
     "sweep",
@@ -46,5 +45,6 @@ __all__ = [
     "upper_bound",
     "upper_conic",
     "upper_fast",
+    "with_complex_part",
     "worst_case_gain",
 ]

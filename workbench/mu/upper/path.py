@@ -6,11 +6,12 @@ With multipliers Z of S and W of D, and F the derivative of S by the unknowns x,
 
     F*(Z) + W = rho b,   b = F_t*(Z),   <Z, D_r> = 1,   Z S = 0,   W D = 0.
 
-x and all its multiples prove the same t, so that a step may be held to <Z, D_r(dx)> = <b, dx> = 0.
-This also takes the one term that is not convex, of the product t D_r, out of the equations: rho,
-the multiplier of that condition, stands for it, and t - rho is the dual's own t. Newton's method
-with Z S = W D = mu I in the direction of Helmberg, Kojima and Monteiro, with Mehrotra's predictor
-and corrector, the second order of t D_r in the corrector. S and D stay positive at every step.
+x and all its multiples prove the same t, so every step may satisfy <Z, D_r(dx)> = <b, dx> = 0.
+This condition removes the only term that is not convex, that of the product t D_r. Its multiplier
+rho takes the place of the term, and t - rho is the value of the dual problem. The method is
+Newton's for Z S = W D = mu I in the direction of Helmberg, Kojima and Monteiro, with Mehrotra's
+predictor and corrector; the corrector includes the second order of t D_r. S and D stay positive
+definite at every step.
 """
 
 from __future__ import annotations
@@ -38,17 +39,19 @@ from workbench.mu.upper.newton import (
 )
 from workbench.mu.upper.pattern import Pattern, adjoint, collect, fill, read, slack
 
-TINY = 1e-16
-"""Share of the first t at which t counts as nothing: a bound of 1e-8 where 1 is usual."""
-FALL = 1.5
-"""Share of t by which one step may lower it: beyond 0 nothing is to be won."""
-SHORT, RISE, RECOVERIES = 0.1, 1.2, 12
-"""A shorter step means that the path is lost: raise t and start anew, so many times."""
-COARSE, FINE = 0.3, 0.05
-"""How far the lengths of the predictor's and the corrector's steps may be off."""
-HALVINGS = 20
-EARLY = 0.1
-"""Gap at which a point is kept for the next M."""
+NEGLIGIBLE_T = 1e-16
+"""t below this share of its first value counts as zero: a bound of 1e-8 where 1 is usual."""
+LARGEST_FALL = 1.5
+"""Largest share of t by which one step may lower t; a t below 0 is no better than 0."""
+LOST_STEP, RECOVERY_RISE, RECOVERIES = 0.1, 1.2, 12
+"""A step shorter than the first number means that the path is lost: t is multiplied by the second
+number and the path starts again, at most as often as the third number says."""
+PREDICTOR_BLUR, CORRECTOR_BLUR = 0.3, 0.05
+"""Relative accuracy of the step lengths of the predictor and of the corrector."""
+STEP_HALVINGS = 20
+"""Most halvings of a step until S and D are positive definite after it."""
+EARLY_GAP = 0.1
+"""Relative duality gap at which a point is kept as the start for the next matrix."""
 
 
 @compiled
@@ -63,13 +66,13 @@ def follow(
 ) -> tuple[float, float, int]:
     """Follow the central path from a point with S > 0 and D > 0; x (m,) is changed in place.
 
-    Stops when the duality gap and the fall of t that is left are below ``accuracy`` times t, or t
-    is nothing, or after so many iterations. ``early`` (m,) receives the unknowns of a point well
-    before the end, from where a neighbouring M is soon solved.
+    The path ends when the duality gap and the remaining fall of t are below ``accuracy`` times t,
+    when t is negligible, or after ``iterations`` iterations. ``early`` (m,) receives the unknowns
+    of a point well before the end, which is a good start for a neighbouring M.
 
     Returns
     -------
-    t of the early point, or 0 without one; the duality gap relative to t; the iterations taken.
+    t of the early point (0 without one), the duality gap relative to t, and the iterations made.
     """
     c, r = M.shape
     size, m = pattern.size, x.size
@@ -85,7 +88,7 @@ def follow(
     u, b, rhs, dx = np.zeros(m), np.zeros(m), np.zeros(m), np.zeros(m)
     other, toward_u, toward_b = np.zeros(m), np.zeros(m), np.zeros(m)
 
-    nothing, gap = TINY * t, np.inf
+    nothing, gap = NEGLIGIBLE_T * t, np.inf
     lost, recoveries, early_t = True, RECOVERIES, 0.0
     fill(pattern, x, D, G)
     slack(pattern, M, t, D, G, Y, B, S)
@@ -94,7 +97,7 @@ def follow(
     for iteration in range(iterations):
         inverse(LS, work, S_inverse)
         inverse(LD, work_D, D_inverse)
-        if lost:  # as if in the centre
+        if lost:  # set the multipliers as on the central path
             mu = 1.0 / inner(S_inverse, B)
             for i in range(r):
                 for j in range(r):
@@ -103,19 +106,19 @@ def follow(
                 for j in range(size):
                     W[i, j] = mu * D_inverse[i, j]
         gap = (inner(S, Z) + inner(D, W)) / (t * inner(Z, B))
-        if early_t == 0.0 and gap <= EARLY and iteration > 0:
+        if early_t == 0.0 and gap <= EARLY_GAP and iteration > 0:
             early_t = t
             early[:] = x
 
         sandwich(M, S_inverse, MX, MXM, T)
         adjoint(pattern, M, t, S_inverse, MX, MXM, part, skew)
-        read(pattern, part, skew, rhs)  # with D^-1, added below, the pull to the centre
+        read(pattern, part, skew, rhs)  # with D^-1, added below, the centring direction
         sandwich(M, Z, MX, MXM, U)
         hessian(pattern, t, T, U, H, value)
         add_positivity(pattern, D_inverse, W, H)
         factor_normal(H)
 
-        # V = S^-1 D_r Z: how t and the unknowns act on each other through S.
+        # V = S^-1 D_r Z couples t and the unknowns through S.
         multiply(B, Z, work)
         multiply(S_inverse, work, V)
         curvature = inner(B, V)
@@ -134,7 +137,7 @@ def follow(
         schur = max(curvature - np.dot(u, toward_u) + along**2 * bb, 1e-14 * curvature)
 
         # Predictor: the right-hand side is -1 in the equation <Z, D_r> = 1 and zero elsewhere.
-        dt = max(-1.0 / schur, -FALL * t)
+        dt = max(-1.0 / schur, -LARGEST_FALL * t)
         rho = -dt * along
         if gap <= accuracy and -dt <= accuracy * t:
             return early_t, gap, iteration
@@ -148,8 +151,14 @@ def follow(
                 Q[i, j] = dt * dB[i, j]
         multiplier_step(S_inverse, dS, Z, work, dZ)
         multiplier_step(D_inverse, dD, W, work_D, dW)
-        primal = min(reach(S, dS, Q, work, LS, COARSE), reach(D, dD, no_D, work_D, LD, COARSE))
-        dual = min(reach(Z, dZ, no_S, work, LS, COARSE), reach(W, dW, no_D, work_D, LD, COARSE))
+        primal = min(
+            reach(S, dS, Q, work, LS, PREDICTOR_BLUR),
+            reach(D, dD, no_D, work_D, LD, PREDICTOR_BLUR),
+        )
+        dual = min(
+            reach(Z, dZ, no_S, work, LS, PREDICTOR_BLUR),
+            reach(W, dW, no_D, work_D, LD, PREDICTOR_BLUR),
+        )
         now, ahead = inner(S, Z) + inner(D, W), 0.0
         for i in range(r):
             for j in range(r):
@@ -163,7 +172,7 @@ def follow(
                 ahead += d.real * w.real + d.imag * w.imag
         center = max(min(ahead / now, 1.0), 0.0) ** 3 * now / (r + size)
 
-        # Corrector: Q = S^-1 (dS dZ + dt dD_r Z), in W likewise.
+        # Corrector: Q = S^-1 (dS dZ + dt dD_r Z), and the same for W.
         multiply(Q, Z, V)
         multiply(dS, dZ, work)
         for i in range(r):
@@ -187,7 +196,7 @@ def follow(
             rhs[k] = center * rhs[k] - other[k]
         solve_normal(H, rhs, other)
         level = np.dot(b, other)
-        dt = max((target - np.dot(u, other) + along * level) / schur, -FALL * t)
+        dt = max((target - np.dot(u, other) + along * level) / schur, -LARGEST_FALL * t)
         rho = (level / bb if bb > 0.0 else 0.0) - dt * along
         for k in range(m):
             dx[k] = other[k] - dt * toward_u[k] - rho * toward_b[k]
@@ -205,12 +214,18 @@ def follow(
         for i in range(size):
             for j in range(size):
                 dW[i, j] += center * D_inverse[i, j] - QD[i, j]
-        primal = min(reach(S, dS, no_S, work, LS, FINE), reach(D, dD, no_D, work_D, LD, FINE))
+        primal = min(
+            reach(S, dS, no_S, work, LS, CORRECTOR_BLUR),
+            reach(D, dD, no_D, work_D, LD, CORRECTOR_BLUR),
+        )
         no_S[:] = 0.0
-        dual = min(reach(Z, dZ, no_S, work, LS, FINE), reach(W, dW, no_D, work_D, LD, FINE))
-        if t + primal * dt < -nothing:  # any t < 0 will do, and G need not grow for more
+        dual = min(
+            reach(Z, dZ, no_S, work, LS, CORRECTOR_BLUR),
+            reach(W, dW, no_D, work_D, LD, CORRECTOR_BLUR),
+        )
+        if t + primal * dt < -nothing:  # any t < 0 is enough; G need not grow further
             primal = (t + nothing) / -dt
-        for _ in range(HALVINGS):  # S is not linear in the step, and rounds
+        for _ in range(STEP_HALVINGS):  # S is not linear in the step, and has rounding errors
             for k in range(m):
                 other[k] = x[k] + primal * dx[k]
             ahead = t + primal * dt
@@ -231,10 +246,10 @@ def follow(
         for i in range(size):
             for j in range(size):
                 W[i, j] += dual * dW[i, j]
-        lost = min(primal, dual) < SHORT and recoveries > 0
+        lost = min(primal, dual) < LOST_STEP and recoveries > 0
         if lost:
             recoveries -= 1
-            t *= RISE
+            t *= RECOVERY_RISE
             slack(pattern, M, t, D, G, Y, B, S)
             factor(S, LS)
     return early_t, gap, iterations
