@@ -1,6 +1,6 @@
 """The structured singular value: certified bounds at frequencies and over all of them."""
 
-from workbench.mu.frequency.peak import Peak, peak, regularised
+from workbench.mu.frequency.peak import Peak, peak, with_complex_part
 from workbench.mu.frequency.sweep import Sweep, sweep
 from workbench.mu.lower.bound import lower_bound
 from workbench.mu.lower.program import LowerBound, MuLowerBound
@@ -44,7 +44,6 @@ __all__ = [
     "performance_peak",
     "performance_sweep",
     "rank_one_mu",
-    "regularised",
     "sensitivity",
     "skew_bounds",
     "sweep",
@@ -52,5 +51,6 @@ __all__ = [
     "upper_bound",
     "upper_conic",
     "upper_fast",
+    "with_complex_part",
     "worst_case_gain",
 ]

@@ -23,16 +23,17 @@ from workbench.systems.frequency_response import frequency_response
 from workbench.systems.interconnection import common_dt, connected, part_of, state_space
 
 Signals = str | int | Sequence[str | int] | None
-"""One or some of a list of signals, by name or number; None for all."""
+"""A choice from a list of signals: one or several names or numbers; None for all."""
 
 
 @dataclass(frozen=True, eq=False)
 class GeneralisedPlant:
     """A system with its uncertainty structure (None: no perturbation).
 
-    The last `controls` inputs are K's, as are the last `measurements` outputs; what Delta leaves of
-    the others is exogenous and performance. Raises InputError where the system has too few, and for
-    another type of system, structure or number.
+    The first inputs and outputs belong to Delta, as many as `structure` has rows and columns. The
+    last `controls` inputs and the last `measurements` outputs belong to K. The inputs between are
+    exogenous, and the outputs between are performance. Raises InputError where the system has too
+    few inputs or outputs, and for a wrong type of system, structure or number.
     """
 
     system: StateSpace
@@ -66,7 +67,7 @@ class GeneralisedPlant:
 
     @property
     def _delta(self) -> tuple[int, int]:
-        """Perturbation outputs and inputs."""
+        """Numbers of perturbation outputs and inputs of the system."""
         return (self.structure.columns, self.structure.rows) if self.structure else (0, 0)
 
     @property
@@ -90,14 +91,15 @@ class GeneralisedPlant:
         return self.structure.with_performance(self.performance, self.exogenous)
 
     def response(self, omega: ArrayLike) -> Array:
-        """At `omega` [rad/s] (F,): (F, outputs, inputs)."""
+        """Frequency response at `omega` [rad/s] (F,), shape (F, outputs, inputs)."""
         return response(self.system, omega)
 
     def channel(self, performance: Signals = None, exogenous: Signals = None) -> GeneralisedPlant:
         """The plant with only some performance outputs and exogenous inputs, in that order.
 
-        Names, or numbers among the plant's performance outputs and exogenous inputs; None for all.
-        Raises UnknownNameError for a name and InputError for a number that the plant has not.
+        Signals are chosen by name, or by number among the plant's performance outputs and exogenous
+        inputs; None for all. Raises UnknownNameError for a name, and InputError for a number, that
+        the plant does not have.
         """
         rows, columns = self._delta
         system = self.system
@@ -171,10 +173,11 @@ class GeneralisedPlant:
         return GeneralisedPlant(part, structure, self.controls, self.measurements)
 
     def close(self, K: Any) -> StateSpace:
-        """N = F_l(P, K), u = K y, with every state of P and K, so that its poles tell stability.
+        """The closed loop N = F_l(P, K) with u = K y.
 
-        K is a StateSpace or a TransferFunction. Raises InputError where its size or sampling time
-        does not fit, or the loop through the direct terms of P and K is singular.
+        N keeps every state of P and K, so its poles decide internal stability. K is a StateSpace
+        or a TransferFunction. Raises InputError where its size or sampling time does not fit, or
+        where the loop through the direct terms of P and K is singular.
         """
         plant = part_of(self.system)
         controller = part_of(K)
@@ -199,10 +202,10 @@ class GeneralisedPlant:
         )
 
     def partition(self, N: Array) -> tuple[Array, Array, Array, Array]:
-        """N11, N12, N21, N22 of responses of N = close(K) (..., outputs, inputs).
+        """The parts N11, N12, N21, N22 of responses of N = close(K), (..., outputs, inputs).
 
-        Index 1 is the perturbation's, 2 performance and exogenous. Raises InputError for another
-        shape.
+        Index 1 stands for the perturbation, 2 for performance and exogenous signals. Raises
+        InputError for another shape.
         """
         rows, columns = self._delta
         if N.shape[-2:] != (rows + self.performance, columns + self.exogenous):
@@ -220,7 +223,7 @@ class GeneralisedPlant:
 
 
 def response(system: StateSpace, omega: ArrayLike) -> Array:
-    """Response of a StateSpace at `omega` [rad/s] (F,): (F, outputs, inputs).
+    """Frequency response of a StateSpace at `omega` [rad/s] (F,), shape (F, outputs, inputs).
 
     Raises InputError at a pole.
     """
@@ -230,7 +233,7 @@ def response(system: StateSpace, omega: ArrayLike) -> Array:
 
 
 def _chosen(signals: Signals, names: Sequence[str], kind: str) -> list[int]:
-    """Their numbers among `names`."""
+    """Numbers among `names` of the chosen signals; `kind` is what messages call them."""
     if signals is None:
         return list(range(len(names)))
     try:

@@ -6,11 +6,12 @@ With multipliers Z of S and W of D, and F the derivative of S by the unknowns x,
 
     F*(Z) + W = rho b,   b = F_t*(Z),   <Z, D_r> = 1,   Z S = 0,   W D = 0.
 
-x and all its multiples prove the same t, so that a step may be held to <Z, D_r(dx)> = <b, dx> = 0.
-This also takes the one term that is not convex, of the product t D_r, out of the equations: rho,
-the multiplier of that condition, stands for it, and t - rho is the dual's own t. Newton's method
-with Z S = W D = mu I in the direction of Helmberg, Kojima and Monteiro, with Mehrotra's predictor
-and corrector, the second order of t D_r in the corrector. S and D stay positive at every step.
+x and all its multiples prove the same t, so every step may satisfy <Z, D_r(dx)> = <b, dx> = 0.
+This condition removes the only term that is not convex, that of the product t D_r. Its multiplier
+rho takes the place of the term, and t - rho is the value of the dual problem. The method is
+Newton's for Z S = W D = mu I in the direction of Helmberg, Kojima and Monteiro, with Mehrotra's
+predictor and corrector; the corrector includes the second order of t D_r. S and D stay positive
+definite at every step.
 """
 
 from __future__ import annotations
@@ -38,17 +39,19 @@ from workbench.mu.upper.newton import (
 from workbench.mu.upper.path_state import Direction, NewtonSystem, Point, Scratch, path_state
 from workbench.mu.upper.pattern import Pattern, adjoint, collect, fill, read, slack
 
-TINY = 1e-16
-"""Share of the first t at which t counts as nothing: a bound of 1e-8 where 1 is usual."""
-FALL = 1.5
-"""Share of t by which one step may lower it: beyond 0 nothing is to be won."""
-SHORT, RISE, RECOVERIES = 0.1, 1.2, 12
-"""A shorter step means that the path is lost: raise t and start anew, so many times."""
-COARSE, FINE = 0.3, 0.05
-"""How far the lengths of the predictor's and the corrector's steps may be off."""
-HALVINGS = 20
-EARLY = 0.1
-"""Gap at which a point is kept for the next M."""
+NEGLIGIBLE_T = 1e-16
+"""t below this share of its first value counts as zero: a bound of 1e-8 where 1 is usual."""
+LARGEST_FALL = 1.5
+"""Largest share of t by which one step may lower t; a t below 0 is no better than 0."""
+LOST_STEP, RECOVERY_RISE, RECOVERIES = 0.1, 1.2, 12
+"""A step shorter than the first number means that the path is lost: t is multiplied by the second
+number and the path starts again, at most as often as the third number says."""
+PREDICTOR_BLUR, CORRECTOR_BLUR = 0.3, 0.05
+"""Relative accuracy of the step lengths of the predictor and of the corrector."""
+STEP_HALVINGS = 20
+"""Most halvings of a step until S and D are positive definite after it."""
+EARLY_GAP = 0.1
+"""Relative duality gap at which a point is kept as the start for the next matrix."""
 
 
 @compiled
@@ -63,16 +66,16 @@ def follow(
 ) -> tuple[float, float, int]:
     """Follow the central path from a point with S > 0 and D > 0; x (m,) is changed in place.
 
-    Stops when the duality gap and the fall of t that is left are below ``accuracy`` times t, or t
-    is nothing, or after so many iterations. ``early`` (m,) receives the unknowns of a point well
-    before the end, from where a neighbouring M is soon solved.
+    The path ends when the duality gap and the remaining fall of t are below ``accuracy`` times t,
+    when t is negligible, or after ``iterations`` iterations. ``early`` (m,) receives the unknowns
+    of a point well before the end, which is a good start for a neighbouring M.
 
     Returns
     -------
-    t of the early point, or 0 without one; the duality gap relative to t; the iterations taken.
+    t of the early point (0 without one), the duality gap relative to t, and the iterations made.
     """
     point, step, system, scratch = path_state(M, pattern, x.size)
-    nothing, gap = TINY * t, np.inf
+    nothing, gap = NEGLIGIBLE_T * t, np.inf
     lost, recoveries, early_t = True, RECOVERIES, 0.0
     if not _move_to(M, pattern, t, x, point, scratch):
         return 0.0, gap, 0
@@ -83,12 +86,12 @@ def follow(
             _centre(point)
         inside = inner(point.S, point.Z) + inner(point.D, point.W)
         gap = inside / (t * inner(point.Z, point.B))
-        if early_t == 0.0 and gap <= EARLY and iteration > 0:
+        if early_t == 0.0 and gap <= EARLY_GAP and iteration > 0:
             early_t = t
             early[:] = x
 
         along, bb, schur = _newton_system(M, pattern, t, point, system, scratch)
-        dt = max(-1.0 / schur, -FALL * t)
+        dt = max(-1.0 / schur, -LARGEST_FALL * t)
         if gap <= accuracy and -dt <= accuracy * t:
             return early_t, gap, iteration
         rho = -dt * along
@@ -99,7 +102,7 @@ def follow(
 
         if t + primal * dt < -nothing:  # any t < 0 will do, and G need not grow for more
             primal = (t + nothing) / -dt
-        for _ in range(HALVINGS):  # S is not linear in the step, and rounds
+        for _ in range(STEP_HALVINGS):  # S is not linear in the step, and rounds
             for k in range(x.size):
                 system.other[k] = x[k] + primal * step.dx[k]
             ahead = t + primal * dt
@@ -114,10 +117,10 @@ def follow(
             return early_t, 0.0, iteration + 1
         _add(point.Z, dual, step.dZ)
         _add(point.W, dual, step.dW)
-        lost = min(primal, dual) < SHORT and recoveries > 0
+        lost = min(primal, dual) < LOST_STEP and recoveries > 0
         if lost:
             recoveries -= 1
-            t *= RISE
+            t *= RECOVERY_RISE
             slack(pattern, M, t, point.D, point.G, scratch.Y, point.B, point.S)
             factor(point.S, point.LS)
     return early_t, gap, iterations
@@ -219,8 +222,12 @@ def _predict(
     dS, dD, dZ, dW = step.dS, step.dD, step.dZ, step.dW
     work, work_D, no_S, no_D = scratch.work, scratch.work_D, scratch.no_S, scratch.no_D
     Q, LS, LD = scratch.Q, point.LS, point.LD
-    primal = min(reach(S, dS, Q, work, LS, COARSE), reach(D, dD, no_D, work_D, LD, COARSE))
-    dual = min(reach(Z, dZ, no_S, work, LS, COARSE), reach(W, dW, no_D, work_D, LD, COARSE))
+    primal = min(
+        reach(S, dS, Q, work, LS, PREDICTOR_BLUR), reach(D, dD, no_D, work_D, LD, PREDICTOR_BLUR)
+    )
+    dual = min(
+        reach(Z, dZ, no_S, work, LS, PREDICTOR_BLUR), reach(W, dW, no_D, work_D, LD, PREDICTOR_BLUR)
+    )
     now, ahead = inner(S, Z) + inner(D, W), 0.0
     for i in range(S.shape[0]):
         for j in range(S.shape[0]):
@@ -304,7 +311,7 @@ def _correct(
         system.pull[k] = center * system.pull[k] - system.other[k]
     solve_normal(system.H, system.pull, system.other)
     level = np.dot(system.b, system.other)
-    dt = max((target - np.dot(system.u, system.other) + along * level) / schur, -FALL * t)
+    dt = max((target - np.dot(system.u, system.other) + along * level) / schur, -LARGEST_FALL * t)
     rho = (level / bb if bb > 0.0 else 0.0) - dt * along
     for k in range(step.dx.size):
         step.dx[k] = system.other[k] - dt * system.toward_u[k] - rho * system.toward_b[k]
@@ -316,7 +323,11 @@ def _correct(
     for i in range(D.shape[0]):
         for j in range(D.shape[0]):
             dW[i, j] += center * point.D_inverse[i, j] - QD[i, j]
-    primal = min(reach(S, dS, no_S, work, LS, FINE), reach(D, dD, no_D, work_D, LD, FINE))
+    primal = min(
+        reach(S, dS, no_S, work, LS, CORRECTOR_BLUR), reach(D, dD, no_D, work_D, LD, CORRECTOR_BLUR)
+    )
     no_S[:] = 0.0
-    dual = min(reach(Z, dZ, no_S, work, LS, FINE), reach(W, dW, no_D, work_D, LD, FINE))
+    dual = min(
+        reach(Z, dZ, no_S, work, LS, CORRECTOR_BLUR), reach(W, dW, no_D, work_D, LD, CORRECTOR_BLUR)
+    )
     return dt, primal, dual
