@@ -7,7 +7,7 @@ WORKBENCH := $(BIN)/workbench
 REFERENCE := $(WORKBENCH) --results results/reference run
 
 .DELETE_ON_ERROR:
-.PHONY: reproduce reproduce-all test test-all lint reference clean
+.PHONY: reproduce reproduce-all quick test test-all lint reference clean
 
 # Run every named problem, print the table, write the HTML index.
 reproduce: $(READY)
@@ -19,6 +19,13 @@ reproduce-all: $(READY)
 
 # Two workers, each with one thread for its small matrices: more get in each other's way.
 PYTEST := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2
+
+# The core alone: what a Program, a Study, a run and a solver promise.
+CORE := tests/bench tests/study tests/test_api.py tests/test_compiled.py tests/test_contributing.py \
+	tests/test_program.py tests/test_solvers.py tests/test_structure.py tests/test_terminal.py
+
+quick: lint
+	$(PYTEST) -m "not slow" $(CORE)
 
 test: lint
 	$(PYTEST) -m "not slow"
