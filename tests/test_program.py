@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+import xarray as xr
 from hypothesis import example, given
 from hypothesis import strategies as st
 
@@ -15,6 +16,7 @@ from workbench.program import (
     Certificate,
     Check,
     Gap,
+    Program,
     conic_method,
     find_method,
     method,
@@ -366,6 +368,21 @@ def test_a_file_of_problems_may_not_replace_a_method_of_the_library(project):
 def test_a_study_has_no_methods(toy):
     with pytest.raises(InputError, match="study: it has no method 'exact'"):
         solve(toy.Total(()), "exact")
+
+
+def test_an_answer_that_is_a_dataset_is_stored_as_it_is():
+    class Plain(Program):
+        def checks(self, answer, tolerance):
+            return []
+
+        def metrics(self, answer):
+            return {}
+
+    data = xr.Dataset({"x": 1.0})
+    assert Plain().to_dataset(data) is Plain().from_dataset(data) is data
+    assert Plain().figures(data) == Plain().tables(data) == {}
+    with pytest.raises(InputError, match="to_dataset and from_dataset: its answer is a float"):
+        Plain().to_dataset(1.0)
 
 
 def test_only_programs_and_studies_are_answered():

@@ -163,21 +163,32 @@ class Task(ABC):
     def metrics(self, answer: Any) -> dict[str, float]:
         """The numbers people quote."""
 
-    @abstractmethod
     def figures(self, answer: Any) -> dict[str, Figure]:
         """Figures by file stem; returned, never written."""
+        return {}
 
     def tables(self, answer: Any) -> dict[str, str]:
         """Tables in Markdown by file stem."""
         return {}
 
-    @abstractmethod
     def to_dataset(self, answer: Any) -> Dataset:
-        """Every array of question and answer, labelled, with units."""
+        """Every array of question and answer, labelled, with units.
 
-    @abstractmethod
+        An answer that is a dataset is stored as it is. A task with answers of another type defines
+        this method and `from_dataset`; without them InputError is raised.
+        """
+        import xarray as xr
+
+        if not isinstance(answer, xr.Dataset):
+            raise InputError(
+                f"{type(self).__name__} must define to_dataset and from_dataset: its answer is a "
+                f"{type(answer).__name__}, not a Dataset"
+            )
+        return answer
+
     def from_dataset(self, data: Dataset) -> Any:
         """The answer, read back."""
+        return data
 
     @abstractmethod
     def respond(self, method: str | None, context: Context) -> Claim:
