@@ -7,7 +7,7 @@ WORKBENCH := $(BIN)/workbench
 REFERENCE := $(WORKBENCH) --results results/reference run
 
 .DELETE_ON_ERROR:
-.PHONY: reproduce reproduce-all test test-all lint reference clean
+.PHONY: reproduce reproduce-all test test-all quick lint reference clean
 
 # Run every named problem, print the table, write the HTML index.
 reproduce: $(READY)
@@ -25,6 +25,11 @@ test: lint
 
 test-all: lint
 	$(PYTEST)
+
+# What one runs all day: lint, types, and the tests of what changed since the last commit.
+quick: lint
+	@files=$$($(BIN)/python tests/changed.py); \
+	if [ -n "$$files" ]; then $(PYTEST) -m "not slow" $$files; else echo "nothing changed"; fi
 
 lint: $(READY)
 	$(BIN)/ruff check .

@@ -62,11 +62,15 @@ def test_list_imports_no_problem_and_nothing_heavy(project):
 
 def test_list_answers_in_half_a_second(project):
     def measure():
-        start = time.perf_counter()
+        """CPU time, which does not count what else the machine is doing."""
+        start = os.times()
         subprocess.run([COMMAND, "list"], cwd=project.root, check=True, capture_output=True)
-        return time.perf_counter() - start
+        end = os.times()
+        return (end.children_user - start.children_user) + (
+            end.children_system - start.children_system
+        )
 
-    assert min(measure() for _ in range(3)) < 0.5  # the best of three: the machine may be busy
+    assert min(measure() for _ in range(3)) < 0.5
 
 
 def test_a_broken_file_is_listed_and_is_an_error_when_run(project, cli):
@@ -367,9 +371,13 @@ def test_an_interrupt_of_jobs_ends_them_all(project):
         text=True,
         start_new_session=True,
     )
-    time.sleep(8)
+    deadline = time.monotonic() + 120  # two cold processes on a busy machine
+    while len(list(project.results.rglob("*.lock"))) < 2:  # taken when a run begins
+        assert time.monotonic() < deadline and running.poll() is None
+        time.sleep(0.1)
+    time.sleep(1)
     os.killpg(running.pid, signal.SIGINT)  # as a terminal does, to all of them
-    _, err = running.communicate(timeout=30)
+    _, err = running.communicate(timeout=120)
     assert running.returncode == 130
     assert "finished results are kept" in err and "Traceback" not in err
     assert not list(project.results.rglob("run.json"))

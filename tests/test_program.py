@@ -5,16 +5,18 @@ import math
 
 import numpy as np
 import pytest
+import xarray as xr
 from hypothesis import example, given
 from hypothesis import strategies as st
 
 from workbench.bench.question import plain
-from workbench.errors import InputError, UnknownNameError
+from workbench.errors import InputError, RegistryError, UnknownNameError
 from workbench.executor import Context
 from workbench.program import (
     Certificate,
     Check,
     Gap,
+    Program,
     conic_method,
     find_method,
     method,
@@ -279,9 +281,108 @@ def test_a_conic_method_is_registered_for_every_installed_solver(toy):
         assert solve(Cone((4.0,)), solver.name).message == solver.name
 
 
+def test_a_method_does_not_replace_another_silently(toy):
+    class Cube(toy.Root):
+        pass
+
+    @method(Cube, "fast", optimal=True)
+    def first(program, context):
+        """The first."""
+
+    def second(program, context):
+        """The second."""
+
+    with pytest.raises(RegistryError, match="two methods of Cube are called 'fast'") as error:
+        method(Cube, "fast", optimal=True)(second)
+    for words in ("first", "second", f"{__file__}:{second.__code__.co_firstlineno}"):
+        assert words in str(error.value)
+    assert methods(Cube)["fast"].help == "The first."
+
+
+def test_two_conic_statements_of_one_program_clash(toy):
+    class Cone(toy.Root):
+        pass
+
+    def primal(program, context, solver): ...
+    def dual(program, context, solver): ...
+
+    conic_method(Cone)(primal)
+    conic_method(Cone)(primal)
+    with pytest.raises(RegistryError, match=r"primal .* and .*dual "):
+        conic_method(Cone)(dual)
+
+
+def test_a_function_that_is_defined_again_takes_its_former_place(toy):
+    class Cube(toy.Root):
+        pass
+
+    for words in ("Before.", "After."):
+
+        @method(Cube, "fast", optimal=True)
+        def fast(program, context): ...
+
+        fast.__doc__ = words
+    assert methods(Cube)["fast"].answer is fast
+
+
+METHOD = """
+from workbench.geometry.circle import SmallestCircle
+from workbench.program import method
+@method(SmallestCircle, "guess", optimal=False)
+def {name}(program, context):
+    "{words}"
+"""
+
+
+def test_an_edited_file_registers_its_methods_on_a_library_program_anew(project, monkeypatch):
+    from workbench import program
+    from workbench.bench.project import registry
+    from workbench.geometry.circle import SmallestCircle
+
+    kept = dict(program._METHODS[SmallestCircle])
+    monkeypatch.setitem(program._METHODS, SmallestCircle, kept)
+    root = project.toy.read_text() + METHOD.format(name="guess", words="Before.")
+    project.toy.write_text(root)
+    registry().find("toy/root")
+    assert methods(SmallestCircle)["guess"].help == "Before."
+    project.toy.write_text(root.replace("Before.", "After it was edited."))
+    registry().find("toy/root")
+    assert methods(SmallestCircle)["guess"].help == "After it was edited."
+    project.toy.write_text(root.replace("def guess", "def other").replace("Before.", "Renamed."))
+    registry().find("toy/root")
+    assert methods(SmallestCircle)["guess"].help == "Renamed."
+
+
+def test_a_file_of_problems_may_not_replace_a_method_of_the_library(project):
+    from workbench.bench.project import registry
+    from workbench.geometry.circle import SmallestCircle
+
+    before = methods(SmallestCircle)["exact"]
+    text = METHOD.format(name="mine", words="Mine.").replace('"guess"', '"exact"')
+    project.toy.write_text(project.toy.read_text() + text)
+    with pytest.raises(RegistryError, match=r"two methods of SmallestCircle are called 'exact'"):
+        registry().find("toy/root")
+    assert methods(SmallestCircle)["exact"] is before
+
+
 def test_a_study_has_no_methods(toy):
     with pytest.raises(InputError, match="study: it has no method 'exact'"):
         solve(toy.Total(()), "exact")
+
+
+def test_an_answer_that_is_a_dataset_is_stored_as_it_is():
+    class Plain(Program):
+        def checks(self, answer, tolerance):
+            return []
+
+        def metrics(self, answer):
+            return {}
+
+    data = xr.Dataset({"x": 1.0})
+    assert Plain().to_dataset(data) is Plain().from_dataset(data) is data
+    assert Plain().figures(data) == Plain().tables(data) == {}
+    with pytest.raises(InputError, match="to_dataset and from_dataset: its answer is a float"):
+        Plain().to_dataset(1.0)
 
 
 def test_only_programs_and_studies_are_answered():

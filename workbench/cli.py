@@ -76,7 +76,7 @@ def list_(pattern: str, as_json: bool) -> None:
 @click.argument("name")
 @AS_JSON
 def show(name: str, as_json: bool) -> None:
-    """Help, parameters and methods of a problem."""
+    """Where a problem is written; its help, parameters and methods."""
     from workbench.bench.describe import describe
 
     described = describe(registry().find(name))

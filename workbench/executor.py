@@ -25,7 +25,7 @@ from threadpoolctl import threadpool_limits
 from workbench.errors import InputError, TimeLimitError, WorkbenchError
 from workbench.solvers import Options
 
-WALL_TIME = {"wall_time": 1}
+WALL_TIME: dict[str, Any] = {"wall_time": 1}
 """Attribute of stored arrays that no re-run reproduces."""
 
 S = TypeVar("S")

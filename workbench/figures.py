@@ -50,12 +50,43 @@ def phase(response: np.ndarray) -> np.ndarray:
 
 
 def label(panel: Axes, x: str = "", y: str = "", title: str = "", log: str = "") -> None:
-    """Label axes, give them a title, and make those of ``log`` ("x", "y" or "xy") logarithmic."""
+    """Label axes, give them a title, and make those of ``log`` ("x", "y" or "xy") logarithmic.
+
+    Ticks of logarithmic axes are plain numbers from 0.001 to 10,000, and powers of ten beyond.
+    """
     for axis in log:
         getattr(panel, f"set_{axis}scale")("log")
     for words, put in ((x, panel.set_xlabel), (y, panel.set_ylabel), (title, panel.set_title)):
         if words:
             put(words)
+    scales = ((panel.get_xscale(), panel.xaxis), (panel.get_yscale(), panel.yaxis))
+    for scale, ticked in scales:
+        if scale == "log":
+            ticked.set_major_formatter(_log_tick(ticked, minor=False))
+            ticked.set_minor_formatter(_log_tick(ticked, minor=True))
+
+
+NARROW_AXIS = 1.3
+"""Decades of a logarithmic axis up to which ticks between powers of ten are labelled."""
+
+
+def _log_tick(axis: Any, minor: bool) -> Any:
+    """Labels of a logarithmic axis: powers of ten, and on a narrow axis 2 and 5 times them."""
+    from matplotlib.ticker import FuncFormatter
+
+    def text(value: float, place: int | None = None) -> str:
+        low, high = axis.get_view_interval()
+        narrow = low > 0 and np.log10(high / low) <= NARROW_AXIS
+        exponent = int(np.floor(np.log10(value) + 1e-9))
+        digit = round(value / 10.0**exponent)
+        if minor and not (narrow and digit in (2, 5)):
+            return ""
+        if -3 <= exponent <= 4:
+            return f"{value:g}"
+        factor = "" if digit == 1 else rf"{digit}\times"
+        return rf"${factor}10^{{{exponent}}}$"
+
+    return FuncFormatter(text)
 
 
 def axis_label(values: Any, name: str) -> str:

@@ -8,7 +8,10 @@ A `Study` (see `workbench.study`) has no method to choose: arrays with checks of
 
 from __future__ import annotations
 
+import functools
+import inspect
 import math
+import sys
 import time
 import traceback
 from abc import ABC, abstractmethod
@@ -18,7 +21,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from workbench.errors import InputError, TimeLimitError, UnknownNameError
+from workbench.errors import InputError, RegistryError, TimeLimitError, UnknownNameError
 from workbench.executor import Context
 from workbench.heavy_types import Dataset, Figure
 from workbench.solvers import ConicSolver, Options, Outcome, conic_solvers
@@ -160,21 +163,32 @@ class Task(ABC):
     def metrics(self, answer: Any) -> dict[str, float]:
         """The numbers people quote."""
 
-    @abstractmethod
     def figures(self, answer: Any) -> dict[str, Figure]:
         """Figures by file stem; returned, never written."""
+        return {}
 
     def tables(self, answer: Any) -> dict[str, str]:
         """Tables in Markdown by file stem."""
         return {}
 
-    @abstractmethod
     def to_dataset(self, answer: Any) -> Dataset:
-        """Every array of question and answer, labelled, with units."""
+        """Every array of question and answer, labelled, with units.
 
-    @abstractmethod
+        An answer that is a dataset is stored as it is. A task with answers of another type defines
+        this method and `from_dataset`; without them InputError is raised.
+        """
+        import xarray as xr
+
+        if not isinstance(answer, xr.Dataset):
+            raise InputError(
+                f"{type(self).__name__} must define to_dataset and from_dataset: its answer is a "
+                f"{type(answer).__name__}, not a Dataset"
+            )
+        return answer
+
     def from_dataset(self, data: Dataset) -> Any:
         """The answer, read back."""
+        return data
 
     @abstractmethod
     def respond(self, method: str | None, context: Context) -> Claim:
@@ -236,14 +250,52 @@ def method(
     optimal: bool,
     unfit: Callable[[Any], str | None] = _always_fit,
 ) -> Callable[[Callable[[Any, Context], Claim]], Callable[[Any, Context], Claim]]:
-    """Register ``function(program, context)`` as a method; its docstring is the method's help."""
+    """Register ``function(program, context)`` as a method; its docstring is the method's help.
+
+    A subclass may have a method of its own under a name of its base class. A function that is
+    defined again (its file imported anew, its notebook cell run again) takes its former place.
+
+    Raises
+    ------
+    RegistryError
+        Another function is registered on this Program under the same name.
+    """
 
     def register(function: Callable[[Any, Context], Claim]) -> Callable[[Any, Context], Claim]:
         text = (function.__doc__ or "").strip().partition("\n")[0]
-        _METHODS.setdefault(program, {})[name] = Method(name, function, optimal, unfit, text)
+        registered = _METHODS.setdefault(program, {})
+        if name in registered and not _is_replaced(registered[name].answer, function):
+            raise RegistryError(
+                f"two methods of {program.__name__} are called {name!r}: "
+                f"{_source(registered[name].answer)} and {_source(function)}; give one of them "
+                "another name"
+            )
+        registered[name] = Method(name, function, optimal, unfit, text)
         return function
 
     return register
+
+
+def _is_replaced(old: Callable[..., Any], new: Callable[..., Any]) -> bool:
+    """Whether a function is an older version of another, or its module was imported anew since."""
+    module = sys.modules.get(getattr(old, "__module__", ""))
+    if module is None or vars(module) is not getattr(inspect.unwrap(old), "__globals__", None):
+        return True
+    same_name = getattr(old, "__qualname__", "") == getattr(new, "__qualname__", "")
+    same_module = getattr(old, "__module__", "") == getattr(new, "__module__", "")
+    return same_name and (same_module or _file(old) == _file(new))
+
+
+def _file(function: Callable[..., Any]) -> str:
+    code = getattr(inspect.unwrap(function), "__code__", None)
+    return code.co_filename if code else ""
+
+
+def _source(function: Callable[..., Any]) -> str:
+    """Name, file and line of a function."""
+    code = getattr(inspect.unwrap(function), "__code__", None)
+    name = getattr(function, "__qualname__", repr(function))
+    return f"{name} ({code.co_filename}:{code.co_firstlineno})" if code else name
 
 
 def conic_method(
@@ -262,10 +314,10 @@ def conic_method(
     ) -> Callable[[Any, Context, ConicSolver], Claim]:
         for solver in conic_solvers():
 
+            @functools.wraps(function)
             def with_solver(program: Any, context: Context, solver: ConicSolver = solver) -> Claim:
                 return function(program, context, solver)
 
-            with_solver.__doc__ = function.__doc__
             method(program, solver.name, optimal=optimal, unfit=unfit)(with_solver)
         return function
 

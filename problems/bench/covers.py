@@ -11,12 +11,14 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from workbench import Check, Options, Study, figures, problem, solve
+from workbench import Options, problem, solve
+from workbench.arrays import Array
 from workbench.errors import SolverError
 from workbench.executor import WALL_TIME, Context
 from workbench.fitting import MagnitudeFit, ResponseFit
 from workbench.geometry import narrowest_stadium
-from workbench.heavy_types import Dataset, Figure
+from workbench.heavy_types import DataArray, Figure
+from workbench.study import Study, array, check, dim, figure, metric, part
 from workbench.uncertainty import CircleCover, CoverSteps, Responses, StadiumCover, limited
 from workbench.uncertainty.covers.sets import stadiums_about_nominal
 from workbench.uncertainty.covers.weights import needed_radius, unwrapped
@@ -26,16 +28,27 @@ from ..cd_drive.drive.plants import nominal_parameters, total_gain
 from ..cd_drive.drive.shared_parameters import TABLES
 from ..cd_drive.drive.tables import ActuatorParameters, nominal_table
 from ..cd_drive.uncertainty.measured_drives import measured_drives
+from .bars import ratio_bars
 from .scanned import ScannedStadiums
 
 ORDER, ZEROS, WEIGHT = 4, 2, 4
-"""Orders of the nominal, its zeros, and of both weights."""
-WANTED = 20.0
-"""How many times faster than the peer the seven steps must be."""
+"""Order of the nominal, number of its zeros, and order of both weights."""
+TASKS = {
+    "steps": "seven steps, twelve drives",
+    "conic": "the same through CVXPY",
+    "large, steps": "seven steps, {} plants",
+    "large, joint": "joint stadiums, {} plants",
+    "large, circles": "joint circles, {} plants",
+}
+"""What is timed, and how the figure calls it."""
+LEAST_RATIO = 20.0
+"""How many times faster than the peer the seven steps are asked to be."""
 SECONDS, GIBIBYTES = 60.0, 2.0
-"""What the large family may take."""
-CLOSE = 0.02
-"""How much wider than the narrowest the peer's stadiums may be in the median, relative."""
+"""Longest time and largest memory allowed for a cover of the large family."""
+WIDER = 0.02
+"""Relative excess allowed for the peer's stadiums over the narrowest ones, in the median."""
+NARROWER = 1e-6
+"""Relative amount by which a stadium of the peer may seem narrower than the narrowest."""
 
 
 @problem("bench/covers", data=tuple(f"../cd_drive/{name}" for name in TABLES))
@@ -46,10 +59,12 @@ def covers(
 ) -> CoverSpeed:
     """Speed of the whole focus stadium cover: ratio to the same seven steps through CVXPY.
 
-    Twelve drives at so many frequencies. The peer asks Clarabel through CVXPY, by parametrised
-    programs that are re-solved, at each frequency for the narrowest stadium at each of a scan of
-    angles, and for every fit. Then the same cover, by both methods, of so many plants on so large
-    a grid, drawn from the tolerances of Table 5.2.
+    The small task covers the twelve drives. The peer solves it with Clarabel through CVXPY: at each
+    frequency it re-solves a parametrised program for the narrowest stadium at each of a scan of
+    angles, and it solves a program for every fit. The large task covers, by both methods, a family
+    of plants drawn from the tolerances of Table 5.2.
+
+    frequencies: of the small task. plants, grid: plants and frequencies of the large task.
     """
     return CoverSpeed(frequencies, plants, grid)
 
@@ -64,87 +79,77 @@ class CoverSpeed(Study):
 
     headline: ClassVar[str] = "steps_over_conic"
 
-    def compute(self, context: Context) -> Dataset:
-        import xarray as xr
+    @part
+    def cover(self) -> StadiumCover:
+        """The focus cover of the twelve drives."""
+        return _cover(measured_drives("focus", self.frequencies, 5.0, 5000.0))
 
-        drives = measured_drives("focus", self.frequencies, 5.0, 5000.0)
-        cover = _cover(drives)
+    @part
+    def own(self, cover: StadiumCover, context: Context) -> tuple[CoverSteps, float]:
+        """The cover by the seven steps, and its time."""
         _timed(_cover(measured_drives("focus", 10, 5.0, 5000.0)), "steps", context)  # compile
-        own, seconds = _timed(cover, "steps", context)
+        return _timed(cover, "steps", context)
+
+    @part
+    def peer(self, cover: StadiumCover, context: Context) -> tuple[Array, float]:
+        """Radii (F,) of the peer's first set, and the time of all its steps."""
         start = time.perf_counter()
         scan = ScannedStadiums(cover.points.shape[1], context)
-        peer = _by_conic(cover, scan, context)
-        conic = time.perf_counter() - start
-        large = _family(self.plants, self.grid, context.rng)
-        _, large_steps = _timed(_cover(large), "steps", context)
-        _, large_joint = _timed(_cover(large), "joint", context)
-        _, large_circle = _timed(CircleCover(large, ORDER, ZEROS, WEIGHT), "joint", context)
-        tasks = {
-            "steps": seconds,
-            "conic": conic,
-            "large, steps": large_steps,
-            "large, joint": large_joint,
-            "large, circles": large_circle,
-        }
-        wall = {"units": "s"} | WALL_TIME
-        first = own.first.radius
-        return xr.Dataset(
-            {
-                "seconds": ("task", list(tasks.values()), wall),
-                "memory": ((), _peak_memory(), {"units": "GiB"} | WALL_TIME),
-                "exact": ("frequency", first, {"units": "units/V"}),
-                "scanned": ("frequency", peer, {"units": "units/V"}),
-            },
-            coords={
-                "task": list(tasks),
-                "frequency": ("frequency", drives.frequency, {"units": "Hz"}),
-            },
-        )
+        return _by_conic(cover, scan, context), time.perf_counter() - start
 
-    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
-        apart = float((answer["scanned"] / answer["exact"] - 1).median())
-        below = float((1 - answer["scanned"] / answer["exact"]).max())
-        large = answer["seconds"].sel(task=[t for t in answer["task"].values if "large" in t])
-        asked = 1 / WANTED
-        ratio = 1 / self.metrics(answer)["steps_over_conic"]
-        return [
-            Check("peer near", "excess of the median scanned width, relative", apart, CLOSE),
-            Check("peer not below", "the narrowest width over a scanned one", below, 1e-6),
-            Check("steps over conic", f"time over the peer's, at most {asked:.3g}", ratio, asked),
-            Check("large seconds", "longest cover of the family [s]", float(large.max()), SECONDS),
-            Check("memory", "peak of the process [GiB]", float(answer["memory"]), GIBIBYTES),
-        ]
+    @part
+    def large(self, context: Context) -> list[float]:
+        """Times of the covers of the large family."""
+        family = _family(self.plants, self.grid, context.rng)
+        circles = CircleCover(family, ORDER, ZEROS, WEIGHT)
+        asked = {"steps": _cover(family), "joint": _cover(family)}
+        times = [_timed(cover, method, context)[1] for method, cover in asked.items()]
+        return [*times, _timed(circles, "joint", context)[1]]
 
-    def metrics(self, answer: Dataset) -> dict[str, float]:
-        seconds = answer["seconds"]
-        return {
-            "steps_over_conic": float(seconds.sel(task="conic") / seconds.sel(task="steps")),
-            "large_over_small": float(seconds.sel(task="large, steps") / seconds.sel(task="steps")),
-            "memory_gib": float(answer["memory"]),
-        }
+    task = dim(TASKS)
+    frequency = dim(lambda cover: cover.responses.frequency, unit="Hz")
+    seconds = array(
+        task, "s", value=lambda own, peer, large: [own[1], peer[1], *large], **WALL_TIME
+    )
+    memory = array((), "GiB", value=lambda seconds: _peak_memory(), **WALL_TIME)
+    exact = array(frequency, "units/V", value=lambda own: own[0].first.radius)
+    scanned = array(frequency, "units/V", value=lambda peer: peer[0])
 
-    def figures(self, answer: Dataset) -> dict[str, Figure]:
-        figure, (panel,) = figures.axes(size=(7.5, 3.4))
-        seconds = answer["seconds"] / answer["seconds"].sel(task="steps")
-        labels = {
-            "steps": "seven steps, twelve drives",
-            "conic": "the same through CVXPY",
-            "large, steps": f"seven steps, {self.plants} plants",
-            "large, joint": f"joint stadiums, {self.plants} plants",
-            "large, circles": f"joint circles, {self.plants} plants",
-        }
-        place = np.arange(seconds.size)
-        panel.barh(place, seconds.values, color=figures.BLUE, height=0.55)
-        for y, value in zip(place, seconds.values, strict=True):
-            panel.annotate(
-                f"{value:.3g}", (value, y), (4, 0), textcoords="offset points", va="center"
-            )
-        panel.set_yticks(place, [labels[str(task)] for task in answer["task"].values])
-        panel.invert_yaxis()
-        panel.set_xscale("log")
-        panel.set_xlabel("time over that of the seven steps, in one run")
-        panel.margins(x=0.12)
-        return {"ratios": figure}
+    @check("peer near", "excess of the median scanned width, relative", at_most=WIDER)
+    def near(self, scanned: DataArray, exact: DataArray) -> DataArray:
+        return (scanned / exact - 1).median()
+
+    @check("peer not below", "the narrowest width over a scanned one", at_most=NARROWER)
+    def not_below(self, scanned: DataArray, exact: DataArray) -> DataArray:
+        return (1 - scanned / exact).max()
+
+    slow = check(
+        "steps over conic",
+        f"time over the peer's, at most {1 / LEAST_RATIO:.3g}",
+        lambda seconds: 1 / _over(seconds, "conic"),
+        at_most=1 / LEAST_RATIO,
+    )
+    longest = check(
+        "large seconds",
+        "longest cover of the family [s]",
+        lambda seconds: seconds.sel(task=[name for name in TASKS if "large" in name]).max(),
+        at_most=SECONDS,
+    )
+    fits = check("memory", "peak of the process [GiB]", lambda memory: memory, at_most=GIBIBYTES)
+
+    steps_over_conic = metric(lambda seconds: _over(seconds, "conic"))
+    large_over_small = metric(lambda seconds: _over(seconds, "large, steps"))
+    memory_gib = metric(lambda memory: memory)
+
+    @figure
+    def ratios(self, seconds: DataArray) -> Figure:
+        found = {label.format(self.plants): _over(seconds, k) for k, label in TASKS.items()}
+        return ratio_bars(found, "time over that of the seven steps, in one run")
+
+
+def _over(seconds: DataArray, task: str) -> float:
+    """Time of a task over that of the seven steps for twelve drives."""
+    return float(seconds.sel(task=task) / seconds.sel(task="steps"))
 
 
 def _cover(responses: Responses) -> StadiumCover:
@@ -152,6 +157,7 @@ def _cover(responses: Responses) -> StadiumCover:
 
 
 def _timed(cover: Any, method: str, context: Context) -> tuple[CoverSteps, float]:
+    """A cover by one of its methods, and the time [s] with that of its certificate."""
     start = time.perf_counter()
     solution = solve(cover, method, context.options)
     if solution.certificate is None or not solution.certificate.valid:
@@ -159,7 +165,7 @@ def _timed(cover: Any, method: str, context: Context) -> tuple[CoverSteps, float
     return solution.answer, time.perf_counter() - start
 
 
-def _by_conic(cover: StadiumCover, scan: ScannedStadiums, context: Context) -> np.ndarray:
+def _by_conic(cover: StadiumCover, scan: ScannedStadiums, context: Context) -> Array:
     """The seven steps by convex programs; the radii (F,) of their first set."""
     omega, points = cover.responses.omega, cover.points
     options = Options("middle")

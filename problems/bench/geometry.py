@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
 
-from workbench import Check, Options, Study, figures, problem, solve
+from workbench import Check, Options, problem, solve
+from workbench.arrays import Array, RealArray
 from workbench.executor import WALL_TIME, Context
 from workbench.geometry import (
     NarrowestStadium,
@@ -18,17 +19,28 @@ from workbench.geometry import (
     narrowest_stadium,
     smallest_circle,
 )
-from workbench.heavy_types import Dataset, Figure
+from workbench.heavy_types import DataArray, Figure
+from workbench.study import Study, array, check, dim, figure, metric, part
 
-WANTED = {
-    "circles_over_conic": 100.0,
-    "stadiums_over_conic": 30.0,
-    "circles_over_shapely": 1.0,
-    "large_circle_over_shapely": 1 / 3,
-    "large_stadium_over_shapely": 1 / 3,
+from .bars import ratio_bars
+
+RATIOS = {
+    "circles_over_conic": ("conic circles", "exact circles", 100.0),
+    "stadiums_over_conic": ("conic stadiums", "exact stadiums", 30.0),
+    "circles_over_shapely": ("shapely circles", "exact circles", 1.0),
+    "large_circle_over_shapely": ("shapely large circle", "exact large circle", 1 / 3),
+    "large_stadium_over_shapely": ("shapely large circle", "exact large stadium", 1 / 3),
 }
-"""Least ratio asked for: how many times faster than the peer the exact method must be."""
+"""By ratio: the peer, the exact method, and how many times faster it is asked to be at least."""
+PAIRS = {
+    "circles, conic": ("exact circles", "conic circles", 2e-6),
+    "circles, shapely": ("exact circles", "shapely circles", 1e-9),
+    "stadiums, conic": ("exact stadiums", "conic stadiums", 2e-6),
+    "large circle": ("exact large circle", "shapely large circle", 1e-9),
+}
+"""Tasks whose radii must agree, and the largest relative difference let pass."""
 REPEATS = 5
+"""Runs of each fast task, of which the shortest counts."""
 
 
 @problem("bench/geometry")
@@ -39,9 +51,11 @@ def geometry(
 ) -> GeometrySpeed:
     """Speed of exact circles and stadiums: ratios to CVXPY with Clarabel and to shapely.
 
-    sets of points: solved by the exact method, one by one through CVXPY (one parametrised problem,
-    re-solved; stadiums at the exact angle) and, circles, in a loop over shapely. One set of large
-    points: the exact circle and stadium against shapely's bounding circle.
+    The exact method and CVXPY solve the same sets of points. CVXPY re-solves one parametrised
+    problem set by set, for stadiums at the exact angle; shapely finds the circles in a loop. For
+    one large set, the exact circle and stadium are timed against shapely's bounding circle.
+
+    sets, points: number of small sets, and of points in each. large: points in the large set.
     """
     return GeometrySpeed(sets, points, large)
 
@@ -56,131 +70,100 @@ class GeometrySpeed(Study):
 
     headline: ClassVar[str] = "circles_over_conic"
 
-    def compute(self, context: Context) -> Dataset:
+    @part
+    def timed(self, context: Context) -> dict[str, tuple[float, Array]]:
+        """Least time [s] and radii of every task."""
         import shapely
-        import xarray as xr
 
         small = _normal(context.rng, (self.sets, self.points))
         large = _normal(context.rng, (self.large,))
         smallest_circle(small[:1])  # compile before the clock starts
-        exact = narrowest_stadium(small[:1])
-        seconds, radii = {}, {}
-
-        def timed(name: str, work: Callable[[], np.ndarray], repeats: int = REPEATS) -> None:
-            best = np.inf
-            for _ in context.track(range(repeats), name):
-                start = time.perf_counter()
-                radii[name] = np.atleast_1d(work())
-                best = min(best, time.perf_counter() - start)
-            seconds[name] = best
-
-        def conic(program: SmallestCircle | NarrowestStadium) -> np.ndarray:
-            radius: np.ndarray = solve(program, "clarabel", Options("middle")).answer.radius
-            return radius
-
-        timed("exact circles", lambda: smallest_circle(small).radius)
-        timed("conic circles", lambda: conic(SmallestCircle(small)), 1)
-        timed("exact stadiums", lambda: narrowest_stadium(small).radius)
-        exact = narrowest_stadium(small)
-        timed("conic stadiums", lambda: conic(NarrowestStadium(small, None, exact.angle)), 1)
-        clouds = [_multipoint(row) for row in small]
-        timed(
-            "shapely circles",
-            lambda: np.array([shapely.minimum_bounding_radius(cloud) for cloud in clouds]),
-        )
-        cloud = _multipoint(large)
-        timed("exact large circle", lambda: smallest_circle(large).radius)
-        timed("exact large stadium", lambda: narrowest_stadium(large).radius)
-        timed("shapely large circle", lambda: np.array(shapely.minimum_bounding_radius(cloud)))
-        tasks = list(seconds)
-        worst = {
-            "circles, conic": _apart(radii["exact circles"], radii["conic circles"]),
-            "circles, shapely": _apart(radii["exact circles"], radii["shapely circles"]),
-            "stadiums, conic": _apart(radii["exact stadiums"], radii["conic stadiums"]),
-            "large circle": _apart(radii["exact large circle"], radii["shapely large circle"]),
+        narrowest_stadium(small[:1])
+        angle = narrowest_stadium(small).angle
+        clouds, cloud = [_multipoint(row) for row in small], _multipoint(large)
+        bounding = shapely.minimum_bounding_radius
+        work: dict[str, Callable[[], Any]] = {
+            "exact circles": lambda: smallest_circle(small).radius,
+            "conic circles": lambda: _conic_radius(SmallestCircle(small)),
+            "exact stadiums": lambda: narrowest_stadium(small).radius,
+            "conic stadiums": lambda: _conic_radius(NarrowestStadium(small, None, angle)),
+            "shapely circles": lambda: np.array([bounding(one) for one in clouds]),
+            "exact large circle": lambda: smallest_circle(large).radius,
+            "exact large stadium": lambda: narrowest_stadium(large).radius,
+            "shapely large circle": lambda: bounding(cloud),
         }
-        return xr.Dataset(
-            {
-                "seconds": (("task",), [seconds[t] for t in tasks], {"units": "s"} | WALL_TIME),
-                "disagreement": (
-                    ("pair",),
-                    list(worst.values()),
-                    {"units": "1", "long_name": "largest relative difference of radii"},
-                ),
-            },
-            coords={"task": tasks, "pair": list(worst)},
-        )
+        return {
+            name: _timed(one, context.track(range(1 if "conic" in name else REPEATS), name))
+            for name, one in work.items()
+        }
 
-    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
-        ratios = self.metrics(answer)
+    task = dim(lambda timed: list(timed))
+    pair = dim(PAIRS)
+    seconds = array(
+        task, "s", value=lambda timed: [time for time, _ in timed.values()], **WALL_TIME
+    )
+
+    @array(pair, "1", "largest relative difference of radii")
+    def disagreement(self, timed: dict[str, tuple[float, Array]]) -> list[float]:
+        radii = {name: radius for name, (_, radius) in timed.items()}
+        return [np.max(np.abs(radii[a] / radii[b] - 1)) for a, b, _ in PAIRS.values()]
+
+    @check()
+    def agreement(self, disagreement: DataArray) -> list[Check]:
+        statement = "largest relative difference of radii"
         return [
-            *(
-                Check(
-                    f"agreement of {pair}",
-                    "largest relative difference of radii",
-                    float(answer["disagreement"].sel(pair=pair)),
-                    2e-6 if "conic" in str(pair) else 1e-9,
-                )
-                for pair in answer["pair"].values
-            ),
-            *(
-                Check(
-                    name.replace("_", " "),
-                    f"time over the peer's, asked to be at most 1/{wanted:.3g}",
-                    1 / ratios[name],
-                    1 / wanted,
-                )
-                for name, wanted in WANTED.items()
-            ),
+            Check(f"agreement of {pair}", statement, float(disagreement.sel(pair=pair)), limit)
+            for pair, (_, _, limit) in PAIRS.items()
         ]
 
-    def metrics(self, answer: Dataset) -> dict[str, float]:
-        def ratio(peer: str, own: str) -> float:
-            seconds = answer["seconds"]
-            return float(seconds.sel(task=peer) / seconds.sel(task=own))
+    @check()
+    def fast_enough(self, seconds: DataArray) -> list[Check]:
+        statement = "time over the peer's, asked to be at most 1/{:.3g}"
+        found = _ratios(seconds)
+        return [
+            Check(name.replace("_", " "), statement.format(ratio), 1 / found[name], 1 / ratio)
+            for name, (_, _, ratio) in RATIOS.items()
+        ]
 
-        return {
-            "circles_over_conic": ratio("conic circles", "exact circles"),
-            "stadiums_over_conic": ratio("conic stadiums", "exact stadiums"),
-            "circles_over_shapely": ratio("shapely circles", "exact circles"),
-            "large_circle_over_shapely": ratio("shapely large circle", "exact large circle"),
-            "large_stadium_over_shapely": ratio("shapely large circle", "exact large stadium"),
-        }
+    faster = metric(lambda seconds: _ratios(seconds))
 
-    def figures(self, answer: Dataset) -> dict[str, Figure]:
-        ratios = self.metrics(answer)
-        labels = [name.replace("_over_", " over ").replace("_", " ") for name in ratios]
-        figure, (panel,) = figures.axes(size=(7.5, 3.4))
-        place = np.arange(len(ratios))
-        panel.barh(place, list(ratios.values()), color=figures.BLUE, height=0.55, label="measured")
-        wanted = [WANTED[name] for name in ratios]
-        panel.plot(wanted, place, "|", color=figures.ORANGE, markersize=22, label="asked for")
-        for y, value in zip(place, ratios.values(), strict=True):
-            panel.annotate(
-                f"{value:,.0f}" if value >= 100 else f"{value:.3g}",
-                (value, y),
-                (4, 0),
-                textcoords="offset points",
-                va="center",
-            )
-        panel.set_yticks(place, labels)
-        panel.invert_yaxis()
-        panel.set_xscale("log")
-        panel.set_xlabel("times faster than the peer, in one run")
-        panel.margins(x=0.12)
-        figures.legend_below(figure, panel)
-        return {"ratios": figure}
+    @figure
+    def ratios(self, seconds: DataArray) -> Figure:
+        labels = [name.replace("_over_", " over ").replace("_", " ") for name in RATIOS]
+        found = dict(zip(labels, _ratios(seconds).values(), strict=True))
+        wanted = [ratio for _, _, ratio in RATIOS.values()]
+        return ratio_bars(found, "times faster than the peer, in one run", wanted)
 
 
-def _normal(rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
+def _ratios(seconds: DataArray) -> dict[str, float]:
+    """How many times faster than the peer the exact method is."""
+    return {
+        name: float(seconds.sel(task=peer) / seconds.sel(task=own))
+        for name, (peer, own, _) in RATIOS.items()
+    }
+
+
+def _timed(work: Callable[[], Any], repeats: Iterable[int]) -> tuple[float, Array]:
+    """Least time [s] of some runs, and the radii that the last one gave."""
+    best = np.inf
+    for _ in repeats:
+        start = time.perf_counter()
+        radii = np.atleast_1d(work())
+        best = min(best, time.perf_counter() - start)
+    return best, radii
+
+
+def _conic_radius(program: SmallestCircle | NarrowestStadium) -> RealArray:
+    radius: RealArray = solve(program, "clarabel", Options("middle")).answer.radius
+    return radius
+
+
+def _normal(rng: np.random.Generator, shape: tuple[int, ...]) -> Array:
+    """Complex points, both coordinates normally distributed."""
     return rng.normal(size=shape) + 1j * rng.normal(size=shape)
 
 
-def _multipoint(points: np.ndarray) -> object:
+def _multipoint(points: Array) -> Any:
     import shapely
 
     return shapely.multipoints(np.column_stack([points.real, points.imag]))
-
-
-def _apart(one: np.ndarray, other: np.ndarray) -> float:
-    return float(np.max(np.abs(one / other - 1)))

@@ -1,4 +1,4 @@
-"""How fast the upper bound of mu is, against SLICOT AB13MD and CVXPY with Clarabel."""
+"""Speed of the upper bound of mu, against SLICOT AB13MD and CVXPY with Clarabel."""
 
 from __future__ import annotations
 
@@ -12,11 +12,13 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from workbench import Check, Options, Study, figures, problem
+from workbench import Check, Options, figures, problem
+from workbench.arrays import Array
 from workbench.executor import WALL_TIME, Context
-from workbench.heavy_types import Dataset, Figure, StateSpace
+from workbench.heavy_types import DataArray, Figure, StateSpace
 from workbench.mu import peak, upper_bound
 from workbench.structure import Block, Complex, Full, Real, Structure
+from workbench.study import Study, array, check, dim, figure, metric, part, table
 from workbench.systems.generalised_plant import response
 
 CASES: dict[int, tuple[Block, ...]] = {
@@ -33,13 +35,14 @@ PEERS = {
     "clarabel_once": ("clarabel", None),
 }
 """Method of each peer, and how many matrices it is given at a time; None: all."""
-WANTED = {"ab13md": {3: 5.0, 4: 10.0, 6: 5.0, 10: 5.0, 20: 5.0}, "clarabel": {4: 500.0}}
-"""Least ratio asked for: how many times faster than the peer, per matrix, the batch must be."""
-ABOVE = {"ab13md": 1e-6, "clarabel": 1e-5, "clarabel_once": 1e-5}
-"""Largest excess over the peer's bound asked for, relative."""
+LEAST_RATIO = {"ab13md": {3: 5.0, 4: 10.0, 6: 5.0, 10: 5.0, 20: 5.0}, "clarabel": {4: 500.0}}
+"""How many times faster than each peer, per matrix, the batch is asked to be at least, by size."""
+LARGEST_EXCESS = {"ab13md": 1e-6, "clarabel": 1e-5, "clarabel_once": 1e-5}
+"""Largest relative excess over the peer's bound let pass."""
 REPEATS = 3
+"""Runs of the batch and of the certified peak, of which the shortest counts."""
 SYSTEMS, STATES, POINTS = 3, 20, 1000
-"""Random systems whose certified peak is timed, and at how many frequencies AB13MD is."""
+"""Random systems whose certified peak is timed, their states, and the frequencies of AB13MD."""
 
 
 @problem("bench/mu", slow=True)
@@ -51,11 +54,13 @@ def mu(
 ) -> MuSpeed:
     """Speed of the mixed-mu upper bound: ratios to SLICOT AB13MD and to CVXPY with Clarabel.
 
-    Smooth frequency responses of sizes 3, 4, 6, 10 and 20, up to the largest asked for. The peers,
-    which take one matrix at a time, get that many of the frequencies, evenly spread; CVXPY states
-    its program anew at each, and beside that once for all. The 4x4 case is also solved at ever more
-    frequencies, ten times more each, to the most. One certified peak over all frequencies of a 4x4
-    system of 20 states is timed against AB13MD at 1,000 of them.
+    The matrices are smooth frequency responses of sizes 3, 4, 6, 10 and 20. The peers take one
+    matrix at a time. CVXPY is timed twice: it states its program anew for each matrix, or once for
+    all. The 4x4 case is also solved at 10, 100, 1000, ... frequencies. The certified peak over all
+    frequencies of a 4x4 system of 20 states is timed against AB13MD at 1,000 frequencies.
+
+    frequencies: at each size. peers: how many of them, evenly spread, the peers get. most: largest
+    number of frequencies of the 4x4 case. largest: largest size.
     """
     return MuSpeed(frequencies, peers, most, largest)
 
@@ -71,149 +76,122 @@ class MuSpeed(Study):
 
     headline: ClassVar[str] = "ab13md_4"
 
-    def compute(self, context: Context) -> Dataset:
-        import xarray as xr
+    by = dim("fast", *PEERS)
+    size = dim(lambda self: [size for size in CASES if size <= self.largest])
+    count = dim(lambda self: [10**k for k in range(1, 7) if 10**k <= self.most])
+    what = dim("peak", "ab13md")
 
-        sizes = [size for size in CASES if size <= self.largest]
-        names = ["fast", *PEERS]
-        seconds = np.full((len(names), len(sizes)), np.nan)
-        above = np.full((len(names), len(sizes)), np.nan)
-        for column, size in enumerate(context.track(sizes, "sizes")):
-            M = smooth_responses(context.rng, size, self.frequencies)
-            structure = Structure(CASES[size])
-            upper_bound(M[:1], structure)  # compile before the clock starts
-            best, bound = _timed(partial(upper_bound, M, structure), REPEATS)
-            seconds[0, column], above[0, column] = best / len(M), 0.0
-            # A peer's matrices: evenly spread, fewer of those that cost seconds each.
-            count = max(1, min(self.peers, len(M)) // (10 if size > 10 else 1))
-            some = np.linspace(0, len(M) - 1, count).astype(int)
-            for row, peer in enumerate(PEERS.values(), start=1):
-                best, value = _timed(partial(_by_peer, M[some], structure, *peer), 1)
-                seconds[row, column] = best / len(some)
-                above[row, column] = np.max(bound.value[some] / value - 1)
-        counts = [10**k for k in range(1, 7) if 10**k <= self.most]
-        growth, memory = np.zeros((2, len(counts)))
-        structure = Structure(CASES[4])
-        for row, count in enumerate(context.track(counts, "frequencies")):
-            M = smooth_responses(context.rng, 4, count)
-            growth[row], _ = _timed(partial(upper_bound, M, structure), 1)
-            tracemalloc.start()  # slows what it watches, so not on the clock
-            upper_bound(M, structure)
-            memory[row] = tracemalloc.get_traced_memory()[1]
-            tracemalloc.stop()
-        peaks = [_peak_seconds(context.rng) for _ in context.track(range(SYSTEMS), "peaks")]
-        time_units = {"units": "s"} | WALL_TIME
-        return xr.Dataset(
-            {
-                "seconds": (("by", "size"), seconds, time_units | {"long_name": "per matrix"}),
-                "above": (
-                    ("by", "size"),
-                    above,
-                    {"units": "1", "long_name": "largest excess over the peer, relative"},
-                ),
-                "growth": (("count",), growth, time_units | {"long_name": "all frequencies"}),
-                "peak": (
-                    ("system", "what"),
-                    np.array(peaks),
-                    time_units | {"long_name": "certified peak, and AB13MD at 1,000 points"},
-                ),
-                "memory": (
-                    ("count",),
-                    memory,
-                    {"units": "byte", "long_name": "peak of the arrays held"} | WALL_TIME,
-                ),
-            },
-            coords={
-                "by": names,
-                "size": sizes,
-                "count": counts,
-                "what": ["peak", "ab13md"],
-            },
-        )
+    @part
+    def timed(self, size: DataArray, context: Context) -> Array:
+        """Times per matrix and largest excesses over the peer, (2, method, size)."""
+        sizes = context.track(size.values.tolist(), "sizes")
+        return np.array([_compared(context.rng, n, self.frequencies, self.peers) for n in sizes]).T
 
-    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
-        checks = []
-        for name, limit in ABOVE.items():
-            excess = float(answer["above"].sel(by=name).max())
-            statement = "largest excess of the bound over the peer's, relative"
-            checks.append(Check(f"never above {name}", statement, excess, limit))
-        for name, wanted in WANTED.items():
-            checks += [
-                Check(
-                    f"{name} at size {size}",
-                    f"time over the peer's, asked to be at most 1/{ratio:.3g}",
-                    1 / self._ratio(answer, name, size),
-                    1 / ratio,
-                )
-                for size, ratio in wanted.items()
-                if size in answer["size"]
-            ]
-        checks.append(
+    seconds = array((by, size), "s", "per matrix", lambda timed: timed[0], **WALL_TIME)
+    above = array((by, size), "1", "largest excess over the peer, relative", lambda timed: timed[1])
+
+    @part
+    def grown(self, count: DataArray, context: Context) -> Array:
+        """Times and memory of the 4x4 case at each number of frequencies, (2, count)."""
+        counts = context.track(count.values.tolist(), "frequencies")
+        return np.array([_time_and_memory(smooth_responses(context.rng, 4, n)) for n in counts]).T
+
+    growth = array(count, "s", "all frequencies", lambda grown: grown[0], **WALL_TIME)
+    memory = array(count, "byte", "peak of the arrays held", lambda grown: grown[1], **WALL_TIME)
+
+    @array(("system", what), "s", "certified peak, and AB13MD at 1,000 points", **WALL_TIME)
+    def peak(self, context: Context) -> list[tuple[float, float]]:
+        return [_peak_seconds(context.rng) for _ in context.track(range(SYSTEMS), "peaks")]
+
+    @check()
+    def never_above(self, above: DataArray) -> list[Check]:
+        statement = "largest excess of the bound over the peer's, relative"
+        return [
+            Check(f"never above {name}", statement, float(above.sel(by=name).max()), limit)
+            for name, limit in LARGEST_EXCESS.items()
+        ]
+
+    @check()
+    def fast_enough(self, seconds: DataArray) -> list[Check]:
+        statement = "time over the peer's, asked to be at most 1/{:.3g}"
+        faster, sizes = _faster(seconds), seconds["size"].values
+        return [
             Check(
-                "certified peak",
-                f"time over that of AB13MD at {POINTS} frequencies, at worst of {SYSTEMS}",
-                self._peak_ratio(answer),
-                1.0,
+                f"{name} at size {size}",
+                statement.format(ratio),
+                1 / float(faster.sel(by=name, size=size)),
+                1 / ratio,
             )
-        )
-        return checks
+            for name, asked in LEAST_RATIO.items()
+            for size, ratio in asked.items()
+            if size in sizes
+        ]
 
-    def metrics(self, answer: Dataset) -> dict[str, float]:
-        ratios = {
-            f"{name}_{size}": self._ratio(answer, name, int(size))
-            for name in PEERS
-            for size in answer["size"].values
-        }
-        last = answer.isel(count=-1)
-        return ratios | {
-            "microseconds_per_frequency": 1e6 * float(last["growth"] / last["count"]),
-            "bytes_per_frequency": float(last["memory"] / last["count"]),
-            "peak_over_ab13md": self._peak_ratio(answer),
-        }
+    certified_peak = check(
+        "certified peak",
+        f"time over that of AB13MD at {POINTS} frequencies, at worst of {SYSTEMS}",
+        lambda peak: _peak_over_ab13md(peak),
+        at_most=1.0,
+    )
 
-    def figures(self, answer: Dataset) -> dict[str, Figure]:
+    ratios = metric("{by}_{size}", lambda seconds: _faster(seconds))
+    microseconds_per_frequency = metric(lambda growth: 1e6 * _last_per_frequency(growth))
+    bytes_per_frequency = metric(lambda memory: _last_per_frequency(memory))
+    peak_over_ab13md = metric(lambda peak: _peak_over_ab13md(peak))
+
+    @figure
+    def times(self, seconds: DataArray, growth: DataArray) -> Figure:
         figure, (sizes, counts) = figures.axes(1, 2, size=(9.0, 3.8))
-        for name in answer["by"].values:
-            sizes.loglog(answer["size"], answer["seconds"].sel(by=name), "o-", label=name)
-        sizes.set_xlabel("size of M")
-        sizes.set_ylabel("time per matrix [s]")
-        counts.loglog(answer["count"], answer["growth"], "o-")
-        counts.set_xlabel("frequencies, 4 x 4")
-        counts.set_ylabel("time of all [s]")
+        for name in seconds["by"].values:
+            sizes.plot(seconds["size"], seconds.sel(by=name), "o-", label=name)
+        counts.plot(growth["count"], growth, "o-")
+        figures.label(sizes, "size of $M$", "time per matrix [s]", log="xy")
+        figures.label(counts, r"frequencies, $4 \times 4$", "time of all [s]", log="xy")
+        sizes.set_xticks(seconds["size"].values, map(str, seconds["size"].values), minor=False)
+        sizes.minorticks_off()
         figures.legend_below(figure, sizes)
-        return {"times": figure}
+        return figure
 
-    def tables(self, answer: Dataset) -> dict[str, str]:
-        names = list(answer["by"].values)
-        lines = [f"| size | {' | '.join(names)} | fastest peer over fast |"]
-        lines.append("| ---: |" + " ---: |" * (len(names) + 1))
-        for size in answer["size"].values:
-            times = answer["seconds"].sel(size=size)
-            cells = [f"{1e3 * float(times.sel(by=name)):.4g} ms" for name in names]
-            ratio = float(times.isel(by=slice(1, None)).min() / times.sel(by="fast"))
-            lines.append(f"| {size} | {' | '.join(cells)} | {ratio:.1f} |")
-        growth = ["| frequencies, 4 x 4 | time | memory |", "| ---: | ---: | ---: |"]
-        for count in answer["count"].values:
-            one = answer.sel(count=count)
-            growth.append(
-                f"| {count} | {1e3 * float(one['growth']):.4g} ms | "
-                f"{float(one['memory']) / 1e6:.4g} MB |"
+    @table
+    def sizes(self, seconds: DataArray) -> tuple[list[str], list[list[str]]]:
+        names, least = seconds["by"].values.tolist(), _faster(seconds).min("by")
+        rows = [
+            [str(size), *(f"{1e3 * one:.4g}" for one in times), f"{ratio:.1f}"]
+            for size, times, ratio in zip(
+                seconds["size"].values, seconds.values.T, least.values, strict=True
             )
-        return {"sizes": "\n".join(lines) + "\n", "frequencies": "\n".join(growth) + "\n"}
+        ]
+        return ["size", *(f"{name} [ms]" for name in names), "fastest peer over fast"], rows
 
-    @staticmethod
-    def _peak_ratio(answer: Dataset) -> float:
-        times = answer["peak"]
-        return float((times.sel(what="peak") / times.sel(what="ab13md")).max())
+    @table
+    def _frequencies(
+        self, growth: DataArray, memory: DataArray
+    ) -> tuple[list[str], list[list[str]]]:
+        cells = zip(growth["count"].values, growth.values, memory.values, strict=True)
+        rows = [
+            [str(count), f"{1e3 * time:.4g}", f"{held / 1e6:.4g}"] for count, time, held in cells
+        ]
+        return ["frequencies, 4 x 4", "time [ms]", "memory [MB]"], rows
 
-    @staticmethod
-    def _ratio(answer: Dataset, name: str, size: int) -> float:
-        seconds = answer["seconds"].sel(size=size)
-        return float(seconds.sel(by=name) / seconds.sel(by="fast"))
+
+def _faster(seconds: DataArray) -> DataArray:
+    """How many times faster than each peer the batch is, by peer and size."""
+    return seconds.sel(by=list(PEERS)) / seconds.sel(by="fast", drop=True)
+
+
+def _last_per_frequency(grown: DataArray) -> float:
+    """Time or memory per frequency where there are the most of them."""
+    last = grown.isel(count=-1)
+    return float(last / last["count"])
+
+
+def _peak_over_ab13md(peak: DataArray) -> float:
+    """Largest ratio of the time of a certified peak to that of AB13MD."""
+    return float((peak.sel(what="peak") / peak.sel(what="ab13md")).max())
 
 
 def random_system(rng: np.random.Generator, size: int, states: int) -> StateSpace:
-    """A stable system, size by size, its rightmost pole at -0.1 rad/s."""
+    """A random stable system of that many inputs and outputs, its rightmost pole at -0.1 rad/s."""
     import control
 
     A = rng.normal(size=(states, states)) / np.sqrt(states)
@@ -222,20 +200,48 @@ def random_system(rng: np.random.Generator, size: int, states: int) -> StateSpac
     return control.ss(A, B, C, 0.3 * rng.normal(size=(size, size)))
 
 
-def smooth_responses(rng: np.random.Generator, size: int, count: int) -> np.ndarray:
+def smooth_responses(rng: np.random.Generator, size: int, count: int) -> Array:
     """Response (count, size, size) of a random stable system over four decades of frequency."""
     return response(random_system(rng, size, 2 * size), np.logspace(-2, 2, count))
 
 
-def _by_peer(M: np.ndarray, structure: Structure, method: str, together: int | None) -> np.ndarray:
-    """Bounds (F,) of matrices (F, c, r), so many at a time."""
+def _compared(
+    rng: np.random.Generator, size: int, frequencies: int, peers: int
+) -> list[tuple[float, float]]:
+    """Time per matrix and largest excess over the peer's bound: of the batch, and of each peer."""
+    M, structure = smooth_responses(rng, size, frequencies), Structure(CASES[size])
+    upper_bound(M[:1], structure)  # compile before the clock starts
+    best, bound = _timed(partial(upper_bound, M, structure), REPEATS)
+    found = [(best / len(M), 0.0)]
+    # A peer's matrices: evenly spread, fewer of those that cost seconds each.
+    count = max(1, min(peers, len(M)) // (10 if size > 10 else 1))
+    some = np.linspace(0, len(M) - 1, count).astype(int)
+    for peer in PEERS.values():
+        best, value = _timed(partial(_by_peer, M[some], structure, *peer), 1)
+        found.append((best / len(some), np.max(bound.value[some] / value - 1)))
+    return found
+
+
+def _time_and_memory(M: Array) -> tuple[float, float]:
+    """Time [s] of the bounds of 4x4 matrices, and the memory [byte] that they take."""
+    structure = Structure(CASES[4])
+    seconds, _ = _timed(partial(upper_bound, M, structure), 1)
+    tracemalloc.start()  # slows what it watches, so not on the clock
+    upper_bound(M, structure)
+    held = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    return seconds, held
+
+
+def _by_peer(M: Array, structure: Structure, method: str, together: int | None) -> Array:
+    """Bounds (F,) of matrices (F, c, r), given ``together`` at a time (None: all)."""
     parts = np.array_split(M, len(M) // together if together else 1)
     options = Options("middle")
     return np.concatenate([upper_bound(part, structure, method, options).value for part in parts])
 
 
 def _peak_seconds(rng: np.random.Generator) -> tuple[float, float]:
-    """Time of a certified peak over all frequencies, and of AB13MD at some."""
+    """Times of a certified peak over all frequencies, and of AB13MD at POINTS of them."""
     system, structure = random_system(rng, 4, STATES), Structure(CASES[4])
     peak(system, structure)  # compile before the clock starts
     certified, _ = _timed(partial(peak, system, structure), REPEATS)
@@ -245,6 +251,7 @@ def _peak_seconds(rng: np.random.Generator) -> tuple[float, float]:
 
 
 def _timed(work: Callable[[], Any], repeats: int) -> tuple[float, Any]:
+    """Least time [s] of some runs, and what the last one gave."""
     best, result = np.inf, None
     for _ in range(repeats):
         start = time.perf_counter()

@@ -1,4 +1,4 @@
-"""How fast and how good synthesis is, against dkpy and python-control's hinfsyn."""
+"""Speed and success of synthesis, against dkpy and python-control's hinfsyn."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, Study, problem, solve
+from workbench.arrays import BoolArray
 from workbench.errors import SolverError
 from workbench.executor import WALL_TIME, Context
 from workbench.heavy_types import Dataset, Figure
@@ -21,6 +22,7 @@ from workbench.synthesis import MuController, MuSynthesis, hinf
 from workbench.synthesis.hinf.riccati import central
 from workbench.systems.generalised_plant import response
 from workbench.systems.storage import restored, stored
+from workbench.tables import markdown
 from workbench.uncertainty import GeneralisedPlant
 
 from ..cd_drive.drive.shared_parameters import TABLES
@@ -33,16 +35,17 @@ T = TypeVar("T")
 SIZES = (10, 20, 40)
 """States of the random plants."""
 FASTER, SLOWER = 20.0, 5.0
-"""Least ratio of dkpy's time to ours, and largest of ours to hinfsyn's, that are asked for."""
-ABOVE = 1e-3
-"""Largest excess of our norm over hinfsyn's asked for, relative."""
-SAME = 1e-9
-"""Largest difference of the two distillation plants, relative."""
-HONEST, WORSE = 1.01, 2.0
-"""A peer fails whose loop's norm is larger than it claims, or than ours, by such a factor."""
+"""Smallest ratio asked for of dkpy's time to ours, and largest of ours to hinfsyn's."""
+NORM_EXCESS = 1e-3
+"""Largest relative excess of our norm over hinfsyn's let pass."""
+PLANT_DIFFERENCE = 1e-9
+"""Largest relative difference of the responses of the two distillation plants let pass."""
+CLAIM_FACTOR, NORM_FACTOR = 1.01, 2.0
+"""hinfsyn fails where its loop's norm exceeds its claim, or our norm, by more than this factor."""
 REPEATS = 3
+"""Runs of our methods, of which the shortest counts."""
 DENSE = np.logspace(-6, 6, 4000)
-"""Frequencies [rad/s] at which the peak of dkpy's loop is looked for again."""
+"""Frequencies [rad/s] at which mu of dkpy's loop is computed again."""
 DRIVE = "CD drive"
 
 
@@ -55,13 +58,13 @@ def synthesis(
 ) -> SynthesisSpeed:
     """Speed and success of synthesis: ratios to dkpy and to python-control's hinfsyn.
 
-    So many random plants each of 10, 20 and 40 states, to the largest, by H-infinity synthesis.
-    The control problems of the CD drive in SI units, nominal and with the channels of parametric
-    uncertainty. The distillation column by D-K iteration until the certified peak of mu is at most
-    the one that dkpy claims for the same plant.
+    H-infinity synthesis is run on random plants of 10, 20 and 40 states, and on the control
+    problems of the CD drive in SI units, nominal and with the channels of parametric uncertainty.
+    D-K iteration is run on the distillation column until the certified peak of mu is at most the
+    one that dkpy claims for the same plant.
 
-    drives: whether the CD drive is among them. distillation: whether dkpy, which must be installed,
-    is run.
+    largest: most states of a random plant. plants: random plants of each size. drives: whether the
+    CD drive is among the plants. distillation: whether the column is; dkpy must be installed.
     """
     sizes = tuple(size for size in SIZES if size <= largest) or (largest,)
     return SynthesisSpeed(sizes, plants, drives, distillation)
@@ -122,7 +125,7 @@ class SynthesisSpeed(Study):
             statement = f"time over hinfsyn's, asked to be at most {SLOWER:g}, at worst"
             found.append(Check(f"{group}, time", statement, _slower(some), SLOWER))
             statement = "norm over hinfsyn's where it succeeds, less 1, at worst"
-            found.append(Check(f"{group}, norm", statement, _excess(some), ABOVE))
+            found.append(Check(f"{group}, norm", statement, _excess(some), NORM_EXCESS))
             statement = "plants without a certified controller of ours"
             lost = float(np.isinf(some["norm"].sel(by="workbench")).sum())
             found.append(Check(f"{group}, success", statement, lost, 0.0))
@@ -134,7 +137,12 @@ class SynthesisSpeed(Study):
             claimed = float(answer["dk_peak"].sel(package="dkpy"))
             statement = "certified peak of mu over the one dkpy claims, less 1"
             found += [
-                Check("same column", "difference of plants", float(answer["dk_apart"]), SAME),
+                Check(
+                    "same column",
+                    "difference of plants",
+                    float(answer["dk_apart"]),
+                    PLANT_DIFFERENCE,
+                ),
                 Check("peak", statement, upper / claimed - 1.0, 0.0),
                 Check(
                     "time to dkpy's peak",
@@ -168,22 +176,24 @@ class SynthesisSpeed(Study):
         return {"hinf": times_and_norms(answer)}
 
     def tables(self, answer: Dataset) -> dict[str, str]:
-        found = {"hinf": of_plants(answer)}
-        return found | ({"distillation": of_packages(answer)} if self.distillation else {})
+        found = {"hinf": markdown(*of_plants(answer))}
+        if self.distillation:
+            found["distillation"] = markdown(*of_packages(answer))
+        return found
 
 
-def failed(some: Dataset) -> np.ndarray:
+def failed(some: Dataset) -> BoolArray:
     """Where hinfsyn gives no controller, one that does not stabilise, or one far from its claim."""
     own, theirs = (some["norm"].sel(by=name).values for name in ("workbench", "hinfsyn"))
-    claimed = theirs <= HONEST * some["claim"].sel(by="hinfsyn").values
-    lost: np.ndarray = ~(np.isfinite(theirs) & claimed & (theirs <= WORSE * own))
+    claimed = theirs <= CLAIM_FACTOR * some["claim"].sel(by="hinfsyn").values
+    lost: BoolArray = ~(np.isfinite(theirs) & claimed & (theirs <= NORM_FACTOR * own))
     return lost
 
 
 def _compared(
     plant: GeneralisedPlant,
 ) -> tuple[tuple[float, float], float, tuple[float, float], tuple[float, float]]:
-    """Times, that of the bare method, norms and claims of us and of hinfsyn."""
+    """Times [s], time of the Riccati method alone, norms and claims, ours and hinfsyn's."""
     system = plant.system
     matrices = system.A, system.B, system.C, system.D
     bare = seconds = level = math.nan
@@ -201,6 +211,7 @@ def _compared(
 
 
 def _dk_iterations(context: Context) -> dict[str, Any]:
+    """Arrays of D-K iteration of the distillation column by both packages, ours first."""
     for _ in context.track([0], "dkpy"):
         theirs, plant = dk_iteration()
     own = distillation_column()
@@ -233,6 +244,7 @@ def _states(size: int) -> str:
 
 
 def _of(answer: Dataset, group: str) -> Dataset:
+    """The cases of a group."""
     return answer.isel(case=np.flatnonzero(answer["group"].values == group))
 
 
@@ -250,12 +262,13 @@ def _excess(some: Dataset) -> float:
 
 
 def _faster(answer: Dataset) -> float:
+    """The ratio of dkpy's time to ours."""
     seconds = answer["dk_seconds"]
     return float(seconds.sel(package="dkpy") / seconds.sel(package="workbench"))
 
 
 def _timed(work: Callable[[], T], repeats: int) -> tuple[float, T]:
-    """The least time of some runs, and what the last one gave."""
+    """Least time [s] of some runs, and what the last one gave."""
     best = math.inf
     for _ in range(repeats):
         start = time.perf_counter()

@@ -1,4 +1,4 @@
-"""The peers of bench/synthesis, each used as its documentation says, and what they claim."""
+"""The peers of bench/synthesis, used as their documentation says, and what they claim."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from workbench.uncertainty import GeneralisedPlant
 
 T = TypeVar("T")
 ITERATIONS, ORDER = 3, 4
-"""D-K iterations after the first controller and the order of scalings, as in dkpy's example."""
+"""D-K iterations after the first controller, and order of the scalings, as in dkpy's example."""
 OMEGA = np.logspace(-3, 3, 61)
-"""Its frequencies [rad/s]."""
+"""Frequencies [rad/s] of dkpy's example."""
 
 
 @dataclass(frozen=True, eq=False)
 class Claimed:
     """A controller (None: none was given) and the norm or peak of mu that its maker claims.
 
-    ``failure`` is what was said instead of giving one.
+    ``failure`` is the maker's message where none was given.
     """
 
     K: StateSpace | None
@@ -64,7 +64,7 @@ def achieved(plant: GeneralisedPlant, K: StateSpace | None) -> float:
 
 
 def need_dkpy() -> Any:
-    """The package. Raises InputError where it is not installed."""
+    """The package dkpy; raises InputError where it is not installed."""
     try:
         import dkpy
     except ModuleNotFoundError:
@@ -94,7 +94,7 @@ def dk_iteration() -> tuple[Claimed, StateSpace]:
 
 
 def _quiet(work: Callable[[], T]) -> T:
-    """Without the peers' warnings: what they give is judged by itself."""
+    """Do the work without the peers' warnings: their controllers are judged by themselves."""
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore")
         found: Any = work()

@@ -7,19 +7,18 @@ import math
 import numpy as np
 
 from workbench.synthesis import regularised
-from workbench.systems.realisation import realisation
 from workbench.uncertainty import GeneralisedPlant
 
 from ..cd_drive.control.control_problem import generalised
 from ..cd_drive.drive.tables import Axis
 from ..cd_drive.uncertainty.parametric_model import parametric_plant
 
-SMALL = 1e-4
-"""Size of what makes the CD drive's plant regular."""
+REGULARISATION = 1e-4
+"""Size of the noise and control weight added to make the CD drive's plants regular."""
 
 
 def random_plant(rng: np.random.Generator, states: int) -> GeneralisedPlant:
-    """Stable, its rightmost pole at -0.1 rad/s, with two controls and two measurements.
+    """A stable random plant with two controls and two measurements, rightmost pole at -0.1 rad/s.
 
     z = (C1 x, u) and y = C2 x + w2, so that every assumption of H-infinity synthesis holds.
     """
@@ -35,21 +34,12 @@ def random_plant(rng: np.random.Generator, states: int) -> GeneralisedPlant:
 
 
 def drive_plants() -> dict[str, GeneralisedPlant]:
-    """The control problems of both axes, made regular: nominal ones and the whole ones."""
+    """The control problems of both axes, made regular: nominal and with parametric uncertainty."""
     found = {}
     axes: tuple[Axis, ...] = ("focus", "radial")
     for axis in axes:
         plant = generalised(axis, parametric_plant(axis))
-        for name, one in (("nominal", nominal(plant)), ("parametric", plant)):
-            found[f"{axis} {name}"] = regularised(one, SMALL)
+        nominal = plant.channel(["z_p", "z_u"], "w_p").nominal()
+        for name, one in (("nominal", nominal), ("parametric", plant)):
+            found[f"{axis} {name}"] = regularised(one, REGULARISATION)
     return found
-
-
-def nominal(plant: GeneralisedPlant) -> GeneralisedPlant:
-    """w_p, u -> z_p, z_u, y without the perturbation."""
-    part = plant.channel(["z_p", "z_u"], "w_p")
-    assert part.structure is not None
-    system, rows, columns = part.system, part.structure.columns, part.structure.rows
-    matrices = system.A, system.B[:, columns:], system.C[rows:], system.D[rows:, columns:]
-    labels = {"inputs": system.input_labels[columns:], "outputs": system.output_labels[rows:]}
-    return GeneralisedPlant(realisation(matrices, 0.0, **labels), None, 1, 1)

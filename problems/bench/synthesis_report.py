@@ -7,6 +7,9 @@ import numpy as np
 from workbench import figures
 from workbench.heavy_types import Dataset, Figure
 
+Rows = tuple[list[str], list[list[str]]]
+"""Heads and rows of a table."""
+
 
 def times_and_norms(answer: Dataset) -> Figure:
     """Times of controllers, and norms of their loops over our level."""
@@ -16,7 +19,6 @@ def times_and_norms(answer: Dataset) -> Figure:
     times.plot(own["seconds"], place, "o", label="workbench, certified")
     times.plot(answer["riccati_seconds"], place, "|", ms=10, label="its Riccati method alone")
     times.plot(theirs["seconds"], place, "s", label="hinfsyn", color=figures.GREEN)
-    times.set_xlabel("time of a controller [s]")
     times.set_yticks(place, list(answer["case"].values))
     level = own["claim"].values
     norms.plot(
@@ -25,10 +27,10 @@ def times_and_norms(answer: Dataset) -> Figure:
     ratio = theirs["norm"].values / level
     norms.plot(ratio, place, "s", color=figures.GREEN)  # an unstable loop has none
     norms.plot(own["norm"] / level, place, "o", ms=4, color=figures.BLUE)
-    norms.set_xlabel("norm of the loop over our level")
     norms.set_yticks(place, [""] * len(place))
+    figures.label(times, "time of a controller [s]", log="x")
+    figures.label(norms, "norm of the loop over our level", log="x")
     for panel in (times, norms):
-        panel.set_xscale("log")
         panel.invert_yaxis()
     handles = [panel.get_legend_handles_labels() for panel in (times, norms)]
     figure.legend(
@@ -40,34 +42,32 @@ def times_and_norms(answer: Dataset) -> Figure:
     return figure
 
 
-def of_plants(answer: Dataset) -> str:
-    """Times and norms of each plant, in Markdown."""
-    lines = [
-        "| plant | time | Riccati method | hinfsyn's | norm | hinfsyn's | it claims |",
-        "| :--- |" + " ---: |" * 6,
-    ]
+def of_plants(answer: Dataset) -> Rows:
+    """Times [s] and norms of each plant."""
+    heads = ["plant", "time [s]", "Riccati method [s]", "hinfsyn's [s]"]
+    rows = []
     for case in answer["case"].values:
         one = answer.sel(case=case)
         own, theirs = (one.sel(by=name) for name in answer["by"].values)
         times = own["seconds"], one["riccati_seconds"], theirs["seconds"]
-        cells = [f"{float(value):.3g} s" for value in times]
-        values = own["norm"], theirs["norm"], theirs["claim"]
-        cells += [f"{float(value):.6g}" for value in values]
-        lines.append(f"| {case} | {' | '.join(cells)} |")
-    return "\n".join(lines) + "\n"
+        norms = own["norm"], theirs["norm"], theirs["claim"]
+        cells = [f"{float(value):.3g}" for value in times]
+        rows.append([str(case), *cells, *(f"{float(value):.6g}" for value in norms)])
+    return [*heads, "norm", "hinfsyn's", "it claims"], rows
 
 
-def of_packages(answer: Dataset) -> str:
-    """D-K iteration of the distillation column by each package, in Markdown."""
-    lines = [
-        "| package | time | controllers made | states | peak claimed | mu attained |",
-        "| :--- |" + " ---: |" * 5,
+def of_packages(answer: Dataset) -> Rows:
+    """D-K iteration of the distillation column by each package."""
+    rows = [
+        [
+            str(package),
+            f"{float(one['dk_seconds']):.3g}",
+            str(int(one["dk_rounds"])),
+            str(int(one["dk_states"])),
+            f"{float(one['dk_peak']):.4f}",
+            f"{float(one['dk_lower']):.4f}",
+        ]
+        for package, one in ((name, answer.sel(package=name)) for name in answer["package"].values)
     ]
-    for package in answer["package"].values:
-        one = answer.sel(package=package)
-        lines.append(
-            f"| {package} | {float(one['dk_seconds']):.3g} s | {int(one['dk_rounds'])} | "
-            f"{int(one['dk_states'])} | {float(one['dk_peak']):.4f} | "
-            f"{float(one['dk_lower']):.4f} |"
-        )
-    return "\n".join(lines) + "\n"
+    heads = ["package", "time [s]", "controllers made", "states", "peak claimed", "mu attained"]
+    return heads, rows

@@ -1,0 +1,1 @@
+"""Two masses and an uncertain spring, a benchmark of mixed mu."""

@@ -254,10 +254,9 @@ def _cases(
     for kind, plant in plants.items():
         N, structure = plant.close(K), plant.structure
         assert structure is not None
-        whole = structure.with_performance(plant.performance, plant.exogenous)
         rows, columns = structure.columns, structure.rows
         N11 = control.ss(N.A, N.B[:, :columns], N.C[:rows], N.D[:rows, :columns])
-        cases["performance", kind] = N, whole
+        cases["performance", kind] = N, plant.performance_structure
         cases["stability", kind] = N11, structure
     return cases
 

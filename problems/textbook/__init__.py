@@ -1,0 +1,1 @@
+"""Plants of the literature: a distillation column, an unstable plant, failing actuators."""

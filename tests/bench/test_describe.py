@@ -34,8 +34,26 @@ def test_the_text_holds_all_of_it(shown):
     assert ["picky", "Counts", "to", "three.", "[claims", "the", "optimum]"] in lines
 
 
+def test_the_source_leads_to_the_function(project, shown, monkeypatch):
+    source = shown("toy/root").source
+    path, _, line = source.partition(":")
+    assert path == "plants/toy/problems.py"
+    assert project.toy.read_text().splitlines()[int(line) - 1].startswith("def root(")
+    assert shown("toy/root").text.splitlines()[1] == source
+    monkeypatch.chdir(project.root / "plants" / "toy")
+    assert describe(registry().find("toy/root")).source == f"problems.py:{line}"
+
+
+def test_a_source_elsewhere_is_absolute(project, shown, monkeypatch):
+    problem = registry().find("toy/root")
+    (project.root / "elsewhere").mkdir()
+    monkeypatch.chdir(project.root / "elsewhere")
+    assert describe(problem).source == f"{project.toy.resolve()}:{problem.entry.line}"
+
+
 def test_it_is_json(shown):
     stored = json.loads(json.dumps(shown("toy/root").to_json()))
+    assert stored["source"] == shown("toy/root").source
     assert stored["name"] == "toy/root"
     assert stored["slow"] is False
 

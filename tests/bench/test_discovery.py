@@ -23,6 +23,7 @@ def test_a_name_with_its_help(tmp_path):
     assert entry.help == "One line.\n\nMore."
     assert entry.file == tmp_path / "deep/down/problems.py"
     assert entry.place == f"{entry.file}:f"
+    assert entry.file.read_text().splitlines()[entry.line - 1] == "def f(n: int = 3):"
 
 
 def test_help_may_be_missing(tmp_path):

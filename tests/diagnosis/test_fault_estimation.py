@@ -9,7 +9,8 @@ from workbench.certify.norms import certified_norm
 from workbench.diagnosis import FaultEstimation, Requirement
 from workbench.errors import InputError, UnknownNameError
 from workbench.structure import Complex, Real
-from workbench.systems.generalised_plant import GeneralisedPlant, generalised_plant, response
+from workbench.systems.connection import generalised_plant
+from workbench.systems.generalised_plant import GeneralisedPlant, response
 
 LAG = control.tf([1.0], [1.0, 0.5])
 SLOW, FAST = control.tf([1.0], [1.0, 0.01]), control.tf([1.0, 0.1], [1.0, 2.0])

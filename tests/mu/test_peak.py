@@ -16,7 +16,7 @@ from workbench.plants.cd_drive.uncertainty.parametric_model import (
 
 from workbench.certify.interval import stable_system
 from workbench.errors import InputError, UnknownNameError
-from workbench.mu.frequency.peak import peak, regularised
+from workbench.mu.frequency.peak import peak, with_complex_part
 from workbench.mu.frequency.sweep import sweep
 from workbench.mu.robust.conditions import conditions
 from workbench.structure import Complex, Full, Real, Structure
@@ -192,9 +192,9 @@ def test_real_scalars_alone_need_a_complex_part():
         assert abs(1 - M * found.Delta[0, 0]) < 1e-8
     assert parts[2].upper < parts[1].upper < parts[0].upper
     with pytest.raises(InputError, match="no real scalar"):
-        regularised(system, ONE, 0.01)
+        with_complex_part(system, ONE, 0.01)
     with pytest.raises(InputError, match="positive"):
-        regularised(system, real, -1.0)
+        with_complex_part(system, real, -1.0)
 
 
 @pytest.mark.parametrize(

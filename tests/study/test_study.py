@@ -82,6 +82,7 @@ class Lags(Study):
     below = check(
         "corner", "largest", lambda corner: corner, at_most=lambda self: 2.0 * self.points
     )
+    apart = check("{lag} alone", "corner", lambda corner: corner, each="lag", at_most=LAGS)
     kept = check("", "sum of the measured", lambda missing: missing, at_most=3.0)
     by_hand = check(value=lambda corner: [Check("by hand", "corner", float(corner.max()), 10.0)])
 
@@ -135,10 +136,13 @@ def test_systems_come_back(answer):
 
 def test_checks_name_the_place_of_the_worst(answer):
     checks = {one.name: one for one in Lags().checks(answer, 1e-6)}
-    assert list(checks) == ["slow lag", "fast lag", "corner", "by hand"]
+    assert list(checks) == [
+        "slow lag", "fast lag", "corner", "slow lag alone", "fast lag alone", "by hand"
+    ]  # fmt: skip
     assert checks["fast lag"].where == "near 0.1 rad/s" and checks["fast lag"].holds
     assert checks["fast lag"].statement == "magnitude nowhere above 1"
     assert (checks["corner"].value, checks["corner"].limit) == (10.0, 10.0)
+    assert (checks["slow lag alone"].limit, checks["fast lag alone"].limit) == (1.0, 10.0)
     assert checks["corner"].where == "at lag fast lag"
 
 

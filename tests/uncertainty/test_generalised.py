@@ -14,7 +14,8 @@ from workbench.plants.cd_drive.drive.tables import drives
 
 from workbench.errors import InputError, UnknownNameError
 from workbench.structure import Complex, Full, Real, Structure
-from workbench.systems.generalised_plant import GeneralisedPlant, generalised_plant, response
+from workbench.systems.connection import generalised_plant
+from workbench.systems.generalised_plant import GeneralisedPlant, response
 from workbench.uncertainty.parametric.model import parametric
 from workbench.uncertainty.parametric.parameters import Parameter
 

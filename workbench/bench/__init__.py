@@ -1,0 +1,9 @@
+"""Named problems: registered, run, stored, verified, compared, reported.
+
+declare, discovery, registry, problem, project   from a decorated function to a bound problem
+question, run, checkpoint, notes                 what is asked, and how it is answered
+store, results, files, netcdf, crate             folders that appear whole or not at all
+verify                                           a folder checked from its arrays alone
+cells, compare, comparison                       problems by methods by accuracy levels
+describe, report                                 what people read
+"""

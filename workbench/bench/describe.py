@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import inspect
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
+from workbench.bench.discovery import Entry
 from workbench.bench.problem import Problem
 from workbench.program import Program, methods
 
 
 @dataclass(frozen=True)
 class Description:
-    """Help, parameters, data and methods of a problem."""
+    """Source, help, parameters, data and methods of a problem."""
 
     name: str
+    source: str
+    """File and line of the problem's function, ``path:line``."""
     help: str
     parameters: dict[str, str]
     methods: dict[str, str]
@@ -23,7 +27,7 @@ class Description:
 
     @property
     def text(self) -> str:
-        lines = [self.name, "", self.help, ""]
+        lines = [self.name, self.source, "", self.help, ""]
         for title, table in (("parameters", self.parameters), ("methods", self.methods)):
             if table:
                 width = max(map(len, table))
@@ -50,12 +54,21 @@ def describe(problem: Problem) -> Description:
             listed[name] = f"{entry.help}{claim}{default}"
     return Description(
         problem.name,
+        _source(problem.entry),
         problem.entry.help,
         parameters,
         listed,
         problem.settings.data,
         problem.entry.slow,
     )
+
+
+def _source(entry: Entry) -> str:
+    """File and line of a problem, relative to the working directory where it lies below it."""
+    here = Path.cwd().resolve()
+    file = entry.file.resolve()
+    shown = file.relative_to(here) if file.is_relative_to(here) else file
+    return f"{shown}:{entry.line}"
 
 
 def _described(parameter: inspect.Parameter, hint: Any) -> str:

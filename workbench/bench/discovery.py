@@ -32,6 +32,8 @@ class Entry:
     slow: bool
     root: Path
     file: Path
+    line: int
+    """Line of the ``def`` in the file."""
     function: str
 
     @property
@@ -105,7 +107,7 @@ def _entries(function: ast.FunctionDef, root: Path, file: Path) -> Iterator[Entr
                     f"{where}: {name!r} is no problem name; needed are words of letters, digits, "
                     f"'_', '-', '.' with '/' between, the first none of {', '.join(RESERVED)}"
                 )
-            yield Entry(name, place, text, slow, root, file, function.name)
+            yield Entry(name, place, text, slow, root, file, function.lineno, function.name)
 
 
 def _name(node: ast.expr) -> str:

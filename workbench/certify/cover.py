@@ -1,9 +1,10 @@
-"""A band of frequencies covered by intervals on which multipliers prove a bound.
+"""Covering a band of frequencies by intervals on which multipliers prove a bound of mu.
 
-For a bound beta, multipliers D and G of one frequency prove it on a whole interval around (see
-`interval`). Intervals are removed from the band, worst frequencies first, and beta rises where a
-bound lies above it, until nothing is left. Where the bound is flat such intervals are short, and
-multipliers that change over frequency take over (see `linear_interval`).
+Multipliers D and G that prove a bound beta at one frequency prove it on a whole interval around
+this frequency (see `workbench.certify.interval`). Such intervals are removed from the band, worst
+frequencies first, until nothing of the band is left; beta rises wherever a bound lies above it.
+Where the bound is flat over frequency these intervals are short, and multipliers that change with
+frequency are used instead (see `workbench.certify.linear_interval`).
 """
 
 from __future__ import annotations
@@ -20,17 +21,17 @@ from workbench.certify.interval import StableSystem, certified_interval
 from workbench.certify.linear_interval import certified_between
 from workbench.systems.frequency_grid import starting_grid
 
-LOG_STEP = 0.2
-"""Change of the bound's logarithm between neighbours that asks for one more between them."""
+LARGEST_LOG_STEP = 0.2
+"""Largest change of the bound's logarithm between neighbouring frequencies of the grid."""
 
-FLAT = 1e-3
-"""A maximum is resolved where its neighbours are within this, relative."""
+MAXIMUM_TOLERANCE = 1e-3
+"""A maximum is resolved when its neighbours differ from it by less than this share."""
 
-LOW = 1e-3
-"""Bounds below this share of the largest are not refined."""
+REFINED_SHARE = 1e-3
+"""Only bounds above this share of the largest are refined."""
 
-MOST = 3000
-"""Points at which refinement stops."""
+MOST_GRID_POINTS = 3000
+"""Number of frequencies at which refinement stops."""
 
 
 @dataclass(frozen=True)
@@ -49,13 +50,13 @@ class FrequencyBounds:
     G: Array
 
     def within(self, low: float, high: float) -> FrequencyBounds:
-        """At the frequencies [rad/s] from one to another."""
+        """The bounds at frequencies from `low` to `high` [rad/s]."""
         inside = (self.omega >= low) & (self.omega <= high)
         names = ("omega", "M", "upper", "D_left", "D_right", "G")
         return FrequencyBounds(*(getattr(self, name)[inside] for name in names))
 
     def joined(self, other: FrequencyBounds) -> FrequencyBounds:
-        """Both together, in the order of frequencies; of equal ones the first."""
+        """Both sets of bounds in order of frequency; at equal frequencies those of `self`."""
         omega, first = np.unique(np.concatenate([self.omega, other.omega]), return_index=True)
         names = ("M", "upper", "D_left", "D_right", "G")
         parts = (np.concatenate([getattr(self, n), getattr(other, n)])[first] for n in names)
@@ -63,13 +64,13 @@ class FrequencyBounds:
 
 
 BoundsAt = Callable[[RealArray], FrequencyBounds]
-"""Upper bounds at increasing frequencies [rad/s] (F,), by whatever method."""
+"""A function that gives upper bounds at increasing frequencies [rad/s] (F,) by any method."""
 
 
 def refined(bounds_at: BoundsAt, poles: Array) -> FrequencyBounds:
-    """Upper bounds on the grid of the poles, refined where the bound is steep or has a maximum."""
+    """Upper bounds on a grid chosen from the poles, refined at steep slopes and at maxima."""
     found = bounds_at(starting_grid(poles))
-    while len(found.omega) < MOST:
+    while len(found.omega) < MOST_GRID_POINTS:
         new = _wanted(found.omega, found.upper)
         if not new.size:
             break
@@ -78,48 +79,49 @@ def refined(bounds_at: BoundsAt, poles: Array) -> FrequencyBounds:
 
 
 def _wanted(omega: RealArray, bound: RealArray) -> RealArray:
-    """Frequencies halfway between neighbours that are too different, or beside a maximum."""
+    """Frequencies to add: halfway between too different neighbours, and beside maxima."""
     inner = slice(1 if omega[0] == 0.0 else 0, -1 if np.isinf(omega[-1]) else None)
     w, height = omega[inner], bound[inner]
     if len(w) < 2:
         return np.empty(0)
-    floor = LOW * bound.max()
+    floor = REFINED_SHARE * bound.max()
     logs = np.log(np.maximum(height, max(floor, np.finfo(float).tiny)))
     steps = np.abs(np.diff(logs))
-    wanted = steps > LOG_STEP
-    # A maximum lies on either side of the highest of three.
+    wanted = steps > LARGEST_LOG_STEP
+    # The maximum may lie on either side of a point that is higher than its two neighbours.
     padded = np.concatenate([[-np.inf], logs, [-np.inf]])
     top = (logs >= padded[:-2]) & (logs >= padded[2:]) & (height > 0.5 * bound.max())
-    beside = (top[1:] | top[:-1]) & (steps > FLAT)
+    beside = (top[1:] | top[:-1]) & (steps > MAXIMUM_TOLERANCE)
     split = (wanted | beside) & (w[1:] > w[:-1] * (1 + 1e-9))
     middle: RealArray = np.sqrt(w[1:] * w[:-1])[split]
     return middle
 
 
-NOTHING = 1e-9
-"""A bound below this, and below this share of the response, is not resolved further."""
+NEGLIGIBLE_BOUND = 1e-9
+"""Bounds below this, absolute and as a share of the response, are not resolved further."""
 
-COARSER, ROUNDS = 10.0, 10
-"""Factor on the tolerance each time the steps allowed are used up, and how often that may be."""
+COARSENING_FACTOR, COARSENINGS = 10.0, 10
+"""Factor by which the tolerance grows each time the allowed steps are used up, and how often."""
 
-FIXED = 15
-"""Intervals of fixed multipliers, before what is left is covered by linear ones."""
+FIXED_INTERVALS = 15
+"""Steps with fixed multipliers before linear multipliers cover the remaining gaps."""
 
-NARROW = 1 + 1e-7
-"""A gap with ends in a smaller ratio is left to fixed multipliers."""
+NARROW_GAP_RATIO = 1 + 1e-7
+"""Gaps whose ends have a smaller ratio than this are covered by fixed multipliers only."""
 
-TINY = float(np.finfo(float).tiny)
+SMALLEST_POSITIVE = float(np.finfo(float).tiny)
+"""Smallest normal floating-point number; avoids division by a frequency of 0."""
 
-TOGETHER = 32
-"""Gaps whose middles are bounded at once."""
+GAPS_AT_ONCE = 32
+"""Number of gaps whose middles are bounded in one call."""
 
 
 @dataclass(frozen=True, eq=False)
-class Interval:
-    """Frequencies low to high [rad/s] on which multipliers prove the peak's bound.
+class CertifiedInterval:
+    """Frequencies low to high [rad/s] on which multipliers prove the bound of a peak.
 
-    ``omega`` [rad/s] is one between; ``D_left`` (c, c), ``D_right`` (r, r) and ``G`` (r, c) are the
-    multipliers there. ``slopes`` are their derivatives by frequency [s], zero if None.
+    ``omega`` [rad/s] is a frequency within; ``D_left`` (c, c), ``D_right`` (r, r) and ``G`` (r, c)
+    are the multipliers at it. ``slopes`` are their derivatives by frequency [s], zero if None.
     """
 
     low: float
@@ -131,7 +133,7 @@ class Interval:
     slopes: tuple[Array, Array, Array] | None = None
 
     def multipliers(self, omega: Any) -> tuple[Array, Array, Array]:
-        """D_left, D_right and G at frequencies [rad/s] of the interval, a number or (F, 1, 1)."""
+        """D_left, D_right and G at `omega` [rad/s] in the interval, a number or (F, 1, 1)."""
         fixed = self.D_left, self.D_right, self.G
         if self.slopes is None:
             return fixed
@@ -139,8 +141,12 @@ class Interval:
         return next(moved), next(moved), next(moved)
 
 
-class Cover:
-    """The band of the bounds found, and what of it is covered at the present beta."""
+class BandCover:
+    """The band of frequencies, the intervals that cover it at the present beta, and open gaps.
+
+    ``found`` are the bounds known so far, ``intervals`` the certified intervals and ``open`` the
+    gaps (low, high) [rad/s] not yet covered.
+    """
 
     def __init__(
         self, system: StableSystem, bounds_at: BoundsAt, tolerance: float, found: FrequencyBounds
@@ -148,28 +154,38 @@ class Cover:
         self.system, self.bounds_at = system, bounds_at
         self.tolerance, self.found = tolerance, found
         size = float(np.abs(found.M).max())
-        self.beta = max((1 + tolerance) * float(found.upper.max()), NOTHING * min(size, 1.0))
-        self.intervals: list[Interval] = []
+        self.beta = max(
+            (1 + tolerance) * float(found.upper.max()), NEGLIGIBLE_BOUND * min(size, 1.0)
+        )
+        self.intervals: list[CertifiedInterval] = []
         self.open = [(float(found.omega[0]), float(found.omega[-1]))]
 
     @property
     def proven(self) -> float:
+        """The bound proven on the whole band; infinite while a gap is open."""
         return math.inf if self.open else self.beta
 
     def complete(self, steps: int) -> str:
-        """Cover the band; what is to be said of it."""
-        if self.beta == 0.0:  # a rational function that is zero at so many points is zero
+        """Cover the band and return a message about how it ended.
+
+        After every `steps` steps the tolerance grows by `COARSENING_FACTOR`.
+        """
+        if self.beta == 0.0:  # a rational function with this many zeros is the zero function
             self.open = []
             return "the response is zero"
-        asked, largest = self.tolerance, ROUNDS * steps
+        asked, largest = self.tolerance, COARSENINGS * steps
         for step in range(largest):
             if not self.open:
                 break
             if step and step % steps == 0:
-                self.tolerance *= COARSER
+                self.tolerance *= COARSENING_FACTOR
                 self.beta *= 1 + self.tolerance
-            wide = [gap for gap in self.open if NARROW < gap[1] / max(gap[0], TINY) < math.inf]
-            if step < FIXED or not wide:
+            wide = [
+                gap
+                for gap in self.open
+                if NARROW_GAP_RATIO < gap[1] / max(gap[0], SMALLEST_POSITIVE) < math.inf
+            ]
+            if step < FIXED_INTERVALS or not wide:
                 self._step()
             else:
                 self._linear_step(wide[-1])
@@ -178,11 +194,15 @@ class Cover:
             return f"stopped after {largest} steps; not covered: {gaps} rad/s"
         least = float(self.found.upper.max())
         message = f"{len(self.intervals)} intervals"
-        if self.beta > (1 + 2 * asked) * least and self.beta > NOTHING:
+        if self.beta > (1 + 2 * asked) * least and self.beta > NEGLIGIBLE_BOUND:
             message += f"; {self.beta - least:.3g} above the largest bound at one frequency"
         return message
 
     def _step(self) -> None:
+        """Cover an interval around the worst open frequency with fixed multipliers.
+
+        If they prove nothing there, beta rises by the tolerance.
+        """
         index = self._worst()
         omega, bound = float(self.found.omega[index]), float(self.found.upper[index])
         if bound * (1 + 0.5 * self.tolerance) > self.beta:
@@ -194,11 +214,14 @@ class Cover:
         if ends is None or not _wide(*ends):
             self.beta *= 1 + self.tolerance
             return
-        self.intervals.append(Interval(*ends, omega, D_left, D_right, G))
+        self.intervals.append(CertifiedInterval(*ends, omega, D_left, D_right, G))
         self.open = [gap for one in self.open for gap in _without(one, ends)]
 
     def _linear_step(self, gap: tuple[float, float]) -> None:
-        """Cover the middle of a gap with multipliers between those of its ends, or halve it."""
+        """Cover the middle of a gap with multipliers between those of its ends.
+
+        If they prove nothing, the gap is halved.
+        """
         low, high = gap
         self._at(low), self._at(high)
         indices = [self._at(low), self._at(high)]  # the second may have moved the first
@@ -208,7 +231,7 @@ class Cover:
                 self.beta = bound * (1 + self.tolerance)
         parts = self.found.D_left, self.found.D_right, self.found.G
         first, second = ([part[index] for part in parts] for index in indices)
-        # Multiples of multipliers prove the same; nearly equal ones are looked for.
+        # Multiples of multipliers prove the same bound: scale the second to be near the first.
         with np.errstate(all="ignore"):
             ratio = np.exp(np.mean(np.log(np.diag(first[1]).real / np.diag(second[1]).real)))
         pairs = list(zip(first, second, strict=True))
@@ -218,7 +241,9 @@ class Cover:
         ends = certified_between(self.system, middle, change, self.beta, omega, half)
         if ends is not None and _wide(*ends):
             slopes = change[0] / half, change[1] / half, change[2] / half
-            self.intervals.append(Interval(*ends, omega, middle[0], middle[1], middle[2], slopes))
+            self.intervals.append(
+                CertifiedInterval(*ends, omega, middle[0], middle[1], middle[2], slopes)
+            )
             self.open = [rest for one in self.open for rest in _without(one, ends)]
         else:
             self.open.remove(gap)
@@ -226,7 +251,7 @@ class Cover:
             self.open += [(low, between), (between, high)]
 
     def _at(self, omega: float) -> int:
-        """Index of a frequency, bounded there if it is a new one."""
+        """Index of a frequency; a new one is bounded first."""
         index = int(np.searchsorted(self.found.omega, omega))
         if index < len(self.found.omega) and self.found.omega[index] == omega:
             return index
@@ -234,13 +259,16 @@ class Cover:
         return int(np.searchsorted(self.found.omega, omega))
 
     def _worst(self) -> int:
-        """Index of the open frequency with the largest bound; some are added where none is open."""
+        """Index of the open frequency with the largest bound.
+
+        If no known frequency is open, the middles of the widest gaps are bounded first.
+        """
         omega = self.found.omega
         inside = np.zeros(len(omega), dtype=bool)
         for low, high in self.open:
             inside |= (omega >= low) & (omega <= high)
         if not inside.any():
-            widest = sorted(self.open, key=_width)[-TOGETHER:]
+            widest = sorted(self.open, key=_width)[-GAPS_AT_ONCE:]
             new = np.unique([_middle(*gap) for gap in widest])
             self.found = self.found.joined(self.bounds_at(new))
             return int(np.flatnonzero(self.found.omega == new[0])[0])
@@ -248,12 +276,12 @@ class Cover:
 
 
 def _wide(low: float, high: float) -> bool:
-    """Whether an interval is more than rounding."""
+    """Whether an interval is wider than rounding errors of its ends."""
     return high - low > 1e-11 * low if math.isfinite(high) else True
 
 
 def _without(gap: tuple[float, float], ends: tuple[float, float]) -> list[tuple[float, float]]:
-    """What an interval leaves of a gap."""
+    """The parts of a gap that an interval leaves open."""
     if ends[1] < gap[0] or ends[0] > gap[1]:
         return [gap]
     left = [(gap[0], ends[0])] if ends[0] > gap[0] else []
@@ -261,9 +289,10 @@ def _without(gap: tuple[float, float], ends: tuple[float, float]) -> list[tuple[
 
 
 def _middle(low: float, high: float) -> float:
-    """Between two frequencies; the grid has 0 and infinity, which are covered first."""
+    """Geometric mean of two frequencies. 0 and infinity are on the grid and covered first."""
     return math.sqrt(low) * math.sqrt(high)
 
 
 def _width(gap: tuple[float, float]) -> float:
+    """Width of a gap on a logarithmic scale."""
     return math.log(gap[1] / gap[0])

@@ -1,14 +1,14 @@
-"""Between grid points: the interval of frequencies on which fixed multipliers prove a bound.
+"""The interval of frequencies on which fixed multipliers prove a bound of mu.
 
-In a frame where the multipliers are near 1, with Y the response M in that frame,
+Scale the multipliers to near 1 and let Y be the response M in these coordinates. Then
 
     Phi(w) = E - Y^H Y - j (F Y - Y^H F^H) > 0        is the same as
     beta^2 D_r - M(jw)^H D_l M(jw) - j (G M(jw) - M(jw)^H G^H) > 0.
 
-About a frequency w0 where it holds, s = j w0 + 1 / z makes Y(j w0) the direct term of a system in
-z, of which Phi(w0) > 0 is the Popov function's. Phi(w) is then singular exactly where
-z = 1 / (j (w - w0)) is an eigenvalue of a Hamiltonian, and the nearest such frequencies are the
-largest eigenvalues, which are the most accurate ones. About infinity z is s itself.
+Let the inequality hold at a frequency w0. The substitution s = j w0 + 1 / z makes Y(j w0) the
+direct term of a system in z, and Phi the Popov function of that system. Phi(w) is then singular
+exactly where z = 1 / (j (w - w0)) is an eigenvalue of a Hamiltonian. The frequencies nearest to w0
+belong to the largest eigenvalues, which are the most accurate. For w0 at infinity, z is s itself.
 """
 
 from __future__ import annotations
@@ -24,21 +24,22 @@ from scipy.linalg import solve_triangular
 from workbench.arrays import Array, RealArray
 from workbench.errors import InputError
 from workbench.systems.balancing import balancing
-from workbench.systems.frequency_response import CHUNK
+from workbench.systems.frequency_response import CHUNK_ENTRIES
 from workbench.systems.interconnection import part_of
+from workbench.systems.realisation import EPS
 
-EPS = float(np.finfo(float).eps)
-NEAR = 1e-6
-"""Real part, relative to the eigenvalue, up to which it counts as imaginary."""
-ROUNDING = 1e3 * EPS
-"""Real part, relative to the norm of the Hamiltonian, up to which it counts as imaginary."""
-MARGIN = 1e-6
-"""What an interval gives up at its ends, relative to their distance."""
+RELATIVE_REAL_PART = 1e-6
+"""An eigenvalue counts as imaginary if its real part is below this share of its size."""
+ABSOLUTE_REAL_PART = 1e3 * EPS
+"""An eigenvalue counts as imaginary if its real part is below this share of the Hamiltonian's
+norm."""
+END_MARGIN = 1e-6
+"""Share of the distance to each end that an interval gives up, to allow for rounding."""
 
 
 @dataclass(frozen=True, eq=False)
 class StableSystem:
-    """A stable continuous-time system, its states scaled; ``poles`` (n,) [rad/s]."""
+    """A stable continuous-time system with scaled states; ``poles`` (n,) [rad/s]."""
 
     A: RealArray
     B: RealArray
@@ -48,15 +49,15 @@ class StableSystem:
 
     @property
     def scale(self) -> float:
-        """A frequency [rad/s] in the middle of its poles."""
+        """Geometric mean of the sizes of the poles [rad/s]; 1 without poles."""
         return float(np.exp(np.log(np.abs(self.poles)).mean())) if len(self.poles) else 1.0
 
     def response(self, omega: ArrayLike) -> Array:
-        """At `omega` [rad/s] (F,), infinity too: (F, outputs, inputs)."""
+        """Frequency response at `omega` [rad/s] (F,), infinity allowed, (F, outputs, inputs)."""
         points = np.atleast_1d(np.asarray(omega, dtype=float))
         result = np.tile(self.D.astype(complex), (len(points), 1, 1))
         n = len(self.A)
-        step = max(CHUNK // max(n * n, 1), 1)
+        step = max(CHUNK_ENTRIES // max(n * n, 1), 1)
         finite = np.flatnonzero(np.isfinite(points))
         for part in np.split(finite, range(step, len(finite), step)):
             resolvent = 1j * points[part, None, None] * np.eye(n) - self.A
@@ -65,12 +66,13 @@ class StableSystem:
 
 
 def stable_system(system: Any) -> StableSystem:
-    """The realisation of a StateSpace or TransferFunction.
+    """The realisation of a stable StateSpace or TransferFunction, with its states scaled.
 
     Raises
     ------
     InputError
-        Another type; sampled, improper or not finite; a pole on the imaginary axis or to its right.
+        The system has another type; it is sampled, improper or not finite; or it has a pole on the
+        imaginary axis or to the right of it.
     """
     if isinstance(system, StableSystem):
         return system
@@ -119,18 +121,19 @@ def certified_interval(
     Parameters
     ----------
     system
-        Stable, (outputs, inputs) = (c, r), continuous time.
+        Stable continuous-time system with c outputs and r inputs.
     D_left, D_right, G
         Multipliers (c, c), (r, r), (r, c) as `upper_bound` gives them, D positive definite.
     beta
         The bound, positive.
     omega
-        Frequency [rad/s], 0 and infinity included.
+        Frequency [rad/s]; 0 and infinity are allowed.
 
     Returns
     -------
-    (low, high) within [0, inf], or None where beta is not proven at `omega`, or where samples in
-    the interval contradict it. Eigenvalues near the imaginary axis count as on it.
+    (low, high) within [0, inf]; None where the multipliers do not prove beta at `omega`, or where
+    samples in the interval contradict the proof. Eigenvalues near the imaginary axis count as
+    imaginary.
 
     Raises
     ------
@@ -152,7 +155,9 @@ def certified_interval(
         return None
     z = np.linalg.eigvals(H)
     largest = float(np.abs(H).max(initial=0.0))
-    limit = NEAR * np.abs(z) + ROUNDING * largest * float(np.linalg.norm(H / (largest or 1.0)))
+    limit = RELATIVE_REAL_PART * np.abs(z) + ABSOLUTE_REAL_PART * largest * float(
+        np.linalg.norm(H / (largest or 1.0))
+    )
     crossing = z.imag[np.abs(z.real) <= limit]
     low, high = _ends(crossing, omega)
     suspects = _frequencies(z[np.abs(z.real) < 0.3 * np.abs(z)].imag, omega)
@@ -165,7 +170,7 @@ def certified_interval(
 
 @dataclass(frozen=True, eq=False)
 class _Frame:
-    """Y = left M right, and E and F of Phi."""
+    """Coordinates with multipliers near 1: Y = left M right, and the matrices E and F of Phi."""
 
     left: Array
     right: Array
@@ -174,7 +179,7 @@ class _Frame:
 
 
 def frame_of(D_left: Array, D_right: Array, G: Array, beta: float) -> _Frame | None:
-    """Where D is 1 and G no larger; None where D is not positive definite."""
+    """The coordinates in which D is 1 and G at most 1; None where D is not positive definite."""
     try:
         left = np.linalg.cholesky(D_left).conj().T
         right = np.linalg.cholesky(D_right).conj().T
@@ -188,6 +193,7 @@ def frame_of(D_left: Array, D_right: Array, G: Array, beta: float) -> _Frame | N
 
 
 def _solve(triangle: Array, other: Array, lower: bool = False) -> Array:
+    """Solution X of triangle X = other."""
     return solve_triangular(triangle, other, lower=lower)
 
 
@@ -199,7 +205,7 @@ def _values(M: Array, frame: _Frame) -> Array:
 
 
 def positive(Phi: Array) -> bool:
-    """By eigenvalues in coordinates that make the diagonal 1."""
+    """Whether Phi > 0, decided by eigenvalues after scaling its diagonal to 1."""
     diagonal = np.diagonal(Phi).real
     if not diagonal.min() > 0:
         return False
@@ -208,7 +214,7 @@ def positive(Phi: Array) -> bool:
 
 
 def _about(system: StableSystem, omega: float) -> tuple[Array, Array, Array, Array]:
-    """Realisation in z, s = j omega + 1 / z; the direct term is the response at omega."""
+    """Realisation in z with s = j omega + 1 / z; its direct term is the response at omega."""
     A, B, C, D = system.A, system.B, system.C, system.D
     if math.isinf(omega):
         return A + 0j, B + 0j, C + 0j, D + 0j
@@ -217,7 +223,10 @@ def _about(system: StableSystem, omega: float) -> tuple[Array, Array, Array, Arr
 
 
 def _hamiltonian(A: Array, B: Array, C: Array, D: Array, frame: _Frame) -> Array | None:
-    """Its imaginary eigenvalues make Phi singular; None where the direct term's is not positive."""
+    """The Hamiltonian whose imaginary eigenvalues are the z at which Phi is singular.
+
+    None where Phi of the direct term is not positive, or where entries overflow.
+    """
     R = _values(D, frame)
     if not positive(R):
         return None
@@ -237,24 +246,27 @@ def _hamiltonian(A: Array, B: Array, C: Array, D: Array, frame: _Frame) -> Array
 
 
 def _frequencies(imaginary: RealArray, omega: float) -> RealArray:
-    """Of imaginary parts of z."""
+    """Frequencies [rad/s] that belong to imaginary parts of z."""
     if math.isinf(omega):
         return imaginary
     return omega - 1.0 / imaginary[imaginary != 0.0]
 
 
 def _ends(crossing: RealArray, omega: float) -> tuple[float, float]:
-    """The nearest crossings on either side of omega, less the margin."""
+    """Ends of the interval: the nearest crossings on either side of omega, less `END_MARGIN`."""
     if math.isinf(omega):
-        return (1 + MARGIN) * max(float(crossing.max(initial=0.0)), 0.0), math.inf
+        return (1 + END_MARGIN) * max(float(crossing.max(initial=0.0)), 0.0), math.inf
     below, above = float(crossing.max(initial=0.0)), -float(crossing.min(initial=0.0))
-    low = max(omega - (1 - MARGIN) / below, 0.0) if below > 0 else 0.0
-    high = omega + (1 - MARGIN) / above if above > 0 else math.inf
+    low = max(omega - (1 - END_MARGIN) / below, 0.0) if below > 0 else 0.0
+    high = omega + (1 - END_MARGIN) / above if above > 0 else math.inf
     return low, high
 
 
 def _between(suspects: RealArray, low: float, high: float, omega: float, scale: float) -> RealArray:
-    """Suspicious frequencies of the interval, and one in each gap that they leave."""
+    """The suspicious frequencies within the interval, and one frequency in each gap between them.
+
+    The frequency in a gap lies in the middle of its ends on the scale arctan(w / scale).
+    """
     inside = suspects[(suspects > low) & (suspects < high)]
     known = np.unique([low, high, omega, *inside])
     angle = np.arctan(known / scale)  # finite at infinity

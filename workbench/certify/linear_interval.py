@@ -1,14 +1,15 @@
-"""Between two frequencies: where multipliers that change linearly from one to the other prove beta.
+"""The interval on which multipliers that change linearly with frequency prove a bound of mu.
 
-Where mu is nearly constant over frequency, as in a loop that H-infinity synthesis made, the
-multipliers that prove it are not, and fixed ones serve on short intervals only. About the middle w0
-of two frequencies w0 - h and w0 + h, s = j w0 + h / z makes D(w) = D_0 + D_1 (w - w0) / h
+In a loop that H-infinity synthesis made, mu is nearly constant over frequency, but the multipliers
+that prove it are not; fixed multipliers then hold on short intervals only. Consider the interval
+from w0 - h to w0 + h. The substitution s = j w0 + h / z turns D(w) = D_0 + D_1 (w - w0) / h into
 
     D(w) = D_0 - j D_1 / z,
 
-proper in z. With x the state of Y, z p = Y u and z q = u, the form u^H Phi(w) u of `hamiltonian` is
-a quadratic form of (x, p, q, u), a Popov function again: Phi is singular exactly where z is an
-imaginary eigenvalue of its Hamiltonian, and |z| > 1 is the interval.
+which is proper in z. With x the state of Y, z p = Y u and z q = u, the form u^H Phi(w) u of
+`workbench.certify.interval` is a quadratic form of (x, p, q, u), which is a Popov function again.
+Phi is singular exactly where z is an imaginary eigenvalue of the Hamiltonian of this function, and
+the interval is |z| > 1.
 """
 
 from __future__ import annotations
@@ -18,9 +19,17 @@ from collections.abc import Sequence
 import numpy as np
 
 from workbench.arrays import Array
-from workbench.certify.interval import MARGIN, NEAR, ROUNDING, StableSystem, frame_of, positive
+from workbench.certify.interval import (
+    ABSOLUTE_REAL_PART,
+    END_MARGIN,
+    RELATIVE_REAL_PART,
+    StableSystem,
+    frame_of,
+    positive,
+)
 
 Multipliers = Sequence[Array]
+"""D_left, D_right and G."""
 
 
 def certified_between(
@@ -41,11 +50,12 @@ def certified_between(
     beta
         The bound, positive.
     omega, half
-        [rad/s], positive, half no larger than omega.
+        Middle and half-width [rad/s], positive, half no larger than omega.
 
     Returns
     -------
-    (low, high), or None where beta is not proven at `omega`, or where samples contradict it.
+    (low, high); None where the multipliers do not prove beta at `omega`, or where samples
+    contradict the proof.
     """
     frame = frame_of(middle[0], middle[1], middle[2], beta)
     if frame is None:
@@ -54,7 +64,7 @@ def certified_between(
     inverse = np.linalg.inv(system.A - 1j * omega * np.eye(len(system.A)))
     left, X = frame.left, frame.right
     back = np.linalg.inv(left) / beta
-    # x, p, q and u give Y u, and (w - omega) / half times it and times u.
+    # E_y, E_p, E_q and E_u map (x, p, q, u) to Y u, (w - omega) / half Y u, the same of u, and u.
     A, B = half * inverse, -half * inverse @ system.B @ X
     C, D = left @ system.C @ inverse, left @ (system.D - system.C @ inverse @ system.B) @ X
     n = len(A)
@@ -87,11 +97,11 @@ def certified_between(
         ]
     )
     z = np.linalg.eigvals(H)
-    limit = NEAR * np.abs(z) + ROUNDING * float(np.linalg.norm(H))
+    limit = RELATIVE_REAL_PART * np.abs(z) + ABSOLUTE_REAL_PART * float(np.linalg.norm(H))
     ends = []
     for sign in (-1.0, 1.0):  # (w - omega) / half = -1 / Im z
         size = float((-sign * z.imag[np.abs(z.real) <= limit]).max(initial=0.0))
-        ends.append(omega + sign * half * (1.0 if size < 1.0 else (1 - MARGIN) / size))
+        ends.append(omega + sign * half * (1.0 if size < 1.0 else (1 - END_MARGIN) / size))
     suspects = z[np.abs(z.real) < 0.3 * np.abs(z)].imag
     inside = omega - half / suspects[np.abs(suspects) > 1.0]
     known = np.unique([*ends, omega, *inside[(inside > ends[0]) & (inside < ends[1])]])

@@ -1,13 +1,13 @@
-"""What given multipliers prove: the least bound for D and G, rounded outward.
+"""The least bound of mu that given multipliers D and G prove, rounded outward.
 
-For fixed D and G the best bound is an eigenvalue,
+For fixed D and G the least bound is an eigenvalue,
 
     beta^2 = lambda_max( D_r^-1/2 (M^H D_l M + j (G M - M^H G^H)) D_r^-1/2 ),
 
-computed in a frame where M is near 1 and D has a diagonal near 1. Powers of two take it there, so
-that only the arithmetic inside the frame rounds. Where a bound of those errors is not small, as
-with a D that is nearly singular, beta is searched for with a test that does not mind: the matrix
-beta^2 D_r - A with its rows and columns scaled, and an error bound for every entry.
+computed in coordinates in which M and the diagonal of D are near 1. Scaling by powers of two gives
+these coordinates, so only the arithmetic within them rounds. Where the bound of the rounding errors
+is large, as for a nearly singular D, beta is found by bisection instead. Its test scales the rows
+and columns of beta^2 D_r - A and bounds the error of every entry, so it also works there.
 """
 
 from __future__ import annotations
@@ -19,13 +19,14 @@ from numpy.typing import NDArray
 
 from workbench.arrays import ComplexArray
 from workbench.structure import Full, Real, Structure
+from workbench.systems.realisation import EPS
 
-EPS = float(np.finfo(float).eps)
-CHUNK = 4096
-"""Matrices at a time: what is computed on the way is many times larger than they are."""
-CLEAR = 1e-9
-"""Rounding, relative to beta^2, that is not worth a search."""
-SEARCH = 45
+CHUNK_MATRICES = 4096
+"""Matrices that are bounded in one call; intermediate arrays need many times their memory."""
+ACCEPTED_ROUNDING = 1e-9
+"""Rounding errors below this share of beta^2 are accepted without bisection."""
+BISECTIONS = 45
+"""Bisections of beta^2 on a logarithmic scale."""
 
 
 def structured(
@@ -49,7 +50,7 @@ def structured(
     ):
         first, second = D_left[..., column, column], D_right[..., row, row]
         if isinstance(block, Full):
-            # Their common multiple is read at one place: a mean of equal numbers may round.
+            # Read the common multiple at one entry, since a mean of equal numbers may round.
             d = second[..., :1, :1].real
             parts[0][..., column, column] = d * np.eye(block.columns)
             parts[1][..., row, row] = d * np.eye(block.rows)
@@ -69,17 +70,25 @@ def certified(
     D_right: ComplexArray,
     G: ComplexArray,
 ) -> NDArray[np.float64]:
-    """The least bound that the structured part of the multipliers proves, with rounding on top.
+    """The least bound that the structured part of the multipliers proves, rounded outward.
 
-    Infinite where D is not positive definite or anything is not finite. Shape (...), that of the
-    batch. The allowance for rounding is a bound of the errors of the products, the Cholesky factor
-    and the eigenvalues (Higham, Accuracy and Stability of Numerical Algorithms, ch. 3, 8, 10).
+    The result has the shape (...) of the batch. It is infinite where D is not positive definite or
+    where an entry is not finite. The allowance for rounding bounds the errors of the products, the
+    Cholesky factor and the eigenvalues (Higham, Accuracy and Stability of Numerical Algorithms,
+    ch. 3, 8, 10).
+
+    Parameters
+    ----------
+    M
+        Complex, shape (..., c, r).
+    D_left, D_right, G
+        Multipliers of shapes (..., c, c), (..., r, r) and (..., r, c).
     """
     batch = M.shape[:-2]
     parts = [np.reshape(part, (-1, *part.shape[-2:])) for part in (M, D_left, D_right, G)]
     value = np.empty(len(parts[0]))
-    for start in range(0, len(value), CHUNK):
-        some = slice(start, start + CHUNK)
+    for start in range(0, len(value), CHUNK_MATRICES):
+        some = slice(start, start + CHUNK_MATRICES)
         M, *multipliers = (part[some] for part in parts)
         value[some] = _certified(M, structure, *structured(structure, *multipliers))
     return value.reshape(batch)
@@ -92,15 +101,16 @@ def _certified(
     D_right: ComplexArray,
     G: ComplexArray,
 ) -> NDArray[np.float64]:
+    """As `certified` for one chunk (F, c, r), with multipliers that have the structure exactly."""
     with np.errstate(all="ignore"):
         size = _power(np.abs(M).max((-2, -1), initial=0.0))
         rows, columns = (_power(np.sqrt(_diagonal(D))) for D in (D_left, D_right))
-        # Each factor has its turn, so that no product of two of them overflows.
+        # Apply the factors one after the other, so that no product of two of them overflows.
         X = M / size[..., None, None] * rows[..., :, None] / columns[..., None, :]
         D = D_left / rows[..., :, None] / rows[..., None, :]
         R = D_right / columns[..., :, None] / columns[..., None, :]
         Y = G / size[..., None, None] / columns[..., :, None] / rows[..., None, :]
-        # Again: where D has a wide range, what M is in its frame may be small.
+        # Scale again: if the entries of D differ widely, M may be small in these coordinates.
         again = _power(np.maximum(_norm(X), np.sqrt(_norm(X) * _norm(Y))))
         X, Y = X / again[..., None, None], Y / again[..., None, None]
 
@@ -112,7 +122,7 @@ def _certified(
         A, spread = _products(X, Y, D)
         proper, top, error = _largest(A, spread, R, structure, proper)
         square = np.maximum(top + error, 0.0)
-        doubtful = proper & (error > CLEAR * square)
+        doubtful = proper & (error > ACCEPTED_ROUNDING * square)
         if doubtful.any():
             square = np.array(square)
             square[doubtful] = np.minimum(
@@ -125,7 +135,7 @@ def _certified(
 def _products(
     X: ComplexArray, Y: ComplexArray, D: ComplexArray
 ) -> tuple[ComplexArray, NDArray[np.float64]]:
-    """A = X^H D X + j (Y X - X^H Y^H), and a bound of its entries' rounding in units of eps."""
+    """A = X^H D X + j (Y X - X^H Y^H), and a bound of its entries' rounding errors over eps."""
     twisted = 1j * (Y @ X)
     size = np.abs(X)
     twisted_size = np.abs(Y) @ size
@@ -141,7 +151,7 @@ def _largest(
     structure: Structure,
     proper: NDArray[np.bool_],
 ) -> tuple[NDArray[np.bool_], NDArray[np.float64], NDArray[np.float64]]:
-    """Where R > 0, the largest eigenvalue of the pencil (A, R), and a bound of its error."""
+    """Whether R > 0, the largest eigenvalue of the pencil (A, R), and a bound of its error."""
     allowance = 4 * (2 * A.shape[-1] + 8) * EPS
     if all(isinstance(block, Full) or block.rows == 1 for block in structure):
         least = _diagonal(R).min(-1)
@@ -150,7 +160,7 @@ def _largest(
         N = A * root[..., :, None] * root[..., None, :]
         stretch = np.ones_like(least)
     else:
-        # What is positive in the frame of D_r is so in that of D_l: the blocks are the same.
+        # D_r > 0 implies D_l > 0, because both consist of the same blocks.
         values, vectors = np.linalg.eigh(R)
         least = values[..., 0] - allowance * _norm(R)
         proper = proper & (least > 0)
@@ -164,10 +174,11 @@ def _largest(
 
 
 def _searched(A: ComplexArray, spread: NDArray[np.float64], R: ComplexArray) -> NDArray[np.float64]:
-    """The least t, nearly, for which t R - A is positive beyond rounding; infinite without one."""
+    """Nearly the least t with a proof of t R - A > 0 despite rounding; infinite without any."""
     count = 4 * (2 * A.shape[-1] + 8)
 
     def holds(t: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Whether t R - A > 0 is proven."""
         scaled = t[:, None, None] * R
         bound = spread + count * (np.abs(scaled) + np.abs(A))
         root = np.where(_diagonal(bound) > 0, _diagonal(bound) / count, 1.0) ** -0.5
@@ -180,12 +191,12 @@ def _searched(A: ComplexArray, spread: NDArray[np.float64], R: ComplexArray) -> 
     found = holds(np.zeros(len(A)))
     low = np.where(found, -1.0, 0.0)
     high[found] = 0.0
-    for _ in range(25):  # by 2^8 each, to 2^100
+    for _ in range(25):  # each multiplies by 2^8, from 2^-100 to 2^100
         found = found | holds(high)
         low = np.where(found, low, high)
         high = np.where(found, high, 256.0 * high)
     low, top = np.maximum(low, high / 256.0), high
-    for _ in range(SEARCH):  # of the exponent first, then of what is left of it
+    for _ in range(BISECTIONS):
         middle = np.sqrt(low * high)
         passed = holds(middle)
         low, high = np.where(passed, low, middle), np.where(passed, middle, high)
@@ -193,25 +204,28 @@ def _searched(A: ComplexArray, spread: NDArray[np.float64], R: ComplexArray) -> 
 
 
 def _hermitian(matrix: ComplexArray) -> ComplexArray:
+    """The Hermitian part."""
     return (matrix + matrix.conj().mT) / 2
 
 
 def _finite(matrix: NDArray[Any]) -> NDArray[np.bool_]:
+    """Whether all entries of each matrix are finite."""
     return np.asarray(np.isfinite(matrix).all((-2, -1)))
 
 
 def _diagonal(matrix: NDArray[Any]) -> NDArray[np.float64]:
+    """The real parts of each diagonal."""
     return np.diagonal(matrix, axis1=-2, axis2=-1).real
 
 
 def _norm(matrix: NDArray[Any]) -> NDArray[np.float64]:
-    """Frobenius norms, without overflow of the entries' squares."""
+    """Frobenius norm of each matrix, computed without overflow of the squares of its entries."""
     size = _power(np.abs(matrix).max((-2, -1), initial=0.0))
     scaled = matrix / size[..., None, None]
     return np.sqrt((scaled.real**2 + scaled.imag**2).sum((-2, -1))) * size
 
 
 def _power(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The power of two next below each positive value; 1 for zero."""
+    """The largest power of two not above each positive value; 1 for zero."""
     exponent = np.frexp(values)[1] - 1
     return np.where(values > 0, np.ldexp(1.0, exponent), 1.0)

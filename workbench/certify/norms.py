@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from workbench.arrays import RealArray
-from workbench.certify.cover import Cover, FrequencyBounds, refined
+from workbench.certify.cover import BandCover, FrequencyBounds, refined
 from workbench.certify.interval import stable_system
 from workbench.certify.mu_bound import certified
 from workbench.heavy_types import StateSpace
@@ -13,19 +13,20 @@ from workbench.structure import Full, Structure
 from workbench.systems.bilinear import to_continuous
 from workbench.systems.realisation import realisation
 
-CERTIFIED = 1e-4
-"""Relative width of the interval in which the norm of a loop is certified."""
+NORM_TOLERANCE = 1e-4
+"""Relative tolerance of a certified norm: the bound lies at most this far above the norm."""
 
-STEPS = 50
-"""Intervals that should do: a loop whose response is rounding errors needs any number of them."""
+INTERVALS_BEFORE_COARSENING = 50
+"""Number of intervals after which the tolerance becomes ten times as large. A loop whose response
+consists of rounding errors would otherwise need very many intervals."""
 
 
 def certified_norm(loop: StateSpace) -> float:
-    """An upper bound of the norm of a stable loop, on every frequency.
+    """Upper bound of the H-infinity norm of a stable loop, certified on every frequency.
 
-    The norm is the peak of mu for one full block, whose multipliers are D = 1: the band from 0 to
-    infinity is covered by intervals on which they prove it. A sampled loop is taken to continuous
-    time by the bilinear transform, which keeps norms.
+    The norm is the peak of mu for one full block, whose multipliers are D = 1. Intervals on which
+    these multipliers prove the bound cover the band from 0 to infinity. The bilinear transform,
+    which keeps norms, converts a sampled loop to continuous time.
     """
     if loop.dt:
         loop = realisation(to_continuous((loop.A, loop.B, loop.C, loop.D)), 0.0)
@@ -43,6 +44,6 @@ def certified_norm(loop: StateSpace) -> float:
         )
 
     found = refined(bounds_at, system.poles).joined(bounds_at(np.array([0.0, np.inf])))
-    cover = Cover(system, bounds_at, CERTIFIED, found)
-    cover.complete(STEPS)
+    cover = BandCover(system, bounds_at, NORM_TOLERANCE, found)
+    cover.complete(INTERVALS_BEFORE_COARSENING)
     return cover.proven

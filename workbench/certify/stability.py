@@ -9,7 +9,11 @@ from workbench.program import Check
 
 
 def stability_of(loop: StateSpace) -> Check:
-    """That its poles are left of the imaginary axis, or within the unit circle, by rounding."""
+    """Check that all poles of a loop are stable by more than their rounding error.
+
+    Stable poles lie left of the imaginary axis in continuous time, within the unit circle in
+    discrete time.
+    """
     poles = loop.poles()
     size = float(np.abs(poles).max(initial=0.0))
     limits = np.finfo(float)

@@ -1,7 +1,7 @@
 """Lower bounds on the sizes of circles and stadiums, from the points alone.
 
-They share no code with the methods. A method's answer only tells where to look: every bound holds
-for the optimum whatever the answer was.
+The bounds share no code with the methods. A method's answer only tells where to look for a bound:
+every bound holds for the optimum, whatever the answer was.
 """
 
 from __future__ import annotations
@@ -11,28 +11,34 @@ from itertools import combinations
 import numpy as np
 
 EPS = np.finfo(float).eps
+"""Relative spacing of double-precision numbers."""
 LONG_EPS = np.finfo(np.longdouble).eps
-EXCHANGES = 100
-"""Support points tried before a circle's bound is taken as it is; three or four are usual."""
+"""Relative spacing of extended-precision numbers."""
+MAX_SUPPORT_EXCHANGES = 100
+"""Most points that may enter the support of a circle's bound; three or four are usual.
+
+The bound reached by then is returned: it holds for any support.
+"""
 
 
 def circle_radius_bound(points: np.ndarray, center: np.ndarray) -> np.ndarray:
     """Lower bound on the radius of any circle around each set, by weak duality.
 
     For weights lambda >= 0 of sum 1 every enclosing circle has
-    ``r^2 >= sum lambda |p|^2 - |sum lambda p|^2``. The support is found by ascent: the point
-    farthest from the balance point so far is added, the heaviest two or three are kept.
+    ``r^2 >= sum lambda |p|^2 - |sum lambda p|^2``. The support (the points of positive weight) is
+    found by ascent: the point farthest from the current weighted mean is added, and the one, two
+    or three points that give the largest bound are kept.
 
     Parameters
     ----------
     points : complex, shape (..., N)
     center : complex, shape (...)
-        Where to start from.
+        Centre from which the ascent starts.
 
     Returns
     -------
     extended-precision array, shape (...)
-        Rounded downward; NaN where the centre is no number.
+        The bounds, rounded downward; NaN where the centre is not finite.
     """
     sets = points.reshape(-1, points.shape[-1]).astype(np.clongdouble)
     bounds = [_dual_bound(set_, c) for set_, c in zip(sets, np.ravel(center), strict=True)]
@@ -40,6 +46,7 @@ def circle_radius_bound(points: np.ndarray, center: np.ndarray) -> np.ndarray:
 
 
 def _dual_bound(points: np.ndarray, center: complex) -> np.longdouble:
+    """Lower bound on the radius of any circle around one set (N,), by ascent from a centre."""
     if not np.isfinite(center):
         return np.longdouble(np.nan)
     away = points - points[0]
@@ -50,7 +57,7 @@ def _dual_bound(points: np.ndarray, center: complex) -> np.longdouble:
     balance = (np.clongdouble(center) - points[0]) / scale
     support: list[int] = []
     best = np.longdouble(0)
-    for _ in range(EXCHANGES):
+    for _ in range(MAX_SUPPORT_EXCHANGES):
         farthest = int(np.argmax(np.abs(away - balance)))
         if farthest in support:
             break
@@ -61,7 +68,10 @@ def _dual_bound(points: np.ndarray, center: complex) -> np.longdouble:
 
 
 def _heaviest(points: np.ndarray, support: list[int]) -> tuple[list[int], np.ndarray]:
-    """The one, two or three of up to four points that bound most, and their weights."""
+    """Choose among up to four points the one, two or three with the largest bound.
+
+    Returns the indices of the chosen points and their weights.
+    """
     candidates = [([support[-1]], np.ones(1, dtype=np.longdouble))]
     candidates += [
         (list(pair), np.full(2, np.longdouble(0.5))) for pair in combinations(support, 2)
@@ -69,7 +79,8 @@ def _heaviest(points: np.ndarray, support: list[int]) -> tuple[list[int], np.nda
     for trio in combinations(support, 3):
         a, b, c = points[list(trio)]
         side = np.abs(np.array([b - c, c - a, a - b])) ** 2
-        # barycentric coordinates of the circumcentre; an obtuse triangle's longest side says more
+        # barycentric coordinates of the circumcentre; an obtuse triangle has a negative one, and
+        # the two ends of its longest side then give the larger bound
         weights = side * (side.sum() - 2 * side)
         if weights.min() >= 0 and weights.sum() > 0:
             candidates.append((list(trio), weights / weights.sum()))
@@ -82,23 +93,26 @@ def _heaviest(points: np.ndarray, support: list[int]) -> tuple[list[int], np.nda
 
 
 def least_half_width(away: np.ndarray, relative: float = 1e-11) -> np.ndarray:
-    """Lower bound on the half-width of each set over all directions, within ``relative`` of it.
+    """Lower bound on the half-width of each set over all directions, tight within ``relative``.
 
-    The angle interval [0, pi) is bracketed. Across direction theta the width is at least that of
-    any pair of points, a sinusoid of theta that is concave where positive. On an interval the two
-    pairs that are widest at its ends bound it from below: by their smaller end values, and by
-    their common value where they cross. Intervals whose bound is not yet within ``relative`` of
-    the least width met so far are split, at the crossing if there is one.
+    The interval [0, pi) of directions theta is divided. The width of a set across theta is at least
+    that of any pair of its points, which is a sinusoid of theta and concave where it is positive.
+    So on each interval the two pairs that are widest at its ends bound the width from below: by the
+    smaller of their values at the ends, and by their common value where the two sinusoids cross.
+    Intervals whose bound is not yet within ``relative`` of the least width found so far are split,
+    at the crossing if there is one.
 
     Parameters
     ----------
     away : complex, shape (B, N)
-        Points, best given relative to a centre of theirs.
+        Points of B sets, preferably relative to a centre of each set.
+    relative
+        Relative distance allowed between the bound and the least width found.
 
     Returns
     -------
     real, shape (B,)
-        Rounded downward; NaN where a point is no number.
+        The bounds, rounded downward; NaN where a point is not finite.
     """
     sets, count = away.shape
     lost = ~np.isfinite(away).all(axis=1)
@@ -109,7 +123,7 @@ def least_half_width(away: np.ndarray, relative: float = 1e-11) -> np.ndarray:
     chunk = max(1, 4_000_000 // count)
 
     def widest(index: np.ndarray, theta: np.ndarray) -> np.ndarray:
-        """The difference of two points that spans most across each direction."""
+        """Difference of the two points of a set that lie farthest apart across a direction."""
         pairs = np.empty(len(index), dtype=complex)
         for start in range(0, len(index), chunk):
             part = slice(start, start + chunk)
@@ -120,6 +134,7 @@ def least_half_width(away: np.ndarray, relative: float = 1e-11) -> np.ndarray:
         return pairs
 
     def width(pair: np.ndarray, theta: np.ndarray) -> np.ndarray:
+        """Extent of each difference of points across a direction."""
         return (pair * np.exp(-1j * theta)).imag
 
     starts = np.linspace(0, np.pi, 13)
@@ -131,14 +146,14 @@ def least_half_width(away: np.ndarray, relative: float = 1e-11) -> np.ndarray:
     for _ in range(200):
         np.minimum.at(least_met, index, width(pair_l, left))
         np.minimum.at(least_met, index, width(pair_r, right))
-        cross = np.angle(pair_l - pair_r)  # where the two pairs are equally wide, modulo pi
+        cross = np.angle(pair_l - pair_r)  # direction [rad, modulo pi] of equal widths
         cross = left + np.mod(cross - left, np.pi)
         inside = (cross > left) & (cross < right)
         split = np.where(inside, cross, (left + right) / 2)
         at_split = np.minimum(width(pair_l, split), width(pair_r, split))
         lower = np.minimum(width(pair_l, left), width(pair_r, right))
         lower = np.minimum(lower, np.where(inside, at_split, np.inf))
-        # Without a crossing one pair dominates: its smaller end value is the bound.
+        # Without a crossing one pair is wider on the whole interval: its smaller end value bounds.
         one = np.maximum(
             np.minimum(width(pair_l, left), width(pair_l, right)),
             np.minimum(width(pair_r, left), width(pair_r, right)),

@@ -21,18 +21,19 @@ from workbench.solvers import Options, Outcome
 
 @dataclass(frozen=True)
 class Circle:
-    """Circles: complex ``center`` and real ``radius``, arrays over the sets."""
+    """Circles, one for each set: arrays of complex ``center`` and real ``radius``."""
 
     center: np.ndarray
     radius: np.ndarray
 
     @property
     def half_length(self) -> np.ndarray:
-        """0: a circle is a stadium without a straight part."""
+        """Zeros, because a circle is a stadium without a straight part."""
         return np.zeros_like(self.radius)
 
     @property
     def angle(self) -> np.ndarray:
+        """Zeros, because a circle has no direction."""
         return np.zeros_like(self.radius)
 
 
@@ -70,12 +71,14 @@ def smallest_circle(
         Complex, shape (..., N), N >= 1, finite.
     method
         ``"exact"`` (globally optimal), ``"thesis"``, ``"ipopt"`` or the name of a conic solver.
+    options
+        Accuracy and time limit for the method.
 
     Returns
     -------
     Circle
-        ``center`` (complex) and ``radius``, of shape (...). The radius is rounded outward, so
-        that every point is inside. For a certificate ask ``solve(SmallestCircle(points))``.
+        ``center`` (complex) and ``radius``, of shape (...). The radius is rounded upward, so that
+        every point is inside. ``solve(SmallestCircle(points))`` gives a certificate too.
 
     Raises
     ------
@@ -84,11 +87,17 @@ def smallest_circle(
     SolverError
         The method gave no answer.
     """
-    return answered(SmallestCircle(points), method, options)
+    return uncertified_answer(SmallestCircle(points), method, options)
 
 
-def answered(program: Cover, name: str, options: Options | None) -> Any:
-    """The bare answer of a method, uncertified; an error where there is none."""
+def uncertified_answer(program: Cover, name: str, options: Options | None) -> Any:
+    """Answer of the method ``name``, not certified.
+
+    Raises
+    ------
+    SolverError
+        The method gave no answer, or a radius that is not finite.
+    """
     chosen = find_method(program, name)
     answer, outcome, message = chosen.answer(program, Context(options or Options()))
     if answer is None or not np.all(np.isfinite(answer.radius)):
@@ -98,7 +107,7 @@ def answered(program: Cover, name: str, options: Options | None) -> Any:
 
 @method(SmallestCircle, "exact", optimal=True)
 def _exact(program: SmallestCircle, context: Context) -> Claim:
-    """Welzl's circle on the convex hull; globally optimal, no tolerance."""
+    """Exchange of support points; globally optimal, no tolerance."""
     return Circle(*exact_circle(program.points)), Outcome.SOLVED, ""
 
 

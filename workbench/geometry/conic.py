@@ -6,7 +6,7 @@ import numpy as np
 
 from workbench.executor import Context
 from workbench.geometry.circle import Circle, SmallestCircle
-from workbench.geometry.each_set import Unit, accept, each_set, segment_frame
+from workbench.geometry.each_set import UnitFrame, accept, each_set, segment_frame
 from workbench.geometry.stadium import NarrowestStadium, Stadium
 from workbench.program import Claim, conic_method
 from workbench.solvers import ConicSolver, solve_conic
@@ -22,7 +22,7 @@ def _circle(program: SmallestCircle, context: Context, solver: ConicSolver) -> C
         center, radius = cp.Variable((1, 2)), cp.Variable()
         problem = cp.Problem(cp.Minimize(radius), [cp.norm(points - center, axis=1) <= radius])
 
-    def answer(unit: Unit, index: int) -> tuple[complex, float, float]:
+    def answer(unit: UnitFrame, index: int) -> tuple[complex, float, float]:
         points.value = np.column_stack([unit.points.real, unit.points.imag])
         accept(solve_conic(problem, solver, context.options, context))
         return complex(*center.value[0]), 0.0, 0.0
@@ -32,6 +32,7 @@ def _circle(program: SmallestCircle, context: Context, solver: ConicSolver) -> C
 
 
 def _free_angle(program: NarrowestStadium) -> str | None:
+    """Reason why a conic solver cannot answer a stadium of free angle; None for a given angle."""
     if program.angle is not None:
         return None
     return "with a free angle it is not convex; give an angle, or use exact, thesis or ipopt"
@@ -62,8 +63,8 @@ def _stadium(program: NarrowestStadium, context: Context, solver: ConicSolver) -
         narrow = cp.Problem(cp.Minimize(width), strip)
         short = cp.Problem(cp.Minimize(half_length), inside)
 
-    def answer(unit: Unit, index: int) -> tuple[complex, float, float]:
-        center = 0j if centers is None else unit.inward(centers[index])
+    def answer(unit: UnitFrame, index: int) -> tuple[complex, float, float]:
+        center = 0j if centers is None else unit.to_frame(centers[index])
         points = unit.points - center
         local = (points / np.exp(1j * angles[index])).imag
         scale = np.abs(local - local[0] if centers is None else local).max() or 1.0

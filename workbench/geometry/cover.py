@@ -1,4 +1,4 @@
-"""What circles and stadiums around point sets share: data, labels, containment, datasets.
+"""Base of the programs for circles and stadiums: data, labels, containment checks, datasets.
 
 A circle is a stadium of half-length 0, so one containment check and one way of drawing serve both.
 The checks share no code with the methods: they work in extended precision from the points alone.
@@ -20,31 +20,32 @@ from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.program import Check, Program, worst
 
 EPS = float(np.finfo(float).eps)
-CONTAINMENT = 1e-9
-"""Excess of a point over the radius, relative to the radius, that a certificate lets pass."""
+"""Relative spacing of double-precision numbers."""
+CONTAINMENT_TOLERANCE = 1e-9
+"""Largest distance of a point beyond its shape, relative to the radius, in a valid certificate."""
 
 
 @dataclass(frozen=True, eq=False)
 class Cover(Program):
-    """Shapes around point sets.
+    """Program for the smallest shape, circle or stadium, around each of many point sets.
 
     Parameters
     ----------
     points
-        Complex, shape (..., N): a set per leading index. An `xarray.DataArray` lends its names
-        and coordinates to the results.
+        Complex, shape (..., N): one set for each leading index. The results take the names and
+        coordinates of an `xarray.DataArray`.
     windows
-        Ranges of the first axis's coordinate to show enlarged, by caption.
+        Parts to draw enlarged: for each caption a range of the first axis's coordinate.
     """
 
-    points: Any  # an ndarray from here on
+    points: Any  # an ndarray after construction
     windows: Mapping[str, tuple[float, float]] = field(default_factory=dict, kw_only=True)
     labels: DataArray | None = field(default=None, init=False, repr=False)
 
     default_method: ClassVar[str] = "exact"
     headline: ClassVar[str] = "radius_peak"
     answer_names: ClassVar[Mapping[str, str]]
-    """Arrays of an answer, with their long names."""
+    """Names of the arrays of an answer, each with its long name for datasets."""
 
     def __post_init__(self) -> None:
         labelled = hasattr(self.points, "dims")
@@ -54,11 +55,11 @@ class Cover(Program):
 
     @property
     def batch(self) -> tuple[int, ...]:
-        """Shape of the sets."""
+        """Leading shape (...) of ``points``: that of the array of sets."""
         return self.points.shape[:-1]
 
     def place(self, index: tuple[int, ...]) -> str:
-        """The name of a set, for messages."""
+        """Name of the set of a given index, for messages."""
         parts = []
         for dim, i in zip(self._labelled().dims[:-1], index, strict=False):
             coordinate = self._labelled().coords.get(dim)
@@ -101,33 +102,39 @@ class Cover(Program):
             "largest distance of a point beyond its shape, less 8 eps of the largest |p|, "
             "relative to the radius",
             excess,
-            CONTAINMENT,
+            CONTAINMENT_TOLERANCE,
             where,
         )
         return [properness, containment]
 
     def distance(self, answer: Shape) -> np.ndarray:
-        """Distance of every point from its segment, in extended precision."""
+        """Distance (..., N) of every point from its shape's segment, in extended precision."""
         t, h = self.coordinates(answer.center, answer.angle)
         length = np.asarray(answer.half_length, dtype=np.longdouble)[..., None]
         return np.hypot(t - np.clip(t, -length, length), h)
 
     def coordinates(self, center: np.ndarray, angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Every point along and across a direction, from a centre, in extended precision."""
+        """Coordinates (..., N) of every point along and across a direction [rad] from a centre.
+
+        They are computed in extended precision.
+        """
         angle = np.asarray(angle, dtype=np.longdouble)[..., None]
         away = self.points.astype(np.clongdouble) - np.asarray(center)[..., None]
         cos, sin = np.cos(angle), np.sin(angle)
         return away.real * cos + away.imag * sin, away.imag * cos - away.real * sin
 
     def excess(self, answer: Shape) -> np.ndarray:
-        """Largest distance beyond each shape, less the rounding allowed, relative to its radius."""
+        """Largest distance (...) of a point beyond its shape, relative to the shape's radius.
+
+        The rounding of a point's own coordinates, 8 eps of the largest |p|, is subtracted first.
+        """
         radius = np.asarray(answer.radius, dtype=np.longdouble)
         beyond = self.distance(answer).max(axis=-1) - radius
         return relative(beyond - 8 * EPS * self.reach, radius)
 
     @property
     def reach(self) -> np.ndarray:
-        """Largest |p| of every set, in extended precision (|p| itself may overflow)."""
+        """Largest |p| (...) of each set, in extended precision because |p| may overflow."""
         return np.abs(self.points.astype(np.clongdouble)).max(axis=-1)
 
     def metrics(self, answer: Any) -> dict[str, float]:
@@ -147,7 +154,7 @@ class Cover(Program):
         points = self._labelled()
         dims = points.dims[:-1]
         unit = {"units": points.attrs.get("units", "1")}
-        boundary = np.asarray(answer.radius) * (1 - CONTAINMENT) - 8 * EPS * self.reach
+        boundary = np.asarray(answer.radius) * (1 - CONTAINMENT_TOLERANCE) - 8 * EPS * self.reach
         touching = self.distance(answer) >= boundary[..., None]
         variables = {
             "points": (points.dims, self.points, unit | {"long_name": "points to cover"}),
@@ -167,6 +174,7 @@ class Cover(Program):
         return cover_figures(self._labelled(), answer, self.windows)
 
     def _labelled(self) -> DataArray:
+        """Points as a labelled array, with plain names for the axes where none were given."""
         import xarray as xr
 
         if self.labels is not None:
@@ -177,7 +185,7 @@ class Cover(Program):
 
 
 def relative(length: np.ndarray, radius: np.ndarray) -> np.ndarray:
-    """A length, 0 where it is negative, relative to a radius that may be zero."""
+    """``max(length, 0) / radius``, where 0 / 0 is 0 and NaN stays NaN."""
     beyond = np.where(np.isnan(length), np.nan, np.maximum(length, 0))
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(beyond == 0, 0.0, beyond / np.abs(radius)).astype(float)

@@ -23,12 +23,13 @@ from workbench.geometry.points import (
     to_frame,
 )
 
-# Exchanges beyond this many can only be rounding going in circles; the best centre is kept.
-MOST_EXCHANGES = 200
+MAX_BASIS_EXCHANGES = 200
+"""Most exchanges of the basis of one set. Only rounding can ask for more, in an endless cycle; the
+best centre found is kept."""
 
 
 def exact_circle(points: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-    """Centre (...) and radius (...) of the smallest circle around each of the sets (..., N)."""
+    """Centre (...) and radius (...) of the smallest circle around each set of points (..., N)."""
     batch = as_batch(points)
     center, radius = _circles(batch.sets)
     return center.reshape(batch.shape), radius.reshape(batch.shape)
@@ -36,6 +37,7 @@ def exact_circle(points: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
 
 @compiled
 def _circles(sets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Centre (S,) and radius (S,) of the smallest circle around each set (S, N)."""
     center = np.empty(len(sets), dtype=np.complex128)
     radius = np.empty(len(sets))
     for i, points in enumerate(sets):
@@ -48,10 +50,10 @@ def _circles(sets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 @compiled
 def circle_radius(points: np.ndarray, center: complex) -> float:
-    """The largest distance of a set (N,) from the centre, rounded outward.
+    """The largest distance of a set (N,) from the centre, rounded upward.
 
-    The rounding of a squared distance is at most 2 eps of it, so of the root eps, and of the
-    differences eps / 2.
+    The relative rounding error is at most 2 eps in a squared distance, hence eps in its root, and
+    eps / 2 in the differences.
     """
     frame = find_frame(points, True, center)
     square = 0.0
@@ -59,25 +61,25 @@ def circle_radius(points: np.ndarray, center: complex) -> float:
         x = (p.real * frame.shrink - frame.x) * frame.zoom
         y = (p.imag * frame.shrink - frame.y) * frame.zoom
         square = max(square, x * x + y * y)
-    return outward(length_from_frame(frame, math.sqrt(square) * (1.0 + 2.0 * EPS)))
+    return rounded_up(length_from_frame(frame, math.sqrt(square) * (1.0 + 2.0 * EPS)))
 
 
 @compiled
-def outward(length: float) -> float:
-    """The next larger number, for a length that is not zero."""
+def rounded_up(length: float) -> float:
+    """The next larger number for a positive length, 0 for 0."""
     return np.nextafter(length, np.inf) if length > 0.0 else 0.0
 
 
 @compiled
 def _smallest(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
-    """The centre of the smallest circle around points (N,), (N,) of unit size."""
+    """The centre (x, y) of the smallest circle around points (N,), (N,) of unit size."""
     first = _farthest(x, y, 0.0, 0.0)[0]
     basis = np.array([first, _farthest(x, y, x[first], y[first])[0], 0, 0])
     size = 2
     center_x = 0.5 * (x[basis[0]] + x[basis[1]])
     center_y = 0.5 * (y[basis[0]] + y[basis[1]])
     best, best_x, best_y = np.inf, center_x, center_y
-    for _ in range(MOST_EXCHANGES):
+    for _ in range(MAX_BASIS_EXCHANGES):
         point, square = _farthest(x, y, center_x, center_y)
         if square < best:
             best, best_x, best_y = square, center_x, center_y
@@ -101,7 +103,7 @@ def _farthest(x: np.ndarray, y: np.ndarray, x0: float, y0: float) -> tuple[int, 
 
 @compiled
 def _reach(x: np.ndarray, y: np.ndarray, some: np.ndarray, x0: float, y0: float) -> float:
-    """The largest squared distance of some of the points from (x0, y0)."""
+    """The largest squared distance from (x0, y0) of the points with indices ``some``."""
     largest = 0.0
     for i in some:
         largest = max(largest, (x[i] - x0) ** 2 + (y[i] - y0) ** 2)
@@ -114,9 +116,10 @@ def _exchange(
 ) -> tuple[float, float, int]:
     """The smallest circle of basis[:size] and the entering point basis[size].
 
-    It has the entering point and one or two others on it. Of these candidates it is the one
-    whose centre has the least largest distance, a choice that needs no tolerance. The basis is
-    rewritten in place; its centre and its new size are returned.
+    The entering point and one or two others lie on this circle. Among the at most six circles of
+    that kind, it is the one whose centre has the smallest largest distance from the points, a
+    choice that needs no tolerance. The basis is rewritten in place; the centre (x, y) of the circle
+    and the new size of the basis are returned.
     """
     group = basis[: size + 1].copy()
     p = group[size]

@@ -7,9 +7,10 @@ and h across the direction:
 * the radius is half the width of the set across the direction, with the axis in the middle; with
   a given centre it is the largest |h - h_c|, half the width of the set and its mirror image in
   the centre together;
-* the least width over all directions is attained with an edge of the convex hull along the
-  stadium, so the edges are all there is to try;
-* a point at h asks the segment [a, b] for a <= t + s and b >= t - s, s = sqrt(radius^2 - h^2).
+* the least width over all directions is attained in the direction of an edge of the convex hull,
+  so only these directions need to be tried;
+* a point (t, h) is within the radius of the segment [a, b] of the axis if a <= t + s and
+  b >= t - s, s = sqrt(radius^2 - h^2).
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.compiled import compiled
-from workbench.geometry.exact_circle import circle_radius, outward
+from workbench.geometry.exact_circle import circle_radius, rounded_up
 from workbench.geometry.hull import cross, hull_indices
 from workbench.geometry.points import (
     EPS,
@@ -32,11 +33,12 @@ from workbench.geometry.points import (
     to_frame,
 )
 
-# Edges whose widths agree this well (relative) are compared by half-length ...
-TIE = 64.0 * EPS
-# ... as long as that takes no more than this many point visits (but always for EDGES_TRIED).
-MOST_VISITS = 2**22
-EDGES_TRIED = 4
+WIDTH_TIE = 64.0 * EPS
+"""Relative difference up to which widths count as equal; half-length then decides between edges."""
+MAX_POINT_VISITS = 2**22
+"""Most point visits for the comparison of half-lengths of one set."""
+MIN_EDGES_COMPARED = 4
+"""Number of edges of equal width whose half-lengths are compared, however many points they take."""
 
 
 def exact_stadium(
@@ -45,7 +47,7 @@ def exact_stadium(
     """Centre, radius, half-length and angle [rad], each (...), of the narrowest stadiums.
 
     The sets are (..., N); a given centre or angle broadcasts with the leading axes. Angles are in
-    [0, pi), and 0 for a set of coincident points if none is given.
+    [0, pi). A set of coincident points gets angle 0 unless an angle is given.
     """
     batch = as_batch(points, center, angle)
     answers = _stadiums(
@@ -64,6 +66,11 @@ def _stadiums(
     directed: bool,
     given_angle: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Centre, radius, half-length and angle, each (A,), of A stadiums around the sets (S, N).
+
+    ``which`` (A,) holds the index of the set of each stadium; ``centered`` and ``directed`` tell
+    whether the given centres (A,) and angles (A,) hold.
+    """
     center = given_center.copy()
     angle = given_angle.copy()
     radius, half_length = np.empty(which.size), np.empty(which.size)
@@ -86,10 +93,10 @@ def _stadiums(
 
 @compiled
 def stadium_radius(points: np.ndarray, center: complex, half_length: float, angle: float) -> float:
-    """The largest distance of a set (N,) from the segment, rounded outward.
+    """The largest distance of a set (N,) from the segment, rounded upward.
 
-    The rotation into t and h rounds by at most 2.5 eps of its terms: differences and products
-    are good to eps / 2, sine and cosine to eps.
+    The rotation into t and h has a rounding error of at most 2.5 eps of its terms: differences and
+    products are accurate to eps / 2, sine and cosine to eps.
     """
     if half_length == 0.0:
         return circle_radius(points, center)
@@ -103,16 +110,17 @@ def stadium_radius(points: np.ndarray, center: complex, half_length: float, angl
         beyond = abs(c * x + s * y) + 2.5 * EPS * (abs(c * x) + abs(s * y)) - half
         aside = abs(c * y - s * x) + 2.5 * EPS * (abs(c * y) + abs(s * x))
         square = max(square, aside * aside + max(beyond, 0.0) ** 2)
-    return outward(length_from_frame(frame, math.sqrt(square) * (1.0 + 4.0 * EPS)))
+    return rounded_up(length_from_frame(frame, math.sqrt(square) * (1.0 + 4.0 * EPS)))
 
 
 @compiled
 def _narrowest(
     x: np.ndarray, y: np.ndarray, angle: float, centered: bool
 ) -> tuple[float, float, float, float]:
-    """Centre along and across, radius and half-length of the narrowest stadium at an angle.
+    """The narrowest stadium of one set (N,), (N,) in the direction of a given angle [rad].
 
-    With `centered` the centre is the origin.
+    Returns the coordinates of the centre along and across the direction, the radius and the
+    half-length. With `centered` the centre is the origin.
     """
     c, s = math.cos(angle), math.sin(angle)
     low, high = np.inf, -np.inf
@@ -133,9 +141,10 @@ def _narrowest(
 
 @compiled
 def _narrowest_angle(x: np.ndarray, y: np.ndarray, centered: bool) -> float:
-    """The angle of the narrowest stadium around a hull (M,), (M,), counter-clockwise.
+    """The angle [rad] of the narrowest stadium around a hull of vertices (M,), (M,).
 
-    Where several edges give the least width, the one with the least half-length is taken.
+    The vertices are in counter-clockwise order. Where several edges give the least width, the one
+    with the least half-length is taken.
     """
     if centered:
         mirrored_x, mirrored_y = np.concatenate((x, -x)), np.concatenate((y, -y))
@@ -146,8 +155,8 @@ def _narrowest_angle(x: np.ndarray, y: np.ndarray, centered: bool) -> float:
     if edges_x.size == 1:
         return 0.0
     width = _widths(edges_x, edges_y)
-    limit = (1.0 + TIE) * width.min()
-    left_to_try = max(EDGES_TRIED, MOST_VISITS // x.size)
+    limit = (1.0 + WIDTH_TIE) * width.min()
+    left_to_try = max(MIN_EDGES_COMPARED, MAX_POINT_VISITS // x.size)
     angle, shortest = 0.0, np.inf
     for i in range(width.size):
         if width[i] <= limit and left_to_try > 0:
@@ -162,15 +171,15 @@ def _narrowest_angle(x: np.ndarray, y: np.ndarray, centered: bool) -> float:
 
 @compiled
 def _widths(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """The width (M,) of a hull (M,), (M,), M >= 2, across each of its edges: rotating calipers.
+    """The width (M,) of a hull (M,), (M,), M >= 2, across each of its edges.
 
-    (Shamos, "Computational geometry", 1978.)
+    The method is rotating calipers (Shamos, "Computational geometry", 1978).
     """
     width = np.empty(x.size)
     far = 1
     for i in range(x.size):
         j = (i + 1) % x.size
-        # the opposite vertex goes on as long as that leads away from the edge
+        # the opposite vertex advances as long as the next one is farther from the edge
         for _ in range(x.size):
             k = (far + 1) % x.size
             if cross(x, y, i, j, far, k) <= 0.0:
@@ -182,7 +191,7 @@ def _widths(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 @compiled
 def _direction(x: float, y: float) -> float:
-    """The angle of a line in [0, pi)."""
+    """The angle in [0, pi) of a line along the vector (x, y)."""
     angle = math.atan2(y, x)
     if angle < 0.0:
         angle += math.pi

@@ -11,21 +11,23 @@ from workbench import figures
 from workbench.geometry.shapes import Shape
 from workbench.heavy_types import DataArray, Figure
 
-CORNERS = 48
-"""Corners that each round end is drawn with."""
-FEW = 60
-"""Shapes up to which they are filled and their points drawn large."""
+POINTS_OF_ROUND_END = 48
+"""Number of points of the polygon that draws a round end."""
+FILLED_BELOW = 60
+"""Figures with fewer shapes than this fill the shapes and draw their points large."""
 
 
 def cover_figures(
     points: DataArray, answer: Shape, windows: Mapping[str, tuple[float, float]]
 ) -> dict[str, Figure]:
-    """The plane whole, the plane enlarged for each window, and sizes over the first axis.
+    """Figures of all shapes, of the shapes in each window, and of the sizes over the first axis.
+
+    Without numbers along a single leading axis there is only the figure of all shapes.
 
     Parameters
     ----------
     points
-        Complex, dims (axis, ..., point); only a first axis with a coordinate is drawn along.
+        Complex, dims (axis, ..., point).
     windows
         Ranges of the first axis's coordinate, by caption.
     """
@@ -43,7 +45,10 @@ def cover_figures(
 
 
 def plane(points: DataArray, answer: Shape, title: str, chosen: np.ndarray | None = None) -> Figure:
-    """Points and shapes of some sets (default: all) in the complex plane, coloured by the axis."""
+    """Points and shapes in the complex plane, coloured by the coordinate of the first axis.
+
+    ``chosen`` holds the indices of the sets to draw; by default all are drawn.
+    """
     from matplotlib.collections import LineCollection, PolyCollection
     from matplotlib.colors import LogNorm, Normalize
 
@@ -62,14 +67,14 @@ def plane(points: DataArray, answer: Shape, title: str, chosen: np.ndarray | Non
     coloured: Any = {"array": along[chosen], "norm": norm, "cmap": "viridis"}
     shapes = LineCollection(corners, linewidths=0.8, **coloured)
     axes.add_collection(shapes)
-    if len(chosen) < FEW:
+    if len(chosen) < FILLED_BELOW:
         axes.add_collection(PolyCollection(corners, linewidths=0, alpha=0.06, **coloured))
     if axis is not None and len(chosen) == len(values):  # each member's path through the sets
         axes.plot(values.real, values.imag, color="0.6", linewidth=0.5, zorder=1)
     axes.scatter(
         values[chosen].real.ravel(),
         values[chosen].imag.ravel(),
-        s=9 if len(chosen) < FEW else 2,
+        s=9 if len(chosen) < FILLED_BELOW else 2,
         c=np.repeat(along[chosen], values.shape[1]),
         norm=norm,
         cmap="viridis",
@@ -91,7 +96,7 @@ def plane(points: DataArray, answer: Shape, title: str, chosen: np.ndarray | Non
 
 
 def sizes(axis: DataArray, answer: Shape, unit: str) -> Figure:
-    """Radius, half-length and, of stadiums, orientation over the axis."""
+    """Radius over the axis; for stadiums half-length and orientation too."""
     stadium = bool(np.any(np.nan_to_num(answer.half_length) > 0))
     figure, panels = figures.axes(
         2 if stadium else 1, 1, size=(7.0, 6.0 if stadium else 4.2), sharex=True
@@ -121,8 +126,8 @@ def sizes(axis: DataArray, answer: Shape, unit: str) -> Figure:
 
 
 def outline(answer: Shape) -> np.ndarray:
-    """Corner points of every shape, complex, shape (sets, 2 * CORNERS + 1), closed."""
-    half = np.linspace(-np.pi / 2, np.pi / 2, CORNERS)
+    """Closed outlines of the shapes, complex, shape (sets, 2 * POINTS_OF_ROUND_END + 1)."""
+    half = np.linspace(-np.pi / 2, np.pi / 2, POINTS_OF_ROUND_END)
     center, radius = np.ravel(answer.center)[:, None], np.ravel(answer.radius)[:, None]
     length, angle = np.ravel(answer.half_length)[:, None], np.ravel(answer.angle)[:, None]
     ahead = length + radius * np.exp(1j * half)
@@ -140,7 +145,7 @@ def _label(axis: DataArray) -> str:
 
 
 def _plain_ticks(scale: object, low: float, high: float) -> None:
-    """Plain numbers on a logarithmic scale that spans less than a decade."""
+    """Label a logarithmic scale that spans less than a decade with plain numbers."""
     from matplotlib.ticker import MaxNLocator, NullFormatter, ScalarFormatter
 
     if not 0 < high < 10 * low:

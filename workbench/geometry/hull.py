@@ -1,10 +1,10 @@
 """The convex hull of one set of points: Andrew's monotone chain, O(N log N).
 
-Orientation is decided in double arithmetic where that is certain by its error bound (Shewchuk,
+Orientation is decided in double precision where its error bound makes that certain (Shewchuk,
 "Adaptive precision floating-point arithmetic and fast robust geometric predicates", 1997) and in
-doubled precision where it is not. What a hull can still lose to rounding is a vertex within a few
-ulp of an edge: that changes a width by a few ulp, and containment does not rest on the hull, since
-every radius is at last taken over all points.
+doubled precision elsewhere. Rounding can still lose a vertex within a few ulp of an edge, which
+changes a width by a few ulp. Containment does not depend on the hull, because every radius is
+computed over all points at the end.
 """
 
 from __future__ import annotations
@@ -16,13 +16,17 @@ from workbench.compiled import compiled
 from workbench.errors import InputError
 from workbench.geometry.points import EPS, as_points, find_frame, to_frame
 
-# Larger sets are thinned by their octagon before they are sorted.
 THINNED_ABOVE = 200
-SPLITTER = 134217729.0  # 2^27 + 1 (Dekker)
+"""Larger sets lose the points inside an octagon before they are sorted."""
+SPLITTER = 134217729.0
+"""2^27 + 1, which splits a double-precision number into two halves (Dekker)."""
 
 
 def convex_hull(points: ArrayLike) -> np.ndarray:
-    """The vertices (M,) of the convex hull of one set (N,), strictly convex, counter-clockwise."""
+    """The vertices (M,) of the convex hull of one set (N,), in counter-clockwise order.
+
+    No vertex lies on the line between its neighbours.
+    """
     values = as_points(points)
     if values.ndim != 1:
         raise InputError(f"points of shape {values.shape}: a hull is of one set (N,)")
@@ -31,14 +35,15 @@ def convex_hull(points: ArrayLike) -> np.ndarray:
 
 @compiled
 def hull_indices(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Indices (M,) of the hull's vertices, counter-clockwise from the leftmost lowest one.
+    """Indices (M,) of the hull's vertices, in counter-clockwise order.
 
-    The coordinates (N,), (N,) are of a frame (unit size). Points that coincide have one vertex.
+    The first vertex is the lowest of the leftmost points. The points have coordinates (N,), (N,) of
+    unit size (see `find_frame`). Coincident points give one vertex.
     """
     kept = _outside_octagon(x, y) if x.size > THINNED_ABOVE else np.arange(x.size)
     # merge sort: numba's quick sort takes O(N^2) on some orders
     order = kept[np.argsort(x[kept], kind="mergesort")]
-    # of points on one vertical only the lowest and the highest can be vertices
+    # only the lowest and the highest point on a vertical line can be vertices
     lowest, highest = np.empty_like(order), np.empty_like(order)
     columns = 0
     for i in order:
@@ -60,7 +65,7 @@ def hull_indices(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 @compiled
 def _chain(x: np.ndarray, y: np.ndarray, order: np.ndarray) -> np.ndarray:
-    """The part of a sequence of points, strictly monotone in x, that turns left throughout."""
+    """The points of a sequence, strictly monotone in x, that form a chain with left turns only."""
     chain = np.empty_like(order)
     size = 0
     for i in order:
@@ -76,9 +81,10 @@ def _chain(x: np.ndarray, y: np.ndarray, order: np.ndarray) -> np.ndarray:
 
 @compiled
 def _outside_octagon(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Indices of the points not well inside the octagon of the extremes in eight directions.
+    """Indices of the points outside, on or just inside the octagon of the extreme points.
 
-    (Akl and Toussaint, "A fast convex hull algorithm", 1978, with four more directions.)
+    Its corners are the extreme points in eight directions (Akl and Toussaint, "A fast convex hull
+    algorithm", 1978, with four more directions). Points inside it cannot be vertices of the hull.
     """
     corner = np.zeros(9, dtype=np.int64)
     value = np.full(8, -np.inf)
@@ -125,22 +131,22 @@ def _outside_octagon(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 @compiled
 def cross(x: np.ndarray, y: np.ndarray, a: int, b: int, c: int, d: int) -> float:
-    """The cross product (b - a) x (d - c) of four of the points, with a sign to rely on."""
+    """The cross product (b - a) x (d - c) of the points with indices a to d, its sign correct."""
     ux, uy, vx, vy = x[b] - x[a], y[b] - y[a], x[d] - x[c], y[d] - y[c]
     left, right = ux * vy, uy * vx
     if abs(left - right) > 2.0 * EPS * (abs(left) + abs(right)):
         return left - right
     high, low = _product(ux, vy)
     other_high, other_low = _product(uy, vx)
-    tails = (ux * _lost(y[d], y[c]) + vy * _lost(x[b], x[a])) - (
-        uy * _lost(x[d], x[c]) + vx * _lost(y[b], y[a])
+    tails = (ux * _difference_error(y[d], y[c]) + vy * _difference_error(x[b], x[a])) - (
+        uy * _difference_error(x[d], x[c]) + vx * _difference_error(y[b], y[a])
     )
     return (high - other_high) + ((low - other_low) + tails)
 
 
 @compiled
-def _lost(a: float, b: float) -> float:
-    """What the rounding of a - b lost (Knuth)."""
+def _difference_error(a: float, b: float) -> float:
+    """Rounding error of a - b: the exact difference less the rounded one (Knuth)."""
     difference = a - b
     part = a - difference
     return (a - (difference + part)) + (part - b)
@@ -148,7 +154,7 @@ def _lost(a: float, b: float) -> float:
 
 @compiled
 def _product(a: float, b: float) -> tuple[float, float]:
-    """a b as its rounded value and what the rounding lost (Dekker)."""
+    """Rounded value of a b and its rounding error; their sum is exact (Dekker)."""
     value = a * b
     c, d = SPLITTER * a, SPLITTER * b
     a_high, b_high = c - (c - a), d - (d - b)

@@ -9,13 +9,15 @@ import numpy as np
 
 from workbench.executor import Context
 from workbench.geometry.circle import Circle, SmallestCircle
-from workbench.geometry.each_set import RefusedError, Unit, accept, each_set, segment_frame
+from workbench.geometry.each_set import RefusedError, UnitFrame, accept, each_set, segment_frame
 from workbench.geometry.stadium import NarrowestStadium, Stadium
 from workbench.program import Claim, method
 from workbench.solvers import Outcome, ipopt, ipopt_outcome
 
-STARTS = 12
-"""Starting angles; the width of twelve points has about as many local minima."""
+STARTING_ANGLES = 12
+"""Number of starting angles; the width of twelve points has about as many local minima."""
+MIN_STRIP_UNIT = 1e-12
+"""Smallest unit of length, relative to the set's size, of the program that refines a strip."""
 
 
 @method(SmallestCircle, "ipopt", optimal=True)
@@ -31,7 +33,7 @@ def _circle(program: SmallestCircle, context: Context) -> Claim:
         nlp = {"x": x, "p": ca.vec(points), "f": x[2], "g": square - x[2] ** 2}
         solver = ipopt("circle", nlp, context.options)
 
-    def answer(unit: Unit, index: int) -> tuple[complex, float, float]:
+    def answer(unit: UnitFrame, index: int) -> tuple[complex, float, float]:
         p = np.concatenate([unit.points.real, unit.points.imag])
         middle = unit.points.mean()
         start = [middle.real, middle.imag, np.abs(unit.points - middle).max()]
@@ -52,14 +54,18 @@ def _stadium(program: NarrowestStadium, context: Context) -> Claim:
     with context.stating():
         narrow, short = _strip(count, context), _segment(count, context)
 
-    def answer(unit: Unit, index: int) -> tuple[complex, float, float]:
-        center = 0j if centers is None else unit.inward(centers[index])
+    def answer(unit: UnitFrame, index: int) -> tuple[complex, float, float]:
+        center = 0j if centers is None else unit.to_frame(centers[index])
         points = unit.points - center
         if angles is None:
-            starts = np.pi * (np.arange(STARTS) + context.rng.uniform(size=STARTS)) / STARTS
+            starts = (
+                np.pi
+                * (np.arange(STARTING_ANGLES) + context.rng.uniform(size=STARTING_ANGLES))
+                / STARTING_ANGLES
+            )
         else:
             starts = angles[index : index + 1]
-        strip = Strip(narrow, points, free=angles is None, centred=centers is not None)
+        strip = StripSearch(narrow, points, free=angles is None, centred=centers is not None)
         angle, axis = strip.narrowest(starts)
         frame = segment_frame(points, angle, axis, centers is not None, context.options.accuracy)
         bound = np.full(count + 2, np.inf)
@@ -78,7 +84,7 @@ def _stadium(program: NarrowestStadium, context: Context) -> Claim:
 
 
 def _strip(count: int, context: Context) -> Any:
-    """Least radius of a strip: variables turn, axis, radius, all in units of a width."""
+    """Solver for the strip of least radius; variables turn, axis, radius, in units of a width."""
     import casadi as ca
 
     along, across, width = ca.SX.sym("t", count), ca.SX.sym("h", count), ca.SX.sym("w")
@@ -96,8 +102,20 @@ def _strip(count: int, context: Context) -> Any:
 
 
 @dataclass(frozen=True)
-class Strip:
-    """The narrowest strip around points, its angle free or not, its axis through 0 or not."""
+class StripSearch:
+    """Search for the narrowest strip around points (N,).
+
+    Parameters
+    ----------
+    solver
+        Solver of `_strip` for N points.
+    points
+        Complex (N,), of unit size.
+    free
+        Whether the angle is free; else it stays at the start.
+    centred
+        Whether the axis must pass through 0.
+    """
 
     solver: Any
     points: np.ndarray
@@ -105,7 +123,10 @@ class Strip:
     centred: bool
 
     def narrowest(self, starts: np.ndarray) -> tuple[float, float]:
-        """Angle and axis of the narrowest strip found from any of the starting angles."""
+        """Angle [rad] and axis of the narrowest strip found from the starting angles [rad].
+
+        Raises `RefusedError` if no start leads to an answer.
+        """
         best: tuple[float, float, float] | None = None
         refusal = (Outcome.FAILED, "no start")
         for start in starts:
@@ -119,12 +140,15 @@ class Strip:
         if best is None:
             raise RefusedError(refusal)
         for _ in range(2):  # again, in units of the width found
-            refined = self._near(best[1], max(best[0], SMALLEST))
+            refined = self._near(best[1], max(best[0], MIN_STRIP_UNIT))
             best = min(best, refined)
         return best[1], best[2]
 
     def _near(self, start: float, width: float) -> tuple[float, float, float]:
-        """Radius, angle and axis of the strip found from one starting angle."""
+        """Radius, angle and axis of the strip found from one starting angle [rad].
+
+        ``width`` is the unit of length of the nonlinear program.
+        """
         local = self.points / np.exp(1j * start)
         across = local.imag
         axis = 0.0 if self.centred else 0.5 * (across.min() + across.max())
@@ -141,19 +165,15 @@ class Strip:
         )
         accept(ipopt_outcome(self.solver))
         turn, axis, _ = found["x"].full().ravel() * width
-        # measured, not believed: the radius decides between starts
+        # the radius decides between starts, so it is recomputed from the points
         turned = (self.points / np.exp(1j * (start + turn))).imag
         if not self.centred:
             axis = 0.5 * (turned.min() + turned.max())
         return float(np.abs(turned - axis).max()), float(start + turn), float(axis)
 
 
-SMALLEST = 1e-12
-"""Least width, relative to the set, that a strip is scaled by."""
-
-
 def _segment(count: int, context: Context) -> Any:
-    """Least half-length of a segment in its frame: variables middle, half-length, shifts."""
+    """Solver for the least half-length (see `SegmentFrame`); variables m, l and shifts s (N,)."""
     import casadi as ca
 
     ahead, behind, beside = (ca.SX.sym(name, count) for name in "abh")

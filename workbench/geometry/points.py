@@ -1,9 +1,9 @@
-"""Sets of complex points: validation, and the frame the exact kernels work in.
+"""Sets of complex points: input checks, and the frame of coordinates of the exact kernels.
 
 A set is the last axis of a complex array (..., N). The frame of a set moves it to the origin and
 scales it by powers of two to unit size. Scaling by powers of two is exact, and so is the
-translation of a small set far away (Sterbenz: a - b is exact if a/2 <= b <= 2a), so a set of
-spread 1 at 1e8, or one at the scale of 1e-300 or 1e300, is treated as well as one near 1.
+translation of a small set far from the origin (Sterbenz: a - b is exact if a/2 <= b <= 2a). So a
+set of spread 1 at 1e8, or one of size 1e-300 or 1e300, loses no more digits than one near 1.
 """
 
 from __future__ import annotations
@@ -18,15 +18,16 @@ from workbench.compiled import compiled
 from workbench.errors import InputError
 
 EPS = float(np.finfo(np.float64).eps)
-# Exponents of power-of-two scales are held to this, so that scale and inverse are normal numbers.
+"""Relative spacing of double-precision numbers."""
 LARGEST_EXPONENT = 1000
+"""Largest exponent, of either sign, of a power-of-two scale; its inverse is a normal number too."""
 
 
 def as_points(points: ArrayLike) -> np.ndarray:
-    """The sets as a complex128 array (..., N), N >= 1, all finite.
+    """Sets of points as a complex128 array (..., N), N >= 1, all finite.
 
-    A real array is taken as points on the real axis, unless its last axis has length 2: that
-    is more often a table of x, y pairs than sets of two real points.
+    A real array holds points on the real axis. One whose last axis has length 2 is refused with an
+    `InputError`, because it is more often a table of x, y pairs than sets of two real points.
     """
     values = _numeric("points", points)
     if values.ndim == 0 or values.shape[-1] == 0:
@@ -49,7 +50,10 @@ def canonical_angle(angle: ArrayLike) -> np.ndarray:
 
 
 class Batch(NamedTuple):
-    """Sets (S, N) and, for each of the answers, which set it is for and what is given."""
+    """Sets (S, N) and, for each answer (A,), the index of its set, its centre and its angle [rad].
+
+    ``shape`` is the shape (...) that the answers are to be given, with A elements.
+    """
 
     sets: np.ndarray
     shape: tuple[int, ...]
@@ -63,7 +67,7 @@ def as_batch(
 ) -> Batch:
     """Points (..., N), centres (...) and angles (...) [rad], broadcast without copying points.
 
-    What is not given is zero; a given angle is brought to [0, pi).
+    A centre or angle that is None becomes zero; a given angle is brought to [0, pi).
     """
     values = as_points(points)
     centers = _numeric("center", 0 if center is None else center).astype(np.complex128)
@@ -89,6 +93,7 @@ def as_batch(
 
 
 def _numeric(name: str, given: ArrayLike) -> np.ndarray:
+    """The given numbers as an array, or an `InputError` that names them."""
     try:
         values = np.asarray(given)
     except ValueError as error:
@@ -99,6 +104,7 @@ def _numeric(name: str, given: ArrayLike) -> np.ndarray:
 
 
 def _finite(name: str, values: np.ndarray) -> np.ndarray:
+    """The same values, or an `InputError` that tells where one is not finite."""
     bad = ~np.isfinite(values)
     if bad.any():
         first = tuple(int(axis[0]) for axis in np.nonzero(np.atleast_1d(bad)))
@@ -127,7 +133,7 @@ def _unit_scale(size: float) -> float:
 
 @compiled
 def find_frame(points: np.ndarray, anchored: bool, anchor: complex) -> Frame:
-    """The frame of one set (N,) with the origin at the anchor, or else at its box centre."""
+    """Frame of one set (N,): its origin is the anchor or, without one, the bounding box's middle."""
     left = right = points[0].real
     low = high = points[0].imag
     for p in points:
@@ -136,7 +142,7 @@ def find_frame(points: np.ndarray, anchored: bool, anchor: complex) -> Frame:
     size = max(max(-left, right), max(-low, high))
     if anchored:
         size = max(size, max(abs(anchor.real), abs(anchor.imag)))
-    # shrunk before anything is subtracted: near 1e308 a difference would overflow
+    # shrink before subtracting: near 1e308 a difference would overflow
     shrink = _unit_scale(size)
     left, right, low, high = left * shrink, right * shrink, low * shrink, high * shrink
     x, y = 0.5 * (left + right), 0.5 * (low + high)
@@ -148,7 +154,7 @@ def find_frame(points: np.ndarray, anchored: bool, anchor: complex) -> Frame:
 
 @compiled
 def to_frame(points: np.ndarray, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
-    """The coordinates (N,), (N,) of one set (N,)."""
+    """The coordinates (N,), (N,) of one set (N,) in a frame."""
     x, y = np.empty(points.size), np.empty(points.size)
     for i, p in enumerate(points):
         x[i] = (p.real * frame.shrink - frame.x) * frame.zoom
@@ -158,6 +164,7 @@ def to_frame(points: np.ndarray, frame: Frame) -> tuple[np.ndarray, np.ndarray]:
 
 @compiled
 def point_from_frame(frame: Frame, x: float, y: float) -> complex:
+    """The point with coordinates (x, y) in a frame."""
     return complex(
         (x / frame.zoom + frame.x) / frame.shrink, (y / frame.zoom + frame.y) / frame.shrink
     )
@@ -165,9 +172,11 @@ def point_from_frame(frame: Frame, x: float, y: float) -> complex:
 
 @compiled
 def length_to_frame(frame: Frame, length: float) -> float:
+    """A length in units of a frame."""
     return length * frame.shrink * frame.zoom
 
 
 @compiled
 def length_from_frame(frame: Frame, length: float) -> float:
+    """A length that is given in units of a frame."""
     return length / frame.zoom / frame.shrink

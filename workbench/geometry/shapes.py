@@ -1,4 +1,4 @@
-"""What circles and stadiums have in common: a centre, a radius, a half-length and an angle."""
+"""Interface of circles and stadiums: a centre, a radius, a half-length and an angle."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 
 class Shape(Protocol):
-    """Arrays over the sets; of a circle ``half_length`` and ``angle`` are 0."""
+    """Circles or stadiums, as arrays over the sets; a circle's half-length and angle are 0."""
 
     @property
     def center(self) -> np.ndarray: ...

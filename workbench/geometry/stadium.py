@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.geometry.bounds import least_half_width
-from workbench.geometry.circle import answered
+from workbench.geometry.circle import uncertified_answer
 from workbench.geometry.cover import EPS, Cover, relative
 from workbench.geometry.exact_stadium import exact_stadium
 from workbench.geometry.points import canonical_angle
@@ -24,10 +24,18 @@ from workbench.heavy_types import Dataset
 from workbench.program import Check, Claim, method, worst
 from workbench.solvers import Options, Outcome
 
+CENTRE_TOLERANCE = 4 * EPS
+"""Largest distance of the answer's centre from a given one, relative to |centre|: rounding only."""
+ANGLE_TOLERANCE = 1e-12
+"""Largest difference [rad], modulo pi, of the answer's angle from a given one: rounding only."""
+
 
 @dataclass(frozen=True)
 class Stadium:
-    """Stadiums: complex ``center``, real ``radius``, ``half_length`` and ``angle`` in [0, pi)."""
+    """Stadiums, one for each set: arrays of ``center``, ``radius``, ``half_length`` and ``angle``.
+
+    The centre is complex; the angle [rad] is in [0, pi).
+    """
 
     center: np.ndarray
     radius: np.ndarray
@@ -48,12 +56,13 @@ class NarrowestStadium(Cover):
     angle
         Direction of the segment [rad], modulo pi, broadcast against the sets; None: free.
 
-    The least radius is half the least width of the set, of the set made symmetric about the
-    centre when that is given. It is certified by containment, by a lower bound on the width over
-    all angles, and for the half-length by points that the round ends touch.
+    The least radius is half the least width of the set; with a given centre it is half the least
+    width of the set and its mirror image in the centre together. The answer is certified by
+    containment, by a lower bound on the width over all angles and, for the half-length, by points
+    that the round ends touch.
     """
 
-    center: Any = None  # an ndarray from here on, if given
+    center: Any = None  # an ndarray after construction, if given
     angle: Any = None
 
     answer_names: ClassVar[dict[str, str]] = {
@@ -73,7 +82,7 @@ class NarrowestStadium(Cover):
             object.__setattr__(self, "angle", canonical_angle(self.angle))
 
     def _broadcast(self, name: str, given: Any, kinds: str) -> np.ndarray:
-        """A given centre or angle, one for each set."""
+        """A given centre or angle, repeated for each set, or an `InputError`."""
         try:
             value = np.asarray(given)
             if value.dtype.kind not in kinds:
@@ -95,12 +104,12 @@ class NarrowestStadium(Cover):
             away = relative(np.abs(answer.center - self.center), np.abs(self.center))
             value, where = worst(away, self.place)
             statement = "distance from the centre asked for, relative to its size"
-            checks.append(Check("centre given", statement, value, CLOSE, where))
+            checks.append(Check("centre given", statement, value, CENTRE_TOLERANCE, where))
         if self.angle is not None:
             turn = np.mod(answer.angle - self.angle + np.pi / 2, np.pi) - np.pi / 2
             value, where = worst(np.abs(turn), self.place)
             statement = "distance from the angle asked for [rad]"
-            checks.append(Check("angle given", statement, value, TURN, where))
+            checks.append(Check("angle given", statement, value, ANGLE_TOLERANCE, where))
         return checks
 
     def gap(self, answer: Stadium) -> tuple[str, float]:
@@ -113,7 +122,10 @@ class NarrowestStadium(Cover):
         ), value
 
     def radius_bound(self, answer: Stadium) -> np.ndarray:
-        """Lower bound on the radius of every stadium allowed, shape (...)."""
+        """Lower bound (...) on the radius of every stadium with the given centre and angle.
+
+        The answer's centre only serves as a place to compute from where no centre is given.
+        """
         about = np.asarray(answer.center) if self.center is None else self.center
         if self.angle is not None:
             _, across = self.coordinates(about, self.angle)
@@ -129,18 +141,19 @@ class NarrowestStadium(Cover):
 
     @property
     def rounding(self) -> np.ndarray:
-        """What rounding alone may add to a radius, some eps of the largest |p| and |centre|."""
+        """Rounding error (...) allowed in a radius: 24 eps of the largest |p| or |centre|."""
         given = 0.0 if self.center is None else np.abs(self.center.astype(np.clongdouble))
         return 24 * EPS * np.maximum(self.reach, given)
 
     def slack(self, answer: Stadium) -> np.ndarray:
-        """How far the round ends are from the points they should touch, relative to the radius.
+        """Distance (...) between the round ends and the points that they should touch.
 
-        A point beyond the segment's end touches when it is a radius away from the end, one on
-        the side when it is level with it; what is missing of either counts. Of a free centre both
-        ends must touch a point, of a given one either. A stadium without a straight part has no
-        slack. Where an end's point is on its side too, slack grows with the square of the excess
-        length: the length is as ill-conditioned there.
+        It is relative to the radius, and 0 where the half-length is 0. A point beyond the end of
+        the segment touches when its distance from the end is the radius, a point beside the segment
+        when it is level with the end; the shortfall of either counts. Both ends must touch a point
+        if the centre is free, one of them if it is given. Where the touching point also lies on the
+        side, the slack grows with the square of the excess length, because the length is just as
+        ill-conditioned there.
         """
         radius, length = np.asarray(answer.radius), np.asarray(answer.half_length)
         along, across = self.coordinates(answer.center, answer.angle)
@@ -154,16 +167,11 @@ class NarrowestStadium(Cover):
 
     @property
     def size(self) -> int:
+        """Number of points N of each set."""
         return self.points.shape[-1]
 
     def from_dataset(self, data: Dataset) -> Stadium:
         return Stadium(*(data[name].values for name in self.answer_names))
-
-
-CLOSE = 4 * EPS
-"""Distance from a given centre, relative to its size, that is rounding."""
-TURN = 1e-12
-"""Distance from a given angle [rad], modulo pi, that is rounding."""
 
 
 def narrowest_stadium(
@@ -186,12 +194,14 @@ def narrowest_stadium(
     method
         ``"exact"`` (globally optimal), ``"thesis"``, ``"ipopt"``, or with a given angle the name
         of a conic solver.
+    options
+        Accuracy and time limit for the method.
 
     Returns
     -------
     Stadium
         ``center`` (complex), ``radius``, ``half_length`` and ``angle`` in [0, pi), of shape (...).
-        The radius is rounded outward. For a certificate ask ``solve(NarrowestStadium(...))``.
+        The radius is rounded upward. ``solve(NarrowestStadium(...))`` gives a certificate too.
 
     Raises
     ------
@@ -200,7 +210,7 @@ def narrowest_stadium(
     SolverError
         The method gave no answer.
     """
-    return answered(NarrowestStadium(points, center, angle), method, options)
+    return uncertified_answer(NarrowestStadium(points, center, angle), method, options)
 
 
 @method(NarrowestStadium, "exact", optimal=True)

@@ -1,6 +1,6 @@
 """The procedures of the thesis for circles and stadiums, as printed (sections 5.3.1, 5.4.1, 5.4.2).
 
-They are here to be compared with the exact answers. Readings chosen where the print is open:
+They are here to be compared with the exact answers. Where the text is ambiguous, it is read so:
 
 * 5.3.1 "geometric center": the mean of the points. An angle is acute if it is less than a right
   angle; of two angles that are not, the one at P_1 is looked at first.
@@ -33,12 +33,13 @@ from workbench.geometry.points import (
     to_frame,
 )
 
-# "Lies in between" allows for this much rounding, in units of the set's size.
-SLACK = 64.0 * EPS
+BETWEEN_SLACK = 64.0 * EPS
+"""Distance, in units of the set's size, by which a vertex may lie outside the strip of a candidate:
+rounding only."""
 
 
 def thesis_circle(points: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-    """Centre (...) and radius (...) of the circles of 5.3.1; NaN where its loop does not end."""
+    """Centre (...) and radius (...) of the circles of 5.3.1; NaN where the loop does not end."""
     batch = as_batch(points)
     center = np.empty(len(batch.sets), dtype=np.complex128)
     radius = np.empty(len(batch.sets))
@@ -79,7 +80,7 @@ def thesis_stadium(
 
 
 def _shrunk_center(points: np.ndarray) -> complex:
-    """The centre that 5.3.1 ends at, for one set (N,) of unit size; NaN if it does not end."""
+    """Final centre of the procedure of 5.3.1 for a set (N,) of unit size; NaN without an end."""
     center = points.mean()
     first = points[np.argmax(np.abs(points - center))]
     if np.all(points == first):
@@ -91,7 +92,7 @@ def _shrunk_center(points: np.ndarray) -> complex:
     distance = np.abs(offset) ** 2 / (2.0 * (offset * inward.conjugate()).real)
     met = np.argmax(distance)
     second, center = others[met], first + distance[met] * inward
-    # each turn discards a point for good, but for rounding
+    # without rounding each turn discards a point for good, so the loop ends
     for _ in range(10 * points.size):
         middle, half = 0.5 * (first + second), 0.5 * abs(second - first)
         normal = 1j * (second - first) / (2.0 * half)
@@ -117,6 +118,7 @@ def _shrunk_center(points: np.ndarray) -> complex:
 
 
 def _sides(polygon: np.ndarray) -> Iterator[tuple[complex, complex]]:
+    """Start and end of each side of a polygon (M,); none for a single point."""
     if polygon.size > 1:
         yield from zip(polygon, np.roll(polygon, -1), strict=True)
 
@@ -126,7 +128,7 @@ def _first_set(polygon: np.ndarray) -> Iterator[tuple[float, float]]:
     for start, end in _sides(polygon):
         height = _heights(polygon - start, end - start)
         width = np.abs(height).max()
-        if height.min() >= -SLACK:
+        if height.min() >= -BETWEEN_SLACK:
             yield width, float(canonical_angle(np.angle(end - start)))
 
 
@@ -134,12 +136,12 @@ def _second_set(polygon: np.ndarray) -> Iterator[tuple[float, float]]:
     """5.4.2: (radius, angle) of the valid candidates of both cases; the origin is the centre."""
     for start, end in _sides(polygon):
         distance = np.abs(_heights(start, end - start))
-        if np.abs(_heights(polygon, end - start)).max() <= distance + SLACK:
+        if np.abs(_heights(polygon, end - start)).max() <= distance + BETWEEN_SLACK:
             yield float(distance), float(canonical_angle(np.angle(end - start)))
         middle = 0.5 * (start + end)
         if middle != 0.0:
             distance = np.abs(_heights(start, middle))
-            if np.abs(_heights(polygon, middle)).max() <= distance + SLACK:
+            if np.abs(_heights(polygon, middle)).max() <= distance + BETWEEN_SLACK:
                 yield float(distance), float(canonical_angle(np.angle(middle)))
 
 

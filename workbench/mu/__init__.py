@@ -1,12 +1,14 @@
 """The structured singular value: certified bounds at frequencies and over all of them."""
 
-from workbench.mu.frequency.peak import Peak, peak, regularised
+from workbench.mu.frequency.peak import Peak, peak, with_complex_part
 from workbench.mu.frequency.sweep import Sweep, sweep
 from workbench.mu.lower.bound import lower_bound
 from workbench.mu.lower.program import LowerBound, MuLowerBound
 from workbench.mu.robust.branch import branch_and_bound
 from workbench.mu.robust.conditions import Conditions, conditions
 from workbench.mu.robust.destabilising import destabilising
+from workbench.mu.robust.performance import performance_peak, performance_sweep
+from workbench.mu.robust.rank_one import RankOneLoop, rank_one_mu
 from workbench.mu.robust.sensitivity import sensitivity
 from workbench.mu.robust.skew import SkewBounds, skew_bounds
 from workbench.mu.robust.worst_case import WorstCaseGain, worst_case_gain
@@ -26,6 +28,7 @@ __all__ = [
     "MuLowerBound",
     "MuUpperBound",
     "Peak",
+    "RankOneLoop",
     "Real",
     "SkewBounds",
     "Structure",
@@ -38,7 +41,9 @@ __all__ = [
     "gradient",
     "lower_bound",
     "peak",
-    "regularised",
+    "performance_peak",
+    "performance_sweep",
+    "rank_one_mu",
     "sensitivity",
     "skew_bounds",
     "sweep",
@@ -46,5 +51,6 @@ __all__ = [
     "upper_bound",
     "upper_conic",
     "upper_fast",
+    "with_complex_part",
     "worst_case_gain",
 ]

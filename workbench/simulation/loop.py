@@ -188,13 +188,25 @@ class SampledLoop:
         """Run samples first to last - 1; the rows of their signals (last - first, S)."""
         names = cascade.signals
         row, rows = np.zeros(len(names)), np.zeros((last - first, len(names)))
-        ends = (self.sense_parameters, self.read_parameters, row, *rest, rows, first, last)
+        ends = self.sense_parameters, self.read_parameters
+        span = rows, first, last
         if cascade.plain:
             turns = list(zip(*made, strict=True))[: len(cascade.parts)]
-            stop = plain_loop(turns, self.sense, self.read, *ends)
+            stop = plain_loop(turns, self.sense, self.read, ends, row, rest, *span)
         else:
             loop = machine()[0]
-            stop = loop(*made.steps, self.sense, self.read, *made[1:], *ends)
+            *parts, places = made[1:]
+            stop = loop(
+                *made.steps,
+                self.sense,
+                self.read,
+                tuple(parts),
+                places,
+                ends,
+                row,
+                *rest,
+                *span,
+            )
         if stop < last:
             name = names[int(np.flatnonzero(~np.isfinite(row))[0])]
             part = next((part.name for part in cascade.parts if name in part.signals), "reading")

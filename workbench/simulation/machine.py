@@ -45,25 +45,25 @@ def machine() -> tuple[Any, Any, Any]:
     vector, matrix, cube = (types.Array(types.float64, n, "C") for n in (1, 2, 3))
     counts = types.Array(types.int64, 1, "C")
     each = types.UniTuple(vector, SLOTS)
-    seen = (vector, vector, vector, vector, matrix, matrix, matrix)
-    noted = (matrix, matrix, matrix, matrix, counts)
-    moved = (*[vector] * 8, cube, cube, counts, vector, matrix, matrix)
+    parts = types.Tuple((each, each, types.UniTuple(counts, SLOTS), each, each))
+    groups = (
+        vector,
+        types.UniTuple(vector, 3),
+        types.UniTuple(vector, 7),
+        types.Tuple((cube, cube, counts, vector, matrix, matrix)),
+        types.UniTuple(matrix, 2),
+        types.UniTuple(matrix, 3),
+        types.Tuple((matrix, matrix, matrix, matrix, matrix, counts, counts)),
+    )
+    ends = types.UniTuple(vector, 2)
     signatures = {
         _loop: types.int64(
             *[pointer(4)] * (SLOTS + 1),
-            pointer(3),
-            *(each, each, types.UniTuple(counts, SLOTS), each, each),
-            *(counts, vector, vector, vector),
-            types.UniTuple(vector, 3),
-            types.UniTuple(vector, 7),
-            types.Tuple((cube, cube, counts, vector, matrix, matrix)),
-            types.UniTuple(matrix, 2),
-            types.UniTuple(matrix, 3),
-            types.Tuple((matrix, matrix, matrix, matrix, matrix, counts, counts)),
+            *(pointer(3), parts, counts, ends, *groups),
             *(matrix, types.int64, types.int64),
         ),
-        look: types.void(types.int64, pointer(3), vector, vector, *seen, *noted),
-        move: types.void(types.int64, pointer(4), vector, vector, *moved, *[matrix] * 5, counts),
+        look: types.void(types.int64, pointer(3), vector, *groups),
+        move: types.void(types.int64, pointer(4), vector, *groups),
     }
     made = []
     for function, signature in signatures.items():
@@ -92,26 +92,34 @@ def _turn(
         row[at + i] = told[i]
 
 
+# The groups of arguments that every sample needs, as `SampledLoop` makes them:
+#   memory  state x, filters' outputs, their inputs at the start of a step
+#   desk    converted and measured values; state after a half step; what the sensor is given and
+#           what it gives at the middle and the end of a step
+#   plant   transition, drive, age, fraction, weights (see `SampledLoop._advance`), x -> outputs
+#   levels  limits and step of every channel's converter, and of every output's
+#   played  excitation, exogenous signals, noise
+#   record  command, output, channels, measurement, position; counts of saturated samples
+
+
 @kernel
 def look(
     k: int,
     read: Any,
     read_parameters: RealArray,
     row: RealArray,
-    x: RealArray,
-    filtered: RealArray,
-    converted: RealArray,
-    measured: RealArray,
-    to_output: RealArray,
-    limits: RealArray,
-    noise: RealArray,
-    output: RealArray,
-    channels: RealArray,
-    measurement: RealArray,
-    position: RealArray,
-    saturated: Whole,
+    memory: Any,
+    desk: Any,
+    plant: Any,
+    levels: Any,
+    played: Any,
+    record: Any,
 ) -> None:
     """Positions, channels and measurements of a sample; measurements and last outputs -> row."""
+    x, filtered, _ = memory
+    converted, measured = desk[0], desk[1]
+    to_output, limits, noise = plant[5], levels[0], played[2]
+    _, output, channels, measurement, position, _, saturated = record
     n, q, s, r = len(x), position.shape[1], len(filtered), len(measured)
     for i in range(q):
         total = 0.0
@@ -141,28 +149,19 @@ def move(
     sense: Any,
     sense_parameters: RealArray,
     row: RealArray,
-    x: RealArray,
-    filtered: RealArray,
-    start: RealArray,
-    after: RealArray,
-    at: RealArray,
-    outside: RealArray,
-    middle: RealArray,
-    end: RealArray,
-    transition: RealArray,
-    drive: RealArray,
-    age: Whole,
-    fraction: RealArray,
-    weights: RealArray,
-    to_output: RealArray,
-    limits: RealArray,
-    excitation: RealArray,
-    exogenous: RealArray,
-    command: RealArray,
-    output: RealArray,
-    saturated: Whole,
+    memory: Any,
+    desk: Any,
+    plant: Any,
+    levels: Any,
+    played: Any,
+    record: Any,
 ) -> None:
     """Convert the command at the end of the row, and advance plant and filters by a sample."""
+    x, filtered, start = memory
+    _, _, after, at, outside, middle, end = desk
+    transition, drive, age, fraction, weights, to_output = plant
+    limits, excitation, exogenous = levels[1], played[0], played[1]
+    command, output, saturated = record[0], record[1], record[5]
     n, m, s = len(x), command.shape[1], len(filtered)
     for i in range(m):
         command[k, i] = row[len(row) - m + i] + excitation[k, i]
@@ -211,14 +210,9 @@ def _loop(
     step7: Any,
     sense: Any,
     read: Any,
-    states: Any,
-    parameters: Any,
-    wires: Any,
-    given: Any,
-    told: Any,
+    parts: Any,
     places: Whole,
-    sense_parameters: RealArray,
-    read_parameters: RealArray,
+    ends: Any,
     row: RealArray,
     memory: Any,
     desk: Any,
@@ -230,37 +224,21 @@ def _loop(
     first: int,
     last: int,
 ) -> int:
-    """Run samples first to last - 1; the first one with a signal that is not finite, or last."""
+    """Run samples first to last - 1; the first one with a signal that is not finite, or last.
+
+    ``parts`` are the states, parameters, wires, inputs and outputs of every slot; ``ends`` the
+    parameters of the sensor and of the reading. The steps come one by one: Numba has no tuples of
+    pointers to functions.
+    """
+    states, parameters, wires, given, told = parts
     s0, s1, s2, s3, s4, s5, s6, s7 = states
     p0, p1, p2, p3, p4, p5, p6, p7 = parameters
     w0, w1, w2, w3, w4, w5, w6, w7 = wires
     g0, g1, g2, g3, g4, g5, g6, g7 = given
     t0, t1, t2, t3, t4, t5, t6, t7 = told
-    x, filtered, start = memory
-    converted, measured, after, at, outside, middle, end = desk
-    transition, drive, age, fraction, weights, to_output = plant
-    channel_levels, output_levels = levels
-    excitation, exogenous, noise = played
-    command, output, channels, measurement, position, over_out, over_in = record
+    sense_parameters, read_parameters = ends
     for k in range(first, last):
-        look(
-            k,
-            read,
-            read_parameters,
-            row,
-            x,
-            filtered,
-            converted,
-            measured,
-            to_output,
-            channel_levels,
-            noise,
-            output,
-            channels,
-            measurement,
-            position,
-            over_in,
-        )
+        look(k, read, read_parameters, row, memory, desk, plant, levels, played, record)
         _turn(step0, s0, p0, w0, g0, t0, row, places[0])
         _turn(step1, s1, p1, w1, g1, t1, row, places[1])
         _turn(step2, s2, p2, w2, g2, t2, row, places[2])
@@ -275,30 +253,5 @@ def _loop(
             finite = finite and np.isfinite(row[i])
         if not finite:
             return k
-        move(
-            k,
-            sense,
-            sense_parameters,
-            row,
-            x,
-            filtered,
-            start,
-            after,
-            at,
-            outside,
-            middle,
-            end,
-            transition,
-            drive,
-            age,
-            fraction,
-            weights,
-            to_output,
-            output_levels,
-            excitation,
-            exogenous,
-            command,
-            output,
-            over_out,
-        )
+        move(k, sense, sense_parameters, row, memory, desk, plant, levels, played, record)
     return last

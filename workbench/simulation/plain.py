@@ -14,30 +14,18 @@ def plain_loop(
     turns: list[tuple[Any, ...]],
     sense: Any,
     read: Any,
-    sense_parameters: RealArray,
-    read_parameters: RealArray,
+    ends: tuple[RealArray, RealArray],
     row: RealArray,
-    memory: Any,
-    desk: Any,
-    plant: Any,
-    levels: Any,
-    played: Any,
-    record: Any,
+    groups: tuple[Any, ...],
     signals: RealArray,
     first: int,
     last: int,
 ) -> int:
     """As the machine's loop, for the turns of the parts: step, state, parameters, wires, ..."""
     _, look, move = machine()
-    x, filtered, start = memory
-    converted, measured, *room = desk
-    excitation, exogenous, noise = played
-    command, output, channels, measurement, position, over_out, over_in = record
-    seen = (x, filtered, converted, measured, plant[-1], levels[0], noise)
-    noted = (output, channels, measurement, position, over_in)
-    moved = (x, filtered, start, *room, *plant, levels[1], excitation, exogenous)
+    sense_parameters, read_parameters = ends
     for k in range(first, last):
-        look(k, read, read_parameters, row, *seen, *noted)
+        look(k, read, read_parameters, row, *groups)
         for step, state, parameters, wires, given, told, place in turns:
             given[:] = row[wires]
             step(state, parameters, given, told)
@@ -45,5 +33,5 @@ def plain_loop(
         signals[k - first] = row
         if not np.isfinite(row).all():
             return k
-        move(k, sense, sense_parameters, row, *moved, command, output, over_out)
+        move(k, sense, sense_parameters, row, *groups)
     return last

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from itertools import product
 from typing import Any
 
@@ -12,6 +12,8 @@ import numpy as np
 from workbench.errors import InputError
 from workbench.program import Check
 from workbench.study.declarations import Declaration, Function
+
+Limit = float | Mapping[str, float]
 
 
 class Checked(Declaration):
@@ -22,7 +24,7 @@ class Checked(Declaration):
         function: Function,
         title: str,
         statement: str,
-        at_most: float | Callable[[Any], float] | None,
+        at_most: Limit | Callable[[Any], Limit] | None,
         each: tuple[str, ...],
         where: str,
     ) -> None:
@@ -44,7 +46,8 @@ class Checked(Declaration):
         statement = self.statement or self.help
         for labels, one in _split(value, self.each):
             size, where = _worst(one, self.where)
-            yield Check(title.format(**labels), statement.format(**labels), size, limit, where)
+            most = limit[labels[self.each[0]]] if isinstance(limit, Mapping) else limit
+            yield Check(title.format(**labels), statement.format(**labels), size, most, where)
 
 
 def check(
@@ -52,7 +55,7 @@ def check(
     statement: str = "",
     value: Function | None = None,
     *,
-    at_most: float | Callable[[Any], float] | None = None,
+    at_most: Limit | Callable[[Any], Limit] | None = None,
     each: str | tuple[str, ...] = (),
     where: str = "",
 ) -> Any:
@@ -69,7 +72,8 @@ def check(
     value
         The function; without one this is a decorator.
     at_most
-        The limit, or a function of the Study that gives it; a list of `Check` has its own.
+        The limit, or limits by the labels of the first of ``each``, or a function of the Study
+        that gives either; a list of `Check` has its own.
     each
         Dimensions of the array with a check for each label.
     where

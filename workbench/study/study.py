@@ -57,12 +57,6 @@ class Study(Task):
         drawn = (one.figures(self, get) for one in self._declared(Drawn))
         return {name: figure for some in drawn for name, figure in some.items()}
 
-    def to_dataset(self, answer: Dataset) -> Dataset:
-        return answer
-
-    def from_dataset(self, data: Dataset) -> Dataset:
-        return data
-
     def respond(self, method: str | None, context: Context) -> Claim:
         return self.compute(context), Outcome.SOLVED, ""
 

@@ -1,5 +1,6 @@
 """Synthesis: H-infinity and mu controllers, certified, reduced, discretised, exported."""
 
+from workbench.synthesis.designs import DESIGNS, DesignTask
 from workbench.synthesis.hinf import conic as hinf_conic
 from workbench.synthesis.hinf import methods as hinf_methods
 from workbench.synthesis.hinf.assumptions import regularised
@@ -17,7 +18,18 @@ from workbench.synthesis.implementation.sampled_loop import (
     sampled_conditions,
 )
 from workbench.synthesis.implementation.second_order import Sections, second_order_sections
+from workbench.synthesis.limits.allowed_sets import AllowedSets, allowed_discs, allowed_polygons
+from workbench.synthesis.limits.dual_bound import (
+    AnalyticBasis,
+    DualCertificate,
+    SetsAt,
+    highest_proven,
+)
+from workbench.synthesis.limits.least_mu import LeastMu, largest_least_mu, least_mu
+from workbench.synthesis.limits.loop_weights import LoopWeights
 from workbench.synthesis.mu import dk
+from workbench.synthesis.mu.control_cover import ControlCover
+from workbench.synthesis.mu.equalising_gain import equalising_gain
 from workbench.synthesis.mu.families import Family, Modal
 from workbench.synthesis.mu.multipliers import dgk
 from workbench.synthesis.mu.program import MuController, MuSynthesis
@@ -44,10 +56,16 @@ from workbench.synthesis.switching.program import Dwell, Mode, SwitchedStability
 from workbench.synthesis.switching.single_loops import SingleLoops
 
 __all__ = [
+    "DESIGNS",
     "PID",
+    "AllowedSets",
+    "AnalyticBasis",
+    "ControlCover",
     "ControllerMode",
     "Decentralised",
+    "DesignTask",
     "Deviations",
+    "DualCertificate",
     "Dwell",
     "Family",
     "FixedCascade",
@@ -56,7 +74,9 @@ __all__ = [
     "HinfSynthesis",
     "Iterate",
     "LeadLag",
+    "LeastMu",
     "LoopShaping",
+    "LoopWeights",
     "Margins",
     "MixedSensitivity",
     "Modal",
@@ -68,22 +88,29 @@ __all__ = [
     "SampledConditions",
     "SampledPlant",
     "Sections",
+    "SetsAt",
     "SingleLoops",
     "SwitchedBox",
     "SwitchedLoop",
     "SwitchedStability",
+    "allowed_discs",
+    "allowed_polygons",
     "closed_transition",
     "controller_replaced",
     "dgk",
     "discretised",
     "dk",
+    "equalising_gain",
     "export",
     "fixed",
     "fixed_point",
+    "highest_proven",
     "hinf",
     "hinf_conic",
     "hinf_methods",
     "known_disturbance_bound",
+    "largest_least_mu",
+    "least_mu",
     "load",
     "measurement_dropped",
     "measurement_filtered",

@@ -1,4 +1,4 @@
-"""Realisations and matrices in units that bring their entries to one size."""
+"""Balancing: realisations and matrices scaled so that their entries have similar sizes."""
 
 from __future__ import annotations
 
@@ -8,36 +8,37 @@ from workbench.arrays import Array, RealArray
 
 
 def balanced(A: RealArray, B: RealArray, C: RealArray) -> tuple[RealArray, RealArray, RealArray]:
-    """The states in units that bring the entries to one size."""
+    """A, B and C with the states scaled so that the entries have similar sizes."""
     factor = state_units(A, B, C)
     return A * factor[:, None] / factor, B * factor[:, None], C / factor
 
 
 def state_units(A: RealArray, B: RealArray, C: RealArray) -> RealArray:
-    """Factors (n,) of the states that balance a realisation."""
+    """Factors (n,), powers of two, by which the states are multiplied to balance a realisation."""
     M = np.block([[A, B], [C, np.zeros((len(C), B.shape[1]))]])
     return balancing(M, len(A))[0][: len(A)]
 
 
 def speed(A: RealArray) -> float:
-    """A frequency in the middle of the poles other than integrators [rad/s]; 1 without any."""
+    """Median size of the poles other than integrators [rad/s], a power of two; 1 without any."""
     size = np.abs(np.linalg.eigvals(A)) if len(A) else np.zeros(0)
     size = size[size > 1e-8 * size.max(initial=0.0)]
     return float(np.exp2(np.round(np.log2(np.median(size))))) if len(size) else 1.0
 
 
 def balancing(M: Array, channels: int) -> tuple[Array, Array]:
-    """Factors for the rows and the columns of M that bring its entries to one size.
+    """Factors of the rows and of the columns of M that bring its entries to similar sizes.
 
-    Those of the first `channels` columns undo those of the rows, as a change of coordinates must;
-    the others are free. All are powers of two, so that they round nothing (Osborne 1960).
+    The factor of each of the first `channels` columns is the reciprocal of the factor of the same
+    row, as in a change of coordinates; the other factors are free. All are powers of two, so that
+    scaling causes no rounding (Osborne 1960).
     """
     rows, columns = np.ones(M.shape[0]), np.ones(M.shape[1])
     for _ in range(50):
         scaled = rows[:, None] * abs(M) * columns
         into, out = np.linalg.norm(scaled, axis=1), np.linalg.norm(scaled, axis=0)
         into[into == 0.0], out[out == 0.0] = 1.0, 1.0
-        # All factors change at once: half of what each alone would take.
+        # All factors change at once, so each makes half of the change that it would make alone.
         inner = (into[:channels] / out[:channels]) ** 0.25
         rows /= np.concatenate([inner, into[channels:] ** 0.5])
         columns /= np.concatenate([1.0 / inner, out[channels:] ** 0.5])
@@ -47,7 +48,7 @@ def balancing(M: Array, channels: int) -> tuple[Array, Array]:
 
 
 def singular(a: Array) -> bool:
-    """Whether a square matrix is singular to rounding, whatever the units of rows and columns."""
+    """Whether a square matrix is singular up to rounding, in any units of rows and columns."""
     if not a.size:
         return False
     rows = abs(a).max(axis=1, keepdims=True)

@@ -14,9 +14,10 @@ from workbench.systems.standard_plant import StandardPlant
 
 
 def continuous(plant: StandardPlant) -> StandardPlant:
-    """A sampled plant by s = (z - 1) / (z + 1), which keeps norms; a continuous one as it is.
+    """Transform a sampled plant by s = (z - 1) / (z + 1), which keeps norms.
 
-    Raises InputError where the plant has a pole at z = -1, which goes to infinity.
+    A continuous plant is returned unchanged. Raises InputError where the plant has a pole at
+    z = -1, which the transformation moves to infinity.
     """
     if not plant.dt:
         return plant
@@ -25,7 +26,10 @@ def continuous(plant: StandardPlant) -> StandardPlant:
 
 
 def to_continuous(sampled: Matrices) -> Matrices:
-    """A sampled realisation by s = (z - 1) / (z + 1); raises InputError for a pole at z = -1."""
+    """Transform a sampled realisation by s = (z - 1) / (z + 1).
+
+    Raises InputError for a pole at z = -1.
+    """
     A, B, C, D = sampled
     n = len(A)
     shifted = A + np.eye(n)
@@ -40,7 +44,10 @@ def to_continuous(sampled: Matrices) -> Matrices:
 
 
 def to_sampled(K: Matrices) -> Matrices:
-    """A controller back by z = (1 + s) / (1 - s); raises LinAlgError for a pole at s = 1."""
+    """Transform a controller back by z = (1 + s) / (1 - s).
+
+    Raises LinAlgError for a pole at s = 1.
+    """
     A, B, C, D = K
     n = len(A)
     back = np.linalg.inv(np.eye(n) - A)

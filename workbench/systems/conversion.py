@@ -1,4 +1,4 @@
-"""What is given in the place of a system, as a system."""
+"""Conversion of users' systems and weights to StateSpace, with checks."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from workbench.systems.generalised_plant import GeneralisedPlant
 
 
 def as_system(system: Any, name: str) -> StateSpace:
-    """A StateSpace or TransferFunction as a StateSpace with names of its own.
+    """Convert a StateSpace or TransferFunction to a new StateSpace.
 
-    Raises InputError for another type, an improper system, one without inputs or outputs, and one
-    with entries that are not finite.
+    Raises InputError for another type, an improper system, a system without inputs or outputs, and
+    a system with entries that are not finite. `name` is what its message calls the system.
     """
     import control
 
@@ -42,9 +42,10 @@ def as_system(system: Any, name: str) -> StateSpace:
 
 
 def as_weight(weight: Any, size: int, name: str) -> StateSpace:
-    """A weight with `size` inputs: a system, or a number or single channel for each of them.
+    """Convert a weight to a StateSpace with `size` inputs.
 
-    Raises InputError as `as_system`, and for another size.
+    A number or a system with one input and one output is repeated for each input. Raises
+    InputError as `as_system` does, and for a system of another size.
     """
     import control
 
@@ -61,7 +62,7 @@ def as_weight(weight: Any, size: int, name: str) -> StateSpace:
 
 
 def need_plant(plant: Any) -> None:
-    """Raise InputError where something else is given in a GeneralisedPlant's place."""
+    """Raise InputError unless `plant` is a GeneralisedPlant."""
     if not isinstance(plant, GeneralisedPlant):
         raise InputError(
             f"plant must be a GeneralisedPlant, not {type(plant).__name__}; it says which of a "

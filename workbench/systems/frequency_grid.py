@@ -1,4 +1,4 @@
-"""Frequencies that the poles of a system ask for."""
+"""Grids of frequencies chosen from the poles of a system."""
 
 from __future__ import annotations
 
@@ -9,36 +9,39 @@ from workbench.heavy_types import StateSpace
 
 
 def frequencies_of(loop: StateSpace) -> np.ndarray:
-    """Frequencies [rad/s] that a stable loop's poles ask for, 0 and infinity left out.
+    """Grid of frequencies [rad/s] chosen from a stable loop's poles, without 0 and infinity.
 
-    Some of a static loop, which is the same at all of them.
+    A static loop, whose response is the same at every frequency, gets three frequencies.
     """
     omega = starting_grid(loop.poles())
     inside: np.ndarray = omega[(omega > 0) & np.isfinite(omega)]
     return inside if inside.size else np.array([0.1, 1.0, 10.0])
 
 
-PER_DECADE = 8
+POINTS_PER_DECADE = 8
+"""Frequencies per decade of the even part of the grid."""
 
-BEYOND = 100.0
-"""How far the grid reaches beyond the slowest and the fastest pole, as a factor."""
+GRID_REACH = 100.0
+"""Factor by which the grid extends below the slowest and above the fastest pole."""
 
-LIGHT = 0.3
-"""Damping ratio below which a pole has frequencies of its own."""
+LIGHT_DAMPING = 0.3
+"""Damping ratio below which a pole gets additional frequencies around its resonance."""
 
-WIDTHS = np.array([0.0, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0])
-"""Where those are, in half-widths of its resonance on either side."""
+RESONANCE_OFFSETS = np.array([0.0, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0])
+"""Distances of these additional frequencies from the resonance, in half-widths, on either side."""
 
 
 def starting_grid(poles: Array) -> RealArray:
-    """Frequencies [rad/s] that a system's poles (n,) ask for, with 0 and infinity."""
+    """Grid of frequencies [rad/s] chosen from a system's poles (n,), with 0 and infinity."""
     natural = np.abs(poles)
     if not len(natural):
         return np.array([0.0, np.inf])
-    low, high = natural.min() / BEYOND, natural.max() * BEYOND
-    count = int(np.ceil(PER_DECADE * np.log10(high / low))) + 1
-    light = poles[(poles.imag > 0) & (-poles.real < LIGHT * natural)]
-    near = light.imag[:, None] - light.real[:, None] * np.concatenate([WIDTHS, -WIDTHS])
+    low, high = natural.min() / GRID_REACH, natural.max() * GRID_REACH
+    count = int(np.ceil(POINTS_PER_DECADE * np.log10(high / low))) + 1
+    light = poles[(poles.imag > 0) & (-poles.real < LIGHT_DAMPING * natural)]
+    near = light.imag[:, None] - light.real[:, None] * np.concatenate(
+        [RESONANCE_OFFSETS, -RESONANCE_OFFSETS]
+    )
     parts = [[0.0, np.inf], np.geomspace(low, high, count), natural, near.ravel()]
     grid: RealArray = np.unique(np.concatenate(parts))
     return grid[grid >= 0.0]

@@ -1,4 +1,4 @@
-"""Numerics of realisations [A B; C D]: their responses, and factors that bring them to one size."""
+"""Frequency responses of realisations [A B; C D]."""
 
 from __future__ import annotations
 
@@ -9,14 +9,15 @@ from workbench.arrays import Array
 from workbench.errors import InputError
 from workbench.systems.balancing import balancing
 
-CHUNK = 4_000_000
-"""Entries of the matrices that are solved at once: 64 MB."""
+CHUNK_ENTRIES = 4_000_000
+"""Total entries of the matrices that are solved in one call: 64 MB."""
 
 
 def frequency_response(M: Array, states: int, s: ArrayLike) -> Array:
-    """D + C (s I - A)^-1 B of M = [A B; C D] (..., n + m, n + p) at points s (F,): (..., F, m, p).
+    """Response D + C (s I - A)^-1 B at points s (F,), shape (..., F, m, p).
 
-    The states are scaled first. Raises InputError where s is a pole.
+    M is [A B; C D], shape (..., n + m, n + p), with n = `states`. The states are scaled first.
+    Raises InputError where s is a pole.
     """
     points = np.atleast_1d(np.asarray(s, dtype=complex))
     scale = balancing(abs(M).reshape(-1, *M.shape[-2:]).max(axis=0), states)[0][:states]
@@ -24,7 +25,7 @@ def frequency_response(M: Array, states: int, s: ArrayLike) -> Array:
     B, C = M[..., :states, states:] * scale[:, None], M[..., states:, :states] / scale
     D = M[..., states:, states:]
     result = np.empty((*M.shape[:-2], len(points), *D.shape[-2:]), complex)
-    step = max(CHUNK // max(A.size, 1), 1)
+    step = max(CHUNK_ENTRIES // max(A.size, 1), 1)
     for start in range(0, len(points), step):
         part = slice(start, start + step)
         resolvent = points[part, None, None] * np.eye(states) - A[..., None, :, :]

@@ -1,12 +1,13 @@
-"""Generalised plants: systems with named signals, connected, with open places for Delta and K.
+"""Generalised plants: a system with open places for Delta and K.
 
 Inputs are (perturbation, exogenous, control), outputs (perturbation, performance, measurement).
-Delta closes the upper loop and K the lower one, both with positive feedback.
+Delta closes the upper loop and K the lower one, both with positive feedback. `connection` builds
+one from systems with named signals.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from numbers import Integral
 from typing import Any
@@ -17,31 +18,22 @@ from numpy.typing import ArrayLike
 from workbench.arrays import Array
 from workbench.errors import InputError, UnknownNameError
 from workbench.heavy_types import StateSpace
-from workbench.structure import Block, Structure
+from workbench.structure import Full, Structure
 from workbench.systems.frequency_response import frequency_response
-from workbench.systems.interconnection import (
-    Names,
-    common_dt,
-    connected,
-    names_of,
-    part_of,
-    perturbation_of,
-    state_space,
-    sum_of,
-    unique,
-)
+from workbench.systems.interconnection import common_dt, connected, part_of, state_space
 
 Signals = str | int | Sequence[str | int] | None
-"""One or some of a list of signals, by name or number; None for all."""
+"""A choice from a list of signals: one or several names or numbers; None for all."""
 
 
 @dataclass(frozen=True, eq=False)
 class GeneralisedPlant:
     """A system with its uncertainty structure (None: no perturbation).
 
-    The last `controls` inputs are K's, as are the last `measurements` outputs; what Delta leaves of
-    the others is exogenous and performance. Raises InputError where the system has too few, and for
-    another type of system, structure or number.
+    The first inputs and outputs belong to Delta, as many as `structure` has rows and columns. The
+    last `controls` inputs and the last `measurements` outputs belong to K. The inputs between are
+    exogenous, and the outputs between are performance. Raises InputError where the system has too
+    few inputs or outputs, and for a wrong type of system, structure or number.
     """
 
     system: StateSpace
@@ -75,7 +67,7 @@ class GeneralisedPlant:
 
     @property
     def _delta(self) -> tuple[int, int]:
-        """Perturbation outputs and inputs."""
+        """Numbers of perturbation outputs and inputs of the system."""
         return (self.structure.columns, self.structure.rows) if self.structure else (0, 0)
 
     @property
@@ -88,18 +80,27 @@ class GeneralisedPlant:
         """Number of performance outputs."""
         return int(self.system.noutputs) - self._delta[0] - self.measurements
 
+    @property
+    def performance_structure(self) -> Structure:
+        """Delta and the full block that closes the performance channels: robust performance's.
+
+        Raises InputError for a plant without performance outputs or exogenous inputs.
+        """
+        if self.structure is None:
+            return Structure([Full(self.exogenous, self.performance, "performance")])
+        return self.structure.with_performance(self.performance, self.exogenous)
+
     def response(self, omega: ArrayLike) -> Array:
-        """At `omega` [rad/s] (F,): (F, outputs, inputs)."""
+        """Frequency response at `omega` [rad/s] (F,), shape (F, outputs, inputs)."""
         return response(self.system, omega)
 
     def channel(self, performance: Signals = None, exogenous: Signals = None) -> GeneralisedPlant:
         """The plant with only some performance outputs and exogenous inputs, in that order.
 
-        Names, or numbers among the plant's performance outputs and exogenous inputs; None for all.
-        Raises UnknownNameError for a name and InputError for a number that the plant has not.
+        Signals are chosen by name, or by number among the plant's performance outputs and exogenous
+        inputs; None for all. Raises UnknownNameError for a name, and InputError for a number, that
+        the plant does not have.
         """
-        import control
-
         rows, columns = self._delta
         system = self.system
         z, y = np.split(np.arange(rows, system.noutputs), [self.performance])
@@ -108,6 +109,57 @@ class GeneralisedPlant:
         entering = _chosen(exogenous, [system.input_labels[i] for i in w], "exogenous input")
         outputs = [*range(rows), *z[chosen], *y]
         inputs = [*range(columns), *w[entering], *u]
+        return self._part(outputs, inputs, self.structure)
+
+    def nominal(self) -> GeneralisedPlant:
+        """The plant without the perturbation: Delta = 0, all states kept."""
+        rows, columns = self._delta
+        outputs, inputs = range(rows, self.system.noutputs), range(columns, self.system.ninputs)
+        return self._part(list(outputs), list(inputs), None)
+
+    def unstructured(self) -> GeneralisedPlant:
+        """The plant with the perturbation channels counted as exogenous and performance."""
+        return GeneralisedPlant(self.system, None, self.controls, self.measurements)
+
+    def weighted(
+        self, performance: Sequence[Any] = (), exogenous: Sequence[Any] = ()
+    ) -> GeneralisedPlant:
+        """The plant with its first performance outputs and exogenous inputs behind weights.
+
+        Each weight is a number or a StateSpace of one input and output; a channel without one stays
+        as it is. Raises InputError for more weights than channels.
+        """
+        import control
+
+        system, (rows, columns) = self.system, self._delta
+        for name, weights in (("performance", performance), ("exogenous", exogenous)):
+            if len(weights) > getattr(self, name):
+                raise InputError(
+                    f"{len(weights)} {name} weights for a plant with {getattr(self, name)} "
+                    f"{name} channels; give one for each, or fewer"
+                )
+        unit = control.ss([], [], [], [[1.0]])
+
+        def diagonal(before: int, weights: Sequence[Any], size: int) -> StateSpace:
+            after = size - before - len(weights)
+            parts = [unit] * before + [unit * weight for weight in weights] + [unit] * after
+            return control.append(*parts)
+
+        product = (
+            diagonal(rows, performance, system.noutputs)
+            * system
+            * diagonal(columns, exogenous, system.ninputs)
+        )
+        named = control.ss(product, inputs=system.input_labels, outputs=system.output_labels)
+        return GeneralisedPlant(named, self.structure, self.controls, self.measurements)
+
+    def _part(
+        self, outputs: Sequence[int], inputs: Sequence[int], structure: Structure | None
+    ) -> GeneralisedPlant:
+        """Some outputs and inputs of the system, by number, with every state."""
+        import control
+
+        system = self.system
         part = control.StateSpace(
             system.A,
             system.B[:, inputs],
@@ -118,13 +170,14 @@ class GeneralisedPlant:
             inputs=[system.input_labels[i] for i in inputs],
             outputs=[system.output_labels[i] for i in outputs],
         )
-        return GeneralisedPlant(part, self.structure, self.controls, self.measurements)
+        return GeneralisedPlant(part, structure, self.controls, self.measurements)
 
     def close(self, K: Any) -> StateSpace:
-        """N = F_l(P, K), u = K y, with every state of P and K, so that its poles tell stability.
+        """The closed loop N = F_l(P, K) with u = K y.
 
-        K is a StateSpace or a TransferFunction. Raises InputError where its size or sampling time
-        does not fit, or the loop through the direct terms of P and K is singular.
+        N keeps every state of P and K, so its poles decide internal stability. K is a StateSpace
+        or a TransferFunction. Raises InputError where its size or sampling time does not fit, or
+        where the loop through the direct terms of P and K is singular.
         """
         plant = part_of(self.system)
         controller = part_of(K)
@@ -149,10 +202,10 @@ class GeneralisedPlant:
         )
 
     def partition(self, N: Array) -> tuple[Array, Array, Array, Array]:
-        """N11, N12, N21, N22 of responses of N = close(K) (..., outputs, inputs).
+        """The parts N11, N12, N21, N22 of responses of N = close(K), (..., outputs, inputs).
 
-        Index 1 is the perturbation's, 2 performance and exogenous. Raises InputError for another
-        shape.
+        Index 1 stands for the perturbation, 2 for performance and exogenous signals. Raises
+        InputError for another shape.
         """
         rows, columns = self._delta
         if N.shape[-2:] != (rows + self.performance, columns + self.exogenous):
@@ -169,91 +222,8 @@ class GeneralisedPlant:
         )
 
 
-def generalised_plant(
-    blocks: Sequence[Any],
-    sums: Mapping[str, str],
-    *,
-    perturbation: Sequence[tuple[Block, Names, Names]] = (),
-    exogenous: Names = (),
-    control: Names = (),
-    performance: Names = (),
-    measurement: Names = (),
-) -> GeneralisedPlant:
-    """Connect systems by the names of their signals and leave Delta and K out.
-
-    A signal is driven in one place, a block's output, a sum or an input of the whole, and read in
-    any number of places.
-
-    Parameters
-    ----------
-    blocks
-        StateSpace or TransferFunction with named signals, `ParametricModel`, `UncertaintyModel`, or
-        (one of these, input names, output names). Perturbations of the uncertain ones are joined
-        behind those of `perturbation`.
-    sums
-        Summing junctions such as {"e": "w_p + w_u - x"}.
-    perturbation
-        (block of Delta, names of the signals it reads, names of those it drives).
-    exogenous, control
-        Names of the inputs.
-    performance, measurement
-        Names of signals that are outputs.
-
-    Raises
-    ------
-    UnknownNameError
-        A signal that is read but driven by nothing.
-    InputError
-        A signal driven twice, an input that nothing reads, a block of Delta that does not fit its
-        signals, improper or sampled differently, or a singular loop without dynamics.
-
-    Examples
-    --------
-    >>> import control
-    >>> G = control.tf(1, [1, 1], inputs="v", outputs="x")
-    >>> plant = generalised_plant(
-    ...     [G, (control.tf(0.1, 1), "u", "y_c")],
-    ...     {"v": "u + u_c", "e": "r - x"},
-    ...     perturbation=[(Full(1, 1), "y_c", "u_c")],
-    ...     exogenous="r", control="u", performance="e", measurement="e",
-    ... )
-    """
-    parts = [*(part_of(block) for block in blocks), *(sum_of(*item) for item in sums.items())]
-    deltas, reads, drives = perturbation_of(perturbation, blocks)
-    externals = (*drives, *names_of(exogenous), *names_of(control))
-    results = (*reads, *names_of(performance), *names_of(measurement))
-
-    inputs = [name for part in parts for name in part.inputs]
-    outputs = [name for part in parts for name in part.outputs]
-    signals = [*outputs, *externals]
-    for name in dict.fromkeys(signals):
-        if signals.count(name) > 1:
-            raise InputError(
-                f"signal {name!r} is driven {signals.count(name)} times, by blocks, sums or inputs "
-                "of the whole; add the drivers in a sum, or rename with (system, inputs, outputs)"
-            )
-    for name in (*inputs, *results):
-        if name not in signals:
-            raise UnknownNameError("signal", name, signals)
-    for name in externals:
-        if name not in (*inputs, *results):
-            raise InputError(f"nothing reads the input {name!r}; connect it or leave it out")
-
-    is_signal = np.eye(len(signals))
-    read, left = (
-        is_signal[[signals.index(name) for name in names]].reshape(-1, len(signals))
-        for names in (inputs, results)
-    )
-    split = len(outputs)
-    M, states = connected(parts, read[:, :split], read[:, split:], left[:, :split])
-    M[states:, states:] += left[:, split:]
-    system = state_space(M, states, common_dt(parts), externals, unique(results))
-    structure = Structure(deltas) if deltas else None
-    return GeneralisedPlant(system, structure, len(names_of(control)), len(names_of(measurement)))
-
-
 def response(system: StateSpace, omega: ArrayLike) -> Array:
-    """Response of a StateSpace at `omega` [rad/s] (F,): (F, outputs, inputs).
+    """Frequency response of a StateSpace at `omega` [rad/s] (F,), shape (F, outputs, inputs).
 
     Raises InputError at a pole.
     """
@@ -263,7 +233,7 @@ def response(system: StateSpace, omega: ArrayLike) -> Array:
 
 
 def _chosen(signals: Signals, names: Sequence[str], kind: str) -> list[int]:
-    """Their numbers among `names`."""
+    """Numbers among `names` of the chosen signals; `kind` is what messages call them."""
     if signals is None:
         return list(range(len(names)))
     try:

@@ -1,7 +1,7 @@
-"""Gramians by their factors, P = S S^T and Q = R^T R, and the projections that balance them.
+"""Factors of Gramians, P = S S^T and Q = R^T R, and the projections that balance a system.
 
-The Gramians themselves are never formed: of their small eigenvalues nothing would be left (S.
-Hammarling, Numerical solution of the stable, non-negative definite Lyapunov equation, IMA J.
+The Gramians themselves are never formed, because rounding would destroy their small eigenvalues
+(S. Hammarling, Numerical solution of the stable, non-negative definite Lyapunov equation, IMA J.
 Numerical Analysis 2 (1982) 303-323; SLICOT SB03OD).
 """
 
@@ -17,7 +17,10 @@ from workbench.systems.realisation import EPS
 
 
 def factors(A: RealArray, B: RealArray, C: RealArray) -> tuple[RealArray, RealArray]:
-    """S and R with P = S S^T and Q = R^T R the Gramians of a stable system."""
+    """Factors S and R of the Gramians P = S S^T and Q = R^T R of a stable system.
+
+    Raises InputError where the Gramians do not exist.
+    """
     if not len(A):
         return np.zeros((0, 0)), np.zeros((0, 0))
     return _hammarling(A.T, B.T).T, _hammarling(A, C)
@@ -29,8 +32,7 @@ def _hammarling(A: RealArray, C: RealArray) -> RealArray:
     from slycot.exceptions import SlycotResultWarning
 
     n = len(A)
-    # SLICOT works in the arrays that it is given, puts the factor where C was, and slycot gives it
-    # room for n rows.
+    # SLICOT overwrites its arguments: the factor replaces C, and slycot provides room for n rows.
     rows = np.asarray(np.linalg.qr(C, mode="r")) if len(C) > n else C
     place = np.zeros((n, n))
     place[: len(rows)] = rows
@@ -45,8 +47,11 @@ def _hammarling(A: RealArray, C: RealArray) -> RealArray:
     return np.asarray(U) / scale
 
 
-def balancing(S: RealArray, R: RealArray) -> tuple[RealArray, RealArray, RealArray]:
-    """Left and right projection on the minimal part, and its (weighted) Hankel singular values."""
+def balancing_projections(S: RealArray, R: RealArray) -> tuple[RealArray, RealArray, RealArray]:
+    """Left and right projections onto the minimal part, and its (weighted) Hankel singular values.
+
+    S and R are factors of the Gramians as `factors` gives them.
+    """
     if not S.size:
         return np.zeros((0, len(S))), np.zeros((len(S), 0)), np.zeros(0)
     U, values, Vh = np.linalg.svd(R @ S)

@@ -1,4 +1,4 @@
-"""Parts with named signals, and their connection into one realisation."""
+"""Connection of parts with named signals into one realisation."""
 
 from __future__ import annotations
 
@@ -19,25 +19,26 @@ from workbench.structure import Block, Structure
 from workbench.systems.balancing import balancing, singular
 
 Names = str | Sequence[str]
+"""One name or several."""
 
 
 class UncertainPart(ABC):
-    """A system with its perturbation pulled out, that can stand in a connection."""
+    """A system with its perturbation pulled out; it can be a block of a connection."""
 
     @property
     @abstractmethod
     def structure(self) -> Structure:
-        """Blocks of its perturbation."""
+        """Blocks of the perturbation."""
 
     @property
     @abstractmethod
     def system(self) -> StateSpace:
-        """Inputs (perturbation, inputs), outputs (perturbation, outputs), named."""
+        """System with named inputs (perturbation, inputs) and outputs (perturbation, outputs)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """[A B; C D] with named signals; dt None fits every sampling time."""
+    """A realisation M = [A B; C D] with named signals; dt None fits every sampling time."""
 
     M: Array
     states: int
@@ -47,6 +48,12 @@ class Part:
 
 
 def part_of(block: Any) -> Part:
+    """The realisation of a block of a connection, with the names of its signals.
+
+    A block is a StateSpace, a TransferFunction, an `UncertainPart`, or a tuple of one of these with
+    names of its inputs and outputs. Raises InputError for another type, for a wrong number of
+    names, and for an improper transfer function.
+    """
     import control
 
     inputs = outputs = None
@@ -70,7 +77,7 @@ def part_of(block: Any) -> Part:
             f"{inputs} and {outputs}"
         )
     if isinstance(block, control.TransferFunction):
-        # Of several inputs and outputs a realisation must share states: python-control's does.
+        # With several inputs and outputs, python-control's realisation shares states.
         siso = (block.ninputs, block.noutputs) == (1, 1)
         M, states = _companion(block) if siso else _stacked(control.ss(block))
     else:
@@ -79,11 +86,12 @@ def part_of(block: Any) -> Part:
 
 
 def _stacked(system: StateSpace) -> tuple[Array, int]:
+    """[A B; C D] and the number of states."""
     return np.block([[system.A, system.B], [system.C, system.D]]), int(system.nstates)
 
 
 def _companion(system: Any) -> tuple[Array, int]:
-    """Realisation of a SISO transfer function with all its poles, its states scaled."""
+    """Realisation of a SISO transfer function with all its poles and scaled states."""
     num, den = (np.trim_zeros(part[0][0], "f") for part in (system.num, system.den))
     n = len(den) - 1
     if len(num) > n + 1:
@@ -102,7 +110,7 @@ def _companion(system: Any) -> tuple[Array, int]:
 
 
 def sum_of(name: str, terms: str) -> Part:
-    """A summing junction as a part without states."""
+    """A summing junction, such as ("e", "r - y"), as a part without states."""
     if not re.fullmatch(r"\s*[+-]?\s*[^\s+-]+(\s*[+-]\s*[^\s+-]+)*\s*", terms):
         raise InputError(
             f"the sum {name!r} is {terms!r}; write signal names with + and - between them"
@@ -115,7 +123,7 @@ def sum_of(name: str, terms: str) -> Part:
 def perturbation_of(
     perturbation: Sequence[tuple[Block, Names, Names]], blocks: Iterable[Any]
 ) -> tuple[list[Block], list[str], list[str]]:
-    """Blocks of Delta, and the signals that they read and drive."""
+    """Blocks of Delta, with the signals that they read and the signals that they drive."""
     entries = [(block, names_of(reads), names_of(drives)) for block, reads, drives in perturbation]
     for entry in blocks:
         model = entry[0] if isinstance(entry, tuple) else entry
@@ -144,9 +152,11 @@ def perturbation_of(
 def connected(
     parts: Sequence[Part], links: Array, enters: Array, leaves: Array
 ) -> tuple[Array, int]:
-    """[A B; C D] of parts connected by v = links y + enters w, with the outputs leaves y.
+    """Realisation [A B; C D] of connected parts, and its number of states.
 
-    v are the inputs of all parts, y their outputs, w the inputs of the whole.
+    v are the inputs of all parts, y their outputs and w the inputs of the whole. The connection is
+    v = links y + enters w, and the outputs of the whole are leaves y. Raises InputError where a
+    loop without dynamics is singular.
     """
     A, B, C, D = (block_diag(*matrices) for matrices in zip(*map(_split, parts), strict=True))
     direct = D @ links
@@ -163,12 +173,13 @@ def connected(
 
 
 def _split(part: Part) -> tuple[Array, Array, Array, Array]:
+    """The matrices A, B, C and D of a part."""
     n = part.states
     return part.M[:n, :n], part.M[:n, n:], part.M[n:, :n], part.M[n:, n:]
 
 
 def _check_loops(direct: Array, loop: Array, names: list[str]) -> None:
-    """Raise InputError naming the signals of a loop without dynamics that has no solution."""
+    """Raise InputError where a loop without dynamics is singular; name its signals."""
     _, member = connected_components(direct != 0.0, connection="strong")
     for label in np.unique(member):
         inside = np.flatnonzero(member == label)
@@ -180,6 +191,7 @@ def _check_loops(direct: Array, loop: Array, names: list[str]) -> None:
 
 
 def common_dt(parts: Sequence[Part]) -> float | None:
+    """The sampling time [s] of all parts, None if it is open; InputError where they differ."""
     times = {part.dt for part in parts if part.dt is not None}
     if len(times) > 1:
         raise InputError(
@@ -189,11 +201,12 @@ def common_dt(parts: Sequence[Part]) -> float | None:
 
 
 def names_of(names: Names) -> tuple[str, ...]:
+    """A tuple of names from one name or several."""
     return (names,) if isinstance(names, str) else tuple(names)
 
 
 def unique(names: Sequence[str]) -> list[str]:
-    """Names of outputs; a signal that leaves more than once is numbered from its second time."""
+    """Distinct names of outputs: a repeated name gets "#2", "#3" and so on behind it."""
     seen = [names[:i].count(name) + 1 for i, name in enumerate(names)]
     return [name if i == 1 else f"{name}#{i}" for name, i in zip(names, seen, strict=True)]
 
@@ -201,6 +214,7 @@ def unique(names: Sequence[str]) -> list[str]:
 def state_space(
     M: Array, states: int, dt: float | None, inputs: Sequence[str], outputs: Sequence[str]
 ) -> StateSpace:
+    """A StateSpace with all states of M = [A B; C D] and named signals; dt None: continuous."""
     import control
 
     n = states

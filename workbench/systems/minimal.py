@@ -1,4 +1,4 @@
-"""Realisations without states that no input reaches or no output shows."""
+"""Minimal realisations: uncontrollable and unobservable states removed."""
 
 from __future__ import annotations
 
@@ -12,31 +12,31 @@ from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.realisation import EPS, realisation
 from workbench.systems.standard_plant import standard_plant
 
-STAIRCASE = (1e-7, 1e-9, 1e-11, 1e-13)
-"""Tolerances of the staircase, the first of which that keeps the response is taken."""
+STAIRCASE_TOLERANCES = (1e-7, 1e-9, 1e-11, 1e-13)
+"""Tolerances of the staircase reduction; the first that keeps the response is used."""
 
-KEPT = 1e-9
-"""Largest change of the response that a reduction may make, relative to its largest entry."""
+RESPONSE_TOLERANCE = 1e-9
+"""Largest change of a response that a reduction may cause, relative to its largest entry."""
 
-SAME = 1e-6
-"""Distance up to which a hidden mode is the copy of another one, relative to the largest."""
+COPY_TOLERANCE = 1e-6
+"""Distance up to which a hidden mode is a copy of another mode, relative to the largest mode."""
 
-ROUNDING = 100.0
-"""Multiple of the rounding error of a matrix up to which a value counts as zero."""
+ZERO_ROUNDING = 100.0
+"""Multiple of a matrix's rounding error up to which a value computed from it counts as zero."""
 
 
 def minimal(
     A: RealArray, B: RealArray, C: RealArray, dt: float = 0.0
 ) -> tuple[RealArray, RealArray, RealArray]:
-    """A realisation without states that no input reaches or no output shows.
+    """Remove the uncontrollable and unobservable states of a realisation.
 
-    The response stays the same. Unstable states may go where they are copies of ones that remain,
-    as when a system stands in a connection twice.
+    The response stays the same. An unstable hidden state may be removed where it is a copy of a
+    state that remains, as when a system occurs twice in a connection.
 
     Raises
     ------
     InputError
-        An unstable hidden mode that is no copy.
+        A hidden unstable mode is not a copy of a remaining mode.
     """
     from slycot import tb01pd
 
@@ -44,8 +44,8 @@ def minimal(
     if n == 0:
         return A, B, C
     modes = np.linalg.eigvals(A).astype(complex)
-    for tolerance in STAIRCASE:
-        # SLICOT works in the arrays that it is given.
+    for tolerance in STAIRCASE_TOLERANCES:
+        # SLICOT overwrites its arguments.
         width = max(B.shape[1], len(C))
         wide, tall = np.zeros((n, width)), np.zeros((width, n))
         wide[:, : B.shape[1]], tall[: len(C)] = B, C
@@ -62,9 +62,9 @@ def minimal(
 
 
 def visible(plant: GeneralisedPlant) -> GeneralisedPlant:
-    """The plant without hidden unstable copies of states; as it is where there are none.
+    """Remove a plant's hidden unstable copies of states; without any, return the plant unchanged.
 
-    Raises InputError as `minimal` and `standard_plant`.
+    Raises InputError as `minimal` and `standard_plant` do.
     """
     given = standard_plant(plant)
     A, B, C = minimal(*balanced(given.A, given.B, given.C), given.dt)
@@ -81,7 +81,7 @@ def _same(
     other: tuple[RealArray, RealArray, RealArray],
     modes: ComplexArray,
 ) -> bool:
-    """Whether realisations agree on a half circle about each mode."""
+    """Whether two realisations have equal responses at points around the sizes of the modes."""
     size = np.abs(modes)
     radius = np.unique(np.maximum(size, 1e-8 * size.max() + np.finfo(float).tiny))
     radius = np.geomspace(radius[0] / 3, radius[-1] * 3, 12)
@@ -92,25 +92,25 @@ def _same(
         return frequency_response(np.block([[A, B], [C, D]]), len(A), points)
 
     expected = value(*one)
-    # Each entry is judged against the largest of its input and of its output.
+    # Each entry is compared with the largest entries of its input and of its output.
     size = np.abs(expected)
     scale = np.sqrt(size.max(axis=-1, keepdims=True) * size.max(axis=-2, keepdims=True))
-    return bool((np.abs(value(*other) - expected) <= KEPT * scale).all())
+    return bool((np.abs(value(*other) - expected) <= RESPONSE_TOLERANCE * scale).all())
 
 
 def _unstable(A: RealArray, dt: float) -> ComplexArray:
-    """Modes on the stability boundary, by rounding, or beyond it."""
+    """Modes beyond the stability boundary, or on it up to rounding."""
     modes = np.linalg.eigvals(A).astype(complex)
-    rounding = ROUNDING * EPS * len(A) * float(np.linalg.norm(A))
+    rounding = ZERO_ROUNDING * EPS * len(A) * float(np.linalg.norm(A))
     return modes[(np.abs(modes) - 1.0 if dt else modes.real) >= -rounding]
 
 
 def _check_hidden(unstable: ComplexArray, left: RealArray) -> None:
-    """Raise InputError for an unstable mode of which no copy is left."""
+    """Raise InputError for an unstable mode of which no copy remains."""
     modes = np.linalg.eigvals(left).astype(complex)
     for mode in unstable:
-        # Modes that coincide are known to the root of the rounding error.
-        if not (np.abs(modes - mode) <= SAME * np.abs(modes).max(initial=0.0)).any():
+        # Coinciding modes are accurate only to the square root of the rounding error.
+        if not (np.abs(modes - mode) <= COPY_TOLERANCE * np.abs(modes).max(initial=0.0)).any():
             raise InputError(
                 f"the plant has the unstable mode {mode:.6g}, which no input reaches or no output "
                 "shows, so that nothing can stabilise it; take it out of the plant"

@@ -1,4 +1,4 @@
-"""The H-infinity norm of matrices by SLICOT, for methods; checks have their own."""
+"""The H-infinity norm by SLICOT, for methods; checks compute it by their own code."""
 
 from __future__ import annotations
 
@@ -14,17 +14,18 @@ def stable(A: np.ndarray) -> bool:
     """Whether every eigenvalue lies left of the imaginary axis by more than rounding."""
     if not len(A):
         return True
-    # Of the modes, not of A: its entries are in the states' units, which LAPACK balances away.
+    # The scale is that of the modes: entries of A depend on the states' units, modes do not.
     modes = np.linalg.eigvals(A)
     rounding = len(A) * np.finfo(float).eps * float(np.abs(modes).max())
     return bool(modes.real.max() < -rounding)
 
 
 def norm(system: Matrices, tolerance: float = 1e-9) -> float:
-    """Of a continuous-time realisation; infinite where it is not stable.
+    """H-infinity norm of a continuous-time realisation; infinite where it is not stable.
 
-    In balanced states, since slow modes are lost in the rounding of large entries. Raises
-    SlycotArithmeticError where SLICOT does not converge.
+    `tolerance` is the relative accuracy. The states are balanced first, because slow modes would be
+    lost in the rounding of large entries. Raises SlycotArithmeticError where SLICOT does not
+    converge.
     """
     from slycot import ab13dd
 

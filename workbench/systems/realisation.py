@@ -14,10 +14,11 @@ Matrices = tuple[RealArray, RealArray, RealArray, RealArray]
 
 
 def realisation(matrices: Matrices, dt: float, **labels: Any) -> StateSpace:
-    """As a StateSpace, with every state."""
+    """A StateSpace of the matrices, with every state kept; `labels` name its signals."""
     import control
 
     return control.StateSpace(*matrices, dt, remove_useless_states=False, **labels)
 
 
 EPS = float(np.finfo(float).eps)
+"""Machine epsilon, the relative spacing of floating-point numbers."""

@@ -1,4 +1,4 @@
-"""Riccati equations by the stable subspace of their Hamiltonian."""
+"""Riccati equations solved by the stable subspace of their Hamiltonian."""
 
 from __future__ import annotations
 
@@ -8,41 +8,45 @@ from scipy.linalg import LinAlgError, matrix_balance, schur
 from workbench.arrays import RealArray
 from workbench.systems.realisation import EPS
 
-ASYMMETRY = 1e-4
-"""Of X1^T X2, relative: rounding errors make less, eigenvalues on the axis make it near 1."""
-INDEFINITE = 1e-7
-"""Negative eigenvalues of X, relative to the largest, that are rounding errors."""
-NEAR_AXIS = 10.0
-"""Multiple of the rounding error of a Hamiltonian up to which an eigenvalue may be imaginary."""
-PAIRED = 1e-2
-"""How far, relative, it may then be from its mirror image: rounding errors part imaginary ones."""
-RUNAWAY = EPS**-0.5
-"""Factors of a balance from here on say that a state is not coupled, not that it is large."""
+ASYMMETRY_TOLERANCE = 1e-4
+"""Largest asymmetry of X1^T X2, relative to its largest entry. Rounding errors cause less than
+this; eigenvalues on the imaginary axis cause an asymmetry near 1."""
+NEGATIVE_EIGENVALUE_TOLERANCE = 1e-7
+"""Negative eigenvalues of X up to this share of the largest count as rounding errors of zero."""
+AXIS_ROUNDING = 10.0
+"""An eigenvalue whose real part is below this multiple of the Hamiltonian's rounding error may be
+imaginary."""
+MIRROR_TOLERANCE = 1e-2
+"""Relative distance that such an eigenvalue may have from its mirror image about the axis. Rounding
+errors move imaginary eigenvalues apart by more."""
+DECOUPLED_FACTOR = EPS**-0.5
+"""A balancing factor beyond this, or below its reciprocal, means that a state is not coupled to
+others; it says nothing about the state's size."""
 
 
 def hamiltonian_solution(H: RealArray) -> RealArray | None:
-    """Ric(H): X = X2 X1^-1 of the stable subspace of a Hamiltonian; None unless X >= 0."""
+    """Ric(H) = X2 X1^-1 where [X1; X2] spans the stable subspace of H; None unless Ric(H) >= 0."""
     n = len(H) // 2
     if n == 0:
         return np.zeros((0, 0))
     if not np.isfinite(H).all():
         return None
     if not H[n:, :n].any() and np.linalg.eigvals(H[:n, :n]).real.max() < 0.0:
-        return np.zeros((n, n))  # what costs nothing and is stable is left alone
-    # A balance that keeps the structure, as of SciPy's own equations.
-    with np.errstate(invalid="ignore"):  # SciPy makes integers of the factors, which is not used
+        return np.zeros((n, n))  # a stable system without cost needs no feedback
+    # Balance in a way that keeps the structure of H, as SciPy's Riccati solvers do.
+    with np.errstate(invalid="ignore"):  # SciPy also casts the factors to integers, unused here
         factor = matrix_balance(H - np.diag(np.diag(H)), permute=False, separate=True)[1][0]
     half = np.exp2(np.round(np.log2(factor[:n] / factor[n:]) / 2))
     X = _balanced_solution(H, half)
-    # States that only rounding errors couple to others may have been taken to any size.
-    alone = (half >= RUNAWAY) | (half <= 1.0 / RUNAWAY)
+    # Balancing gives arbitrary factors to states that only rounding errors couple to others.
+    alone = (half >= DECOUPLED_FACTOR) | (half <= 1.0 / DECOUPLED_FACTOR)
     if X is None and alone.any():
         X = _balanced_solution(H, np.where(alone, 1.0, half))
     return X
 
 
 def _balanced_solution(H: RealArray, half: RealArray) -> RealArray | None:
-    """The same with states in units (n,)."""
+    """As `hamiltonian_solution`, computed with states scaled by the factors `half` (n,)."""
     n = len(half)
     scale = np.concatenate([half, 1.0 / half])
     H = H / scale[:, None] * scale
@@ -52,16 +56,16 @@ def _balanced_solution(H: RealArray, half: RealArray) -> RealArray | None:
         return None
     if stable != n:
         return None
-    # Of the real Schur form the diagonal has the real parts; eigenvalues have mirror images.
+    # The diagonal of a real Schur form holds the real parts; eigenvalues come in mirrored pairs.
     left, right = -float(np.diag(T)[:n].max()), float(np.diag(T)[n:].min())
     rounding, nearest = EPS * float(np.linalg.norm(H)), min(left, right)
-    known = nearest > NEAR_AXIS * rounding
-    if not known and abs(left - right) > PAIRED * nearest:
+    known = nearest > AXIS_ROUNDING * rounding
+    if not known and abs(left - right) > MIRROR_TOLERANCE * nearest:
         return None
     X1, X2 = U[:n, :n], U[n:, :n]
     product = X1.T @ X2
     largest = max(float(np.abs(product).max()), rounding / nearest if known else 0.0)
-    if np.abs(product - product.T).max() > ASYMMETRY * largest:
+    if np.abs(product - product.T).max() > ASYMMETRY_TOLERANCE * largest:
         return None
     try:
         X = np.linalg.solve(X1.T, X2.T)
@@ -72,6 +76,6 @@ def _balanced_solution(H: RealArray, half: RealArray) -> RealArray | None:
     if not np.isfinite(X).all():
         return None
     values = np.linalg.eigvalsh(X)
-    if values[0] < -INDEFINITE * max(values[-1], 0.0) - NEAR_AXIS * error:
+    if values[0] < -NEGATIVE_EIGENVALUE_TOLERANCE * max(values[-1], 0.0) - AXIS_ROUNDING * error:
         return None
     return X / half[:, None] / half

@@ -1,4 +1,4 @@
-"""Exact discretisation of linear systems whose inputs are held, and of filters between samples."""
+"""Exact discretisation of linear systems with held inputs, and simulation between samples."""
 
 from __future__ import annotations
 
@@ -15,7 +15,10 @@ from workbench.heavy_types import StateSpace
 
 
 def hold(a: ArrayLike, b: ArrayLike, duration: float) -> tuple[RealArray, RealArray]:
-    """Transition (n, n) and input (n, m) matrix of x' = a x + b u over `duration` [s], u held."""
+    """Transition matrix (n, n) and input matrix (n, m) of x' = a x + b u over `duration` [s].
+
+    The input u is constant for this time.
+    """
     a, b = np.asarray(a, float), np.asarray(b, float)
     n, m = b.shape
     block = np.zeros((n + m, n + m))
@@ -25,7 +28,7 @@ def hold(a: ArrayLike, b: ArrayLike, duration: float) -> tuple[RealArray, RealAr
 
 
 def split_delay(delay: float) -> tuple[int, float]:
-    """Whole samples of a delay in samples, and the rest in [0, 1).
+    """Split a delay in samples into whole samples and a fraction in [0, 1).
 
     Raises InputError unless the delay is finite and not negative.
     """
@@ -36,10 +39,11 @@ def split_delay(delay: float) -> tuple[int, float]:
 
 
 def sampled(system: StateSpace, period: float, delay: float = 0.0) -> StateSpace:
-    """Exact discrete-time model of a system whose held inputs come `delay` samples late.
+    """Exact discrete-time model of a system whose held inputs arrive `delay` samples late.
 
-    Within [k, k + 1) the input changes once, at k + the delay's fraction: the plant is held over
-    two pieces. The inputs on their way are states behind the plant's own.
+    `period` is the sampling time [s]. Within [k, k + 1) samples the input changes once, at k plus
+    the fraction of the delay, so the plant is discretised over two pieces. The delayed inputs
+    become states, placed after those of the plant.
     """
     import control
 
@@ -56,7 +60,7 @@ def sampled(system: StateSpace, period: float, delay: float = 0.0) -> StateSpace
     c[:, :n] = system.C
 
     def tap(age: int, states: RealArray, direct: RealArray) -> RealArray:
-        """What multiplies the input of `age` samples ago."""
+        """The columns of a matrix that multiply the input of `age` samples ago."""
         start = n + m * (age - 1)
         return direct if age == 0 else states[:, start : start + m]
 
@@ -71,10 +75,11 @@ def sampled(system: StateSpace, period: float, delay: float = 0.0) -> StateSpace
 
 
 def continued(system: StateSpace) -> StateSpace:
-    """The continuous system that the bilinear transform makes a discrete one of.
+    """The continuous system whose bilinear transform is the given discrete system.
 
-    Its response at i (2/T) tan(w T / 2) is the discrete one's at w: stability and norm are the
-    same. Raises InputError for a continuous system, and for a pole at -1.
+    Its response at frequency (2/T) tan(w T / 2) equals that of the discrete system at w, so both
+    have the same stability and the same norm. Raises InputError for a continuous system, and for
+    a pole at -1.
     """
     import control
 
@@ -91,7 +96,7 @@ def continued(system: StateSpace) -> StateSpace:
 
 
 def respond(system: StateSpace, inputs: ArrayLike) -> RealArray:
-    """Outputs (N, outputs) of a discrete-time system, at rest at first, to inputs (N, inputs).
+    """Outputs (N, outputs) of a discrete-time system, initially at rest, for inputs (N, inputs).
 
     Raises InputError for another shape.
     """
@@ -104,6 +109,7 @@ def respond(system: StateSpace, inputs: ArrayLike) -> RealArray:
 
 @compiled
 def _respond(a: RealArray, b: RealArray, c: RealArray, d: RealArray, u: RealArray) -> RealArray:
+    """Outputs (N, p) of x+ = a x + b u, y = c x + d u from x = 0."""
     n, m, p = len(a), b.shape[1], len(c)
     x, after, y = np.zeros(n), np.zeros(n), np.zeros((len(u), p))
     for k in range(len(u)):
@@ -126,10 +132,11 @@ def _respond(a: RealArray, b: RealArray, c: RealArray, d: RealArray, u: RealArra
 
 
 def lowpass_weights(corner: float, duration: float) -> RealArray:
-    """Weights (4,) of a first-order low-pass over one step, its input a parabola through three.
+    """Weights (4,) that advance a first-order low-pass by one step of a parabolic input.
 
     y(h) = w0 y(0) + w1 q(0) + w2 q(h/2) + w3 q(h) is exact for y' = corner (q - y) when q is the
-    parabola through its values at the start, the middle and the end. `corner` [rad/s].
+    parabola through its values at the start, the middle and the end of the step. `corner` is the
+    corner frequency [rad/s] and `duration` the step h [s].
     """
     ah = corner * duration
     chain = np.zeros((4, 4))  # y, q, q', q'' in units of the step

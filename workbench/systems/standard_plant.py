@@ -1,29 +1,26 @@
-"""The standard plant P = [A B1 B2; C1 D11 D12; C2 D21 D22] of H-infinity synthesis, as matrices."""
+"""Matrices of the standard plant P = [A B1 B2; C1 D11 D12; C2 D21 D22] of H-infinity synthesis."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from workbench.arrays import RealArray
 from workbench.errors import InputError
 from workbench.systems.generalised_plant import GeneralisedPlant
-
-if TYPE_CHECKING:
-    pass
-from workbench.arrays import RealArray
 from workbench.systems.realisation import Matrices
 
-LARGEST = 1e100
-"""Of entries of a plant."""
+LARGEST_ENTRY = 1e100
+"""Largest entry that a plant may have, so that its square does not overflow."""
 
 
 @dataclass(frozen=True, eq=False)
 class StandardPlant:
-    """Inputs (w, u) with u the last `controls`, outputs (z, y) with y the last `measurements`.
+    """Matrices of a plant with inputs (w, u) and outputs (z, y).
 
-    ``dt`` is the sampling time [s], 0 in continuous time.
+    u are the last `controls` inputs and y the last `measurements` outputs. ``dt`` is the sampling
+    time [s], 0 in continuous time.
     """
 
     A: RealArray
@@ -80,7 +77,7 @@ class StandardPlant:
 
     @property
     def dual(self) -> StandardPlant:
-        """The transposed plant, in which estimation is control."""
+        """The transposed plant, whose control problem is the estimation problem of this one."""
         return replace(
             self,
             A=self.A.T,
@@ -92,7 +89,10 @@ class StandardPlant:
         )
 
     def close(self, K: Matrices) -> Matrices:
-        """F_l(P, K) with every state; raises LinAlgError where I - D22 D_K is singular."""
+        """The closed loop F_l(P, K) with every state of P and K.
+
+        Raises LinAlgError where I - D22 D_K is singular.
+        """
         Ak, Bk, Ck, Dk = K
         # u = Ck xk + Dk y with y = C2 x + D21 w + D22 u
         inside = np.linalg.solve(
@@ -112,13 +112,15 @@ class StandardPlant:
 
 
 def standard_plant(plant: GeneralisedPlant) -> StandardPlant:
-    """Its matrices; perturbation channels count as exogenous and performance.
+    """The standard plant of a generalised plant.
+
+    Perturbation inputs count as exogenous inputs, and perturbation outputs as performance outputs.
 
     Raises
     ------
     InputError
-        Entries that are not finite, or too large; no exogenous input, performance, control or
-        measurement.
+        The plant has entries that are not finite or too large, lacks exogenous inputs, performance
+        outputs, controls or measurements, or is sampled at a time that is not given.
     """
     system = plant.system
     A, B, C, D = (np.asarray(getattr(system, name), dtype=float) for name in "ABCD")
@@ -126,7 +128,7 @@ def standard_plant(plant: GeneralisedPlant) -> StandardPlant:
         if not np.isfinite(part).all():
             raise InputError(f"{name} of the plant has entries that are not finite")
         size = float(np.abs(part).max(initial=0.0))
-        if size > LARGEST:
+        if size > LARGEST_ENTRY:
             raise InputError(
                 f"{name} of the plant has an entry of size {size:.3g}, whose square overflows; "
                 "give time and signals in units that bring it nearer to 1"

@@ -1,4 +1,4 @@
-"""Systems as variables of a dataset, and back."""
+"""Storage of systems as variables of a dataset."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from workbench.systems.realisation import realisation
 
 
 def stored(name: str, system: StateSpace) -> dict[str, Any]:
-    """Variables of a dataset from which `restored` makes the system."""
+    """The system as variables of a dataset, under a name; `restored` reads them back."""
     state, output, entering = (f"{name}_{kind}" for kind in ("state", "output", "input"))
     dims = {
         "A": (state, f"{state}_"),
@@ -30,6 +30,6 @@ def stored(name: str, system: StateSpace) -> dict[str, Any]:
 
 
 def restored(data: Dataset, name: str) -> StateSpace:
-    """The system that was stored by that name."""
+    """The system that `stored` put into the dataset under this name."""
     A, B, C, D = (data[f"{name}_{part}"].values for part in "ABCD")
     return realisation((A, B, C, D), float(data[f"{name}_dt"]))

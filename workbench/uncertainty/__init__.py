@@ -1,6 +1,7 @@
 """Uncertainty models: covers of response sets, parametric models, generalised plants."""
 
-from workbench.systems.generalised_plant import GeneralisedPlant, generalised_plant
+from workbench.systems.connection import generalised_plant
+from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.uncertainty.covers import methods as cover_methods
 from workbench.uncertainty.covers.circle_cover import CircleCover
 from workbench.uncertainty.covers.extrapolation import widened

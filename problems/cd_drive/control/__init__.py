@@ -1,0 +1,1 @@
+"""Robust controllers, their margins, and bounds that no controller beats."""

@@ -17,7 +17,8 @@ import numpy as np
 from workbench.errors import InputError
 from workbench.fitting.rational import Rational
 from workbench.heavy_types import StateSpace
-from workbench.systems.generalised_plant import GeneralisedPlant, generalised_plant
+from workbench.systems.connection import generalised_plant
+from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.uncertainty import UncertaintyModel
 from workbench.uncertainty.parametric.model import ParametricModel
 

@@ -15,7 +15,7 @@ from pydantic import Field
 
 from workbench import Check, Run, figures, problem
 from workbench.heavy_types import Figure, StateSpace
-from workbench.mu import sweep
+from workbench.mu import performance_sweep
 from workbench.synthesis import LeadLag, MuController, MuSynthesis
 
 from ..drive.plants import Gain
@@ -108,7 +108,7 @@ class MuPid(MuSynthesis):
         looks = {"reference": (":", figures.ORANGE), "designed": ("-", figures.BLUE)}
         omega = 2 * np.pi * FREQUENCIES
         for (name, (dash, colour)), K in zip(looks.items(), (self.start, answer.K), strict=True):
-            found = sweep(self.plant.close(K), self.closed, omega)
+            found = performance_sweep(self.plant, K, omega)
             mu.loglog(FREQUENCIES, found.upper, dash, color=colour, label=name)
             response: Any = K(1j * omega)
             size.loglog(FREQUENCIES, np.abs(response), dash, color=colour)

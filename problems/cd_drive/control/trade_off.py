@@ -36,7 +36,6 @@ from ..drive.plants import ANTIALIASING, nominal_parameters, plant, total_gain
 from ..drive.tables import Axis
 from ..uncertainty.parametric_model import parametric_plant
 from .control_problem import control_weight, optical_gain, performance_weight
-from .weighting import nominal_of, weighted
 
 CHANNELS = ("z_p", "z_sd", "z_u")
 SHOCK = 5.0
@@ -125,7 +124,7 @@ class TradeOff:
     @cached_property
     def nominal(self) -> GeneralisedPlant:
         """w to (z_p, z_sd, z_u) without uncertainty."""
-        return nominal_of(self.uncertain.channel(CHANNELS, "w"))
+        return self.uncertain.channel(CHANNELS, "w").nominal()
 
     def effort(self, K: StateSpace) -> float:
         """c of the nominal loop."""
@@ -140,12 +139,12 @@ class TradeOff:
 
         Raises SolverError where no sigma is found.
         """
-        shocked = nominal_of(self.uncertain)
+        shocked = self.uncertain.nominal()
 
         def made(sigma: float) -> StateSpace:
             import control
 
-            system = weighted(shocked, [1.0, share, sigma]).system
+            system = shocked.weighted([1.0, share, sigma]).system
             parts = (system.A, system.B, system.C, system.D)
             return control.ss(*central(*parts, shocked.controls, shocked.measurements).K)
 
@@ -206,7 +205,7 @@ class TradeOff:
             share * above * _butterworth(upper, "low"),
             zeta * above * _butterworth(upper, "high"),
         ]
-        return weighted(self.nominal, rows)
+        return self.nominal.weighted(rows)
 
 
 def _butterworth(corner: float, kind: str) -> StateSpace:

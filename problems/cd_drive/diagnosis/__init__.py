@@ -1,0 +1,1 @@
+"""Surface defects: found, told apart, estimated."""

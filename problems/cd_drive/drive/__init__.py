@@ -1,0 +1,1 @@
+"""The drive and the disc: printed tables, actuator, optics, responses."""

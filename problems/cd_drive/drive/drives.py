@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, fields
+from itertools import product
 from typing import Any, ClassVar, get_args
 
 import numpy as np
 
-from workbench import Check, Study, figures, problem
-from workbench.executor import Context
-from workbench.heavy_types import Axes, DataArray, Dataset, Figure
+from workbench import Check, figures, problem
+from workbench.arrays import RealArray
+from workbench.heavy_types import DataArray, Dataset, Figure
+from workbench.study import Study, array, check, dim, figure, metric, part, table
 
 from .actuator import general_model, resonances, stack, transfer_coefficients
 from .nominal_table import compare_nominal
 from .plants import ANTIALIASING, crossover, nominal_response, phase_margin, responses
-from .shared_parameters import TABLES, WINDOWS, Frequencies
+from .shared_parameters import TABLES, WINDOWS, Frequencies, spread
 from .tables import ActuatorParameters, Axis, Drive, Values, drives
 
 AXES: tuple[Axis, ...] = get_args(Axis)
@@ -25,20 +28,20 @@ UNITS = {
     "K_opt": "V/m", "K_optn": "units/m",
 }  # fmt: skip
 RESONANCES = ("first", "parasitic zero", "parasitic pole")
-EXPECTED = {"focus": (30.0, 500.0), "radial": (50.0, 900.0)}
-"""Where section 4.6 puts the first and the parasitic resonance [Hz]; it says about 800 for the
-radial one, which its own tables put between 856 and 976."""
-AROUND = 0.15
-"""How far, relatively, a drive's resonance may be from there."""
+STATED_RESONANCES = {"focus": (30.0, 500.0), "radial": (50.0, 900.0)}
+"""First and parasitic resonance [Hz] as section 4.6 states them. It says about 800 Hz for the
+radial parasitic one, but its own tables give 856 to 976 Hz."""
+RESONANCE_TOLERANCE = 0.15
+"""Largest relative distance of a drive's resonance from the stated one."""
 
 
 @problem("cd/drives", data=TABLES)
 def overview(frequencies: Frequencies = 300, values: Values = "printed") -> Drives:
     """Bode and Nyquist plots and parameters of the twelve measured drives (Tables A.1-A.3, 5.2).
 
-    All 24 responses (focus and radial) from control voltage to normalised error, with the optical
-    gain of each drive and with the gain spread removed as the automatic gain control does; the
-    resonances of each; the parameter table; Table 5.2 recomputed.
+    The responses from control voltage to normalised error of all drives in both axes (24), with the
+    optical gain of each drive, and with the gain spread removed by the automatic gain control; the
+    resonances of each drive; the parameter table; Table 5.2 recomputed.
 
     frequencies: how many, logarithmically spaced from 5 Hz to 20 kHz; around each resonance there
     are 80 more. values: tables "printed" or "corrected".
@@ -53,236 +56,186 @@ def overview(frequencies: Frequencies = 300, values: Values = "printed") -> Driv
 class Drives(Study):
     """Responses and resonances of all drives over a frequency grid [Hz]."""
 
-    frequency: np.ndarray
+    grid: RealArray
     values: Values
 
     headline: ClassVar[str] = "first_resonance_focus_hz"
 
-    def compute(self, context: Context) -> Dataset:
-        import xarray as xr
+    axis = dim(AXES)
+    drive = dim(lambda twelve: [one.name for one in twelve["focus"]])
+    frequency = dim(lambda self: self.grid, unit="Hz")
+    kind = dim(RESONANCES)
+    parameter = dim(PARAMETERS)
+    unit = array(parameter, value=lambda: UNITS, coordinate=True)
 
-        grid = ("axis", "drive", "frequency")
-        unit = {"units": "units/V"}
-        twelve = {axis: drives(axis, self.values) for axis in AXES}
+    @part
+    def twelve(self) -> dict[Axis, tuple[Drive, ...]]:
+        """The drives by axis."""
+        return {axis: drives(axis, self.values) for axis in AXES}
 
-        own = np.stack([responses(axis, self.frequency, "own", self.values) for axis in AXES])
-        found = [[resonances(drive) for drive in twelve[axis]] for axis in AXES]
-        general = [stack([general_model(d) for d in twelve[axis]]) for axis in AXES]
-        return xr.Dataset(
-            {
-                "response": (grid, own, unit | {"long_name": "u to normalised error"}),
-                "agc_gain": (
-                    ("axis", "drive"),
-                    np.stack([_agc_gain(axis, self.values) for axis in AXES]),
-                    {"units": "1", "long_name": "gain of the automatic gain control"},
-                ),
-                "actuator_general": (
-                    grid,
-                    np.stack([model.response(self.frequency) for model in general]),
-                    {"units": "m/V", "long_name": "general actuator model, eq. 3.10"},
-                ),
-                "nominal": (
-                    ("axis", "frequency"),
-                    np.stack([nominal_response(axis, self.frequency) for axis in AXES]),
-                    unit | {"long_name": "nominal parameters of Table 5.2"},
-                ),
-                "crossover": (("axis",), [crossover(axis) for axis in AXES], {"units": "Hz"}),
-                "resonance": (
-                    ("axis", "drive", "kind"),
-                    [[(r.first, r.parasitic_zero, r.parasitic_pole) for r in row] for row in found],
-                    {"units": "Hz", "long_name": "natural frequency"},
-                ),
-                "parameters": (
-                    ("axis", "drive", "parameter"),
-                    [[[getattr(d, p) for p in PARAMETERS] for d in twelve[a]] for a in AXES],
-                ),
-            },
-            coords={
-                "axis": list(AXES),
-                "drive": [drive.name for drive in twelve["focus"]],
-                "frequency": ("frequency", self.frequency, {"units": "Hz"}),
-                "kind": list(RESONANCES),
-                "parameter": PARAMETERS,
-                "unit": ("parameter", [UNITS[p] for p in PARAMETERS]),
-            },
-        )
+    @array((axis, drive, frequency), "units/V", "u to normalised error")
+    def response(self) -> list[Any]:
+        return [responses(axis, self.grid, "own", self.values) for axis in AXES]
 
-    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
-        polynomial = _from_table_3_2(answer)
-        shape = answer["response"] / answer["response"].isel(frequency=0)
-        off = float(np.max(np.abs(shape / (polynomial / polynomial.isel(frequency=0)) - 1)))
-        return [
-            Check(
-                "Table 3.2",
-                "relative distance of the derived responses from the printed polynomials",
-                off,
-                1e-9,
-            ),
-            *(self._near(answer, axis, kind) for axis in AXES for kind in (0, 2)),
-            Check(
-                "automatic gain control",
-                "spread of the gains that it leaves at crossover, relative",
-                _spread_at_crossover(answer),
-                0.05,
-            ),
+    @array((axis, drive), "1", "gain of the automatic gain control")
+    def agc_gain(self) -> list[RealArray]:
+        return [_agc_gain(axis, self.values) for axis in AXES]
+
+    @array((axis, drive, frequency), "m/V", "general actuator model, eq. 3.10")
+    def actuator_general(self, twelve: dict[Axis, Any]) -> list[Any]:
+        models = (stack([general_model(one) for one in twelve[axis]]) for axis in AXES)
+        return [model.response(self.grid) for model in models]
+
+    @array((axis, frequency), "units/V", "nominal parameters of Table 5.2")
+    def nominal(self) -> list[Any]:
+        return [nominal_response(axis, self.grid) for axis in AXES]
+
+    crossover = array(axis, "Hz", value=lambda: [crossover(axis) for axis in AXES])
+
+    @array((axis, drive, kind), "Hz", "natural frequency")
+    def resonance(self, twelve: dict[Axis, Any]) -> list[Any]:
+        found = [[resonances(one) for one in twelve[axis]] for axis in AXES]
+        return [[(r.first, r.parasitic_zero, r.parasitic_pole) for r in row] for row in found]
+
+    @array((axis, drive, parameter))
+    def parameters(self, twelve: dict[Axis, Any]) -> list[Any]:
+        return [[[getattr(one, name) for name in PARAMETERS] for one in twelve[a]] for a in AXES]
+
+    @check("Table 3.2", at_most=1e-9)
+    def polynomials(self, response: DataArray, parameters: DataArray) -> DataArray:
+        """relative distance of the derived responses from the printed polynomials"""
+        printed = _from_table_3_2(parameters, response["frequency"])
+        shape, wanted = (one / one.isel(frequency=0) for one in (response, printed))
+        return abs(shape / wanted - 1).max()
+
+    @check()
+    def near_stated(self, resonance: DataArray) -> list[Check]:
+        """Resonances against those that section 4.6 states."""
+        found = []
+        for axis, (first, parasitic) in STATED_RESONANCES.items():
+            for name, kind, stated in (("first", 0, first), ("parasitic", 2, parasitic)):
+                off = abs(resonance.sel(axis=axis).isel(kind=kind) / stated - 1)
+                statement = f"relative distance from {stated:g} Hz"
+                size, where = off.max(), f"of {off.idxmax('drive').item()}"
+                title = f"{axis} {name} resonance"
+                found.append(Check(title, statement, float(size), RESONANCE_TOLERANCE, where))
+        return found
+
+    @check("automatic gain control", at_most=0.05)
+    def equalised(self, answer: Dataset) -> DataArray:
+        """spread of the gains that it leaves at crossover, relative"""
+        gain = abs(answer["response"] * answer["agc_gain"])
+        return spread(gain.sel(frequency=answer["crossover"], method="nearest")).max()
+
+    _middle = metric("{kind}_{axis}_hz", lambda resonance: _named(resonance).median("drive"))
+    _range = metric(
+        "{kind}_{axis}_spread_hz",
+        lambda resonance: _named(resonance).max("drive") - _named(resonance).min("drive"),
+    )
+    _gain = metric(
+        "gain_spread_{axis}", lambda parameters: spread(parameters.sel(parameter="K_optn"))
+    )
+    _crossover = metric("crossover_{axis}_hz", lambda crossover: crossover)
+    _margin = metric(lambda: {f"phase_margin_{axis}_deg": phase_margin(axis) for axis in AXES})
+
+    @table
+    def parameter_tables(self, parameters: DataArray) -> dict[str, Any]:
+        heads = ["drive", "axis", *(f"{name} [{UNITS[name]}]" for name in PARAMETERS)]
+        rows = [
+            [str(one["drive"].item()), axis, *(f"{x:.7g}" for x in one.values)]
+            for axis in AXES
+            for one in parameters.sel(axis=axis)
         ]
+        return {"parameters": (heads, rows), "table-5-2": _nominal_table(self.values)}
 
-    def _near(self, answer: Dataset, axis: Axis, kind: int) -> Check:
-        expected = EXPECTED[axis][0 if kind == 0 else 1]
-        found = answer["resonance"].sel(axis=axis).isel(kind=kind)
-        off = abs(found / expected - 1)
-        worst = str(answer["drive"].values[int(np.argmax(off.values))])
-        return Check(
-            f"{axis} {'first' if kind == 0 else 'parasitic'} resonance",
-            f"relative distance from {expected:g} Hz",
-            float(off.max()),
-            AROUND,
-            f"of {worst}",
-        )
-
-    def metrics(self, answer: Dataset) -> dict[str, float]:
-        numbers = {}
-        for axis in AXES:
-            one = answer.sel(axis=axis)
-            for kind in RESONANCES:
-                name = kind.replace(" ", "_") + ("_resonance" if kind == "first" else "")
-                found = one["resonance"].sel(kind=kind)
-                numbers[f"{name}_{axis}_hz"] = float(found.median())
-                numbers[f"{name}_{axis}_spread_hz"] = float(found.max() - found.min())
-            gains = one["parameters"].sel(parameter="K_optn")
-            numbers[f"gain_spread_{axis}"] = float(
-                (gains.max() - gains.min()) / (gains.max() + gains.min())
-            )
-            numbers[f"crossover_{axis}_hz"] = float(one["crossover"])
-            numbers[f"phase_margin_{axis}_deg"] = phase_margin(axis)
-        return numbers
-
-    def tables(self, answer: Dataset) -> dict[str, str]:
-        return {"parameters": _parameter_table(answer), "table-5-2": _nominal_table(self.values)}
-
-    def figures(self, answer: Dataset) -> dict[str, Figure]:
+    @figure
+    def plots(self, answer: Dataset) -> dict[str, Figure]:
+        own, nominal = answer["response"], answer["nominal"]
         return {
-            "bode": _bode(answer, answer["response"], "own optical gain"),
-            "bode-agc": _bode(
-                answer, answer["response"] * answer["agc_gain"], "gain equalised at crossover"
-            ),
-            "nyquist": _nyquist(answer),
+            "bode": _bode(own, nominal, "own optical gain"),
+            "bode-agc": _bode(own * answer["agc_gain"], nominal, "gain equalised at crossover"),
+            "nyquist": _nyquist(own, nominal),
         }
 
 
-def _agc_gain(axis: Axis, values: Values) -> np.ndarray:
-    """What the automatic gain control multiplies each drive's own gain by, shape (12,)."""
+def _named(resonance: DataArray) -> DataArray:
+    """Resonances by the names of their metrics."""
+    return resonance.assign_coords(kind=["first_resonance", *RESONANCES[1:]])
+
+
+def _agc_gain(axis: Axis, values: Values) -> RealArray:
+    """Factors (12,) by which the automatic gain control multiplies the gains of the drives."""
     at = [crossover(axis)]
     wanted, own = (responses(axis, at, gain, values) for gain in ("agc", "own"))
-    return (wanted / own)[:, 0].real
+    return np.asarray((wanted / own)[:, 0].real)
 
 
-def _from_table_3_2(data: Dataset) -> DataArray:
-    """Responses by the polynomials of Table 3.2, from the stored parameters, gain apart."""
-    s = 2j * np.pi * data["frequency"].values
-    result = data["response"].copy()
-    for axis in AXES:
-        for drive in data["drive"].values:
-            row = data["parameters"].sel(axis=axis, drive=drive)
-            names = [field.name for field in fields(ActuatorParameters)]
-            numbers = {name: float(row.sel(parameter=name)) for name in names}
-            num, den = transfer_coefficients(ActuatorParameters(**numbers))
-            values = np.polyval(num, s) / np.polyval(den, s) * ANTIALIASING / (s + ANTIALIASING)
-            result.loc[{"axis": axis, "drive": drive}] = values
+def _from_table_3_2(parameters: DataArray, frequency: DataArray) -> DataArray:
+    """Responses (axis, drive, frequency) by the polynomials of Table 3.2, without optical gain."""
+    s, result = 2j * np.pi * frequency.values, frequency * parameters.isel(parameter=0) * 0j
+    names = [field.name for field in fields(ActuatorParameters)]
+    for place in product(parameters["axis"].values, parameters["drive"].values):
+        row = parameters.loc[place].sel(parameter=names).values
+        num, den = transfer_coefficients(ActuatorParameters(**dict(zip(names, row, strict=True))))
+        values = np.polyval(num, s) / np.polyval(den, s) * ANTIALIASING / (s + ANTIALIASING)
+        result.loc[:, *place] = values
     return result
 
 
-def _spread_at_crossover(data: Dataset) -> float:
-    spreads = []
-    for axis in AXES:
-        gained = abs(data["response"] * data["agc_gain"]).sel(axis=axis)
-        at = gained.sel(frequency=float(data["crossover"].sel(axis=axis)), method="nearest")
-        spreads.append(float((at.max() - at.min()) / (at.max() + at.min())))
-    return max(spreads)
-
-
-def _bode(data: Dataset, response: DataArray, gain: str) -> Figure:
-    figure, panels = figures.axes(2, 2, size=(9.0, 6.2), sharex=True)
-    for column, axis in enumerate(AXES):
-        magnitude, phase = panels[column], panels[2 + column]
-        for i, drive in enumerate(data["drive"].values):
-            _bode_line(magnitude, phase, data, response.sel(axis=axis, drive=drive), i)
-        nominal = data["nominal"].sel(axis=axis)
-        _bode_line(magnitude, phase, data, nominal, None)
-        magnitude.set_title(f"{axis}, {gain}")
-        magnitude.set_yscale("log")
-        phase.set_xscale("log")
-        phase.set_xlabel("frequency [Hz]")
-        phase.set_yticks([-270, -180, -90, 0])
-    panels[0].set_ylabel("magnitude [units/V]")
-    panels[2].set_ylabel("phase [deg]")
-    figures.legend_below(figure, panels[0], columns=7)
-    return figure
-
-
-def _bode_line(
-    magnitude: Axes, phase: Axes, data: Dataset, response: DataArray, drive: int | None
-) -> None:
-    line = _line(data, drive)
-    magnitude.plot(data["frequency"], abs(response), **line)
-    phase.plot(data["frequency"], figures.phase(response.values), **line)
-
-
-def _line(data: Dataset, drive: int | None) -> dict[str, Any]:
-    """Colour and label of a drive's line, or of the nominal plant's."""
+def _looks(drives: DataArray, nominal: DataArray) -> Iterator[tuple[DataArray, dict[str, Any]]]:
+    """Each drive's response and the nominal one, with the look of its line."""
     from matplotlib import colormaps
 
-    if drive is None:
-        return {"color": figures.BLACK, "linestyle": "--", "label": "nominal"}
-    name = str(data["drive"].values[drive])
-    return {"color": colormaps["viridis"](drive / 11), "linewidth": 0.9, "label": name}
+    for i, one in enumerate(drives):
+        colour, name = colormaps["viridis"](i / 11), str(one["drive"].item())
+        yield one, {"color": colour, "linewidth": 0.9, "label": name}
+    yield nominal, {"color": figures.BLACK, "linestyle": "--", "label": "nominal"}
 
 
-def _nyquist(data: Dataset) -> Figure:
-    figure, panels = figures.axes(2, 2, size=(9.0, 8.4))
-    for column, axis in enumerate(AXES):
-        low, high = WINDOWS[axis]["parasitic resonance"]
-        for row, band in enumerate(((0.0, low / 2), (0.9 * low, 1.1 * high))):
-            panel = panels[2 * row + column]
-            part = data.sel(axis=axis, frequency=slice(*band))
-            for i in range(part.sizes["drive"]):
-                response = part["response"].isel(drive=i)
-                panel.plot(response.real, response.imag, **_line(data, i))
-            panel.plot(part["nominal"].real, part["nominal"].imag, **_line(data, None))
-            panel.set_aspect("equal", adjustable="datalim")
-            frequency = part["frequency"].values
-            panel.set_title(f"{axis}, {frequency[0]:.0f} to {frequency[-1]:.0f} Hz")
-            panel.set_xlabel("real part [units/V]")
-            panel.locator_params(axis="x", nbins=6)
-        panels[column].set_ylabel("imaginary part [units/V]")
-        panels[2 + column].set_ylabel("imaginary part [units/V]")
-    figures.legend_below(figure, panels[0], columns=7)
-    return figure
+def _bode(response: DataArray, nominal: DataArray, gain: str) -> Figure:
+    drawn, panels = figures.axes(2, 2, size=(9.0, 6.2), sharex=True)
+    for axis, magnitude, phase in zip(AXES, panels[:2], panels[2:], strict=True):
+        for one, look in _looks(response.sel(axis=axis), nominal.sel(axis=axis)):
+            magnitude.plot(one["frequency"], abs(one), **look)
+            phase.plot(one["frequency"], figures.phase(one.values), **look)
+        figures.label(magnitude, title=f"{axis}, {gain}", log="y")
+        figures.label(phase, "frequency [Hz]", log="x")
+        phase.set_yticks([-270, -180, -90, 0])
+    figures.label(panels[0], y="magnitude [units/V]")
+    figures.label(panels[2], y="phase [deg]")
+    figures.legend_below(drawn, panels[0], columns=7)
+    return drawn
 
 
-def _parameter_table(data: Dataset) -> str:
-    heads = [f"{p} [{UNITS[p]}]" for p in PARAMETERS]
-    lines = [
-        "| drive | axis | " + " | ".join(heads) + " |",
-        "| --- | --- |" + " ---: |" * len(heads),
-    ]
-    for axis in AXES:
-        for drive in data["drive"].values:
-            row = data["parameters"].sel(axis=axis, drive=drive).values
-            lines.append(f"| {drive} | {axis} | " + " | ".join(f"{x:.7g}" for x in row) + " |")
-    return "\n".join(lines) + "\n"
+def _nyquist(response: DataArray, nominal: DataArray) -> Figure:
+    drawn, panels = figures.axes(2, 2, size=(9.0, 8.4))
+    bands = [WINDOWS[axis]["parasitic resonance"] for axis in AXES]
+    below = [(0.0, low / 2) for low, _ in bands]
+    around = [(0.9 * low, 1.1 * high) for low, high in bands]
+    for panel, axis, band in zip(panels, 2 * AXES, below + around, strict=True):
+        part = {"axis": axis, "frequency": slice(*band)}
+        for one, look in _looks(response.sel(part), nominal.sel(part)):
+            panel.plot(one.real, one.imag, **look)
+            ends = one["frequency"].values[[0, -1]]
+        figures.label(
+            panel, "real part [units/V]", title="{}, {:.0f} to {:.0f} Hz".format(axis, *ends)
+        )
+        panel.set_aspect("equal", adjustable="datalim")
+        panel.locator_params(axis="x", nbins=6)
+        panel.set_ylabel("imaginary part [units/V]")
+    figures.legend_below(drawn, panels[0], columns=7)
+    return drawn
 
 
-def _nominal_table(values: Values) -> str:
-    lines = [
-        "| axis | parameter | printed | computed | tolerance printed | computed | follows | note |",
-        "| --- | --- | ---: | ---: | ---: | ---: | --- | --- |",
-    ]
-    for axis in AXES:
-        lines += [
-            f"| {axis} | {row.parameter} | {row.printed_nominal:g} | {row.computed_nominal:g} "
-            f"| {row.printed_tolerance:.2%} | {row.computed_tolerance:.2%} "
-            f"| {'yes' if row.follows else 'no'} | {row.note} |"
-            for row in compare_nominal(axis, values)
+def _nominal_table(values: Values) -> tuple[list[str], list[list[Any]]]:
+    heads = ["axis", "parameter", "printed", "computed"]
+    heads += ["tolerance printed", "computed", "follows", "note"]
+    rows = [
+        [
+            axis, row.parameter, f"{row.printed_nominal:g}", f"{row.computed_nominal:g}",
+            f"{row.printed_tolerance:.2%}", f"{row.computed_tolerance:.2%}", row.follows, row.note,
         ]
-    return "\n".join(lines) + "\n"
+        for axis in AXES
+        for row in compare_nominal(axis, values)
+    ]  # fmt: skip
+    return heads, rows

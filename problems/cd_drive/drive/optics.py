@@ -6,29 +6,33 @@ Equation numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field
 
-from workbench import Check, Study, figures, problem
-from workbench.executor import Context
+from workbench import figures, problem
 from workbench.heavy_types import Axes, DataArray, Dataset, Figure
+from workbench.study import Study, array, check, dim, figure, metric, part, table
 
 from .tables import DiscFormat, disc_formats
 
 Length = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
+UNITS = {"theta1": "deg", "theta2": "deg", "D": "m", "d": "m"}
 PRINTED_STEP = {"theta1": 1.0, "theta2": 1.0, "D": 1e-5, "d": 1e-8}
 """One unit of the last printed digit of Table 2.2: angles [deg], lengths [m]."""
-UNITS = {"theta1": "deg", "theta2": "deg", "D": "m", "d": "m"}
 
 
 @dataclass(frozen=True)
 class Beam:
-    """The readout beam: angles theta1 in air and theta2 in the cover layer [deg], diameters D at
-    the surface and d at the information layer [m], information density [1/m^2]."""
+    """A readout beam.
+
+    theta1, theta2: half angles of the cone in air and in the cover layer [deg]. D, d: diameters at
+    the surface and at the information layer [m]. density: of information [1/m^2].
+    """
 
     theta1: float
     theta2: float
@@ -38,7 +42,7 @@ class Beam:
 
 
 def readout_beam(disc: DiscFormat, whole_degrees: bool = False) -> Beam:
-    """Equations 2.1 to 2.5.
+    """The readout beam of a disc format by equations 2.1 to 2.5.
 
     whole_degrees: round the refracted angle to whole degrees before equation 2.4, as the printed
     Table 2.2 does.
@@ -85,112 +89,82 @@ class Optics(Study):
 
     headline: ClassVar[str] = "blocked_by_dust_CD"
 
-    def compute(self, context: Context) -> Dataset:
-        import xarray as xr
+    format = dim(lambda formats: list(formats))
+    quantity = dim(UNITS)
+    obstacle = dim("dust", "hair")
+    unit = array(quantity, value=lambda: UNITS, coordinate=True)
+    size = array(obstacle, "m", value=lambda self: [self.dust, self.hair], coordinate=True)
 
-        formats = disc_formats()
-        beams = [readout_beam(disc) for disc in formats.values()]
-        rounded = [readout_beam(disc, whole_degrees=True) for disc in formats.values()]
-        rows: list[list[list[float]]] = [
-            [[getattr(record, name) for name in UNITS] for record in records]
-            for records in (beams, rounded, list(formats.values()))
-        ]
-        shares = [
-            (blocked_by_particle(b.D, self.dust), blocked_by_hair(b.D, self.hair)) for b in beams
-        ]
-        table = ("format", "quantity")
-        return xr.Dataset(
-            {
-                "beam": (table, rows[0], {"long_name": "equations 2.1 to 2.4"}),
-                "beam_whole_degrees": (table, rows[1], {"long_name": "theta2 rounded for D"}),
-                "printed": (table, rows[2], {"long_name": "Table 2.2"}),
-                "density": ("format", [b.density for b in beams], {"units": "1/m^2"}),
-                "layer_thickness": (
-                    "format",
-                    [disc.layer_thickness for disc in formats.values()],
-                    {"units": "m"},
-                ),
-                "blocked": (
-                    ("format", "obstacle"),
-                    shares,
-                    {"units": "1", "long_name": "blocked share of a uniform beam, one pass"},
-                ),
-            },
-            coords={
-                "format": list(formats),
-                "quantity": list(UNITS),
-                "unit": ("quantity", list(UNITS.values())),
-                "obstacle": ["dust", "hair"],
-                "size": ("obstacle", [self.dust, self.hair], {"units": "m"}),
-            },
-        )
+    formats = part(lambda: disc_formats())
+    beams = part(lambda formats: [readout_beam(one) for one in formats.values()])
+    rounded = part(lambda formats: [readout_beam(one, True) for one in formats.values()])
 
-    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
-        wide = answer["beam"].sel(quantity="D") / answer["beam"].sel(quantity="d")
-        theta1, theta2 = (np.radians(answer["beam"].sel(quantity=f"theta{i}")) for i in (1, 2))
+    both = (format, quantity)
+    beam = array(both, meaning="equations 2.1 to 2.4", value=lambda beams: _rows(beams))
+    beam_whole_degrees = array(
+        both, meaning="theta2 rounded for D", value=lambda rounded: _rows(rounded)
+    )
+    printed = array(both, meaning="Table 2.2", value=lambda formats: _rows(formats.values()))
+    density = array(format, "1/m^2", value=lambda beams: [one.density for one in beams])
+    layer_thickness = array(
+        format, "m", value=lambda formats: [one.layer_thickness for one in formats.values()]
+    )
+
+    @array((format, obstacle), "1", "blocked share of a uniform beam, one pass")
+    def blocked(self, beams: list[Beam]) -> list[tuple[float, float]]:
+        dust, hair = self.dust, self.hair
+        return [(blocked_by_particle(b.D, dust), blocked_by_hair(b.D, hair)) for b in beams]
+
+    as_printed = check(
+        "Table 2.2, {quantity}",
+        "distance from the printed value, in halves of its last digit",
+        lambda beam_whole_degrees, printed: _halves(beam_whole_degrees, printed).max("format"),
+        at_most=1.0 + 1e-9,
+        each="quantity",
+    )
+
+    @check(at_most=1e-12)
+    def refraction(self, beam: DataArray) -> float:
+        """relative error of Snell's law"""
+        theta1, theta2 = (np.radians(beam.sel(quantity=f"theta{i}").values) for i in (1, 2))
         index = [disc.refractive_index for disc in disc_formats().values()]
-        snell = np.max(np.abs(np.sin(theta1) / np.sin(theta2) / index - 1))
-        return [
-            *(
-                Check(
-                    f"Table 2.2, {name}",
-                    "distance from the printed value, in halves of its last digit",
-                    float(self._halves(answer, "beam_whole_degrees").sel(quantity=name).max()),
-                    1.0 + 1e-9,
-                )
-                for name in UNITS
-            ),
-            Check("refraction", "relative error of Snell's law", float(snell), 1e-12),
-            Check(
-                "out of focus", "d/D, focus over beam at the surface", 1 / float(wide.min()), 0.01
-            ),
+        return float(np.max(np.abs(np.sin(theta1) / np.sin(theta2) / index - 1)))
+
+    @check(at_most=0.01)
+    def out_of_focus(self, beam: DataArray) -> DataArray:
+        """d/D, focus over beam at the surface"""
+        return 1 / (beam.sel(quantity="D") / beam.sel(quantity="d")).min()
+
+    diameters = metric("{quantity}_{format}_m", lambda beam: beam.sel(quantity=["D", "d"]))
+    shares = metric("blocked_by_{obstacle}_{format}", lambda blocked: blocked)
+    densities = metric("density_{format}_over_CD", lambda density: density / density.loc["CD"])
+    missed = metric(
+        "printed_D_missed_by_exact_angles",
+        lambda beam, printed: (_halves(beam, printed).sel(quantity="D") > 1.0).sum(),
+    )
+
+    @table
+    def table_2_2(self, answer: Dataset) -> tuple[list[str], list[list[str]]]:
+        columns = [answer[name] for name in ("printed", "beam", "beam_whole_degrees")]
+        rows = [
+            [name, f"{quantity} [{unit}]", *(f"{one.loc[name, quantity]:.4g}" for one in columns)]
+            for name in answer["format"].values
+            for quantity, unit in UNITS.items()
         ]
+        return ["format", "quantity", "printed", "computed", "with theta2 in whole degrees"], rows
 
-    def _halves(self, answer: Dataset, variable: str) -> DataArray:
-        steps = np.array([PRINTED_STEP[str(name)] for name in answer["quantity"].values])
-        distance: DataArray = abs(answer[variable] - answer["printed"]) / (steps / 2)
-        return distance
-
-    def metrics(self, answer: Dataset) -> dict[str, float]:
-        numbers = {}
-        for name in answer["format"].values:
-            one = answer.sel(format=name)
-            numbers[f"D_{name}_m"] = float(one["beam"].sel(quantity="D"))
-            numbers[f"d_{name}_m"] = float(one["beam"].sel(quantity="d"))
-            for obstacle in answer["obstacle"].values:
-                share = float(one["blocked"].sel(obstacle=obstacle))
-                numbers[f"blocked_by_{obstacle}_{name}"] = share
-            numbers[f"density_{name}_over_CD"] = float(
-                one["density"] / answer["density"].sel(format="CD")
-            )
-        unrounded = self._halves(answer, "beam").sel(quantity="D")
-        numbers["printed_D_missed_by_exact_angles"] = float((unrounded > 1.0).sum())
-        return numbers
-
-    def tables(self, answer: Dataset) -> dict[str, str]:
-        lines = [
-            "| format | quantity | printed | computed | with theta2 in whole degrees |",
-            "| --- | --- | ---: | ---: | ---: |",
-        ]
-        for name in answer["format"].values:
-            for quantity in answer["quantity"].values:
-                one = answer.sel(format=name, quantity=quantity)
-                values = (one["printed"], one["beam"], one["beam_whole_degrees"])
-                cells = " | ".join(f"{float(value):.4g}" for value in values)
-                lines.append(f"| {name} | {quantity} [{UNITS[str(quantity)]}] | {cells} |")
-        return {"table-2-2": "\n".join(lines) + "\n"}
-
-    def figures(self, answer: Dataset) -> dict[str, Figure]:
+    @figure
+    def out_of_focus_figure(self, answer: Dataset) -> dict[str, Figure]:
         names = answer["format"].values
-        figure, panels = figures.axes(2, 3, size=(9.0, 7.6), sharex=True, height_ratios=(1.55, 1.0))
+        drawn, panels = figures.axes(2, 3, size=(9.0, 7.6), sharex=True, height_ratios=(1.55, 1.0))
         for side, above, name in zip(panels[:3], panels[3:], names, strict=True):
             self._side(side, answer.sel(format=name))
             self._above(above, answer.sel(format=name))
             side.set_title("Blu-ray" if name == "BRD" else str(name))
         panels[0].set_ylabel("depth below the surface [mm]")
         panels[3].set_ylabel("seen from above [mm]")
-        figures.legend_below(figure, panels[0], columns=5)
-        return {"out-of-focus": figure}
+        figures.legend_below(drawn, panels[0], columns=5)
+        return {"out-of-focus": drawn}
 
     def _side(self, panel: Axes, one: Dataset) -> None:
         """The converging cone through the cover layer, the dust and the hair lying on it."""
@@ -207,12 +181,9 @@ class Optics(Study):
         panel.fill(outline, depth, color=figures.ORANGE, alpha=0.35, lw=0, label="laser beam")
         panel.axhline(thick * mm, color=figures.BLACK, lw=1.5, label="information layer")
         for place, size, colour, label in self._obstacles():
-            panel.add_patch(
-                Circle((place * mm, -size / 2 * mm), size / 2 * mm, color=colour, label=label)
-            )
-        panel.set_aspect("equal")
-        panel.set_ylim(1.25, -0.25)
-        panel.set_xlim(-0.55, 0.55)
+            centre = (place * mm, -size / 2 * mm)
+            panel.add_patch(Circle(centre, size / 2 * mm, color=colour, label=label))
+        panel.set(aspect="equal", xlim=(-0.55, 0.55), ylim=(1.25, -0.25))
         panel.grid(False)
 
     def _above(self, panel: Axes, one: Dataset) -> None:
@@ -226,17 +197,27 @@ class Optics(Study):
         left = (hair_at - width / 2) * mm
         panel.add_patch(Rectangle((left, -0.6), width * mm, 1.2, color=hair_colour))
         dust, hair = one["blocked"].values
-        panel.set_title(f"at the centre of the beam\ndust blocks {dust:.1%}, hair {hair:.0%}")
-        panel.set_aspect("equal")
-        panel.set_ylim(-0.45, 0.45)
-        panel.set_xlabel("across the beam [mm]")
+        title = f"at the centre of the beam\ndust blocks {dust:.1%}, hair {hair:.0%}"
+        panel.set(aspect="equal", ylim=(-0.45, 0.45), xlabel="across the beam [mm]", title=title)
         panel.grid(False)
 
     def _obstacles(self) -> tuple[tuple[float, float, str, str], ...]:
-        """Place [m], size [m], colour and label; side by side, so that both can be seen."""
+        """Place [m], size [m], colour and label of dust and hair, drawn side by side."""
         gap = 10e-6
         dust_at, hair_at = -(self.dust + gap) / 2, (self.hair + gap) / 2
         return (
             (dust_at, self.dust, figures.BLUE, f"dust, {self.dust * 1e6:g} um"),
             (hair_at, self.hair, figures.BLACK, f"hair, {self.hair * 1e6:g} um"),
         )
+
+
+def _rows(records: Iterable[Beam | DiscFormat]) -> list[list[float]]:
+    """The quantities of Table 2.2 of each record."""
+    return [[getattr(record, name) for name in UNITS] for record in records]
+
+
+def _halves(computed: DataArray, printed: DataArray) -> DataArray:
+    """Distance of computed from printed quantities, in halves of the last printed digit."""
+    steps = np.array(list(PRINTED_STEP.values()))
+    distance: DataArray = abs(computed - printed) / (steps / 2)
+    return distance

@@ -1,4 +1,4 @@
-"""How much a disc may deviate by the Red Book, and how much of that may remain (section 2.5).
+"""Deviations that the Red Book permits to a disc, and those that may remain (section 2.5).
 
 Equation numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
 """
@@ -7,16 +7,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, ClassVar, get_args
+from typing import Annotated, Any, ClassVar, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field
 
-from workbench import Check, Study, figures, problem
+from workbench import figures, problem
 from workbench.arrays import RealArray
-from workbench.executor import Context
-from workbench.heavy_types import Dataset, Figure
+from workbench.heavy_types import DataArray, Dataset, Figure
+from workbench.study import Study, array, check, dim, figure, metric, table
 
 from .actuator import checked_frequency
 from .tables import Axis, red_book
@@ -28,6 +28,7 @@ ACCEPTABLE_ERROR = {"focus": 2e-6, "radial": 0.2e-6}
 PRINTED_CORNERS = {"focus": (22.0, 500.0), "radial": (12.0, 580.0)}
 """Lower and upper corner [Hz] as the text states them."""
 DIRECTION = {"focus": "vertical", "radial": "horizontal"}
+"""The direction of a disc's deviation that each axis follows."""
 
 
 def corners(axis: Axis) -> tuple[float, float]:
@@ -76,121 +77,95 @@ def specifications(frequencies: Annotated[int, Field(ge=10, le=1_000_000)] = 400
 class Specifications(Study):
     """Disturbance envelopes of both axes over a frequency grid [Hz]."""
 
-    frequency: np.ndarray
+    grid: RealArray
 
     headline: ClassVar[str] = "upper_corner_focus_hz"
 
-    def compute(self, context: Context) -> Dataset:
-        import xarray as xr
+    axis = dim(AXES)
+    frequency = dim(lambda self: self.grid, unit="Hz")
+    side = dim("lower", "upper")
 
-        limits = [red_book(axis) for axis in AXES]
-        amplitudes = np.stack([envelope(axis, self.frequency) for axis in AXES])
-        return xr.Dataset(
-            {
-                "envelope": (
-                    ("axis", "frequency"),
-                    amplitudes,
-                    {"units": "m", "long_name": "largest deviation"},
-                ),
-                "corner": (("axis", "side"), [corners(axis) for axis in AXES], {"units": "Hz"}),
-                "acceptable_error": (
-                    "axis",
-                    [ACCEPTABLE_ERROR[axis] for axis in AXES],
-                    {"units": "m"},
-                ),
-                "acceleration": ("axis", [one.acceleration for one in limits], {"units": "m/s^2"}),
-            },
-            coords={
-                "axis": list(AXES),
-                "frequency": ("frequency", self.frequency, {"units": "Hz"}),
-                "side": ["lower", "upper"],
-            },
-        )
+    @array((axis, frequency), "m", "largest deviation")
+    def envelope(self) -> list[RealArray]:
+        return [envelope(axis, self.grid) for axis in AXES]
 
-    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
-        return [check for axis in AXES for check in self._checks(answer.sel(axis=axis), axis)]
+    corner = array((axis, side), "Hz", value=lambda: [corners(axis) for axis in AXES])
+    acceptable_error = array(axis, "m", value=lambda: ACCEPTABLE_ERROR)
+    acceleration = array(axis, "m/s^2", value=lambda: _limits("acceleration"))
 
-    def _checks(self, one: Dataset, axis: Axis) -> list[Check]:
-        limits = red_book(axis)
-        frequency, amplitude = one["frequency"].values, one["envelope"].values
-        under = frequency <= float(one["corner"].sel(side="upper"))
+    @check("{axis} corners", at_most=0.025, each="axis")
+    def as_printed(self, corner: DataArray) -> DataArray:
+        """relative distance from the printed frequencies, which are rounded"""
+        off = abs(corner / list(PRINTED_CORNERS.values()) - 1)
+        return _by_direction(off.max("side", skipna=False))
+
+    @check("{axis} acceleration", at_most=1.0 + 1e-9, each="axis")
+    def permitted_acceleration(self, answer: Dataset) -> DataArray:
+        """share of the permitted acceleration below the upper corner"""
+        frequency, limit = answer["frequency"], np.array(_limits("acceleration"))[:, None]
         # A harmonic of the stated amplitude, differentiated twice (eq. 2.6).
-        acceleration = amplitude * (2 * np.pi * frequency) ** 2 / limits.acceleration
-        off = np.abs(one["corner"].values / PRINTED_CORNERS[axis] - 1)
-        return [
-            Check(
-                f"{DIRECTION[axis]} corners",
-                "relative distance from the printed frequencies, which are rounded",
-                float(np.max(off)),
-                0.025,
-            ),
-            Check(
-                f"{DIRECTION[axis]} acceleration",
-                "share of the permitted acceleration below the upper corner",
-                float(np.max(acceleration[under])),
-                1.0 + 1e-9,
-            ),
-            Check(
-                f"{DIRECTION[axis]} deviation",
-                "share of the permitted deviation",
-                float(np.max(amplitude) / limits.deviation),
-                1.0 + 1e-9,
-            ),
-        ]
+        share = answer["envelope"] * (2 * np.pi * frequency) ** 2 / limit
+        below = share.where(frequency <= answer["corner"].sel(side="upper"), 0.0)
+        return _by_direction(below.max("frequency", skipna=False))
 
-    def metrics(self, answer: Dataset) -> dict[str, float]:
-        numbers = {}
-        for axis in AXES:
-            one = answer.sel(axis=axis)
-            acceptable = float(one["acceptable_error"])
-            for side in ("lower", "upper"):
-                numbers[f"{side}_corner_{axis}_hz"] = float(one["corner"].sel(side=side))
-            numbers[f"attenuation_{axis}_db"] = float(
-                20 * np.log10(one["envelope"].max() / acceptable)
-            )
-            numbers[f"error_acceptable_from_{axis}_hz"] = math.sqrt(
-                float(one["acceleration"]) / acceptable
-            ) / (2 * math.pi)
-        return numbers
+    @check("{axis} deviation", at_most=1.0 + 1e-9, each="axis")
+    def permitted_deviation(self, envelope: DataArray) -> DataArray:
+        """share of the permitted deviation"""
+        return _by_direction(envelope.max("frequency", skipna=False) / _limits("deviation"))
 
-    def tables(self, answer: Dataset) -> dict[str, str]:
-        lines = [
-            "| direction | deviation [m] | acceleration [m/s^2] | above 500 Hz [m] "
-            "| corners [Hz] | printed [Hz] | acceptable error [m] |",
-            "| --- |" + " ---: |" * 6,
-        ]
-        for axis in AXES:
-            limits, (lower, upper) = red_book(axis), answer["corner"].sel(axis=axis).values
+    corners = metric("{side}_corner_{axis}_hz", lambda corner: corner)
+
+    @metric("attenuation_{axis}_db")
+    def attenuation(self, envelope: DataArray, acceptable_error: DataArray) -> Any:
+        return 20 * np.log10(envelope.max("frequency") / acceptable_error)
+
+    @metric("error_acceptable_from_{axis}_hz")
+    def acceptable_from(self, acceleration: DataArray, acceptable_error: DataArray) -> DataArray:
+        return (acceleration / acceptable_error) ** 0.5 / (2 * np.pi)
+
+    @table
+    def tables_2_3_2_4(self, corner: DataArray) -> tuple[list[str], list[list[str]]]:
+        heads = ["direction", "deviation [m]", "acceleration [m/s^2]", "above 500 Hz [m]"]
+        heads += ["corners [Hz]", "printed [Hz]", "acceptable error [m]"]
+        rows = []
+        for axis, limits in ((axis, red_book(axis)) for axis in AXES):
+            lower, upper = corner.sel(axis=axis).values
+            numbers = (limits.deviation, limits.acceleration, limits.deviation_above)
             printed = "{:g}, {:g}".format(*PRINTED_CORNERS[axis])
-            lines.append(
-                f"| {DIRECTION[axis]} | {limits.deviation:g} | {limits.acceleration:g} "
-                f"| {limits.deviation_above:g} | {lower:.1f}, {upper:.1f} | {printed} "
-                f"| {ACCEPTABLE_ERROR[axis]:g} |"
-            )
-        return {"tables-2-3-2-4": "\n".join(lines) + "\n"}
+            row = [DIRECTION[axis], *map("{:g}".format, numbers), f"{lower:.1f}, {upper:.1f}"]
+            rows.append([*row, printed, f"{ACCEPTABLE_ERROR[axis]:g}"])
+        return heads, rows
 
-    def figures(self, answer: Dataset) -> dict[str, Figure]:
-        figure, (deviation, attenuation) = figures.axes(2, 1, size=(7.0, 6.4), sharex=True)
+    @figure
+    def figure_2_12(self, answer: Dataset) -> Figure:
+        drawn, (deviation, attenuation) = figures.axes(2, 1, size=(7.0, 6.4), sharex=True)
         frequency = answer["frequency"]
         for axis, colour in zip(AXES, (figures.BLUE, figures.ORANGE), strict=True):
             one, name = answer.sel(axis=axis), f"{DIRECTION[axis]} ({axis})"
-            acceptable = float(one["acceptable_error"])
-            (lower, upper), limits = one["corner"].values, red_book(axis)
-            deviation.loglog(frequency, one["envelope"] * 1e6, color=colour, label=name)
-            deviation.axhline(
-                acceptable * 1e6, color=colour, ls="--", lw=1, label=f"acceptable error, {axis}"
-            )
+            acceptable, limits = float(one["acceptable_error"]), red_book(axis)
+            deviation.plot(frequency, one["envelope"] * 1e6, color=colour, label=name)
+            name = f"acceptable error, {axis}"
+            deviation.axhline(acceptable * 1e6, color=colour, ls="--", lw=1, label=name)
             levels = np.array([limits.deviation, limits.deviation_above]) * 1e6
-            deviation.plot([lower, upper], levels, "o", color=colour, ms=4)
-            for place, level, below in zip((lower, upper), levels, (6, -14), strict=True):
+            deviation.plot(one["corner"], levels, "o", color=colour, ms=4)
+            for place, level, below in zip(one["corner"].values, levels, (6, -14), strict=True):
                 deviation.annotate(
                     f"{place:.3g} Hz", (place, level), (2, below), textcoords="offset points"
                 )
-            attenuation.loglog(frequency, one["envelope"] / acceptable, color=colour)
-        deviation.set_ylim(bottom=0.01)
+            attenuation.plot(frequency, one["envelope"] / acceptable, color=colour)
         attenuation.axhline(1.0, color=figures.BLACK, lw=0.8)
-        deviation.set_ylabel("largest deviation [um]")
-        attenuation.set_ylabel("deviation / acceptable error [1]")
-        attenuation.set_xlabel("frequency [Hz]")
-        figures.legend_below(figure, deviation, columns=2)
-        return {"figure-2-12": figure}
+        figures.label(deviation, y="largest deviation [um]", log="xy")
+        deviation.set_ylim(bottom=0.01)
+        figures.label(attenuation, "frequency [Hz]", "deviation / acceptable error [1]", log="xy")
+        figures.legend_below(drawn, deviation, columns=2)
+        return drawn
+
+
+def _limits(name: str) -> list[float]:
+    """A limit of the Red Book for each axis."""
+    return [getattr(red_book(axis), name) for axis in AXES]
+
+
+def _by_direction(values: DataArray) -> DataArray:
+    """Values (axis) labelled by the direction of the disc's deviation."""
+    return values.assign_coords(axis=list(DIRECTION.values()))

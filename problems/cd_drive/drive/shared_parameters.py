@@ -1,4 +1,4 @@
-"""What the problems of the drives ask alike: data files, kinds of parameters, frequencies."""
+"""What several problems of the drives share: data files, kinds of parameters, frequencies."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pydantic import Field
 
 from workbench.arrays import RealArray
 from workbench.errors import InputError
+from workbench.heavy_types import DataArray
 
 Frequencies = Annotated[int, Field(ge=2, le=1_000_000)]
 Frequency = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -24,7 +25,13 @@ WINDOWS = {
 
 
 def grid(frequencies: int, lowest: float, highest: float) -> RealArray:
-    """So many frequencies [Hz], logarithmically spaced from lowest to highest."""
+    """A number of frequencies [Hz], logarithmically spaced from lowest to highest [Hz]."""
     if not lowest < highest:
         raise InputError(f"lowest={lowest} Hz must lie below highest={highest} Hz")
     return np.geomspace(lowest, highest, frequencies)
+
+
+def spread(values: DataArray) -> DataArray:
+    """Half the range of values over the drives, relative to the middle of the range."""
+    low, high = values.min("drive"), values.max("drive")
+    return (high - low) / (high + low)

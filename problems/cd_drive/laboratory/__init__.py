@@ -1,0 +1,1 @@
+"""The drive on a virtual bench, and what experiments on it identify."""

@@ -1,7 +1,7 @@
 """Open-loop identification: the actuator's parameters from the current in its coil (section 4.3.1).
 
-A resistor r in series with the coil measures the current, and the back-EMF makes the current tell
-of the motion: v_r / u has a peak at the first resonance (eq. 4.17). No optics take part.
+A resistor r in series with the coil measures its current. The back-EMF makes the current depend on
+the motion, so that |v_r / u| has a dip at the first resonance (eq. 4.17). The optics take no part.
 """
 
 from __future__ import annotations
@@ -12,18 +12,21 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from workbench import Check, Study, figures, problem, solve
+from workbench import figures, problem, solve
+from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import SolverError
 from workbench.executor import Context
-from workbench.heavy_types import Dataset, Figure
+from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.identification import (
     MeasuredResponse,
     Parameter,
     ParameterFit,
+    PeriodicResponse,
     SteppedSine,
     from_periods,
     sine_fit,
 )
+from workbench.study import Study, array, arrays, check, dim, figure, metric, part, table
 
 from ..drive.actuator import SERIES_RESISTANCE
 from ..drive.shared_parameters import TABLES
@@ -33,13 +36,22 @@ from .bench_setup import RATE
 from .experiment import Laboratory
 
 PERIODS, DISCARDED = 20, 10
-"""Played and left out at each frequency (section 4.6.1)."""
-HIGHEST = {"focus": 50.0, "radial": 100.0}
-"""Where the sweep from 10 Hz ends [Hz] (section 4.6.1)."""
+"""Periods played at each frequency, and those at its start left out of the mean (section 4.6.1)."""
+LOWEST, HIGHEST = 10, {"focus": 50.0, "radial": 100.0}
+"""First and last frequency [Hz] of the sweep (section 4.6.1)."""
+RESONANCE = {"focus": 30.0, "radial": 50.0}
+"""First resonance [Hz] from which the fits start."""
 PARAMETERS = {"R": "ohm", "Bl": "N/A", "k": "N/m", "b": "N s/m"}
-WANTED = {"R": 0.01, "Bl": 0.01, "k": 0.01, "b": 0.05}
-"""Largest relative errors let pass; the thesis states accuracies of 1 %, and 5 % of b."""
+"""Parameters of the lumped model and their units."""
+ERROR_TOLERANCE = {"R": 0.01, "Bl": 0.01, "k": 0.01, "b": 0.05}
+"""Largest relative error of each parameter: the accuracies that the thesis states."""
+ASSUMPTIONS = ("circular", "normal", "independent")
+"""Assumptions of the intervals about the noise, each tested with a p-value."""
+DEGREES = 2 * (PERIODS - DISCARDED - 1) - 2
+"""Degrees of freedom of the variances: an amplitude of the transient was estimated beside the mean
+of the periods."""
 CONFIDENCE = 0.99
+"""Probability with which an interval covers the true value."""
 
 
 @problem("cd/{axis}/open-loop", axis=("focus", "radial"), data=TABLES)
@@ -79,240 +91,219 @@ class OpenLoop(Study):
         return lumped(self.laboratory.parameters).m
 
     @property
-    def frequency(self) -> np.ndarray:
-        count = round((HIGHEST[self.laboratory.axis] - 10) / self.step)
-        return 10 + self.step * np.arange(count + 1)
+    def grid(self) -> np.ndarray:
+        """Frequencies [Hz] of the sweep."""
+        count = round((HIGHEST[self.laboratory.axis] - LOWEST) / self.step)
+        return LOWEST + self.step * np.arange(count + 1)
 
-    def compute(self, context: Context) -> Dataset:
-        import xarray as xr
+    frequency = dim(lambda self: self.grid, unit="Hz", meaning="frequency")
+    parameter, assumption = dim(PARAMETERS), dim(ASSUMPTIONS)
+    unit = array(parameter, value=lambda: PARAMETERS, coordinate=True)
 
-        laboratory, frequency = self.laboratory, self.frequency
-        sweep = SteppedSine(frequency, PERIODS, self.amplitude, RATE)
-        record = laboratory.coil(
-            np.concatenate([samples for _, samples in sweep]), int(context.rng.integers(2**31))
-        )
-        ends = np.cumsum(sweep.lengths)
-        parts = [slice(end - n, end) for n, end in zip(sweep.lengths, ends, strict=True)]
-        # Both channels pass the same hold, delay and filter, which cancel in their ratio.
+    @part
+    def measured(self, context: Context) -> tuple[ComplexArray, ComplexArray, float]:
+        """Amplitudes (F, PERIODS) of u and v_r, and the largest share of saturated samples.
+
+        Both channels pass the same hold, delay and filter, which cancel in their ratio.
+        """
+        sweep = SteppedSine(self.grid, PERIODS, self.amplitude, RATE)
+        played = np.concatenate([samples for _, samples in sweep])
+        record = self.laboratory.coil(played, int(context.rng.integers(2**31)))
+        pieces = list(zip(self.grid, sweep.lengths, np.cumsum(sweep.lengths), strict=True))
         u, v = (
-            np.array(
-                [
-                    sine_fit(signal[part], RATE, f)[:PERIODS, 0]
-                    for part, f in zip(parts, frequency, strict=True)
-                ]
-            )
-            for signal in (record.u_m, record.v_r / laboratory.coil_gain)
+            np.array([sine_fit(one[end - n : end], RATE, f)[:PERIODS, 0] for f, n, end in pieces])
+            for one in (record.u_m, record.v_r / self.laboratory.coil_gain)
         )
-        raw = from_periods(frequency, u, v, transients=DISCARDED)
-        settled = without_transient(v, frequency, self._pole(raw.response[:, 0, 0]), DISCARDED)
-        estimate = from_periods(frequency, u, settled, transients=DISCARDED)
-        # One amplitude of the transient was estimated beside the mean of the periods.
-        spent = (PERIODS - DISCARDED - 1) / (PERIODS - DISCARDED - 2)
-        response, variance = estimate.response[:, 0, 0], spent * estimate.variance[:, 0, 0]
-        degrees = estimate.degrees - 2
-        channels = laboratory.response(frequency)
-        exact = channels["v_r"] / channels["u_m"] / laboratory.coil_gain
+        return u, v, max(record.saturation.values())
 
-        found, half_width, chi = self._fit(response, variance, degrees)
-        truth, _, _ = self._fit(exact, variance, np.inf)
-        names = list(PARAMETERS)
-        data = {
-            "response": (("frequency",), response, {"units": "V/V", "long_name": "v_r/u measured"}),
-            "variance": (("frequency",), variance, {"units": "1", "degrees": degrees}),
-            "radius": (("frequency",), _radius(variance, degrees), {"units": "V/V"}),
-            "exact": (("frequency",), exact, {"units": "V/V", "long_name": "v_r/u noise-free"}),
-            "periods": (("frequency", "period"), (v / u)[:, DISCARDED:], {"units": "V/V"}),
-            "estimate": (("parameter",), found),
-            "half_width": (("parameter",), half_width, {"long_name": "of the 99 % interval"}),
-            "by_equations": (("parameter",), self._by_equations(response, variance, degrees)),
-            "truth": (
-                ("parameter",),
-                truth,
-                {"long_name": "lumped fit to the noise-free response"},
-            ),
-            "table": (("parameter",), self._table(), {"long_name": "printed table, b = b1 + b2"}),
-            "chi_square": ((), chi, {"long_name": "of the fit, per degree of freedom"}),
-            "assumption_p": (
-                ("assumption",),
-                [getattr(estimate.assumptions, name) for name in ASSUMPTIONS],
-            ),
-            "transient_p": ((), raw.assumptions.independent),
-            "saturation": ((), max(record.saturation.values()), {"units": "1"}),
-        }
-        coords = {
-            "frequency": ("frequency", frequency, {"units": "Hz", "long_name": "frequency"}),
-            "parameter": names,
-            "unit": ("parameter", list(PARAMETERS.values())),
-            "assumption": list(ASSUMPTIONS),
-        }
-        return xr.Dataset(data, coords=coords)
+    @part
+    def raw(self, measured: Any) -> PeriodicResponse:
+        """v_r/u with what still rings of the resonance."""
+        return from_periods(self.grid, *measured[:2], transients=DISCARDED)
 
-    # --- fits -----------------------------------------------------------------------------------
+    @part
+    def settled(self, measured: Any, raw: PeriodicResponse) -> PeriodicResponse:
+        """v_r/u without what still rings of the resonance."""
+        v = without_transient(measured[1], self.grid, self._pole(raw.response[:, 0, 0]), DISCARDED)
+        return from_periods(self.grid, measured[0], v, transients=DISCARDED)
+
+    response = array(frequency, "V/V", "v_r/u measured", lambda settled: settled.response[:, 0, 0])
+    variance = array(
+        frequency,
+        "1",
+        value=lambda settled: (DEGREES + 2) / DEGREES * settled.variance[:, 0, 0],
+        degrees=DEGREES,
+    )
+    radius = array(frequency, "V/V", value=lambda variance: _radius(variance.values, DEGREES))
+
+    @array(frequency, "V/V", "v_r/u noise-free")
+    def exact(self) -> ComplexArray:
+        channels = self.laboratory.response(self.grid)
+        ratio: ComplexArray = channels["v_r"] / channels["u_m"] / self.laboratory.coil_gain
+        return ratio
+
+    @array((frequency, "period"), "V/V")
+    def periods(self, measured: Any) -> Any:
+        return (measured[1] / measured[0])[:, DISCARDED:]
+
+    saturation = array((), "1", value=lambda measured: measured[2])
+
+    @arrays(
+        parameter,
+        estimate="",
+        half_width=("", "of the 99 % interval"),
+        by_equations="",
+        truth=("", "lumped fit to the noise-free response"),
+        table=("", "printed table, b = b1 + b2"),
+    )
+    def fits(self, fit: Any, response: Any, variance: Any, exact: Any) -> dict[str, RealArray]:
+        p = self.laboratory.parameters
+        return {
+            "estimate": fit[0],
+            "half_width": fit[1],
+            "by_equations": self._by_equations(response.values, variance.values),
+            "truth": self._fit(exact.values, variance.values, np.inf)[0],
+            "table": np.array([p.R, p.Bl, p.k1 * p.k2 / (p.k1 + p.k2), p.b1 + p.b2]),
+        }
+
+    @part
+    def fit(self, response: DataArray, variance: DataArray) -> tuple[RealArray, RealArray, float]:
+        return self._fit(response.values, variance.values, DEGREES)
+
+    chi_square = array((), "", "of the fit, per degree of freedom", lambda fit: fit[2])
+    assumption_p = array(
+        assumption, value=lambda settled: [getattr(settled.assumptions, n) for n in ASSUMPTIONS]
+    )
+    transient_p = array(value=lambda raw: raw.assumptions.independent)
+
+    check_errors = check(
+        "error of {parameter}",
+        "relative, against the noise-free lumped fit",
+        lambda estimate, truth: abs(estimate / truth - 1),
+        at_most=ERROR_TOLERANCE,
+        each="parameter",
+    )
+    check_equations = check(
+        "equations 4.20-4.23",
+        "relative distance of their parameters from those of the direct fit",
+        lambda by_equations, estimate: abs(by_equations / estimate - 1).max(),
+        at_most=1e-4,
+    )
+    check_saturation = check(
+        "saturation", "share of samples at a converter's limit", lambda saturation: saturation,
+        at_most=0.0,
+    )  # fmt: skip
+
+    errors = metric("error_{parameter}", lambda estimate, truth: abs(estimate / truth - 1))
+    covered = metric(
+        lambda estimate, truth, half_width: (abs(estimate - truth) <= half_width).mean()
+    )
+    biases = metric("bias_{parameter}", lambda answer: answer["truth"] / answer["table"] - 1)
+    tests = metric("{assumption}_p", lambda assumption_p: assumption_p)
+    scalars = metric(lambda answer: {n: answer[n] for n in ("chi_square", "transient_p")})
+
+    @table
+    def parameters(self, answer: Dataset) -> tuple[list[str], list[list[str]]]:
+        heads = ["parameter", "estimate", "99 % interval", "by eq. 4.20-4.23", "noise-free fit"]
+        rows = []
+        for name, unit in PARAMETERS.items():
+            row = answer.sel(parameter=name)
+            estimate, truth, printed = (float(row[key]) for key in ("estimate", "truth", "table"))
+            cells = [f"{estimate:.6g}", f"+- {float(row['half_width']) / estimate:.2%}"]
+            cells += [f"{one:.6g}" for one in (float(row["by_equations"]), truth, printed)]
+            rows.append([f"{name} [{unit}]", *cells, f"{truth / printed - 1:+.2%}"])
+        return [*heads, "table", "bias of the lumped model"], rows
+
+    @figure
+    def bode(self, answer: Dataset) -> Figure:
+        drawn, panels = figures.axes(2, 2, size=(9.0, 6.0), sharex=True)
+        frequency, response = answer["frequency"].values, answer["response"].values
+        radius, exact = answer["radius"].values, answer["exact"].values
+
+        def plot(column: int, values: ComplexArray, *style: str, **look: Any) -> None:
+            parts = (abs(values), np.degrees(np.angle(values)))
+            for panel, one in zip(panels[column::2], parts, strict=True):
+                panel.plot(frequency, one, *style, **look)
+
+        # Rasterized, as there are thousands of points.
+        dots: Any = {"linestyle": "none", "marker": ".", "markersize": 1.5, "rasterized": True}
+        plot(0, answer["periods"].values, color=figures.BLUE, **dots)
+        plot(1, exact, "--", color=figures.BLACK, label="noise-free")
+        angle, lead = np.degrees(np.angle(response)), np.degrees(radius / abs(response))
+        bands = ((abs(response), radius), (angle, lead))
+        for panel, (middle, half) in zip(panels[1::2], bands, strict=True):
+            panel.fill_between(
+                frequency, middle - half, middle + half, label="99 % interval",
+                color=figures.ORANGE, alpha=0.5, linewidth=0,
+            )  # fmt: skip
+        plot(1, response, color=figures.BLUE, linewidth=1.0, label="measured")
+        for column, title in enumerate(("ten periods each", "mean and 99 % interval")):
+            title = f"{self.laboratory.drive} {self.laboratory.axis}, {title}"
+            figures.label(panels[column], title=title)
+            figures.label(panels[2 + column], "frequency [Hz]")
+        figures.label(panels[0], y="$|v_r/u|$ [V/V]")
+        figures.label(panels[2], y="phase [deg]")
+        figures.legend_below(drawn, panels[1])
+        return drawn
 
     def _fit(
-        self, response: np.ndarray, variance: np.ndarray | None, degrees: float
-    ) -> tuple[np.ndarray, np.ndarray, float]:
+        self, response: ComplexArray, variance: RealArray | None, degrees: float
+    ) -> tuple[RealArray, RealArray, float]:
         """R, Bl, k, b, the half-widths of their intervals, and chi-square per degree of freedom."""
-        resonance = 30.0 if self.laboratory.axis == "focus" else 50.0
+        stiffness = self.mass * (2 * np.pi * RESONANCE[self.laboratory.axis]) ** 2
         start = {
             "R": Parameter(15.0, 1.0, 100.0),
             "Bl": Parameter(0.2, 0.01, 2.0),
-            "k": Parameter(self.mass * (2 * np.pi * resonance) ** 2, 1.0, 1e3),
+            "k": Parameter(stiffness, 1.0, 1e3),
             "b": Parameter(0.01, 1e-4, 1.0),
         }
         measured = MeasuredResponse(
-            self._model, self.frequency, response, variance, degrees, name="v_r/u"
+            self._model, self.grid, response, variance, degrees, name="v_r/u"
         )
         program = ParameterFit([measured], start)
-        values = _solved(program)
-        return values, _half_widths(program, values), program.chi_square(values)[0]
+        values = solved(program)
+        widths = np.asarray(program.intervals(values, CONFIDENCE))
+        return values, widths, program.chi_square(values)[0]
 
     def _model(self, p: Any, s: Any) -> Any:
-        """Equation 4.17."""
+        """v_r/u of the lumped model by equation 4.17."""
         m, r = self.mass, SERIES_RESISTANCE
         total = p["R"] + r
         held = m * s**2 + p["b"] * s + p["k"]
         return r / total * held / (held + p["Bl"] ** 2 / total * s)
 
-    def _by_equations(
-        self, response: np.ndarray, variance: np.ndarray, degrees: float
-    ) -> np.ndarray:
+    def _by_equations(self, response: ComplexArray, variance: RealArray) -> RealArray:
         """R, Bl, k, b by equations 4.20-4.23 from the fitted coefficients of eq. 4.19."""
 
         def rational(p: Any, s: Any) -> Any:
             held = s**2 + p["a1"] * s + p["a2"]
             return p["A"] * held / (s**2 + p["b1"] * s + p["a2"])
 
-        resonance = (2 * np.pi * (30.0 if self.laboratory.axis == "focus" else 50.0)) ** 2
+        resonance = (2 * np.pi * RESONANCE[self.laboratory.axis]) ** 2
         start = {
             "A": Parameter(0.07, 1e-3, 1.0),
             "a1": Parameter(15.0, 0.1, 1e3),
             "a2": Parameter(resonance, 0.1 * resonance, 10 * resonance),
             "b1": Parameter(20.0, 0.1, 1e3),
         }
-        measured = MeasuredResponse(rational, self.frequency, response, variance, degrees)
-        A, a1, a2, b1 = _solved(ParameterFit([measured], start))
+        measured = MeasuredResponse(rational, self.grid, response, variance, DEGREES)
+        A, a1, a2, b1 = solved(ParameterFit([measured], start))
         m, r = self.mass, SERIES_RESISTANCE
         return np.array([r * (1 - A) / A, np.sqrt(m * r / A * (b1 - a1)), m * a2, m * a1])
 
-    def _pole(self, response: np.ndarray) -> complex:
-        """The first resonance's pole [rad/s], from a first fit."""
+    def _pole(self, response: ComplexArray) -> complex:
+        """Pole [rad/s] of the first resonance, by a fit without weights."""
         R, Bl, k, b = self._fit(response, None, np.inf)[0]
         half = (b + Bl**2 / (R + SERIES_RESISTANCE)) / self.mass / 2
         return complex(-half, np.sqrt(k / self.mass - half**2))
 
-    def _table(self) -> np.ndarray:
-        """What the printed table says: R, Bl, the series spring, b1 + b2."""
-        p = self.laboratory.parameters
-        return np.array([p.R, p.Bl, p.k1 * p.k2 / (p.k1 + p.k2), p.b1 + p.b2])
-
-    # --- what the run shows ---------------------------------------------------------------------
-
-    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
-        errors = self._errors(answer)
-        fits = [
-            Check(
-                f"error of {name}", "relative, against the noise-free lumped fit", e, WANTED[name]
-            )
-            for name, e in errors.items()
-        ]
-        apart = abs(answer["by_equations"] / answer["estimate"] - 1).max()
-        return [
-            *fits,
-            Check(
-                "equations 4.20-4.23",
-                "relative distance of their parameters from those of the direct fit",
-                float(apart),
-                1e-4,
-            ),
-            Check(
-                "saturation",
-                "share of samples at a converter's limit",
-                _of(answer, "saturation"),
-                0.0,
-            ),
-        ]
-
-    def _errors(self, answer: Dataset) -> dict[str, float]:
-        relative = abs(answer["estimate"] / answer["truth"] - 1)
-        return {name: float(relative.sel(parameter=name)) for name in PARAMETERS}
-
-    def metrics(self, answer: Dataset) -> dict[str, float]:
-        inside = abs(answer["estimate"] - answer["truth"]) <= answer["half_width"]
-        bias = answer["truth"] / answer["table"] - 1
-        return {
-            **{f"error_{name}": error for name, error in self._errors(answer).items()},
-            "covered": float(inside.mean()),
-            **{f"bias_{name}": float(bias.sel(parameter=name)) for name in PARAMETERS},
-            "chi_square": _of(answer, "chi_square"),
-            "transient_p": _of(answer, "transient_p"),
-            **{
-                f"{name}_p": float(answer["assumption_p"].sel(assumption=name))
-                for name in ASSUMPTIONS
-            },
-        }
-
-    def tables(self, answer: Dataset) -> dict[str, str]:
-        head = (
-            "| parameter | estimate | 99 % interval | by eq. 4.20-4.23 | noise-free fit | table "
-            "| bias of the lumped model |\n| --- | ---: | ---: | ---: | ---: | ---: | ---: |\n"
-        )
-        lines = []
-        for name, unit in PARAMETERS.items():
-            row = answer.sel(parameter=name)
-            estimate, truth, table = (_of(row, key) for key in ("estimate", "truth", "table"))
-            lines.append(
-                f"| {name} [{unit}] | {estimate:.6g} | +- {_of(row, 'half_width') / estimate:.2%} "
-                f"| {_of(row, 'by_equations'):.6g} | {truth:.6g} | {table:.6g} "
-                f"| {truth / table - 1:+.2%} |\n"
-            )
-        return {"parameters": head + "".join(lines)}
-
-    def figures(self, answer: Dataset) -> dict[str, Figure]:
-        figure, panels = figures.axes(2, 2, size=(9.0, 6.0), sharex=True)
-        frequency = answer["frequency"].values
-        periods = answer["periods"].values
-        response, radius = answer["response"].values, answer["radius"].values
-        for column, (shown, title) in enumerate(
-            ((periods, "ten periods each"), (response[:, None], "mean and 99 % interval"))
-        ):
-            magnitude, phase = panels[column], panels[2 + column]
-            line: dict[str, Any] = {"linestyle": "none", "marker": ".", "markersize": 1.5}
-            line["rasterized"] = True  # thousands of points
-            if column:
-                line = {"linewidth": 1.0, "label": "measured"}
-                exact = answer["exact"].values
-                magnitude.plot(frequency, abs(exact), "--", color=figures.BLACK, label="noise-free")
-                phase.plot(frequency, np.degrees(np.angle(exact)), "--", color=figures.BLACK)
-                band = np.degrees(radius / abs(response))
-                angle = np.degrees(np.angle(response))
-                shade: dict[str, Any] = {"color": figures.ORANGE, "alpha": 0.5, "linewidth": 0}
-                magnitude.fill_between(
-                    frequency, abs(response) - radius, abs(response) + radius,
-                    label="99 % interval", **shade,
-                )  # fmt: skip
-                phase.fill_between(frequency, angle - band, angle + band, **shade)
-            magnitude.plot(frequency, abs(shown), color=figures.BLUE, **line)
-            phase.plot(frequency, np.degrees(np.angle(shown)), color=figures.BLUE, **line)
-            laboratory = self.laboratory
-            magnitude.set_title(f"{laboratory.drive} {laboratory.axis}, {title}")
-            phase.set_xlabel("frequency [Hz]")
-        panels[0].set_ylabel("|v_r/u| [V/V]")
-        panels[2].set_ylabel("phase [deg]")
-        figures.legend_below(figure, panels[1])
-        return {"bode": figure}
-
-
-ASSUMPTIONS = ("circular", "normal", "independent")
-"""What the interval assumes of the noise, each with the p-value of a test."""
-
 
 def without_transient(
-    amplitudes: np.ndarray, frequency: np.ndarray, pole: complex, discarded: int
-) -> np.ndarray:
-    """Amplitudes (F, periods) less what still rings of a resonance after the discarded periods.
+    amplitudes: ComplexArray, frequency: RealArray, pole: complex, discarded: int
+) -> ComplexArray:
+    """Amplitudes (F, periods) without what still rings of a resonance after discarded periods.
 
-    A decaying mode at the pole turns, from period to period of a sine at f, by
+    A decaying mode at the pole [rad/s] turns, from period to period of a sine at f [Hz], by
     exp((pole - j 2 pi f) / f). Its amplitude is fitted beside the constant one by least squares.
     """
     periods = np.arange(amplitudes.shape[1])
@@ -320,26 +311,21 @@ def without_transient(
     kept = slice(discarded, None)
     centred = turn[:, kept] - turn[:, kept].mean(axis=1, keepdims=True)
     weight = (amplitudes[:, kept] * centred.conj()).sum(axis=1) / (abs(centred) ** 2).sum(axis=1)
-    return amplitudes - weight[:, None] * turn
+    result: ComplexArray = amplitudes - weight[:, None] * turn
+    return result
 
 
-def _solved(program: ParameterFit) -> np.ndarray:
+def solved(program: ParameterFit, failed: str = "the fit failed") -> RealArray:
+    """The fitted parameters; raises SolverError, its text begun by ``failed``, without a proof."""
     solution = solve(program)
     if solution.certificate is None or not solution.certificate.valid:
         failures = solution.certificate.failures if solution.certificate else ()
-        raise SolverError("; ".join([f"the fit failed: {solution.message}", *failures]))
+        raise SolverError("; ".join([f"{failed}: {solution.message}", *failures]))
     return np.asarray(solution.answer)
 
 
-def _half_widths(program: ParameterFit, values: np.ndarray) -> np.ndarray:
-    return np.asarray(program.intervals(values, CONFIDENCE))
-
-
-def _radius(variance: np.ndarray, degrees: float) -> np.ndarray:
+def _radius(variance: RealArray, degrees: float) -> RealArray:
+    """Radius of the regions that cover a response, from the variance of its estimate."""
     from scipy import stats
 
     return np.sqrt(stats.f.ppf(CONFIDENCE, 2, degrees) * variance)
-
-
-def _of(data: Dataset, name: str) -> float:
-    return float(data[name])

@@ -21,7 +21,7 @@ from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.study import Study, array, check, dim, figure, metric, part, table
 
 from ..drive.photo_diodes import PEAK, PITCH
-from ..drive.shared_parameters import TABLES
+from ..drive.shared_parameters import TABLES, spread
 from ..drive.tables import Axis, drives
 from .experiment import Laboratory
 from .scans import Scan, focus_scan, radial_scan
@@ -136,12 +136,6 @@ def _printed(axis: Axis) -> RealArray:
 
 def _row(found: float, true: float) -> tuple[str, str, str]:
     return f"{found:.0f}", f"{true:.0f}", f"{100 * (found / true - 1):+.2f}"
-
-
-def spread(gain: DataArray) -> DataArray:
-    """Half the range of gains over the drives, relative to the middle of it."""
-    low, high = gain.min("drive"), gain.max("drive")
-    return (high - low) / (high + low)
 
 
 def _scan_figure(answer: Dataset, axis: Axis) -> Figure:

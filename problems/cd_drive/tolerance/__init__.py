@@ -1,0 +1,1 @@
+"""Strategies that keep the loop while a defect passes, and how well they do."""

@@ -23,7 +23,6 @@ from workbench.systems.storage import stored
 
 from ..control.loops import plants
 from ..control.trade_off import CHANNELS, TradeOff
-from ..control.weighting import weighted
 from ..drive.photo_diodes import CAPTURE
 from ..drive.plants import controller as reference
 from ..drive.red_book import ACCEPTABLE_ERROR
@@ -74,7 +73,7 @@ def lower_bandwidth(
     plant = TradeOff(axis, defect_mm / 1e3).uncertain.channel(CHANNELS, "w")
     relaxed = CAPTURE[axis] / ACCEPTABLE_ERROR[axis]
     weights = [1 / relaxed, share, roll_off()]
-    return LowerBandwidth(weighted(plant, weights), start=K, family=LeadLag.of(K)[0], axis=axis)
+    return LowerBandwidth(plant.weighted(weights), start=K, family=LeadLag.of(K)[0], axis=axis)
 
 
 def roll_off() -> StateSpace:

@@ -1,0 +1,1 @@
+"""Sets of plants that contain the twelve drives."""

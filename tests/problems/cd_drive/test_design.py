@@ -1,13 +1,11 @@
 """The plants, covers and controllers of the design problems."""
 
 import control
-import numpy as np
 import pytest
 from workbench.plants.cd_drive.control.control_problem import generalised
 from workbench.plants.cd_drive.control.controller import controller as controller_problem
-from workbench.plants.cd_drive.control.cover_for_control.search import ControlCover, _largest_radius
 from workbench.plants.cd_drive.control.design import NOISE, synthesis_plant, uncertainty
-from workbench.plants.cd_drive.control.least_mu import LoopWeights
+from workbench.plants.cd_drive.control.loop_weights import control_cover
 from workbench.plants.cd_drive.drive.plants import controller as reference
 from workbench.plants.cd_drive.uncertainty.measured_drives import measured_drives
 from workbench.plants.cd_drive.uncertainty.parametric_model import parametric_plant
@@ -60,23 +58,10 @@ def test_stadiums_for_a_controller_contain_the_drives_and_hurt_its_loop_less(mea
     K = control.ss(reference("focus"))
     run = wb.run("cd/focus/stadium-cover", method="steps", frequencies=60)
     given = uncertainty("focus", run)
-    cover = ControlCover("focus", 1.0, measured, 6)
+    cover = control_cover("focus", 1.0, measured, 6)
     parts = {"nominal": given.nominal, "real": given.W_r, "controller": from_system(K)}
     *_, last = cover.chosen(parts, ["real"], Context())
     model = cover.model(last, Context())
     assert contains(model, measured)
     peaks = [MuSynthesis(synthesis_plant("focus", each)).certified(K) for each in (given, model)]
     assert peaks[1].upper < 0.9 * peaks[0].lower
-
-
-def test_the_radius_that_mu_leaves_room_for_makes_mu_the_level():
-    rng = np.random.default_rng(3)
-    T = rng.normal(size=50) + 1j * rng.normal(size=50)
-    end = 0.4 * (rng.normal(size=50) + 1j * rng.normal(size=50))
-    loop = LoopWeights(*rng.uniform(0.1, 0.5, (3, 50)), end)
-    level = 6.0
-    radius = _largest_radius(T, loop, level)
-    room = radius > 0
-    assert room.sum() > 10
-    there = LoopWeights(loop.performance, loop.control, np.maximum(radius, 0.0), end)
-    np.testing.assert_allclose(there.mu(T)[room], level, rtol=1e-9)

@@ -5,20 +5,14 @@ import pytest
 from workbench.plants.cd_drive.control.control_problem import generalised
 from workbench.plants.cd_drive.control.design import cover_of, uncertainty
 from workbench.plants.cd_drive.control.methods.checks import _plants
-from workbench.plants.cd_drive.control.methods.designs import (
-    DESIGNS,
-    FULL_ORDER,
-    Setting,
-    lqg,
-    mixed_sensitivity,
-)
+from workbench.plants.cd_drive.control.methods.designs import FULL_ORDER, design_task
 from workbench.plants.cd_drive.control.methods.problem import CONDITIONS, Methods, methods
 from workbench.plants.cd_drive.control.methods.report import CLAIMS, LOOKS
-from workbench.plants.cd_drive.control.weighting import nominal_of, weighted
 from workbench.plants.cd_drive.drive.plants import ANTIALIASING, nominal_response
 
 import workbench as wb
 from workbench.executor import Context
+from workbench.synthesis import DESIGNS
 from workbench.systems.generalised_plant import response
 
 QUICK = ("reference", "LQG", "mixed sensitivity", "loop shaping")
@@ -80,39 +74,28 @@ def test_tables_and_figures_are_made(solved, data):
 
 @pytest.mark.parametrize("axis", ["focus", "radial"])
 def test_the_nominal_plant_is_that_of_the_generalised_one(axis):
-    setting = Setting(axis, uncertainty(axis, None))
+    uncertain = uncertainty(axis, None)
+    task = design_task(axis, uncertain)
     omega = 2 * np.pi * HERTZ
     np.testing.assert_allclose(
-        response(setting.G, omega)[:, 0, 0], nominal_response(axis, HERTZ), rtol=1e-9
+        response(task.G, omega)[:, 0, 0], nominal_response(axis, HERTZ), rtol=1e-9
     )
-    P = nominal_of(generalised(axis, setting.uncertain)).response(omega)
-    np.testing.assert_allclose(-P[:, -1, -1], response(setting.G, omega)[:, 0, 0], rtol=1e-6)
+    P = generalised(axis, uncertain).nominal().response(omega)
+    np.testing.assert_allclose(-P[:, -1, -1], response(task.G, omega)[:, 0, 0], rtol=1e-6)
 
 
 def test_covers_are_plants_too(covered):
     _, answer = covered("focus", "circle", "steps")
-    setting = Setting("focus", answer.model)
+    task = design_task("focus", answer.model)
     omega = 2 * np.pi * HERTZ
     filtered = ANTIALIASING / (1j * omega + ANTIALIASING)
     G = answer.model.nominal.response(omega)
-    np.testing.assert_allclose(response(setting.G, omega)[:, 0, 0], G * filtered, rtol=1e-6)
-    for design in (lqg, mixed_sensitivity):
-        loop = nominal_of(setting.plant).close(design(setting, Context()))
+    np.testing.assert_allclose(response(task.G, omega)[:, 0, 0], G * filtered, rtol=1e-6)
+    for design in ("LQG", "mixed sensitivity"):
+        loop = task.plant.nominal().close(DESIGNS[design](task, Context()))
         assert loop.poles().real.max() < 0
-    away = abs(_plants(setting, 0.5, HERTZ) / G - 1)
+    away = abs(_plants(Methods("focus", answer.model, 20, ()), 0.5, HERTZ) / G - 1)
     np.testing.assert_allclose(away, 0.5 * abs(answer.model.W_c.response(omega))[None] + 0 * away)
-
-
-def test_weights_act_on_their_own_channels():
-    plant = generalised("focus", uncertainty("focus", None))
-    omega = 2 * np.pi * HERTZ
-    changed = weighted(plant, performance=[2.0], exogenous=[1.0, 3.0])
-    assert changed.system.output_labels == plant.system.output_labels
-    before, after = plant.response(omega), changed.response(omega)
-    rows, columns = plant.structure.columns, plant.structure.rows
-    before[:, rows] *= 2
-    before[:, :, columns + 1] *= 3
-    np.testing.assert_allclose(after, before, rtol=1e-8, atol=1e-10)
 
 
 def test_a_cover_is_needed_where_it_is_asked_for():

@@ -3,41 +3,11 @@
 from itertools import product
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from workbench.plants.cd_drive.control.mu_pid_analysis.problem import needs
 from workbench.plants.cd_drive.control.mu_pid_analysis.study import COVERS, GAINS, MuPidAnalysis
-from workbench.plants.cd_drive.control.rank_one import rank_one_mu
 
 import workbench as wb
-from workbench.mu import lower_bound, upper_bound
-from workbench.structure import Complex, Real, Structure
-
-number = st.floats(-3, 3, allow_nan=False).map(lambda x: round(x, 3))
-
-
-@given(number, number, st.floats(0.1, 3))
-def test_rank_one_mu_is_the_nearest_real_scalar(real, imaginary, others):
-    """Against a search over x and t: 1 / mu is the least t that lets |1 - x c| <= t others."""
-    c = complex(real, imaginary)
-    x = np.linspace(-20, 20, 400_001)
-    needed = np.maximum(np.abs(1 - x * c) / others, np.abs(x))
-    assert rank_one_mu(np.array(c), np.array(others)) == pytest.approx(1 / needed.min(), rel=1e-3)
-
-
-def test_rank_one_mu_lies_between_the_bounds():
-    rng = np.random.default_rng(5)
-    left, right = rng.normal(size=(2, 50, 3)) + 1j * rng.normal(size=(2, 50, 3))
-    M = left[:, :, None] * right[:, None, :]
-    c = np.diagonal(M, axis1=1, axis2=2)
-    exact = rank_one_mu(c[:, 0], np.abs(c[:, 1:]).sum(axis=1))
-    structure = Structure([Real(1), Complex(1), Complex(1)])
-    np.testing.assert_allclose(upper_bound(M, structure).value, exact, rtol=1e-5)
-    lower = lower_bound(M, structure).value
-    assert (lower <= exact * (1 + 1e-9)).all()
-    np.testing.assert_allclose(lower, exact, rtol=1e-3)
 
 
 @pytest.fixture(scope="module")

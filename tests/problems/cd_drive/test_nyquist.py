@@ -5,26 +5,16 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from workbench.plants.cd_drive.control.nyquist.problem import (
-    CRITICAL,
     KINDS,
     METHODS,
     SHAPES,
     Nyquist,
     both_covers,
-    distance_bounds,
-    distance_of,
-    times,
 )
 from workbench.plants.cd_drive.drive.plants import loop_response
 
 import workbench as wb
-from workbench.geometry import Stadium
-
-number = st.floats(-10.0, 10.0)
-size = st.floats(0.01, 10.0)
 
 
 @pytest.fixture(scope="module")
@@ -37,39 +27,11 @@ def solved(covered):
     return study, wb.solve(study)
 
 
-def one(center, radius, length, angle):
-    return Stadium(*(np.array([value]) for value in (center, radius, length, angle)))
-
-
 def test_the_covers_are_asked_for_on_one_grid():
     asked = both_covers("focus", frequencies=33, gain="agc")
     assert len(asked) == 4
     for need in asked.values():
         assert need.parameters == {"frequencies": 33, "gain": "agc"}
-
-
-def test_distances_by_hand():
-    upright = one(0.0 + 0j, 0.5, 1.0, np.pi / 2)
-    points = {-1 + 0j: 0.5, -1 + 1j: 0.5, 2j: 0.5, 0.3 + 0.2j: -0.2, 3 + 5j: 4.5}
-    for point, expected in points.items():
-        assert distance_of(point, upright)[0] == pytest.approx(expected, abs=1e-12)
-
-
-@given(number, number, size, size, st.floats(0.0, 3.14), number, number)
-def test_a_product_with_a_number_keeps_what_is_inside(x, y, radius, length, angle, a, b):
-    sets, factor, point = one(x + 1j * y, radius, length, angle), a + 1j * b, CRITICAL
-    before = distance_of(point, sets)
-    after = distance_of(point * factor, times(np.array([factor]), sets))
-    np.testing.assert_allclose(after, abs(factor) * before, atol=1e-11)
-
-
-@given(number, number, size, size, st.floats(0.0, 3.14))
-def test_the_bounds_hold_the_distance(x, y, radius, length, angle):
-    sets = one(x + 1j * y, radius, length, angle)
-    low, high = distance_bounds(CRITICAL, sets)
-    found = distance_of(CRITICAL, sets)
-    assert low <= found + 1e-11
-    assert found <= high + 1e-11
 
 
 def test_the_certificate_holds(solved):

@@ -1,0 +1,1 @@
+"""Fault estimation as a Program: filters that estimate faults on every plant of a set."""

@@ -15,7 +15,7 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.diagnosis.estimation.methods import nominal_filter
-from workbench.diagnosis.estimation.program import Channel, FaultEstimation, closed
+from workbench.diagnosis.estimation.program import Channel, FaultEstimation
 from workbench.executor import Context
 from workbench.heavy_types import StateSpace
 from workbench.mu import UpperBound, upper_bound
@@ -72,7 +72,7 @@ class Constraint:
         inside = own[(own >= low) & (own <= high)]
         omega = np.unique(np.concatenate([inside, ends, more[np.isfinite(more)]]))
         M = response(loop.system, omega)
-        structure = closed(loop)
+        structure = loop.performance_structure
         parts = program.plant.channel(None, list(channel.inputs))
         P = response(parts.system, omega)
         p, m = parts.measurements, parts.controls

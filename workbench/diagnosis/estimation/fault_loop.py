@@ -21,7 +21,8 @@ from workbench.diagnosis.estimation.weighting import Requirement
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_positive
 from workbench.systems.bilinear import bilinear_continuous
-from workbench.systems.generalised_plant import GeneralisedPlant, generalised_plant, response
+from workbench.systems.connection import generalised_plant
+from workbench.systems.generalised_plant import GeneralisedPlant, response
 from workbench.systems.sampling import sampled
 from workbench.uncertainty import UncertaintyModel
 

@@ -28,7 +28,6 @@ from workbench.errors import InputError
 from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.mu import Peak, peak
 from workbench.program import Check, Program
-from workbench.structure import Full, Structure
 from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import GeneralisedPlant, Signals
 from workbench.systems.storage import restored, stored
@@ -139,7 +138,7 @@ class FaultEstimation(Program):
     @cached_property
     def nominal(self) -> GeneralisedPlant:
         """The weighted plant without its uncertainty."""
-        return without_perturbation(self.plant)
+        return self.plant.nominal()
 
     def loop(self, K: StateSpace, channel: Channel | None = None) -> GeneralisedPlant:
         """(perturbation, w) -> (perturbation, z), of one channel or of all."""
@@ -150,7 +149,7 @@ class FaultEstimation(Program):
         """The peak of one channel, or of all together, of a stable filter."""
         loop = self.loop(K, channel)
         band = EVERYWHERE if channel is None else channel.band
-        return peak(loop.system, closed(loop), TOLERANCE, band=band)
+        return peak(loop.system, loop.performance_structure, TOLERANCE, band=band)
 
     def answer(
         self, K: StateSpace, history: tuple[float, ...] = (), least: float = math.nan
@@ -230,28 +229,6 @@ class FaultEstimation(Program):
         loops = []
         for channel in self.channels:
             loop = self.loop(answer.K, channel)
-            loops.append(RequirementLoop(channel.name, loop.system, closed(loop), channel.band))
+            structure = loop.performance_structure
+            loops.append(RequirementLoop(channel.name, loop.system, structure, channel.band))
         return {"channels": channels(loops), "filter": fault_filter(answer.K)}
-
-
-def closed(loop: GeneralisedPlant) -> Structure:
-    """The perturbation, and a full block from z to w."""
-    if loop.structure is None:
-        return Structure([Full(loop.exogenous, loop.performance)])
-    return loop.structure.with_performance(loop.performance, loop.exogenous)
-
-
-def without_perturbation(plant: GeneralisedPlant) -> GeneralisedPlant:
-    """The nominal plant of a set."""
-    import control
-
-    if plant.structure is None:
-        return plant
-    rows, columns = plant.structure.columns, plant.structure.rows
-    system = plant.system
-    nominal = control.ss(
-        system.A, system.B[:, columns:], system.C[rows:], system.D[rows:, columns:],
-        inputs=list(system.input_labels[columns:]), outputs=list(system.output_labels[rows:]),
-        remove_useless_states=False,
-    )  # fmt: skip
-    return GeneralisedPlant(nominal, None, plant.controls, plant.measurements)

@@ -12,12 +12,12 @@ import numpy as np
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError
 from workbench.input_checks import is_real, need_positive
+from workbench.systems.connection import generalised_plant
 from workbench.systems.conversion import as_weight, need_plant
 from workbench.systems.frequency_grid import frequencies_of
 from workbench.systems.generalised_plant import (
     GeneralisedPlant,
     Signals,
-    generalised_plant,
     response,
 )
 

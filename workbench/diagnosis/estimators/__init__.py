@@ -1,0 +1,1 @@
+"""Estimators of positions and periodic disturbances, sample by sample."""

@@ -1,0 +1,1 @@
+"""Residual generators: exact, by parity relations, matched to a model, whitened."""

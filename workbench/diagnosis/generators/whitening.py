@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, solve_continuous_are, solve_discrete_are
 
-from workbench.certify.norms import CERTIFIED, certified_norm
+from workbench.certify.norms import NORM_TOLERANCE, certified_norm
 from workbench.diagnosis.generators.generator import Poles, ResidualGenerator
 from workbench.diagnosis.generators.matching import null_space_generator, series
 from workbench.diagnosis.models.detectability import need_faults
@@ -93,7 +93,7 @@ def whitened_residual(
     )
     loud = certified_norm(_channel(generator, len(model.faults), None))
     norms = [certified_norm(_channel(generator, j, j + 1)) for j in range(len(model.faults))]
-    return WhitenedResidual(generator, np.array(norms) / (1.0 + CERTIFIED) / loud)
+    return WhitenedResidual(generator, np.array(norms) / (1.0 + NORM_TOLERANCE) / loud)
 
 
 def _innovations(

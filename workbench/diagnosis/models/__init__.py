@@ -1,0 +1,1 @@
+"""Plants with faults, and which of the faults can be detected and told apart."""

@@ -1,0 +1,1 @@
+"""Rational functions fitted to magnitudes, also as covers."""

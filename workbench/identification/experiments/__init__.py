@@ -1,0 +1,1 @@
+"""Excitation, records, and whether they are fit for identification."""

@@ -1,0 +1,1 @@
+"""Frequency responses with the region that holds the true one."""

@@ -1,0 +1,1 @@
+"""Bounds of mu over frequency, and the peak over all frequencies."""

@@ -1,4 +1,4 @@
-"""The supremum of mu over all frequencies, certified between grid points by `certify.cover`."""
+"""The supremum of mu over frequency, certified between grid points by `certify.cover`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from workbench.arrays import Array
-from workbench.certify.cover import Cover, FrequencyBounds, Interval, refined
+from workbench.certify.cover import BandCover, CertifiedInterval, FrequencyBounds, refined
 from workbench.certify.interval import StableSystem, stable_system
 from workbench.errors import InputError
 from workbench.input_checks import need_count, need_tolerance
@@ -19,13 +19,14 @@ from workbench.mu.frequency.sweep import bounds_at, fitting
 from workbench.mu.lower.bound import lower_bound
 from workbench.structure import Complex, Real, Structure
 
-CLOSE = 0.97
-"""Share of the largest bound at which a frequency is worth a lower bound."""
+LOWER_BOUND_SHARE = 0.97
+"""Lower bounds are computed at frequencies whose upper bound is above this share of the largest."""
 
-CANDIDATES = 60
+QUICK_FREQUENCIES = 60
+"""Most frequencies at which a quick lower bound is computed."""
 
-THOROUGH = 6
-"""Frequencies with a quick, and of those with a thorough lower bound."""
+THOROUGH_FREQUENCIES = 6
+"""Number of these frequencies at which a thorough lower bound follows."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,16 +34,17 @@ class Peak:
     """The supremum of mu over a band lies between ``lower`` and ``upper``.
 
     ``Delta`` (r, c) makes I - M(j omega) Delta singular and has largest singular value 1 / lower;
-    where lower is 0 it has NaN. ``omega`` [rad/s] is its frequency, or without one that of the
-    largest bound. ``intervals`` cover the band unless upper is infinite. ``complex_part``
-    is what was added to real scalars, as a share of them: the peak is that of the larger set.
+    where lower is 0 it is NaN. ``omega`` [rad/s] is the frequency of Delta, or where there is none
+    the frequency of the largest upper bound. ``intervals`` cover the band unless upper is infinite.
+    ``complex_part`` is the complex uncertainty added to real scalars, as a share of them; the peak
+    holds for this larger set of perturbations.
     """
 
     lower: float
     upper: float
     omega: float
     Delta: Array
-    intervals: tuple[Interval, ...]
+    intervals: tuple[CertifiedInterval, ...]
     message: str
     complex_part: float = 0.0
 
@@ -59,34 +61,34 @@ def peak(
     band: tuple[float, float] = (0.0, math.inf),
     steps: int = 500,
 ) -> Peak:
-    """Bounds of the supremum of mu over a band of frequencies, its ends included.
+    """Certified bounds of the supremum of mu over a band of frequencies, its ends included.
 
     Parameters
     ----------
     system
-        StateSpace or TransferFunction (c outputs, r inputs), stable, continuous time: what Delta
-        closes.
+        The stable continuous-time system that Delta closes: a StateSpace or TransferFunction with c
+        outputs and r inputs.
     structure
         Blocks of Delta.
     tolerance
-        How far the bound may lie above the largest upper bound at any one frequency, relative.
+        Relative distance that the bound may lie above the largest upper bound at any one frequency.
     complex_part
-        Complex uncertainty added to every real scalar, as a share of it; see `regularised`.
+        Complex uncertainty added to every real scalar, as a share of it; see `with_complex_part`.
     band
-        From and to [rad/s]; all frequencies with 0 and infinity.
+        Lowest and highest frequency [rad/s]; by default all frequencies with 0 and infinity.
     steps
-        Intervals after which the tolerance is made ten times as large, and again after as many.
+        The tolerance becomes ten times as large each time this number of intervals is used up.
 
     Returns
     -------
     Peak
-        The message says where the tolerance was missed.
+        Its message says where the tolerance was missed.
 
     Raises
     ------
     InputError
-        A system that does not fit the structure, unstable, improper or sampled; real scalars only
-        without a complex part; a tolerance, complex part, band or steps that make no sense.
+        The system does not fit the structure, or is unstable, improper or sampled; all blocks are
+        real scalars and there is no complex part; or an argument is out of its range.
     """
     need_tolerance(tolerance)
     need_count("steps", steps)
@@ -95,7 +97,7 @@ def peak(
         raise InputError(f"band is {band}; it must be two frequencies [rad/s], the lower one first")
     original = fitting(system, structure)
     if complex_part:
-        stable, larger = regularised(original, structure, complex_part)
+        stable, larger = with_complex_part(original, structure, complex_part)
     elif all(isinstance(block, Real) for block in structure):
         raise InputError(
             "the structure has real scalars only: mu is then not continuous in frequency, a peak "
@@ -106,7 +108,7 @@ def peak(
         stable, larger = original, structure
     at = partial(bounds_at, stable, larger)
     found = refined(at, stable.poles).joined(at(np.array(band))).within(*band)
-    cover = Cover(stable, at, tolerance, found)
+    cover = BandCover(stable, at, tolerance, found)
     message = cover.complete(steps)
     lower, omega, Delta = _lower(cover.found, larger)
     intervals = tuple(sorted(cover.intervals, key=lambda interval: interval.low))
@@ -115,12 +117,13 @@ def peak(
     return Peak(lower, cover.proven, omega, Delta, intervals, message, complex_part)
 
 
-def regularised(
+def with_complex_part(
     system: Any, structure: Structure, complex_part: float
 ) -> tuple[StableSystem, Structure]:
-    """A system and structure with complex scalars of size `complex_part` added to the real ones.
+    """Add a complex scalar of size `complex_part` to every real scalar of a structure.
 
-    Real scalars delta become delta + complex_part * delta_c; the complex blocks come last.
+    Real scalars delta become delta + complex_part * delta_c. The system and structure returned
+    have the added complex blocks last.
 
     Raises
     ------
@@ -154,7 +157,7 @@ def regularised(
 
 
 def _summed(Delta: Array, structure: Structure, complex_part: float) -> Array:
-    """The perturbation of the original system that one of the regularised system is."""
+    """The perturbation of the original system that equals one of the system with complex parts."""
     whole = Delta[: structure.rows, : structure.columns].copy()
     at = structure.rows, structure.columns
     for block, row, column in zip(
@@ -169,10 +172,10 @@ def _summed(Delta: Array, structure: Structure, complex_part: float) -> Array:
 
 def _lower(found: FrequencyBounds, structure: Structure) -> tuple[float, float, Array]:
     """The largest lower bound near the largest upper ones, its frequency and Delta."""
-    order = np.argsort(-found.upper)[:CANDIDATES]
-    order = order[found.upper[order] >= CLOSE * found.upper[order[0]]]
+    order = np.argsort(-found.upper)[:QUICK_FREQUENCIES]
+    order = order[found.upper[order] >= LOWER_BOUND_SHARE * found.upper[order[0]]]
     quick = lower_bound(found.M[order], structure, "power")
-    chosen = np.unique([order[0], *order[np.argsort(-quick.value)[:THOROUGH]]])
+    chosen = np.unique([order[0], *order[np.argsort(-quick.value)[:THOROUGH_FREQUENCIES]]])
     thorough = lower_bound(found.M[chosen], structure)
     value = np.concatenate([quick.value, thorough.value])
     best = int(np.argmax(value))

@@ -21,7 +21,7 @@ from workbench.structure import Structure
 
 @dataclass(frozen=True)
 class Sweep(FrequencyBounds):
-    """With lower bounds ``lower`` (F,) and the ``Delta`` (F, r, c) that prove them."""
+    """Bounds of mu over frequency; ``Delta`` (F, r, c) proves the lower bounds ``lower`` (F,)."""
 
     lower: RealArray
     Delta: Array
@@ -35,22 +35,22 @@ def sweep(
     Parameters
     ----------
     system
-        StateSpace or TransferFunction, continuous time, what Delta closes.
+        The continuous-time StateSpace or TransferFunction that Delta closes.
     omega
-        Frequencies [rad/s], not negative, infinity allowed. None: from the poles, and refined
-        where the bound changes; 0 and infinity are among them.
+        Frequencies [rad/s], not negative, infinity allowed. None: a grid chosen from the poles,
+        refined where the bound changes, with 0 and infinity.
     lower
         Method of `lower_bound`.
 
     Returns
     -------
     Sweep
-        What lies between its frequencies is not certified; for that see `peak`.
+        Its bounds hold at its frequencies only; `peak` certifies a bound between them too.
 
     Raises
     ------
     InputError
-        As `stable_system`; a system that does not fit the structure; no or wrong frequencies.
+        As `stable_system`; the system does not fit the structure; frequencies are missing or wrong.
     """
     stable = fitting(system, structure)
     if omega is None:
@@ -69,7 +69,7 @@ def sweep(
 
 
 def fitting(system: Any, structure: Structure) -> StableSystem:
-    """The stable system that fits the structure; raises InputError for any other."""
+    """The realisation of a stable system that fits the structure; InputError for any other."""
     need_structure(structure)
     stable = stable_system(system)
     structure.check(stable.D)

@@ -1,0 +1,1 @@
+"""Lower bounds of mixed mu, each with a perturbation that proves it."""

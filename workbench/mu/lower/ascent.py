@@ -1,8 +1,9 @@
-"""Local ascent of a mixed-mu lower bound: the real eigenvalue of M Delta over the unit set.
+"""Local ascent of a mixed-mu lower bound: the largest real eigenvalue of M Delta, |Delta| <= 1.
 
-The eigenvalue is kept real by the unknown that `turned` solves for, which leaves the ends of the
-real blocks as the only constraints; projected BFGS. Where complex blocks are weakly coupled their
-phase does too little for that, and a real block is the unknown.
+The unknown that `turned` solves for keeps the eigenvalue real. The only remaining constraints are
+the intervals of the real blocks, and projected BFGS climbs within them. The unknown is the common
+phase of the complex blocks; where these are weakly coupled, their phase has too little effect, and
+the value of a real block is the unknown instead.
 """
 
 from __future__ import annotations
@@ -26,23 +27,23 @@ from workbench.mu.lower.parameters import (
 )
 from workbench.mu.lower.power import innermost, power_batch
 
-STEPS = 60
-"""BFGS steps."""
-HALVINGS = 12
-"""Step lengths tried."""
-WEAK = 3.0
-"""How many times more than the phase a real block must do to be the unknown in its place."""
-FLAT = 1e-9
-"""Relative gain of a step at which an ascent ends."""
+BFGS_STEPS = 60
+"""Most BFGS steps of one ascent."""
+STEP_LENGTHS = 12
+"""Step lengths tried in one BFGS step, each 0.3 times the one before."""
+REAL_BLOCK_ADVANTAGE = 3.0
+"""A real block replaces the phase as the unknown if its effect is larger by this factor."""
+SETTLED_GAIN = 1e-9
+"""An ascent ends when a step raises the eigenvalue by less than this share."""
 
 
 @compiled
 def ascend(M, table, delta, value):  # type: ignore[no-untyped-def]
-    """A local maximum of the real eigenvalue of M Delta from a start that has the real one `value`.
+    """Climb to a local maximum of the real eigenvalue of M Delta, and return it.
 
-    Returns the value; ``delta`` (rows, columns) is changed in place. Where a real block is the
-    unknown that keeps the eigenvalue real, an ascent stops as the block comes to its end; another
-    one takes over.
+    The start ``delta`` (rows, columns) must have the real eigenvalue ``value``; it is changed in
+    place. Where a real block is the unknown that keeps the eigenvalue real, an ascent stops when
+    the block reaches an end of its interval, and another ascent with a new unknown follows.
     """
     for _ in range(len(table)):
         reached = _ascend_once(M, table, delta, value)
@@ -55,7 +56,7 @@ def ascend(M, table, delta, value):  # type: ignore[no-untyped-def]
 
 @compiled
 def _unknown(M, table, delta, value):  # type: ignore[no-untyped-def]
-    """The real block that can do most for a real eigenvalue; -1: the phase of the complex ones."""
+    """The best unknown to keep the eigenvalue real: a real block's number, or -1 for the phase."""
     if not np.any(table[:, 0] != REAL):
         return innermost(table, delta)
     values = np.linalg.eigvals(M @ delta)
@@ -63,7 +64,7 @@ def _unknown(M, table, delta, value):  # type: ignore[no-untyped-def]
     x, y = eigenvectors(M @ delta, near)
     q = sensitivity(M, delta, x, y)
     _, other = split(delta, table)
-    place, most = -1, WEAK * abs(np.vdot(q, other @ x).real)
+    place, most = -1, REAL_BLOCK_ADVANTAGE * abs(np.vdot(q, other @ x).real)
     for k in range(len(table)):
         kind, r, n, c, _ = table[k]
         if kind == REAL:
@@ -76,7 +77,7 @@ def _unknown(M, table, delta, value):  # type: ignore[no-untyped-def]
 
 @compiled
 def _ascend_once(M, table, delta, value):  # type: ignore[no-untyped-def]
-    """One ascent, the same unknown throughout."""
+    """One ascent with the same unknown throughout; arguments and result as `ascend`."""
     rows, columns = delta.shape
     p = parameters(delta, table)
     bounded = bounded_parameters(table, len(p))
@@ -84,13 +85,13 @@ def _ascend_once(M, table, delta, value):  # type: ignore[no-untyped-def]
     free = _unknown(M, table, here, value)
     found, phase, x, q, weight = turned(M, table, here, value + 0j, free)
     if not found > 0 or (found < value * (1 - 1e-6)):
-        return value  # a full block lost to its dyad; the start stands
+        return value  # the dyad of a full block does less than the block: keep the start
     best = found
     g = gradient(p, here, table, x, q, weight)
     inverse = np.eye(len(p))
     held = np.zeros(len(p), np.bool_)
     fresh = True
-    for _ in range(STEPS):
+    for _ in range(BFGS_STEPS):
         now_held = bounded & (((p >= 1) & (g > 0)) | ((p <= -1) & (g < 0)))
         if np.any(now_held != held):
             held, inverse, fresh = now_held, np.eye(len(p)), True
@@ -105,7 +106,7 @@ def _ascend_once(M, table, delta, value):  # type: ignore[no-untyped-def]
         if fresh:
             length = min(1.0, 0.3 / np.sqrt(np.max(d * d)))
         gained = False
-        for _ in range(HALVINGS):
+        for _ in range(STEP_LENGTHS):
             trial = p + length * d
             trial = np.where(bounded, np.minimum(np.maximum(trial, -1.0), 1.0), trial)
             moved = trial - p
@@ -127,7 +128,7 @@ def _ascend_once(M, table, delta, value):  # type: ignore[no-untyped-def]
             trial = parameters(here, table)
             moved = trial - p
         new = gradient(trial, here, table, x, q, weight)
-        y = g - new  # of -lambda, which is what BFGS minimises
+        y = g - new  # change of the gradient of -lambda, which BFGS minimises
         s = np.where(held, 0.0, moved)
         sy = s @ y
         if sy > 1e-14 * np.sqrt((s @ s) * (y @ y)):
@@ -137,7 +138,7 @@ def _ascend_once(M, table, delta, value):  # type: ignore[no-untyped-def]
             inverse += (1 + (y @ hy) / sy) / sy * np.outer(s, s)
             inverse -= (np.outer(hy, s) + np.outer(s, hy)) / sy
             fresh = False
-        small = found - best <= FLAT * best
+        small = found - best <= SETTLED_GAIN * best
         p, g, best = trial, new, found
         if small:
             break
@@ -149,10 +150,10 @@ def _ascend_once(M, table, delta, value):  # type: ignore[no-untyped-def]
 
 @compiled
 def search_batch(Ms, table, starts, start_reals, agree):  # type: ignore[no-untyped-def]
-    """The best of local ascents from the ends of power iterations, per matrix.
+    """For each matrix the best of local ascents that start from the ends of power iterations.
 
-    Arguments as `power_batch`; an ascent whose value another one found before ends the search of
-    a matrix once ``agree`` of them have met at its best value.
+    Arguments as `power_batch`. The search for a matrix ends early when ``agree`` ascents have
+    reached its best value.
 
     Returns values (B,) and Deltas (B, rows, columns).
     """
@@ -173,7 +174,7 @@ def search_batch(Ms, table, starts, start_reals, agree):  # type: ignore[no-unty
                 delta = ends[s, m].copy()
                 value = ascend(Ms[m], table, delta, found[s, m])
                 if some_complex and abs(value - values[m]) > 1e-7 * value:
-                    # A larger eigenvalue of the same direction may have been overlooked.
+                    # The same direction may have a larger eigenvalue that was overlooked.
                     again = delta.copy()
                     larger = attained(Ms[m], table, again)
                     if larger > value * (1 + 1e-9):

@@ -1,12 +1,13 @@
-"""From a direction Delta to one that makes I - M Delta singular, exactly up to rounding.
+"""Perturbations that make I - M Delta singular up to rounding, found from a direction Delta.
 
-What is sought is a real eigenvalue lambda > 0 of M Delta: then Delta / lambda makes I - M Delta
-singular. Without real blocks the common phase of Delta is free, and every eigenvalue can be turned
-real. With real and complex blocks the common phase of the complex ones is the one unknown of the
-one equation Im lambda = 0. Where there are no complex blocks, or only weakly coupled ones, a real
-block inside its interval takes that part; where every block is at its end there may be no answer.
+If M Delta has a real eigenvalue lambda > 0, then Delta / lambda makes I - M Delta singular. Without
+real blocks the common phase of Delta is free and can make any eigenvalue real. With real and
+complex blocks the common phase of the complex ones is the unknown in the equation Im lambda = 0.
+Where there are no complex blocks, or only weakly coupled ones, the value of a real block inside its
+interval is the unknown instead. Where every real block is at an end of its interval there may be no
+solution.
 
-Delta is normalised here: real blocks within [-1, 1], the largest singular value of others 1.
+Delta is normalised here: real blocks lie in [-1, 1], other blocks have largest singular value 1.
 """
 
 from __future__ import annotations
@@ -17,15 +18,19 @@ from workbench.compiled import compiled
 from workbench.structure import Complex, Real, Structure
 
 REAL, SCALAR, FULL = 0, 1, 2
-"""Kinds of block in a table."""
-ROUNDING = 1e-14
-"""Imaginary part, relative to the eigenvalue, that counts as none."""
-TURNS = 20
-"""Newton steps for a real eigenvalue."""
+"""Kinds of block in a table: real scalar, complex scalar, full complex block."""
+REAL_EIGENVALUE_TOLERANCE = 1e-14
+"""An eigenvalue counts as real if its imaginary part is below this share of its size."""
+NEWTON_STEPS = 20
+"""Most Newton steps towards a real eigenvalue."""
 
 
 def block_table(structure: Structure) -> np.ndarray:
-    """The structure for compiled code: kind, first row, rows, first column, columns per block."""
+    """The structure as an integer table for compiled code.
+
+    Each block has a row with its kind, first row, number of rows, first column and number of
+    columns.
+    """
     rows = []
     places = zip(structure, structure.row_slices, structure.column_slices, strict=True)
     for block, row, column in places:
@@ -37,7 +42,7 @@ def block_table(structure: Structure) -> np.ndarray:
 
 @compiled
 def split(delta, table):  # type: ignore[no-untyped-def]
-    """Delta with its real blocks only, and with the others only."""
+    """Delta with only its real blocks, and Delta with only its other blocks."""
     real, other = np.zeros_like(delta), np.zeros_like(delta)
     for kind, r, nr, c, nc in table:
         part = real if kind == REAL else other
@@ -47,14 +52,14 @@ def split(delta, table):  # type: ignore[no-untyped-def]
 
 @compiled
 def eigenvectors(A, value):  # type: ignore[no-untyped-def]
-    """Right and left unit eigenvectors x, y (A x = value x, y* A = value y*) of an eigenvalue."""
+    """Unit right and left eigenvectors x, y of an eigenvalue: A x = value x, y* A = value y*."""
     U, _, Vh = np.linalg.svd(A - value * np.eye(A.shape[0]))
     return np.conj(Vh[-1]), np.ascontiguousarray(U[:, -1])
 
 
 @compiled
 def sensitivity(M, delta, x, y):  # type: ignore[no-untyped-def]
-    """q with d lambda = q* (d Delta) x, for eigenvectors of M Delta; zeros where defective."""
+    """The q with d lambda = q* (d Delta) x for eigenvectors x, y of M Delta; 0 where defective."""
     product = np.vdot(y, x)
     q = np.conj(M.T) @ y
     if abs(product) < 1e-13:
@@ -64,7 +69,7 @@ def sensitivity(M, delta, x, y):  # type: ignore[no-untyped-def]
 
 @compiled
 def turned(M, table, delta, near, free):  # type: ignore[no-untyped-def]
-    """Newton's method for a real eigenvalue of M Delta, the phase of complex blocks its unknown.
+    """Find a real eigenvalue of M Delta by Newton's method in the phase of the complex blocks.
 
     Parameters
     ----------
@@ -73,23 +78,23 @@ def turned(M, table, delta, near, free):  # type: ignore[no-untyped-def]
     delta
         Complex (rows, columns); changed in place.
     near
-        The eigenvalue to follow is the nearest to this; 0: the largest.
+        The eigenvalue nearest to this is followed; 0: the largest.
     free
-        Real block whose value is the unknown, instead of the phase; -1: none.
+        Number of the real block whose value is the unknown instead of the phase; -1: the phase.
 
     Returns
     -------
     value, phase, x, q, weight
-        The real eigenvalue (0: not found), the phase by which complex blocks were turned, its
-        right eigenvector and sensitivity, and the factor by which d lambda = Re(weight q* dDelta x)
-        while the eigenvalue is kept real.
+        The real eigenvalue (0: not found), the phase by which the complex blocks were turned, the
+        right eigenvector and the sensitivity of the eigenvalue, and the factor in
+        d lambda = Re(weight q* dDelta x), which holds while the eigenvalue is kept real.
     """
     phase = 0.0
     some_real = np.any(table[:, 0] == REAL)
     some_complex = np.any(table[:, 0] != REAL)
     x = np.zeros(M.shape[0], np.complex128)
     q = np.zeros(M.shape[1], np.complex128)
-    for _ in range(TURNS):
+    for _ in range(NEWTON_STEPS):
         A = M @ delta
         values = np.linalg.eigvals(A)
         if near == 0 or not some_real:
@@ -101,7 +106,8 @@ def turned(M, table, delta, near, free):  # type: ignore[no-untyped-def]
             break
         x, y = eigenvectors(A, value)
         q = sensitivity(M, delta, x, y)
-        # d lambda by the unknown is i * effect; kept real, it makes up for all other changes.
+        # d lambda by the unknown is i * effect. To keep lambda real, the unknown compensates the
+        # imaginary part of all other changes.
         if free >= 0:
             _, r, n, c, _ = table[free]
             effect = np.vdot(q[r : r + n], x[c : c + n]) / 1j
@@ -112,7 +118,7 @@ def turned(M, table, delta, near, free):  # type: ignore[no-untyped-def]
             effect = 0j
         level = abs(effect.real) > 1e-12 * size
         weight = np.conj(effect) / effect.real if level else 1.0 + 0j
-        if abs(value.imag) <= ROUNDING * size and value.real > 0:
+        if abs(value.imag) <= REAL_EIGENVALUE_TOLERANCE * size and value.real > 0:
             return value.real, phase, x, q, weight
         if not level:
             break
@@ -138,7 +144,7 @@ def turned(M, table, delta, near, free):  # type: ignore[no-untyped-def]
 
 @compiled
 def rotated(M, delta):  # type: ignore[no-untyped-def]
-    """Largest eigenvalue of M Delta, made real by the phase of Delta, which is changed in place."""
+    """Size of the largest eigenvalue of M Delta; Delta is turned in place to make it real."""
     values = np.linalg.eigvals(M @ delta)
     value = values[np.argmax(np.abs(values))]
     size = abs(value)
@@ -150,7 +156,10 @@ def rotated(M, delta):  # type: ignore[no-untyped-def]
 
 @compiled
 def _turned_radius(M_real, M_other, value):  # type: ignore[no-untyped-def]
-    """Spectral radius that reaches 1 where some phase makes `value` an eigenvalue, and its root."""
+    """Spectral radius of (value I - M_real)^-1 M_other, and the eigenvalue that attains it.
+
+    Some phase of the complex blocks makes `value` an eigenvalue of M Delta where the radius is 1.
+    """
     A = value * np.eye(M_real.shape[0]) - M_real
     if not np.linalg.cond(A) < 1e15:
         return np.inf, 1.0 + 0j
@@ -163,9 +172,9 @@ def _turned_radius(M_real, M_other, value):  # type: ignore[no-untyped-def]
 def attained(M, table, delta):  # type: ignore[no-untyped-def]
     """The largest real eigenvalue found along a direction with complex blocks, 0 for none.
 
-    ``delta`` is changed in place to the one that has it. The phase is eliminated: lambda is an
-    eigenvalue for some phase where the spectral radius of (lambda I - M D_real)^-1 M D_other is 1,
-    which is below 1 for large lambda; so the largest one is bracketed and bisected.
+    ``delta`` is changed in place to the Delta that has it. The phase is eliminated: lambda is an
+    eigenvalue for some phase where the spectral radius of (lambda I - M D_real)^-1 M D_other is 1.
+    This radius is below 1 for large lambda, so the largest lambda is bracketed and bisected.
     """
     some_real = np.any(table[:, 0] == REAL)
     if not some_real:

@@ -23,7 +23,7 @@ def lower_bound(
     Parameters
     ----------
     M
-        Complex or real (..., columns, rows), finite; it maps Delta's outputs to its inputs.
+        Complex or real (..., columns, rows), finite. M maps the outputs of Delta to its inputs.
     structure
         The blocks of Delta.
     method
@@ -33,8 +33,9 @@ def lower_bound(
     -------
     LowerBound
         ``value`` (...) and ``Delta`` (..., rows, columns), with largest singular value 1 / value.
-        Where nothing was found the value is 0 and Delta is NaN. For a certificate ask
-        ``solve(MuLowerBound(M, structure))``; for real blocks only see there what it is worth.
+        Where nothing was found the value is 0 and Delta is NaN. For a certificate use
+        ``solve(MuLowerBound(M, structure))``. `MuLowerBound` says how little a lower bound means
+        where all blocks are real.
 
     Raises
     ------

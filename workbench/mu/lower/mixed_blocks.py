@@ -1,7 +1,7 @@
-"""Real and complex blocks: from real blocks held where they help most, the complex ones aligned.
+"""Lower bounds for real and complex blocks: hold the real blocks and align the complex ones.
 
-With the real blocks at a vertex of their box, the complex ones close a loop whose complex mu is
-bounded by the power iteration (P. Seiler, A. Packard and G. Balas, "A gain-based lower bound
+With the real blocks held at a vertex of their box, the complex ones close a loop whose complex mu
+is bounded by the power iteration (P. Seiler, A. Packard and G. Balas, "A gain-based lower bound
 algorithm for real and mixed mu problems", Automatica 46, 2010).
 """
 
@@ -13,8 +13,8 @@ from workbench.mu.lower.ascent import ascend
 from workbench.mu.lower.attain import attained, block_table, turned
 from workbench.mu.lower.power import power_batch
 from workbench.mu.lower.real_blocks import (
-    CANDIDATES,
-    PATTERNS,
+    MOST_VERTICES,
+    REFINED_STARTS,
     best_vertex,
     edge_candidates,
     real_bound,
@@ -23,14 +23,16 @@ from workbench.mu.lower.real_blocks import (
 )
 from workbench.structure import Real, Structure
 
-LEVELS, LOWEST = 50, 1e-7
-"""Levels at which real blocks are held, and the lowest, relative to the norm."""
-WIDTHS = np.array([-4.0, -2.0, -1.0, -0.5, -0.2, 0.0, 0.2, 0.5, 1.0, 2.0, 4.0])
-"""Where levels are about an eigenvalue of real blocks, in its imaginary part."""
-FINER, BETWEEN = 8, 9
-"""How often levels about the best are tried, and how many at a time."""
-BESIDE = 1e-6
-"""How much above an eigenvalue of real blocks alone the complex ones are aligned."""
+LEVEL_COUNT, LOWEST_LEVEL = 50, 1e-7
+"""Number of levels at which real blocks are held, and the lowest level as a share of |M|."""
+LEVEL_OFFSETS = np.array([-4.0, -2.0, -1.0, -0.5, -0.2, 0.0, 0.2, 0.5, 1.0, 2.0, 4.0])
+"""Distances of further levels from the real part of an eigenvalue of the real blocks' own loop, as
+multiples of its imaginary part."""
+LEVEL_REFINEMENTS, REFINED_LEVELS = 8, 9
+"""How often the levels around the best one are refined, and the number of levels each time."""
+LEVEL_EXCESS = 1e-6
+"""Relative distance above an eigenvalue of the real blocks' own loop at which the complex blocks
+are aligned; also the lowest level as a share of |M|."""
 
 
 def gain_bound(
@@ -47,7 +49,7 @@ def gain_bound(
     level
         The eigenvalue at which real blocks close their loop; of the order of mu.
     rng
-        Starts the power iterations.
+        Generator of the starts of the power iterations.
 
     Returns
     -------
@@ -55,13 +57,13 @@ def gain_bound(
         0 and zeros where no real eigenvalue was found.
     """
     count = sum(isinstance(block, Real) for block in structure)
-    half = sign_patterns(count, rng, PATTERNS // 4)
+    half = sign_patterns(count, rng, MOST_VERTICES // 4)
     vertices = np.concatenate([half, -half])
     _, deltas = _closed(M, structure, vertices, np.full(len(vertices), level), rng)
     table = block_table(structure)
     reached = np.array([attained(M, table, delta) for delta in deltas])
     value, found = 0.0, np.zeros((structure.rows, structure.columns), complex)
-    for index in np.argsort(-reached)[:CANDIDATES]:
+    for index in np.argsort(-reached)[:REFINED_STARTS]:
         if reached[index] > 0:
             climbed = ascend(M, table, deltas[index], reached[index])
             if climbed > value:
@@ -72,19 +74,19 @@ def gain_bound(
 def held_bound(
     M: np.ndarray, structure: Structure, rng: np.random.Generator
 ) -> tuple[float, np.ndarray]:
-    """Largest real eigenvalue of M Delta found with real blocks held, at any level.
+    """Largest real eigenvalue of M Delta found with real blocks held at any level.
 
-    With the real blocks at a point r of size |r| and the complex ones in the loop that is left,
-    mu is at least the smaller of 1 / |r| and complex mu of that loop; the level 1 / |r| is
-    searched for along every direction r. Arguments and answer as `gain_bound`.
+    Hold the real blocks at a point r of size |r| and close their loop. Then mu is at least the
+    smaller of 1 / |r| and complex mu of the closed loop. The best level 1 / |r| is searched for
+    along every direction r. Arguments and result as `gain_bound`.
     """
     best = 0.0, np.zeros((structure.rows, structure.columns), complex)
     count = sum(isinstance(block, Real) for block in structure)
-    half = sign_patterns(count, rng, PATTERNS // 4)
+    half = sign_patterns(count, rng, MOST_VERTICES // 4)
     for direction in np.concatenate([half, -half]):
         levels = _levels(M, structure, direction)
-        # Finer levels about the best, each time between its neighbours.
-        for _ in range(FINER):
+        # Refine the levels around the best one, each time between its neighbours.
+        for _ in range(LEVEL_REFINEMENTS):
             reals = np.repeat(direction[None], len(levels), axis=0)
             gain, deltas = _closed(M, structure, reals, levels, rng)
             value = levels * np.minimum(gain, 1.0)
@@ -92,12 +94,15 @@ def held_bound(
             if value[at] > best[0]:
                 best = float(value[at]), _held(deltas[at], structure, gain[at])
             ends = levels[max(at - 1, 0)], levels[min(at + 1, len(levels) - 1)]
-            levels = np.geomspace(*ends, BETWEEN)
+            levels = np.geomspace(*ends, REFINED_LEVELS)
     return best
 
 
 def _levels(M: np.ndarray, structure: Structure, direction: np.ndarray) -> np.ndarray:
-    """Levels at which real blocks in a direction are held: all sizes, and about their own loops."""
+    """Levels at which to hold the real blocks in a direction.
+
+    They cover all sizes, and are dense near the eigenvalues of the loop of the real blocks alone.
+    """
     norm = float(np.linalg.norm(M, 2))
     values = iter(direction)
     parts = [
@@ -105,13 +110,13 @@ def _levels(M: np.ndarray, structure: Structure, direction: np.ndarray) -> np.nd
         for block in structure
     ]
     own = np.linalg.eigvals(M @ structure.diagonal(p * np.eye(*p.shape) for p in parts))
-    near = (own.real[:, None] + own.imag[:, None] * WIDTHS).ravel()
-    levels = np.concatenate([norm * np.geomspace(LOWEST, 1.0, LEVELS), near])
-    return np.unique(levels[levels >= LOWEST * norm])
+    near = (own.real[:, None] + own.imag[:, None] * LEVEL_OFFSETS).ravel()
+    levels = np.concatenate([norm * np.geomspace(LOWEST_LEVEL, 1.0, LEVEL_COUNT), near])
+    return np.unique(levels[levels >= LOWEST_LEVEL * norm])
 
 
 def _held(delta: np.ndarray, structure: Structure, gain: float) -> np.ndarray:
-    """Delta of size 1 whose complex blocks are 1 / gain times as large as its real ones."""
+    """Delta of size 1 with the complex blocks 1 / gain times as large as the real ones."""
     scaled = delta.copy()
     for block, row, column in zip(
         structure, structure.row_slices, structure.column_slices, strict=True
@@ -123,11 +128,12 @@ def _held(delta: np.ndarray, structure: Structure, gain: float) -> np.ndarray:
 def weak_bound(
     M: np.ndarray, structure: Structure, least: float, rng: np.random.Generator
 ) -> tuple[float, np.ndarray]:
-    """Largest real eigenvalue of M Delta found from where real blocks nearly do alone.
+    """Largest real eigenvalue of M Delta found where the real blocks nearly suffice alone.
 
-    With weakly coupled complex blocks the real ones must come close to a singular loop of their
-    own, on the edges of their box. Arguments and answer as `gain_bound`; complex blocks may be 0.
-    Starts whose eigenvalue without complex blocks is below ``least`` are left out.
+    Where complex blocks are weakly coupled, the loop of the real blocks alone must be nearly
+    singular, which happens on the edges of their box. Arguments and result as `gain_bound`; the
+    complex blocks may be 0. Starts whose eigenvalue without complex blocks is below ``least`` are
+    left out.
     """
     real = np.array([isinstance(block, Real) for block in structure])
     rows, columns = np.zeros(structure.rows, bool), np.zeros(structure.columns, bool)
@@ -141,7 +147,7 @@ def weak_bound(
     starts = [(vertex, -1, diagonal)]
     if len(sizes) > 1:
         starts += edge_candidates(part, sizes, vertices)
-    starts = sorted((s for s in starts if s[0] > least), key=lambda s: -s[0])[:CANDIDATES]
+    starts = sorted((s for s in starts if s[0] > least), key=lambda s: -s[0])[:REFINED_STARTS]
     found = np.zeros((structure.rows, structure.columns), complex)
     if not starts:
         return 0.0, found
@@ -149,7 +155,7 @@ def weak_bound(
     found[np.ix_(rows, columns)] = alone
     firsts = np.cumsum([0, *sizes[:-1]])
     reals = np.array([diagonal[firsts] for _, _, diagonal in starts])
-    levels = np.array([(1 + BESIDE) * estimate for estimate, _, _ in starts])
+    levels = np.array([(1 + LEVEL_EXCESS) * estimate for estimate, _, _ in starts])
     table = block_table(structure)
     _, deltas = _closed(M, structure, reals, levels, rng)
     for delta, (estimate, block, _) in zip(deltas, starts, strict=True):
@@ -173,11 +179,11 @@ def _closed(
     levels: np.ndarray,
     rng: np.random.Generator,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Deltas (P, rows, columns) with the real blocks given, complex ones aligned to the loop.
+    """Gains (P,) and Deltas (P, rows, columns) with given real and aligned complex blocks.
 
-    ``reals`` (P, real blocks) close their loop at the eigenvalues ``levels`` (P,). Before the
-    Deltas the gains (P,) of the closed loops: complex blocks of the size 1 / (gain * level) and
-    real ones ``reals / level`` make I - M Delta singular.
+    ``reals`` (P, real blocks) close their loop at the eigenvalues ``levels`` (P,), and the power
+    iteration aligns the complex blocks with the closed loop. Complex blocks of size
+    1 / (gain * level) and real blocks ``reals / level`` then make I - M Delta singular.
     """
     complex_part = Structure(block for block in structure if not isinstance(block, Real))
     columns, rows = M.shape
@@ -190,10 +196,10 @@ def _closed(
         else:
             own_rows[r], own_columns[c] = True, True
     identity = np.eye(columns)
-    # A level that is rounding beside M says nothing of it.
-    levels = np.maximum(levels, BESIDE * float(np.linalg.norm(M, 2)))
+    # A level as small as the rounding errors of M says nothing about M.
+    levels = np.maximum(levels, LEVEL_EXCESS * float(np.linalg.norm(M, 2)))
     closed = levels[:, None, None] * identity - M @ deltas
-    # A loop that is singular here is one of the answers: a slightly larger level shows it.
+    # A singular loop is a solution itself; a slightly larger level shows it as a large gain.
     singular = np.linalg.cond(closed) > 1e12
     closed[singular] += 1e-6 * levels[singular, None, None] * identity
     loops = np.linalg.solve(closed, M[:, own_rows])[:, own_columns]

@@ -1,7 +1,7 @@
-"""The lower bound of mixed mu as a nonlinear program for IPOPT, from many starts.
+"""The lower bound of mixed mu as a nonlinear program for IPOPT, solved from many starts.
 
-Largest lambda with lambda x = M w and w = Delta x: a full block need not be written down, only that
-it does not enlarge, |w_i| <= |x_i|.
+The program maximises lambda subject to lambda x = M w and w = Delta x. A full block is not a
+variable of the program; the constraint |w_i| <= |x_i| says that its gain is at most 1.
 """
 
 from __future__ import annotations
@@ -82,6 +82,7 @@ class NonlinearSearch:
         return best, found
 
     def _from(self, M: np.ndarray, start: np.ndarray) -> tuple[float, np.ndarray]:
+        """Real eigenvalue (0: none) and Delta found from one start."""
         values, vectors = np.linalg.eig(M @ start)
         place = np.argmax(values.real)
         x = vectors[:, place]
@@ -99,7 +100,7 @@ class NonlinearSearch:
         return self._refined(M, answer["x"].full().ravel())
 
     def _refined(self, M: np.ndarray, variables: np.ndarray) -> tuple[float, np.ndarray]:
-        """Delta from the variables; then a real eigenvalue of it, whatever IPOPT said."""
+        """Real eigenvalue and Delta computed from the variables, whatever IPOPT reported."""
         columns = self._structure.columns
         near = variables[0]
         x = variables[1 : 1 + columns] + 1j * variables[1 + columns : 1 + 2 * columns]
@@ -136,6 +137,7 @@ class NonlinearSearch:
         return value, trial
 
     def _places(self) -> list[tuple[int, slice, slice, Any]]:
+        """Number, rows, columns and block of each block."""
         s = self._structure
         return list(zip(range(len(s)), s.row_slices, s.column_slices, s, strict=True))
 

@@ -1,7 +1,8 @@
-"""Local parameters of a normalised Delta, and the gradient of its real eigenvalue by them.
+"""Local parameters of a normalised Delta, and the gradient of a real eigenvalue of M Delta.
 
-Real blocks have their value in [-1, 1], complex scalars their angle, full blocks the two vectors of
-a dyad u v*, of any length (at a maximum of mu a full block may be a dyad).
+The parameter of a real block is its value in [-1, 1], that of a complex scalar its angle. The
+parameters of a full block are the two vectors of a dyad u v*, of any length; a full block that
+attains mu may be a dyad.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ def parameters(delta, table):  # type: ignore[no-untyped-def]
 
 @compiled
 def _unit(p, at, n):  # type: ignore[no-untyped-def]
-    """The unit vector of n complex entries stored at a place, and its size before."""
+    """Unit vector of the n complex entries stored at a place, and their norm."""
     v = np.empty(n, np.complex128)
     for i in range(n):
         v[i] = p[at + 2 * i] + 1j * p[at + 2 * i + 1]
@@ -50,7 +51,7 @@ def _unit(p, at, n):  # type: ignore[no-untyped-def]
 
 @compiled
 def perturbation(p, phase, table, rows, columns):  # type: ignore[no-untyped-def]
-    """Delta (rows, columns) of parameters, its complex blocks turned by a common phase."""
+    """Delta (rows, columns) from its parameters, with complex blocks turned by a common phase."""
     delta = np.zeros((rows, columns), np.complex128)
     turn = np.exp(1j * phase)
     at = 0
@@ -70,7 +71,7 @@ def perturbation(p, phase, table, rows, columns):  # type: ignore[no-untyped-def
 
 @compiled
 def gradient(p, delta, table, x, q, weight):  # type: ignore[no-untyped-def]
-    """d lambda / dp with the eigenvalue kept real: d lambda = Re(weight q* d(Delta) x)."""
+    """Gradient d lambda / dp with lambda kept real: d lambda = Re(weight q* d(Delta) x)."""
     g = np.zeros(len(p))
     at = 0
     for kind, r, nr, c, nc in table:
@@ -99,7 +100,7 @@ def gradient(p, delta, table, x, q, weight):  # type: ignore[no-untyped-def]
 
 @compiled
 def bounded_parameters(table, count):  # type: ignore[no-untyped-def]
-    """Whether each parameter is a real block's."""
+    """Mark the parameters of real blocks, which are bounded by -1 and 1."""
     bounded = np.zeros(count, np.bool_)
     at = 0
     for kind, _, nr, _, nc in table:

@@ -11,10 +11,10 @@ import numpy as np
 from workbench.compiled import compiled
 from workbench.mu.lower.attain import REAL, SCALAR, attained, rotated, turned
 
-ITERATIONS = 60
-"""Steps of one run; what has not settled by then seldom does."""
-SETTLED = 1e-6
-"""Change of the vectors at which a run ends; the eigenvalue is then good to its square."""
+POWER_STEPS = 60
+"""Most steps of one run; a run that has not settled by then seldom does later."""
+SETTLED_CHANGE = 1e-6
+"""A run ends when the vectors change by less; the eigenvalue's error is then about its square."""
 
 
 @compiled
@@ -28,7 +28,10 @@ def _size(v):  # type: ignore[no-untyped-def]
 
 @compiled
 def _aligned(a, w, table, reals, z, b):  # type: ignore[no-untyped-def]
-    """z and b = Delta a for the Delta that aligns w with a; real blocks take ``reals``."""
+    """Set z = Delta^H w and b = Delta a for the Delta that aligns w with a.
+
+    Real blocks have the values ``reals``.
+    """
     for k in range(len(table)):
         kind, r, nr, c, nc = table[k]
         if kind == REAL:
@@ -51,7 +54,7 @@ def _aligned(a, w, table, reals, z, b):  # type: ignore[no-untyped-def]
 
 @compiled
 def _update_reals(a, b, w, table, reals):  # type: ignore[no-untyped-def]
-    """Real blocks: at an end of [-1, 1], or inside where a and w are orthogonal."""
+    """Move ``reals`` towards an end of [-1, 1]; they stay inside where a and w are orthogonal."""
     for k in range(len(table)):
         kind, r, nr, c, nc = table[k]
         if kind == REAL:
@@ -63,15 +66,15 @@ def _update_reals(a, b, w, table, reals):  # type: ignore[no-untyped-def]
 
 @compiled
 def iterate(M, table, b, w, reals):  # type: ignore[no-untyped-def]
-    """One run of the power iteration from vectors b, w (rows): the Delta it ends on.
+    """The Delta at the end of one run of the power iteration from vectors b, w (rows).
 
-    b, w and the real blocks' values are changed in place.
+    b, w and the values of the real blocks are changed in place.
     """
     columns = len(M)
     adjoint = np.ascontiguousarray(np.conj(M.T))
     z = np.zeros(columns, np.complex128)
     a = np.zeros(columns, np.complex128)
-    for _ in range(ITERATIONS):
+    for _ in range(POWER_STEPS):
         new = M @ b
         size = _size(new)
         if not size > 1e-200:
@@ -90,7 +93,7 @@ def iterate(M, table, b, w, reals):  # type: ignore[no-untyped-def]
         w[:] = new / size
         _update_reals(a, b, w, table, reals)
         _aligned(a, w, table, reals, z, b)
-        if change < SETTLED:
+        if change < SETTLED_CHANGE:
             break
     return aligned_delta(a, w, table, reals)
 
@@ -122,7 +125,7 @@ def aligned_delta(a, w, table, reals):  # type: ignore[no-untyped-def]
 
 @compiled
 def power_batch(Ms, table, starts, start_reals, thorough):  # type: ignore[no-untyped-def]
-    """Lower bounds of a batch, and their Deltas, by runs from given starts and one warm one.
+    """Lower bounds of a batch and their Deltas, by runs from given starts and one warm start.
 
     Parameters
     ----------
@@ -131,15 +134,15 @@ def power_batch(Ms, table, starts, start_reals, thorough):  # type: ignore[no-un
     table
         `block_table`.
     starts, start_reals
-        Complex (S, 2, rows): unit vectors b and w of each start; (S, blocks): its real blocks.
+        Unit vectors b and w of each start, complex (S, 2, rows), and its real blocks, (S, blocks).
     thorough
-        Search all phases where the run's own end has no real eigenvalue.
+        Whether to search all phases where the end of a run has no real eigenvalue.
 
     Returns
     -------
     values, deltas
-        (S + 1, B), 0 where nothing was found, and (S + 1, B, rows, columns); the last of the
-        first axis started from the end of the best run of the matrix before.
+        Shapes (S + 1, B), 0 where nothing was found, and (S + 1, B, rows, columns). The last run
+        of each matrix starts from the end of the best run of the previous matrix.
     """
     batch, columns, rows = Ms.shape
     runs = len(starts) + 1
@@ -170,7 +173,7 @@ def power_batch(Ms, table, starts, start_reals, thorough):  # type: ignore[no-un
 
 @compiled
 def settled(M, table, delta):  # type: ignore[no-untyped-def]
-    """A real eigenvalue near the largest positive one of M Delta, 0 for none; delta is changed."""
+    """A real eigenvalue near the most positive one of M Delta, 0 for none; delta is changed."""
     if not np.any(table[:, 0] == REAL):
         return rotated(M, delta)
     values = np.linalg.eigvals(M @ delta)
@@ -187,7 +190,7 @@ def settled(M, table, delta):  # type: ignore[no-untyped-def]
 
 @compiled
 def innermost(table, delta):  # type: ignore[no-untyped-def]
-    """The real block farthest inside its interval; -1 where all are at its ends."""
+    """The real block farthest inside its interval; -1 where all real blocks are at the ends."""
     place, least = -1, 1.0
     for k in range(len(table)):
         kind, r, _, c, _ = table[k]

@@ -1,4 +1,4 @@
-"""The lower bound of mixed mu as a Program: its data, its answer and the check of any answer."""
+"""The lower bound of mixed mu as a Program."""
 
 from __future__ import annotations
 
@@ -15,10 +15,11 @@ from workbench.input_checks import as_matrices
 from workbench.program import Check, Program, worst
 from workbench.structure import Full, Real, Structure
 
-NORM = 1e-10
-"""Deviation of the size of Delta from 1 / value, relative, that a certificate lets pass."""
-SINGULAR = 1e-10
-"""Smallest singular value of I - M Delta, relative to the balanced M Delta, that counts as 0."""
+SIZE_TOLERANCE = 1e-10
+"""Largest relative deviation of the size of Delta from 1 / value that a certificate accepts."""
+SINGULARITY_TOLERANCE = 1e-10
+"""I - M Delta, balanced, counts as singular if its smallest singular value is below this share of
+the norm of M Delta or of 1, whichever is larger."""
 
 
 @dataclass(frozen=True)
@@ -36,19 +37,19 @@ class LowerBound:
 class MuLowerBound(Program):
     """The smallest structured Delta found that makes I - M Delta singular; mu is 1 / its size.
 
-    Every such Delta proves a lower bound, so a certificate needs no method's word. How far it is
-    from mu only an upper bound can say.
+    Every such Delta proves a lower bound, so the certificate does not rely on the method. Only an
+    upper bound can tell how far the lower bound is from mu.
 
-    With real blocks only, mu is not continuous in M: a real eigenvalue that meets its conjugate
-    leaves the axis at the next rounding error, and mu may fall to 0. A lower bound then holds for
-    the given M up to rounding, and says little of its neighbours; add a little complex
-    uncertainty to each real block to make the question well posed.
+    With real blocks only, mu is not continuous in M: where two real eigenvalues meet, a rounding
+    error may make them a complex pair, and mu may fall to 0. A lower bound then holds for the given
+    M up to rounding, but says little about neighbouring matrices. To make the question well posed,
+    add a little complex uncertainty to each real block.
 
     Parameters
     ----------
     M
-        Complex or real (..., columns, rows), finite; it maps Delta's outputs to its inputs. An
-        `xarray.DataArray` lends the names and coordinates of its leading axes to the results.
+        Complex or real (..., columns, rows), finite. M maps the outputs of Delta to its inputs. The
+        results take the names and coordinates of the leading axes of an `xarray.DataArray`.
     structure
         The blocks of Delta.
     """
@@ -84,12 +85,17 @@ class MuLowerBound(Program):
         checks = [Check("proper", "every value is finite and not negative", improper, 0.0, where)]
         for name, statement, measure, limit in (
             ("structure", "blocks off the structure, exactly", self._misfit, 0.0),
-            ("norm", "largest singular value of Delta times value, less 1", self._misnorm, NORM),
+            (
+                "norm",
+                "largest singular value of Delta times value, less 1",
+                self._misnorm,
+                SIZE_TOLERANCE,
+            ),
             (
                 "singularity",
                 "smallest singular value of I - M Delta, balanced, relative to M Delta",
                 self._regularity,
-                SINGULAR,
+                SINGULARITY_TOLERANCE,
             ),
         ):
             excess = np.zeros(self.batch)
@@ -102,7 +108,7 @@ class MuLowerBound(Program):
         return checks
 
     def _misfit(self, M: np.ndarray, Delta: np.ndarray, value: float) -> float:
-        """Number of blocks that are not of their kind, and of entries outside the blocks."""
+        """Number of blocks that are not of their kind plus number of entries outside blocks."""
         wrong, outside = 0, Delta.copy()
         places = zip(
             self.structure, self.structure.row_slices, self.structure.column_slices, strict=True
@@ -118,13 +124,15 @@ class MuLowerBound(Program):
 
     @staticmethod
     def _misnorm(M: np.ndarray, Delta: np.ndarray, value: float) -> float:
+        """Deviation of the norm of Delta times value from 1."""
         return abs(float(np.linalg.norm(Delta, 2)) * value - 1)
 
     @staticmethod
     def _regularity(M: np.ndarray, Delta: np.ndarray, value: float) -> float:
+        """Smallest singular value of I - M Delta, balanced, relative to M Delta."""
         from scipy.linalg import matrix_balance
 
-        # A similarity by powers of two: the same singularity, without the units of the signals.
+        # A similarity by powers of two keeps the singularity and removes the units of the signals.
         loop = matrix_balance(M @ Delta, permute=False)[0]
         least = np.linalg.svd(np.eye(len(loop)) - loop, compute_uv=False)[-1]
         return float(least / max(1.0, np.linalg.norm(loop, 2)))
@@ -168,10 +176,11 @@ class MuLowerBound(Program):
         return {"mu_lower": figure}
 
     def place(self, index: tuple[int, ...]) -> str:
-        """The name of a matrix, for messages."""
+        """Name of a matrix of the batch, for messages."""
         return f"at matrix {', '.join(map(str, index))}" if self.batch else ""
 
     def _labelled(self) -> DataArray:
+        """The matrices with names of their axes."""
         import xarray as xr
 
         if self.labels is not None:

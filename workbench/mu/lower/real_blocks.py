@@ -1,8 +1,9 @@
-"""Vertices and edges of the box of real blocks.
+"""Lower bounds of mu from vertices and edges of the box of real blocks.
 
-Pure real structures: all blocks at their ends, then all but one (R. Dailey, "A new algorithm for
-the real structured singular value", ACC 1990). For a real M and blocks not repeated, det is
-multi-affine and real, and some vertex attains mu (R. de Gaston and M. Safonov, 1988).
+For structures of real blocks only, all blocks are put at ends of their intervals, then all but one
+(R. Dailey, "A new algorithm for the real structured singular value", ACC 1990). For a real M and
+blocks that are not repeated, det(I - M Delta) is multi-affine and real, and some vertex attains mu
+(R. de Gaston and M. Safonov, 1988).
 """
 
 from __future__ import annotations
@@ -15,20 +16,23 @@ from workbench.mu.lower.ascent import ascend
 from workbench.mu.lower.attain import block_table, turned
 from workbench.structure import Structure
 
-PATTERNS = 128
-"""Vertices looked at; beyond eight real blocks they are drawn at random."""
+MOST_VERTICES = 128
+"""Most vertices that are tried; for more than eight real blocks they are drawn at random."""
 EDGE_POINTS = 9, 129
-"""Points of an edge, at least and at most, at which eigenvalues are followed ..."""
-POINTS = 1024
-"""... and how many of all edges are aimed at."""
-CANDIDATES = 12
-"""Starts that are refined, the most promising ones."""
-ROUNDING = 1e-13
-"""Imaginary part, relative to the matrix, that is rounding."""
+"""Least and most points of an edge at which eigenvalues are followed."""
+EDGE_POINT_BUDGET = 1024
+"""Number of points aimed at over all edges together."""
+REFINED_STARTS = 12
+"""Number of the most promising starts that are refined."""
+REAL_EIGENVALUE_TOLERANCE = 1e-13
+"""An eigenvalue counts as real if its imaginary part is below this share of the norm of M."""
 
 
-def sign_patterns(count: int, rng: np.random.Generator, limit: int = PATTERNS) -> np.ndarray:
-    """Vertices (P, count) of [-1, 1]^count up to a common sign; random where they are too many."""
+def sign_patterns(count: int, rng: np.random.Generator, limit: int = MOST_VERTICES) -> np.ndarray:
+    """Vertices (P, count) of [-1, 1]^count up to a common sign.
+
+    All of them if they are at most `limit`, else a random choice.
+    """
     if 2 ** (count - 1) <= limit:
         return np.array([(1.0, *rest) for rest in product((1.0, -1.0), repeat=count - 1)])
     patterns = rng.choice([-1.0, 1.0], (limit, count))
@@ -47,7 +51,7 @@ def real_bound(
     structure
         Real blocks only.
     rng
-        Draws vertices where there are too many.
+        Generator that draws vertices where there are too many of them.
 
     Returns
     -------
@@ -61,7 +65,7 @@ def real_bound(
     starts = [] if best == 0 else [(best, -1, delta)]
     if len(sizes) > 1:
         starts += edge_candidates(M, sizes, vertices)
-    for estimate, block, start in sorted(starts, key=lambda item: -item[0])[:CANDIDATES]:
+    for estimate, block, start in sorted(starts, key=lambda item: -item[0])[:REFINED_STARTS]:
         there = np.diag(start).astype(complex)
         value = estimate if block < 0 else turned(M, table, there, estimate + 0j, block)[0]
         if value > 0:
@@ -72,10 +76,10 @@ def real_bound(
 
 
 def best_vertex(M: np.ndarray, diagonals: np.ndarray) -> tuple[float, np.ndarray]:
-    """Largest real eigenvalue of M diag(d) over rows d and -d, 0 for none, and its d."""
+    """Largest real eigenvalue (0: none) of M diag(d) over rows d and -d, and its d."""
     real = M.real if not M.imag.any() else M  # in real arithmetic, real eigenvalues are exact
     values = np.linalg.eigvals(real * diagonals[:, None, :])
-    is_real = np.abs(values.imag) <= ROUNDING * np.linalg.norm(M)
+    is_real = np.abs(values.imag) <= REAL_EIGENVALUE_TOLERANCE * np.linalg.norm(M)
     sizes = np.where(is_real, np.abs(values.real), 0.0)
     place = np.unravel_index(np.argmax(sizes), sizes.shape)
     if not sizes[place] > 0:
@@ -86,12 +90,16 @@ def best_vertex(M: np.ndarray, diagonals: np.ndarray) -> tuple[float, np.ndarray
 def edge_candidates(
     M: np.ndarray, sizes: list[int], vertices: np.ndarray
 ) -> list[tuple[float, int, np.ndarray]]:
-    """Estimated real eigenvalue, block inside its interval, and diagonal: where Im changes sign."""
+    """Points on edges of the box where the imaginary part of an eigenvalue changes its sign.
+
+    Each is an estimate of the real eigenvalue, the number of the block inside its interval, and
+    the diagonal of Delta.
+    """
     found = []
-    count = POINTS // (len(sizes) * len(vertices))
+    count = EDGE_POINT_BUDGET // (len(sizes) * len(vertices))
     grid = np.linspace(-1.0, 1.0, int(np.clip(count, *EDGE_POINTS)))
     for block in range(len(sizes)):
-        # The block's own sign in a pattern means nothing on the edge along it.
+        # On an edge along the block, the block's own sign in a pattern does not matter.
         edges = np.unique(np.delete(vertices, block, axis=1), axis=0)
         points = np.repeat(np.insert(edges, block, 0.0, axis=1)[:, None], len(grid), axis=1)
         points[:, :, block] = grid
@@ -104,7 +112,7 @@ def edge_candidates(
         share = np.where(crossing, before.imag / np.where(crossing, before.imag - after.imag, 1), 0)
         estimate = before.real + share * (after.real - before.real)
         where = np.argwhere(crossing)
-        order = np.argsort(-np.abs(estimate[crossing]))[:CANDIDATES]
+        order = np.argsort(-np.abs(estimate[crossing]))[:REFINED_STARTS]
         for edge, step, root in where[order]:
             part = share[edge, step, root]
             start = (1 - part) * diagonals[edge, step] + part * diagonals[edge, step + 1]

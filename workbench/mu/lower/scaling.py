@@ -1,7 +1,7 @@
-"""Matrices in units fit for search, and the answers found there in the units given.
+"""Balancing of matrices before a search for lower bounds, and rescaling of the bounds found.
 
-Delta commutes with scalings by block (by channel, where a scalar is repeated), so mu does not see
-them; a search does. Powers of two throughout: no entry is rounded.
+Delta commutes with a scaling of each block (of each channel of a repeated scalar), so such scalings
+do not change mu, but they help a search. All are powers of two, so that no entry is rounded.
 """
 
 from __future__ import annotations
@@ -11,15 +11,16 @@ import numpy as np
 from workbench.mu.lower.program import LowerBound
 from workbench.structure import Full, Structure
 
-SWEEPS = 6
-"""Osborne's sweeps."""
-ROUNDING = 4 * float(np.finfo(float).eps)
-LARGEST = 60.0
-"""Bound of the scalings, as a power of two; reducible matrices would ask for infinite ones."""
+OSBORNE_SWEEPS = 6
+"""Sweeps of Osborne's method over all scalings."""
+EIGENVALUE_ROUNDING = 4 * float(np.finfo(float).eps)
+"""Eigenvalues of a balanced matrix of size n below n times this count as rounding errors."""
+LARGEST_EXPONENT = 60.0
+"""Largest exponent of two of a scaling; reducible matrices would lead to infinite scalings."""
 
 
 def scaled(M: np.ndarray, structure: Structure) -> tuple[np.ndarray, np.ndarray]:
-    """Balanced matrices (B, columns, rows), norms of order one, and their exponents of two (B,).
+    """Balanced matrices (B, columns, rows) of norms near 1, and their exponents of two (B,).
 
     Source: E. Osborne, "On pre-conditioning of matrices", J. ACM 7 (1960).
     """
@@ -33,14 +34,14 @@ def scaled(M: np.ndarray, structure: Structure) -> tuple[np.ndarray, np.ndarray]
     squares = into.T @ (M.real**2 + M.imag**2) @ out_of  # (B, channels, channels)
     squares[:, range(count), range(count)] = 0
     power = np.zeros((len(M), count))
-    for _ in range(SWEEPS):
+    for _ in range(OSBORNE_SWEEPS):
         for i in range(count):
             weight = squares * 4.0 ** (power[:, :, None] - power[:, None, :])
             left, entered = weight[:, i].sum(axis=1), weight[:, :, i].sum(axis=1)
             usable = (left > 0) & (entered > 0)
             ratio = np.where(usable, entered, 1) / np.where(usable, left, 1)
             step = np.round(0.25 * np.log2(ratio))
-            power[:, i] = np.clip(power[:, i] + step, -LARGEST, LARGEST)
+            power[:, i] = np.clip(power[:, i] + step, -LARGEST_EXPONENT, LARGEST_EXPONENT)
     shift = power[:, column][:, :, None] - power[:, row][:, None, :]
     M = _times_power(M, shift.astype(int))
     largest = np.maximum(abs(M.real), abs(M.imag)).max(axis=(1, 2))
@@ -51,17 +52,17 @@ def scaled(M: np.ndarray, structure: Structure) -> tuple[np.ndarray, np.ndarray]
 def unscaled(
     value: np.ndarray, Delta: np.ndarray, exponent: np.ndarray, batch: tuple[int, ...]
 ) -> LowerBound:
-    """The bound of real eigenvalues (B,) of M Delta for normalised Deltas (B, rows, columns).
+    """Lower bounds from real eigenvalues (B,) of M Delta for normalised Deltas (B, rows, columns).
 
-    An eigenvalue that is rounding beside the balanced M is none.
+    An eigenvalue as small as the rounding errors of the balanced M counts as not found.
     """
-    found = value > Delta.shape[-1] * ROUNDING
+    found = value > Delta.shape[-1] * EIGENVALUE_ROUNDING
     size = np.linalg.norm(np.where(found[:, None, None], Delta, 0), 2, axis=(1, 2))
     found &= size > 0
     bound = np.where(found, value / np.where(found, size, 1), 0.0)
     Delta = _times_power(Delta / np.where(found, value, 1)[:, None, None], -exponent[:, None, None])
     bound = np.ldexp(bound, exponent)
-    # Beyond the range of numbers there is nothing to hand back.
+    # A bound or Delta beyond the range of floating-point numbers cannot be returned.
     found &= (bound > 0) & np.isfinite(bound) & np.isfinite(Delta).all(axis=(1, 2))
     Delta[~found] = np.nan
     return LowerBound(
@@ -70,12 +71,12 @@ def unscaled(
 
 
 def _times_power(M: np.ndarray, exponent: np.ndarray) -> np.ndarray:
-    """M times a power of two, whose own value may be beyond the range of numbers."""
+    """M times 2^exponent, where 2^exponent itself may overflow."""
     return np.ldexp(M.real, exponent) + 1j * np.ldexp(M.imag, exponent)
 
 
 def _channels(structure: Structure) -> tuple[np.ndarray, np.ndarray]:
-    """Number of the scaling that each row and each column of Delta takes."""
+    """Numbers of the scalings that belong to each row and to each column of Delta."""
     row: list[int] = []
     column: list[int] = []
     count = 0

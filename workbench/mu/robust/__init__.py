@@ -1,0 +1,1 @@
+"""Robustness of loops: conditions, worst cases, skewed mu, branch and bound."""

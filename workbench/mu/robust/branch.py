@@ -1,13 +1,14 @@
-"""Branch and bound on the real blocks: mixed mu between two bounds, as narrow as asked.
+"""Branch and bound on the real blocks: bounds of mixed mu as close as asked.
 
-To prove mu <= t, no Delta of size 1 / t may make I - M Delta singular. The box of its real blocks
-is cut in parts; in a part with centre C and half-widths R, Delta = C + R E with E of the structure
-and size at most 1, and
+To prove mu <= t, show that no Delta of size 1 / t makes I - M Delta singular. The box of the real
+blocks of Delta is cut into parts. In a part with centre C and half-widths R, Delta = C + R E, where
+E has the structure and a size of at most 1, and
 
-    det(I - M Delta) = det(I - M C) det(I - (I - M C)^-1 M R E),
+    det(I - M Delta) = det(I - M C) det(I - (I - M C)^-1 M R E).
 
-so an upper bound below 1 of the recentred (I - M C)^-1 M R excludes the part. A lower bound of the
-same matrix gives a singular Delta at once. The levels t descend from the upper to the lower bound.
+An upper bound below 1 of the recentred matrix (I - M C)^-1 M R therefore excludes the part, and a
+lower bound of the same matrix gives a Delta that makes I - M Delta singular. The levels t descend
+from the upper to the lower bound.
 
 Source: M. Newlin and P. Young, "Mixed mu problems and branch and bound techniques", CDC 1992.
 """
@@ -28,12 +29,13 @@ from workbench.mu.upper.bound import upper_bound
 from workbench.solvers import Options
 from workbench.structure import Real, Structure
 
-BATCH = 32
-"""Parts whose bounds are computed together."""
-ALLOWANCE = 1e-9
-"""For the rounding of recentred matrices, whose centres are regular to a condition of 1 / CLEAR."""
-CLEAR = 1e-6
-NARROWEST = 1e-9
+PARTS_AT_ONCE = 32
+"""Parts of the box whose bounds are computed together."""
+RECENTRING_ROUNDING = 1e-9
+"""Allowance for rounding errors of recentred matrices: their bounds must be below 1 by this."""
+LEAST_RECIPROCAL_CONDITION = 1e-6
+"""Least reciprocal condition number of I - M C at which a part is recentred."""
+NARROWEST_WIDTH = 1e-9
 """Half-width, relative to the box, below which a block is not cut again."""
 
 Upper = Callable[[np.ndarray, Structure], Any]
@@ -41,10 +43,11 @@ Upper = Callable[[np.ndarray, Structure], Any]
 
 
 @dataclass(frozen=True)
-class Interval:
-    """Bounds of mu: ``lower`` with its singular ``Delta`` (rows, columns), ``upper``.
+class MuBounds:
+    """Bounds ``lower`` and ``upper`` of mu of one matrix.
 
-    ``nodes`` parts were bounded; where ``lower`` is 0, Delta is NaN.
+    ``Delta`` (rows, columns) has size 1 / lower and makes I - M Delta singular; where ``lower`` is
+    0 it is NaN. ``nodes`` is the number of parts bounded.
     """
 
     lower: float
@@ -68,11 +71,11 @@ def branch_and_bound(
     nodes: int = 2000,
     upper: Upper | None = None,
     options: Options | None = None,
-) -> Interval:
-    """Mixed mu of one matrix between bounds that differ by no more than asked, or than affordable.
+) -> MuBounds:
+    """Bounds of mixed mu of one matrix, as close as asked or as the number of nodes allows.
 
-    Cutting closes what real blocks leave open. The gap of the complex blocks alone stays, and
-    where mu of real blocks is 0 the lower bound does too, and the gap is infinite.
+    Cutting the box closes the gap that real blocks cause. The gap that complex blocks cause stays.
+    Where mu of real blocks is 0, the lower bound stays 0 and the gap is infinite.
 
     Parameters
     ----------
@@ -83,14 +86,14 @@ def branch_and_bound(
     gap
         Wanted upper / lower - 1.
     nodes
-        Most parts whose bounds may be computed.
+        Largest number of parts whose bounds may be computed.
     upper
-        Upper bound function; the bench's own by default.
+        Function that computes upper bounds; `upper_bound` by default.
 
     Raises
     ------
     InputError
-        M is not one finite matrix that fits the structure; or gap or nodes is not positive.
+        M is not one finite matrix that fits the structure, or gap or nodes is not positive.
     """
     M = as_matrices(M, structure)
     if M.ndim != 2:
@@ -101,13 +104,13 @@ def branch_and_bound(
     search = _Search(M, structure, upper or upper_bound, nodes, options)
     if any(isinstance(block, Real) for block in structure):
         while search.upper > (1 + gap) * search.lower and search.nodes < nodes:
-            # Coarse levels first: each one proven is an answer if the budget ends. The last one
-            # lies a little below what is asked, so that rounding does not miss it.
+            # Try coarse levels first, so that there is a result if the budget ends. The last level
+            # lies a little below the wanted gap, so that rounding errors do not exceed it.
             level = max((1 + 0.999 * gap) * search.lower, np.sqrt(search.lower * search.upper))
             level = level or 0.5 * search.upper
             if not search.lower < level < search.upper or not search.decide(level):
                 break
-    return Interval(search.lower, max(search.upper, search.lower), search.Delta, search.nodes)
+    return MuBounds(search.lower, max(search.upper, search.lower), search.Delta, search.nodes)
 
 
 class _Search:
@@ -130,19 +133,19 @@ class _Search:
         self.nodes = 1
 
     def decide(self, level: float) -> bool:
-        """Move the upper bound to a level, or the lower one to it; false where neither was done."""
+        """Lower the upper bound to a level or raise the lower bound to it; false if neither."""
         count = len(self._real)
         parts = [(np.zeros(count), np.full(count, 1 / level))]
         while parts:
             if self.nodes >= self._budget:
                 return False
-            # Depth first: the list of open parts stays short.
-            batch, parts = parts[-BATCH:], parts[:-BATCH]
+            # Depth first, so that the list of open parts stays short.
+            batch, parts = parts[-PARTS_AT_ONCE:], parts[:-PARTS_AT_ONCE]
             centres, widths = (np.array(values) for values in zip(*batch, strict=True))
             N, regular = self._recentred(centres, widths, level)
             self.nodes += len(batch)
             values = np.asarray(self._bound(N, self._structure).value)
-            open_ = ~regular | ~(values < 1 - ALLOWANCE)
+            open_ = ~regular | ~(values < 1 - RECENTRING_ROUNDING)
             usable = open_ & regular
             self._lower_from(N[usable], centres[usable], widths[usable], level)
             if self.lower >= level:
@@ -161,7 +164,7 @@ class _Search:
         """(I - M C)^-1 M R of each part, and whether its centre is regular (else M R)."""
         columns = len(self._M)
         loop = np.eye(columns) - self._M @ self._perturbations(centres)
-        regular = np.linalg.cond(loop) < 1 / CLEAR
+        regular = np.linalg.cond(loop) < 1 / LEAST_RECIPROCAL_CONDITION
         loop[~regular] = np.eye(columns)
         return np.linalg.solve(loop, self._M * self._scale(widths, level)[:, None, :]), regular
 
@@ -173,7 +176,7 @@ class _Search:
         return scale
 
     def _perturbations(self, centres: np.ndarray) -> np.ndarray:
-        """Delta of each part's centre, its other blocks 0."""
+        """Delta at the centre of each part, with complex blocks 0."""
         Delta = np.zeros((len(centres), self._structure.rows, self._structure.columns), complex)
         for j, k in enumerate(self._real):
             row, column = self._structure.row_slices[k], self._structure.column_slices[k]
@@ -183,7 +186,7 @@ class _Search:
     def _lower_from(
         self, N: np.ndarray, centres: np.ndarray, widths: np.ndarray, level: float
     ) -> None:
-        """Raise the lower bound by singular Deltas of recentred matrices."""
+        """Raise the lower bound by lower bounds of the recentred matrices N."""
         if not len(N):
             return
         found = lower_bound(N, self._structure, "power", self._options)
@@ -196,13 +199,13 @@ class _Search:
     def _cut(
         self, N: np.ndarray, centre: np.ndarray, width: np.ndarray, level: float
     ) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Halves of a part, cut across the block that matters most; none if it is too narrow."""
+        """The halves of a part, cut in the most influential block; none if it is too narrow."""
         effects = [
             np.linalg.norm(N[:, self._structure.row_slices[k]])
             * np.linalg.norm(N[self._structure.column_slices[k]])
             for k in self._real
         ]
-        effect = np.where(width * level > NARROWEST, effects, -1.0)
+        effect = np.where(width * level > NARROWEST_WIDTH, effects, -1.0)
         j = int(np.argmax(effect))
         if effect[j] < 0:
             return []

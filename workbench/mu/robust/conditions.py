@@ -1,7 +1,7 @@
-"""The four conditions of a loop: nominal and robust, stability and performance.
+"""The four conditions of a loop: nominal and robust stability, nominal and robust performance.
 
-With N = F_l(P, K) partitioned as the perturbation and the performance (Vidal Sanchez, Robust and
-Fault Tolerant Control of CD-players (2003), section 6.2):
+N = F_l(P, K) is partitioned into perturbation (1) and performance (2) channels (Vidal Sanchez,
+Robust and Fault Tolerant Control of CD-players (2003), section 6.2):
 
     nominal stability     N is stable
     nominal performance   sup sigma_max(N_22) < 1
@@ -24,16 +24,17 @@ from workbench.structure import Full, Real, Structure
 from workbench.systems.generalised_plant import GeneralisedPlant, Signals
 
 COMPLEX_PART = 0.01
-"""Of real scalars where there is nothing else, so that robust stability is a proper question."""
+"""Default complex part, as a share of real scalars, of structures that have real scalars only;
+without it mu is not continuous over frequency."""
 
 
 @dataclass(frozen=True, eq=False)
 class Conditions:
-    """The four conditions; each peak is certified between grid points.
+    """The four conditions of a loop; each peak is certified between grid points.
 
-    ``pole`` is the rightmost of the nominal loop [rad/s] (None: it has no states). Where that is
-    unstable the peaks are None, as are those of what the plant does not have: without a
-    perturbation robust stability, without performance both performances.
+    ``pole`` is the rightmost pole of the nominal loop [rad/s] (None: the loop has no states). Where
+    it is unstable all peaks are None. Without a perturbation ``robust_stability`` is None; without
+    performance channels both performances are None.
     """
 
     pole: complex | None
@@ -47,23 +48,23 @@ class Conditions:
 
     @property
     def hold(self) -> bool:
-        """Whether all that were asked are proven."""
+        """Whether the nominal loop is stable and every peak is proven to be below 1."""
         peaks = (self.nominal_performance, self.robust_stability, self.robust_performance)
         return self.nominal_stability and all(p is None or p.upper < 1 for p in peaks)
 
     @property
     def stability_margin(self) -> tuple[float, float] | None:
-        """By how much the uncertainty may grow: 1 / upper and 1 / lower of the peak.
+        """Factors by which the uncertainty may grow: 1 / upper and 1 / lower of the peak.
 
-        A margin of 1.3: stable for all uncertainty 30 % larger. Below the first number stability
-        is proven; of the second size there is a perturbation that destabilises, infinite where
-        none was found. None where there is no peak.
+        With a margin of 1.3 the loop is stable for all uncertainty that is 30 % larger. Stability
+        is proven below the first factor. At the second factor a destabilising perturbation is
+        known; it is infinite where none was found. None where there is no peak.
         """
         return _margin(self.robust_stability)
 
     @property
     def performance_margin(self) -> tuple[float, float] | None:
-        """As `stability_margin`, for uncertainty and performance together.
+        """Factors as `stability_margin`, by which uncertainty and performance may grow together.
 
         With a margin of 1.3 the uncertainty may grow by 30 % while the worst-case gain of the
         channel stays below 1 / 1.3. For performance alone see `worst_case_gain`.
@@ -87,11 +88,12 @@ def conditions(
     K
         StateSpace or TransferFunction.
     performance, exogenous
-        The channel, as `GeneralisedPlant.channel`; a single w_p -> z_p gives a 1-by-1 block.
+        The performance channel, as in `GeneralisedPlant.channel`; a single w_p -> z_p gives a
+        1-by-1 block.
     tolerance
-        As `peak`.
+        As in `peak`.
     complex_part
-        As `peak`, for robust stability where all scalars are real; elsewhere none is added.
+        As in `peak`, for robust stability where all scalars are real. It is not added elsewhere.
 
     Raises
     ------
@@ -105,7 +107,8 @@ def conditions(
             f"plant must be a GeneralisedPlant, not {type(plant).__name__}; it says which of a "
             "system's inputs and outputs are perturbation, performance and control"
         )
-    N = plant.channel(performance, exogenous).close(K)
+    chosen = plant.channel(performance, exogenous)
+    N = chosen.close(K)
     poles = N.poles()
     pole = complex(poles[np.argmax(poles.real)]) if len(poles) else None
     if pole is not None and pole.real >= 0:
@@ -128,13 +131,13 @@ def conditions(
     stability = of(y, u, structure, complex_part if real else 0.0)
     robust = None
     if performs:
-        whole = structure.with_performance(len(z), len(w))
-        robust = of(np.arange(N.noutputs), np.arange(N.ninputs), whole)
+        whole = np.arange(N.noutputs), np.arange(N.ninputs)
+        robust = of(*whole, chosen.performance_structure)
     return Conditions(pole, nominal, stability, robust)
 
 
 def _margin(found: Peak | None) -> tuple[float, float] | None:
-    """Between which numbers the reciprocal of a peak lies."""
+    """Lower and upper bound of the reciprocal of a peak; None without a peak."""
     if found is None:
         return None
     return _reciprocal(found.upper), _reciprocal(found.lower)

@@ -1,9 +1,10 @@
-"""A destabilising perturbation as a system: real, stable, and no larger than mu says.
+"""Destabilising perturbations as stable real systems, no larger than 1 / mu.
 
-Given z with (I - M(j w0) Delta) z = 0 it suffices that Delta(j w0) z = w = Delta z. A phase is the
-value at j w0 of an all-pass (s - a) / (s + a) or its negative, so that a complex scalar is its size
-times one all-pass, and a full block the dyad |w| / |z| alpha(s) beta(s)^T whose entries are sizes
-of w / |w| and of conj(z) / |z| times one all-pass each: |alpha(j w)| = |beta(j w)| = 1 at every w.
+Let (I - M(j w0) Delta) z = 0. A system Delta(s) destabilises the loop if Delta(j w0) z = Delta z.
+Any phase is the value at j w0 of an all-pass (s - a) / (s + a) or of its negative. A complex scalar
+is realised as its size times one all-pass. With w = Delta z, a full block is realised as the dyad
+|w| / |z| alpha(s) beta(s)^T, whose entries are the sizes of those of w / |w| and of conj(z) / |z|,
+each times one all-pass; so |alpha(j w)| = |beta(j w)| = 1 at every w.
 
 Source: K. Zhou, J. Doyle, K. Glover, Robust and Optimal Control (1996), theorem 9.1 (small gain).
 """
@@ -22,52 +23,59 @@ from workbench.mu.frequency.peak import Peak
 from workbench.mu.frequency.sweep import fitting
 from workbench.structure import Full, Real, Structure
 
-BESIDE = 1e-6
-"""How far from an end of the axis, relative to the poles, a complex Delta is interpolated."""
-REAL, NEARLY = 1e-12, 1e-6
-"""Imaginary part, relative, that counts as none, and that which can be made none."""
-SINGULAR = 1e-6
-"""Smallest singular value of I - M Delta, balanced, relative to M Delta, that counts as 0."""
-REGULAR = 1e10
-"""Condition number of I - M Delta, Delta its real blocks only, up to which others are needed."""
-NEAR = 0.1
-"""How far from 1 an eigenvalue may move from the end of the axis to beside it."""
+END_OFFSET = 1e-6
+"""Instead of 0 a complex Delta is interpolated at this multiple of the slowest pole, instead of
+infinity at the fastest pole divided by this."""
+REAL_TOLERANCE, NEARLY_REAL_TOLERANCE = 1e-12, 1e-6
+"""A value counts as real if its imaginary part is below the first share of it; a vector is replaced
+by its real part if its imaginary part is below the second share."""
+SINGULARITY_TOLERANCE = 1e-6
+"""I - M Delta, balanced, counts as singular if its smallest singular value is below this share of
+the norm of M Delta or of 1, whichever is larger."""
+LARGEST_CONDITION = 1e10
+"""Condition number of I - M Delta with real blocks only, above which these blocks alone make the
+loop singular."""
+LARGEST_EIGENVALUE_SHIFT = 0.1
+"""Largest distance from 1 of the loop's eigenvalue at the frequency used instead of 0 or
+infinity."""
 
 
 def destabilising(peak: Peak, system: Any, structure: Structure) -> Any:
     """The perturbation of a peak's lower bound as a stable system with real coefficients.
 
-    Closed by it in positive feedback, the system has a pole at
-    +-j peak.omega, or is not well posed where that is infinite.
+    With this perturbation in positive feedback, the system has poles at +-j peak.omega; where
+    peak.omega is infinite, the loop is not well posed.
 
     Parameters
     ----------
     peak
-        As `peak(system, structure)` gives it, its lower bound positive.
+        Result of `peak(system, structure)` with a positive lower bound.
     system
-        StateSpace or TransferFunction (c outputs, r inputs), the one of the peak.
+        The system of the peak: a StateSpace or TransferFunction with c outputs and r inputs.
     structure
-        Blocks of Delta, those of the peak.
+        Blocks of Delta, the same as for the peak.
 
     Returns
     -------
     control.StateSpace
-        (r outputs, c inputs). Real blocks are constant, complex scalars have one state for each
-        repetition, full blocks at most outputs + inputs - 1. The H-infinity norm is 1 / peak.lower,
-        or less where full blocks are larger than what they do to z.
+        System with r outputs and c inputs. Real blocks are constant, complex scalars have one state
+        for each repetition, and full blocks have at most outputs + inputs - 1 states. The
+        H-infinity norm is 1 / peak.lower, or less where a full block of the peak's Delta is larger
+        than its gain for z.
 
-        With a complex part of the peak, real blocks are a constant of at most 1 / peak.lower and an
-        all-pass of at most complex_part / peak.lower: as much is allowed to the norm.
+        If the peak has a complex part, each real block is a constant of at most 1 / peak.lower
+        plus an all-pass of at most complex_part / peak.lower; the norm may be larger by as much.
 
         At 0 and at infinity a real system has a real value. Where Delta is complex there, it is
-        interpolated at a frequency 1e-6 of the slowest pole or 1e6 of the fastest, with its
-        complex blocks multiplied by the number near 1 that this takes; the norm follows.
+        interpolated at 1e-6 times the slowest pole or 1e6 times the fastest pole instead. Its
+        complex blocks, and thereby the norm, are multiplied by the number near 1 that makes the
+        loop singular there.
 
     Raises
     ------
     InputError
-        A lower bound of 0; a Delta that does not make this system's loop singular; at 0 or
-        infinity, a complex Delta whose complex blocks have no part in the singularity nearby.
+        The lower bound is 0; Delta does not make the loop of this system singular; or, at 0 or
+        infinity, the complex blocks of a complex Delta have no influence on the singularity.
     """
     import control
 
@@ -112,7 +120,7 @@ def destabilising(peak: Peak, system: Any, structure: Structure) -> Any:
 
 
 def _constants(Delta: Array, structure: Structure, radius: float) -> Array:
-    """Of Delta, the real part of its real blocks as far as their radius allows."""
+    """The real parts of Delta's real blocks, limited to a radius; zero elsewhere."""
     constant = np.zeros(Delta.shape)
     for block, row, column in zip(
         structure, structure.row_slices, structure.column_slices, strict=True
@@ -123,7 +131,7 @@ def _constants(Delta: Array, structure: Structure, radius: float) -> Array:
 
 
 def _null(M: Array, Delta: Array) -> Array:
-    """The unit z with (I - M Delta) z = 0, its common phase the one that makes it most real."""
+    """The unit z with (I - M Delta) z = 0, turned by the common phase that makes it most real."""
     from scipy.linalg import matrix_balance
 
     product = M @ Delta
@@ -131,7 +139,7 @@ def _null(M: Array, Delta: Array) -> Array:
         product = product.real
     loop, frame = matrix_balance(product, permute=False)
     _, values, Vh = np.linalg.svd(np.eye(len(loop)) - loop)
-    if values[-1] > SINGULAR * max(1.0, float(np.linalg.norm(loop, 2))):
+    if values[-1] > SINGULARITY_TOLERANCE * max(1.0, float(np.linalg.norm(loop, 2))):
         raise InputError(
             f"I - M Delta at the peak's frequency has the singular value {values[-1]:.3g}; the "
             "peak must be that of this system and this structure"
@@ -142,13 +150,13 @@ def _null(M: Array, Delta: Array) -> Array:
 
 
 def _made_real(Delta: Array, z: Array, structure: Structure) -> Array | None:
-    """A real Delta that does what Delta does to a z that is nearly real; None for another z.
+    """A real Delta that maps z as Delta does, where z and Delta z are nearly real; else None.
 
-    M is real at the ends of the axis, so that with z and Delta z their real parts solve the same
-    equations.
+    M is real at frequencies 0 and infinity, so the real parts of z and Delta z solve the same
+    equations as z and Delta z.
     """
     w = Delta @ z
-    if any(np.abs(v.imag).max() > NEARLY * np.abs(v).max() for v in (z, w)):
+    if any(np.abs(v.imag).max() > NEARLY_REAL_TOLERANCE * np.abs(v).max() for v in (z, w)):
         return None
     blocks = []
     for block, row, column in zip(
@@ -164,20 +172,20 @@ def _made_real(Delta: Array, z: Array, structure: Structure) -> Array | None:
 
 
 def _beside(system: StableSystem, omega: float) -> float:
-    """A frequency [rad/s] where a system is nearly what it is at the end `omega` of the axis."""
+    """A frequency [rad/s] where the response is nearly that at `omega`, which is 0 or infinity."""
     poles = np.abs(system.poles) if len(system.poles) else np.ones(1)
-    return float(BESIDE * poles.min() if omega == 0.0 else poles.max() / BESIDE)
+    return float(END_OFFSET * poles.min() if omega == 0.0 else poles.max() / END_OFFSET)
 
 
 def _attained(M: Array, constant: Array, free: Array) -> Array:
-    """The free part of Delta times the number near 1 with which it makes the loop singular."""
+    """The free part of Delta times the number near 1 that makes the loop singular."""
     loop = np.eye(len(M)) - M @ constant
-    if not free.any() or np.linalg.cond(loop) > REGULAR:  # the constants do it alone
+    if not free.any() or np.linalg.cond(loop) > LARGEST_CONDITION:  # the constants do it alone
         return free
     seen = np.linalg.solve(loop, M) @ free
     values = np.linalg.eigvals(seen)
     value = values[np.argmin(np.abs(values - 1))]
-    if not np.abs(value - 1) < NEAR:
+    if not np.abs(value - 1) < LARGEST_EIGENVALUE_SHIFT:
         raise InputError(
             "the peak lies at an end of the frequency axis with a complex Delta, which no real "
             "system has there, and beside it nothing near that Delta makes the loop singular"
@@ -187,23 +195,23 @@ def _attained(M: Array, constant: Array, free: Array) -> Array:
 
 
 def _dyad(w: Array, z: Array, omega: float) -> Any:
-    """A system D (r, c) with D(j omega) z = w and D D^H <= |w|^2 / |z|^2 everywhere."""
+    """A system D (r, c) with D(j omega) z = w and gain at most |w| / |z| at every frequency."""
     import control
 
     size, length = np.linalg.norm(w), np.linalg.norm(z)
-    if size == 0.0:  # it need not do anything
+    if size == 0.0:  # the zero system suffices
         return control.ss([], [], [], np.zeros((len(w), len(z))))
-    # The largest entry is made real by a common phase: one state less.
+    # A common phase makes the largest entry real, which saves one state.
     phase = np.exp(1j * np.angle(w[np.argmax(np.abs(w))]))
     alpha, beta = _turns(w / size / phase, omega), _turns(z.conj() / length * phase, omega)
     return alpha * (size / length * np.ones((len(w), len(z)))) * beta
 
 
 def _turns(values: Array, omega: float) -> Any:
-    """The diagonal system with these values (n,) at omega and their sizes at all frequencies."""
+    """The diagonal system with these values (n,) at omega and constant gains at all frequencies."""
     import control
 
-    turning = np.abs(values.imag) > REAL * np.abs(values)
+    turning = np.abs(values.imag) > REAL_TOLERANCE * np.abs(values)
     gain = np.where(turning, np.abs(values) * np.sign(values.imag), values.real)
     angle = np.angle(values[turning] / gain[turning])
     a = omega * np.tan(angle / 2)

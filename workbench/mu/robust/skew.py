@@ -1,9 +1,10 @@
-"""The skewed structured singular value: some blocks stay at most 1, the others vary.
+"""The skewed structured singular value: some blocks have a size of at most 1, the others vary.
 
     nu(M) = 1 / min{ size of the varying blocks : fixed blocks at most 1, I - M Delta singular }
 
-With S(b) = diag(I, I / b), the varying columns of M divided by b, f(b) = mu(M S(b)) does not grow
-with b and b f(b) does not fall, and nu is where f(b) = 1: log f over log b has slopes in [-1, 0].
+Let S(b) = diag(I, I / b) divide the columns of M that belong to varying blocks by b. Then
+f(b) = mu(M S(b)) does not increase with b, and b f(b) does not decrease: log f over log b has
+slopes in [-1, 0]. nu is the b with f(b) = 1.
 
 Source: M. Fan and A. Tits, "A measure of worst-case H-infinity performance and of largest
 acceptable uncertainty", Systems & Control Letters 18 (1992) 409-421.
@@ -26,27 +27,31 @@ from workbench.mu.lower.bound import lower_bound
 from workbench.mu.upper.bound import upper_bound
 from workbench.structure import Structure
 
-CLOSE = 1e-7
-"""Width of log b at which the upper root is found; the noise of the upper bound is less."""
-LOWER_CLOSE = 1e-5
-STEPS = 40
-ENOUGH = 0.9999
-"""Share of the upper bound at which a lower one is not sought further."""
-REGULAR = 1e10
-"""Condition number of I - M Delta_f up to which Delta_f is closed."""
-RANGE = 80.0
-"""How far from the start, in log b, a root is looked for."""
-ALLOWANCE = 1 + 1e-13
-"""Factor outward on products of proven numbers."""
+UPPER_ROOT_WIDTH = 1e-7
+"""Width of the interval of log b in which the root of the upper bound is found; the noise of the
+upper bound is smaller."""
+LOWER_ROOT_WIDTH = 1e-5
+"""Width of the interval of log b in which the root of the lower bound is found."""
+UPPER_ROOT_STEPS = 40
+"""Most evaluations of the upper bound in the search for its root."""
+SUFFICIENT_SHARE = 0.9999
+"""A lower bound above this share of the upper bound is not improved further."""
+LARGEST_CONDITION = 1e10
+"""Largest condition number of I - M Delta_f for which the loop of Delta_f is closed."""
+ROOT_SEARCH_RANGE = 80.0
+"""Largest distance from the start, in log b, at which a root is looked for."""
+OUTWARD_FACTOR = 1 + 1e-13
+"""Factor that rounds products of proven numbers outward."""
 
 
 @dataclass(frozen=True, eq=False)
 class SkewBounds:
-    """Bounds of the skewed structured singular value, arrays over the batch.
+    """Bounds of the skewed structured singular value, as arrays over the batch.
 
-    ``lower`` (...) and ``upper`` (...). ``Delta`` (..., r, c) attains the lower one: its fixed
-    blocks are at most 1, its varying ones at most 1 / lower, and I - M Delta is singular; NaN where
-    lower is 0. An infinite lower bound has its varying blocks 0: the fixed ones need no help.
+    ``lower`` (...) and ``upper`` (...). ``Delta`` (..., r, c) attains the lower bound: its fixed
+    blocks are at most 1, its varying blocks at most 1 / lower, and I - M Delta is singular. Delta
+    is NaN where lower is 0. Where lower is infinite the varying blocks are 0, because the fixed
+    blocks alone make I - M Delta singular.
     """
 
     lower: RealArray
@@ -60,23 +65,23 @@ def skew_bounds(M: Any, structure: Structure, fixed: Sequence[str | int] | str |
     Parameters
     ----------
     M
-        Complex or real (..., columns, rows), finite; what Delta closes.
+        The matrix that Delta closes, complex or real (..., columns, rows), finite.
     structure
         Blocks of Delta.
     fixed
-        Names or numbers of the blocks that stay at most 1. The others, at least one, vary.
+        Names or numbers of the blocks with a size of at most 1. The others, at least one, vary.
 
     Returns
     -------
     SkewBounds
-        ``upper`` is proven by multipliers of the scaled matrix, and infinite where mu of the fixed
-        blocks is not proven below 1. Both are 0 where no varying block is in any loop.
+        Multipliers of the scaled matrix prove ``upper``; it is infinite where mu of the fixed
+        blocks is not proven to be below 1. Both bounds are 0 where no varying block is in a loop.
 
     Raises
     ------
     InputError, UnknownNameError
-        M that does not fit the structure or is not finite; blocks that it does not have; all of
-        them fixed.
+        M does not fit the structure or is not finite; `fixed` has a block that the structure does
+        not have; or all blocks are fixed.
     """
     M = as_matrices(M, structure)
     varies = np.array([k not in _numbers(structure, fixed) for k in range(len(structure))])
@@ -94,7 +99,7 @@ def skew_bounds(M: Any, structure: Structure, fixed: Sequence[str | int] | str |
 
 
 def _numbers(structure: Structure, fixed: Sequence[str | int] | str | int) -> set[int]:
-    """Of the blocks named."""
+    """Numbers of the blocks that `fixed` names."""
     names = [block.name for block in structure]
     numbers = set()
     for one in fixed if isinstance(fixed, Iterable) and not isinstance(fixed, str) else [fixed]:
@@ -114,7 +119,7 @@ def _numbers(structure: Structure, fixed: Sequence[str | int] | str | int) -> se
 
 
 class Skew:
-    """The bounds for matrices M (B, c, r), finite, where `varies` (blocks,) says which vary."""
+    """Bounds for finite matrices M (B, c, r); `varies` (blocks,) marks the varying blocks."""
 
     def __init__(self, M: Array, structure: Structure, varies: NDArray[np.bool_]) -> None:
         self.M, self.structure, self.blocks = M, structure, varies
@@ -123,7 +128,7 @@ class Skew:
         self.closable = self._loops()
 
     def _loops(self) -> NDArray[np.bool_]:
-        """Whether any varying block is in a loop; without, det(I - M Delta) does not see them."""
+        """Whether a varying block is in a loop (B,); without, det(I - M Delta) ignores them."""
         places = list(zip(self.structure.column_slices, self.structure.row_slices, strict=True))
         coupled = [[self.M[:, i, j].any((-2, -1)) for _, j in places] for i, _ in places]
         step = np.array(coupled, float).transpose(2, 0, 1)
@@ -131,15 +136,15 @@ class Skew:
         return np.asarray(np.diagonal(walks, axis1=1, axis2=2)[:, self.blocks].any(-1), bool)
 
     def scaled(self, which: Array, b: RealArray) -> Array:
-        """M S(b) of some."""
+        """M S(b) of the matrices numbered `which`."""
         M: Array = np.where(self.rows, self.M[which] / b[:, None, None], self.M[which])
         return M
 
     def upper(self) -> RealArray:
         """Upper bounds (B,): the least b f(b) with a proven f(b) < 1 among the points tried.
 
-        The multipliers that prove f(b) = v < 1 do so at b v, where they leave the fixed blocks at
-        most 1 as well.
+        Multipliers that prove f(b) = v < 1 prove that nu is at most b v, because the fixed blocks
+        have a size of at most 1 < 1 / v.
         """
         upper = np.where(self.closable, np.inf, 0.0)
         proper = upper_values(self.without, self.structure) < 1
@@ -150,14 +155,14 @@ class Skew:
             value = upper_values(self.scaled(which[some], b), self.structure)
             proven = value < 1
             place = which[some][proven]
-            upper[place] = np.minimum(upper[place], ALLOWANCE * (b * value)[proven])
+            upper[place] = np.minimum(upper[place], OUTWARD_FACTOR * (b * value)[proven])
             return value
 
-        _root(bound, self._start(which), CLOSE, STEPS)
+        _root(bound, self._start(which), UPPER_ROOT_WIDTH, UPPER_ROOT_STEPS)
         return upper
 
     def _start(self, which: Array) -> RealArray:
-        """mu of the varying blocks alone, or where that is nothing the size of what they enter."""
+        """Start of b: mu of the varying blocks alone; where it is 0, the norm of their columns."""
         alone = np.where(self.columns[:, None] & self.rows, self.M[which], 0.0)
         value = upper_values(alone, self.structure)
         size = np.linalg.norm(np.where(self.rows, self.M[which], 0.0), axis=(-2, -1))
@@ -165,7 +170,7 @@ class Skew:
         return start
 
     def lower(self, upper: RealArray) -> tuple[RealArray, Array]:
-        """The largest 1 / size of varying blocks found with fixed blocks at most 1, and Delta."""
+        """Lower bounds (B,) and Deltas: the largest 1 / size of varying blocks that was found."""
         lower = np.zeros(len(self.M))
         Delta = np.full((len(self.M), self.structure.rows, self.structure.columns), np.nan + 0j)
 
@@ -182,9 +187,9 @@ class Skew:
         if unproven.size:
             alone = self._bounded(self.M[unproven], ~self.blocks, "best")
             keep(unproven, alone)
-        # The thorough bound is twenty times the work: only where the quick one leaves a gap.
+        # The thorough bound takes twenty times as long: use it where the quick one leaves a gap.
         for method, steps in (("power", 12), ("best", 6)):
-            which = np.flatnonzero(self.closable & ~(lower >= ENOUGH * upper))
+            which = np.flatnonzero(self.closable & ~(lower >= SUFFICIENT_SHARE * upper))
 
             def bound(
                 some: Array, b: RealArray, which: Array = which, method: str = method
@@ -198,32 +203,33 @@ class Skew:
                 return found.value
 
             start = np.where(np.isinf(upper[which]), self._start(which), upper[which])
-            _root(bound, start, LOWER_CLOSE, steps)
+            _root(bound, start, LOWER_ROOT_WIDTH, steps)
         return lower, Delta
 
     def _sizes(self, Delta: Array) -> tuple[RealArray, RealArray]:
-        """Of the varying and of the fixed blocks."""
+        """Sizes of the varying and of the fixed blocks."""
         parts = np.where(self.rows[:, None], Delta, 0.0), np.where(self.rows[:, None], 0.0, Delta)
         varying, fixed = (np.linalg.norm(part, 2, axis=(-2, -1)) for part in parts)
         return varying, fixed
 
     def _closed(self, which: Array, Delta: Array, method: str) -> Array:
-        """With the fixed blocks made at most 1, the least varying ones for these; NaN without any.
+        """Deltas with fixed blocks scaled to at most 1 and the least varying blocks for these.
 
-        (I - M Delta_f)^-1 M is what the varying blocks see once the fixed ones are closed.
+        The varying blocks act on (I - M Delta_f)^-1 M, where the fixed blocks Delta_f are closed.
+        NaN where no varying blocks were found.
         """
         fixed = np.where(self.rows[:, None], 0.0, Delta)
         size = np.linalg.norm(fixed, 2, axis=(-2, -1))
-        fixed = fixed / np.maximum(size * ALLOWANCE, 1.0)[:, None, None]
+        fixed = fixed / np.maximum(size * OUTWARD_FACTOR, 1.0)[:, None, None]
         loop = np.eye(self.structure.columns) - self.M[which] @ fixed
-        regular = np.linalg.cond(loop) < REGULAR
+        regular = np.linalg.cond(loop) < LARGEST_CONDITION
         seen = np.linalg.solve(loop[regular], self.M[which[regular]])
         result = np.full_like(fixed, np.nan)
         result[regular] = fixed[regular] + self._bounded(seen, self.blocks, method)
         return result
 
     def _bounded(self, M: Array, blocks: NDArray[np.bool_], method: str) -> Array:
-        """The least Delta found of some blocks, the others 0; NaN without any."""
+        """The least Delta found with only some blocks, the others 0; NaN where none was found."""
         part = Structure(b for b, one in zip(self.structure, blocks, strict=True) if one)
         rows, columns = self._rows(blocks), self._columns(blocks)
         found = lower_bound(M[:, columns][:, :, rows], part, method)
@@ -242,7 +248,10 @@ class Skew:
 
 
 def upper_values(M: Array, structure: Structure) -> RealArray:
-    """Upper bounds of mu of matrices (B, c, r); where one fails, with its real scalars complex."""
+    """Upper bounds of mu of matrices (B, c, r).
+
+    Where the method fails for a matrix, its real scalars are treated as complex.
+    """
     try:
         return upper_bound(M, structure).value
     except SolverError:
@@ -255,11 +264,12 @@ def upper_values(M: Array, structure: Structure) -> RealArray:
 def _root(
     bound: Callable[[Array, RealArray], RealArray], start: RealArray, close: float, steps: int
 ) -> None:
-    """Evaluate a bound f(b) towards f(b) = 1, for each start on its own.
+    """Evaluate bounds f(b) at points that approach the root f(b) = 1, for each start on its own.
 
-    `bound(some, b)` has the values at b (K,) of those numbered `some` (K,). Slopes of log f over
-    log b lie in [-1, 0], so that b f(b) is always between b and the root: the bracket grows
-    outward from there, and shrinks by secants that aim at either side of the root in turn.
+    `bound(some, b)` gives the values at b (K,) for the matrices numbered `some` (K,). The slopes of
+    log f over log b lie in [-1, 0], so b f(b) is always between b and the root. The search moves
+    outward from there until it brackets the root. Secants then shrink the bracket to the width
+    `close`; they aim alternately at either side of the root. At most `steps` evaluations.
     """
     x = np.log(start)
     first = x.copy()
@@ -281,10 +291,10 @@ def _root(
         with np.errstate(invalid="ignore", divide="ignore"):
             aim = (0.25 if step % 2 else -0.25) * close
             share = (at_low - aim) / (at_low - at_high)
-            # Every third step halves, which a secant on a bent curve may not.
+            # Every third step halves the bracket, because secants on a curved f may shrink little.
             share = np.where((share > 0) & (share < 1) & (step % 3 < 2), share, 0.5)
             inside = low + share * width
         outside = np.where(np.isfinite(low), low + at_low + stride, high + at_high - stride)
         x = np.where(between, inside, outside)
         stride[~between] *= 4
-        active = np.flatnonzero((width > close) & (abs(x - first) < RANGE))
+        active = np.flatnonzero((width > close) & (abs(x - first) < ROOT_SEARCH_RANGE))

@@ -1,8 +1,9 @@
-"""The worst-case gain: how large a channel's gain gets over all frequencies and perturbations.
+"""The worst-case gain: the largest gain of a channel over all frequencies and perturbations.
 
-By the main loop theorem sigma_max(F_u(N(jw), Delta)) stays below gamma for all Delta of size at
-most 1 where mu < 1 of N with its exogenous inputs divided by gamma, a full block closing the
-performance. At one frequency the least such gamma is the skewed mu with the perturbation fixed.
+Divide the exogenous inputs of N by gamma and close the performance channel by a full block. By the
+main loop theorem, sigma_max(F_u(N(jw), Delta)) is below gamma for all Delta of size at most 1 where
+mu of this matrix is below 1. At one frequency the least such gamma is the skewed mu with the blocks
+of the perturbation fixed.
 
 Source: K. Zhou, J. Doyle, K. Glover, Robust and Optimal Control (1996), theorem 11.7; A. Packard,
 G. Balas, R. Liu, J.-Y. Shin, "Results on worst-case performance assessment", ACC 2000.
@@ -25,25 +26,25 @@ from workbench.mu.robust.skew import Skew, upper_values
 from workbench.structure import Structure
 from workbench.systems.frequency_grid import starting_grid
 
-HALVINGS = 12
-"""Times that the grid is halved around the largest values."""
-HIGH = 0.7
-"""Share of the largest value above which a local maximum is looked into."""
-NARROW = 1e-6
-"""Relative distance of neighbours that is not halved again."""
-TOGETHER = 24
-"""Halvings at a time."""
-ROUNDS = 20
-"""Levels for which a proof is tried."""
-NOTHING = 1e-9
-"""A gain below this share of the system's largest entry is not resolved."""
-PLACES = 8
-"""Frequencies at which a worst perturbation is looked for."""
+GRID_REFINEMENTS = 12
+"""Number of refinements of the grid around its largest values."""
+MAXIMUM_SHARE = 0.7
+"""Local maxima above this share of the largest value are refined."""
+CLOSEST_SPACING = 1e-6
+"""Intervals between neighbours of a smaller relative width are not halved."""
+POINTS_PER_REFINEMENT = 24
+"""Most intervals halved in one refinement."""
+PROOF_LEVELS = 20
+"""Most levels for which a proof is tried."""
+NEGLIGIBLE_GAIN = 1e-9
+"""Gains below this share of the largest entry of the system's response are not resolved."""
+PERTURBED_FREQUENCIES = 8
+"""Frequencies at which a worst perturbation is searched for."""
 
 
 @dataclass(frozen=True, eq=False)
 class WorstCaseGain:
-    """The largest gain over all frequencies and perturbations lies between lower and upper.
+    """Bounds of the largest gain over all frequencies and perturbations.
 
     ``lower`` is the largest singular value of F_u(N(j omega), Delta) for the perturbation ``Delta``
     (r, c), of size at most 1, at ``omega`` [rad/s]; it is infinite where Delta makes that loop
@@ -58,26 +59,26 @@ class WorstCaseGain:
 
 
 def worst_case_gain(system: Any, structure: Structure, tolerance: float = 1e-2) -> WorstCaseGain:
-    """Certified interval of the worst-case gain of an uncertain system.
+    """Certified bounds of the worst-case gain of an uncertain system.
 
-    The performance block makes the joint problem complex, so that a structure of real scalars needs
-    no complex part.
+    The complex performance block makes mu continuous over frequency, so a structure of real scalars
+    needs no complex part.
 
     Parameters
     ----------
     system
-        StateSpace or TransferFunction N, stable, continuous time: outputs (perturbation,
-        performance), inputs (perturbation, exogenous).
+        N, a stable continuous-time StateSpace or TransferFunction with outputs (perturbation,
+        performance) and inputs (perturbation, exogenous).
     structure
         Blocks of the perturbation alone.
     tolerance
-        How far the proven gain may lie above the largest upper bound at any one frequency,
-        relative.
+        Relative distance that the proven gain may lie above the largest upper bound at any one
+        frequency.
 
     Raises
     ------
     InputError
-        As `peak`; a system without performance outputs or exogenous inputs.
+        As `peak`; the system has no performance outputs or no exogenous inputs.
     """
     need_tolerance(tolerance)
     need_structure(structure)
@@ -97,21 +98,22 @@ def worst_case_gain(system: Any, structure: Structure, tolerance: float = 1e-2) 
 
 
 class _Search:
-    """The gains bounded so far: frequencies (F,), upper bounds (F,)."""
+    """The frequencies (F,) [rad/s] bounded so far and their upper bounds (F,) of the gain."""
 
     def __init__(self, system: StableSystem, structure: Structure, whole: Structure) -> None:
         self.system, self.structure, self.whole = system, structure, whole
         self.omega, self.upper = np.empty(0), np.empty(0)
         self.add(starting_grid(system.poles))
-        for _ in range(HALVINGS):
+        for _ in range(GRID_REFINEMENTS):
             self.add(self._wanted())
 
     def skew(self, omega: RealArray) -> Skew:
-        """The problem at frequencies."""
+        """The skewed problem at frequencies (F,) [rad/s]: the performance block varies."""
         varies = np.arange(len(self.whole)) == len(self.structure)
         return Skew(self.system.response(omega), self.whole, varies)
 
     def add(self, omega: RealArray) -> None:
+        """Bound the gain at further frequencies (K,) [rad/s]."""
         omega = np.setdiff1d(omega, self.omega)
         if omega.size:
             order = np.argsort(together := np.concatenate([self.omega, omega]))
@@ -119,25 +121,25 @@ class _Search:
             self.omega, self.upper = together[order], upper[order]
 
     def _wanted(self) -> RealArray:
-        """Halfway to the neighbours of the highest local maxima."""
+        """Frequencies [rad/s] halfway between the highest local maxima and their neighbours."""
         if not 0 < self.upper.max() < math.inf:
             return np.empty(0)
         padded = np.concatenate([[-np.inf], self.upper, [-np.inf]])
-        high = self.upper >= HIGH * self.upper.max()
+        high = self.upper >= MAXIMUM_SHARE * self.upper.max()
         top = high & (self.upper >= padded[:-2]) & (self.upper >= padded[2:])
-        inner = (self.omega[:-1] > 0) & (self.omega[1:] > self.omega[:-1] * (1 + NARROW))
+        inner = (self.omega[:-1] > 0) & (self.omega[1:] > self.omega[:-1] * (1 + CLOSEST_SPACING))
         split = np.flatnonzero((top[1:] | top[:-1]) & inner & np.isfinite(self.omega[1:]))
         height = np.maximum(self.upper[1:], self.upper[:-1])[split]
-        split = split[np.argsort(-height)[:TOGETHER]]
+        split = split[np.argsort(-height)[:POINTS_PER_REFINEMENT]]
         return np.sqrt(self.omega[split] * self.omega[split + 1])
 
     def proven(self, tolerance: float) -> tuple[float, str]:
-        """An upper bound between the frequencies too, and what is to be said of it."""
-        least = NOTHING * float(np.abs(self.system.response(self.omega)).max())
-        if least == 0.0:  # a rational function that is zero at so many points is zero
+        """An upper bound that also holds between the frequencies, and a message about it."""
+        least = NEGLIGIBLE_GAIN * float(np.abs(self.system.response(self.omega)).max())
+        if least == 0.0:  # a rational function with this many zeros is the zero function
             return 0.0, "the response is zero"
         level, precision = max(float(self.upper.max()), least), math.inf
-        for _ in range(ROUNDS):
+        for _ in range(PROOF_LEVELS):
             place = float(self.omega[np.argmax(self.upper)])
             if math.isinf(level):
                 return math.inf, (
@@ -145,7 +147,7 @@ class _Search:
                     f"{place:.6g} rad/s"
                 )
             level *= 1 + tolerance / 2
-            # The peak may take half of what mu is below 1 here.
+            # The tolerance of the peak may use half of the distance of mu from 1 at this place.
             here = float(upper_values(self._scaled(level).response([place]), self.whole)[0])
             precision = min(precision, max((1 - here) / 2, 1e-6), 1e-2)
             found = peak(self._scaled(level), self.whole, precision)
@@ -165,7 +167,7 @@ class _Search:
 
     def attained(self) -> tuple[float, float, Array]:
         """The largest gain found, its frequency and its perturbation."""
-        best = np.argsort(-self.upper)[:PLACES]
+        best = np.argsort(-self.upper)[:PERTURBED_FREQUENCIES]
         omega = self.omega[best]
         lower, Delta = self.skew(omega).lower(self.upper[best])
         r, c = self.structure.rows, self.structure.columns

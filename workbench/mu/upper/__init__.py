@@ -1,0 +1,1 @@
+"""Upper bounds of mixed mu, each with the multipliers that prove it."""

@@ -1,4 +1,4 @@
-"""SLICOT's routine AB13MD as a method: its scalings, not its bound, are believed."""
+"""SLICOT's routine AB13MD as a method; its bound is recomputed from the scalings it returns."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from workbench.structure import Full
 
 
 def _unfit(program: MuUpperBound) -> str | None:
-    # A block that is not square is accepted by the routine, and answered wrongly.
+    """Why the routine cannot take the structure; None where it can."""
+    # The routine accepts a block that is not square, but gives a wrong answer.
     for block in program.structure:
         if block.rows != block.columns:
             return f"its blocks must be square, not {block.rows} by {block.columns}"
@@ -23,7 +24,7 @@ def _unfit(program: MuUpperBound) -> str | None:
 
 @method(MuUpperBound, "ab13md", optimal=False, unfit=_unfit)
 def _ab13md(program: MuUpperBound, context: Context) -> Claim:
-    """SLICOT AB13MD, one matrix after the other, the bound recomputed from its D and G."""
+    """SLICOT AB13MD, one matrix after the other; the bound is recomputed from its D and G."""
     import slycot
 
     structure = program.structure
@@ -41,6 +42,7 @@ def _ab13md(program: MuUpperBound, context: Context) -> Claim:
             D[i], G[i] = d**2, g * size
 
     def diagonal(values: np.ndarray) -> np.ndarray:
+        """Diagonal matrices in the shape of the batch."""
         full = values[..., None] * np.eye(structure.rows)
         return full.reshape(program.M.shape).astype(complex)
 

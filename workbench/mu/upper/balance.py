@@ -1,4 +1,4 @@
-"""Osborne's balancing: a diagonal D with powers of two, so that it costs no rounding."""
+"""Osborne's balancing by a diagonal D of powers of two, which causes no rounding."""
 
 from __future__ import annotations
 
@@ -9,34 +9,36 @@ import numpy as np
 from workbench.compiled import compiled
 from workbench.mu.upper.pattern import Pattern
 
-SWEEPS = 60
-FLOOR = 1e-10
-"""What couples only one way is made this small against the whole, and then left."""
-NOTHING = 1e-30
-"""A matrix that can be scaled this small is taken as nilpotent, with bound zero."""
+MOST_SWEEPS = 60
+"""Most sweeps over the scalings; fewer are made where nothing changes any more."""
+COUPLING_FLOOR = 1e-10
+"""Norms of rows and columns below this share of the whole norm are set to it, so that entries that
+couple in one direction only are not made smaller without end."""
+NILPOTENT_NORM = 1e-30
+"""A matrix that can be scaled to this norm counts as nilpotent, with bound zero."""
 
 
 @compiled
 def power_of_two(value: float) -> float:
-    """The power of two next to a positive value."""
+    """The power of two nearest to a positive value on a logarithmic scale."""
     return 2.0 ** np.rint(np.log2(value))
 
 
 @compiled
 def balance(pattern: Pattern, M: np.ndarray, E: np.ndarray) -> float:
-    """Replace M by E M E^-1 with rows and columns of equal norm, as nearly as powers of two can.
+    """Replace M by E M E^-1 whose rows and columns have nearly equal norms.
 
-    E (N,) starts from what it is given as, and M must have been scaled with that. Repeated scalars
-    are scaled one by one, a full block as a whole.
+    E (N,) holds powers of two and is changed in place; M must already be scaled by the E given.
+    Each channel of a repeated scalar has its own factor, a full block has one for all channels.
 
     Returns
     -------
-    The Frobenius norm of what is left of M.
+    The Frobenius norm of the scaled M.
     """
     left, right = pattern.left, pattern.right
     c, r = M.shape
     norm = 0.0
-    for _ in range(SWEEPS):
+    for _ in range(MOST_SWEEPS):
         moved = False
         for k in range(E.size):
             norm, row, column = 0.0, 0.0, 0.0
@@ -49,10 +51,10 @@ def balance(pattern: Pattern, M: np.ndarray, E: np.ndarray) -> float:
                     elif left[i] != k and right[j] == k:
                         column += square
             norm = math.sqrt(norm)
-            if norm <= NOTHING:
+            if norm <= NILPOTENT_NORM:
                 return norm
-            row = max(math.sqrt(row), FLOOR * norm)
-            column = max(math.sqrt(column), FLOOR * norm)
+            row = max(math.sqrt(row), COUPLING_FLOOR * norm)
+            column = max(math.sqrt(column), COUPLING_FLOOR * norm)
             scale = power_of_two(math.sqrt(column / row))
             if scale != 1.0:
                 moved = True

@@ -1,17 +1,18 @@
-"""The central path followed for each matrix of a batch."""
+"""Upper bounds of mu for a batch of matrices by following the central path of each."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from workbench.compiled import compiled
-from workbench.mu.upper.balance import NOTHING, balance, power_of_two
+from workbench.mu.upper.balance import NILPOTENT_NORM, balance, power_of_two
 from workbench.mu.upper.path import follow
 from workbench.mu.upper.pattern import Pattern, fill
 
-ITERATIONS = 100
-RISES = (1.0, 1.1, 1.3)
-"""How much t of the last M's early point is raised until it serves this M."""
+PATH_ITERATIONS = 100
+"""Most iterations along the central path of one matrix."""
+WARM_START_RISES = (1.0, 1.1, 1.3)
+"""Factors on t of the previous matrix's early point, tried until a path starts from there."""
 
 
 @compiled
@@ -24,10 +25,10 @@ def solve_each(
     gaps: np.ndarray,
     iterations: np.ndarray,
 ) -> None:
-    """Compact multipliers ``D`` and ``G`` (F, N, N) of every matrix of a ``batch`` (F, c, r).
+    """Compute compact multipliers ``D`` and ``G`` (F, N, N) for a ``batch`` (F, c, r).
 
-    ``gaps`` (F,) receives the duality gap of t = beta^2, relative, as the path estimates it, and
-    ``iterations`` how many it took. The scale of D is one of many that serve.
+    ``gaps`` (F,) receives the path's estimate of the relative duality gap of t = beta^2, and
+    ``iterations`` (F,) the iterations made. The scale of D is arbitrary.
     """
     count, c, r = batch.shape
     M = np.zeros((c, r), np.complex128)
@@ -42,15 +43,15 @@ def solve_each(
         scale = _unit(M)
         if scale > 0.0:
             norm = balance(pattern, M, E)
-            scale = scale * _unit(M) if norm > NOTHING else 0.0
+            scale = scale * _unit(M) if norm > NILPOTENT_NORM else 0.0
         if scale > 0.0:
             solved = False
             if scale == last_scale and np.all(last_E == E):
-                for rise in RISES:
+                for rise in WARM_START_RISES:
                     x[:] = early
                     start = rise * early_t
                     early_t, gaps[f], iterations[f] = follow(
-                        M, pattern, start, x, early, accuracy, ITERATIONS
+                        M, pattern, start, x, early, accuracy, PATH_ITERATIONS
                     )
                     solved = gaps[f] <= accuracy
                     if early_t > 0.0:
@@ -59,7 +60,7 @@ def solve_each(
             if not solved:
                 _identity(pattern, x)
                 early_t, gaps[f], iterations[f] = follow(
-                    M, pattern, _above(M), x, early, accuracy, ITERATIONS
+                    M, pattern, _above(M), x, early, accuracy, PATH_ITERATIONS
                 )
             last_scale = scale if early_t > 0.0 else 0.0
             last_E[:] = E
@@ -77,14 +78,14 @@ def solve_each(
 
 @compiled
 def _identity(pattern: Pattern, x: np.ndarray) -> None:
-    """The unknowns of D = I, G = 0."""
+    """Set the unknowns x to those of D = I, G = 0."""
     for k in range(x.size):
         x[k] = 1.0 if pattern.kind[k] == 0 and not pattern.skew[k] else 0.0
 
 
 @compiled
 def _unit(M: np.ndarray) -> float:
-    """Scale M to entries near 1 by a power of two, and return it; 0 for a zero matrix."""
+    """Divide M by a power of two near its largest entry, and return this power; 0 if M = 0."""
     largest = 0.0
     for i in range(M.shape[0]):
         for j in range(M.shape[1]):

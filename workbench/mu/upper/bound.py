@@ -42,14 +42,13 @@ def upper_bound(
     Returns
     -------
     UpperBound
-        Rounded outward until its own multipliers prove it. For a certificate ask
+        The bound that its own multipliers prove, rounded outward. For a certificate use
         ``solve(MuUpperBound(M, structure))``.
 
     Raises
     ------
     InputError
-        M that does not fit the structure or is not finite; a structure that the method does not
-        take.
+        M does not fit the structure or is not finite; the method does not take the structure.
     SolverError
         The method gave no answer.
     """

@@ -1,4 +1,4 @@
-"""The D, G upper bound as a sequence of semidefinite programs, for every conic solver."""
+"""The D, G upper bound of mu by a sequence of semidefinite programs, for every conic solver."""
 
 from __future__ import annotations
 
@@ -9,23 +9,25 @@ import numpy as np
 from workbench.arrays import ComplexArray
 from workbench.certify.mu_bound import certified
 from workbench.executor import Context
-from workbench.mu.upper.balance import NOTHING, balance
+from workbench.mu.upper.balance import NILPOTENT_NORM, balance
 from workbench.mu.upper.pattern import DIAGONAL, Pattern, basis, fill, pattern_of, spread
 from workbench.mu.upper.program import MuUpperBound, proved
 from workbench.program import Claim, conic_method
 from workbench.solvers import ConicSolver, Outcome, solve_conic
 
-ROUNDS = 40
-MIX = 1e-4
+MOST_PROGRAMS = 40
+"""Most semidefinite programs solved for one matrix."""
+LAST_MULTIPLIER_SHARE = 1e-4
+"""Share of the last proper multipliers that is added to a solver's, which may be singular."""
 
 
 class _Statement:
-    """One program for all M and all t: the greatest margin s <= 1 of the LMI.
+    """One semidefinite program for all M and all t: the greatest margin s <= 1 of the LMI.
 
         maximise s  subject to  t D_r - A(D, G) >= s R,   D > 0,   trace D = N
 
-    with the coefficients of D and G, and R, as parameters. R is the D_r of the round before, which
-    makes t fall superlinearly.
+    Its parameters are the coefficients of D and G, and R. R is D_r of the previous program, which
+    makes t converge superlinearly.
     """
 
     def __init__(self, pattern: Pattern, order: int) -> None:
@@ -34,7 +36,7 @@ class _Statement:
         self.pattern, self.order = pattern, order
         unknowns = pattern.row.size
         self.x, margin = cp.Variable(unknowns), cp.Variable()
-        # A Hermitian matrix is positive where the real one of twice its size is.
+        # A Hermitian matrix is positive if and only if its real form of twice the size is.
         self.coefficients = cp.Parameter((4 * order**2, unknowns))
         self.reference = cp.Parameter(4 * order**2)
         flat = self.coefficients @ self.x - self.reference * margin
@@ -55,7 +57,7 @@ class _Statement:
         )
 
     def at(self, M: ComplexArray, t: float, reference: ComplexArray) -> Any:
-        """The program with its parameters set."""
+        """The program with its parameters set for M (c, r), t and the D_r ``reference``."""
         columns = []
         for D, G in basis(self.pattern):
             left, right, twist = spread(self.pattern, D, G)
@@ -68,7 +70,7 @@ class _Statement:
 
 @conic_method(MuUpperBound, optimal=False)
 def _conic(program: MuUpperBound, context: Context, solver: ConicSolver) -> Claim:
-    """A sequence of LMIs, each at the bound that the multipliers of the last one prove."""
+    """A sequence of LMIs, each at the bound that the multipliers of the previous one prove."""
     structure = program.structure
     with context.stating():
         pattern = pattern_of(structure)
@@ -82,10 +84,10 @@ def _conic(program: MuUpperBound, context: Context, solver: ConicSolver) -> Clai
         M /= size
         D[i] = np.eye(pattern.size)
         norm = balance(pattern, M, E) if M.any() else 0.0
-        if norm > NOTHING:
+        if norm > NILPOTENT_NORM:
             best = np.inf
             trial_D, trial_G = D[i].copy(), G[i].copy()
-            for _ in range(ROUNDS):
+            for _ in range(MOST_PROGRAMS):
                 left, right, twist = spread(pattern, trial_D, trial_G)
                 bound = float(certified(M / norm, structure, left, right, twist))
                 if bound < best:
@@ -99,9 +101,9 @@ def _conic(program: MuUpperBound, context: Context, solver: ConicSolver) -> Clai
                     worst = outcome
                     break
                 fill(pattern, statement.x.value, trial_D, trial_G)
-                # A solver's D may be singular; a little of the last one, as valid, makes it proper.
-                trial_D += MIX * D[i]
-                trial_G += MIX * G[i] / norm
+                # A solver's D may be singular; adding a little of the last D makes it regular.
+                trial_D += LAST_MULTIPLIER_SHARE * D[i]
+                trial_G += LAST_MULTIPLIER_SHARE * G[i] / norm
             else:
                 worst = Outcome.INACCURATE
         ends = E[:, None] * E
@@ -112,6 +114,7 @@ def _conic(program: MuUpperBound, context: Context, solver: ConicSolver) -> Clai
 
 
 def _shaped(program: MuUpperBound, parts: tuple[ComplexArray, ...]) -> list[ComplexArray]:
+    """Matrices in the shape of the program's batch."""
     return [part.reshape(*program.batch, *part.shape[-2:]) for part in parts]
 
 

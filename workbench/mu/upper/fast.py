@@ -1,4 +1,4 @@
-"""The bench's own method: one compiled interior-point method for a whole batch."""
+"""The bench's own method: a compiled interior-point method for a whole batch."""
 
 from __future__ import annotations
 
@@ -15,12 +15,13 @@ from workbench.mu.upper.recentred import recentred
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
 
-CHUNK = 200
-"""Matrices that one thread takes at a time, warm started one from the other."""
-SHARE = 0.02
-"""Share of the accuracy asked for at which the path is left; the bound takes half of that."""
-LARGER = 1 + 1e-6
-"""Share of the largest singular value beyond which rounding has spoilt a bound."""
+CHUNK_MATRICES = 200
+"""Matrices that one thread takes at a time; each is warm-started from the one before."""
+PATH_ACCURACY_SHARE = 0.02
+"""The central path is followed to this share of the accuracy asked for. The share holds for
+t = beta^2, so the bound beta is twice as accurate."""
+SPOILT_BOUND_RATIO = 1 + 1e-6
+"""A bound above this multiple of the largest singular value is spoilt by rounding."""
 
 _pattern = lru_cache(maxsize=32)(pattern_of)
 
@@ -35,8 +36,8 @@ def _fast(program: MuUpperBound, context: Context) -> Claim:
     count = len(batch)
     D, G = np.zeros((2, count, pattern.size, pattern.size), complex)
     gaps, iterations = np.zeros(count), np.zeros(count, int)
-    accuracy = SHARE * context.options.accuracy
-    parts = [slice(start, start + CHUNK) for start in range(0, count, CHUNK)]
+    accuracy = PATH_ACCURACY_SHARE * context.options.accuracy
+    parts = [slice(start, start + CHUNK_MATRICES) for start in range(0, count, CHUNK_MATRICES)]
 
     def solve(part: slice) -> None:
         solve_each(batch[part], pattern, accuracy, D[part], G[part], gaps[part], iterations[part])
@@ -46,10 +47,12 @@ def _fast(program: MuUpperBound, context: Context) -> Claim:
         try:
             for one in context.track(running, "upper bounds"):
                 one.result()
-        finally:  # at the deadline none is begun any more
+        finally:  # after the deadline no further part starts
             executor.shutdown(cancel_futures=True)
     values = certified(batch, structure, *spread(pattern, D, G))
-    lost = ~np.isfinite(values) | (values > LARGER * np.linalg.norm(batch, 2, axis=(1, 2)))
+    lost = ~np.isfinite(values) | (
+        values > SPOILT_BOUND_RATIO * np.linalg.norm(batch, 2, axis=(1, 2))
+    )
     for i in np.flatnonzero(lost | (gaps > context.options.accuracy)):
         end = D[i].copy(), G[i].copy()
         D[i], G[i], gaps[i] = recentred(batch[i], structure, pattern, end, gaps[i], accuracy)

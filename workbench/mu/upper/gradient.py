@@ -1,15 +1,15 @@
-"""How the upper bound of mixed mu changes with the matrix.
+"""The gradient of the upper bound of mixed mu with respect to the matrix.
 
-With t = beta^2 the bound is the least t for which some D, G hold
+With t = beta^2 the bound is the least t for which some D and G satisfy
 
     t D_r - M^H D_l M - j (G M - M^H G^H) >= 0.
 
-Let X >= 0 with tr(X D_r) = 1 be the multiplier of that inequality: it lives on the null space of
-the left side, and no change of D or G improves the bound to first order. Then
+Let X >= 0 with tr(X D_r) = 1 be the multiplier of this inequality. X lies in the null space of the
+left side, and with it no change of D or G improves the bound to first order. Then
 
     dt = 2 Re tr X (M^H D_l + j G) dM.
 
-Where X is not unique the bound has a kink, and this is one of its subgradients.
+Where X is not unique the bound has a kink, and this formula gives one of its subgradients.
 """
 
 from __future__ import annotations
@@ -26,21 +26,21 @@ from workbench.mu.upper.pattern import basis, pattern_of, spread
 from workbench.mu.upper.program import UpperBound
 from workbench.structure import Structure
 
-NULL = 1e-3
-"""Eigenvalues of the inequality this close to the largest, relative, that count as zero."""
-TRACE = 1e3
-"""Weight of the multiplier's normalisation beside its stationarity."""
+NULL_TOLERANCE = 1e-3
+"""Eigenvalues within this relative distance of the largest span the null space that X lies in."""
+TRACE_WEIGHT = 1e3
+"""Weight of the normalisation tr(X D_r) = 1 relative to the stationarity conditions."""
 
 
 def gradient(M: ArrayLike, structure: Structure, bound: UpperBound) -> Array:
-    """The change of the upper bound with M, the multipliers D and G following it.
+    """Gradient of the upper bound with respect to M, with D and G optimal for each M.
 
     Parameters
     ----------
     M
         Complex or real, shape (..., c, r), finite.
     bound
-        That of M by `upper_bound`, positive.
+        The positive upper bound of M by `upper_bound`.
 
     Returns
     -------
@@ -49,8 +49,8 @@ def gradient(M: ArrayLike, structure: Structure, bound: UpperBound) -> Array:
     Raises
     ------
     InputError
-        M that does not fit the structure or is not finite; a bound of another batch, or one that
-        is 0, where it has no gradient.
+        M does not fit the structure or is not finite; the bound belongs to another batch; or a
+        bound is 0, where it has no gradient.
 
     References
     ----------
@@ -66,7 +66,7 @@ def gradient(M: ArrayLike, structure: Structure, bound: UpperBound) -> Array:
 
 
 def dual(M: Array, structure: Structure, bound: UpperBound) -> Array:
-    """X of the inequality, (..., r, r)."""
+    """Multiplier X (..., r, r) of the bound's inequality; see the module's docstring."""
     batch, (c, r) = M.shape[:-2], M.shape[-2:]
     M, D_right = M.reshape(-1, c, r), bound.D_right.reshape(-1, r, r)
     A = M.conj().mT @ bound.D_left.reshape(-1, c, c) @ M
@@ -74,7 +74,7 @@ def dual(M: Array, structure: Structure, bound: UpperBound) -> Array:
     root = np.linalg.inv(np.linalg.cholesky(D_right))
     values, vectors = np.linalg.eigh(root @ (A + twisted + twisted.conj().mT) @ root.conj().mT)
     vectors = root.conj().mT @ vectors
-    null = (values > values[:, -1:] - NULL * np.abs(values[:, -1:])).sum(axis=1)
+    null = (values > values[:, -1:] - NULL_TOLERANCE * np.abs(values[:, -1:])).sum(axis=1)
     X = np.empty((len(M), r, r), complex)
     for k in np.unique(null):
         some = null == k
@@ -85,7 +85,7 @@ def dual(M: Array, structure: Structure, bound: UpperBound) -> Array:
 
 
 def _stationary(M: Array, structure: Structure, t: Array, Z: Array) -> Array:
-    """Y >= 0 (F, k, k) of trace 1 for which Z Y Z^H is orthogonal to every change of D and G."""
+    """Y >= 0 (F, k, k) of trace 1 such that Z Y Z^H is orthogonal to every change of D and G."""
     k = Z.shape[-1]
     left, right, twist = _basis(structure)
     twisted = 1j * twist @ M[:, None]
@@ -95,9 +95,9 @@ def _stationary(M: Array, structure: Structure, t: Array, Z: Array) -> Array:
     hermitian = _hermitian(k)
     rows = np.einsum("eij,fbji->fbe", hermitian, change).real
     rows /= np.abs(rows).max(axis=(1, 2), keepdims=True) + np.finfo(float).tiny
-    trace = TRACE * np.trace(hermitian, axis1=1, axis2=2).real
+    trace = TRACE_WEIGHT * np.trace(hermitian, axis1=1, axis2=2).real
     system = np.concatenate([rows, np.broadcast_to(trace, (len(M), 1, k * k))], axis=1)
-    Y = np.tensordot(TRACE * np.linalg.pinv(system)[..., -1], hermitian, axes=1)
+    Y = np.tensordot(TRACE_WEIGHT * np.linalg.pinv(system)[..., -1], hermitian, axes=1)
     values, vectors = np.linalg.eigh(Y)
     values = np.maximum(values, 0.0)
     Y = (vectors * values[:, None, :]) @ vectors.conj().mT
@@ -105,12 +105,13 @@ def _stationary(M: Array, structure: Structure, t: Array, Z: Array) -> Array:
 
 
 def _half(M: Array, bound: UpperBound) -> Array:
+    """M^H D_l + j G."""
     return M.conj().mT @ bound.D_left + 1j * bound.G
 
 
 @lru_cache(maxsize=32)
 def _basis(structure: Structure) -> tuple[Array, Array, Array]:
-    """D_l, D_r and G of each unknown alone, (unknowns, ...)."""
+    """D_l, D_r and G (unknowns, ...), each with one unknown at 1 and the others at 0."""
     pattern = pattern_of(structure)
     parts = zip(*(spread(pattern, D, G) for D, G in basis(pattern)), strict=True)
     left, right, twist = (np.array(part) for part in parts)

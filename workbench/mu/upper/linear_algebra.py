@@ -1,7 +1,8 @@
 """Dense linear algebra for the many small systems of the upper bound.
 
-Plain loops, because a call of LAPACK costs more than a matrix of this size. All of them write into
-arrays that the caller owns, and none of them raises: a matrix that is not positive is an answer.
+The functions are plain loops, because a call of LAPACK takes longer than the work on matrices this
+small. They write their results into arrays of the caller. None of them raises an error: a matrix
+that is not positive definite is reported by the return value.
 """
 
 from __future__ import annotations
@@ -10,13 +11,13 @@ import numpy as np
 
 from workbench.compiled import compiled
 
-UNSEEN = 1e100
-"""Pivot of a direction without influence."""
+UNSEEN_PIVOT = 1e100
+"""Pivot used for an unknown without influence on H; its step then becomes zero."""
 
 
 @compiled
 def factor(A: np.ndarray, L: np.ndarray) -> bool:
-    """Cholesky factor of a Hermitian A into the lower half of L; False unless A > 0."""
+    """Write the Cholesky factor of a Hermitian A to the lower half of L; False unless A > 0."""
     n = A.shape[0]
     for i in range(n):
         for j in range(i + 1):
@@ -39,7 +40,7 @@ def factor(A: np.ndarray, L: np.ndarray) -> bool:
 
 @compiled
 def inverse(L: np.ndarray, work: np.ndarray, X: np.ndarray) -> None:
-    """Inverse (L L^H)^-1 into X; ``work`` receives L^-1."""
+    """Write the inverse (L L^H)^-1 to X; ``work`` receives L^-1."""
     n = L.shape[0]
     for j in range(n):
         for i in range(j):
@@ -61,7 +62,7 @@ def inverse(L: np.ndarray, work: np.ndarray, X: np.ndarray) -> None:
 
 @compiled
 def multiply(A: np.ndarray, B: np.ndarray, X: np.ndarray) -> None:
-    """The product A B into X; zeros of A cost nothing."""
+    """Write the product A B to X; zeros of A are skipped."""
     X[:] = 0.0
     for i in range(A.shape[0]):
         for k in range(A.shape[1]):
@@ -73,7 +74,7 @@ def multiply(A: np.ndarray, B: np.ndarray, X: np.ndarray) -> None:
 
 @compiled
 def multiply_adjoint(A: np.ndarray, B: np.ndarray, X: np.ndarray) -> None:
-    """The product A B^H into X."""
+    """Write the product A B^H to X."""
     for i in range(A.shape[0]):
         for j in range(B.shape[0]):
             total = A[i, 0] * np.conj(B[j, 0])
@@ -104,17 +105,17 @@ def make_hermitian(A: np.ndarray) -> None:
 
 @compiled
 def factor_normal(H: np.ndarray) -> None:
-    """Cholesky factor of a symmetric real H >= 0, in place, lower half.
+    """Replace the lower half of a symmetric real H >= 0 by its Cholesky factor.
 
-    A direction that H does not see (an unknown without influence) gets an infinite pivot, so that
-    a solution stays where it is along it.
+    An unknown that has no influence on H gets a nearly infinite pivot, so that a solution leaves
+    it unchanged.
     """
     m = H.shape[0]
     seen = np.empty(m)
     for k in range(m):
         seen[k] = 1e-14 * H[k, k]
     for k in range(m):
-        root = np.sqrt(H[k, k]) if H[k, k] > seen[k] else UNSEEN
+        root = np.sqrt(H[k, k]) if H[k, k] > seen[k] else UNSEEN_PIVOT
         H[k, k] = root
         for i in range(k + 1, m):
             H[i, k] /= root

@@ -1,4 +1,4 @@
-"""Pieces of a Newton step of the upper bound's central path."""
+"""Parts of a Newton step along the central path of the upper bound."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from workbench.compiled import compiled
 from workbench.mu.upper.linear_algebra import factor, make_hermitian, multiply, multiply_adjoint
 from workbench.mu.upper.pattern import Pattern
 
-SHARE = 0.95
-"""Share of the way to the boundary that a step takes."""
+BOUNDARY_SHARE = 0.95
+"""Share of the distance to the boundary that a step covers."""
 
 
 @compiled
@@ -27,11 +27,12 @@ def reach(
     L: np.ndarray,
     blur: float,
 ) -> float:
-    """A step a <= 1 for which A + a first + a^2 second stays positive, with some way to spare.
+    """A step a <= 1 for which A + a first + a^2 second stays positive definite.
 
-    It falls short of the longest one by a share of at most ``blur``.
+    The step is `BOUNDARY_SHARE` of the longest one, which is found to a relative accuracy of
+    ``blur``. ``trial`` and ``L`` are work space.
     """
-    low, high = 0.0, 1.0 / SHARE
+    low, high = 0.0, 1.0 / BOUNDARY_SHARE
     step = high
     for _ in range(60):
         for i in range(A.shape[0]):
@@ -44,14 +45,17 @@ def reach(
         if low > 0.0 and high - low < blur * high:
             break
         step = 0.5 * (low + high)
-    return SHARE * low
+    return BOUNDARY_SHARE * low
 
 
 @compiled
 def hessian(
     pattern: Pattern, t: float, T: np.ndarray, U: np.ndarray, H: np.ndarray, value: np.ndarray
 ) -> None:
-    """Lower half of H[k, l] = Re trace(E_k T E_l U), E_k the sparse derivatives of K."""
+    """Set the lower half of H[k, l] = Re trace(E_k T E_l U), E_k the sparse derivatives of K.
+
+    K is the matrix of the inequality in `Pattern`; ``value`` is work space for its entries.
+    """
     for e in range(value.size):
         value[e] = pattern.fixed[e] + t * pattern.growing[e]
     first, at, to = pattern.first, pattern.at, pattern.to
@@ -90,7 +94,7 @@ def add_positivity(pattern: Pattern, D_inverse: np.ndarray, W: np.ndarray, H: np
 
 @compiled
 def sandwich(M: np.ndarray, X: np.ndarray, MX: np.ndarray, MXM: np.ndarray, T: np.ndarray) -> None:
-    """T = P X P^H with P = [M; I], for a Hermitian X; M X and M X M^H on the way."""
+    """Set T = P X P^H with P = [M; I] and a Hermitian X; MX and MXM receive M X and M X M^H."""
     c, r = M.shape
     multiply(M, X, MX)
     multiply_adjoint(MX, M, MXM)
@@ -106,7 +110,7 @@ def sandwich(M: np.ndarray, X: np.ndarray, MX: np.ndarray, MXM: np.ndarray, T: n
 def multiplier_step(
     S_inverse: np.ndarray, dS: np.ndarray, Z: np.ndarray, work: np.ndarray, dZ: np.ndarray
 ) -> None:
-    """dZ = -Z - the Hermitian part of S^-1 dS Z."""
+    """Set dZ to -Z minus the Hermitian part of S^-1 dS Z."""
     multiply(dS, Z, work)
     multiply(S_inverse, work, dZ)
     make_hermitian(dZ)

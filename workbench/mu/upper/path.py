@@ -6,11 +6,12 @@ With multipliers Z of S and W of D, and F the derivative of S by the unknowns x,
 
     F*(Z) + W = rho b,   b = F_t*(Z),   <Z, D_r> = 1,   Z S = 0,   W D = 0.
 
-x and all its multiples prove the same t, so that a step may be held to <Z, D_r(dx)> = <b, dx> = 0.
-This also takes the one term that is not convex, of the product t D_r, out of the equations: rho,
-the multiplier of that condition, stands for it, and t - rho is the dual's own t. Newton's method
-with Z S = W D = mu I in the direction of Helmberg, Kojima and Monteiro, with Mehrotra's predictor
-and corrector, the second order of t D_r in the corrector. S and D stay positive at every step.
+x and all its multiples prove the same t, so every step may satisfy <Z, D_r(dx)> = <b, dx> = 0.
+This condition removes the only term that is not convex, that of the product t D_r. Its multiplier
+rho takes the place of the term, and t - rho is the value of the dual problem. The method is
+Newton's for Z S = W D = mu I in the direction of Helmberg, Kojima and Monteiro, with Mehrotra's
+predictor and corrector; the corrector includes the second order of t D_r. S and D stay positive
+definite at every step.
 """
 
 from __future__ import annotations
@@ -34,21 +35,23 @@ from workbench.mu.upper.newton import (
     multiplier_step,
     reach,
     sandwich,
-    square,
 )
+from workbench.mu.upper.path_state import Direction, NewtonSystem, Point, Scratch, path_state
 from workbench.mu.upper.pattern import Pattern, adjoint, collect, fill, read, slack
 
-TINY = 1e-16
-"""Share of the first t at which t counts as nothing: a bound of 1e-8 where 1 is usual."""
-FALL = 1.5
-"""Share of t by which one step may lower it: beyond 0 nothing is to be won."""
-SHORT, RISE, RECOVERIES = 0.1, 1.2, 12
-"""A shorter step means that the path is lost: raise t and start anew, so many times."""
-COARSE, FINE = 0.3, 0.05
-"""How far the lengths of the predictor's and the corrector's steps may be off."""
-HALVINGS = 20
-EARLY = 0.1
-"""Gap at which a point is kept for the next M."""
+NEGLIGIBLE_T = 1e-16
+"""t below this share of its first value counts as zero: a bound of 1e-8 where 1 is usual."""
+LARGEST_FALL = 1.5
+"""Largest share of t by which one step may lower t; a t below 0 is no better than 0."""
+LOST_STEP, RECOVERY_RISE, RECOVERIES = 0.1, 1.2, 12
+"""A step shorter than the first number means that the path is lost: t is multiplied by the second
+number and the path starts again, at most as often as the third number says."""
+PREDICTOR_BLUR, CORRECTOR_BLUR = 0.3, 0.05
+"""Relative accuracy of the step lengths of the predictor and of the corrector."""
+STEP_HALVINGS = 20
+"""Most halvings of a step until S and D are positive definite after it."""
+EARLY_GAP = 0.1
+"""Relative duality gap at which a point is kept as the start for the next matrix."""
 
 
 @compiled
@@ -63,178 +66,268 @@ def follow(
 ) -> tuple[float, float, int]:
     """Follow the central path from a point with S > 0 and D > 0; x (m,) is changed in place.
 
-    Stops when the duality gap and the fall of t that is left are below ``accuracy`` times t, or t
-    is nothing, or after so many iterations. ``early`` (m,) receives the unknowns of a point well
-    before the end, from where a neighbouring M is soon solved.
+    The path ends when the duality gap and the remaining fall of t are below ``accuracy`` times t,
+    when t is negligible, or after ``iterations`` iterations. ``early`` (m,) receives the unknowns
+    of a point well before the end, which is a good start for a neighbouring M.
 
     Returns
     -------
-    t of the early point, or 0 without one; the duality gap relative to t; the iterations taken.
+    t of the early point (0 without one), the duality gap relative to t, and the iterations made.
     """
-    c, r = M.shape
-    size, m = pattern.size, x.size
-    D, G, dD, dG = square(size), square(size), square(size), square(size)
-    part, skew, D_inverse, LD = square(size), square(size), square(size), square(size)
-    W, dW, QD, work_D, no_D = square(size), square(size), square(size), square(size), square(size)
-    S, B, dS, dB, S_inverse, LS = square(r), square(r), square(r), square(r), square(r), square(r)
-    V, Z, dZ, Q, work, no_S = square(r), square(r), square(r), square(r), square(r), square(r)
-    Y, MX = np.zeros((c, r), np.complex128), np.zeros((c, r), np.complex128)
-    MXM, T, U = square(c), square(c + r), square(c + r)
-    value = np.zeros(pattern.fixed.size, np.complex128)
-    H = np.zeros((m, m))
-    u, b, rhs, dx = np.zeros(m), np.zeros(m), np.zeros(m), np.zeros(m)
-    other, toward_u, toward_b = np.zeros(m), np.zeros(m), np.zeros(m)
-
-    nothing, gap = TINY * t, np.inf
+    point, step, system, scratch = path_state(M, pattern, x.size)
+    nothing, gap = NEGLIGIBLE_T * t, np.inf
     lost, recoveries, early_t = True, RECOVERIES, 0.0
-    fill(pattern, x, D, G)
-    slack(pattern, M, t, D, G, Y, B, S)
-    if not (factor(S, LS) and factor(D, LD)):
+    if not _move_to(M, pattern, t, x, point, scratch):
         return 0.0, gap, 0
     for iteration in range(iterations):
-        inverse(LS, work, S_inverse)
-        inverse(LD, work_D, D_inverse)
-        if lost:  # as if in the centre
-            mu = 1.0 / inner(S_inverse, B)
-            for i in range(r):
-                for j in range(r):
-                    Z[i, j] = mu * S_inverse[i, j]
-            for i in range(size):
-                for j in range(size):
-                    W[i, j] = mu * D_inverse[i, j]
-        gap = (inner(S, Z) + inner(D, W)) / (t * inner(Z, B))
-        if early_t == 0.0 and gap <= EARLY and iteration > 0:
+        inverse(point.LS, scratch.work, point.S_inverse)
+        inverse(point.LD, scratch.work_D, point.D_inverse)
+        if lost:
+            _centre(point)
+        inside = inner(point.S, point.Z) + inner(point.D, point.W)
+        gap = inside / (t * inner(point.Z, point.B))
+        if early_t == 0.0 and gap <= EARLY_GAP and iteration > 0:
             early_t = t
             early[:] = x
 
-        sandwich(M, S_inverse, MX, MXM, T)
-        adjoint(pattern, M, t, S_inverse, MX, MXM, part, skew)
-        read(pattern, part, skew, rhs)  # with D^-1, added below, the pull to the centre
-        sandwich(M, Z, MX, MXM, U)
-        hessian(pattern, t, T, U, H, value)
-        add_positivity(pattern, D_inverse, W, H)
-        factor_normal(H)
-
-        # V = S^-1 D_r Z: how t and the unknowns act on each other through S.
-        multiply(B, Z, work)
-        multiply(S_inverse, work, V)
-        curvature = inner(B, V)
-        make_hermitian(V)
-        multiply(M, V, MX)
-        multiply_adjoint(MX, M, MXM)
-        adjoint(pattern, M, t, V, MX, MXM, part, skew)
-        read(pattern, part, skew, u)
-        part[:] = 0.0
-        collect(pattern.right, Z, 1.0, part)
-        read(pattern, part, no_D, b)
-        solve_normal(H, u, toward_u)
-        solve_normal(H, b, toward_b)
-        bb = np.dot(b, toward_b)
-        along = np.dot(u, toward_b) / bb if bb > 0.0 else 0.0
-        schur = max(curvature - np.dot(u, toward_u) + along**2 * bb, 1e-14 * curvature)
-
-        # Predictor: the right-hand side is -1 in the equation <Z, D_r> = 1 and zero elsewhere.
-        dt = max(-1.0 / schur, -FALL * t)
-        rho = -dt * along
+        along, bb, schur = _newton_system(M, pattern, t, point, system, scratch)
+        dt = max(-1.0 / schur, -LARGEST_FALL * t)
         if gap <= accuracy and -dt <= accuracy * t:
             return early_t, gap, iteration
-        for k in range(m):
-            dx[k] = -dt * toward_u[k] - rho * toward_b[k]
-        fill(pattern, dx, dD, dG)
-        slack(pattern, M, t, dD, dG, Y, dB, dS)
-        for i in range(r):
-            for j in range(r):
-                dS[i, j] += dt * B[i, j]
-                Q[i, j] = dt * dB[i, j]
-        multiplier_step(S_inverse, dS, Z, work, dZ)
-        multiplier_step(D_inverse, dD, W, work_D, dW)
-        primal = min(reach(S, dS, Q, work, LS, COARSE), reach(D, dD, no_D, work_D, LD, COARSE))
-        dual = min(reach(Z, dZ, no_S, work, LS, COARSE), reach(W, dW, no_D, work_D, LD, COARSE))
-        now, ahead = inner(S, Z) + inner(D, W), 0.0
-        for i in range(r):
-            for j in range(r):
-                s = S[i, j] + primal * (dS[i, j] + primal * Q[i, j])
-                z = Z[i, j] + dual * dZ[i, j]
-                ahead += s.real * z.real + s.imag * z.imag
-        for i in range(size):
-            for j in range(size):
-                d = D[i, j] + primal * dD[i, j]
-                w = W[i, j] + dual * dW[i, j]
-                ahead += d.real * w.real + d.imag * w.imag
-        center = max(min(ahead / now, 1.0), 0.0) ** 3 * now / (r + size)
+        rho = -dt * along
+        center = _predict(M, pattern, t, dt, rho, point, step, system, scratch)
+        dt, primal, dual = _correct(
+            M, pattern, t, dt, rho, center, (along, bb, schur), point, step, system, scratch
+        )
 
-        # Corrector: Q = S^-1 (dS dZ + dt dD_r Z), in W likewise.
-        multiply(Q, Z, V)
-        multiply(dS, dZ, work)
-        for i in range(r):
-            for j in range(r):
-                work[i, j] += V[i, j]
-        multiply(S_inverse, work, Q)
-        make_hermitian(Q)
-        multiply(dD, dW, work_D)
-        multiply(D_inverse, work_D, QD)
-        make_hermitian(QD)
-        target = center * inner(S_inverse, B) - inner(Q, B) + inner(dZ, dB) - 1.0
-        multiply(M, Q, MX)
-        multiply_adjoint(MX, M, MXM)
-        adjoint(pattern, M, t, Q, MX, MXM, part, skew)
-        for i in range(size):
-            for j in range(size):
-                part[i, j] += QD[i, j] - center * D_inverse[i, j]
-        collect(pattern.right, dZ, rho, part)
-        read(pattern, part, skew, other)
-        for k in range(m):
-            rhs[k] = center * rhs[k] - other[k]
-        solve_normal(H, rhs, other)
-        level = np.dot(b, other)
-        dt = max((target - np.dot(u, other) + along * level) / schur, -FALL * t)
-        rho = (level / bb if bb > 0.0 else 0.0) - dt * along
-        for k in range(m):
-            dx[k] = other[k] - dt * toward_u[k] - rho * toward_b[k]
-        fill(pattern, dx, dD, dG)
-        slack(pattern, M, t, dD, dG, Y, dB, dS)
-        for i in range(r):
-            for j in range(r):
-                dS[i, j] += dt * B[i, j]
-                no_S[i, j] = dt * dB[i, j]
-        multiplier_step(S_inverse, dS, Z, work, dZ)
-        multiplier_step(D_inverse, dD, W, work_D, dW)
-        for i in range(r):
-            for j in range(r):
-                dZ[i, j] += center * S_inverse[i, j] - Q[i, j]
-        for i in range(size):
-            for j in range(size):
-                dW[i, j] += center * D_inverse[i, j] - QD[i, j]
-        primal = min(reach(S, dS, no_S, work, LS, FINE), reach(D, dD, no_D, work_D, LD, FINE))
-        no_S[:] = 0.0
-        dual = min(reach(Z, dZ, no_S, work, LS, FINE), reach(W, dW, no_D, work_D, LD, FINE))
         if t + primal * dt < -nothing:  # any t < 0 will do, and G need not grow for more
             primal = (t + nothing) / -dt
-        for _ in range(HALVINGS):  # S is not linear in the step, and rounds
-            for k in range(m):
-                other[k] = x[k] + primal * dx[k]
+        for _ in range(STEP_HALVINGS):  # S is not linear in the step, and rounds
+            for k in range(x.size):
+                system.other[k] = x[k] + primal * step.dx[k]
             ahead = t + primal * dt
-            fill(pattern, other, D, G)
-            slack(pattern, M, ahead, D, G, Y, B, S)
-            if factor(S, LS) and factor(D, LD):
+            if _move_to(M, pattern, ahead, system.other, point, scratch):
                 break
             primal *= 0.5
         else:
             return early_t, gap, iteration
         t = ahead
-        x[:] = other
+        x[:] = system.other
         if t <= nothing:
             return early_t, 0.0, iteration + 1
-        for i in range(r):
-            for j in range(r):
-                Z[i, j] += dual * dZ[i, j]
-        for i in range(size):
-            for j in range(size):
-                W[i, j] += dual * dW[i, j]
-        lost = min(primal, dual) < SHORT and recoveries > 0
+        _add(point.Z, dual, step.dZ)
+        _add(point.W, dual, step.dW)
+        lost = min(primal, dual) < LOST_STEP and recoveries > 0
         if lost:
             recoveries -= 1
-            t *= RISE
-            slack(pattern, M, t, D, G, Y, B, S)
-            factor(S, LS)
+            t *= RECOVERY_RISE
+            slack(pattern, M, t, point.D, point.G, scratch.Y, point.B, point.S)
+            factor(point.S, point.LS)
     return early_t, gap, iterations
+
+
+@compiled
+def _move_to(
+    M: np.ndarray, pattern: Pattern, t: float, x: np.ndarray, point: Point, scratch: Scratch
+) -> bool:
+    """D, G, B = D_r and S of the unknowns, and factors of S and D; false where one is not > 0."""
+    fill(pattern, x, point.D, point.G)
+    slack(pattern, M, t, point.D, point.G, scratch.Y, point.B, point.S)
+    return factor(point.S, point.LS) and factor(point.D, point.LD)
+
+
+@compiled
+def _centre(point: Point) -> None:
+    """Multipliers as if the point lay in the centre: Z = mu S^-1, W = mu D^-1, <Z, D_r> = 1."""
+    mu = 1.0 / inner(point.S_inverse, point.B)
+    for i in range(point.Z.shape[0]):
+        for j in range(point.Z.shape[0]):
+            point.Z[i, j] = mu * point.S_inverse[i, j]
+    for i in range(point.W.shape[0]):
+        for j in range(point.W.shape[0]):
+            point.W[i, j] = mu * point.D_inverse[i, j]
+
+
+@compiled
+def _add(X: np.ndarray, share: float, dX: np.ndarray) -> None:
+    """X + share dX, in the place of X."""
+    for i in range(X.shape[0]):
+        for j in range(X.shape[0]):
+            X[i, j] += share * dX[i, j]
+
+
+@compiled
+def _newton_system(
+    M: np.ndarray,
+    pattern: Pattern,
+    t: float,
+    point: Point,
+    system: NewtonSystem,
+    scratch: Scratch,
+) -> tuple[float, float, float]:
+    """The equations of a Newton step, factored: H, u = F*(V), b, and H^-1 u and H^-1 b.
+
+    ``system.pull`` receives F*(S^-1), without D^-1: half of the pull to the centre. Returns
+    <u, H^-1 b> / <b, H^-1 b>, <b, H^-1 b> and the Schur complement of t.
+    """
+    sandwich(M, point.S_inverse, scratch.MX, scratch.MXM, scratch.T)
+    adjoint(pattern, M, t, point.S_inverse, scratch.MX, scratch.MXM, scratch.part, scratch.skew)
+    read(pattern, scratch.part, scratch.skew, system.pull)
+    sandwich(M, point.Z, scratch.MX, scratch.MXM, scratch.U)
+    hessian(pattern, t, scratch.T, scratch.U, system.H, scratch.value)
+    add_positivity(pattern, point.D_inverse, point.W, system.H)
+    factor_normal(system.H)
+
+    # V = S^-1 D_r Z: how t and the unknowns act on each other through S.
+    multiply(point.B, point.Z, scratch.work)
+    multiply(point.S_inverse, scratch.work, scratch.V)
+    curvature = inner(point.B, scratch.V)
+    make_hermitian(scratch.V)
+    multiply(M, scratch.V, scratch.MX)
+    multiply_adjoint(scratch.MX, M, scratch.MXM)
+    adjoint(pattern, M, t, scratch.V, scratch.MX, scratch.MXM, scratch.part, scratch.skew)
+    read(pattern, scratch.part, scratch.skew, system.u)
+    scratch.part[:] = 0.0
+    collect(pattern.right, point.Z, 1.0, scratch.part)
+    read(pattern, scratch.part, scratch.no_D, system.b)
+    solve_normal(system.H, system.u, system.toward_u)
+    solve_normal(system.H, system.b, system.toward_b)
+    bb = np.dot(system.b, system.toward_b)
+    along = np.dot(system.u, system.toward_b) / bb if bb > 0.0 else 0.0
+    schur = curvature - np.dot(system.u, system.toward_u) + along**2 * bb
+    return along, bb, max(schur, 1e-14 * curvature)
+
+
+@compiled
+def _predict(
+    M: np.ndarray,
+    pattern: Pattern,
+    t: float,
+    dt: float,
+    rho: float,
+    point: Point,
+    step: Direction,
+    system: NewtonSystem,
+    scratch: Scratch,
+) -> float:
+    """The predictor: -1 in the equation <Z, D_r> = 1 and zero elsewhere on the right-hand side.
+
+    ``scratch.Q`` receives the second order of S. Returns how far from the boundary the corrector
+    should aim: the size of the products Z S and W D there.
+    """
+    for k in range(step.dx.size):
+        step.dx[k] = -dt * system.toward_u[k] - rho * system.toward_b[k]
+    _direction(M, pattern, t, dt, point, step, scratch.Q, scratch)
+    S, D, Z, W = point.S, point.D, point.Z, point.W
+    dS, dD, dZ, dW = step.dS, step.dD, step.dZ, step.dW
+    work, work_D, no_S, no_D = scratch.work, scratch.work_D, scratch.no_S, scratch.no_D
+    Q, LS, LD = scratch.Q, point.LS, point.LD
+    primal = min(
+        reach(S, dS, Q, work, LS, PREDICTOR_BLUR), reach(D, dD, no_D, work_D, LD, PREDICTOR_BLUR)
+    )
+    dual = min(
+        reach(Z, dZ, no_S, work, LS, PREDICTOR_BLUR), reach(W, dW, no_D, work_D, LD, PREDICTOR_BLUR)
+    )
+    now, ahead = inner(S, Z) + inner(D, W), 0.0
+    for i in range(S.shape[0]):
+        for j in range(S.shape[0]):
+            s = S[i, j] + primal * (dS[i, j] + primal * Q[i, j])
+            z = Z[i, j] + dual * dZ[i, j]
+            ahead += s.real * z.real + s.imag * z.imag
+    for i in range(D.shape[0]):
+        for j in range(D.shape[0]):
+            d = D[i, j] + primal * dD[i, j]
+            w = W[i, j] + dual * dW[i, j]
+            ahead += d.real * w.real + d.imag * w.imag
+    return max(min(ahead / now, 1.0), 0.0) ** 3 * now / (S.shape[0] + D.shape[0])
+
+
+@compiled
+def _direction(
+    M: np.ndarray,
+    pattern: Pattern,
+    t: float,
+    dt: float,
+    point: Point,
+    step: Direction,
+    second: np.ndarray,
+    scratch: Scratch,
+) -> None:
+    """What dt and the unknowns' step do to D, G, S and, to first order, to Z and W.
+
+    ``second`` receives the second order of S, dt dD_r.
+    """
+    fill(pattern, step.dx, step.dD, step.dG)
+    slack(pattern, M, t, step.dD, step.dG, scratch.Y, step.dB, step.dS)
+    for i in range(point.S.shape[0]):
+        for j in range(point.S.shape[0]):
+            step.dS[i, j] += dt * point.B[i, j]
+            second[i, j] = dt * step.dB[i, j]
+    multiplier_step(point.S_inverse, step.dS, point.Z, scratch.work, step.dZ)
+    multiplier_step(point.D_inverse, step.dD, point.W, scratch.work_D, step.dW)
+
+
+@compiled
+def _correct(
+    M: np.ndarray,
+    pattern: Pattern,
+    t: float,
+    dt: float,
+    rho: float,
+    center: float,
+    schur_system: tuple[float, float, float],
+    point: Point,
+    step: Direction,
+    system: NewtonSystem,
+    scratch: Scratch,
+) -> tuple[float, float, float]:
+    """The corrector; returns dt and the lengths of the primal and the dual step."""
+    along, bb, schur = schur_system
+    S, D, Z, W = point.S, point.D, point.Z, point.W
+    dS, dD, dZ, dW = step.dS, step.dD, step.dZ, step.dW
+    V, Q, QD, work, work_D = scratch.V, scratch.Q, scratch.QD, scratch.work, scratch.work_D
+    # Q = S^-1 (dS dZ + dt dD_r Z), in W likewise.
+    multiply(Q, Z, V)
+    multiply(dS, dZ, work)
+    for i in range(S.shape[0]):
+        for j in range(S.shape[0]):
+            work[i, j] += V[i, j]
+    multiply(point.S_inverse, work, Q)
+    make_hermitian(Q)
+    multiply(dD, dW, work_D)
+    multiply(point.D_inverse, work_D, QD)
+    make_hermitian(QD)
+    target = center * inner(point.S_inverse, point.B) - inner(Q, point.B)
+    target = target + inner(dZ, step.dB) - 1.0
+    multiply(M, Q, scratch.MX)
+    multiply_adjoint(scratch.MX, M, scratch.MXM)
+    adjoint(pattern, M, t, Q, scratch.MX, scratch.MXM, scratch.part, scratch.skew)
+    for i in range(D.shape[0]):
+        for j in range(D.shape[0]):
+            scratch.part[i, j] += QD[i, j] - center * point.D_inverse[i, j]
+    collect(pattern.right, dZ, rho, scratch.part)
+    read(pattern, scratch.part, scratch.skew, system.other)
+    for k in range(step.dx.size):
+        system.pull[k] = center * system.pull[k] - system.other[k]
+    solve_normal(system.H, system.pull, system.other)
+    level = np.dot(system.b, system.other)
+    dt = max((target - np.dot(system.u, system.other) + along * level) / schur, -LARGEST_FALL * t)
+    rho = (level / bb if bb > 0.0 else 0.0) - dt * along
+    for k in range(step.dx.size):
+        step.dx[k] = system.other[k] - dt * system.toward_u[k] - rho * system.toward_b[k]
+    no_S, no_D, LS, LD = scratch.no_S, scratch.no_D, point.LS, point.LD
+    _direction(M, pattern, t, dt, point, step, no_S, scratch)
+    for i in range(S.shape[0]):
+        for j in range(S.shape[0]):
+            dZ[i, j] += center * point.S_inverse[i, j] - Q[i, j]
+    for i in range(D.shape[0]):
+        for j in range(D.shape[0]):
+            dW[i, j] += center * point.D_inverse[i, j] - QD[i, j]
+    primal = min(
+        reach(S, dS, no_S, work, LS, CORRECTOR_BLUR), reach(D, dD, no_D, work_D, LD, CORRECTOR_BLUR)
+    )
+    no_S[:] = 0.0
+    dual = min(
+        reach(Z, dZ, no_S, work, LS, CORRECTOR_BLUR), reach(W, dW, no_D, work_D, LD, CORRECTOR_BLUR)
+    )
+    return dt, primal, dual

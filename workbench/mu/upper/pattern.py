@@ -1,11 +1,11 @@
-"""The linear matrix inequality of the mixed-mu upper bound, laid out for compiled code.
+"""The linear matrix inequality of the mixed-mu upper bound as arrays for compiled code.
 
     S(t, D, G) = t D_r - M^H D_l M - j (G M - M^H G^H) = P^H K(t, D, G) P,   P = [M; I]
 
-The multipliers are kept *compact*: one Hermitian matrix D of size N, N the number of repeated
-scalars (each counted as often as it is repeated) plus the number of full blocks, and one Hermitian
-G of the same size, nonzero in real blocks only. An unknown x_k is an entry of one of them: on the
-diagonal, or the real or imaginary part of a pair beside it.
+The multipliers are stored in *compact* form: a Hermitian matrix D of size N and a Hermitian matrix
+G of the same size, which is nonzero in real blocks only. N is the number of full blocks plus the
+number of channels of repeated scalars. Each unknown x_k is an entry of D or of G: on the diagonal,
+or the real or imaginary part of a conjugate pair of entries off the diagonal.
 """
 
 from __future__ import annotations
@@ -19,15 +19,16 @@ from workbench.compiled import compiled
 from workbench.structure import Full, Real, Structure
 
 DIAGONAL, RE, IM = 0, 1, 2
+"""Kinds of unknown: a diagonal entry, the real and the imaginary part of a pair of entries."""
 
 
 class Pattern(NamedTuple):
-    """Where everything stands, as integer arrays.
+    """Places of the unknowns in the compact multipliers and in the inequality.
 
     ``left`` (c,) and ``right`` (r,) are the compact indices of the rows and columns of M.
-    ``row``, ``column``, ``kind`` and ``skew`` (m,) describe the unknowns; skew ones belong to G.
-    Unknown k takes the entries ``first[k]`` to ``first[k + 1]`` of K, at ``at`` and ``to``, with
-    the values ``fixed + t * growing``.
+    ``row``, ``column``, ``kind`` and ``skew`` (m,) describe the unknowns; ``skew`` marks those of
+    G. The derivative of K by unknown k has the entries numbered ``first[k]`` to ``first[k + 1]``,
+    at rows ``at`` and columns ``to``, with the values ``fixed + t * growing``. ``size`` is N.
     """
 
     left: np.ndarray
@@ -107,10 +108,11 @@ def pattern_of(structure: Structure) -> Pattern:
 def spread(
     pattern: Pattern, D: ComplexArray, G: ComplexArray
 ) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
-    """D_left (..., c, c), D_right (..., r, r) and G (..., r, c) of compact ones (..., N, N)."""
+    """D_left (..., c, c), D_right (..., r, r) and G (..., r, c) from compact D, G (..., N, N)."""
     left, right = pattern.left, pattern.right
 
     def square(places: np.ndarray) -> ComplexArray:
+        """D expanded to the channels whose compact indices are given."""
         single = (places[:, None] != places) | np.eye(len(places), dtype=bool)
         return D[..., places[:, None], places] * single
 
@@ -118,6 +120,7 @@ def spread(
 
 
 def _entries(i: int, j: int, kind: int) -> list[tuple[int, int, complex]]:
+    """Nonzero entries (row, column, value) of an unknown's basis matrix."""
     if kind == DIAGONAL:
         return [(i, i, 1.0)]
     value = 1.0 if kind == RE else 1j
@@ -126,7 +129,7 @@ def _entries(i: int, j: int, kind: int) -> list[tuple[int, int, complex]]:
 
 @compiled
 def fill(pattern: Pattern, x: np.ndarray, D: np.ndarray, G: np.ndarray) -> None:
-    """The compact D and G of the unknowns x."""
+    """Set the compact D and G from the unknowns x."""
     D[:] = 0.0
     G[:] = 0.0
     for k in range(x.size):
@@ -143,7 +146,7 @@ def fill(pattern: Pattern, x: np.ndarray, D: np.ndarray, G: np.ndarray) -> None:
 
 
 def basis(pattern: Pattern) -> list[tuple[ComplexArray, ComplexArray]]:
-    """Compact D and G of each unknown alone."""
+    """Compact D and G of each unknown, with this unknown at 1 and the others at 0."""
     pairs = []
     for unknown in np.eye(pattern.row.size):
         D, G = np.zeros((2, pattern.size, pattern.size), complex)
@@ -154,7 +157,7 @@ def basis(pattern: Pattern) -> list[tuple[ComplexArray, ComplexArray]]:
 
 @compiled
 def read(pattern: Pattern, D: np.ndarray, G: np.ndarray, x: np.ndarray) -> None:
-    """Inner products of every unknown's basis matrix with the Hermitian D or G."""
+    """Set x to the inner products of every unknown's basis matrix with the Hermitian D or G."""
     for k in range(x.size):
         entry = (G if pattern.skew[k] else D)[pattern.row[k], pattern.column[k]]
         if pattern.kind[k] == DIAGONAL:
@@ -167,7 +170,7 @@ def read(pattern: Pattern, D: np.ndarray, G: np.ndarray, x: np.ndarray) -> None:
 
 @compiled
 def expand(places: np.ndarray, D: np.ndarray, X: np.ndarray) -> None:
-    """D_l or D_r from the compact D: full blocks have one multiplier on their diagonal."""
+    """Set X to D_l or D_r from the compact D; a full block has one multiplier on its diagonal."""
     for i in range(places.size):
         for j in range(places.size):
             same = places[i] == places[j] and i != j
@@ -187,7 +190,7 @@ def collect(places: np.ndarray, X: np.ndarray, sign: float, D: np.ndarray) -> No
 def half_slack(
     pattern: Pattern, M: np.ndarray, D: np.ndarray, G: np.ndarray, Y: np.ndarray
 ) -> None:
-    """Y (c, r) with S = t D_r + M^H Y + Y^H M, which is -D_l M / 2 + j G."""
+    """Set Y (c, r) to -D_l M / 2 + j G, so that S = t D_r + M^H Y + Y^H M."""
     c, r = M.shape
     for i in range(c):
         for j in range(r):
@@ -199,7 +202,7 @@ def half_slack(
                 for j in range(r):
                     Y[i, j] += entry * M[k, j]
         for j in range(r):
-            entry = G[pattern.left[i], pattern.right[j]]  # zero but in square blocks
+            entry = G[pattern.left[i], pattern.right[j]]  # zero except in square blocks
             if entry != 0.0:
                 Y[i, j] += 1j * entry
 
@@ -215,7 +218,7 @@ def slack(
     B: np.ndarray,
     S: np.ndarray,
 ) -> None:
-    """S = t D_r - M^H D_l M - j (G M - M^H G^H), and B = D_r; ``Y`` (c, r) is work space."""
+    """Set S = t D_r - M^H D_l M - j (G M - M^H G^H) and B = D_r; ``Y`` (c, r) is work space."""
     c, r = M.shape
     half_slack(pattern, M, D, G, Y)
     expand(pattern.right, D, B)
@@ -239,9 +242,9 @@ def adjoint(
     D: np.ndarray,
     G: np.ndarray,
 ) -> None:
-    """Compact D and G parts of the adjoint of the slack at a Hermitian X, given M X and M X M^H.
+    """Set D and G to the compact adjoint of `slack` at a Hermitian X, given M X and M X M^H.
 
-    The real inner product of (D, G) with them is that of S(t, D, G) with X.
+    The real inner product of this adjoint with multipliers equals that of their S with X.
     """
     D[:] = 0.0
     G[:] = 0.0

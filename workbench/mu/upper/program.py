@@ -1,4 +1,4 @@
-"""The D, G upper bound of mixed mu as a Program: its data, its answer and its check."""
+"""The D, G upper bound of mixed mu as a Program."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from workbench.structure import Structure
 
 @dataclass(frozen=True)
 class UpperBound:
-    """Bounds and the multipliers that prove them, arrays over the batch.
+    """Upper bounds of mu and the multipliers that prove them, as arrays over the batch.
 
     ``value`` (...), ``D_left`` (..., c, c), ``D_right`` (..., r, r) and ``G`` (..., r, c), with
 
@@ -41,19 +41,20 @@ class MuUpperBound(Program):
     singular. D_l and D_r are the same multipliers in the two sizes of the blocks: a positive
     definite matrix for a repeated scalar, a positive multiple of the identity for a full block. G
     is Hermitian in the blocks of real scalars and zero elsewhere. The infimum need not be
-    attained; a bound is certified by its multipliers, and how far it is from the least one is not.
+    attained. The multipliers certify the bound; its distance from the least bound is not certified.
 
     Parameters
     ----------
     M
-        Complex, shape (..., c, r), finite; what Delta closes, so c is Delta's columns.
+        Complex, shape (..., c, r), finite: the matrix that Delta closes, so Delta has c columns
+        and r rows.
     structure
         Blocks of Delta.
 
     Raises
     ------
     InputError
-        M that does not fit the structure, or is not finite.
+        M does not fit the structure or is not finite.
 
     References
     ----------
@@ -86,10 +87,11 @@ class MuUpperBound(Program):
 
     @property
     def batch(self) -> tuple[int, ...]:
+        """Shape of the batch."""
         return self.M.shape[:-2]
 
     def place(self, index: tuple[int, ...]) -> str:
-        """Name of a place in the batch; a batch without axes has none."""
+        """Name of a place in the batch; empty for a batch without axes."""
         return f"at {', '.join(str(i) for i in index)}" if self.batch else ""
 
     def checks(self, answer: UpperBound, tolerance: float) -> list[Check]:
@@ -164,11 +166,12 @@ class MuUpperBound(Program):
 def proved(
     program: MuUpperBound, D_left: ComplexArray, D_right: ComplexArray, G: ComplexArray
 ) -> UpperBound:
-    """The answer that multipliers prove, whatever their method made of them."""
+    """The upper bounds that multipliers prove, recomputed without the claims of their method."""
     multipliers = structured(program.structure, D_left, D_right, G)
     return UpperBound(certified(program.M, program.structure, *multipliers), *multipliers)
 
 
 def _apart(one: ComplexArray, other: ComplexArray) -> NDArray[np.float64]:
+    """Largest difference of the entries of each matrix, relative to its largest entry."""
     size = np.abs(one).max((-2, -1), initial=0.0)
     return np.abs(one - other).max((-2, -1), initial=0.0) / np.where(size > 0, size, 1.0)

@@ -1,12 +1,12 @@
-"""Where the central path was lost: from its multipliers again, in a frame where they are simple.
+"""Recentring: continuing a lost central path in coordinates where its multipliers are simple.
 
-Near a matrix with real eigenvalues that leave the axis, or that is nearly reducible, the least
-bound needs a D with eigenvalues so far apart that numbers tell them no longer. With D = L^H L of
-the path's end,
+The least bound may need a D whose eigenvalues differ by more than floating-point numbers resolve.
+This happens near a matrix that is nearly reducible, or whose real eigenvalues leave the real axis.
+With D = L^H L at the end of the path, the transformed data
 
     M' = L_c M L_r^-1,   D' = I,   G' = L_r^-H G L_c^-1
 
-is the same problem, and its path can be followed farther.
+state the same problem, and the path can be followed farther in these coordinates.
 """
 
 from __future__ import annotations
@@ -23,20 +23,23 @@ from workbench.mu.upper.path import follow
 from workbench.mu.upper.pattern import IM, Pattern, fill, spread
 from workbench.structure import Structure
 
-SHARES = np.array([0.0, 1e-15, 1e-14, 1e-13, 1e-12, 1e-11, 1e-10, 1e-9, 1e-8, 1e-6, 1e-4])
-"""Of its own diagonal, added to a D that is nearly singular."""
-INWARD = (0.0, 1e-8, 1e-4, 1e-1)
-"""Of its own diagonal, added to a D from which no good path starts, one after the other."""
-ROUNDS = 8
-ITERATIONS = 60
-RISES = (1.05, 1.5, 4.0)
-"""Factors on the bound's square, at which a path is taken up again."""
-WORTH = 0.999
-"""A round that leaves more than this share of the bound is the last one."""
-NOTHING = 1e-4
-"""Share of the balanced norm at which a bound is nothing that more rounds could improve."""
+DIAGONAL_SHARES = np.array([0.0, 1e-15, 1e-14, 1e-13, 1e-12, 1e-11, 1e-10, 1e-9, 1e-8, 1e-6, 1e-4])
+"""Shares of a nearly singular D's own diagonal that are added to D; the best one is kept."""
+INWARD_SHARES = (0.0, 1e-8, 1e-4, 1e-1)
+"""Shares of D's own diagonal that are added to D, one after the other, until a good path starts."""
+MOST_RECENTRINGS = 8
+"""Most rounds of recentring."""
+PATH_ITERATIONS = 60
+"""Most iterations along the path of one round."""
+START_RISES = (1.05, 1.5, 4.0)
+"""Factors on the square of the bound at which a path may start, tried one after the other."""
+WORTHWHILE_RATIO = 0.999
+"""A round that does not lower the bound to this share of it leads to the next inward share."""
+NEGLIGIBLE_SHARE = 1e-4
+"""Bounds below this share of the balanced norm are not improved further."""
 
 Multipliers = tuple[ComplexArray, ComplexArray]
+"""Compact D and G."""
 
 
 def recentred(
@@ -47,34 +50,34 @@ def recentred(
     gap: float,
     accuracy: float,
 ) -> tuple[ComplexArray, ComplexArray, float]:
-    """Compact D and G (N, N) of one matrix with a bound no larger than what the start proves.
+    """Compact D and G (N, N) of one matrix that prove no larger bound than the start does.
 
     Parameters
     ----------
     M
         Complex (c, r), finite.
     start
-        Compact D and G where the path ended, D perhaps singular up to rounding.
+        Compact D and G at the end of the path; D may be singular up to rounding.
     gap, accuracy
-        As `follow` has them.
+        Relative duality gap reached and accuracy wanted, as in `follow`.
 
     Returns
     -------
-    D, G, and the duality gap of the bound's square, relative, rounding included; infinite where it
-    is not known.
+    D, G, and the relative duality gap of the square of the bound, which includes rounding. The gap
+    is infinite where it is not known.
     """
     D, G, value = _proper(M, structure, pattern, start)
     gap, from_edge = gap if np.array_equal(D, start[0]) else np.inf, 0
-    nothing = NOTHING * _balanced(M, pattern)[1]
-    for _ in range(ROUNDS):
+    nothing = NEGLIGIBLE_SHARE * _balanced(M, pattern)[1]
+    for _ in range(MOST_RECENTRINGS):
         if not value > nothing:
             break
-        again = _followed(M, structure, pattern, (D, G), value, accuracy, INWARD[from_edge])
+        again = _followed(M, structure, pattern, (D, G), value, accuracy, INWARD_SHARES[from_edge])
         if again is not None:
             next_D, next_G, next_value, next_gap = again
             if next_value <= value * (1 + accuracy):
                 gap = min(gap, next_gap)
-            worth = next_value < WORTH * value
+            worth = next_value < WORTHWHILE_RATIO * value
             if next_value < value:
                 D, G, value = next_D, next_G, next_value
             if gap <= accuracy:
@@ -82,7 +85,7 @@ def recentred(
             if worth:
                 continue
         from_edge += 1
-        if from_edge == len(INWARD):
+        if from_edge == len(INWARD_SHARES):
             break
     return D, G, gap
 
@@ -90,14 +93,21 @@ def recentred(
 def _proper(
     M: ComplexArray, structure: Structure, pattern: Pattern, given: Multipliers
 ) -> tuple[ComplexArray, ComplexArray, float]:
-    """Of D with some of its diagonal added, and of a balancing D, the one with the least bound."""
+    """The multipliers with the least bound, and this bound.
+
+    The candidates are D with some share of its diagonal added, Osborne's scaling, and D = I.
+    """
     D, G = given
     own = np.diagonal(D).real
     balancing, _ = _balanced(M, pattern)
     trials_D = np.concatenate(
-        [D + SHARES[:, None, None] * np.diag(own), [np.diag(balancing**2)], [np.eye(pattern.size)]]
+        [
+            D + DIAGONAL_SHARES[:, None, None] * np.diag(own),
+            [np.diag(balancing**2)],
+            [np.eye(pattern.size)],
+        ]
     )
-    trials_G = np.concatenate([np.tile(G, (len(SHARES), 1, 1)), 0.0 * np.array([G, G])])
+    trials_G = np.concatenate([np.tile(G, (len(DIAGONAL_SHARES), 1, 1)), 0.0 * np.array([G, G])])
     trials_D[~np.isfinite(trials_D)] = 0.0
     trials_G[~np.isfinite(trials_G)] = 0.0
     tiled = np.broadcast_to(M, (len(trials_D), *M.shape))
@@ -124,9 +134,9 @@ def _followed(
     accuracy: float,
     inward: float,
 ) -> tuple[ComplexArray, ComplexArray, float, float] | None:
-    """D, G, what they prove and its gap, from the path in the frame where the given D is 1.
+    """D, G, their bound and its gap, from the path in the coordinates where the given D is 1.
 
-    Beforehand a share ``inward`` of its diagonal is added to D. None where no path starts.
+    A share ``inward`` of its diagonal is first added to D. None where no path starts.
     """
     D, G = given
     D = D + inward * np.diag(np.diagonal(D).real)
@@ -145,16 +155,16 @@ def _followed(
     if not (np.isfinite(framed).all() and np.isfinite(twist).all()):
         return None
     start = _unknowns(pattern, np.eye(pattern.size), (twist + twist.conj().T) / 2)
-    for rise in RISES:
+    for rise in START_RISES:
         x, early = start.copy(), np.zeros_like(start)
-        _, gap, iterations = follow(framed, pattern, rise, x, early, accuracy, ITERATIONS)
+        _, gap, iterations = follow(framed, pattern, rise, x, early, accuracy, PATH_ITERATIONS)
         if iterations:
             new_D, new_G = np.zeros_like(D), np.zeros_like(G)
             fill(pattern, x, new_D, new_G)
             there = float(certified(framed, structure, *spread(pattern, new_D, new_G))) * value
             after: Multipliers = (R.conj().T @ new_D @ R, R.conj().T @ new_G @ R * value + 0j)
             new_D, new_G, proved = _proper(M, structure, pattern, after)
-            # What rounding adds on the way back is not the path's to know.
+            # The path's gap does not include the rounding of the transformation back.
             with np.errstate(all="ignore"):
                 lost = max((proved / there) ** 2 - 1, 0.0) if there > 0 else np.inf
             return new_D, new_G, proved, gap + (lost if np.isfinite(there) else np.inf)
@@ -162,6 +172,6 @@ def _followed(
 
 
 def _unknowns(pattern: Pattern, D: Any, G: Any) -> np.ndarray:
-    """The unknowns whose `fill` is D and G."""
+    """The unknowns from which `fill` makes the given D and G."""
     entries = np.where(pattern.skew, G[pattern.row, pattern.column], D[pattern.row, pattern.column])
     return np.where(pattern.kind == IM, entries.imag, entries.real)

@@ -1,0 +1,1 @@
+"""H-infinity synthesis, mixed sensitivity and loop shaping."""

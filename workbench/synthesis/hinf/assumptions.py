@@ -19,7 +19,7 @@ from workbench.systems.bilinear import continuous, to_sampled
 from workbench.systems.conversion import need_plant
 from workbench.systems.frequency_response import frequency_response
 from workbench.systems.generalised_plant import GeneralisedPlant
-from workbench.systems.minimal import ROUNDING
+from workbench.systems.minimal import ZERO_ROUNDING
 from workbench.systems.realisation import EPS, Matrices, realisation
 from workbench.systems.standard_plant import StandardPlant, standard_plant
 
@@ -79,7 +79,7 @@ def checked(plant: StandardPlant) -> Scaled:
 def _unreached(A: RealArray, B: RealArray) -> complex | None:
     """The first unstable mode that no input reaches (Popov, Belevitch, Hautus); None without."""
     size = float(np.linalg.norm(A))
-    rounding = ROUNDING * EPS * len(A) * size
+    rounding = ZERO_ROUNDING * EPS * len(A) * size
     for mode in np.linalg.eigvals(A).astype(complex):
         if mode.real < -rounding:
             continue
@@ -96,7 +96,7 @@ def _axis_zero(A: RealArray, B: RealArray, C: RealArray, D: RealArray) -> float 
     """
     inner, shown = A - B @ D.T @ C, C - D @ (D.T @ C)
     size = float(np.linalg.norm(inner))
-    rounding = ROUNDING * EPS * len(A) * size
+    rounding = ZERO_ROUNDING * EPS * len(A) * size
     for mode in np.linalg.eigvals(inner).astype(complex):
         if abs(mode.real) > max(1e-6 * abs(mode), 1e-6 * size):
             continue

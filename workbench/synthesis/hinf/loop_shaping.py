@@ -16,7 +16,7 @@ from typing import Any, ClassVar
 import numpy as np
 from scipy.linalg import LinAlgError, solve_continuous_are, solve_continuous_lyapunov
 
-from workbench.certify.norms import CERTIFIED
+from workbench.certify.norms import NORM_TOLERANCE
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.heavy_types import StateSpace
@@ -132,7 +132,7 @@ class LoopShaping(HinfSynthesis):
         excess = 1.0 / (answer.norm * largest) - 1.0
         # A small margin is a difference of numbers near 1.
         rounding = CANCELLED * np.finfo(float).eps / largest**2
-        return [*found, Check("epsilon", statement, excess, 2.0 * CERTIFIED + rounding)]
+        return [*found, Check("epsilon", statement, excess, 2.0 * NORM_TOLERANCE + rounding)]
 
     def gap(self, answer: HinfController) -> tuple[str, float]:
         return (

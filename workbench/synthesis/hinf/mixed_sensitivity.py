@@ -9,14 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from workbench.certify.norms import CERTIFIED
+from workbench.certify.norms import NORM_TOLERANCE
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.program import Check, worst
 from workbench.synthesis.hinf.figures import grid
 from workbench.synthesis.hinf.program import HinfController, HinfSynthesis
+from workbench.systems.connection import generalised_plant
 from workbench.systems.conversion import as_system, as_weight
-from workbench.systems.generalised_plant import GeneralisedPlant, generalised_plant, response
+from workbench.systems.generalised_plant import GeneralisedPlant, response
 
 
 @dataclass(frozen=True, eq=False, init=False, kw_only=True)
@@ -73,7 +74,7 @@ class MixedSensitivity(HinfSynthesis):
             size / answer.norm - 1.0, lambda index: f"at {omega[index[0]]:.6g} rad/s"
         )
         statement = "largest [W_S S; W_KS K S; W_T T] at frequencies over the norm, less 1"
-        return [*found, Check("definition", statement, excess, 2.0 * CERTIFIED, where)]
+        return [*found, Check("definition", statement, excess, 2.0 * NORM_TOLERANCE, where)]
 
     def _formula(self, K: StateSpace, omega: np.ndarray) -> np.ndarray:
         """The stack from responses of G, K and the weights, as it is defined."""

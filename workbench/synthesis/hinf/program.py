@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from workbench.certify.norms import CERTIFIED, certified_norm
+from workbench.certify.norms import NORM_TOLERANCE, certified_norm
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError, SolverError
 from workbench.heavy_types import Dataset, Figure, StateSpace
@@ -106,7 +106,7 @@ class HinfSynthesis(Program):
         stability = stability_of(loop)
         found.append(stability)
         size = certified_norm(loop) if stability.holds else np.inf
-        limit = 2.0 * CERTIFIED
+        limit = 2.0 * NORM_TOLERANCE
         found.append(
             Check(
                 "norm",

@@ -16,8 +16,8 @@ from workbench.errors import InputError
 from workbench.mu.frequency.peak import Peak
 from workbench.systems.balancing import speed, state_units
 from workbench.systems.generalised_plant import GeneralisedPlant
-from workbench.systems.gramians import balancing, factors
-from workbench.systems.minimal import ROUNDING
+from workbench.systems.gramians import balancing_projections, factors
+from workbench.systems.minimal import ZERO_ROUNDING
 from workbench.systems.realisation import EPS, Matrices
 
 Reducer = Callable[[int], Matrices]
@@ -59,7 +59,7 @@ def balanced(K: Matrices) -> tuple[int, Reducer]:
     split = _split(parts)
     A, B, C, D = split.stable
     S, R = factors(A, B, C)
-    left, right, _ = balancing(S, R)
+    left, right, _ = balancing_projections(S, R)
 
     def of(order: int) -> Matrices:
         T, V = left[: order - split.count], right[:, : order - split.count]
@@ -83,7 +83,7 @@ def hankel(K: Matrices) -> tuple[int, Reducer]:
     split = _split(parts)
     A, B, C, D = split.stable
     S, R = factors(A, B, C)
-    left, right, values = balancing(S, R)
+    left, right, values = balancing_projections(S, R)
     seen = int((values > SEEN * values.max(initial=0.0)).sum())
     left, right, values = left[:seen], right[:, :seen], values[:seen]
     minimal = left @ A @ right, left @ B, C @ right, D
@@ -139,7 +139,7 @@ def weighted(K: Matrices, plant: GeneralisedPlant, loop: Matrices, peak: Peak) -
     units = state_units(A / rate, B, C)
     S, R = factors(A / rate * units[:, None] / units, B * units[:, None], C / units)
     own = units[len(A) - n :]
-    left, right, _ = balancing(S[len(A) - n :], R[:, len(A) - n :])
+    left, right, _ = balancing_projections(S[len(A) - n :], R[:, len(A) - n :])
     left, right = left * own, right / own[:, None]
     Ak, Bk, Ck, Dk = K
 
@@ -184,7 +184,7 @@ def _split(K: Matrices) -> Split:
     """Ordered Schur form, and a Sylvester equation for what couples its parts."""
     A, B, C, D = K
     n = len(A)
-    boundary = -ROUNDING * EPS * n * float(np.linalg.norm(A))
+    boundary = -ZERO_ROUNDING * EPS * n * float(np.linalg.norm(A))
     T, Q, k = schur(A, sort=lambda re, im: re >= boundary) if n else (A, A, 0)
     X = solve_sylvester(T[:k, :k], -T[k:, k:], -T[:k, k:]) if 0 < k < n else np.zeros((k, n - k))
     B, C = Q.T @ B, C @ Q

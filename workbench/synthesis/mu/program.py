@@ -12,7 +12,7 @@ from workbench.certify.stability import stability_of
 from workbench.errors import InputError
 from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.input_checks import need_positive
-from workbench.mu import Peak, peak
+from workbench.mu import Peak, performance_peak
 from workbench.program import Check, Program
 from workbench.structure import Structure
 from workbench.synthesis.hinf.figures import controller
@@ -127,13 +127,11 @@ class MuSynthesis(Program):
     @cached_property
     def closed(self) -> Structure:
         """The perturbation and the performance block."""
-        assert self.structure is not None
-        return self.structure.with_performance(self.plant.performance, self.plant.exogenous)
+        return self.plant.performance_structure
 
     def certified(self, K: StateSpace, tolerance: float = TOLERANCE) -> Peak | None:
         """The peak of the loop; None where it is unstable."""
-        loop = self.plant.close(K)
-        return peak(loop, self.closed, tolerance) if stability_of(loop).holds else None
+        return performance_peak(self.plant, K, tolerance)
 
     def answer(
         self, K: StateSpace, history: tuple[Iterate, ...] = (), tolerance: float = TOLERANCE

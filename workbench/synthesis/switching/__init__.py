@@ -1,0 +1,1 @@
+"""Stability of loops that switch: dwell times, and sets of transitions."""

@@ -1,0 +1,1 @@
+"""Nominal and weights that contain measured responses: circles and stadiums."""

@@ -23,7 +23,7 @@ from workbench.heavy_types import StateSpace
 from workbench.structure import Complex as ComplexScalar
 from workbench.structure import Real as RealScalar
 from workbench.structure import Structure
-from workbench.systems.generalised_plant import generalised_plant
+from workbench.systems.connection import generalised_plant
 from workbench.systems.interconnection import UncertainPart
 from workbench.uncertainty.covers.responses import Responses
 from workbench.uncertainty.covers.sets import Form

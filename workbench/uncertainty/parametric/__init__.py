@@ -1,0 +1,1 @@
+"""Parametric uncertainty as a linear fractional transformation."""

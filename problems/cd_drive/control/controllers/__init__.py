@@ -1,0 +1,1 @@
+"""Every controller at 1X, judged by the same certified analysis."""

@@ -15,7 +15,8 @@ import numpy as np
 from workbench import Check, Run, Study, problem, ref
 from workbench.executor import Context
 from workbench.heavy_types import Dataset, Figure
-from workbench.mu import sweep
+from workbench.mu import performance_peak, performance_sweep
+from workbench.synthesis import largest_least_mu, least_mu
 from workbench.systems.storage import restored
 from workbench.uncertainty import GeneralisedPlant, UncertaintyModel
 
@@ -24,9 +25,8 @@ from ...drive.shared_parameters import TABLES, Frequencies
 from ...drive.tables import Axis
 from ..control_problem import generalised
 from ..design import cover_of, uncertainty
-from ..equal_channels import performance_peak
 from ..five_x.study import CHANNELS
-from ..least_mu import LoopWeights, largest_least_mu, least_mu
+from ..loop_weights import loop_weights
 from .report import figure_6_4, peaks_table
 
 DESIGNS = {
@@ -125,9 +125,7 @@ class Controllers(Study):
                     if found is None:
                         continue
                     peaks[m, k, c] = found.lower, found.upper
-                    assert plant.structure is not None
-                    closed = plant.structure.with_performance(plant.performance, plant.exogenous)
-                    curve = sweep(plant.close(K), closed, omega)
+                    curve = performance_sweep(plant, K, omega)
                     curves[m, k, c] = curve.lower, curve.upper
             if m:
                 weights = self.weights(m)
@@ -170,7 +168,7 @@ class Controllers(Study):
         """Weights of the loop of a model over frequencies [rad/s]."""
         found = uncertainty(self.axis, self.covers[model - 1])
         assert isinstance(found, UncertaintyModel)
-        return lambda omega: LoopWeights.of(self.axis, found, 1.0, omega)
+        return lambda omega: loop_weights(self.axis, found, 1.0, omega)
 
     def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
         upper, lower = (answer["peak"].sel(bound=bound) for bound in ("upper", "lower"))

@@ -20,9 +20,10 @@ from workbench.executor import Context
 from workbench.fitting.rational import Rational, from_system
 from workbench.fitting.storage import function, roots
 from workbench.heavy_types import Dataset, Figure, StateSpace
-from workbench.mu import peak, sweep
+from workbench.mu import performance_peak, performance_sweep
 from workbench.program import solve
-from workbench.synthesis import MuSynthesis
+from workbench.synthesis import ControlCover, MuSynthesis
+from workbench.synthesis.mu.control_cover import Name
 from workbench.systems.storage import restored, stored
 from workbench.uncertainty import Responses, UncertaintyModel, contains
 from workbench.uncertainty.covers.model import ROUNDING
@@ -32,8 +33,8 @@ from ...drive.shared_parameters import TABLES, Frequencies
 from ...drive.tables import Axis
 from ...uncertainty.measured_drives import Order, measured_drives
 from ..design import Cover, synthesis_plant, uncertainty
+from ..loop_weights import control_cover
 from .report import cover_figures, rounds_table
-from .search import ControlCover, Name
 
 if TYPE_CHECKING:
     Stage = tuple[UncertaintyModel, StateSpace]
@@ -119,7 +120,7 @@ class CoverForControl(Study):
             ("reference controller", self._peak(*stages["narrowest"])),
             ("controller", self._peak(*stages["controller for it"])),
         ]
-        cover = ControlCover(self.axis, 1.0, self.responses, self.complex_order)
+        cover = control_cover(self.axis, 1.0, self.responses, self.complex_order)
         stages["in turn"] = self._in_turn(cover, stages["controller for it"], steps, context)
         stages["together"] = self._together(cover, stages["in turn"], steps, context)
         omega = self.responses.omega
@@ -127,12 +128,10 @@ class CoverForControl(Study):
         variables: dict[str, Any] = {}
         for number, (one, used) in enumerate(stages.values()):
             plant = synthesis_plant(self.axis, one)
-            assert plant.structure is not None
-            whole = plant.structure.with_performance(plant.performance, plant.exogenous)
-            loop = plant.close(used)
-            found = sweep(loop, whole, omega)
+            found = performance_sweep(plant, used, omega)
             curves.append([found.lower, found.upper])
-            certified = peak(loop, whole, TOLERANCE)
+            certified = performance_peak(plant, used, TOLERANCE)
+            assert certified is not None  # every stage has a finite peak
             bounds.append([certified.lower, certified.upper])
             variables |= stored(f"controller{number}", used)
         unit = {"units": "1"}

@@ -1,0 +1,1 @@
+"""Robust performance at five times the nominal speed of the disc."""

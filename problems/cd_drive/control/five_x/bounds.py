@@ -9,15 +9,17 @@ import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.executor import Context
-from workbench.fitting.rational import Rational
-from workbench.synthesis import hinf, regularised
-from workbench.uncertainty import GeneralisedPlant, UncertaintyModel
+from workbench.synthesis import (
+    DualCertificate,
+    highest_proven,
+    hinf,
+    largest_least_mu,
+    regularised,
+)
 
 from ..control_problem import generalised
 from ..design import NOISE
-from ..dual_bound import POLES, Proof, highest_proven
-from ..least_mu import largest_least_mu
-from ..rank_one import NONE
+from ..loop_weights import BASIS, unit_uncertainty
 from .uncertain_loop import UncertainLoop
 
 BOUNDED = ("disturbance", "both")
@@ -39,7 +41,8 @@ def lower_bounds(
         name: largest_least_mu(partial(uncertain.weights, channel=name), omega) for name in BOUNDED
     }
     at_one, _ = largest_least_mu(partial(uncertain.weights, speed=1.0), omega)
-    optimal = hinf(regularised(nominal_plant(uncertain), NEARLY))
+    whole = generalised(uncertain.axis, unit_uncertainty(uncertain.model.nominal), uncertain.speed)
+    optimal = hinf(regularised(whole.channel(("z_p", "z_u"), "w_p").nominal(), NEARLY))
     W = uncertain.weights(omega)
     nominal = W.performance * W.control / np.hypot(W.performance, W.control)
     ends = {
@@ -48,8 +51,9 @@ def lower_bounds(
     }
     proofs = []
     for name, (low, high) in ends.items():
-        found = highest_proven(uncertain.sets[name], low, high, context) if low < high else None
-        proofs.append(found or Proof(np.nan, np.full(POLES.shape, np.nan)))
+        sets = uncertain.sets[name]
+        found = highest_proven(sets, BASIS, low, high, context) if low < high else None
+        proofs.append(found or DualCertificate(np.nan, np.full(BASIS.corners.shape, np.nan), BASIS))
     one = {"units": "1"}
     return {
         "pointwise_bound": (
@@ -75,16 +79,5 @@ def lower_bounds(
             one | {"long_name": "h of the proof"},
         ),
         "proof": list(ends),
-        "pole": ("pole", -POLES, {"units": "rad/s", "long_name": "pole of h"}),
+        "pole": ("pole", -BASIS.corners, {"units": "rad/s", "long_name": "pole of h"}),
     }
-
-
-def nominal_plant(uncertain: UncertainLoop) -> GeneralisedPlant:
-    """Without uncertainty, w_p to both outputs."""
-    import control
-
-    none = UncertaintyModel(uncertain.model.nominal, Rational(NONE, NONE, 1.0))
-    plant = generalised(uncertain.axis, none, uncertain.speed).channel(("z_p", "z_u"), "w_p")
-    P = plant.system
-    system = control.ss(P.A, P.B[:, 1:], P.C[1:], P.D[1:, 1:])
-    return GeneralisedPlant(system, None, plant.controls, plant.measurements)

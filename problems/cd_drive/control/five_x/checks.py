@@ -9,14 +9,16 @@ import numpy as np
 from workbench import Check
 from workbench.arrays import ComplexArray, RealArray
 from workbench.heavy_types import Dataset, StateSpace, TransferFunction
+from workbench.mu import rank_one_mu
 from workbench.program import worst
+from workbench.synthesis import SetsAt
 
 from ...drive.plants import ANTIALIASING
 from ..control_problem import control_weight, optical_gain, performance_weight
-from ..dual_bound import HIGHEST, LOWEST, SetsAt
-from ..rank_one import rank_one_mu
+from ..loop_weights import BASIS
 from .uncertain_loop import UncertainLoop
 
+LOWEST, HIGHEST = BASIS.band
 DENSE = 20_000
 """Frequencies of the closed form that no certified peak may lie below."""
 PARTS = 1501

@@ -17,9 +17,10 @@ from workbench.arrays import RealArray
 from workbench.errors import SolverError
 from workbench.executor import Context
 from workbench.heavy_types import Dataset, Figure, StateSpace
-from workbench.mu import sweep
-from workbench.synthesis import reduced
+from workbench.mu import performance_peak, performance_sweep
+from workbench.synthesis import equalising_gain, least_mu, reduced
 from workbench.synthesis.implementation.reduction import Method
+from workbench.synthesis.mu.equalising_gain import MOST_GAIN
 from workbench.systems.storage import restored, stored
 from workbench.uncertainty import GeneralisedPlant, UncertaintyModel
 from workbench.uncertainty.covers.storage import shape
@@ -28,8 +29,6 @@ from ...drive.plants import controller
 from ...drive.tables import Axis
 from ..control_problem import generalised
 from ..design import synthesis_plant, uncertainty
-from ..equal_channels import MOST_GAIN, equalising_gain, performance_peak
-from ..least_mu import least_mu
 from .bounds import BOUNDED, lower_bounds
 from .checks import five_x_checks
 from .report import conclusions_table, figure_6_5, peaks_table
@@ -82,7 +81,7 @@ class FiveX(Study):
         one = {"units": "1"}
         whole = generalised(self.axis, self.loop.model, SPEED)
         plants = {name: whole.channel(*signals) for name, signals in CHANNELS.items()}
-        gain = equalising_gain([plants["disturbance"], plants["control"]], controller(self.axis))
+        gain = equalising_gain(plants["disturbance"], plants["control"], controller(self.axis))
         if np.isnan(gain):
             raise SolverError(f"no gain up to {MOST_GAIN:g} makes both channels equally bad")
         reductions = self._reductions(plants["both"])
@@ -206,8 +205,6 @@ def _numbers(
     found = performance_peak(plant, K, TOLERANCE)
     if found is None:
         return [np.nan] * 3, np.full((2, len(omega)), np.nan)
-    assert plant.structure is not None
-    whole = plant.structure.with_performance(plant.performance, plant.exogenous)
-    curve = sweep(plant.close(K), whole, omega)
+    curve = performance_sweep(plant, K, omega)
     numbers = [found.lower, found.upper, found.omega / (2 * np.pi)]
     return numbers, np.array([curve.lower, curve.upper])

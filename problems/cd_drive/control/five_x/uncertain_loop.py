@@ -9,12 +9,11 @@ from typing import ClassVar
 import numpy as np
 
 from workbench.arrays import RealArray
+from workbench.synthesis import LoopWeights, SetsAt, allowed_discs, allowed_polygons
 from workbench.uncertainty import UncertaintyModel
 
 from ...drive.tables import Axis
-from ..allowed_sets import discs, polygons
-from ..dual_bound import SetsAt
-from ..least_mu import LoopWeights
+from ..loop_weights import loop_weights
 
 SPEED = 5.0
 """Speed of the disc, in multiples of the nominal one."""
@@ -34,13 +33,13 @@ class UncertainLoop:
 
         `channel` is "disturbance" or "both".
         """
-        found = LoopWeights.of(self.axis, self.model, speed, omega)
+        found = loop_weights(self.axis, self.model, speed, omega)
         return found if channel == "both" else replace(found, control=np.zeros(omega.shape))
 
     @property
     def sets(self) -> Mapping[str, SetsAt]:
         """The T that a level of mu allows: of nominal loops, and of those with uncertainty."""
         return {
-            "nominal": lambda omega, level: discs(self.weights(omega), level),
-            "dynamic": lambda omega, level: polygons(self.weights(omega), level),
+            "nominal": lambda omega, level: allowed_discs(self.weights(omega), level),
+            "dynamic": lambda omega, level: allowed_polygons(self.weights(omega), level),
         }

@@ -14,17 +14,18 @@ from workbench import Check
 from workbench.arrays import ComplexArray, RealArray
 from workbench.heavy_types import Dataset, StateSpace
 from workbench.program import worst
+from workbench.synthesis import DesignTask
 from workbench.systems.generalised_plant import response
-from workbench.uncertainty import ParametricModel
+from workbench.uncertainty import ParametricModel, UncertaintyModel
 from workbench.uncertainty.parametric.parameters import vertices
 
 from ...drive.plants import ANTIALIASING
+from ...drive.tables import Axis
 from ...uncertainty.parametric.checks import plants
 from ...uncertainty.parametric_model import uncertain_parameters
-from ..control_problem import control_weight, optical_gain
-from .designs import GAINS, SIZES, Setting, full_block_plant, shaped
 
 Controllers = dict[str, "StateSpace"]
+Uncertain = UncertaintyModel | ParametricModel
 HERTZ = np.geomspace(0.01, 1e5, 5000)
 """Where criteria are evaluated [Hz]."""
 WIDE = np.geomspace(1e-6, 1e8, 8000)
@@ -41,14 +42,20 @@ COMPLEX_PART = 1.01
 SAMPLES = 100
 
 
-def method_checks(setting: Setting, controllers: Controllers, answer: Dataset) -> list[Check]:
+def method_checks(
+    axis: Axis,
+    uncertain: Uncertain,
+    task: DesignTask,
+    controllers: Controllers,
+    answer: Dataset,
+) -> list[Check]:
     """That all stabilise, peaks are in order, each method is best at what it minimises."""
     names = list(controllers)
-    poles = [_rightmost(setting, K) for K in controllers.values()]
+    poles = [_rightmost(task, K) for K in controllers.values()]
     right, where = worst(poles, lambda i: names[i[0]])
     statement = "rightmost pole of G K / (1 + G K) [rad/s]"
     found = [Check("nominal stability", statement, right, -ROUNDING, where)]
-    found += [*_order(answer), _sampled(setting, controllers, answer)]
+    found += [*_order(answer), _sampled(axis, uncertain, task, controllers, answer)]
     criteria = {
         "LQG": (_mean_squares, QUADRATURE, "its mean square over the least of the others, less 1"),
         "mixed sensitivity": (_stacks, MADE, "its eq. 5.6 over the least of the others, less 1"),
@@ -56,22 +63,22 @@ def method_checks(setting: Setting, controllers: Controllers, answer: Dataset) -
     }
     for name, (criterion, slack, statement) in criteria.items():
         if name in controllers:
-            values = criterion(setting, controllers)
+            values = criterion(task, controllers)
             others = min(value for each, value in values.items() if each != name)
             excess = values[name] / others - 1
             found.append(Check(f"{name} is best at its own", statement, excess, slack))
     if "loop shaping" in controllers:
         statement = "1 less its margin over the largest, by the Hankel norm"
-        missed = _margin_missed(setting, controllers["loop shaping"])
+        missed = _margin_missed(task, controllers["loop shaping"])
         found.append(Check("loop shaping is best at its own", statement, missed, MADE))
     return found
 
 
-def _rightmost(setting: Setting, K: StateSpace) -> float:
+def _rightmost(task: DesignTask, K: StateSpace) -> float:
     """Largest real part of the roots of den G den K + num G num K."""
     import control
 
-    return float(control.feedback(setting.G * K, 1).poles().real.max())
+    return float(control.feedback(task.G * K, 1).poles().real.max())
 
 
 def _order(answer: Dataset) -> list[Check]:
@@ -94,38 +101,37 @@ def _order(answer: Dataset) -> list[Check]:
     return found
 
 
-def _mean_squares(setting: Setting, controllers: Controllers) -> dict[str, float]:
+def _mean_squares(task: DesignTask, controllers: Controllers) -> dict[str, float]:
     """The H2 norm for which LQG is made, by quadrature over the logarithm of frequency."""
     omega = 2 * np.pi * WIDE
 
     def size(K: StateSpace) -> float:
-        square = (abs(response(setting.quadratic.close(K), omega)) ** 2).sum(axis=(1, 2))
+        square = (abs(response(task.quadratic.close(K), omega)) ** 2).sum(axis=(1, 2))
         return math.sqrt(float(np.trapezoid(square * omega, np.log(omega))) / np.pi)
 
     return {name: size(K) for name, K in controllers.items()}
 
 
-def _stacks(setting: Setting, controllers: Controllers) -> dict[str, float]:
+def _stacks(task: DesignTask, controllers: Controllers) -> dict[str, float]:
     """The largest of [W_p S; W_u K_optn K S] at frequencies."""
     omega = 2 * np.pi * HERTZ
-    G, W_p = response(setting.G, omega)[:, 0, 0], response(setting.W_p, omega)[:, 0, 0]
+    G, W_p = response(task.G, omega)[:, 0, 0], response(task.W_S, omega)[:, 0, 0]
 
     def size(K: StateSpace) -> float:
         k = response(K, omega)[:, 0, 0]
         S = 1 / (1 + G * k)
-        return float(np.hypot(abs(W_p * S), abs(setting.W_KS * k * S)).max())
+        return float(np.hypot(abs(W_p * S), abs(task.W_KS * k * S)).max())
 
     return {name: size(K) for name, K in controllers.items()}
 
 
-def _full_blocks(setting: Setting, controllers: Controllers) -> dict[str, float]:
+def _full_blocks(task: DesignTask, controllers: Controllers) -> dict[str, float]:
     """The largest gain at frequencies with the perturbation's signals of the size that is best for
     the controller made against a full block."""
     omega = 2 * np.pi * HERTZ
-    structure = setting.synthesis.structure
-    assert structure is not None
+    structure = task.structure
     loops = {
-        name: response(full_block_plant(setting, 1.0).close(K), omega)
+        name: response(task.full_block_plant(1.0).close(K), omega)
         for name, K in controllers.items()
     }
 
@@ -135,40 +141,46 @@ def _full_blocks(setting: Setting, controllers: Controllers) -> dict[str, float]
         scaled = left[:, None] * N * right
         return float(np.linalg.norm(scaled, 2, axis=(1, 2)).max())
 
-    best = min(SIZES, key=lambda size: norm(loops["full block"], size))
+    best = min(task.sizes, key=lambda size: norm(loops["full block"], size))
     return {name: norm(N, best) for name, N in loops.items()}
 
 
-def _margin_missed(setting: Setting, K: StateSpace) -> float:
+def _margin_missed(task: DesignTask, K: StateSpace) -> float:
     """1 - b / b_opt of the shape that K was made for, the one where it is least.
 
     b = inf |1 + G_s C| / sqrt((1 + |G_s|^2) (1 + |C|^2)), C = K / W_1, and b_opt by the Hankel norm
     of normalised coprime factors.
     """
     omega = 2 * np.pi * HERTZ
-    G, k = response(setting.G, omega)[:, 0, 0], response(K, omega)[:, 0, 0]
+    G, k = response(task.G, omega)[:, 0, 0], response(K, omega)[:, 0, 0]
     missed = []
-    for gain in GAINS:
-        program = shaped(setting, gain)
+    for gain in task.gains:
+        program = task.shaped(gain)
         W = response(program.W1, omega)[:, 0, 0]
         size = np.sqrt((1 + abs(G * W) ** 2) * (1 + abs(k / W) ** 2))
         missed.append(1 - float((abs(1 + G * k) / size).min()) / program.epsilon_max)
     return min(missed, key=abs)
 
 
-def _sampled(setting: Setting, controllers: Controllers, answer: Dataset) -> Check:
+def _sampled(
+    axis: Axis,
+    uncertain: Uncertain,
+    task: DesignTask,
+    controllers: Controllers,
+    answer: Dataset,
+) -> Check:
     """The bound beta of mu holds beta >= |(z_p, z_u)| for perturbations up to 1 / beta."""
     upper = answer["peak"].sel(condition="robust performance", bound="upper")
     excess = []
     hertz = answer["frequency"].values
     omega = 2 * np.pi * hertz
     filtered = ANTIALIASING / (1j * omega + ANTIALIASING)
-    W_p = response(setting.W_p, omega)[:, 0, 0]
-    W_u = float(control_weight(setting.axis).D[0, 0]) * optical_gain(setting.axis) * filtered
+    W_p = response(task.W_S, omega)[:, 0, 0]
+    W_u = task.W_KS * filtered
     for name, K in controllers.items():
         beta = float(upper.sel(design=name))
         k = response(K, omega)[:, 0, 0]
-        S = 1 / (1 + k * filtered * _plants(setting, 1 / beta, hertz))
+        S = 1 / (1 + k * filtered * _plants(axis, uncertain, 1 / beta, hertz))
         excess.append(float(np.hypot(abs(W_p * S), abs(W_u * k * S)).max()) / beta - 1)
     names = list(controllers)
     value, where = worst(excess, lambda i: names[i[0]])
@@ -176,14 +188,14 @@ def _sampled(setting: Setting, controllers: Controllers, answer: Dataset) -> Che
     return Check("sampled plants", statement, value, 0.0, where)
 
 
-def _plants(setting: Setting, size: float, hertz: RealArray) -> ComplexArray:
+def _plants(axis: Axis, uncertain: Uncertain, size: float, hertz: RealArray) -> ComplexArray:
     """f_en / u without the filter of plants whose perturbations have that size: (N, F)."""
     rng = np.random.default_rng(0)
-    if isinstance(setting.uncertain, ParametricModel):
-        box = uncertain_parameters(setting.axis)
+    if isinstance(uncertain, ParametricModel):
+        box = uncertain_parameters(axis)
         deltas = np.vstack([vertices(box), rng.uniform(-1, 1, (SAMPLES, len(box)))])
-        return plants(setting.axis, size * deltas, box, hertz)
-    model, omega = setting.uncertain, 2 * np.pi * hertz
+        return plants(axis, size * deltas, box, hertz)
+    model, omega = uncertain, 2 * np.pi * hertz
     turned = np.exp(2j * np.pi * rng.uniform(size=(SAMPLES, len(hertz))))
     away = size * turned * model.W_c.response(omega)
     if model.W_r is not None:

@@ -17,8 +17,9 @@ from workbench import Check, Run, Study, problem
 from workbench.arrays import RealArray
 from workbench.executor import Context
 from workbench.heavy_types import Dataset, Figure, StateSpace
-from workbench.mu import Peak, conditions, peak, sweep
+from workbench.mu import Peak, conditions, performance_peak, performance_sweep
 from workbench.structure import Full, Structure
+from workbench.synthesis import DESIGNS, DesignTask
 from workbench.systems.generalised_plant import response
 from workbench.systems.storage import restored, stored
 from workbench.uncertainty import GeneralisedPlant, ParametricModel, UncertaintyModel
@@ -28,7 +29,7 @@ from ...drive.shared_parameters import TABLES
 from ...drive.tables import Axis
 from ..design import Cover, Form, cover_of, uncertainty
 from .checks import method_checks
-from .designs import DESIGNS, Setting
+from .designs import design_task
 from .report import method_figures, method_tables
 
 CONDITIONS = (
@@ -81,8 +82,8 @@ class Methods(Study):
     headline: ClassVar[str] = "peak_mu_d_k"
 
     @cached_property
-    def setting(self) -> Setting:
-        return Setting(self.axis, self.uncertain)
+    def task(self) -> DesignTask:
+        return design_task(self.axis, self.uncertain)
 
     @cached_property
     def frequency(self) -> RealArray:
@@ -92,13 +93,13 @@ class Methods(Study):
     def compute(self, context: Context) -> Dataset:
         import xarray as xr
 
-        setting = self.setting
-        made = {name: DESIGNS[name](setting, context) for name in self.names}
+        task = self.task
+        made = {name: DESIGNS[name](task, context) for name in self.names}
         judged = context.track(list(made.values()), "judging")
         found = [self._peaks(K) for K in judged]
         omega = 2 * np.pi * self.frequency
         one = {"units": "1"}
-        weight = abs(response(setting.W_p, omega)[:, 0, 0])
+        weight = abs(response(task.W_S, omega)[:, 0, 0])
         return xr.Dataset(
             {
                 "peak": (
@@ -152,8 +153,7 @@ class Methods(Study):
 
     def structures(self) -> dict[str, Structure]:
         """Of the plant's perturbation: as it is, its scalars complex, one full block."""
-        structure = self.setting.plant.structure
-        assert structure is not None
+        structure = self.task.structure
         return {
             "robust performance": structure,
             "complex scalars": structure.complexified(),
@@ -162,7 +162,7 @@ class Methods(Study):
 
     def _peaks(self, K: StateSpace) -> list[Peak]:
         """Of every condition; a controller that does not stabilise is an error of its method."""
-        plant = self.setting.plant
+        plant = self.task.plant
         found = conditions(plant, K, tolerance=TOLERANCE)
         assert found.nominal_performance is not None
         assert found.robust_stability is not None
@@ -177,15 +177,12 @@ class Methods(Study):
 
     def _curve(self, K: StateSpace) -> RealArray:
         """Lower and upper bound of robust performance (2, F)."""
-        plant = self.setting.plant
-        assert plant.structure is not None
-        whole = plant.structure.with_performance(plant.performance, plant.exogenous)
-        found = sweep(plant.close(K), whole, 2 * np.pi * self.frequency)
+        found = performance_sweep(self.task.plant, K, 2 * np.pi * self.frequency)
         return np.array([found.lower, found.upper])
 
     def _sensitivity(self, K: StateSpace) -> RealArray:
         omega = 2 * np.pi * self.frequency
-        L = response(self.setting.G, omega) * response(K, omega)
+        L = response(self.task.G, omega) * response(K, omega)
         size: RealArray = abs(1 / (1 + L[:, 0, 0]))
         return size
 
@@ -193,10 +190,11 @@ class Methods(Study):
         """Of the loop of plant and controller alone; that of W_p is at -0.001 rad/s always."""
         import control
 
-        return float(control.feedback(self.setting.G * K, 1).poles().real.max())
+        return float(control.feedback(self.task.G * K, 1).poles().real.max())
 
     def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
-        return method_checks(self.setting, self.controllers(answer), answer)
+        controllers = self.controllers(answer)
+        return method_checks(self.axis, self.uncertain, self.task, controllers, answer)
 
     def metrics(self, answer: Dataset) -> dict[str, float]:
         upper = answer["peak"].sel(bound="upper")
@@ -217,10 +215,10 @@ class Methods(Study):
 
 
 def _robust(plant: GeneralisedPlant, K: StateSpace) -> Peak:
-    """Robust performance of a plant."""
-    assert plant.structure is not None
-    whole = plant.structure.with_performance(plant.performance, plant.exogenous)
-    return peak(plant.close(K), whole, TOLERANCE)
+    """Peak of robust performance of a loop that is known to be stable."""
+    found = performance_peak(plant, K, TOLERANCE)
+    assert found is not None
+    return found
 
 
 def _key(name: str) -> str:

@@ -1,0 +1,1 @@
+"""Robust performance of the reference controller under three models."""

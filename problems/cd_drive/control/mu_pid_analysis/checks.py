@@ -10,6 +10,7 @@ import numpy as np
 from workbench import Check
 from workbench.arrays import RealArray
 from workbench.heavy_types import Dataset
+from workbench.mu import rank_one_mu
 from workbench.program import worst
 from workbench.uncertainty.covers.storage import rational
 from workbench.uncertainty.parametric.parameters import vertices
@@ -19,7 +20,6 @@ from ...drive.tables import Axis
 from ...uncertainty.parametric.checks import plants
 from ...uncertainty.parametric_model import uncertain_parameters
 from ..control_problem import control_weight, optical_gain, performance_weight
-from ..rank_one import rank_one_mu
 
 DENSE = 20_000
 """Frequencies of the closed form that no certified peak may lie below."""

@@ -18,7 +18,8 @@ from workbench import Check, Run, Study
 from workbench.arrays import RealArray
 from workbench.executor import Context
 from workbench.heavy_types import Dataset, Figure
-from workbench.mu import Peak, conditions, sweep
+from workbench.mu import Peak, conditions, performance_sweep
+from workbench.synthesis import equalising_gain
 from workbench.uncertainty import GeneralisedPlant, ParametricModel, UncertaintyModel
 from workbench.uncertainty.covers.storage import rational, shape
 
@@ -26,8 +27,7 @@ from ...drive.plants import Gain, controller
 from ...drive.tables import Axis
 from ..control_problem import generalised
 from ..design import uncertainty
-from ..equal_channels import equalising_gain
-from ..rank_one import CHANNELS, channel_of
+from ..loop_weights import CHANNELS, channel_of
 from .checks import mu_pid_checks
 from .report import claims_table, conditions_table, mu_figures, sets_table
 
@@ -145,9 +145,7 @@ class MuPidAnalysis(Study):
 
     def _curve(self, plant: GeneralisedPlant, K: Any) -> RealArray:
         """Lower and upper bound of robust performance (2, F)."""
-        assert plant.structure is not None
-        whole = plant.structure.with_performance(plant.performance, plant.exogenous)
-        found = sweep(plant.close(K), whole, 2 * np.pi * self.frequency)
+        found = performance_sweep(plant, K, 2 * np.pi * self.frequency)
         return np.array([found.lower, found.upper])
 
     def _sets(self, gain: str, speed: float, single: str, K: Any) -> RealArray:
@@ -162,7 +160,7 @@ class MuPidAnalysis(Study):
             away = data["response"].values / nominal.response(omega)[:, None] - 1
             sets = [shape(data, "second")]
             if form == "stadium":
-                sets += [shape(data, "third"), loop.for_mu(omega, away)]
+                sets += [shape(data, "third"), loop.stadiums_of_least_mu(omega, away)]
             found += [loop.mu(each) for each in sets]
         return np.array(found)
 
@@ -171,12 +169,13 @@ class MuPidAnalysis(Study):
 
         NaN where no factor up to that of instability does.
         """
-        plants = [self.plant(GAINS[0], SPEEDS[-1], single, "stadium") for single in CHANNELS]
-
-        gain = equalising_gain(plants, K)
+        disturbance, control = (
+            self.plant(GAINS[0], SPEEDS[-1], single, "stadium") for single in CHANNELS
+        )
+        gain = equalising_gain(disturbance, control, K)
         if np.isnan(gain):
             return gain, np.full((len(CHANNELS), 2, self.frequency.size), np.nan)
-        return gain, np.array([self._curve(plant, gain * K) for plant in plants])
+        return gain, np.array([self._curve(plant, gain * K) for plant in (disturbance, control)])
 
     def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
         covers = {case: run.data for case, run in self.runs.items()}

@@ -1,0 +1,1 @@
+"""Uncertainty sets on the open loop, and the point -1."""

@@ -15,7 +15,14 @@ import numpy as np
 from workbench import Check, Run, Study, problem, ref
 from workbench.arrays import ComplexArray, RealArray
 from workbench.executor import Context
-from workbench.geometry import NarrowestStadium, Stadium
+from workbench.geometry import (
+    NarrowestStadium,
+    Stadium,
+    around_nominal,
+    multiplied,
+    signed_distance,
+    signed_distance_bounds,
+)
 from workbench.heavy_types import Dataset, Figure
 from workbench.program import worst
 from workbench.uncertainty.covers.sets import circles_about_nominal, stadiums_about_nominal
@@ -38,7 +45,6 @@ HIGH = (200.0, 2000.0)
 CRITICAL = -1.0 + 0.0j
 INSIDE = 1e-9
 """Excess of a point beyond its set, relative to the radius, that counts as rounding."""
-DIRECTIONS = 721
 TIGHT = 1e-4
 """How far bounds of a distance from either side may be apart, relative to centre and length."""
 
@@ -98,14 +104,16 @@ class Nyquist(Study):
         frequency, response = data["frequency"].values, data["response"].values
         known = known_factor(self.axis, frequency)
         sets = {
-            (kind, form): times(known, self._sets(kind, form)) for kind in KINDS for form in SHAPES
+            (kind, form): multiplied(known, self._sets(kind, form))
+            for kind in KINDS
+            for form in SHAPES
         }
         parts = {
             name: np.array([[getattr(sets[kind, form], name) for form in SHAPES] for kind in KINDS])
             for name in ("center", "radius", "half_length", "angle")
         }
         distance = np.array(
-            [[distance_of(CRITICAL, sets[kind, form]) for form in SHAPES] for kind in KINDS]
+            [[signed_distance(CRITICAL, sets[kind, form]) for form in SHAPES] for kind in KINDS]
         )
         dims = ("kind", "shape", "frequency")
         return xr.Dataset(
@@ -145,12 +153,12 @@ class Nyquist(Study):
             model = rational(data, "nominal")
             assert model is not None
             nominal = model.response(2 * np.pi * data["frequency"].values)
-            return about(nominal, shape(data, step))
+            return around_nominal(nominal, shape(data, step))
         data = self.runs[form, "steps"].data
         nominal = nominal_response(self.axis, data["frequency"].values, antialiasing=False)
         away = data["response"].values / nominal[:, None] - 1
         of = circles_about_nominal if form == "circle" else stadiums_about_nominal
-        return about(nominal, of(away))
+        return around_nominal(nominal, of(away))
 
     def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
         names, frequency = [*product(KINDS, SHAPES)], answer["frequency"].values
@@ -160,7 +168,7 @@ class Nyquist(Study):
             one = answer.sel(kind=kind, shape=form)
             stadium = stored(one)
             inside.append(drives.excess(stadium))
-            low, high = distance_bounds(CRITICAL, stadium)
+            low, high = signed_distance_bounds(CRITICAL, stadium)
             size = abs(stadium.center - CRITICAL) + stadium.half_length
             beyond = np.maximum(low - one["distance"].values, one["distance"].values - high)
             bounds.append([beyond / size, (high - low) / size])
@@ -250,58 +258,7 @@ def known_factor(axis: Axis, frequency: RealArray) -> ComplexArray:
     return K * ANTIALIASING / (s + ANTIALIASING)
 
 
-def about(nominal: ComplexArray, relative: Stadium) -> Stadium:
-    """Sets (F,) of relative deviations from a nominal (F,), in the Nyquist plane."""
-    placed = times(nominal, relative)
-    return Stadium(nominal + placed.center, placed.radius, placed.half_length, placed.angle)
-
-
-def times(factor: ComplexArray, sets: Stadium) -> Stadium:
-    """Sets (F,) multiplied by complex numbers (F,)."""
-    size = abs(factor)
-    angle = np.mod(sets.angle + np.angle(factor), np.pi)
-    return Stadium(sets.center * factor, sets.radius * size, sets.half_length * size, angle)
-
-
 def stored(answer: Dataset) -> Stadium:
     """Sets of one kind and shape."""
     names = ("center", "radius", "half_length", "angle")
     return Stadium(*(answer[name].values for name in names))
-
-
-def distance_of(point: complex, sets: Stadium) -> RealArray:
-    """Distance (F,) of a point from each set, negative where it is inside."""
-    points = NarrowestStadium(np.full((len(sets.radius), 1), point))
-    away: RealArray = (points.distance(sets)[:, 0] - sets.radius).astype(float)
-    return away
-
-
-def distance_bounds(point: complex, sets: Stadium) -> tuple[RealArray, RealArray]:
-    """Bounds (F,) of that distance: the nearest of some points of the segment, and half planes.
-
-    A half plane with the segment inside bounds the distance from below, a point of the segment
-    from above. Both are refined once around the best.
-    """
-    away = ((point - sets.center) * np.exp(-1j * sets.angle))[:, None]
-    length = sets.half_length[:, None]
-
-    def from_points(t: RealArray) -> RealArray:
-        return -abs(away - t * length)
-
-    def from_planes(turn: RealArray) -> RealArray:
-        normal = np.exp(-1j * np.pi * turn)
-        plane: RealArray = (away * normal).real - length * abs(normal.real)
-        return plane
-
-    grid = np.broadcast_to(np.linspace(-1, 1, DIRECTIONS), (len(length), DIRECTIONS))
-    high, low = (_refined(value, grid) for value in (from_points, from_planes))
-    return low - sets.radius, -high - sets.radius
-
-
-def _refined(value: Any, grid: RealArray) -> RealArray:
-    """Largest value (F,) on a grid (F, N), and between the neighbours of where it is."""
-    best = grid[np.arange(len(grid)), value(grid).argmax(axis=1)][:, None]
-    step = grid[:, 1:2] - grid[:, :1]
-    finer = np.clip(best + step * np.linspace(-1, 1, DIRECTIONS), -1, 1)
-    largest: RealArray = np.maximum(value(finer).max(axis=1), value(best)[:, 0])
-    return largest

@@ -1,0 +1,1 @@
+"""Sensitivity and margins of the reference controller on twelve drives."""

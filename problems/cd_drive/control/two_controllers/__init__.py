@@ -1,0 +1,1 @@
+"""One controller for disturbances and one for surface defects."""

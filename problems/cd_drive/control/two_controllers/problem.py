@@ -29,7 +29,6 @@ from ...drive.red_book import ACCEPTABLE_ERROR
 from ...drive.shared_parameters import TABLES
 from ...drive.tables import Axis
 from ..trade_off import CHANNELS, TradeOff
-from ..weighting import weighted
 from .checks import two_controllers_checks
 from .report import two_controllers_figures, two_controllers_tables
 
@@ -282,7 +281,7 @@ class TwoControllers(Study):
         """Of the disturbance: with W_p, and with what is bearable while a defect passes."""
         channel = self.trade_off.uncertain.channel("z_p", "w")
         peaks = [
-            conditions(weighted(channel, [1 / size]), K).robust_performance
+            conditions(channel.weighted([1 / size]), K).robust_performance
             for size in (1.0, self.relaxed)
         ]
         return [peak for peak in peaks if peak is not None]

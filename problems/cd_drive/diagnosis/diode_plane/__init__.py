@@ -1,0 +1,1 @@
+"""Surface defects in the plane of the two diodes."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from workbench.diagnosis import FaultEstimation, FaultLoop, Requirement
-from workbench.diagnosis.estimation.program import without_perturbation
 from workbench.errors import SolverError
 from workbench.fitting.rational import Rational
 from workbench.heavy_types import StateSpace
@@ -31,7 +30,7 @@ def _nominal(loop: FaultLoop) -> GeneralisedPlant:
     """(x_cd, f_sd, n) -> e + n of the nominal loop."""
     import control
 
-    S = without_perturbation(loop.plant).system
+    S = loop.plant.nominal().system
     read = control.StateSpace(
         S.A, np.hstack([S.B, np.zeros((S.nstates, 1))]), S.C, np.hstack([S.D, [[1.0]]]),
         inputs=["x_cd", "f_sd", "n"], outputs=["e"], remove_useless_states=False,

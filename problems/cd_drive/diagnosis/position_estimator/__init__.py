@@ -1,0 +1,1 @@
+"""Positions and disturbances estimated while a scratch passes."""

@@ -1,0 +1,1 @@
+"""How shallow, short and noisy a defect may be to be found."""

@@ -1,0 +1,1 @@
+"""How far the focus point strays while a defect passes."""

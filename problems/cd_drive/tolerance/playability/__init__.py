@@ -1,0 +1,1 @@
+"""Every strategy over an ensemble of discs and circumstances."""

@@ -1,0 +1,1 @@
+"""The fault-tolerant strategies of the thesis, compared."""

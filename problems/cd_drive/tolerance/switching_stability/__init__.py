@@ -1,0 +1,1 @@
+"""Stability while controllers switch."""

@@ -1,0 +1,1 @@
+"""A fast and a slow controller, switched by the quality signal."""

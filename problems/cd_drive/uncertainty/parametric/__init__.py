@@ -1,0 +1,1 @@
+"""How far plants of the parametric uncertainty deviate from the nominal."""

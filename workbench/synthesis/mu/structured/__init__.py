@@ -1,0 +1,1 @@
+"""Controllers of fixed structure that lower mixed mu directly."""

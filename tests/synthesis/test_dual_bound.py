@@ -4,16 +4,25 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from workbench.plants.cd_drive.control.allowed_sets import discs, polygons
-from workbench.plants.cd_drive.control.dual_bound import POLES, Proof, highest_proven, midpoints
-from workbench.plants.cd_drive.control.least_mu import LoopWeights, least_mu
 
+from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.solvers import Options
-from workbench.synthesis import hinf, regularised
+from workbench.synthesis import (
+    AnalyticBasis,
+    DualCertificate,
+    LoopWeights,
+    allowed_discs,
+    allowed_polygons,
+    highest_proven,
+    hinf,
+    least_mu,
+    regularised,
+)
 from workbench.uncertainty import GeneralisedPlant
 
 COUNT = 60
+BASIS = AnalyticBasis(2 * np.pi * np.geomspace(30.0, 3e5, 24), (1e-3, 1e7))
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +55,7 @@ def test_polygons_hold_every_allowed_T_and_little_more(weights, plane, factor):
     least = least_mu(weights)
     for i in range(0, COUNT, 6):
         one, level = weights.at(np.array([i])), factor * least.upper[i]
-        sets = polygons(one, level)
+        sets = allowed_polygons(one, level)
         assert not sets.empty
         T = np.concatenate([plane, [[least.T[i]]], least.T[i] + 0.1 * plane])
         for direction in DIRECTIONS:
@@ -62,21 +71,21 @@ def test_polygons_below_the_least_mu_are_empty(weights):
     least = least_mu(weights)
     for i in range(0, COUNT, 6):
         one = weights.at(np.array([i]))
-        assert polygons(one, 0.9 * least.lower[i]).empty
+        assert allowed_polygons(one, 0.9 * least.lower[i]).empty
 
 
 def test_without_uncertainty_polygons_surround_discs(weights):
     nominal = replace(weights, circular=np.zeros(COUNT), real=np.zeros(COUNT))
     level = 1.3 * least_mu(nominal).upper.max()
-    inner, outer = discs(nominal, level), polygons(nominal, level)
+    inner, outer = allowed_discs(nominal, level), allowed_polygons(nominal, level)
     for direction in DIRECTIONS:
         h = np.full(COUNT, direction)
         assert (inner.support(h) <= outer.support(h) + 1e-12).all()
-    assert discs(nominal, 0.99 * least_mu(nominal).upper.max()).empty
+    assert allowed_discs(nominal, 0.99 * least_mu(nominal).upper.max()).empty
 
 
 def test_circles_hold_the_corners(weights):
-    sets = polygons(weights, 2.0 * least_mu(weights).upper.max())
+    sets = allowed_polygons(weights, 2.0 * least_mu(weights).upper.max())
     circle = sets.circle
     for direction in DIRECTIONS:
         h = np.full(COUNT, direction)
@@ -85,12 +94,12 @@ def test_circles_hold_the_corners(weights):
 
 
 def test_stable_T_integrates_to_nothing_with_h():
-    x = np.random.default_rng(10).normal(size=len(POLES))
-    omega, width = midpoints(40_000)
+    x = np.random.default_rng(10).normal(size=len(BASIS.corners))
+    omega, width = BASIS.midpoints(40_000)
     T = 1 / (1 + 1j * omega / 2e4) ** 2
-    product = T * Proof(1.0, x).h(omega)
+    product = T * DualCertificate(1.0, x, BASIS).h(omega)
     assert abs(width @ product.real) < 1e-5 * (width @ np.abs(product))
-    unstable = np.conj(T) * Proof(1.0, x).h(omega)  # poles in the right half-plane
+    unstable = np.conj(T) * DualCertificate(1.0, x, BASIS).h(omega)  # poles in the right half-plane
     assert abs(width @ unstable.real) > 1e-3 * (width @ np.abs(unstable))
 
 
@@ -104,7 +113,7 @@ def low_pass(omega, leak=0.0):
 
 
 def sets(omega, level):
-    return discs(low_pass(omega, LEAK), level)
+    return allowed_discs(low_pass(omega, LEAK), level)
 
 
 def test_the_level_of_a_plant_of_two_integrators_is_that_of_its_riccati_equations():
@@ -119,9 +128,9 @@ def test_the_level_of_a_plant_of_two_integrators_is_that_of_its_riccati_equation
     C = np.array([[0, 0, 1], [0, 0, 0], [-1, 0, 0.0]])
     D = np.array([[0, 0], [0, 1], [1, 0.0]])
     norm = hinf(regularised(GeneralisedPlant(control.ss(A, B, C, D), None, 1, 1), 1e-3)).norm
-    omega, _ = midpoints(300)
+    omega, _ = BASIS.midpoints(300)
     low = least_mu(low_pass(omega, LEAK)).upper.max()
-    proof = highest_proven(sets, 1.01 * low, norm, Context(Options()))
+    proof = highest_proven(sets, BASIS, 1.01 * low, norm, Context(Options()))
     assert proof is not None
     assert 0.97 * norm < proof.level <= norm
     assert proof.integral(sets, 2500) < 0.0
@@ -129,7 +138,25 @@ def test_the_level_of_a_plant_of_two_integrators_is_that_of_its_riccati_equation
 
 def test_a_level_that_a_controller_has_is_not_proven():
     """T = 1 / (s + 1)^2 lies in the sets: no h is negative over them."""
-    omega, _ = midpoints(300)
+    omega, _ = BASIS.midpoints(300)
     T = 1 / (1 + 1j * omega / CORNER) ** 2
     level = 1.02 * low_pass(omega, LEAK).mu(T).max()
-    assert highest_proven(sets, level, 1.5 * level, Context(Options())) is None
+    assert highest_proven(sets, BASIS, level, 1.5 * level, Context(Options())) is None
+
+
+@pytest.mark.parametrize(
+    ("corners", "band"),
+    [([], (1.0, 2.0)), ([-1.0], (1.0, 2.0)), ([1.0], (2.0, 1.0)), ([1.0], (0.0, 1.0))],
+)
+def test_a_basis_that_is_none_is_refused(corners, band):
+    with pytest.raises(InputError, match=r"corners|band"):
+        AnalyticBasis(np.array(corners), band)
+
+
+def test_the_functions_of_a_basis_are_orthogonal():
+    """Against each other in the integral over all frequencies; each has the square 4 pi corner."""
+    basis = AnalyticBasis(np.array([1.0, 3.0, 20.0]), (1e-5, 1e5))
+    omega, width = basis.midpoints(20_000)
+    h = basis.response(omega)
+    products = 2 * np.einsum("f,fi,fj->ij", width, h, h.conj()).real
+    np.testing.assert_allclose(products, np.diag(4 * np.pi * basis.corners), atol=2e-2)

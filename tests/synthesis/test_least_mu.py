@@ -6,15 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from workbench.plants.cd_drive.control.least_mu import LoopWeights, largest_least_mu, least_mu
-from workbench.plants.cd_drive.control.rank_one import CHANNELS, channel_of, rank_one_mu
-from workbench.plants.cd_drive.drive.plants import ANTIALIASING
 
 from workbench.errors import InputError
-from workbench.fitting.rational import Rational
 from workbench.mu import upper_bound
 from workbench.structure import Complex, Full, Real, Structure
-from workbench.uncertainty import UncertaintyModel
+from workbench.synthesis import LoopWeights, largest_least_mu, least_mu
 
 size = st.floats(-2, 2).map(lambda x: round(10**x, 4))
 angle = st.floats(-3.2, 3.2).map(lambda x: round(x, 3))
@@ -79,30 +75,17 @@ def test_mu_of_T_is_that_of_the_matrix():
     np.testing.assert_allclose(many.mu(T), upper_bound(M, structure).value, rtol=1e-5)
 
 
-def test_weights_of_a_drive_give_the_mu_of_its_loop():
-    G = Rational([-300.0], [-20 + 200j, -20 - 200j, -9e3], 5e6)
-    W_c, W_r = Rational([-50.0], [-900.0], 0.3), Rational([-80.0], [-700.0], 0.2)
-    model = UncertaintyModel(G, W_c, W_r)
-    import control
-
-    K = control.tf([3e-3, 2.0], [1e-5, 1.0])
-    omega = np.geomspace(10, 1e5, 50)
-    found = LoopWeights.of("focus", model, 5.0, omega)
-    L = K(1j * omega) * G.response(omega) / (1 + 1j * omega / ANTIALIASING)
-    T = L / (1 + L)
-    for name in CHANNELS:
-        loop = channel_of("focus", G, K, name, 5.0, omega)
-        zero = np.zeros(omega.shape)
-        if name == "disturbance":
-            alone = replace(found, control=zero).mu(T)
-        else:
-            real, circular = found.real * T, found.circular * np.abs(T)
-            alone = rank_one_mu(real, circular + found.control * np.abs(T))
-        real = -W_r.response(omega) * -loop.uncertain
-        others = np.abs(W_c.response(omega) * loop.uncertain) + np.abs(loop.performance)
-        np.testing.assert_allclose(alone, rank_one_mu(real, others), rtol=1e-9)
-    circles = LoopWeights.of("focus", UncertaintyModel(G, W_c), 5.0, omega)
-    assert not circles.real.any()
+def test_the_radius_that_mu_leaves_room_for_makes_mu_the_level():
+    rng = np.random.default_rng(3)
+    T = rng.normal(size=50) + 1j * rng.normal(size=50)
+    end = 0.4 * (rng.normal(size=50) + 1j * rng.normal(size=50))
+    loop = LoopWeights(*rng.uniform(0.1, 0.5, (3, 50)), end)
+    level = 6.0
+    radius = loop.largest_circular(T, level)
+    room = radius > 0
+    assert room.sum() > 10
+    there = LoopWeights(loop.performance, loop.control, np.maximum(radius, 0.0), end)
+    np.testing.assert_allclose(there.mu(T)[room], level, rtol=1e-9)
 
 
 def test_the_largest_is_found_between_frequencies():

@@ -1,23 +1,25 @@
-"""Stadiums for a loop: weights that cover the drives where they hurt it least.
+"""Uncertainty covers for a loop: weights that contain the plants where they hurt the loop least.
 
-With T = L / (1 + L) of a controller, mu of its loop is that of `least_mu.LoopWeights`, with the
-radius that the drives need about a real weight. The narrowest stadium is not the one of least mu:
-here the real weight is chosen for it, alone or together with nominal and controller, and the
-complex weight then exceeds the radius where mu leaves room for it.
+With T = L / (1 + L) of a controller, mu of its loop is that of `LoopWeights`, with the radius that
+the plants need about a real weight. The narrowest stadium is not the one of least mu: here the
+real weight is chosen for mu, alone or together with nominal and controller, and the complex weight
+then exceeds the radius where mu leaves room for it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
 from scipy.optimize import minimize
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench.arrays import Array, ComplexArray, RealArray
+from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.fitting.rational import Rational
 from workbench.fitting.sections import Sections
+from workbench.synthesis.limits.loop_weights import LoopWeights
 from workbench.uncertainty import Responses, UncertaintyModel
 from workbench.uncertainty.covers.weights import (
     between,
@@ -28,32 +30,31 @@ from workbench.uncertainty.covers.weights import (
     resolved,
 )
 
-from ...drive.plants import ANTIALIASING
-from ...drive.tables import Axis
-from ..control_problem import LEAK, control_weight, optical_gain, performance_weight
-from ..least_mu import LoopWeights
-
 POWERS = (8, 32, 128)
-"""Of the norms over frequency that stand for the largest mu, one after the other."""
+"""Powers of the means over frequency that stand for the largest mu, one after the other."""
 STEPS = 100
+"""Most steps of BFGS for each power."""
 EXTRA = 0.05
-"""By which W_c may raise the largest mu, relative, before that counts."""
+"""Relative rise of the largest mu that an excess of W_c may cause before it counts."""
 ROOM = 0.03
-"""Least excess of the radius that counts as room, relative."""
-OUTWARD = 1e-9
-"""Of radii, relative to the plants: what a response rounds to."""
+"""Least relative excess of the radius that counts as room."""
+RESPONSE_ROUNDING = 1e-9
+"""Rounding of a response, relative to the plants, that radii are increased by."""
 PER_DECADE = 10
-"""Frequencies where no response is known."""
+"""Frequencies per decade where no response is known."""
 UNSTABLE = 1e6
-"""What an unstable loop counts as: differences of infinities are no slopes."""
+"""Mu that an unstable loop counts as: differences of infinities are no slopes."""
 LEAST_UNIT = 1e-3
-"""Of a parameter that starts near zero."""
+"""Unit of a parameter that starts near zero."""
+
+Weight = Callable[[RealArray], Array]
+"""Response of a known system at frequencies [rad/s] (F,)."""
 
 Name = Literal["nominal", "real", "controller"]
 
 
 class Loop(NamedTuple):
-    """What mu depends on, over the frequencies (F,) of a `ControlCover`."""
+    """What mu depends on, at the frequencies (F,) of a `ControlCover`."""
 
     T: ComplexArray
     weights: LoopWeights
@@ -63,27 +64,43 @@ class Loop(NamedTuple):
 class ControlCover:
     """Models G (1 + W_c delta_c + W_r delta_r) of measured responses, chosen for a loop.
 
+    The loop is e = w - G u, u = K sensor e, with the outputs W_p e and W_u u.
+
     Parameters
     ----------
     responses
-        Of the drives, u [V] -> f_en [units].
+        Of the plants, from u to the place where w enters.
     complex_order
-        Of W_c.
+        Order of W_c.
+    performance, control
+        W_p and W_u, of which the magnitudes count.
+    sensor
+        Known dynamics between e and the controller.
+    lowest
+        Lowest frequency [rad/s] at which mu is looked at, below the slowest pole of W_p.
     """
 
-    def __init__(self, axis: Axis, speed: float, responses: Responses, complex_order: int) -> None:
-        self.axis, self.responses, self.complex_order = axis, responses, complex_order
+    def __init__(
+        self,
+        responses: Responses,
+        complex_order: int,
+        *,
+        performance: Weight,
+        control: Weight,
+        sensor: Weight,
+        lowest: float,
+    ) -> None:
+        self.responses, self.complex_order = responses, complex_order
         # Weights go on between the responses' frequencies and beyond them, to the slowest pole of
         # W_p and past the fastest of a controller.
-        low, high = LEAK / 10, beyond(responses.omega)[-1]
+        low, high = lowest, beyond(responses.omega)[-1]
         outside = np.geomspace(low, high, round(PER_DECADE * np.log10(high / low)))
         inside = np.concatenate([responses.omega, between(responses.omega)])
         outside = outside[(outside < inside.min()) | (outside > inside.max())]
         self.omega = np.unique(np.concatenate([inside, outside]))
-        s = 1j * self.omega
-        self._performance = np.abs(performance_weight(axis, speed)(s))
-        self._control = np.abs(control_weight(axis)(s)) * optical_gain(axis)
-        self._filter = 1 / (1 + s / ANTIALIASING)
+        self._performance = np.abs(performance(self.omega))
+        self._control = np.abs(control(self.omega))
+        self._sensor = sensor(self.omega)
 
     def chosen(
         self, parts: dict[Name, Rational], moving: Sequence[Name], context: Context
@@ -126,19 +143,27 @@ class ControlCover:
             yield parts | found
 
     def loop(self, parts: dict[Name, Rational]) -> Loop | None:
-        """The loop of these parts; None where the nominal one is unstable."""
+        """The loop of these parts; None where the nominal one is unstable.
+
+        Stability is read from the encirclements of -1, for a stable nominal and controller with
+        L(0) > -1 or one integrator.
+        """
         grids = self.omega, self.responses.omega
         return self._loop(
             {name: [part.response(grid) for grid in grids] for name, part in parts.items()}
         )
 
     def model(self, parts: dict[Name, Rational], context: Context) -> UncertaintyModel:
-        """The model about nominal and real weight, its complex weight for the controller's loop."""
+        """The model about nominal and real weight, with a complex weight for the controller's loop.
+
+        Raises InputError for a controller with which the nominal loop is unstable.
+        """
         loop = self.loop(parts)
-        assert loop is not None  # `best` starts and ends at stable ones
+        if loop is None:
+            raise InputError("the nominal loop is unstable with this controller: start at another")
         omega = self.responses.omega
         # What |W_c| may be where mu is at most a little above its largest.
-        most = _largest_radius(loop.T, loop.weights, (1 + EXTRA) * loop.weights.mu(loop.T).max())
+        most = loop.weights.largest_circular(loop.T, (1 + EXTRA) * loop.weights.mu(loop.T).max())
         log = np.log(self.omega)
         radius, most = (np.interp(np.log(omega), log, values) for values in (loop.radius, most))
         weight = 1 / np.maximum(most / radius - 1, ROOM)
@@ -148,28 +173,28 @@ class ControlCover:
         return UncertaintyModel(nominal, W_c, W_r)
 
     def _loop(self, values: dict[Name, list[ComplexArray]]) -> Loop | None:
-        """From responses of the parts at our frequencies and at the drives'."""
+        """From responses of the parts at the cover's frequencies and at the responses'."""
         (G, at), (real, end), (K, _) = (values[name] for name in ("nominal", "real", "controller"))
         radius = self._radius(at, end)
         lasting = np.exp(
             np.interp(np.log(self.omega), np.log(self.responses.omega), np.log(radius))
         )
-        L = K * G * self._filter
+        L = K * G * self._sensor
         if not np.isfinite(L).all() or _encirclements(L):
             return None
         weights = LoopWeights(self._performance, self._control / np.abs(G), lasting, real)
         return Loop(L / (1 + L), weights, lasting)
 
     def _radius(self, nominal: ComplexArray, end: ComplexArray) -> RealArray:
-        """|W_c| that segments need at the drives' frequencies."""
+        """|W_c| that segments need at the responses' frequencies."""
         values = self.responses.values
         away = values / nominal[:, None] - 1
-        rounding = OUTWARD * (1 + np.abs(values).max(axis=1) / np.abs(nominal))
+        rounding = RESPONSE_ROUNDING * (1 + np.abs(values).max(axis=1) / np.abs(nominal))
         return np.asarray(needed_radius(away, end) + rounding)
 
 
 def _norm(loop: Loop | None, power: int) -> float:
-    """The largest mu, smoothed: its mean of a power over frequency."""
+    """The largest mu, smoothed: the power mean of mu over frequency."""
     if loop is None:
         return UNSTABLE
     mu = loop.weights.mu(loop.T)
@@ -178,18 +203,10 @@ def _norm(loop: Loop | None, power: int) -> float:
 
 
 def _encirclements(L: ComplexArray) -> int:
-    """Of -1 by L over frequencies of either sign, where it vanishes at the last."""
+    """How often L encircles -1 over frequencies of either sign; L vanishes at the last.
+
+    The path is closed through the positive real axis at the first: L(0) > -1, or one integrator.
+    """
     back = 1 + L
     turned = np.angle(back[0]) + np.angle(back[1:] / back[:-1]).sum()
     return round(float(turned) / np.pi)
-
-
-def _largest_radius(T: ComplexArray, loop: LoopWeights, level: float) -> RealArray:
-    """|W_c| (F,) with which mu is the level: level * min |1 - x W_r T| over |x| <= 1 / level is
-    what circles and performance may have together."""
-    c = loop.real * T
-    square = np.maximum(np.abs(c) ** 2, np.finfo(float).tiny)
-    x = np.clip(c.real / square, -1 / level, 1 / level)
-    outputs = np.hypot(loop.performance * np.abs(1 - T), loop.control * np.abs(T))
-    left = level * np.abs(1 - x * c) - outputs
-    return np.asarray(left / np.maximum(np.abs(T), np.finfo(float).tiny))

@@ -1,4 +1,4 @@
-"""The T = L / (1 + L) that a drive's loop may have at a frequency where mu is at most a level.
+"""The T = L / (1 + L) that a loop may have at a frequency where mu is at most a level.
 
 Without uncertainty they fill a disc. With it their set has no simple shape; polygons hold it.
 """
@@ -13,14 +13,13 @@ import numpy as np
 from workbench.arrays import ComplexArray, RealArray
 from workbench.geometry import smallest_circle
 from workbench.geometry.circle import Circle
-
-from .least_mu import LoopWeights
+from workbench.synthesis.limits.loop_weights import LoopWeights
 
 TURNS, PHASES = 96, 12
-"""Into how many parts the angle of T, and phi, are divided."""
+"""Number of parts into which the angle of T, and phi, are divided."""
 
 
-class Sets(Protocol):
+class AllowedSets(Protocol):
     """Sets (F,) of complex numbers T."""
 
     @property
@@ -77,19 +76,22 @@ class Polygons:
         return found
 
 
-def discs(weights: LoopWeights, level: float) -> Discs:
-    """The T of nominal loops whose |(W_p (1 - T), W_u T / ACT)| is at most a level."""
+def allowed_discs(weights: LoopWeights, level: float) -> Discs:
+    """The T of nominal loops with |(W_p (1 - T), W_u T / G)| at most a level, exactly.
+
+    The circular and the real weight are not looked at.
+    """
     W_p, W_u = weights.performance**2, weights.control**2
     whole = W_p + W_u
     return Discs(W_p / whole, (level**2 - W_p * W_u / whole) / whole)
 
 
-def polygons(weights: LoopWeights, level: float) -> Polygons:
-    """Polygons that hold every T with mu at most a level.
+def allowed_polygons(weights: LoopWeights, level: float) -> Polygons:
+    """Polygons that hold every T with mu at most a level, and little more.
 
     For T = r exp(j psi) and a phi
 
-        r (|W_c| + |W_r cos(angle of W_r + psi - phi)|) + |(W_p (1 - T), W_u T / ACT)|
+        r (|W_c| + |W_r cos(angle of W_r + psi - phi)|) + |(W_p (1 - T), W_u T / G)|
             <= level cos(phi)
 
     is an interval of r. On parts of psi and of phi, each term has its least and the right side its

@@ -1,0 +1,28 @@
+"""Bars of ratios on a logarithmic axis, as the benchmarks show how much faster a method is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from workbench import figures
+from workbench.heavy_types import Figure
+
+
+def ratio_bars(ratios: Mapping[str, float], x: str, wanted: Sequence[float] = ()) -> Figure:
+    """A horizontal bar for each ratio by its label, and a mark at the ratio asked for."""
+    figure, (panel,) = figures.axes(size=(7.5, 3.4))
+    place = np.arange(len(ratios))
+    panel.barh(place, list(ratios.values()), color=figures.BLUE, height=0.55, label="measured")
+    for y, value in zip(place, ratios.values(), strict=True):
+        text = f"{value:,.0f}" if value >= 100 else f"{value:.3g}"
+        panel.annotate(text, (value, y), (4, 0), textcoords="offset points", va="center")
+    panel.set_yticks(place, list(ratios))
+    panel.invert_yaxis()
+    panel.margins(x=0.12)
+    figures.label(panel, x=x, log="x")
+    if wanted:
+        panel.plot(wanted, place, "|", color=figures.ORANGE, markersize=22, label="asked for")
+        figures.legend_below(figure, panel)
+    return figure

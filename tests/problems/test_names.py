@@ -1,0 +1,20 @@
+"""The name of a problem leads to its file."""
+
+import pytest
+
+from workbench.bench.discovery import scan
+from workbench.bench.project import built_in
+
+ENTRIES = list(scan(built_in()))
+
+
+def test_there_are_problems():
+    assert ENTRIES
+
+
+@pytest.mark.parametrize("entry", ENTRIES, ids=lambda entry: entry.name)
+def test_the_last_part_of_a_name_is_the_name_of_its_file(entry):
+    """Hyphens become underscores; a file called problem.py goes by the name of its folder."""
+    file = entry.file
+    called = file.parent.name if file.stem == "problem" else file.stem
+    assert entry.name.rpartition("/")[2].replace("-", "_") == called, f"{file}:{entry.line}"

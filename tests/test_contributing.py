@@ -1,0 +1,84 @@
+"""CONTRIBUTING.md is true: its examples run in order in one project, its picture is the house."""
+
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import workbench as wb
+from workbench.cli import main
+
+ROOT = Path(__file__).parents[1]
+TEXT = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+BLOCKS = re.findall(r"^```(\w+)\n(.*?)^```$", TEXT, re.MULTILINE | re.DOTALL)
+MOST_LINES = {"method": 15, "study": 25}
+"""Lines of an example that are neither blank nor the name of its file: of a Study, of any other."""
+
+
+def test_examples_run_in_order(project):
+    ran = []
+    for language, text in BLOCKS:
+        if language == "sh":
+            ran += [run(line, project) for line in text.splitlines()]
+        else:
+            project.write(text.partition("\n")[0].removeprefix("# "), text)
+    assert ran.count("workbench") >= 4 and ran.count("pytest") == 1
+    finished = {run.problem: run for run in wb.results()}
+    assert {"servo/x/nominal", "lens/controller", "servo/y/loops"} <= finished.keys()
+    assert all(run.holds for run in finished.values())
+    jw = 1j * np.geomspace(100.0, 1e4, 10_000)
+    peak = abs(1 / (1 + 1.2 * 300.0 / jw * np.exp(-1e-3 * jw))).max()
+    assert finished["servo/y/loops"].metrics["worst_peak"] == pytest.approx(peak, rel=1e-3)
+
+
+def run(line, project):
+    """Run a command of the page in the project, which must end well; returns its name."""
+    command, *words = line.split()
+    if command == "pytest":
+        words = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *words]
+        done = subprocess.run(words, cwd=project.root, capture_output=True, text=True)
+        assert done.returncode == 0, done.stdout
+    else:
+        assert command == "workbench", line
+        project.restart()
+        result = CliRunner().invoke(main, words)
+        assert result.exit_code == 0, (line, result.output, result.exception)
+    return command
+
+
+@pytest.mark.parametrize("text", [text for language, text in BLOCKS if language == "python"])
+def test_examples_are_short(text):
+    name, *lines = text.splitlines()
+    assert re.fullmatch(r"# [\w/]+\.py", name)
+    kind = "study" if "(Study)" in text else "method"
+    assert len([line for line in lines if line.strip()]) <= MOST_LINES[kind]
+
+
+def test_examples_are_formatted(tmp_path):
+    for number, (language, text) in enumerate(BLOCKS):
+        if language == "python":
+            (tmp_path / f"example_{number}.py").write_text(text, encoding="utf-8")
+    for words in (["check"], ["format", "--check"]):
+        command = [sys.executable, "-m", "ruff", *words, "--config", ROOT / "pyproject.toml"]
+        done = subprocess.run([*command, tmp_path], capture_output=True, text=True)
+        assert done.returncode == 0, done.stdout
+
+
+def test_the_picture_is_the_house():
+    table = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]
+    rooms, *_ = table["importlinter"]["contracts"]
+    picture = TEXT.partition("    workbench/\n")[2].partition("\n\n")[0]
+    shown = [re.split(r"\s{2,}", line.strip())[0] for line in picture.splitlines()]
+    assert shown == rooms["layers"]
+
+
+def test_targets_exist():
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    targets = re.findall(r"^    make ([a-z-]+)", TEXT, re.MULTILINE)
+    assert len(targets) == 5
+    assert all(f"\n{target}:" in makefile for target in targets)

@@ -1,0 +1,41 @@
+"""The style of figures: labels, units and ticks."""
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from workbench import figures
+
+
+def ticks(axis):
+    axis.figure.canvas.draw()
+    every = [*axis.get_ticklabels(), *axis.get_ticklabels(minor=True)]
+    low, high = axis.get_view_interval()
+    places = [*axis.get_majorticklocs(), *axis.get_minorticklocs()]
+    return {one.get_text() for one, at in zip(every, places, strict=True) if low <= at <= high} - {
+        ""
+    }
+
+
+@pytest.mark.parametrize(
+    ("range_", "expected"),
+    [
+        ((0.1, 1e4), {"0.1", "1", "10", "100", "1000", "10000"}),
+        ((20.0, 300.0), {"20", "50", "100", "200"}),
+        ((1e5, 1e7), {"$10^{5}$", "$10^{6}$", "$10^{7}$"}),
+    ],
+)
+def test_ticks_of_logarithmic_axes_are_readable(range_, expected):
+    _, (panel,) = figures.axes()
+    panel.plot(np.geomspace(*range_, 20), np.linspace(0, 1, 20))
+    figures.label(panel, "frequency [Hz]", "size [1]", "a title", "x")
+    panel.set_xlim(range_)
+    assert panel.get_xscale() == "log" and panel.get_yscale() == "linear"
+    assert panel.get_title() == "a title" and panel.get_xlabel() == "frequency [Hz]"
+    assert ticks(panel.xaxis) == expected
+
+
+def test_the_label_of_an_array_has_its_unit():
+    gain = xr.DataArray(1.0, attrs={"units": "V/m", "long_name": "optical gain"})
+    assert figures.axis_label(gain, "K_opt") == "optical gain [V/m]"
+    assert figures.axis_label(xr.DataArray(1.0), "peak_mu") == "peak mu"

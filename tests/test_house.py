@@ -1,0 +1,29 @@
+"""The house explains itself: every folder says what it is, and none has too much in it."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+ROOMS = sorted(
+    file.parent for top in ("workbench", "problems") for file in (ROOT / top).rglob("__init__.py")
+)
+MODULES = 20
+"""Modules in a folder from which on a reader must scroll."""
+
+
+@pytest.mark.parametrize("room", ROOMS, ids=lambda room: str(room.relative_to(ROOT)))
+def test_a_room_says_what_it_is_and_is_not_crowded(room):
+    assert ast.get_docstring(ast.parse((room / "__init__.py").read_text(encoding="utf-8")))
+    assert len(list(room.glob("*.py"))) <= MODULES
+
+
+def test_every_module_says_what_it_is():
+    silent = [
+        file
+        for room in ROOMS
+        for file in room.glob("*.py")
+        if not ast.get_docstring(ast.parse(file.read_text(encoding="utf-8")))
+    ]
+    assert not silent

@@ -1,0 +1,73 @@
+"""Arithmetic with stadiums in the complex plane: products with numbers, distances of points.
+
+A circle times a complex number is a circle, and a stadium a stadium, turned by the number's
+argument. So sets of plants become sets of loops.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from workbench.arrays import Array, RealArray
+from workbench.geometry.stadium import NarrowestStadium, Stadium
+
+DIRECTIONS = 721
+"""Points of a segment, and half planes, that bound a distance; refined once around the best."""
+
+
+def multiplied(factor: ArrayLike, sets: Stadium) -> Stadium:
+    """Stadiums (F,) multiplied by complex numbers (F,)."""
+    factor = np.asarray(factor, dtype=complex)
+    size = abs(factor)
+    angle = np.mod(sets.angle + np.angle(factor), np.pi)
+    return Stadium(sets.center * factor, sets.radius * size, sets.half_length * size, angle)
+
+
+def around_nominal(nominal: Array, relative: Stadium) -> Stadium:
+    """The sets nominal * (1 + delta) of relative deviations delta in stadiums (F,).
+
+    nominal: complex (F,).
+    """
+    placed = multiplied(nominal, relative)
+    return Stadium(nominal + placed.center, placed.radius, placed.half_length, placed.angle)
+
+
+def signed_distance(point: complex, sets: Stadium) -> RealArray:
+    """Distance (F,) of a point from the boundary of each stadium (F,), negative inside."""
+    points = NarrowestStadium(np.full((len(sets.radius), 1), point))
+    away: RealArray = (points.distance(sets)[:, 0] - sets.radius).astype(float)
+    return away
+
+
+def signed_distance_bounds(point: complex, sets: Stadium) -> tuple[RealArray, RealArray]:
+    """Lower and upper bounds (F,) of `signed_distance`, by other formulas.
+
+    A half plane with the segment inside bounds the distance from below, a point of the segment
+    from above. Both are refined once around the best.
+    """
+    away = ((point - sets.center) * np.exp(-1j * sets.angle))[:, None]
+    length = sets.half_length[:, None]
+
+    def from_points(t: RealArray) -> RealArray:
+        return -abs(away - t * length)
+
+    def from_planes(turn: RealArray) -> RealArray:
+        normal = np.exp(-1j * np.pi * turn)
+        plane: RealArray = (away * normal).real - length * abs(normal.real)
+        return plane
+
+    grid = np.broadcast_to(np.linspace(-1, 1, DIRECTIONS), (len(length), DIRECTIONS))
+    high, low = (_refined(value, grid) for value in (from_points, from_planes))
+    return low - sets.radius, -high - sets.radius
+
+
+def _refined(value: Callable[[RealArray], RealArray], grid: RealArray) -> RealArray:
+    """Largest value (F,) on a grid (F, N), and between the neighbours of where it is."""
+    best = grid[np.arange(len(grid)), value(grid).argmax(axis=1)][:, None]
+    step = grid[:, 1:2] - grid[:, :1]
+    finer = np.clip(best + step * np.linspace(-1, 1, DIRECTIONS), -1, 1)
+    largest: RealArray = np.maximum(value(finer).max(axis=1), value(best)[:, 0])
+    return largest

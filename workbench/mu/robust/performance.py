@@ -1,0 +1,52 @@
+"""Robust performance of a plant closed by a controller: its peak, and its curve over frequency."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from numpy.typing import ArrayLike
+
+from workbench.certify.stability import stability_of
+from workbench.mu.frequency.peak import Peak, peak
+from workbench.mu.frequency.sweep import Sweep, sweep
+from workbench.systems.conversion import need_plant
+from workbench.systems.generalised_plant import GeneralisedPlant
+
+
+def performance_peak(plant: GeneralisedPlant, K: Any, tolerance: float = 1e-3) -> Peak | None:
+    """The certified supremum of mu of robust performance; None for an unstable nominal loop.
+
+    `conditions` answers the other three questions too. Take `plant.channel` first for a part of
+    the performance.
+
+    Parameters
+    ----------
+    plant
+        With performance outputs and exogenous inputs, closed by a full block. Without a
+        perturbation the peak is that of the largest singular value.
+    K
+        StateSpace or TransferFunction, from the plant's measurements to its controls.
+    tolerance
+        Relative width of the interval that certifies the peak, as of `peak`.
+
+    Raises
+    ------
+    InputError
+        No GeneralisedPlant, one without performance, or as `GeneralisedPlant.close` and `peak`.
+    """
+    need_plant(plant)
+    loop = plant.close(K)
+    if not stability_of(loop).holds:
+        return None
+    return peak(loop, plant.performance_structure, tolerance)
+
+
+def performance_sweep(plant: GeneralisedPlant, K: Any, omega: ArrayLike) -> Sweep:
+    """Bounds of mu of robust performance at frequencies `omega` [rad/s] (F,).
+
+    They say nothing of an unstable nominal loop: ask `performance_peak` first.
+
+    Raises InputError as `performance_peak`, and `sweep` for the frequencies.
+    """
+    need_plant(plant)
+    return sweep(plant.close(K), plant.performance_structure, omega)

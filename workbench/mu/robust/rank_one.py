@@ -1,0 +1,121 @@
+"""Mu in closed form where M is of rank one: a loop with one disturbance channel.
+
+For a single channel w -> z of a loop with scalar uncertainty M = N is of rank one: with
+c_k = N_kk, I - N Delta is singular where the sum of delta_k c_k is 1, and with one real scalar and
+complex ones
+
+    mu = 1 / min { t : |1 - x c_r| <= t sum |c_k|, |x| <= t, x real }.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from workbench.arrays import ComplexArray, RealArray
+from workbench.errors import InputError, UnknownNameError
+from workbench.geometry import Stadium
+from workbench.systems.conversion import need_plant
+from workbench.systems.generalised_plant import GeneralisedPlant
+from workbench.uncertainty import cheapest
+from workbench.uncertainty.covers.sets import stadiums_about_nominal
+
+
+def rank_one_mu(real: ComplexArray, others: RealArray) -> RealArray:
+    """Mu of a matrix of rank one with one real scalar and any number of complex scalars.
+
+    Where the best x is inside, |x| < t, the distance of 1 from the line through c_r counts; on the
+    end |x| = t, (mu - |Re c_r|)^2 + (Im c_r)^2 = others^2.
+
+    Parameters
+    ----------
+    real
+        Diagonal entry c_r of the real scalar, complex (...); 0 where there is none.
+    others
+        Sum of |c_k| over the complex scalars (...), not negative.
+    """
+    along, across, size = np.abs(real.real), np.abs(real.imag), np.abs(real)
+    at_end = others * along >= across * size
+    with np.errstate(divide="ignore", invalid="ignore"):
+        inside = others * size / across
+    end = along + np.sqrt(np.maximum(others**2 - across**2, 0.0))
+    return np.where(at_end, end, inside)
+
+
+@dataclass(frozen=True)
+class RankOneLoop:
+    """A loop with one multiplicative uncertainty and one channel w -> z, at frequencies (F,).
+
+    ``uncertain`` (F,) is the response that an uncertainty of size 1 closes, ``performance`` (F,)
+    that from w to z.
+    """
+
+    uncertain: ComplexArray
+    performance: ComplexArray
+
+    @classmethod
+    def of(
+        cls, plant: GeneralisedPlant, K: Any, performance: str, exogenous: str, omega: ArrayLike
+    ) -> RankOneLoop:
+        """One channel of a plant closed by a controller, at frequencies `omega` [rad/s] (F,).
+
+        Parameters
+        ----------
+        plant
+            Its perturbation is one complex scalar, multiplicative with weight 1.
+        K
+            StateSpace or TransferFunction, from the plant's measurements to its controls.
+        performance, exogenous
+            Names of z and w.
+
+        Raises
+        ------
+        InputError, UnknownNameError
+            Another perturbation; as `GeneralisedPlant.close`; a name that the plant has not.
+        """
+        need_plant(plant)
+        if plant.structure is None or plant.structure.to_pairs() != [(1, 0)]:
+            raise InputError("the perturbation must be one complex scalar, of a weight 1")
+        N = plant.close(K)
+        names = {"performance output": N.output_labels, "exogenous input": N.input_labels}
+        for (kind, labels), name in zip(names.items(), (performance, exogenous), strict=True):
+            if name not in labels:
+                raise UnknownNameError(kind, name, labels)
+        response = np.moveaxis(N(1j * np.asarray(omega, dtype=float), squeeze=False), -1, 0)
+        z, w = N.output_labels.index(performance), N.input_labels.index(exogenous)
+        return cls(response[:, 0, 0], response[:, z, w])
+
+    def mu(self, sets: Stadium) -> RealArray:
+        """Mu over multiplicative uncertainty in sets (F, ...) about the nominal: (F, ...).
+
+        No weights are fitted to the sets, whose centres must be 0: a stadium's segment is the real
+        scalar, its radius the complex one.
+        """
+        uncertain, performance = (
+            part.reshape(part.shape + (1,) * (sets.radius.ndim - 1))
+            for part in (self.uncertain, self.performance)
+        )
+        segment = sets.half_length * np.exp(1j * sets.angle)
+        return rank_one_mu(
+            segment * uncertain, sets.radius * np.abs(uncertain) + np.abs(performance)
+        )
+
+    def stadiums_of_least_mu(self, omega: RealArray, away: ComplexArray) -> Stadium:
+        """Stadiums around relative deviations (F, N) from the nominal, oriented for least mu.
+
+        The best of the candidates of `cheapest` and the narrowest, at frequencies [rad/s] (F,).
+        """
+
+        def cost(
+            _: RealArray, angle: RealArray, radius: RealArray, half_length: RealArray
+        ) -> RealArray:
+            every = np.broadcast_to(angle, radius.shape)
+            return self.mu(Stadium(np.zeros(radius.shape, complex), radius, half_length, every))
+
+        narrow = stadiums_about_nominal(away)
+        angle = cheapest(cost, 0.0)(omega, away)
+        better = self.mu(narrow) <= self.mu(stadiums_about_nominal(away, angle))
+        return stadiums_about_nominal(away, np.where(better, narrow.angle, angle))

@@ -1,0 +1,192 @@
+"""Controllers of one plant by every synthesis method of the room, to be judged by one analysis.
+
+    made = {name: design(task, context) for name, design in DESIGNS.items()}
+
+Source: E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003), Table 5.1.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from workbench.errors import InputError, SolverError
+from workbench.executor import Context
+from workbench.heavy_types import StateSpace
+from workbench.program import Program, solve
+from workbench.structure import Structure
+from workbench.synthesis.hinf.loop_shaping import LoopShaping
+from workbench.synthesis.hinf.mixed_sensitivity import MixedSensitivity
+from workbench.synthesis.hinf.program import HinfSynthesis
+from workbench.synthesis.hinf.riccati import central
+from workbench.synthesis.mu.program import MuSynthesis
+from workbench.systems.generalised_plant import GeneralisedPlant
+from workbench.systems.norms import norm
+
+GAINS = tuple(np.geomspace(0.5, 4.0, 13))
+SIZES = tuple(np.geomspace(1e-8, 1e2, 31))
+
+
+@dataclass(frozen=True, eq=False)
+class DesignTask:
+    """One plant in the form that each method needs.
+
+    Parameters
+    ----------
+    plant
+        What controllers are judged on; loop shaping takes the best nominal performance on it.
+    regular
+        What H-infinity and mu controllers are made for: the same, made regular (`regularised`).
+    quadratic
+        What LQG is made for: without perturbation, its noise of finite variance in the outputs.
+    G
+        Nominal plant of the loop with negative feedback, StateSpace.
+    W_S, W_KS
+        Weights of mixed sensitivity, as of `MixedSensitivity`.
+    reference
+        A controller that stabilises, G with negative feedback and `plant` with u = K y: the shape
+        of loop shaping, and the start of the fixed-order method.
+    gains
+        Factors on `reference` that are tried as the shape of the loop.
+    sizes
+        Sizes of the perturbation's signals that are tried with a full block.
+
+    Raises
+    ------
+    InputError
+        No perturbation in `plant` or `regular`.
+    """
+
+    plant: GeneralisedPlant
+    regular: GeneralisedPlant
+    quadratic: GeneralisedPlant
+    G: StateSpace
+    W_S: Any
+    W_KS: Any
+    reference: StateSpace
+    gains: Sequence[float] = GAINS
+    sizes: Sequence[float] = SIZES
+
+    def __post_init__(self) -> None:
+        if self.plant.structure is None or self.regular.structure is None:
+            raise InputError("the plant has no perturbation, which the methods are compared by")
+
+    @property
+    def structure(self) -> Structure:
+        """The perturbation's."""
+        assert self.regular.structure is not None
+        return self.regular.structure
+
+    def shaped(self, gain: float = 1.0) -> LoopShaping:
+        """Loop shaping with that multiple of the reference controller before the plant."""
+        return LoopShaping(self.G, W1=gain * self.reference)
+
+    def full_block_plant(self, size: float) -> GeneralisedPlant:
+        """The regular plant for one full block, the perturbation's signals times `size`."""
+        out, into = [size] * self.structure.columns, [1.0 / size] * self.structure.rows
+        return self.regular.unstructured().weighted(out, into)
+
+
+def reference(task: DesignTask, context: Context) -> StateSpace:
+    """The reference controller."""
+    return task.reference
+
+
+def lqg(task: DesignTask, context: Context) -> StateSpace:
+    """The least mean square of the outputs of the quadratic plant (SLICOT SB10HD)."""
+    import control
+
+    quadratic = task.quadratic
+    return control.h2syn(quadratic.system, quadratic.measurements, quadratic.controls)
+
+
+def mixed_sensitivity(task: DesignTask, context: Context) -> StateSpace:
+    """The least norm of [W_S S; W_KS K S]: the nominal plant alone."""
+    K: StateSpace = _answer(MixedSensitivity(task.G, W_S=task.W_S, W_KS=task.W_KS), context).K
+    return K
+
+
+def loop_shaping(task: DesignTask, context: Context) -> StateSpace:
+    """The largest margin of normalised coprime factors, of a loop shaped by the reference.
+
+    The shape is the designer's, and the method has no weight for performance: of the gains tried
+    the one with the best nominal performance.
+    """
+    nominal = task.plant.nominal()
+    tried = []
+    for gain in context.track(list(task.gains), "loop shapes"):
+        program = task.shaped(gain)
+        K = program.controller(_answer(program, context))
+        loop = nominal.close(K)
+        tried.append((norm((loop.A, loop.B, loop.C, loop.D)), gain, K))
+    best: StateSpace = min(tried, key=lambda each: each[:2])[2]
+    return best
+
+
+def full_block(task: DesignTask, context: Context) -> StateSpace:
+    """The least norm against one full block of uncertainty: H-infinity with a constant D.
+
+    The perturbation's signals are scaled together, to the size at which that norm is least.
+    """
+
+    def level(size: float) -> float:
+        try:
+            part = task.full_block_plant(size)
+            P = part.system
+            return central(P.A, P.B, P.C, P.D, part.controls, part.measurements, 1e-2).gamma
+        except SolverError:
+            return math.inf
+
+    sizes = context.track(list(task.sizes), "sizes of the full block")
+    best = min((level(float(size)), float(size)) for size in sizes)[1]
+    K: StateSpace = _answer(HinfSynthesis(task.full_block_plant(best)), context).K
+    return K
+
+
+def dk(task: DesignTask, context: Context) -> StateSpace:
+    """D-K iteration: real scalars count as complex ones, of which it lowers the peak of mu."""
+    program = MuSynthesis(task.regular, task.structure.complexified())
+    K: StateSpace = _answer(program, context, "dk").K
+    return K
+
+
+def mu_dk(task: DesignTask, context: Context) -> StateSpace:
+    """(mu, D)-K iteration: real scalars count as what they are."""
+    K: StateSpace = _answer(MuSynthesis(task.regular), context, "mu-dk").K
+    return K
+
+
+def fixed_order(task: DesignTask, context: Context) -> StateSpace:
+    """Mixed mu lowered directly over controllers of the reference's order, from it on."""
+    K: StateSpace = _answer(MuSynthesis(task.regular, start=task.reference), context, "fixed").K
+    return K
+
+
+DESIGNS: dict[str, Callable[[DesignTask, Context], StateSpace]] = {
+    "reference": reference,
+    "LQG": lqg,
+    "mixed sensitivity": mixed_sensitivity,
+    "loop shaping": loop_shaping,
+    "full block": full_block,
+    "D-K": dk,
+    "(mu,D)-K": mu_dk,
+    "fixed order": fixed_order,
+}
+"""Synthesis methods by the names of tables."""
+
+
+def _answer(program: Program, context: Context, method: str | None = None) -> Any:
+    """What a method answers, certified; its rounds and checkpoints are its own.
+
+    Raises SolverError where it has no valid answer.
+    """
+    own = Context(context.options, context.progress, started=context.started)
+    solution = solve(program, method, context=own)
+    if solution.certificate is None or not solution.certificate.valid:
+        failed = solution.certificate.failures if solution.certificate else (solution.message,)
+        raise SolverError(f"{type(program).__name__}: {'; '.join(failed)}")
+    return solution.answer

@@ -1,0 +1,1 @@
+"""Bounds on robust performance that hold for every stabilising controller."""

@@ -1,0 +1,120 @@
+"""The least mu that any controller leaves at a frequency: a bound that no design can beat.
+
+All that K(j omega) does to the loop of `LoopWeights` is the complex number T = L / (1 + L), and
+every T has its K. Mu is that of `rank_one_mu`, with c_r = -W_r T and the sum of the others
+|W_c T| + |(W_p (1 - T), W_u T / G)|, convex in T. The distance of a point from a segment is a
+largest projection, so that mu is the least over phi of
+
+    (|Re(exp(-j phi) W_r T)| + |W_c T| + |(W_p (1 - T), W_u T / G)|) / cos(phi).
+
+With A = |(W_p, W_u / G)| and T turned by psi its least over |T| is
+
+    W_p sin(min(zeta + kappa, pi / 2)) / cos(phi),  cos(zeta) = W_p cos(psi) / A,
+    sin(kappa) = (|W_c| + |W_r| sin(delta - psi - phi)) / A,
+
+delta being the angle of W_r T from the imaginary axis at psi = 0, where the real scalar does least.
+Both turn W_r T towards that axis: phi and psi are not negative, and together delta at most.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.arrays import ComplexArray, RealArray
+from workbench.errors import InputError
+from workbench.synthesis.limits.loop_weights import LoopWeights
+
+QUARTERS = ((0, 0), (0, 1), (1, 0), (1, 1))
+"""Which halves of psi and of phi each quarter of a box takes."""
+HALVINGS = 40
+"""Most halvings of a box. Without circular part and control weight mu may jump, and no number of
+halvings reaches the tolerance."""
+
+
+@dataclass(frozen=True)
+class LeastMu:
+    """No controller has mu below ``lower`` (F,); one with ``T`` (F,) has ``upper`` (F,)."""
+
+    lower: RealArray
+    upper: RealArray
+    T: ComplexArray
+
+
+def least_mu(weights: LoopWeights, tolerance: float = 1e-3) -> LeastMu:
+    """The least mu over all complex K, frequency by frequency, by branch and bound.
+
+    K at each frequency is any complex number: neither causality nor stability is asked for, see
+    `DualCertificate` for a bound that asks for both.
+
+    Zeta rises with psi, kappa falls with psi + phi, and cos(phi) falls: on a box of both angles mu
+    has at least zeta of its least psi, kappa of its largest angles and the cosine of its least phi.
+
+    Parameters
+    ----------
+    weights
+        Those of the loop, at frequencies (F,).
+    tolerance
+        Relative distance of the two bounds, between 0 and 1.
+
+    Raises
+    ------
+    InputError
+        A tolerance that is not above 0 and below 1.
+    """
+    if not 0.0 < tolerance < 1.0:
+        raise InputError(f"tolerance is {tolerance}; it must lie between 0 and 1")
+    upper = weights.performance.copy()  # of T = 0
+    lower, T = np.full(upper.shape, np.inf), np.zeros(upper.shape, complex)
+    k = np.arange(len(upper))
+    boxes = np.stack([np.zeros(upper.shape), np.zeros(upper.shape), weights.delta])
+    for _ in range(HALVINGS):
+        part = weights.at(k)
+        psi, phi, width = boxes
+        for turned in (psi + phi, psi + phi + width):
+            trial = part.best(psi, turned)
+            mu = part.mu(trial)
+            np.minimum.at(upper, k, mu)
+            found = mu == upper[k]
+            T[k[found]] = trial[found]
+        angle = part.zeta(psi) + part.kappa(psi + phi + 2 * width)
+        least = part.performance * np.sin(np.minimum(angle, np.pi / 2)) / np.cos(phi)
+        done = least >= (1.0 - tolerance) * upper[k]
+        np.minimum.at(lower, k[done], least[done])
+        quarters = [boxes[:, ~done] * [[1], [1], [0.5]] for _ in QUARTERS]
+        for quarter, (right, up) in zip(quarters, QUARTERS, strict=True):
+            quarter[:2] += quarter[2] * [[right], [up]]
+        boxes = np.concatenate(quarters, axis=1)
+        k, least = np.tile(k[~done], len(QUARTERS)), np.tile(least[~done], len(QUARTERS))
+        inside = boxes[0] + boxes[1] <= weights.delta[k]
+        k, least, boxes = k[inside], least[inside], boxes[:, inside]
+        if not len(k):
+            break
+    np.minimum.at(lower, k, least)
+    return LeastMu(np.minimum(lower, upper), upper, T)
+
+
+def largest_least_mu(
+    weights: Callable[[RealArray], LoopWeights], omega: RealArray, rounds: int = 3
+) -> tuple[float, float]:
+    """A lower bound on every controller's peak of mu, and its frequency [rad/s].
+
+    Parameters
+    ----------
+    weights
+        The loop's `LoopWeights` at frequencies [rad/s] (F,).
+    omega
+        Frequencies [rad/s] (F,), increasing.
+    rounds
+        How often frequencies are added between the neighbours of the largest bound.
+    """
+    lower = least_mu(weights(omega)).lower
+    for _ in range(rounds):
+        k = int(lower.argmax())
+        low, high = omega[max(k - 1, 0)], omega[min(k + 1, len(omega) - 1)]
+        omega = np.unique(np.append(np.geomspace(low, high, 16), omega[k]))
+        lower = least_mu(weights(omega)).lower
+    k = int(lower.argmax())
+    return float(lower[k]), float(omega[k])

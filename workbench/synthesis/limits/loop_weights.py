@@ -1,0 +1,125 @@
+"""Weights of a single loop, and mu of it as a function of its complementary sensitivity T.
+
+With one disturbance w, e = w - G u, u = K e, L = G K and T = L / (1 + L), the outputs are
+
+    z_p = W_p (1 - T) w      z_u = (W_u / G) T w
+
+and the uncertainty is G (1 + W_c delta_c + W_r delta_r), delta_r real. So mu of the loop depends on
+the controller by the complex number T alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from workbench.arrays import Array, ComplexArray, RealArray
+from workbench.errors import InputError
+from workbench.mu.robust.rank_one import rank_one_mu
+from workbench.uncertainty import UncertaintyModel
+
+
+@dataclass(frozen=True)
+class LoopWeights:
+    """What mu of w -> (z_p, z_u) depends on beside T, at frequencies (F,).
+
+    Numbers are taken for every frequency. Raises InputError for a size that is not finite, a
+    performance that is not positive, and another size that is negative.
+
+    Parameters
+    ----------
+    performance, control, circular
+        |W_p|, |W_u / G| and |W_c| (F,).
+    real
+        W_r (F,), complex; 0 for circles.
+    """
+
+    performance: RealArray
+    control: RealArray
+    circular: RealArray
+    real: ComplexArray
+
+    def __post_init__(self) -> None:
+        names = ("performance", "control", "circular", "real")
+        parts = np.broadcast_arrays(*(np.atleast_1d(getattr(self, name)) for name in names))
+        for name, values in zip(names, parts, strict=True):
+            kind = complex if name == "real" else float
+            object.__setattr__(self, name, values.astype(kind))
+            if not np.isfinite(values).all():
+                raise InputError(f"{name} must be finite at every frequency")
+            least = 0.0 if name == "real" else float(values.min(initial=np.inf))
+            if least < 0.0 or (name == "performance" and least == 0.0):
+                raise InputError(f"{name} has the size {least:.3g}; sizes are positive")
+
+    @classmethod
+    def of(
+        cls, model: UncertaintyModel, performance: Array, control: Array, omega: ArrayLike
+    ) -> LoopWeights:
+        """The weights of an uncertain plant at frequencies [rad/s] (F,).
+
+        Parameters
+        ----------
+        model
+            Circles or stadiums about the nominal, multiplicative.
+        performance, control
+            Responses of W_p and W_u / G (F,), of which the magnitudes count.
+        """
+        omega = np.asarray(omega, dtype=float)
+        if model.form != "multiplicative":
+            raise InputError(f"the model is {model.form}; a multiplicative one is needed")
+        return cls(
+            np.abs(performance),
+            np.abs(control),
+            np.abs(model.W_c.response(omega)),
+            np.zeros(omega.shape, complex) if model.W_r is None else model.W_r.response(omega),
+        )
+
+    def at(self, k: NDArray[np.intp]) -> LoopWeights:
+        """The weights at some of the frequencies, by index."""
+        return LoopWeights(self.performance[k], self.control[k], self.circular[k], self.real[k])
+
+    def mu(self, T: ComplexArray) -> RealArray:
+        """Mu of the loops with complementary sensitivity T (F,), or (..., F)."""
+        outputs = np.hypot(self.performance * np.abs(1 - T), self.control * np.abs(T))
+        found: RealArray = rank_one_mu(self.real * T, self.circular * np.abs(T) + outputs)
+        return found
+
+    @property
+    def delta(self) -> RealArray:
+        """Angle of W_r from the imaginary axis [rad]; 0 for circles."""
+        angle = np.arctan2(np.abs(self.real.real), np.abs(self.real.imag))
+        return np.where(self.real == 0.0, 0.0, angle)
+
+    def zeta(self, psi: RealArray) -> RealArray:
+        """The angle zeta of `least_mu` [rad], for T turned by psi."""
+        along, across = self.performance * np.cos(psi), self.performance * np.sin(psi)
+        return np.arctan2(np.hypot(self.control, across), along)
+
+    def kappa(self, turned: RealArray) -> RealArray:
+        """The angle kappa of `least_mu` [rad], phi and psi together being `turned`."""
+        left = np.abs(self.real) * np.sin(np.maximum(self.delta - turned, 0.0))
+        whole = np.hypot(self.performance, self.control)
+        return np.arcsin(np.minimum((self.circular + left) / whole, 1.0))
+
+    def best(self, psi: RealArray, turned: RealArray) -> ComplexArray:
+        """T of least mu for these angles."""
+        zeta, kappa = self.zeta(psi), self.kappa(turned)
+        share = self.performance / np.hypot(self.performance, self.control)
+        modulus = share * np.maximum(np.cos(zeta + kappa), 0.0) / np.cos(kappa)
+        towards = np.where(self.real.real * self.real.imag < 0.0, -1.0, 1.0)
+        return np.asarray(modulus * np.exp(1j * towards * psi), dtype=complex)
+
+    def largest_circular(self, T: ComplexArray, level: float) -> RealArray:
+        """|W_c| (F,) with which mu of the loops with T (F,) is a level; negative: none.
+
+        level * min |1 - x W_r T| over |x| <= 1 / level is what circles and performance may have
+        together.
+        """
+        c = self.real * T
+        square = np.maximum(np.abs(c) ** 2, np.finfo(float).tiny)
+        x = np.clip(c.real / square, -1 / level, 1 / level)
+        outputs = np.hypot(self.performance * np.abs(1 - T), self.control * np.abs(T))
+        left = level * np.abs(1 - x * c) - outputs
+        return np.asarray(left / np.maximum(np.abs(T), np.finfo(float).tiny))

@@ -1,0 +1,53 @@
+"""The gain of a controller that makes two channels of a loop equally bad.
+
+Source: E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003), section 6.3.2.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from scipy.optimize import brentq
+
+from workbench.mu import performance_peak
+from workbench.systems.generalised_plant import GeneralisedPlant
+
+MOST_GAIN = 30.0
+"""Largest factor on the controller that is tried. The least is 1."""
+PEAK_TOLERANCE = 1e-2
+"""Relative width of the intervals that certify the peaks compared."""
+
+
+def equalising_gain(falling: GeneralisedPlant, rising: GeneralisedPlant, K: Any) -> float:
+    """The factor on K, from 1 on, that makes the peaks of robust performance of two plants equal.
+
+    Parameters
+    ----------
+    falling, rising
+        Two channels of one plant. A larger gain makes the first one's peak lower and the second
+        one's higher, as with the channels of a disturbance and of the control signal.
+    K
+        StateSpace or TransferFunction that stabilises both.
+
+    Returns
+    -------
+    float
+        NaN where no factor up to MOST_GAIN, or up to that of instability, does.
+    """
+
+    def apart(log_gain: float) -> float:
+        controller = np.exp(log_gain) * K
+        one = performance_peak(falling, controller, PEAK_TOLERANCE)
+        other = performance_peak(rising, controller, PEAK_TOLERANCE)
+        if one is None or other is None:  # unstable
+            return np.nan
+        return float(np.log(one.upper / other.upper))
+
+    logs = np.log(np.geomspace(1.0, MOST_GAIN, 12))
+    distance = np.array([apart(each) for each in logs])
+    crossing = np.flatnonzero((distance[:-1] > 0) & (distance[1:] <= 0))
+    if not crossing.size:
+        return np.nan
+    first = crossing[0]
+    return float(np.exp(brentq(apart, logs[first], logs[first + 1], xtol=1e-3)))

@@ -1,0 +1,106 @@
+"""Connect systems by the names of their signals into a generalised plant."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from workbench.errors import InputError, UnknownNameError
+from workbench.structure import Block, Structure
+from workbench.systems.generalised_plant import GeneralisedPlant
+from workbench.systems.interconnection import (
+    Names,
+    common_dt,
+    connected,
+    names_of,
+    part_of,
+    perturbation_of,
+    state_space,
+    sum_of,
+    unique,
+)
+
+
+def generalised_plant(
+    blocks: Sequence[Any],
+    sums: Mapping[str, str],
+    *,
+    perturbation: Sequence[tuple[Block, Names, Names]] = (),
+    exogenous: Names = (),
+    control: Names = (),
+    performance: Names = (),
+    measurement: Names = (),
+) -> GeneralisedPlant:
+    """Connect systems by the names of their signals and leave Delta and K out.
+
+    A signal is driven in one place, a block's output, a sum or an input of the whole, and read in
+    any number of places.
+
+    Parameters
+    ----------
+    blocks
+        StateSpace or TransferFunction with named signals, `ParametricModel`, `UncertaintyModel`, or
+        (one of these, input names, output names). Perturbations of the uncertain ones are joined
+        behind those of `perturbation`.
+    sums
+        Summing junctions such as {"e": "w_p + w_u - x"}.
+    perturbation
+        (block of Delta, names of the signals it reads, names of those it drives).
+    exogenous, control
+        Names of the inputs.
+    performance, measurement
+        Names of signals that are outputs.
+
+    Raises
+    ------
+    UnknownNameError
+        A signal that is read but driven by nothing.
+    InputError
+        A signal driven twice, an input that nothing reads, a block of Delta that does not fit its
+        signals, improper or sampled differently, or a singular loop without dynamics.
+
+    Examples
+    --------
+    >>> import control
+    >>> G = control.tf(1, [1, 1], inputs="v", outputs="x")
+    >>> plant = generalised_plant(
+    ...     [G, (control.tf(0.1, 1), "u", "y_c")],
+    ...     {"v": "u + u_c", "e": "r - x"},
+    ...     perturbation=[(Full(1, 1), "y_c", "u_c")],
+    ...     exogenous="r", control="u", performance="e", measurement="e",
+    ... )
+    """
+    parts = [*(part_of(block) for block in blocks), *(sum_of(*item) for item in sums.items())]
+    deltas, reads, drives = perturbation_of(perturbation, blocks)
+    externals = (*drives, *names_of(exogenous), *names_of(control))
+    results = (*reads, *names_of(performance), *names_of(measurement))
+
+    inputs = [name for part in parts for name in part.inputs]
+    outputs = [name for part in parts for name in part.outputs]
+    signals = [*outputs, *externals]
+    for name in dict.fromkeys(signals):
+        if signals.count(name) > 1:
+            raise InputError(
+                f"signal {name!r} is driven {signals.count(name)} times, by blocks, sums or inputs "
+                "of the whole; add the drivers in a sum, or rename with (system, inputs, outputs)"
+            )
+    for name in (*inputs, *results):
+        if name not in signals:
+            raise UnknownNameError("signal", name, signals)
+    for name in externals:
+        if name not in (*inputs, *results):
+            raise InputError(f"nothing reads the input {name!r}; connect it or leave it out")
+
+    is_signal = np.eye(len(signals))
+    read, left = (
+        is_signal[[signals.index(name) for name in names]].reshape(-1, len(signals))
+        for names in (inputs, results)
+    )
+    split = len(outputs)
+    M, states = connected(parts, read[:, :split], read[:, split:], left[:, :split])
+    M[states:, states:] += left[:, split:]
+    system = state_space(M, states, common_dt(parts), externals, unique(results))
+    structure = Structure(deltas) if deltas else None
+    return GeneralisedPlant(system, structure, len(names_of(control)), len(names_of(measurement)))
