@@ -133,7 +133,7 @@ def _unit_scale(size: float) -> float:
 
 @compiled
 def find_frame(points: np.ndarray, anchored: bool, anchor: complex) -> Frame:
-    """Frame of one set (N,), with its origin at the anchor or, without one, amid its bounding box."""
+    """Frame of one set (N,); its origin is the anchor or, without one, the middle of its box."""
     left = right = points[0].real
     low = high = points[0].imag
     for p in points:

@@ -16,8 +16,8 @@ from scipy.optimize import minimize
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.executor import Context
+from workbench.fitting.factored import FactoredRational
 from workbench.fitting.rational import Rational
-from workbench.fitting.sections import Sections
 from workbench.uncertainty import Responses, UncertaintyModel
 from workbench.uncertainty.covers.weights import (
     between,
@@ -97,7 +97,9 @@ class ControlCover:
         """
         band = float(self.omega[0]), float(self.omega[-1])
         sections = {
-            name: Sections.of(parts[name], len(parts[name].zeros), band, True, name == "controller")
+            name: FactoredRational.of(
+                parts[name], len(parts[name].zeros), band, True, name == "controller"
+            )
             for name in moving
         }
         starts = [part.start for part in sections.values()]
