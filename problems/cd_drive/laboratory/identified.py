@@ -18,7 +18,7 @@ from workbench.arrays import RealArray
 from workbench.errors import SolverError
 from workbench.executor import Context
 from workbench.heavy_types import Dataset, Figure
-from workbench.identification import MeasuredResponse, Parameter, ParameterFit
+from workbench.identification import FittedParameter, MeasuredResponse, ParameterFit
 
 from ..drive.actuator import SERIES_RESISTANCE, specific_model, stack
 from ..drive.plants import nominal_parameters
@@ -142,8 +142,8 @@ class Identified(Study):
         ]
         nominal = nominal_parameters(self.axis)
         start = {name: getattr(nominal, name) for name in NAMES} | {"gain": 1.0}
-        parameters = {name: Parameter(v, v / 5, v * 5) for name, v in start.items()}
-        parameters["b2"] = Parameter(nominal.b2, -20 * nominal.b2, 20 * nominal.b2)
+        parameters = {name: FittedParameter(v, v / 5, v * 5) for name, v in start.items()}
+        parameters["b2"] = FittedParameter(nominal.b2, -20 * nominal.b2, 20 * nominal.b2)
         program = ParameterFit(data, parameters)
         solution = solve(program)
         if solution.certificate is None or not solution.certificate.valid:
