@@ -6,12 +6,18 @@ import subprocess
 import sys
 import tomllib
 import venv
+import zipfile
 from pathlib import Path
 
 import pytest
+import yaml
 from packaging.requirements import Requirement
 
+import workbench as wb
+
 ROOT = Path(__file__).parents[1]
+SCRIPTS = "Scripts" if os.name == "nt" else "bin"
+"""Where an environment keeps its programs."""
 
 
 @pytest.fixture(scope="module")
@@ -22,35 +28,146 @@ def wheel(tmp_path_factory):
     return next(folder.glob("workbench-*.whl"))
 
 
-def test_wheel_runs_a_named_problem_from_another_folder(wheel, tmp_path):
-    installed, elsewhere = tmp_path / "installed", tmp_path / "elsewhere"
-    elsewhere.mkdir()
-    pip = [sys.executable, "-m", "pip", "install", "--no-deps", "-q", "--target", installed, wheel]
+@pytest.fixture(scope="module")
+def installed(wheel, tmp_path_factory):
+    """A folder with the wheel unpacked, beside nothing of the checkout."""
+    folder = tmp_path_factory.mktemp("installed")
+    pip = [sys.executable, "-m", "pip", "install", "--no-deps", "-q", "--target", folder, wheel]
     subprocess.run(pip, check=True)
-    environment = os.environ | {"PYTHONPATH": str(installed)}
+    return folder
 
-    def workbench(*arguments):
-        command = [sys.executable, "-P", "-m", "workbench", *arguments]
-        return subprocess.run(
-            command, cwd=elsewhere, env=environment, capture_output=True, text=True
+
+@pytest.fixture
+def elsewhere(installed, tmp_path):
+    """Run Python with the installed workbench in an empty folder; its output, its end checked."""
+
+    def python(*words):
+        done = subprocess.run(
+            [sys.executable, "-P", *words],
+            cwd=tmp_path,
+            env=os.environ | {"PYTHONPATH": str(installed)},
+            capture_output=True,
+            text=True,
         )
+        assert done.returncode == 0, done.stderr
+        return done.stdout
 
-    assert "cd/focus/stadiums" in workbench("list").stdout
-    done = workbench("run", "cd/focus/circles", "--set", "frequencies=5")
-    assert done.returncode == 0, done.stderr
-    assert "holds" in done.stdout
-    assert list((elsewhere / "results").glob("cd/focus/circles/*/SHA256SUMS"))
-    report = workbench("report")
-    assert report.returncode == 0, report.stderr
-    where = [sys.executable, "-P", "-c", "import workbench; print(workbench.__file__)"]
-    out = subprocess.run(where, cwd=elsewhere, env=environment, capture_output=True, text=True)
-    assert out.stdout.startswith(str(installed))
+    return python
+
+
+def test_wheel_runs_a_named_problem_from_another_folder(elsewhere, installed, tmp_path):
+    assert "cd/focus/stadiums" in elsewhere("-m", "workbench", "list")
+    words = ["-m", "workbench", "run", "cd/focus/circles", "--set", "frequencies=5"]
+    assert "holds" in elsewhere(*words)
+    assert list((tmp_path / "results").glob("cd/focus/circles/*/SHA256SUMS"))
+    elsewhere("-m", "workbench", "report")
+    where = elsewhere("-c", "import workbench; print(workbench.__file__)")
+    assert where.startswith(str(installed))
+
+
+IMPORT_ALL = """
+import sys
+import workbench.plants
+from workbench.bench.project import registry
+
+found = registry()
+for name in found.entries:
+    module = sys.modules[found.find(name).function.__module__]
+    assert module.__name__.startswith("workbench.plants."), module
+print(workbench.plants.__path__[0], *found.entries, sep="\\n")
+"""
+
+
+def test_wheel_has_every_problem_under_workbench_plants(elsewhere, installed):
+    place, *names = elsewhere("-c", IMPORT_ALL).splitlines()
+    assert Path(place) == installed / "workbench" / "plants"
+    assert names == [entry.name for entry in wb.problems()]
+
+
+@pytest.mark.skipif(not (ROOT / ".git").exists(), reason="not a git checkout")
+def test_wheel_has_every_file_of_the_checkout(installed):
+    """Sources and data files: what git keeps of `workbench` and `problems`."""
+    listed = ["git", "ls-files", "workbench", "problems"]
+    kept = subprocess.run(listed, cwd=ROOT, capture_output=True, text=True, check=True)
+    for name in map(Path, kept.stdout.splitlines()):
+        if name == Path("workbench/plants/__init__.py"):
+            continue
+        inside = name
+        if name.parts[0] == "problems":
+            inside = Path("workbench/plants", *name.parts[1:])
+        assert (installed / inside).is_file(), name
+
+
+FAST = {
+    "cd_drive": ("cd/red-book", {"frequencies": 10}),
+    "textbook": ("textbook/fault-detection", {"frequencies": 20}),
+    "cd_arm": ("cd-arm/identification", {"method": "subspace", "highest_order": 2}),
+}
+SLOW = {
+    "bench": ("bench/geometry", {"sets": 10, "points": 3, "large": 1000}),
+    "mass_spring": ("mass-spring/analysis", {"tolerance": 0.4, "peers": 1}),
+}
+"""One problem of each folder of plants, as small as it can be; those of SLOW compile for long."""
+RUN = """
+import workbench as wb
+
+for name, parameters in {!r}:
+    run = wb.run(name, **parameters)
+    print(name, run.outcome, run.certificate.failures)
+"""
+
+
+def test_every_folder_of_plants_is_run_from_the_wheel(installed):
+    folders = {p.name for p in (installed / "workbench" / "plants").iterdir() if p.is_dir()}
+    assert folders - {"__pycache__"} == FAST.keys() | SLOW.keys()
+
+
+def test_wheel_runs_a_problem_of_fast_plants(elsewhere, tmp_path):
+    said = elsewhere("-c", RUN.format(list(FAST.values())))
+    assert [line.split()[1] for line in said.splitlines()] == ["solved"] * len(FAST), said
+    for name, _ in FAST.values():
+        assert len(list((tmp_path / "results" / name).glob("*/SHA256SUMS"))) == 1
+
+
+@pytest.mark.slow
+def test_wheel_runs_a_problem_of_plants_that_compile_for_long(elsewhere, tmp_path):
+    said = elsewhere("-c", RUN.format(list(SLOW.values())))
+    assert "mass-spring/analysis solved" in said, (
+        said
+    )  # bench checks speed, which is not asked here
+    for name, _ in SLOW.values():
+        assert len(list((tmp_path / "results" / name).rglob("SHA256SUMS"))) == 1
+
+
+def test_type_checkers_see_the_types_of_an_installed_wheel(wheel, tmp_path):
+    """In an environment that has nothing else, so that only our own annotations can tell."""
+    venv.create(tmp_path / "env", with_pip=False)
+    python = tmp_path / "env" / SCRIPTS / "python"
+    ask = "import sysconfig; print(sysconfig.get_path('purelib'))"
+    site = subprocess.run([python, "-c", ask], capture_output=True, text=True, check=True)
+    with zipfile.ZipFile(wheel) as archive:
+        archive.extractall(site.stdout.strip())
+    script = tmp_path / "script.py"
+    script.write_text(
+        "import workbench as wb\n"
+        "reveal_type(wb.run('cd/focus/stadiums'))\n"
+        "reveal_type(wb.run('cd/focus/stadiums').certificate)\n"
+        "wb.run(3)\n"
+    )
+    words = ["--python-executable", python, "--strict", "--config-file", os.devnull]
+    mypy = [sys.executable, "-m", "mypy", *words, "--cache-dir", tmp_path / "cache", script]
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    done = subprocess.run(mypy, cwd=tmp_path, env=environment, capture_output=True, text=True)
+    first, second, third, *_ = done.stdout.splitlines()
+    assert first.endswith('Revealed type is "workbench.bench.results.Run"'), done.stdout
+    assert second.endswith('Revealed type is "workbench.program.Certificate | None"')
+    assert 'incompatible type "int"; expected "str"' in third
 
 
 @pytest.mark.slow
 def test_pip_install_in_an_empty_environment(tmp_path):
     venv.create(tmp_path / "env", with_pip=True)
-    scripts = tmp_path / "env" / "bin"
+    scripts = tmp_path / "env" / SCRIPTS
     subprocess.run([scripts / "pip", "install", "-q", ROOT], check=True)
     command = [scripts / "workbench", "run", "cd/focus/stadiums", "--set", "frequencies=5"]
     subprocess.run(command, cwd=tmp_path, check=True)
@@ -79,3 +196,50 @@ def test_links_of_the_readme_exist():
     assert links
     for link in links:
         assert (ROOT / link).exists(), link
+
+
+# --- files for who cites, commits and checks ----------------------------------------------------
+
+
+def test_the_citation_is_whole():
+    """The keys that version 1.2.0 of the Citation File Format asks for, and the thesis."""
+    cited = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    assert cited["cff-version"] == "1.2.0" and cited["type"] == "software"
+    assert cited["message"] and cited["title"]
+    assert cited["authors"] == [{"name": "The workbench developers"}]
+    (thesis,) = cited["references"]
+    assert thesis["type"] == "thesis" and thesis["year"] == 2003
+    assert thesis["title"] == "Robust and Fault Tolerant Control of CD-players"
+    assert thesis["authors"][0]["family-names"] == "Vidal Sánchez"
+    assert thesis["institution"]["name"] == "Aalborg University"
+
+
+def test_the_version_is_the_same_everywhere():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    cited = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    assert project["version"] == wb.__version__ == str(cited["version"])
+    assert project["license"] == cited["license"]
+
+
+def test_commits_and_ci_run_what_lint_runs():
+    recipe = re.search(r"^lint:.*\n((?:\t.+\n)+)", (ROOT / "Makefile").read_text(), re.MULTILINE)
+    lint = [line.strip().removeprefix("$(BIN)/") for line in recipe[1].splitlines()]
+    (local,) = yaml.safe_load((ROOT / ".pre-commit-config.yaml").read_text())["repos"]
+    assert all(hook["language"] == "system" for hook in local["hooks"])
+    hooks = [hook["entry"].removeprefix(".venv/bin/") for hook in local["hooks"]]
+    assert [hook.removesuffix(" --force-exclude") for hook in hooks] == [
+        line.removesuffix(" .") for line in lint
+    ]
+    jobs = yaml.safe_load((ROOT / ".github/workflows/ci.yml").read_text())["jobs"]
+    steps = [step["run"].splitlines() for step in jobs["test"]["steps"] if "run" in step]
+    assert lint in steps
+    assert any("pytest" in line and '-m "not slow"' in line for step in steps for line in step)
+
+
+def test_supported_pythons_are_those_of_ci():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    jobs = yaml.safe_load((ROOT / ".github/workflows/ci.yml").read_text())["jobs"]
+    tested = jobs["test"]["strategy"]["matrix"]["python"]
+    named = [f"Programming Language :: Python :: {version}" for version in tested]
+    assert [c for c in project["classifiers"] if "Python ::" in c] == named
+    assert project["requires-python"] == f">={tested[0]}"

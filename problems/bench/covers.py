@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import resource
 import sys
 import time
 from dataclasses import dataclass, fields
@@ -214,5 +213,7 @@ def _family(plants: int, grid: int, rng: np.random.Generator) -> Responses:
 
 def _peak_memory() -> float:
     """Peak resident memory of this process [GiB]."""
+    import resource  # Windows has none, where the rest of this module may still be imported
+
     unit = 1 if sys.platform == "darwin" else 1024  # bytes there, kibibytes elsewhere
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 2**30

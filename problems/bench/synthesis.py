@@ -135,12 +135,13 @@ class SynthesisSpeed(Study):
             if certified is not None:
                 upper = certified.upper
             claimed = float(answer["dk_peak"].sel(package="dkpy"))
+            apart = float(answer["dk_apart"])
             statement = "certified peak of mu over the one dkpy claims, less 1"
             found += [
                 Check(
                     "same column",
                     "difference of plants",
-                    float(answer["dk_apart"]),
+                    apart,
                     PLANT_DIFFERENCE,
                 ),
                 Check("peak", statement, upper / claimed - 1.0, 0.0),

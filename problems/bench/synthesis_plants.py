@@ -14,7 +14,7 @@ from ..cd_drive.drive.tables import Axis
 from ..cd_drive.uncertainty.parametric_model import parametric_plant
 
 REGULARISATION = 1e-4
-"""Size of the noise and control weight added to make the CD drive's plants regular."""
+"""Relative size of the signals that make the CD drive's plants regular (see `regularised`)."""
 
 
 def random_plant(rng: np.random.Generator, states: int) -> GeneralisedPlant:

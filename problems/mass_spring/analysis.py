@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
 
-from workbench import Check, Study, figures, problem
-from workbench.executor import Context
-from workbench.heavy_types import Dataset, Figure, StateSpace
-from workbench.mu import Conditions, conditions, sweep, upper_bound
-from workbench.program import worst
+from workbench import figures, problem
+from workbench.arrays import Array, ComplexArray
+from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
+from workbench.mu import Conditions, Sweep, conditions, sweep, upper_bound
 from workbench.structure import Structure
+from workbench.study import Study, array, check, dim, figure, metric, part
 from workbench.uncertainty import GeneralisedPlant
 
 from .equations import characteristic_roots, determinant, real_spring_mu
@@ -22,20 +24,25 @@ from .plant import simple_controller, two_mass_plant
 QUESTIONS = ("performance", "stability")
 KINDS = ("mixed", "complex")
 CHANNELS = 4
-"""Of N: two of the perturbation, two of the performance."""
-SLACK = 1e-6
-"""How far bounds of the same number may be out of order, relative."""
-PEER = 1e-4
-"""Relative distance from the bound of the conic solver, which meets its own tolerance."""
-EXACT = 1e-3
-"""How far the bound may lie above mu, relative: of a real and a complex scalar they are equal."""
-FLOOR = 1e-6
-"""What EXACT is relative to where mu is smaller."""
-SINGULAR = 1e-6
-"""|det(I - N Delta)| up to which N Delta has an eigenvalue of 1; without Delta it is 1."""
+"""Channels of N: two of the perturbation, two of the performance."""
+ORDER_SLACK = 1e-6
+"""Relative amount by which two bounds of the same number may be in the wrong order."""
+CONIC_DISTANCE = 1e-4
+"""Largest relative distance from the conic solver's bound, which meets a tolerance of its own."""
+EXCESS_OVER_MU = 1e-3
+"""Largest relative excess over mu, which the bound equals for one real and one complex scalar."""
+SMALL_MU = 1e-6
+"""Smaller values of mu count as this in that relative excess."""
+SINGULARITY = 1e-6
+"""Largest |det(I - N Delta)| where N Delta has the eigenvalue 1; it is 1 without Delta."""
 SPRINGS = 201
-SHOWN, LEAST = (1e-2, 1e2), 1e-5
-"""Frequencies [rad/s] shown, and the smallest mu."""
+"""Springs between 1.2 and 2.8 N/m whose loop is checked to be stable."""
+AT_CASE, AT_PEER = "{kind} {question}", "at {peer_omega:.4g}"
+"""How checks say where their largest value is."""
+SHOWN, LEAST_SHOWN = (1e-2, 1e2), 1e-5
+"""Frequencies [rad/s] in the figure, and the smallest mu."""
+Case = tuple[str, str]
+"""A question and a kind."""
 
 
 @problem("mass-spring/analysis")
@@ -43,13 +50,14 @@ def analysis(
     tolerance: Annotated[float, Field(gt=0, lt=0.5)] = 1e-3,
     peers: Annotated[int, Field(ge=1)] = 12,
 ) -> Analysis:
-    """Robust performance and stability of two masses, their spring real and complex.
+    """Robust performance and stability of two masses with a real and with a complex spring.
 
-    Bounds of mu over frequency and their peaks certified over all frequencies, with the spring as
-    the real scalar that it is and as a complex one, for u = 0.005 s / (s + 0.1) y.
+    Bounds of mu over frequency, and its peaks certified over all frequencies, for the controller
+    u = 0.005 s / (s + 0.1) y. The uncertain spring is a real scalar; as a complex one it gives the
+    bounds that are usual without real uncertainty.
 
-    tolerance: of the certified peaks, relative. peers: frequencies at which CVXPY with Clarabel
-    computes the upper bound again.
+    tolerance: relative width of the certified peaks. peers: frequencies at which CVXPY with
+    Clarabel computes the upper bound again.
     """
     return Analysis(tolerance, peers)
 
@@ -63,140 +71,175 @@ class Analysis(Study):
 
     headline: ClassVar[str] = "peak_mixed"
 
-    def compute(self, context: Context) -> Dataset:
-        import xarray as xr
+    @part
+    def plants(self) -> dict[str, GeneralisedPlant]:
+        """The plant by kind of its spring."""
+        plant = two_mass_plant()
+        assert plant.structure is not None
+        complex_ = replace(plant, structure=plant.structure.complexified())
+        return {"mixed": plant, "complex": complex_}
 
-        K, plants = simple_controller(), _plants()
-        found = {kind: conditions(p, K, tolerance=self.tolerance) for kind, p in plants.items()}
-        cases = _cases(plants, K)
+    @part
+    def found(self, plants: dict[str, GeneralisedPlant]) -> dict[str, Conditions]:
+        """Conditions of robustness by kind."""
+        K, tolerance = simple_controller(), self.tolerance
+        return {kind: conditions(plant, K, tolerance=tolerance) for kind, plant in plants.items()}
+
+    @part
+    def peaks(self, found: dict[str, Conditions]) -> dict[Case, Any]:
+        """Certified peak of each case."""
+        of = {"performance": "robust_performance", "stability": "robust_stability"}
+        return {case: getattr(found[case[1]], of[case[0]]) for case in product(QUESTIONS, KINDS)}
+
+    @part
+    def cases(self, plants: Any) -> dict[Case, tuple[StateSpace, Structure]]:
+        """System that Delta closes, and structure of Delta, of each case."""
+        return _cases(plants, simple_controller())
+
+    @part
+    def sweeps(self, cases: Any, omega: DataArray) -> dict[Case, Sweep]:
+        """Bounds of each case over frequency."""
+        return {
+            case: sweep(N, structure, omega.values, "best")
+            for case, (N, structure) in cases.items()
+        }
+
+    question, kind, bound = dim(*QUESTIONS), dim(*KINDS), dim("lower", "upper")
+
+    @dim(unit="rad/s")
+    def omega(self, cases: Any) -> Array:
         grids = [sweep(system, structure).omega for system, structure in cases.values()]
         omega = np.unique(np.concatenate(grids))
-        omega = omega[(omega > 0) & np.isfinite(omega)]
-        sweeps = {case: sweep(*pair, omega, "best") for case, pair in cases.items()}
-        shown = np.flatnonzero((omega >= SHOWN[0]) & (omega <= SHOWN[1]))
-        some = shown[np.linspace(0, len(shown) - 1, self.peers).astype(int)]
-        peer = [
-            [_conic(sweeps[q, kind].M[some], cases[q, kind][1]) for kind in KINDS]
-            for q in context.track(QUESTIONS, "conic bounds")
-        ]
-        peaks = {(q, kind): _peak(found[kind], q) for q in QUESTIONS for kind in KINDS}
-        nominal = found["mixed"]
-        assert nominal.nominal_performance is not None
-        bounds = {
-            name: [[getattr(sweeps[q, kind], name) for kind in KINDS] for q in QUESTIONS]
-            for name in ("lower", "upper")
-        }
-        both, unit = ("question", "kind"), {"units": "1"}
-        Delta = np.zeros((len(QUESTIONS), len(KINDS), CHANNELS, CHANNELS), complex)
-        for i, q in enumerate(QUESTIONS):
-            for j, kind in enumerate(KINDS):
-                part = peaks[q, kind].Delta
-                Delta[i, j, : len(part), : len(part)] = part
-        return xr.Dataset(
-            {
-                "lower": ((*both, "omega"), np.array(bounds["lower"]), unit),
-                "upper": ((*both, "omega"), np.array(bounds["upper"]), unit),
-                "peer": ((*both, "peer_omega"), np.array(peer), unit),
-                "peak": (
-                    (*both, "bound"),
-                    [[(peaks[q, k].lower, peaks[q, k].upper) for k in KINDS] for q in QUESTIONS],
-                    unit | {"long_name": "bounds of the supremum of mu over all frequencies"},
-                ),
-                "peak_omega": (
-                    both,
-                    [[peaks[q, k].omega for k in KINDS] for q in QUESTIONS],
-                    {"units": "rad/s"},
-                ),
-                "Delta": ((*both, "row", "column"), Delta, unit),
-                "nominal_performance": ((), nominal.nominal_performance.upper, unit),
-                "pole": ((), nominal.pole, {"units": "rad/s", "long_name": "rightmost pole"}),
-            },
-            coords={
-                "question": list(QUESTIONS),
-                "kind": list(KINDS),
-                "omega": ("omega", omega, {"units": "rad/s"}),
-                "peer_omega": ("peer_omega", omega[some], {"units": "rad/s"}),
-                "bound": ["lower", "upper"],
-            },
+        return omega[(omega > 0) & np.isfinite(omega)]
+
+    @part
+    def peer_places(self, omega: DataArray) -> Array:
+        """Places among the frequencies where the conic solver computes the bound again."""
+        shown = np.flatnonzero((omega.values >= SHOWN[0]) & (omega.values <= SHOWN[1]))
+        return shown[np.linspace(0, len(shown) - 1, self.peers).astype(int)]
+
+    peer_omega = dim(lambda omega, peer_places: omega.values[peer_places], unit="rad/s")
+    each = (question, kind)
+    lower = array((*each, omega), "1", value=lambda sweeps: _grid(lambda c: sweeps[c].lower))
+    upper = array((*each, omega), "1", value=lambda sweeps: _grid(lambda c: sweeps[c].upper))
+
+    @array((*each, peer_omega), "1")
+    def peer(self, sweeps: Any, cases: Any, peer_places: Array) -> list[Any]:
+        return _grid(
+            lambda case: upper_bound(sweeps[case].M[peer_places], cases[case][1], "clarabel").value
         )
 
-    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
-        omega, upper = answer["omega"].values, answer["upper"]
-        cases = [f"{kind} {question}" for question in QUESTIONS for kind in KINDS]
+    peak = array(
+        (*each, bound),
+        "1",
+        "bounds of the supremum of mu over all frequencies",
+        lambda peaks: _grid(lambda case: (peaks[case].lower, peaks[case].upper)),
+    )
+    peak_omega = array(each, "rad/s", value=lambda peaks: _grid(lambda case: peaks[case].omega))
+    Delta = array(
+        (*each, "row", "column"), "1", value=lambda peaks: _grid(lambda c: _filled(peaks[c].Delta))
+    )
+    nominal_performance = array(
+        (), "1", value=lambda found: found["mixed"].nominal_performance.upper
+    )
+    pole = array((), "rad/s", "rightmost pole", lambda found: found["mixed"].pole)
 
-        def place(index: tuple[int, ...]) -> str:
-            *_, q, kind, point = index
-            return f"{KINDS[kind]} {QUESTIONS[q]} at {omega[point]:.4g} rad/s"
+    # --- checks -------------------------------------------------------------------------------
 
-        lower, where = worst((answer["lower"] / upper).values, place)
-        real, at = worst(
-            (upper.sel(kind="mixed") / upper.sel(kind="complex")).values,
-            lambda i: f"{QUESTIONS[i[0]]} at {omega[i[1]]:.4g} rad/s",
-        )
-        peak = answer["peak"].sel(bound="upper")
-        beyond, there = worst(
-            (upper.max("omega") / peak).values, lambda i: cases[len(KINDS) * i[0] + i[1]]
-        )
-        peer = upper.sel(omega=answer["peer_omega"].values).values / answer["peer"].values
+    @check("nominal stability", "rightmost root of the loop [rad/s]", at_most=0.0)
+    def nominal_stability(self) -> float:
+        return characteristic_roots(0.0).real.max()
 
-        def peer_place(index: tuple[int, ...]) -> str:
-            return f"at {float(answer['peer_omega'][index[-1]]):.4g} rad/s"
-
-        above, here = worst(peer - 1, peer_place)
-        # Where stability hangs on a spring alone, G grows beyond what the conic solver resolves.
-        off, somewhere = worst(abs(peer[QUESTIONS.index("performance")] - 1), peer_place)
-        exact = real_spring_mu(answer["peer_omega"].values)
-        stability = upper.sel(question="stability", kind="mixed")
-        ratio = stability.sel(omega=answer["peer_omega"].values).values / exact
-        reached, point = worst(1 / ratio, peer_place)
-        apart = (ratio - 1) * exact / np.maximum(exact, FLOOR)
-        tight, spot = worst(apart, peer_place)
-        singular = [
-            abs(determinant(float(one["peak_omega"]), one["Delta"].values))
-            for one in (answer.sel(question=q, kind=kind) for q in QUESTIONS for kind in KINDS)
-        ]
-        left, case = worst(singular, lambda i: cases[i[0]])
-        size, which = worst(self._sizes(answer), lambda i: cases[i[0]])
+    @check("rightmost pole", "distance from that root, relative", at_most=ORDER_SLACK)
+    def pole_distance(self, pole: DataArray) -> float:
         roots = characteristic_roots(0.0)
-        right = roots[np.argmax(roots.real)]
-        pole = complex(answer["pole"])
-        nearest = min(abs(pole - right), abs(pole - right.conjugate())) / abs(right)
-        deltas = np.linspace(-1, 1, SPRINGS)
-        spring = max(float(characteristic_roots(delta).real.max()) for delta in deltas)
-        return [
-            Check("nominal stability", "rightmost root of the loop [rad/s]", right.real, 0.0),
-            Check("rightmost pole", "distance from that root, relative", nearest, SLACK),
-            Check("every spring", "rightmost root over 1.2 to 2.8 N/m [rad/s]", spring, 0.0),
-            Check("lower below upper", "lower over upper bound", lower, 1 + SLACK, where),
-            Check("real below complex", "mixed over complex upper bound", real, 1 + SLACK, at),
-            Check("peaks", "bound at a frequency over the certified peak", beyond, 1.0, there),
-            Check("conic bounds", "excess over Clarabel's bound, relative", above, PEER, here),
-            Check(
-                "conic bounds of performance",
-                "distance from Clarabel's bound, relative",
-                off,
-                PEER,
-                somewhere,
-            ),
-            Check("never below mu", "mu of stability over its bound", reached, 1 + SLACK, point),
-            Check("exact", "that bound above mu, relative or to 1e-6", tight, EXACT, spot),
-            Check("singular", "|det(I - N Delta)| by the element equations", left, SINGULAR, case),
-            Check("size of Delta", "times the lower bound, distance from 1", size, SLACK, which),
-        ]
+        right, found = roots[np.argmax(roots.real)], complex(pole)
+        return min(abs(found - right), abs(found - right.conjugate())) / abs(right)
 
-    def _sizes(self, answer: Dataset) -> list[float]:
-        """How far Delta's largest singular value times the lower bound is from 1."""
-        lower = answer["peak"].sel(bound="lower")
-        return [
-            float(abs(np.linalg.norm(one.values, 2) * float(lower.sel(question=q, kind=kind)) - 1))
-            for q, kind, one in (
-                (q, kind, answer["Delta"].sel(question=q, kind=kind))
-                for q in QUESTIONS
-                for kind in KINDS
-            )
-        ]
+    @check("every spring", "rightmost root over 1.2 to 2.8 N/m [rad/s]", at_most=0.0)
+    def every_spring(self) -> float:
+        return max(characteristic_roots(d).real.max() for d in np.linspace(-1, 1, SPRINGS))
 
-    def metrics(self, answer: Dataset) -> dict[str, float]:
+    @check(
+        "lower below upper",
+        "lower over upper bound",
+        at_most=1 + ORDER_SLACK,
+        where=f"{AT_CASE} at {{omega:.4g}}",
+    )
+    def order(self, lower: DataArray, upper: DataArray) -> DataArray:
+        return lower / upper
+
+    @check(
+        "real below complex",
+        "mixed over complex upper bound",
+        at_most=1 + ORDER_SLACK,
+        where="{question} at {omega:.4g}",
+    )
+    def real_below_complex(self, upper: DataArray) -> DataArray:
+        return upper.sel(kind="mixed", drop=True) / upper.sel(kind="complex", drop=True)
+
+    @check("peaks", "bound at a frequency over the certified peak", at_most=1.0, where=AT_CASE)
+    def beyond_peak(self, upper: DataArray, peak: DataArray) -> DataArray:
+        return upper.max("omega") / peak.sel(bound="upper")
+
+    @check(
+        "conic bounds",
+        "excess over Clarabel's bound, relative",
+        at_most=CONIC_DISTANCE,
+        where=AT_PEER,
+    )
+    def conic(self, upper: DataArray, peer: DataArray) -> DataArray:
+        return _over(upper, peer) - 1
+
+    @check(
+        "conic bounds of performance",
+        "distance from Clarabel's bound, relative",
+        at_most=CONIC_DISTANCE,
+        where=AT_PEER,
+    )
+    def conic_performance(self, upper: DataArray, peer: DataArray) -> DataArray:
+        # Where stability hangs on a spring alone, G grows beyond what the conic solver resolves.
+        return abs(_over(upper, peer).sel(question="performance") - 1)
+
+    @check(
+        "never below mu", "mu of stability over its bound", at_most=1 + ORDER_SLACK, where=AT_PEER
+    )
+    def reached(self, upper: DataArray, peer_omega: DataArray) -> DataArray:
+        return 1 / _over_mu(upper, peer_omega)
+
+    @check(
+        "exact", "that bound above mu, relative or to 1e-6", at_most=EXCESS_OVER_MU, where=AT_PEER
+    )
+    def tight(self, upper: DataArray, peer_omega: DataArray) -> DataArray:
+        mu = real_spring_mu(peer_omega.values)
+        return (_over_mu(upper, peer_omega) - 1) * mu / np.maximum(mu, SMALL_MU)
+
+    @check(
+        "singular",
+        "|det(I - N Delta)| by the element equations",
+        at_most=SINGULARITY,
+        where=AT_CASE,
+    )
+    def singular(self, peak_omega: DataArray, Delta: DataArray) -> DataArray:
+        rows = zip(peak_omega.values, Delta.values, strict=True)
+        left = [[abs(determinant(float(w), D)) for w, D in zip(*row, strict=True)] for row in rows]
+        return peak_omega.copy(data=left)
+
+    @check(
+        "size of Delta",
+        "times the lower bound, distance from 1",
+        at_most=ORDER_SLACK,
+        where=AT_CASE,
+    )
+    def size(self, peak: DataArray, Delta: DataArray) -> DataArray:
+        """Distance from 1 of the largest singular value of Delta times the lower bound."""
+        norms = [[np.linalg.norm(one, 2) for one in row] for row in Delta.values]
+        return abs(peak.sel(bound="lower") * np.array(norms) - 1)
+
+    # --- metrics and figures ------------------------------------------------------------------
+
+    @metric
+    def of_cases(self, answer: Dataset) -> dict[str, float]:
         numbers = {}
         for question, after in (("performance", ""), ("stability", "_stability")):
             for kind in KINDS:
@@ -204,11 +247,13 @@ class Analysis(Study):
                 for name, bound in (("peak", "upper"), ("peak_lower", "lower")):
                     numbers[f"{name}_{kind}{after}"] = float(one["peak"].sel(bound=bound))
                 numbers[f"frequency_{kind}{after}"] = float(one["peak_omega"])
-        numbers["nominal_performance"] = float(answer["nominal_performance"])
-        numbers["rightmost_pole"] = float(answer["pole"].real)
         return numbers
 
-    def figures(self, answer: Dataset) -> dict[str, Figure]:
+    nominal = metric("nominal_performance", lambda nominal_performance: nominal_performance)
+    rightmost_pole = metric(lambda pole: pole.real)
+
+    @figure
+    def mu(self, answer: Dataset) -> Figure:
         figure, panels = figures.axes(2, 1, size=(7.0, 7.0), sharex=True)
         for panel, question in zip(panels, QUESTIONS, strict=True):
             # The mixed curves lie on the complex ones or below: they are drawn last and thinner.
@@ -217,37 +262,46 @@ class Analysis(Study):
                 ("mixed", figures.BLUE, 1),
             ):
                 one = answer.sel(question=question, kind=kind)
-                panel.loglog(
-                    one["omega"], one["upper"], color=colour, lw=width, label=f"{kind}, upper"
-                )
-                panel.plot(
-                    one["omega"],
-                    one["lower"].where(one["lower"] > 0),
-                    ":",
-                    color=colour,
-                    lw=width,
-                    label=f"{kind}, lower",
-                )
+                look: Any = {"color": colour, "lw": width}
+                lower = one["lower"].where(one["lower"] > 0)
+                panel.plot(one["omega"], one["upper"], **look, label=f"{kind}, upper")
+                panel.plot(one["omega"], lower, ":", **look, label=f"{kind}, lower")
             panel.axhline(1.0, color=figures.BLACK, lw=0.8)
-            panel.set_title(f"robust {question}")
-            panel.set_ylabel("mu [1]")
+            figures.label(panel, y=r"$\mu$", title=f"robust {question}", log="xy")
             panel.set_xlim(*SHOWN)
-            panel.set_ylim(bottom=LEAST)
-        panels[-1].set_xlabel("angular frequency [rad/s]")
+            panel.set_ylim(bottom=LEAST_SHOWN)
+        figures.label(panels[-1], r"angular frequency $\omega$ [rad/s]")
         figures.legend_below(figure, panels[0])
-        return {"mu": figure}
+        return figure
 
 
-def _plants() -> dict[str, GeneralisedPlant]:
-    plant = two_mass_plant()
-    assert plant.structure is not None
-    return {"mixed": plant, "complex": replace(plant, structure=plant.structure.complexified())}
+def _grid(value: Callable[[Case], Any]) -> list[list[Any]]:
+    """A value of each case, by question and kind."""
+    return [[value((question, kind)) for kind in KINDS] for question in QUESTIONS]
+
+
+def _filled(Delta: ComplexArray) -> ComplexArray:
+    """Delta with zeros for the channels that it lacks, (CHANNELS, CHANNELS)."""
+    found = np.zeros((CHANNELS, CHANNELS), complex)
+    found[: len(Delta), : len(Delta)] = Delta
+    return found
+
+
+def _over(upper: DataArray, peer: DataArray) -> DataArray:
+    """The upper bound over the conic solver's, at its frequencies."""
+    return peer.copy(data=upper.sel(omega=peer["peer_omega"].values).values / peer.values)
+
+
+def _over_mu(upper: DataArray, peer_omega: DataArray) -> DataArray:
+    """The upper bound of stability over the exact mu of a real spring, at the same frequencies."""
+    stability = upper.sel(question="stability", kind="mixed", omega=peer_omega.values)
+    return peer_omega.copy(data=stability.values / real_spring_mu(peer_omega.values))
 
 
 def _cases(
     plants: dict[str, GeneralisedPlant], K: StateSpace
 ) -> dict[tuple[str, str], tuple[StateSpace, Structure]]:
-    """What Delta closes, and its structure, for each question and kind."""
+    """System that Delta closes, and structure of Delta, for each question and kind."""
     import control
 
     cases = {}
@@ -259,13 +313,3 @@ def _cases(
         cases["performance", kind] = N, plant.performance_structure
         cases["stability", kind] = N11, structure
     return cases
-
-
-def _conic(M: np.ndarray, structure: Structure) -> np.ndarray:
-    """Upper bounds by CVXPY and Clarabel."""
-    value: np.ndarray = upper_bound(M, structure, "clarabel").value
-    return value
-
-
-def _peak(found: Conditions, question: str) -> Any:
-    return found.robust_performance if question == "performance" else found.robust_stability

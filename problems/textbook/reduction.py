@@ -8,18 +8,17 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from workbench import Check, Run, Study, figures, problem, ref
+from workbench import Run, figures, problem, ref
 from workbench.executor import Context
-from workbench.heavy_types import Dataset, Figure
-from workbench.program import worst
+from workbench.heavy_types import DataArray, Figure, StateSpace
+from workbench.study import Study, array, check, dim, figure, metric, part, system
 from workbench.synthesis import MuSynthesis, reduce
-from workbench.systems.storage import restored, stored
 from workbench.uncertainty import GeneralisedPlant
 
 from .controller import PLANTS
 
-TOLERANCE = 1e-3
-"""Of certified peaks, relative."""
+PEAK_SLACK = 1e-3
+"""Relative amount by which a certified peak may exceed the one that it should not exceed."""
 
 
 def needs(plant: str, after: str = "mu-dk", **_: Any) -> dict[str, Any]:
@@ -60,72 +59,75 @@ class ReductionCurve(Study):
 
     headline: ClassVar[str] = "least_order"
 
-    def compute(self, context: Context) -> Dataset:
-        import xarray as xr
+    @part
+    def plain(self) -> Any:
+        """Every order by balanced reduction alone."""
+        return reduce(self.full.answer.K, self.plant, target=self.target)
 
-        K = restored(self.full.data, "controller")
-        plain = reduce(K, self.plant, target=self.target)
-        refined = reduce(K, self.plant, target=self.target, refine=True, context=context)
+    @part
+    def best(self, context: Context) -> Any:
+        """Every order, refined where the reduced controller exceeds the target."""
+        K = self.full.answer.K
+        return reduce(K, self.plant, target=self.target, refine=True, context=context)
+
+    refined, bound = dim("reduced", "refined"), dim("lower", "upper")
+    order = dim(
+        lambda best: [each.order for each in best.tried], meaning="states of the controller"
+    )
+
+    @array((refined, order, bound), "1", "certified bounds of the peak, infinite: unstable")
+    def peak(self, plain: Any, best: Any) -> list[list[list[float]]]:
         curves = {each.order: [each.lower, each.upper] for each in plain.tried}
-        orders = [each.order for each in refined.tried]
-        unit = {"units": "1"}
-        least: dict[str, Any] = {}
-        if refined.smallest is not None:
-            least = stored("controller", refined.smallest.K)
-        return xr.Dataset(
-            {
-                "peak": (
-                    ("refined", "order", "bound"),
-                    [
-                        [curves[order] for order in orders],
-                        [[each.lower, each.upper] for each in refined.tried],
-                    ],
-                    unit | {"long_name": "certified bounds of the peak, infinite: unstable"},
-                ),
-                **least,
-            },
-            coords={
-                "refined": ["reduced", "refined"],
-                "order": ("order", orders, {"long_name": "states of the controller"}),
-                "bound": ["lower", "upper"],
-            },
-        )
+        return [
+            [curves[each.order] for each in best.tried],
+            [[each.lower, each.upper] for each in best.tried],
+        ]
 
-    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
-        upper = answer["peak"].sel(bound="upper")
-        gain = upper.sel(refined="refined") / upper.sel(refined="reduced")
-        grown, where = worst(
-            gain.where(np.isfinite(upper.sel(refined="reduced")), 0.0).values - 1,
-            lambda k: f"order {int(answer['order'][k[0]])}",
-        )
-        statement = "refined over reduced peak, less 1"
-        checks = [Check("refined", statement, grown, TOLERANCE, where)]
-        if "controller_A" in answer:
-            found = MuSynthesis(self.plant).certified(restored(answer, "controller"))
-            peak = np.inf if found is None else found.upper
-            statement = "certified peak of the smallest controller"
-            checks.append(Check("target", statement, peak, self.target * (1 + TOLERANCE)))
-        return checks
+    @system
+    def controller(self, best: Any) -> StateSpace | None:
+        """The controller of the least order below the target."""
+        return None if best.smallest is None else best.smallest.K
 
-    def metrics(self, answer: Dataset) -> dict[str, float]:
-        upper = answer["peak"].sel(bound="upper")
-        found = {"order_full": float(answer["order"].max())}
-        for name, key in (("reduced", "least_order_reduced"), ("refined", "least_order")):
-            orders = answer["order"].values[upper.sel(refined=name).values <= self.target]
-            found[key] = float(orders.min()) if orders.size else np.nan
-        found["peak"] = float(upper.min())
-        return found
+    @check(
+        "refined", "refined over reduced peak, less 1", at_most=PEAK_SLACK, where="order {order}"
+    )
+    def not_worse(self, peak: DataArray) -> DataArray:
+        upper = peak.sel(bound="upper")
+        reduced = upper.sel(refined="reduced")
+        return (upper.sel(refined="refined") / reduced).where(np.isfinite(reduced), 0.0) - 1
 
-    def figures(self, answer: Dataset) -> dict[str, Figure]:
+    @check(
+        "target",
+        "certified peak of the smallest controller",
+        at_most=lambda self: self.target * (1 + PEAK_SLACK),
+    )
+    def reached(self, controller: StateSpace | None) -> float | None:
+        if controller is None:
+            return None
+        found = MuSynthesis(self.plant).certified(controller)
+        return np.inf if found is None else found.upper
+
+    order_full = metric(lambda order: order.max())
+    least_order_reduced = metric(lambda self, peak: self.least_order(peak, "reduced"))
+    refined_order = metric("least_order", lambda self, peak: self.least_order(peak, "refined"))
+    peak_ = metric("peak", lambda peak: peak.sel(bound="upper").min())
+
+    def least_order(self, peak: DataArray, refined: str) -> float:
+        """The least order whose certified peak is at most the target; NaN where none is."""
+        upper = peak.sel(bound="upper", refined=refined)
+        orders = upper["order"].values[upper.values <= self.target]
+        return float(orders.min()) if orders.size else np.nan
+
+    @figure
+    def orders(self, peak: DataArray) -> dict[str, Figure]:
         figure, (panel,) = figures.axes(size=(7.2, 4.6))
-        upper = answer["peak"].sel(bound="upper")
+        upper = peak.sel(bound="upper")
         for name, look in (("reduced", "o:"), ("refined", "s-")):
             curve = upper.sel(refined=name)
-            panel.semilogy(answer["order"], curve.where(np.isfinite(curve)), look, label=name)
+            panel.plot(peak["order"], curve.where(np.isfinite(curve)), look, label=name)
         panel.axhline(self.target, color="0.4", linewidth=0.8)
-        panel.set_xlabel("order of the controller")
-        panel.set_ylabel("certified peak of mu")
-        panel.set_title(f"{self.name}: what the order costs")
+        title = f"{self.name}: what the order costs"
+        figures.label(panel, "order of the controller", r"certified peak of $\mu$", title, log="y")
         top = upper.sel(refined="refined")
         finite = top.values[np.isfinite(top.values)]
         panel.set_ylim(0.95 * float(upper.min()), min(10.0, 1.2 * float(finite.max())))

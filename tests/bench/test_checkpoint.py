@@ -1,6 +1,7 @@
 """A run that was stopped goes on where it was; one out of time is the best so far, and says so."""
 
 import json
+import os
 import pickle
 import signal
 import time
@@ -87,6 +88,7 @@ def test_a_state_survives_the_listing_of_results(project):
     assert resumed()[0] == 5
 
 
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no such signal")
 def test_a_killed_process_loses_no_finished_round(project):
     project.edit("PAUSE = 0.0", "PAUSE = 0.2")
     command = "from workbench.cli import main; main(['run', 'toy/root', '--method', 'newton'])"

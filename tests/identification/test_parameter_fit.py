@@ -7,10 +7,10 @@ from scipy import stats
 
 from workbench.errors import InputError, SolverError
 from workbench.identification import (
+    FittedParameter,
     IdentificationWarning,
     MeasuredRecord,
     MeasuredResponse,
-    Parameter,
     ParameterFit,
     fit_parameters,
     from_periods,
@@ -21,9 +21,9 @@ from workbench.solvers import Outcome
 METHODS = ("ipopt", "scipy")
 TRUTH = {"stiffness": 40.0, "damping": 0.5, "gain": 3.0}
 START = {
-    "stiffness": Parameter(20.0, 1.0, 1e3),
-    "damping": Parameter(2.0, 1e-3, 100.0),
-    "gain": Parameter(1.0, 0.0, 10.0),
+    "stiffness": FittedParameter(20.0, 1.0, 1e3),
+    "damping": FittedParameter(2.0, 1e-3, 100.0),
+    "gain": FittedParameter(1.0, 0.0, 10.0),
 }
 FREQUENCY = np.linspace(0.2, 2.5, 60)
 
@@ -72,7 +72,7 @@ def two_responses():
     matrix = np.array(delayed(truth, s)).transpose(2, 0, 1)
     rng = np.random.default_rng(1)
     wide = MeasuredResponse(delayed, frequency, noisy(rng, matrix, 1e-3), 2e-6, name="matrix")
-    parameters = START | {"delay": Parameter(0.0, 0.0, 0.2)}
+    parameters = START | {"delay": FittedParameter(0.0, 0.0, 0.2)}
     return ParameterFit([response(), wide], parameters), truth
 
 
@@ -84,7 +84,7 @@ def record():
     y = clean.predicted(truth) + 0.01 * rng.normal(size=(1, 300))
     datum = MeasuredRecord(decay, lambda p: [0.0], u, y, [1e-4])
     return ParameterFit(
-        [datum], {"pole": Parameter(0.5, 0.0, 0.999), "gain": Parameter(1.0)}
+        [datum], {"pole": FittedParameter(0.5, 0.0, 0.999), "gain": FittedParameter(1.0)}
     ), truth
 
 
@@ -93,7 +93,7 @@ PROBLEMS = {
     "variance unknown": lambda: (ParameterFit([response(variance=None)], START), TRUTH),
     "several responses": two_responses,
     "a record": record,
-    "tiny": lambda: (ParameterFit([tiny()], START | {"gain": Parameter(1e-9)}), TINY),
+    "tiny": lambda: (ParameterFit([tiny()], START | {"gain": FittedParameter(1e-9)}), TINY),
     "noise-free": lambda: (ParameterFit([response(size=1e-12)], START), TRUTH),
 }
 
@@ -157,7 +157,7 @@ def test_the_intervals_cover_as_they_say(periods):
             y = noisy(rng, np.repeat(clean[:, None], periods, axis=1), size[:, None])
             estimate = from_periods(FREQUENCY, np.ones(y.shape), y)
             datum = MeasuredResponse.of(oscillator, estimate)
-        program = ParameterFit([datum], {name: Parameter(v) for name, v in TRUTH.items()})
+        program = ParameterFit([datum], {name: FittedParameter(v) for name, v in TRUTH.items()})
         found = solve(program, "scipy").answer
         for confidence, count in hits.items():
             count += np.abs(found - truth) <= program.intervals(found, confidence)
@@ -177,7 +177,7 @@ def test_intervals_cover_with_variance_unknown():
     hits = np.zeros(3, dtype=int)
     for _ in range(RUNS):
         datum = MeasuredResponse(oscillator, frequency, noisy(rng, clean, 1e-4))
-        program = ParameterFit([datum], {name: Parameter(v) for name, v in TRUTH.items()})
+        program = ParameterFit([datum], {name: FittedParameter(v) for name, v in TRUTH.items()})
         found = solve(program, "scipy").answer
         hits += np.abs(found - truth) <= program.intervals(found, 0.9)
     low, high = stats.binom.interval(1 - 1e-4, RUNS, 0.9)
@@ -186,7 +186,7 @@ def test_intervals_cover_with_variance_unknown():
 
 @pytest.mark.parametrize("method", METHODS)
 def test_an_active_bound_is_reported(method):
-    low = START | {"damping": Parameter(2.0, 1.0, 100.0)}
+    low = START | {"damping": FittedParameter(2.0, 1.0, 100.0)}
     with pytest.warns(IdentificationWarning) as caught:
         fit = fit_parameters(response(), low, method=method)
     assert "damping lies on its lower bound 1" in str(caught[0].message)
@@ -215,7 +215,7 @@ def heavy(p, s):
 def test_what_the_data_cannot_see_is_named(method):
     datum = MeasuredResponse(heavy, FREQUENCY, response().response, 2e-6)
     with pytest.raises(SolverError, match="stiffness, damping, gain and mass scale together"):
-        fit_parameters(datum, START | {"mass": Parameter(0.7, 0.01, 10.0)}, method=method)
+        fit_parameters(datum, START | {"mass": FittedParameter(0.7, 0.01, 10.0)}, method=method)
 
 
 def test_what_the_noise_hides_is_named():
@@ -232,7 +232,7 @@ def test_several_starts_find_the_least_of_several_minima():
 
     frequency = np.linspace(1, 5, 80)
     datum = MeasuredResponse(delay, frequency, exact(delay, {"delay": 1.3}, frequency), 1e-4)
-    far = {"delay": Parameter(0.1, 0.05, 2.0)}
+    far = {"delay": FittedParameter(0.1, 0.05, 2.0)}
     for method in METHODS:
         stuck = solve(ParameterFit([datum], far), method)
         found = solve(ParameterFit([datum], far, starts=40), method)
@@ -267,9 +267,9 @@ def test_answers_are_stored_and_drawn():
 
 def test_bad_parameters_and_data():
     with pytest.raises(InputError, match="start between its bounds"):
-        Parameter(2.0, 0.0, 1.0)
+        FittedParameter(2.0, 0.0, 1.0)
     with pytest.raises(InputError, match="both 1"):
-        Parameter(1.0, 1.0, 1.0)
+        FittedParameter(1.0, 1.0, 1.0)
     short = MeasuredResponse(oscillator, [1.0], [1.0], 1.0)
     with pytest.raises(InputError, match="3 parameters are too many for 2 real data"):
         ParameterFit([short], START)
@@ -278,7 +278,7 @@ def test_bad_parameters_and_data():
     with pytest.raises(InputError, match="or of none"):
         ParameterFit([response(), response(variance=None, name="b")], START)
     with pytest.raises(InputError, match="finite"):
-        ParameterFit([response()], {"gain": Parameter(1.0)}, starts=2)
+        ParameterFit([response()], {"gain": FittedParameter(1.0)}, starts=2)
     with pytest.raises(InputError, match="needs data"):
         ParameterFit([], START)
     with pytest.raises(InputError, match="3 values"):

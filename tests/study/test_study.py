@@ -72,6 +72,7 @@ class Lags(Study):
         twice="rad/s",
         absent="1",
     )
+    poles = array("poles", "rad/s", value=lambda: [-1.0, -10.0])
     missing = array(lag, "1", value=lambda self: np.ones(2) if self.measured else None)
 
     @check("{lag}", at_most=1.0, each="lag", where="near {omega}")
@@ -120,6 +121,7 @@ def test_arrays_are_stored_with_dims_units_and_meaning(answer):
     assert answer["omega"].attrs == {"units": "rad/s", "long_name": "frequency"}
     assert answer["lag"].values.tolist() == list(LAGS) and "unit" in answer.coords
     assert np.array_equal(answer["corner"], [1.0, 10.0])
+    assert answer["poles"].dims == ("poles",) and answer["poles"].attrs == {"units": "rad/s"}
     assert "absent" not in answer and "missing" not in answer and "calls" not in answer
 
 

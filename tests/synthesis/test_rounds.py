@@ -1,5 +1,6 @@
 """Rounds are stored whole; an iteration that was stopped goes on to the same answer."""
 
+import os
 import signal
 import subprocess
 import sys
@@ -121,6 +122,7 @@ def test_before_the_first_controller_there_is_no_answer(program):
     assert "before any answer" in solution.message
 
 
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no such signal")
 def test_a_killed_run_of_the_command_goes_on_where_it_was(tmp_path, monkeypatch):
     monkeypatch.setattr(dk, "ROUNDS", 30)  # as in a process of its own
     monkeypatch.setenv("WORKBENCH_RESULTS", str(tmp_path))

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 import workbench as wb
 from workbench.bench import netcdf
 from workbench.errors import InputError
+from workbench.fitting.factored import FactoredRational
 from workbench.fitting.rational import Rational
-from workbench.fitting.sections import Sections
 from workbench.geometry import Stadium
 from workbench.uncertainty import (
     CircleCover,
@@ -504,11 +504,11 @@ def test_derivatives_of_sizes(moving, form, power):
     start = Rational([-700.0], [-2 + 28j, -2 - 28j], 1.2)
     nominal = start.response(OMEGA)
     if moving != "weight":
-        nominal = Sections.of(start, 1, band, stable=True, minimum_phase=False)
+        nominal = FactoredRational.of(start, 1, band, stable=True, minimum_phase=False)
     weight = None
     if moving != "nominal":
         tilted = Rational([-40.0], [-200.0], 0.3)
-        weight = Sections.of(tilted, 1, band, stable=True, minimum_phase=False)
+        weight = FactoredRational.of(tilted, 1, band, stable=True, minimum_phase=False)
     size = SmallSets(program, RESPONSES.values, nominal, weight)
     vector = size.start
     value, gradient = size(vector, power)

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from workbench.errors import InputError
-from workbench.uncertainty.parametric.lft import LFT, inverse, lift, matrix, scalar, solve
+from workbench.uncertainty.parametric.lft import LFT, inverse, left_divide, lift, matrix, scalar
 from workbench.uncertainty.parametric.reduction import grouped, reduced
 
 NOMINALS = {"a": (2.0, 0.3), "b": (-0.5, 0.2), "c": (3e-4, 1e-4)}
@@ -34,7 +34,7 @@ EXPRESSIONS = {
     "object times": lambda a, b, c: np.array([[a, c], [1.0, b]]) * a + np.array([[b, b], [a, 0]]),
     "array on the left": lambda a, b, c: np.array([[1.0, 2.0]]) @ matrix([[a, b], [c, 3]]),
     "array plus": lambda a, b, c: np.ones((2, 2)) + matrix([[a, b], [c, 0]]) - np.float64(2) * a,
-    "solve": lambda a, b, c: solve(matrix([[a, 1.0], [b, c]]), [[c], [1.0]]),
+    "left_divide": lambda a, b, c: left_divide(matrix([[a, 1.0], [b, c]]), [[c], [1.0]]),
     "inverse": lambda a, b, c: matrix([[a, 1.0], [b, c]]) @ inverse([[a, b], [1.0, a]]),
     "blocks": lambda a, b, c: matrix([[np.eye(2), a * np.ones((2, 1))], [np.ones((1, 2)), b / c]]),
     "zero": lambda a, b, c: 0 * a + b * np.zeros((2, 2)),
@@ -62,7 +62,7 @@ def trees():
         lambda inner: st.one_of(
             st.tuples(st.sampled_from("+-*/"), inner, inner),
             st.tuples(st.just("^"), inner, st.integers(0, 3)),
-            st.tuples(st.just("solve"), inner, inner),
+            st.tuples(st.just("left_divide"), inner, inner),
         ),
         max_leaves=8,
     )
@@ -77,9 +77,9 @@ def evaluate(tree, values, terms):
     y = second if operation == "^" else evaluate(second, values, terms)
     if operation == "^":
         result = x**y
-    elif operation == "solve":  # [1 x; -x 1 + y^2] has the determinant 1 + x^2 + y^2
+    elif operation == "left_divide":  # [1 x; -x 1 + y^2] has the determinant 1 + x^2 + y^2
         a = matrix([[1.0, x], [-x, 1.0 + y * y]])
-        result = np.array([[1.0, 0.0]]) @ solve(a, matrix([[x], [1.0]]))
+        result = np.array([[1.0, 0.0]]) @ left_divide(a, matrix([[x], [1.0]]))
     elif operation == "/":
         result = x / (1.0 + y * y)
     else:
@@ -173,10 +173,10 @@ def test_singular_somewhere():
     "bad, message",
     [
         (lambda a: 1 / (a - a), "singular at the nominal"),
-        (lambda a: a / matrix([[a, 1.0], [1.0, a]]), "use solve"),
+        (lambda a: a / matrix([[a, 1.0], [1.0, a]]), "use left_divide"),
         (lambda a: inverse([[a, a], [a, a]]), "singular at the nominal"),
         (lambda a: inverse([[a, a]]), "square"),
-        (lambda a: solve(np.zeros((2, 2)), np.eye(2)), "singular at the nominal"),
+        (lambda a: left_divide(np.zeros((2, 2)), np.eye(2)), "singular at the nominal"),
         (lambda a: a**0.5, "integer powers"),
         (lambda a: matrix([[a, a], [a, a]]) ** 2, "integer powers"),
         (lambda a: matrix([[a, a]]) * matrix([[a, a]]), "use @"),

@@ -1,7 +1,7 @@
-"""Real rational functions kept by their roots.
+"""Real rational functions represented by zeros, poles and a gain.
 
-Polynomial coefficients lose every digit over five decades of frequency; roots keep them. So fits
-work on zeros, poles and a gain, and become a state-space cascade of small sections at the end.
+Polynomial coefficients lose all their digits over five decades of frequency; roots do not. So fits
+work on roots, and the result is realised as a cascade of second-order sections at the end.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ class Rational:
     Parameters
     ----------
     zeros, poles
-        Roots [rad/s], complex ones in exact conjugate pairs (see `paired`); as many poles as
-        zeros or more.
+        Roots [rad/s], complex ones in exact conjugate pairs (see `paired`); at least as many poles
+        as zeros.
     gain
-        Real.
+        Real factor of the products.
 
     Raises
     ------
     InputError
-        More zeros than poles, roots without their conjugates, anything not finite.
+        More zeros than poles, roots without their conjugates, or values that are not finite.
     """
 
     zeros: ComplexArray
@@ -54,22 +54,24 @@ class Rational:
 
     @property
     def order(self) -> int:
+        """Number of poles."""
         return int(self.poles.size)
 
     @property
     def is_stable(self) -> bool:
+        """Whether all poles lie left of the imaginary axis."""
         return bool(np.all(self.poles.real < 0))
 
     @property
     def is_minimum_phase(self) -> bool:
-        """No zero on or right of the imaginary axis."""
+        """Whether all zeros lie left of the imaginary axis."""
         return bool(np.all(self.zeros.real < 0))
 
     def __call__(self, s: ArrayLike) -> ComplexArray:
         """Values at complex frequencies [rad/s], of the same shape."""
         s = np.asarray(s, dtype=complex)
         value = np.full(s.shape, self.gain, dtype=complex)
-        for i, pole in enumerate(self.poles):  # interleaved: no product overflows on the way
+        for i, pole in enumerate(self.poles):  # interleaved, so that no product overflows
             if i < self.zeros.size:
                 value *= s - self.zeros[i]
             value /= s - pole
@@ -80,16 +82,18 @@ class Rational:
         return self(1j * np.asarray(omega, dtype=float))
 
     def scaled(self, factor: float) -> Rational:
+        """The function times a factor."""
         return Rational(self.zeros, self.poles, self.gain * factor)
 
     def inverse(self) -> Rational:
-        """1 over it; as many zeros as poles are needed."""
+        """1 / function; it exists only with as many zeros as poles."""
         return Rational(self.poles, self.zeros, 1 / self.gain)
 
     def state_space(self) -> StateSpace:
-        """Cascade of sections of order two and at most one of order one, scaled in time and size.
+        """State-space realisation: a cascade of second-order sections, scaled in time and size.
 
-        Sections go from the lowest to the highest pole, each with the zeros nearest to its poles.
+        At most one section has order one. Sections go from the lowest to the highest pole, each
+        with the zeros nearest to its poles.
         """
         import control
 
@@ -109,7 +113,10 @@ class Rational:
         return control.ss(a, b * share, c * (gain / share), d * gain)
 
     def _sections(self) -> list[tuple[RealArray, RealArray]]:
-        """Numerators and denominators, highest power first, whose product is function / gain."""
+        """Numerators and denominators of the sections, coefficients of the highest power first.
+
+        The product of the sections is function / gain.
+        """
         groups = _grouped(self.poles)
         zeros = sorted(_grouped(self.zeros), key=len, reverse=True)
         taken: dict[int, ComplexArray] = {}
@@ -124,10 +131,10 @@ class Rational:
 
 
 def paired(roots: ArrayLike) -> ComplexArray:
-    """Roots of a real polynomial with their rounding repaired: exact conjugate pairs.
+    """Roots of a real polynomial in exact conjugate pairs, with rounding errors repaired.
 
-    A complex root is matched with the nearest root across the real axis; one without a partner is
-    put on the axis.
+    A complex root is paired with the nearest root on the other side of the real axis; one without a
+    partner is moved onto the axis.
     """
     left = list(np.asarray(roots, dtype=complex).ravel())
     done: list[complex] = []
@@ -150,7 +157,7 @@ def from_system(system: StateSpace) -> Rational:
     Raises
     ------
     InputError
-        No system, not SISO, or in discrete time.
+        The argument is no system, not SISO, or in discrete time.
     """
     if not hasattr(system, "zeros"):
         raise InputError(f"a transfer function or state space is needed, not {system!r:.80}")
@@ -161,7 +168,7 @@ def from_system(system: StateSpace) -> Rational:
     scaled, time = _scaled(system)
     zeros, poles = paired(scaled.zeros() * time), paired(scaled.poles() * time)
     bare = Rational(zeros, poles, 1.0)
-    # the gain from where the function is neither tiny nor huge: off the axis, at a middle frequency
+    # take the gain where the function is neither tiny nor huge: off the axis, at a middle frequency
     sizes = np.abs(np.concatenate([zeros, poles]))
     sizes = sizes[sizes > 0]
     at = complex(np.exp(np.mean(np.log(sizes))) if sizes.size else 1.0) * (1.0 + 0.5j)
@@ -169,7 +176,10 @@ def from_system(system: StateSpace) -> Rational:
 
 
 def _scaled(system: StateSpace) -> tuple[StateSpace, float]:
-    """A system of the same roots over ``time``, of unit size: SLICOT's tolerance is absolute."""
+    """The system with roots divided by ``time`` and signals of unit size, and ``time`` [rad/s].
+
+    SLICOT computes zeros with an absolute tolerance, so the matrices must have unit size.
+    """
     import control
 
     if not isinstance(system, control.StateSpace) or not system.nstates:
@@ -187,11 +197,12 @@ def _scaled(system: StateSpace) -> tuple[StateSpace, float]:
 
 
 def _ordered(roots: ComplexArray) -> ComplexArray:
+    """Roots sorted by size, then real part, then imaginary part."""
     return roots[np.lexsort((roots.imag, roots.real, np.abs(roots)))]
 
 
 def _grouped(roots: ComplexArray) -> list[ComplexArray]:
-    """Conjugate pairs, real roots two by two from the lowest, and a last real root if odd."""
+    """Groups of one or two roots: conjugate pairs, and real roots two by two from the lowest."""
     real = roots[roots.imag == 0]
     real = real[np.argsort(np.abs(real))]
     upper = roots[roots.imag > 0]
@@ -201,18 +212,19 @@ def _grouped(roots: ComplexArray) -> list[ComplexArray]:
 
 
 def _level(roots: ComplexArray) -> float:
-    """Mean logarithm of the frequencies of some roots."""
+    """Mean logarithm of the sizes of some roots."""
     return float(np.mean(np.log(np.maximum(np.abs(roots), np.finfo(float).tiny))))
 
 
 def _coefficients(roots: ComplexArray) -> RealArray:
+    """Real coefficients of prod(s - roots), highest power first."""
     return np.atleast_1d(np.poly(roots)).real.astype(float)
 
 
 def _section(
     numerator: RealArray, denominator: RealArray
 ) -> tuple[RealArray, RealArray, RealArray, RealArray]:
-    """Realisation of a section whose states are measured at its own frequency."""
+    """Realisation A, B, C, D of a section, with time scaled by the section's own frequency."""
     n = denominator.size - 1
     scale = max(abs(denominator[-1]) ** (1 / n), np.finfo(float).tiny ** 0.25)
     powers = scale ** np.arange(n + 1)

@@ -1,4 +1,4 @@
-"""Sampled responses as they are given: checked, and refused with the place of what is wrong."""
+"""Input checks of sampled responses; an error names the first entry that is wrong."""
 
 from __future__ import annotations
 
@@ -63,6 +63,7 @@ def as_positive(name: str, given: ArrayLike, omega: RealArray) -> RealArray:
 
 
 def _as_array(name: str, given: ArrayLike, kinds: str) -> np.ndarray:
+    """An array whose type is one of the given kinds of NumPy, or an `InputError`."""
     values = np.asarray(given)
     if values.dtype.kind not in kinds:
         needed = "numbers" if "c" in kinds else "real numbers"
@@ -78,6 +79,7 @@ def as_count(name: str, value: Any) -> int:
 
 
 def _refuse(needed: str, bad: Any, values: Any, omega: RealArray | None = None) -> None:
+    """Raise `InputError` if an entry is bad; it says what is needed and names the first one."""
     if bad.any():
         i = int(np.argmax(bad))
         where = "" if omega is None else f" (at {omega[i]:.6g} rad/s)"

@@ -1,4 +1,4 @@
-"""SLICOT's SB10YD: the fit that users of mu tools know, as a method and as the peer to beat."""
+"""SLICOT's routine SB10YD: the fit that other mu tools use, as a method and for comparison."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from workbench.fitting.rational import Rational, from_system
 def sb10yd(omega: RealArray, response: ComplexArray, order: int, minimum_phase: bool) -> Rational:
     """SB10YD's fit of a given order to a complex response (F,) at ``omega`` [rad/s] (F,).
 
-    ``minimum_phase`` also makes it stable: unstable roots are mirrored.
+    With ``minimum_phase`` the fit is stable and minimum phase: unstable roots are mirrored.
 
     Raises
     ------
     SolverError
-        SLICOT's own words.
+        SLICOT fails; the message is its own.
     """
     import control
     import slycot

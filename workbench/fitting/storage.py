@@ -9,7 +9,10 @@ from workbench.heavy_types import Dataset
 
 
 def roots(function: Rational, of: str, prefix: str = "") -> dict[str, Any]:
-    """Variables ``zeros``, ``poles`` and ``gain`` of a dataset, after a prefix; ``of`` what."""
+    """Dataset variables ``zeros``, ``poles`` and ``gain`` of a function, each with a prefix.
+
+    ``of`` names the function in the long names.
+    """
     variables: dict[str, Any] = {
         f"{prefix}{name}": (
             f"{prefix}{name[:-1]}",
@@ -23,6 +26,6 @@ def roots(function: Rational, of: str, prefix: str = "") -> dict[str, Any]:
 
 
 def function(data: Dataset, prefix: str = "") -> Rational:
-    """The function whose roots were stored with that prefix."""
+    """The function that a dataset holds in variables with that prefix."""
     zeros, poles = (data[f"{prefix}{name}"].values for name in ("zeros", "poles"))
     return Rational(zeros, poles, float(data[f"{prefix}gain"]))

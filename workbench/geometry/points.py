@@ -133,7 +133,7 @@ def _unit_scale(size: float) -> float:
 
 @compiled
 def find_frame(points: np.ndarray, anchored: bool, anchor: complex) -> Frame:
-    """Frame of one set (N,): its origin is the anchor or, without one, the bounding box's middle."""
+    """Frame of one set (N,) about the anchor or, without one, the middle of its bounding box."""
     left = right = points[0].real
     low = high = points[0].imag
     for p in points:

@@ -22,7 +22,7 @@ from workbench.identification.experiments.records import read_record, read_respo
 from workbench.identification.experiments.stepped_sine import SteppedSine, sine_fit
 from workbench.identification.experiments.variables import read_variables
 from workbench.identification.parameters import methods as parameter_methods
-from workbench.identification.parameters.least_squares import Parameter
+from workbench.identification.parameters.least_squares import FittedParameter
 from workbench.identification.parameters.measured import MeasuredRecord, MeasuredResponse
 from workbench.identification.parameters.program import (
     ParameterEstimate,
@@ -43,6 +43,7 @@ from workbench.identification.state_space.program import StateSpaceFit
 __all__ = [
     "Assumptions",
     "CrestFactor",
+    "FittedParameter",
     "IdentificationWarning",
     "InnovationsModel",
     "LineDistortion",
@@ -50,7 +51,6 @@ __all__ = [
     "MeasuredRecord",
     "MeasuredResponse",
     "Multisine",
-    "Parameter",
     "ParameterEstimate",
     "ParameterFit",
     "PeriodicResponse",

@@ -77,8 +77,8 @@ def check(
     each
         Dimensions of the array with a check for each label.
     where
-        How the place of the largest value is said, as in ``"of {drive}"``. Default: the labels of
-        all its dimensions.
+        How the place of the largest value is said, as in ``"of {drive} at {frequency:.4g}"``, with
+        units. Default: the labels of all its dimensions.
     """
     over = (each,) if isinstance(each, str) else each
     if value is not None:
@@ -106,13 +106,17 @@ def _worst(value: Any, where: str) -> tuple[float, str]:
         int(np.argmax(np.where(np.isnan(values), math.inf, values))), values.shape
     )
     at = value[place]
-    labels = {name: _said(at[name]) for name in value.dims if name in at.coords}
+    labels = {name: _Label(at[name]) for name in value.dims if name in at.coords}
     words = where.format(**labels) if where else ", ".join(f"{k} {v}" for k, v in labels.items())
     return float(values[place]), words if where or not words else f"at {words}"
 
 
-def _said(coordinate: Any) -> str:
-    label = coordinate.values.item()
-    text = f"{label:.6g}" if isinstance(label, float) else str(label)
-    unit = coordinate.attrs.get("units", "")
-    return f"{text} {unit}" if unit else text
+class _Label:
+    """A coordinate in words: its value, by a format where one is given, and its unit."""
+
+    def __init__(self, coordinate: Any) -> None:
+        self.value, self.unit = coordinate.values.item(), coordinate.attrs.get("units", "")
+
+    def __format__(self, form: str) -> str:
+        text = format(self.value, form or (".6g" if isinstance(self.value, float) else ""))
+        return f"{text} {self.unit}" if self.unit else text

@@ -198,7 +198,7 @@ def array(
     return lambda function: Array(function, over, unit, meaning, coordinate, attributes)
 
 
-def arrays(dims: Dims = (), value: Function | None = None, **units: Any) -> Any:
+def arrays(dims: Dims = (), value: Function | None = None, /, **units: Any) -> Any:
     """Declare several arrays over the same dimensions; their function returns them by name.
 
     ``arrays((loop, drive), lambda found: found, crossover=("Hz", "crossover"), phase="deg")``: each

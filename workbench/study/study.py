@@ -172,7 +172,8 @@ class _Computation:
                 attrs=self.coordinates[one.name][2],
             )
         elif isinstance(one, Array):
-            sizes = {name: self.get(name).values for name in one.dims if name in self.declared}
+            declared = [name for name in one.dims if isinstance(self.declared.get(name), Dim)]
+            sizes = {name: self.get(name).values for name in declared}
             made = one.variables(self.study, self.get, sizes)
             (self.coordinates if one.coordinate else self.variables).update(made)
             for name in one.names:

@@ -16,7 +16,7 @@ from workbench.uncertainty.covers.orientation import (
 from workbench.uncertainty.covers.responses import Responses, responses_of
 from workbench.uncertainty.covers.stadium_cover import StadiumCover
 from workbench.uncertainty.covers.steps import CoverSteps
-from workbench.uncertainty.parametric.lft import inverse, matrix, solve
+from workbench.uncertainty.parametric.lft import inverse, left_divide, matrix
 from workbench.uncertainty.parametric.model import ParametricModel, parametric
 from workbench.uncertainty.parametric.parameters import Parameter, levels, samples, vertices
 
@@ -36,6 +36,7 @@ __all__ = [
     "cover_methods",
     "generalised_plant",
     "inverse",
+    "left_divide",
     "levels",
     "limited",
     "matrix",
@@ -44,7 +45,6 @@ __all__ = [
     "responses_of",
     "samples",
     "smooth",
-    "solve",
     "vertices",
     "widened",
 ]

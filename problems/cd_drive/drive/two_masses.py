@@ -15,7 +15,12 @@ import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.heavy_types import Dataset
-from workbench.identification import MeasuredResponse, Parameter, ParameterFit, PeriodicResponse
+from workbench.identification import (
+    FittedParameter,
+    MeasuredResponse,
+    ParameterFit,
+    PeriodicResponse,
+)
 
 from .actuator import SERIES_RESISTANCE
 from .plants import nominal_parameters
@@ -128,7 +133,9 @@ def distributed(estimate: PeriodicResponse, known: Lumped, axis: Axis) -> Parame
     """
     arm = nominal_parameters(axis)
     start = {name: getattr(arm, name) for name in FITTED} | {"gain": known.gain}
-    parameters = {name: Parameter(value, value / 5, value * 5) for name, value in start.items()}
-    parameters["b2"] = Parameter(arm.b2, -20 * arm.b2, 20 * arm.b2)
+    parameters = {
+        name: FittedParameter(value, value / 5, value * 5) for name, value in start.items()
+    }
+    parameters["b2"] = FittedParameter(arm.b2, -20 * arm.b2, 20 * arm.b2)
     measured = MeasuredResponse.of(lambda p, s: lens(p, s, known.R, known.Bl), estimate)
     return ParameterFit([measured, known.data], parameters)

@@ -1,4 +1,4 @@
-"""Twelve identified drives: every experiment of a drive fitted together by the fourth-order model.
+"""Twelve identified drives: the fourth-order model fitted to all experiments of each drive at once.
 
 Equation and section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
 CD-players (2003).
@@ -13,31 +13,34 @@ from typing import Any, ClassVar
 import numpy as np
 from scipy import stats
 
-from workbench import Check, Run, Study, figures, problem, ref, solve
+from workbench import Run, figures, problem, ref
 from workbench.arrays import RealArray
-from workbench.errors import SolverError
 from workbench.executor import Context
-from workbench.heavy_types import Dataset, Figure
-from workbench.identification import MeasuredResponse, Parameter, ParameterFit
+from workbench.heavy_types import DataArray, Dataset, Figure
+from workbench.identification import FittedParameter, MeasuredResponse, ParameterFit
+from workbench.study import Study, array, arrays, check, dim, figure, metric, part, table
 
 from ..drive.actuator import SERIES_RESISTANCE, specific_model, stack
 from ..drive.plants import nominal_parameters
 from ..drive.shared_parameters import TABLES, WINDOWS
 from ..drive.tables import ActuatorParameters, Axis, Drive, drives
 from ..drive.two_masses import Known, lens, lumped, seen
+from .open_loop import solved
 
 NAMES = ("R", "Bl", "k1", "k2", "b1", "b2", "m1", "m2")
-MASS, GAIN = 0.001, 0.01
+MASS_DEVIATION, GAIN_DEVIATION = 0.001, 0.01
 """Relative standard deviations of the mass taken as known and of the identified optical gain."""
+LOOP_DEGREES = 18.0
+"""Degrees of freedom of the closed-loop variances: 2 (M - 1) with M = 10 periods."""
 LIMITS = {"R": 0.001, "Bl": 0.01, "k1": 0.01, "k2": 0.08, "b1": 0.05, "m1": 0.01, "m2": 0.08}
-"""Largest relative errors let pass. b2, a twentieth of b1, is reported only."""
-RESPONSE = {"focus": 0.03, "radial": 0.06}
-"""Largest relative error of a response let pass; a track's width leaves the radial experiment a
-twentieth of the focus one's amplitude, over a tenth of its noise."""
+"""Largest relative errors of the parameters. b2, a twentieth of b1, is only reported."""
+RESPONSE_LIMIT = {"focus": 0.03, "radial": 0.06}
+"""Largest relative error of a response. A track's width limits the radial experiment's amplitude to
+a twentieth of the focus one's, over a tenth of its noise."""
 
 
 def experiments(axis: str, **_: Any) -> dict[str, Any]:
-    """What a drive is identified from: its own two experiments, and the scans of all."""
+    """The runs that identify a drive: its own two experiments, and the scans of all drives."""
     names = [f"CD{number}" for number in range(1, 13)]
     return {
         "open_loops": [ref(f"cd/{axis}/open-loop", drive=name) for name in names],
@@ -56,9 +59,9 @@ def experiments(axis: str, **_: Any) -> dict[str, Any]:
 def identified(axis: Axis, open_loops, closed_loops, optical_gains) -> Identified:  # type: ignore[no-untyped-def]
     """Twelve drives identified from all their experiments, against the truth (figure 4.8).
 
-    v_r/u of the open loop and the displacement of the closed loop, its optical gain identified too,
-    are fitted together by the fourth-order model; only the mass that the first resonance sees is
-    taken as known. That removes the bias of the lumped damper, which is not b1 + b2.
+    The fourth-order model is fitted to v_r/u of the open loop and to the displacement of the closed
+    loop together; the optical gain is identified too. Only the mass that the first resonance sees
+    is taken as known. That removes the bias of the lumped damper, which is not b1 + b2.
     """
     return Identified(axis, tuple(open_loops), tuple(closed_loops), optical_gains)
 
@@ -74,150 +77,130 @@ class Identified(Study):
 
     headline: ClassVar[str] = "worst_response"
 
-    def compute(self, context: Context) -> Dataset:
-        import xarray as xr
+    drive = dim(lambda self: [one.name for one in drives(self.axis)])
+    parameter = dim(NAMES)
 
-        twelve = drives(self.axis)
-        gains = self.optical_gains.data["gain"].sel(quantity="K_optn")
-        fits = [
-            self._fit(drive, float(gains.sel(drive=drive.name)), index)
-            for index, drive in enumerate(context.track(twelve, "drives"))
+    @dim(unit="Hz", meaning="frequency")
+    def frequency(self) -> RealArray:
+        windows = WINDOWS[self.axis].values()
+        dense = [np.linspace(low, high, 200) for low, high in windows]
+        return np.unique(np.concatenate([np.geomspace(10, 2000, 200), *dense]))
+
+    @part
+    def fits(self, context: Context) -> list[Fit]:
+        gains = self.optical_gains.answer["gain"].sel(quantity="K_optn")
+        return [
+            self._fit(one, float(gains.sel(drive=one.name)), index)
+            for index, one in enumerate(context.track(drives(self.axis), "drives"))
         ]
-        found = np.array([fit.answer[: len(NAMES)] for fit in fits])
-        frequency = np.unique(
-            np.concatenate(
-                [np.geomspace(10, 2000, 200)]
-                + [np.linspace(low, high, 200) for low, high in WINDOWS[self.axis].values()]
-            )
-        )
-        models = [
-            ActuatorParameters(**dict(zip(NAMES, row.tolist(), strict=True))) for row in found
-        ]
-        along = ("drive", "frequency")
-        unit = {"units": "m/V"}
-        table = [[getattr(drive, name) for name in NAMES] for drive in twelve]
-        return xr.Dataset(
-            {
-                "identified": (along, _responses(models, frequency), unit),
-                "true": (along, _responses(twelve, frequency), unit),
-                "value": (("drive", "parameter"), found),
-                "half_width": (("drive", "parameter"), [f.half_width[: len(NAMES)] for f in fits]),
-                "table": (("drive", "parameter"), table),
-                "lumped_b": ("drive", [_lumped_b(run) for run in self.open_loops]),
-                "chi_square": ("drive", [fit.chi_square for fit in fits]),
-            },
-            coords={
-                "drive": [drive.name for drive in twelve],
-                "frequency": ("frequency", frequency, {"units": "Hz", "long_name": "frequency"}),
-                "parameter": list(NAMES),
-            },
-        )
 
-    def _fit(self, drive: Drive, gain: float, index: int) -> Fit:
-        """The joint fit of one drive."""
-        current, motion = self.open_loops[index].data, self.closed_loops[index].data
-        degrees = float(current["variance"].attrs["degrees"])
-        in_the_loop = 18.0  # ten periods: 2 (M - 1)
-        quantile = stats.f.ppf(0.99, 2, in_the_loop)
-        # The run scaled by the true gain, which an experimenter does not know.
-        scale = drive.K_optn / gain
-        data: list[Any] = [
-            MeasuredResponse(
-                _current,
-                current["frequency"].values,
-                current["response"].values,
-                current["variance"].values,
-                degrees,
-                "v_r/u",
-            ),
-            MeasuredResponse(
-                lambda p, s: lens(p, s, p["R"] + SERIES_RESISTANCE, p["Bl"]),
-                motion["frequency"].values,
-                motion["response"].values * scale,
-                (motion["radius"].values * scale) ** 2 / quantile,
-                in_the_loop,
-                "x/v",
-            ),
-            Known(lambda p: seen(p)[2:], (lumped(drive).m, 1.0), (MASS, GAIN)),
-        ]
-        nominal = nominal_parameters(self.axis)
-        start = {name: getattr(nominal, name) for name in NAMES} | {"gain": 1.0}
-        parameters = {name: Parameter(v, v / 5, v * 5) for name, v in start.items()}
-        parameters["b2"] = Parameter(nominal.b2, -20 * nominal.b2, 20 * nominal.b2)
-        program = ParameterFit(data, parameters)
-        solution = solve(program)
-        if solution.certificate is None or not solution.certificate.valid:
-            failures = solution.certificate.failures if solution.certificate else ()
-            raise SolverError("; ".join([f"{drive.name}: {solution.message}", *failures]))
-        answer = np.asarray(solution.answer)
-        return Fit(answer, program.intervals(answer, 0.99), program.chi_square(answer)[0])
+    @array((drive, frequency), "m/V")
+    def identified(self, value: DataArray, frequency: DataArray) -> Any:
+        rows = (dict(zip(NAMES, row, strict=True)) for row in value.values.tolist())
+        return _responses([ActuatorParameters(**row) for row in rows], frequency)
 
-    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
-        errors = abs(answer["value"] / answer["table"] - 1)
-        found = []
-        for name, limit in LIMITS.items():
-            one = errors.sel(parameter=name)
-            worst = str(answer["drive"].values[int(np.argmax(one.values))])
-            statement = "largest relative error over the drives"
-            found.append(Check(name, statement, float(one.max()), limit, f"of {worst}"))
-        statement = "largest relative error of a response, over drives and frequencies"
-        return [*found, Check("response", statement, _worst_response(answer), RESPONSE[self.axis])]
+    @array((drive, frequency), "m/V")
+    def true(self, frequency: DataArray) -> Any:
+        return _responses(drives(self.axis), frequency)
 
-    def metrics(self, answer: Dataset) -> dict[str, float]:
-        errors = abs(answer["value"] / answer["table"] - 1)
-        total = answer["table"].sel(parameter=["b1", "b2"]).sum("parameter")
-        joint = answer["value"].sel(parameter=["b1", "b2"]).sum("parameter")
-        inside = abs(answer["value"] - answer["table"]) <= answer["half_width"]
+    @arrays((drive, parameter), value="", half_width="", table="")
+    def compared(self, fits: list[Fit]) -> dict[str, Any]:
         return {
-            "worst_response": _worst_response(answer),
-            **{f"error_{n}": float(errors.sel(parameter=n).max()) for n in NAMES},
-            "covered": float(inside.mean()),
-            "bias_b_lumped": float((answer["lumped_b"] / total - 1).mean()),
-            "bias_b_joint": float((joint / total - 1).mean()),
-            "chi_square": float(answer["chi_square"].max()),
+            "value": np.array([fit.answer[: len(NAMES)] for fit in fits]),
+            "half_width": [fit.half_width[: len(NAMES)] for fit in fits],
+            "table": [[getattr(drive, name) for name in NAMES] for drive in drives(self.axis)],
         }
 
-    def tables(self, answer: Dataset) -> dict[str, str]:
-        lines = [
-            "| drive | " + " | ".join(f"{name} | error" for name in NAMES) + " |",
-            "| --- |" + " ---: | ---: |" * len(NAMES),
-        ]
-        for drive in answer["drive"].values:
-            row = answer.sel(drive=drive)
-            error = row["value"] / row["table"] - 1
-            cells = (
-                f"{float(row['value'].sel(parameter=n)):.4g} | {float(error.sel(parameter=n)):+.2%}"
-                for n in NAMES
-            )
-            lines.append(f"| {drive} | " + " | ".join(cells) + " |")
-        return {"parameters": "\n".join(lines) + "\n"}
+    lumped_b = array(
+        drive,
+        value=lambda self: [run.answer["estimate"].sel(parameter="b") for run in self.open_loops],
+    )
+    chi_square = array(drive, value=lambda fits: [fit.chi_square for fit in fits])
 
-    def figures(self, answer: Dataset) -> dict[str, Figure]:
-        figure, panels = figures.axes(1, 2, size=(9.5, 5.0))
+    near_true = check(
+        "{parameter}",
+        "largest relative error over the drives",
+        lambda answer: _errors(answer).sel(parameter=list(LIMITS)),
+        at_most=LIMITS,
+        each="parameter",
+        where="of {drive}",
+    )
+
+    @check("response", at_most=lambda self: RESPONSE_LIMIT[self.axis])
+    def responses(self, identified: DataArray, true: DataArray) -> DataArray:
+        """largest relative error of a response, over drives and frequencies"""
+        return _worst_response(identified, true)
+
+    worst_response = metric(lambda identified, true: _worst_response(identified, true))
+    errors = metric("error_{parameter}", lambda answer: _errors(answer).max("drive"))
+
+    @metric
+    def others(self, answer: Dataset) -> dict[str, DataArray]:
+        damping = answer[["value", "table"]].sel(parameter=["b1", "b2"]).sum("parameter")
+        return {
+            "covered": (abs(answer["value"] - answer["table"]) <= answer["half_width"]).mean(),
+            "bias_b_lumped": (answer["lumped_b"] / damping["table"] - 1).mean(),
+            "bias_b_joint": (damping["value"] / damping["table"] - 1).mean(),
+            "chi_square": answer["chi_square"].max(),
+        }
+
+    @table
+    def parameters(self, answer: Dataset) -> tuple[list[str], list[list[str]]]:
+        heads = ["drive", *(head for name in NAMES for head in (name, "error"))]
+        off = answer["value"] / answer["table"] - 1
+        pairs = np.stack([answer["value"], off], axis=-1)
+        rows = [
+            [name, *(text for v, e in row for text in (f"{v:.4g}", f"{e:+.2%}"))]
+            for name, row in zip(answer["drive"].values, pairs, strict=True)
+        ]
+        return heads, rows
+
+    @figure
+    def nyquist(self, answer: Dataset) -> Figure:
+        drawn, panels = figures.axes(1, 2, size=(9.5, 5.0))
+        fit: Any = {"color": figures.BLUE}
+        truth: Any = {"color": figures.ORANGE, "linestyle": "--", "linewidth": 0.9}
         for panel, (caption, (low, high)) in zip(panels, WINDOWS[self.axis].items(), strict=True):
             part = answer.sel(frequency=slice(0.7 * low, 1.3 * high)) * 1e3
             for i in range(part.sizes["drive"]):
-                once = i == 0
-                truth, fit = part["true"].isel(drive=i), part["identified"].isel(drive=i)
-                panel.plot(
-                    fit.real, fit.imag, color=figures.BLUE, label="identified" if once else None
-                )
-                panel.plot(
-                    truth.real, truth.imag, "--", color=figures.ORANGE, linewidth=0.9,
-                    label="true" if once else None,
-                )  # fmt: skip
-            panel.set_title(f"{self.axis}, {caption}")
+                for key, look in (("identified", fit), ("true", truth)):
+                    one = part[key][i]
+                    panel.plot(one.real, one.imag, label="_" * i + key, **look)
+            figures.label(panel, "real part of x/v [mm/V]", title=f"{self.axis}, {caption}")
             panel.set_aspect("equal", adjustable="datalim")
-            panel.set_xlabel("real part of x/v [mm/V]")
             panel.locator_params(axis="x", nbins=6)
         panels[0].set_ylabel("imaginary part [mm/V]")
-        figures.legend_below(figure, panels[0])
-        return {"nyquist": figure}
+        figures.legend_below(drawn, panels[0])
+        return drawn
+
+    def _fit(self, drive: Drive, gain: float, index: int) -> Fit:
+        """The joint fit of one drive, its optical gain [units/m] as identified by the scan."""
+        current, motion = self.open_loops[index].answer, self.closed_loops[index].answer
+        degrees = float(current["variance"].attrs["degrees"])
+        # The run scaled by the true gain, which an experimenter does not know.
+        scale = drive.K_optn / gain
+        moved = motion["response"].values * scale
+        variance = (motion["radius"].values * scale) ** 2 / stats.f.ppf(0.99, 2, LOOP_DEGREES)
+        low, v_r, noise = (current[n].values for n in ("frequency", "response", "variance"))
+        high = motion["frequency"].values
+        data: list[Any] = [
+            MeasuredResponse(_current, low, v_r, noise, degrees, "v_r/u"),
+            MeasuredResponse(_motion, high, moved, variance, LOOP_DEGREES, "x/v"),
+            Known(lambda p: seen(p)[2:], (lumped(drive).m, 1.0), (MASS_DEVIATION, GAIN_DEVIATION)),
+        ]
+        nominal = nominal_parameters(self.axis)
+        start = {name: getattr(nominal, name) for name in NAMES} | {"gain": 1.0}
+        parameters = {name: FittedParameter(v, v / 5, v * 5) for name, v in start.items()}
+        parameters["b2"] = FittedParameter(nominal.b2, -20 * nominal.b2, 20 * nominal.b2)
+        program = ParameterFit(data, parameters)
+        answer = solved(program, drive.name)
+        return Fit(answer, program.intervals(answer, 0.99), program.chi_square(answer)[0])
 
 
 @dataclass(frozen=True)
 class Fit:
-    """Parameters in the order of NAMES and the gain, half-widths, chi-square per degree."""
+    """Parameters in the order of NAMES and the gain, half-widths of their 99 % intervals, and
+    chi-square per degree of freedom."""
 
     answer: RealArray
     half_width: RealArray
@@ -225,19 +208,27 @@ class Fit:
 
 
 def _current(p: Mapping[str, Any], s: Any) -> Any:
-    """v_r/u: the current through the resistor, of the motion's back-EMF."""
+    """v_r/u: the current through the resistor, reduced by the motion's back-EMF."""
     total = p["R"] + SERIES_RESISTANCE
     moved = lens({**p, "gain": 1.0}, s, total, p["Bl"])
     return (1 - p["Bl"] * s * moved) * (SERIES_RESISTANCE / total)
 
 
-def _responses(parameters: Sequence[ActuatorParameters], frequency: RealArray) -> Any:
-    return stack([specific_model(one) for one in parameters]).response(frequency)
+def _motion(p: Mapping[str, Any], s: Any) -> Any:
+    """x/v: the lens's displacement over the coil's voltage."""
+    return lens(p, s, p["R"] + SERIES_RESISTANCE, p["Bl"])
 
 
-def _worst_response(answer: Dataset) -> float:
-    return float((abs(answer["identified"] - answer["true"]) / abs(answer["true"])).max())
+def _responses(parameters: Sequence[ActuatorParameters], frequency: DataArray) -> Any:
+    """Responses x/v [m/V] (drives, F) at frequencies [Hz]."""
+    return stack([specific_model(one) for one in parameters]).response(frequency.values)
 
 
-def _lumped_b(run: Run) -> float:
-    return float(run.data["estimate"].sel(parameter="b"))
+def _errors(answer: Dataset) -> DataArray:
+    """Relative errors (drive, parameter) of the identified parameters."""
+    return abs(answer["value"] / answer["table"] - 1)
+
+
+def _worst_response(identified: DataArray, true: DataArray) -> DataArray:
+    """Largest relative error of a response over drives and frequencies."""
+    return (abs(identified - true) / abs(true)).max()

@@ -18,8 +18,8 @@ from workbench.errors import SolverError
 from workbench.executor import Context
 from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.identification import (
+    FittedParameter,
     MeasuredResponse,
-    Parameter,
     ParameterFit,
     PeriodicResponse,
     SteppedSine,
@@ -252,10 +252,10 @@ class OpenLoop(Study):
         """R, Bl, k, b, the half-widths of their intervals, and chi-square per degree of freedom."""
         stiffness = self.mass * (2 * np.pi * RESONANCE[self.laboratory.axis]) ** 2
         start = {
-            "R": Parameter(15.0, 1.0, 100.0),
-            "Bl": Parameter(0.2, 0.01, 2.0),
-            "k": Parameter(stiffness, 1.0, 1e3),
-            "b": Parameter(0.01, 1e-4, 1.0),
+            "R": FittedParameter(15.0, 1.0, 100.0),
+            "Bl": FittedParameter(0.2, 0.01, 2.0),
+            "k": FittedParameter(stiffness, 1.0, 1e3),
+            "b": FittedParameter(0.01, 1e-4, 1.0),
         }
         measured = MeasuredResponse(
             self._model, self.grid, response, variance, degrees, name="v_r/u"
@@ -281,10 +281,10 @@ class OpenLoop(Study):
 
         resonance = (2 * np.pi * RESONANCE[self.laboratory.axis]) ** 2
         start = {
-            "A": Parameter(0.07, 1e-3, 1.0),
-            "a1": Parameter(15.0, 0.1, 1e3),
-            "a2": Parameter(resonance, 0.1 * resonance, 10 * resonance),
-            "b1": Parameter(20.0, 0.1, 1e3),
+            "A": FittedParameter(0.07, 1e-3, 1.0),
+            "a1": FittedParameter(15.0, 0.1, 1e3),
+            "a2": FittedParameter(resonance, 0.1 * resonance, 10 * resonance),
+            "b1": FittedParameter(20.0, 0.1, 1e3),
         }
         measured = MeasuredResponse(rational, self.grid, response, variance, DEGREES)
         A, a1, a2, b1 = solved(ParameterFit([measured], start))

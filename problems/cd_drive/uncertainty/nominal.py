@@ -11,22 +11,23 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from workbench import Check, Run, Study, figures, problem, ref
-from workbench.executor import Context
+from workbench import Check, Run, figures, problem, ref
+from workbench.arrays import RealArray
+from workbench.fitting.rational import Rational
 from workbench.heavy_types import DataArray, Dataset, Figure
-from workbench.uncertainty.covers.storage import rational
+from workbench.study import Study, array, check, dim, figure, metric
 
 from ..drive.plants import nominal_response
 from ..drive.shared_parameters import TABLES, WINDOWS, Frequencies
 from ..drive.tables import Axis
 
 FORMS = ("parametric", "complex", "mixed")
-CLOSE = {False: 2.0, True: 4.0}
-"""Difference [dB] outside and inside the resonances up to which nominal models agree closely."""
+CLOSE = {"outside": 2.0, "inside": 4.0}
+"""Largest difference [dB] of two nominal magnitudes outside and inside the resonances."""
 
 
 def steps_of_covers(axis: str, frequencies: int = 400, **_: Any) -> dict[str, Any]:
-    """Both covers by the steps of the thesis."""
+    """The runs of both covers by the method of the thesis, "steps"."""
     return {
         f"{shape}s": ref(f"cd/{axis}/{shape}-cover", method="steps", frequencies=frequencies)
         for shape in ("circle", "stadium")
@@ -42,9 +43,9 @@ def steps_of_covers(axis: str, frequencies: int = 400, **_: Any) -> dict[str, An
 def nominal(axis: Axis, circles, stadiums, frequencies: Frequencies = 400) -> NominalModels:  # type: ignore[no-untyped-def]
     """Nominal models of parametric, complex and mixed uncertainty agree (figures 5.10, 5.11).
 
-    Midrange parameters of Table 5.2; a fourth-order function through the centres of the smallest
-    circles; one through the centres of the narrowest stadiums. Three ways that know more or less
-    of the drives, and their distance in dB inside and outside the resonances.
+    Three nominal models are compared in dB, inside and outside the resonances: that of the midrange
+    parameters of Table 5.2, a fourth-order function fitted to the centres of the smallest circles,
+    and one fitted to the centres of the narrowest stadiums.
 
     frequencies: how many, logarithmically spaced from 5 Hz to 5 kHz.
     """
@@ -61,84 +62,75 @@ class NominalModels(Study):
 
     headline: ClassVar[str] = "difference_db"
 
-    def compute(self, context: Context) -> Dataset:
-        import xarray as xr
+    form = dim(FORMS)
+    drive = dim(lambda self: self.circles.data["plant"].values)
 
-        frequency = self.circles.data["frequency"].values
-        omega = 2 * np.pi * frequency
-        models = {
-            "complex": rational(self.circles.data, "nominal"),
-            "mixed": rational(self.stadiums.data, "nominal"),
-        }
-        found = [nominal_response(self.axis, frequency, antialiasing=False)]
-        found += [model.response(omega) for model in models.values() if model is not None]
-        roots = {
-            f"{name}_{kind}": (f"{name}_{kind}", getattr(model, kind), {"units": "rad/s"})
-            for name, model in models.items()
-            for kind in ("zeros", "poles")
-        }
-        unit = {"units": "units/V", "long_name": "nominal response"}
-        drives = self.circles.data["response"]
-        return xr.Dataset(
-            {
-                "nominal": (("form", "frequency"), np.stack(found), unit),
-                "response": (("frequency", "drive"), drives.values, {"units": "units/V"}),
-                **roots,
-            },
-            coords={
-                "form": list(FORMS),
-                "frequency": ("frequency", frequency, {"units": "Hz", "long_name": "frequency"}),
-                "drive": drives["plant"].values,
-            },
-        )
+    @dim(unit="Hz", meaning="frequency")
+    def frequency(self) -> RealArray:
+        return np.asarray(self.circles.data["frequency"])
 
-    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
-        found = []
-        for inside, place in ((False, "outside"), (True, "inside")):
-            difference, where = self._difference(answer, inside)
-            statement = f"largest difference of two nominal magnitudes {place} the resonances [dB]"
-            place = f"agreement {place}"
-            found.append(Check(place, statement, difference, CLOSE[inside], f"at {where:.4g} Hz"))
-        return found
+    @property
+    def fitted(self) -> list[Rational]:
+        """Nominal functions of the complex and the mixed form."""
+        return [self.circles.answer.model.nominal, self.stadiums.answer.model.nominal]
 
-    def metrics(self, answer: Dataset) -> dict[str, float]:
-        outside, _ = self._difference(answer, inside=False)
-        inside, where = self._difference(answer, inside=True)
-        resonance = abs(answer["nominal"]).idxmax("frequency")
+    @array((form, frequency), "units/V", "nominal response")
+    def nominal(self, frequency: DataArray) -> list[Any]:
+        printed = nominal_response(self.axis, frequency.values, antialiasing=False)
+        return [printed, *(one.response(2 * np.pi * frequency.values) for one in self.fitted)]
+
+    response = array(
+        ("frequency", "drive"), "units/V", value=lambda self: self.circles.data["response"].values
+    )
+    complex_zeros = array("complex_zeros", "rad/s", value=lambda self: self.fitted[0].zeros)
+    complex_poles = array("complex_poles", "rad/s", value=lambda self: self.fitted[0].poles)
+    mixed_zeros = array("mixed_zeros", "rad/s", value=lambda self: self.fitted[1].zeros)
+    mixed_poles = array("mixed_poles", "rad/s", value=lambda self: self.fitted[1].poles)
+
+    def difference(self, nominal: DataArray) -> dict[str, DataArray]:
+        """Largest difference [dB] of two magnitudes (F,) outside and inside the resonances."""
+        hertz, level = nominal["frequency"], 20 * np.log10(abs(nominal))
+        between: Any = level.max("form") - level.min("form")  # type: ignore[arg-type]
+        first, second = ((hertz >= a) & (hertz <= b) for a, b in WINDOWS[self.axis].values())
+        masks = {"outside": ~(first | second), "inside": first | second}
+        return {place: between.where(mask, drop=True) for place, mask in masks.items()}
+
+    @check()
+    def agreement(self, nominal: DataArray) -> list[Check]:
+        """The three models agree closely."""
+        statement = "largest difference of two nominal magnitudes {} the resonances [dB]"
+        worst = [
+            (place, float(one.max()), f"at {float(one.idxmax()):.4g} Hz")
+            for place, one in self.difference(nominal).items()
+        ]
+        return [
+            Check(f"agreement {place}", statement.format(place), size, CLOSE[place], where)
+            for place, size, where in worst
+        ]
+
+    @metric
+    def differences(self, nominal: DataArray) -> dict[str, DataArray]:
+        difference = self.difference(nominal)
         return {
-            "difference_db": outside,
-            "difference_at_resonances_db": inside,
-            "difference_at_resonances_hz": where,
-            **{f"resonance_{form}_hz": float(resonance.sel(form=form)) for form in FORMS},
+            "difference_db": difference["outside"].max(),
+            "difference_at_resonances_db": difference["inside"].max(),
+            "difference_at_resonances_hz": difference["inside"].idxmax(),
         }
 
-    def _difference(self, answer: Dataset, inside: bool) -> tuple[float, float]:
-        """Largest difference of two magnitudes [dB], and its frequency [Hz]."""
-        level: DataArray = 20 * np.log10(abs(answer["nominal"]))  # type: ignore[assignment]
-        spread = (level.max("form") - level.min("form")).where(
-            self._near_resonance(answer) == inside, drop=True
-        )
-        return float(spread.max()), float(spread.idxmax())
+    resonances = metric("resonance_{form}_hz", lambda nominal: abs(nominal).idxmax("frequency"))
 
-    def _near_resonance(self, answer: Dataset) -> DataArray:
-        frequency = answer["frequency"]
-        windows = [(frequency >= a) & (frequency <= b) for a, b in WINDOWS[self.axis].values()]
-        return windows[0] | windows[1]
-
-    def figures(self, answer: Dataset) -> dict[str, Figure]:
-        figure, (top, bottom) = figures.axes(2, 1, size=(7.0, 6.0), sharex=True)
-        frequency = answer["frequency"].values
-        for k, drive in enumerate(answer["response"].values.T):
-            label = "twelve drives" if k == 0 else None
-            top.loglog(frequency, abs(drive), color="0.75", linewidth=0.6, label=label)
-            bottom.semilogx(frequency, figures.phase(drive), color="0.75", linewidth=0.6)
-        for form, style in zip(FORMS, ("--", ":", "-"), strict=True):
-            response = answer["nominal"].sel(form=form).values
-            top.loglog(frequency, abs(response), style, label=form)
-            bottom.semilogx(frequency, figures.phase(response), style)
-        top.set_ylabel("magnitude [units/V]")
-        bottom.set_ylabel("phase [deg]")
-        bottom.set_xlabel("frequency [Hz]")
-        top.set_title(f"{self.axis} nominal models")
-        figures.legend_below(figure, top)
-        return {"bode": figure}
+    @figure
+    def bode(self, answer: Dataset) -> Figure:
+        drawn, (top, bottom) = figures.axes(2, 1, size=(7.0, 6.0), sharex=True)
+        grey: Any = {"color": "0.75", "linewidth": 0.6}
+        lines = [(one, "-", grey) for one in answer["response"].transpose("drive", ...)]
+        styles = zip(answer["nominal"], ("--", ":", "-"), FORMS, strict=True)
+        lines += [(one, style, {"label": form}) for one, style, form in styles]
+        for one, style, look in lines:
+            top.plot(answer["frequency"], abs(one), style, **look)
+            bottom.plot(answer["frequency"], figures.phase(one.values), style, **look)
+        top.lines[0].set_label("twelve drives")
+        figures.label(top, y="magnitude [units/V]", title=f"{self.axis} nominal models", log="xy")
+        figures.label(bottom, "frequency [Hz]", "phase [deg]")
+        figures.legend_below(drawn, top)
+        return drawn

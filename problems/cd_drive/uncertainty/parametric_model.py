@@ -14,7 +14,7 @@ import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.heavy_types import StateSpace
-from workbench.uncertainty.parametric.lft import matrix, solve
+from workbench.uncertainty.parametric.lft import left_divide, matrix
 from workbench.uncertainty.parametric.model import ParametricModel, parametric
 from workbench.uncertainty.parametric.parameters import Parameter
 
@@ -48,7 +48,7 @@ def two_masses(
     current = matrix([[0.0, 0.0, -Bl, 0.0, 1.0]]) / (R + SERIES_RESISTANCE)
     force = matrix([[-stiffness, -damping, np.zeros((2, 1))]]) + lens[:, None] @ (Bl * current)
     speeds = np.eye(2, 5, k=2)
-    change = matrix([[speeds], [solve(mass, force)]])  # of the states, by the states and u
+    change = matrix([[speeds], [left_divide(mass, force)]])  # of the states, by the states and u
     return change @ np.eye(5, 4), change @ np.eye(5)[:, 4:], K_total * np.eye(1, 4), 0.0
 
 

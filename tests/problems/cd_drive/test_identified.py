@@ -38,7 +38,7 @@ def measured(axis):
         {"response": ("frequency", motion), "radius": ("frequency", radius)},
         {"frequency": high},
     )
-    runs = [SimpleNamespace(data=data) for data in (open_loop, closed_loop)]
+    runs = [SimpleNamespace(answer=data) for data in (open_loop, closed_loop)]
     return drive, Identified(axis, (runs[0],), (runs[1],), None)
 
 

@@ -1,13 +1,17 @@
-"""Lower bounds on the error of any magnitude fit of an order, from the alternation of one fit.
+"""Lower bound on the error of every magnitude fit of an order, from the alternation of one fit.
 
-De la Vallee Poussin's argument: let |W|^2 = N / D, a competitor |V|^2 = N_1 / D_1 of order n, and
-c > 0. If |V| < c|W| and |V| > c|W| hold in turn at k frequencies, then N_1 D - c^2 N D_1 has k - 1
-zeros in x = omega^2 > 0, yet its degree is at most n + max(deg N, deg D). So a fit W that
-alternates at n + max(deg N, deg D) + 2 frequencies bounds the error of every V from below: a
-competitor of error below e is smaller where c|W| / m is above 1 + e / w, and larger where it is
-below 1 - e / w (of a cover: at most 1, also between the data). W need not be the answer: roots of
-the answer that lie all but at zero, at infinity or on the imaginary axis are put there. At its zero
-there no competitor is smaller, at its pole none is larger, so these count as alternations.
+De la Vallee Poussin's argument: let |W|^2 = N / D be the one fit, |V|^2 = N_1 / D_1 a competitor of
+order n, and c > 0. If |V| < c|W| and |V| > c|W| hold in turn at k frequencies, then
+N_1 D - c^2 N D_1 has k - 1 zeros in x = omega^2 > 0, but its degree is at most
+n + max(deg N, deg D). So a fit W that alternates at n + max(deg N, deg D) + 2 frequencies bounds
+the error of every V from below: a competitor of error below e has |V| < c|W| where c|W| / m is
+above 1 + e / w, and |V| > c|W| where it is below 1 - e / w. (A cover has |V| > c|W| where c|W| / m
+is below 1, between the data too.)
+
+W need not be the answer itself: roots of the answer that lie very near zero, very far away or very
+near the imaginary axis are moved to zero, to infinity or onto the axis. At a zero of W there no
+competitor is smaller, and at a pole of W there none is larger, so these points count as
+alternations too.
 """
 
 from __future__ import annotations
@@ -19,20 +23,24 @@ import numpy as np
 from workbench.arrays import ComplexArray, RealArray
 from workbench.fitting.rational import Rational
 
-OUT_OF_REACH = 1e3
-"""Factor beyond the frequencies from which a root may be put at zero or infinity."""
-UNDAMPED = 1e-5
-"""Damping ratio below which a root may be put on the imaginary axis."""
-FINE = 10
-"""Samples in each interval of the data in search of the lowest points of a cover."""
+REMOTE_ROOT_FACTOR = 1e3
+"""Roots farther from the band of the data than this factor may be moved to zero or infinity."""
+UNDAMPED_RATIO = 1e-5
+"""Damping ratio below which a root may be moved onto the imaginary axis."""
+VALLEY_SAMPLES = 10
+"""Samples in each interval of the data in the search for the lowest points of a cover."""
 
 
 @dataclass(frozen=True)
 class _Points:
-    """Ratios |W| / m along the frequencies; 0 and infinity at zeros and poles on the boundary."""
+    """Ratios |W| / m (P,) at rising frequencies, 0 at zeros of W and infinite at its poles.
+
+    ``weight`` (P,) is 0 where only a bound from below counts; ``needed`` is the number of
+    alternations that the bound takes.
+    """
 
     ratio: RealArray
-    weight: RealArray  # 0: only a bound from below counts here
+    weight: RealArray
     needed: int
 
 
@@ -44,32 +52,33 @@ def error_bound(
     fit: Rational,
     order: int,
 ) -> float:
-    """A worst error that no fit of an order can go below; 0 where the fit proves nothing.
+    """Lower bound on the worst error of every fit of an order; 0 where ``fit`` proves nothing.
 
     Parameters
     ----------
     omega, magnitude, weight
-        Data (F,): [rad/s], positive, positive.
+        Data (F,): frequencies [rad/s], positive magnitudes, positive weights.
     cover
         Whether fits must lie above the data, between them too.
     fit
-        Whose alternation is used.
+        The fit whose alternation is used.
     order
-        Of the competitors.
+        Order of the competitors.
     """
     bound = 0.0
-    for limits in ((np.inf, 0.0), (OUT_OF_REACH, UNDAMPED)):
+    for limits in ((np.inf, 0.0), (REMOTE_ROOT_FACTOR, UNDAMPED_RATIO)):
         points = _points(omega, magnitude, weight, cover, fit, order, *limits)
         bound = max(bound, _cover_bound(points) if cover else _bound(points))
     return bound
 
 
 def _bound(points: _Points) -> float:
+    """Lower bound for fits that may lie on both sides of the data, the best of a few gains."""
     gain, best = 1.0, 0.0
     for _ in range(4):
         with np.errstate(invalid="ignore"):
             deviation = points.weight * (gain * points.ratio - 1)
-        deviation[points.ratio == 0] = -np.inf  # whatever its weight
+        deviation[points.ratio == 0] = -np.inf  # even where the weight is 0
         error, chosen = _alternation(deviation, points.needed)
         if not error > 0:
             break
@@ -88,7 +97,7 @@ def _bound(points: _Points) -> float:
 
 
 def _cover_bound(points: _Points) -> float:
-    """Over all gains that put some low point of the fit just on the data."""
+    """Lower bound for covers, the best over gains that put a low point of the fit on the data."""
     ratio = points.ratio
     inner = np.flatnonzero((ratio[1:-1] <= ratio[:-2]) & (ratio[1:-1] <= ratio[2:])) + 1
     low = np.unique(ratio[np.concatenate([[0], inner, [ratio.size - 1]])])
@@ -103,9 +112,9 @@ def _cover_bound(points: _Points) -> float:
 
 
 def _alternation(deviation: RealArray, needed: int) -> tuple[float, np.ndarray]:
-    """Largest e with ``needed`` sign changes among deviations beyond e, and the points that do.
+    """Largest e at which |deviation| >= e alternates in sign at ``needed`` points, and the points.
 
-    Of each run of one sign the point that deviates most is returned.
+    For each run of deviations of one sign the index of the largest is returned.
     """
     places = np.flatnonzero(deviation)
     size = np.abs(deviation[places])
@@ -117,7 +126,7 @@ def _alternation(deviation: RealArray, needed: int) -> tuple[float, np.ndarray]:
             return []
         return np.split(kept, np.flatnonzero(np.diff(np.sign(deviation[kept]))) + 1)
 
-    low, high = -1, levels.size - 1  # the level of `low` is reached, that of `high` + 1 is not
+    low, high = -1, levels.size - 1  # invariant: levels[low] is reached, levels[high + 1] is not
     while low < high:
         middle = (low + high + 1) // 2
         low, high = (middle, high) if len(runs(levels[middle])) >= needed else (low, middle - 1)
@@ -137,6 +146,10 @@ def _points(
     reach: float,
     undamped: float,
 ) -> _Points:
+    """Points of possible alternation, after moving roots that are remote or hardly damped.
+
+    ``reach`` is the factor beyond the band, ``undamped`` the damping ratio (see the constants).
+    """
     change, marks, degrees = {}, [], []
     far, near = reach * omega[-1], omega[0] / reach
     for name, sign in (("zeros", 1), ("poles", -1)):
@@ -176,14 +189,14 @@ def _points(
 
 @dataclass(frozen=True)
 class _Moved:
-    """Roots to be put at infinity, at zero and on the imaginary axis."""
+    """Roots [rad/s] to move to infinity, to zero and onto the imaginary axis."""
 
     far: ComplexArray
     near: ComplexArray
     undamped: ComplexArray
 
     def factor(self, omega: RealArray) -> RealArray:
-        """What that does to |prod(j omega - roots)|, up to a constant."""
+        """Factor (F,) by which the move changes |prod(j omega - roots)|, up to a constant."""
         s = 1j * omega[:, None]
         return np.asarray(
             np.prod(1 / np.abs(1 - s / self.far), axis=1)
@@ -193,9 +206,11 @@ class _Moved:
 
 
 def _valleys(omega: RealArray, ratio: object) -> RealArray:
-    """Frequencies at which the ratio is locally least, between the data too."""
+    """Frequencies [rad/s] of the local minima of the ratio, between the data too."""
     u = np.log(omega)
-    fine = np.interp(np.arange((u.size - 1) * FINE + 1) / FINE, np.arange(u.size), u)
+    fine = np.interp(
+        np.arange((u.size - 1) * VALLEY_SAMPLES + 1) / VALLEY_SAMPLES, np.arange(u.size), u
+    )
     r = ratio(np.exp(fine))  # type: ignore[operator]
     low = np.flatnonzero((r[1:-1] <= r[:-2]) & (r[1:-1] <= r[2:]))
     a, b = fine[low], fine[low + 2]

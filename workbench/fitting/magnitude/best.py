@@ -9,11 +9,12 @@ from workbench.program import Claim, method, methods
 from workbench.solvers import Outcome
 
 CANDIDATES = ("minimax", "sb10yd", "sk")
+"""Methods that are tried in turn, until one is proven optimal."""
 
 
 @method(MagnitudeFit, "best", optimal=True)
 def _best(program: MagnitudeFit, context: Context) -> Claim:
-    """Minimax; where its certificate is not closed, the best valid answer of it, SB10YD and SK."""
+    """Minimax if it is proven optimal; else the best valid answer of minimax, SB10YD and SK."""
     tolerance, found, failed = context.options.accuracy, [], []
     for name in CANDIDATES:
         try:

@@ -14,14 +14,15 @@ from workbench.fitting.magnitude.squared import SquaredBasis
 from workbench.program import Claim, conic_method
 from workbench.solvers import ConicSolver, Outcome, solve_conic
 
-LARGEST = 6
-"""Largest order: beyond, the Gram matrices are too near singular for the solvers."""
+LARGEST_CONIC_ORDER = 6
+"""Largest order of a fit; Gram matrices of higher orders are too near singular for the solvers."""
 
 
 def _too_large(program: MagnitudeFit) -> str | None:
-    if program.order <= LARGEST:
+    """Reason why the order is too large for conic solvers; None if it is not."""
+    if program.order <= LARGEST_CONIC_ORDER:
         return None
-    return f"its Gram matrices are sound up to order {LARGEST}; use minimax"
+    return f"its Gram matrices are sound up to order {LARGEST_CONIC_ORDER}; use minimax"
 
 
 @conic_method(MagnitudeFit, unfit=_too_large)
@@ -37,12 +38,12 @@ def _conic(program: MagnitudeFit, context: Context, solver: ConicSolver) -> Clai
             return None
         return numerator.value, denominator.value, float(fall.value)
 
-    # the certificate tells whether it is optimal; the last step may well fail for being idle
+    # The last step may fail, since it gains nothing; the certificate tells whether it is optimal.
     return minimax(program, step, context), Outcome.SOLVED, messages[-1]
 
 
 def _statement(step: Step) -> tuple[Any, Any, Any, Any]:
-    """The program, the coefficients of N and D, and t."""
+    """Semidefinite program of a step, and its variables: coefficients of N and of D, and t."""
     import cvxpy as cp
 
     n = step.mean.size
@@ -66,8 +67,9 @@ def _statement(step: Step) -> tuple[Any, Any, Any, Any]:
 def _spectral(basis: SquaredBasis) -> tuple[RealArray, RealArray]:
     """Rows of the basis, and products b b^H of the spectral basis b, at n + 1 frequencies.
 
-    Q(x) f(x) = |q(j omega)|^2 b^H X b with X real, symmetric and positive semidefinite is every
-    positive f: b spans 1 and 1 / (s - node), made orthonormal over the frequencies of the fit.
+    Every polynomial f that is positive for x >= 0 has the form Q(x) f(x) = |q(j omega)|^2 b^H X b
+    with X real, symmetric and positive semidefinite. Here b spans 1 and 1 / (s - node), made
+    orthonormal over the frequencies of the fit.
     """
     omega, nodes = basis.omega, basis.nodes
     pairs = np.flatnonzero(nodes.imag > 0)
@@ -89,7 +91,7 @@ def _spectral(basis: SquaredBasis) -> tuple[RealArray, RealArray]:
 
 
 def _spread(rows: RealArray) -> np.ndarray:
-    """Indices of as many rows as there are columns, as independent as can be."""
+    """Indices of the most independent rows, as many as there are columns."""
     from scipy.linalg import qr
 
     _, _, order = qr(rows.T, pivoting=True, mode="economic")

@@ -1,13 +1,12 @@
-"""Globally optimal magnitude fits by differential correction: a convex program each step.
+"""Globally optimal magnitude fits by differential correction: each step is a convex program.
 
-|W|^2 = N / D in x = omega^2. A worst error e asks for l(e)^2 m^2 D <= N <= h(e)^2 m^2 D and
-N, D > 0: linear in N and D. At the error e_k of (N_k, D_k) a step maximises t with
+|W|^2 = N / D in x = omega^2. A worst error e requires l(e)^2 m^2 D <= N <= h(e)^2 m^2 D and
+N, D > 0, which is linear in N and D. At the error e_k of (N_k, D_k) a step maximises t subject to
 
     h^2 m^2 D - N >= t (h^2)' m^2 D_k,    N - l^2 m^2 D >= -t (l^2)' m^2 D_k
 
-over all positive N, D; t = 0 proves e_k optimal, and otherwise the error falls, in the end
-quadratically (Barrodale, Powell and Roberts, SIAM J. Numerical Analysis 9, 1972, where l and h are
-linear).
+over all positive N, D. If t = 0, e_k is proven optimal; otherwise the error falls, at last
+quadratically (Barrodale, Powell and Roberts, SIAM J. Numerical Analysis 9, 1972, for linear l, h).
 """
 
 from __future__ import annotations
@@ -25,32 +24,33 @@ from workbench.fitting.magnitude.sanathanan_koerner import sanathanan_koerner
 from workbench.fitting.magnitude.squared import SquaredBasis, stable_roots
 from workbench.fitting.rational import Rational
 
-RETREATS = 2
-"""Orders by which the search for a better start goes down."""
-EXCHANGES = 4
-"""Rounds in which points are added between the data of a cover."""
-STEPS = 40
-"""Steps at most; a few are usual."""
-FINE = 1e-10
-"""Depth between the data up to which a cover is left to the last rounding."""
-LEAST_SHARE = 1e-3
-"""Least share of a step that is tried."""
-PLAIN = 4
-"""Plain corrections in a row."""
-OPTIMAL = 1e-10
-"""Relative fall of the error still possible at which it counts as least."""
-STALLED = 1e-4
-"""Relative distance from what is unreachable at which a stalled search ends."""
-MATCHED = 1e-12
-"""Error at which data count as matched."""
+MAX_ORDER_REDUCTIONS = 2
+"""Largest number of orders by which the search for a better start goes down."""
+MAX_VALLEY_ROUNDS = 4
+"""Most rounds in which points between the data of a cover are added."""
+MAX_CORRECTIONS = 40
+"""Most steps of differential correction; a few are usual."""
+VALLEY_TOLERANCE = 1e-10
+"""Relative depth of a cover below the data, between them, that the final gain may repair."""
+MIN_STEP_SHARE = 1e-3
+"""Smallest share of a step that is tried."""
+MAX_PLAIN_CORRECTIONS = 4
+"""Most plain corrections in a row before half of the possible improvement is asked for."""
+OPTIMAL_FALL = 1e-10
+"""Value of t, the possible relative fall of the error, below which the error counts as optimal."""
+STALLED_DISTANCE = 1e-4
+"""Relative distance of the error from one known as unreachable, at which a stalled search ends."""
+MATCHED_ERROR = 1e-12
+"""Worst error at or below which the data count as matched."""
 
 
 @dataclass(frozen=True)
 class Step:
-    """One linear program over positive polynomials relative to the current ones.
+    """Data of one step: a linear program over positive polynomials N and D.
 
-    Rows of ``upper`` and ``lower`` act on the coefficients of N and D: their product is at least
-    t times ``upper_slope`` and ``lower_slope``. ``mean`` of D is 1.
+    N and D are given by coefficients in bases relative to the current polynomials. The rows of
+    ``upper`` and ``lower`` times the coefficients of N and D must be at least t times
+    ``upper_slope`` and ``lower_slope``; ``mean`` times the coefficients of D must be 1.
     """
 
     numerator: SquaredBasis
@@ -63,15 +63,15 @@ class Step:
 
 
 Solver = Callable[[Step], tuple[RealArray, RealArray, float] | None]
-"""Coefficients of N and D and the t reached; None where there is no answer."""
+"""Function of a step that gives the coefficients of N and D and t; None without an answer."""
 
 
 def minimax(
-    program: MagnitudeFit, solver: Solver, context: Context, retreats: int = RETREATS
+    program: MagnitudeFit, solver: Solver, context: Context, retreats: int = MAX_ORDER_REDUCTIONS
 ) -> Rational:
-    """The best fit; where its alternation does not prove that, also from a fit of lower order.
+    """The best fit; if it is not proven optimal, the best of several starts.
 
-    ``retreats`` limits how many orders lower that goes.
+    The other starts come from fits of lower order, at most ``retreats`` orders lower.
     """
     target = target_of(program)
 
@@ -86,7 +86,7 @@ def minimax(
     if program.order == 0 or retreats == 0 or proven(fit):
         return fit
     lower = minimax(program.with_order(program.order - 1), solver, context, retreats - 1)
-    if proven(lower):  # a degenerate optimum: it has no use for the order
+    if proven(lower):  # a degenerate optimum: the higher order gains nothing
         return lower
     middle = -np.sqrt(target.omega[0] * target.omega[-1])
     grown = corrected(
@@ -98,14 +98,14 @@ def minimax(
 def _covering_correction(
     target: Target, start: Rational, solver: Solver, context: Context
 ) -> Rational:
-    """The best fit; of a cover with points between the data added where it is too low."""
+    """The best fit; for a cover, points between the data are added where the fit is too low."""
     fit = _differential_correction(replace(target, cover=False), start, solver, context)
     if not target.cover:
         return fit
-    for _ in range(EXCHANGES):
+    for _ in range(MAX_VALLEY_ROUNDS):
         target, least = target.with_valleys(fit)
         fit = _differential_correction(target, fit, solver, context)
-        if least > (1 - FINE) * target.ratio(fit).min():
+        if least > (1 - VALLEY_TOLERANCE) * target.ratio(fit).min():
             break
     return fit
 
@@ -113,14 +113,14 @@ def _covering_correction(
 def _differential_correction(
     target: Target, start: Rational, solver: Solver, context: Context
 ) -> Rational:
-    """The best fit with as many roots as the start has."""
+    """The best fit with as many zeros and poles as the start has."""
     error, fit = target.best(start)
     unreachable, plain, lost = 0.0, 0, 0
-    for _ in context.track(range(STEPS), "differential correction"):
-        if error <= MATCHED:
+    for _ in context.track(range(MAX_CORRECTIONS), "differential correction"):
+        if error <= MATCHED_ERROR:
             break
-        # far from the optimum corrections may be slow: then ask for half of what may be left
-        asked = error if plain < PLAIN else (error + unreachable) / 2
+        # far from the optimum corrections may be slow: ask for half of the possible improvement
+        asked = error if plain < MAX_PLAIN_CORRECTIONS else (error + unreachable) / 2
         step = _step(target, fit, error, asked)
         found = solver(step)
         if found is None:
@@ -131,12 +131,12 @@ def _differential_correction(
             unreachable = asked if found[2] < 0 else unreachable
         else:
             plain += 1
-            if found[2] < OPTIMAL:
+            if found[2] < OPTIMAL_FALL:
                 break
             if error - new_error < found[2] * error / 2:
-                plain = PLAIN
+                plain = MAX_PLAIN_CORRECTIONS
         lost = 0 if new_error < error else lost + 1
-        if lost > 2 or (lost and unreachable > error * (1 - STALLED)):
+        if lost > 2 or (lost and unreachable > error * (1 - STALLED_DISTANCE)):
             break
         if not lost:
             error, fit = new_error, new_fit
@@ -146,7 +146,10 @@ def _differential_correction(
 def _along(
     target: Target, error: float, step: Step, found: tuple[RealArray, RealArray, float]
 ) -> tuple[float, Rational]:
-    """The fit found, or one on the way to it, where the error is less too by quasi-convexity."""
+    """Error and fit at the end of a step or, if the error does not fall there, on the way to it.
+
+    By quasi-convexity the error falls on the way too.
+    """
     bases, share = (step.numerator, step.denominator), 1.0
     while True:
         zeros, poles = (
@@ -156,12 +159,13 @@ def _along(
             for basis, new in zip(bases, found[:2], strict=True)
         )
         new_error, fit = target.best(Rational(zeros, poles, 1.0))
-        if new_error < error or share < LEAST_SHARE:
+        if new_error < error or share < MIN_STEP_SHARE:
             return new_error, fit
         share /= 4
 
 
 def _step(target: Target, fit: Rational, error: float, asked: float) -> Step:
+    """Data of the step from a fit of a given error towards an error ``asked``."""
     numerator = SquaredBasis(fit.zeros, target.omega)
     denominator = SquaredBasis(fit.poles, target.omega)
     top = target.ratio(fit)[:, None] ** 2 * numerator.columns

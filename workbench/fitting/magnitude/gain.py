@@ -1,4 +1,4 @@
-"""What every method of the magnitude fit ends with: the best gain for its shape, and coverage."""
+"""The last step of every magnitude fit: the best gain for given roots, and coverage."""
 
 from __future__ import annotations
 
@@ -14,17 +14,18 @@ from workbench.fitting.rational import Rational
 if TYPE_CHECKING:
     from workbench.fitting.magnitude.program import MagnitudeFit
 
-OUTWARD = 1e-9
-"""Relative rounding of the gain of a cover, outward."""
-BETWEEN = 8
-"""Samples in each interval of the data in search of the fit's lowest points."""
+COVER_GAIN_MARGIN = 1e-9
+"""Relative increase of a cover's gain, so that rounding cannot put it below the data."""
+VALLEY_SAMPLES = 8
+"""Samples in each interval of the data in the search for the fit's lowest points."""
 
 
 @dataclass(frozen=True)
 class Target:
-    """Magnitudes to fit; of a cover also points between the data, of weight 0: a bound from below.
+    """Magnitudes to fit or to cover.
 
-    All arrays (F,): ``omega`` [rad/s], sorted, ``magnitude``, ``weight``.
+    ``omega`` (F,) [rad/s] rises; ``magnitude`` (F,) and ``weight`` (F,) belong to it. A cover may
+    have points between the data too; their weight 0 says that only the bound from below counts.
     """
 
     omega: RealArray
@@ -33,16 +34,17 @@ class Target:
     cover: bool
 
     def limits(self, error: float) -> tuple[RealArray, RealArray]:
-        """Least and largest |W| / m allowed by a worst error; the largest may be infinite."""
+        """Smallest and largest (may be infinite) |W| / m (F,) that a worst error allows."""
         with np.errstate(divide="ignore"):
             high = 1 + error / self.weight
         return (np.ones_like(high) if self.cover else np.maximum(2 - high, 0)), high
 
     def ratio(self, shape: Rational) -> RealArray:
+        """|W| / m (F,) of a function."""
         return np.asarray(np.abs(shape.response(self.omega)) / self.magnitude)
 
     def best(self, shape: Rational) -> tuple[float, Rational]:
-        """Least worst error over all gains, and the shape with that gain."""
+        """Smallest worst error over all gains of a function, and the function with that gain."""
         ratio = self.ratio(shape)
         if not np.all(np.isfinite(ratio) & (ratio > 0)):
             return np.inf, shape
@@ -50,7 +52,8 @@ class Target:
             gain = 1 / ratio.min()
             return float(np.max(self.weight * (gain * ratio - 1))), shape.scaled(gain)
         error = 0.0
-        for _ in range(100):  # Newton on a concave piecewise linear function: ends at its zero
+        # Newton's method ends at the zero of this concave piecewise linear function.
+        for _ in range(100):
             low, high = self.limits(error)
             i, j = int(np.argmin(high / ratio)), int(np.argmax(low / ratio))
             above, below = ratio[i], ratio[j]
@@ -63,9 +66,9 @@ class Target:
         return error, shape.scaled(gain)
 
     def with_valleys(self, shape: Rational) -> tuple[Target, float]:
-        """With the lowest points of the fit between the data, and the least ratio at them."""
+        """Target with the fit's local minima between the data added, and the smallest ratio."""
         u, data = np.log(self.omega), np.log(self.magnitude)
-        steps = np.linspace(0, 1, BETWEEN, endpoint=False)
+        steps = np.linspace(0, 1, VALLEY_SAMPLES, endpoint=False)
         fine = (u[:-1, None] + np.diff(u)[:, None] * steps).ravel()
         fine = np.unique(np.concatenate([fine, u[-1:], _beside(shape, u)]))
 
@@ -93,7 +96,10 @@ class Target:
 
 
 def _beside(shape: Rational, u: RealArray) -> RealArray:
-    """Logarithms of frequencies around sharp roots, close enough to see each; within those of u."""
+    """Logarithms of frequencies close around each complex root, within the range of u.
+
+    They resolve each resonance, however sharp.
+    """
     roots = np.concatenate([shape.zeros, shape.poles])
     roots = roots[roots.imag > 0]
     away = np.append(0, 2.0 ** np.arange(-2, 24))
@@ -103,11 +109,15 @@ def _beside(shape: Rational, u: RealArray) -> RealArray:
 
 
 def target_of(program: MagnitudeFit) -> Target:
+    """The data of a program as a target."""
     return Target(program.omega, program.magnitude, program.weight, program.cover)
 
 
 def finished(target: Target, zeros: ComplexArray, poles: ComplexArray) -> Rational:
-    """Stable, minimum-phase, with the best gain; of a cover, a cover between the data too."""
+    """Stable, minimum-phase function with given roots, mirrored where needed, and the best gain.
+
+    For a cover the gain also covers the data between their frequencies.
+    """
     shape = Rational(
         left_half_plane(zeros, target.omega), left_half_plane(poles, target.omega), 1.0
     )
@@ -115,4 +125,4 @@ def finished(target: Target, zeros: ComplexArray, poles: ComplexArray) -> Ration
     if not target.cover:
         return shape
     _, least = target.with_valleys(shape)
-    return shape.scaled((1 + OUTWARD) / least)
+    return shape.scaled((1 + COVER_GAIN_MARGIN) / least)

@@ -12,8 +12,8 @@ from workbench.fitting.magnitude.program import MagnitudeFit
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
 
-ROUNDS = 12
-"""Rounds in which a linear program is given rows that its answer missed."""
+MAX_EXCHANGE_ROUNDS = 12
+"""Most solutions of one step's linear program; each adds the rows that the last answer violated."""
 
 
 @method(MagnitudeFit, "minimax", optimal=True)
@@ -23,7 +23,11 @@ def _minimax(program: MagnitudeFit, context: Context) -> Claim:
 
 
 def linear_program(step: Step) -> tuple[RealArray, RealArray, float] | None:
-    """The step by HiGHS; rows that bind, and positivity between the data, found by exchange."""
+    """Answer of a step by the linear solver HiGHS.
+
+    Only some rows are used at first; the violated ones, and positivity between the data where it
+    fails, are added in rounds.
+    """
     from scipy.optimize import linprog
 
     n = step.mean.size
@@ -45,7 +49,7 @@ def linear_program(step: Step) -> tuple[RealArray, RealArray, float] | None:
     cost = np.append(np.zeros(2 * n), -1.0)
     bounds = [(None, None)] * (2 * n) + [(None, 1.0)]
     best = None
-    for _ in range(ROUNDS):
+    for _ in range(MAX_EXCHANGE_ROUNDS):
         used = np.vstack([rows[held], -np.array(signs)])
         answer = linprog(
             cost,
@@ -76,7 +80,7 @@ def linear_program(step: Step) -> tuple[RealArray, RealArray, float] | None:
 
 
 def _peaks(values: RealArray, split: int) -> NDArray[np.bool_]:
-    """Where values are locally largest, in two parts."""
+    """Mask of the local maxima of values, in the parts before and after ``split`` separately."""
     peaks = np.zeros(values.size, dtype=bool)
     for part in (slice(None, split), slice(split, None)):
         v = np.concatenate([[-np.inf], values[part], [-np.inf]])
@@ -90,7 +94,7 @@ def _undamped(roots: ComplexArray) -> RealArray:
 
 
 def _beside(row: RealArray, side: int) -> RealArray:
-    """A row on the coefficients of N (side 0) or D (side 1) as one on all variables."""
+    """Row on all variables (N, D and t) from a row on the coefficients of N (side 0) or D (1)."""
     row = row / np.linalg.norm(row)
     blank = np.zeros_like(row)
     return np.concatenate([blank, row, [0.0]] if side else [row, blank, [0.0]])

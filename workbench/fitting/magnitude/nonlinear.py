@@ -1,4 +1,4 @@
-"""The magnitude fit as a nonlinear program for IPOPT, in the logarithms of its sections."""
+"""The magnitude fit as a nonlinear program for IPOPT, in logarithms of quadratic factors."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from workbench.fitting.rational import Rational, paired
 from workbench.program import Claim, method
 from workbench.solvers import ipopt, ipopt_outcome
 
-SMOOTH = 0.05
-"""Least damping ratio of the start: sharper sections than the data's are hard to leave."""
+MIN_STARTING_DAMPING = 0.05
+"""Smallest damping ratio of the start: IPOPT hardly leaves resonances sharper than the data's."""
 
 
 @method(MagnitudeFit, "ipopt", optimal=False)
 def _ipopt(program: MagnitudeFit, context: Context) -> Claim:
-    """Nonlinear program: least worst error over sections s^2 + a s + b, a and b as logarithms."""
+    """Nonlinear program: least worst error over log a and log b of factors s^2 + a s + b."""
     import casadi as ca
 
     target, n = target_of(program), program.order
@@ -47,20 +47,24 @@ def _ipopt(program: MagnitudeFit, context: Context) -> Claim:
 
 
 def _start(target: Target, order: int) -> Rational:
-    """The linear fit, its sections damped unless that costs more than it does to keep them."""
+    """Start of the search: the linear fit, or the same with more damping if that has less error."""
     fit = sanathanan_koerner(target, order)
     damped = Rational(_damped(fit.zeros), _damped(fit.poles), 1.0)
     return min((fit, damped), key=lambda start: target.best(start)[0])
 
 
 def _damped(roots: ComplexArray) -> ComplexArray:
+    """Roots of the same size with at least MIN_STARTING_DAMPING."""
     size = np.abs(roots)
-    real = np.minimum(roots.real, -SMOOTH * size)
+    real = np.minimum(roots.real, -MIN_STARTING_DAMPING * size)
     return paired(real + 1j * np.sign(roots.imag) * np.sqrt(np.maximum(size**2 - real**2, 0)))
 
 
 def _log_size(logs: Any, omega: RealArray) -> Any:
-    """log|prod of sections| over frequencies: pairs of logs (a, b), and one of s + a if odd."""
+    """log|product of factors| at frequencies, as a CasADi expression.
+
+    ``logs`` holds log a, log b of each factor s^2 + a s + b and, if odd, log a of a last s + a.
+    """
     import casadi as ca
 
     size = ca.SX.zeros(omega.size)
@@ -73,7 +77,10 @@ def _log_size(logs: Any, omega: RealArray) -> Any:
 
 
 def _logs(roots: ComplexArray) -> RealArray:
-    """Logarithms of the sections of some roots; real roots are taken two by two."""
+    """Logarithms of the factors with given roots, as `_log_size` takes them.
+
+    Real roots are taken two by two.
+    """
     real, upper = np.sort(roots.real[roots.imag == 0]), roots[roots.imag > 0]
     pairs = [(-2 * p.real, abs(p) ** 2) for p in upper]
     pairs += [(-(p + q), p * q) for p, q in zip(real[:-1:2], real[1::2], strict=False)]
@@ -82,6 +89,7 @@ def _logs(roots: ComplexArray) -> RealArray:
 
 
 def _roots(logs: RealArray) -> ComplexArray:
+    """Roots of the factors with given logarithms."""
     values = np.exp(logs)
     pairs = [np.roots([1, a, b]) for a, b in zip(values[:-1:2], values[1::2], strict=False)]
     last = [np.array([-values[-1]])] if values.size % 2 else []

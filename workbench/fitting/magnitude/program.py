@@ -1,4 +1,4 @@
-"""Stable, minimum-phase rational functions through magnitude data: weights, D-scales, covers."""
+"""Stable, minimum-phase rational functions that fit or cover magnitudes: weights, D-scales."""
 
 from __future__ import annotations
 
@@ -24,18 +24,22 @@ from workbench.solvers import Options
 
 LARGEST_ORDER = 12
 """Largest order that `fit_magnitude` tries in search of the smallest one."""
-MATCHED = 1e-9
-"""Error at which the data count as matched."""
-ROUNDING = 2e-9
-"""Outward rounding of a cover's gain that the optimality gap lets pass."""
+MATCHED_ERROR = 1e-9
+"""Worst error at or below which the data count as matched."""
+COVER_GAIN_ALLOWANCE = 2e-9
+"""Relative excess of a cover's gain, from rounding upward, that the optimality gap ignores."""
+_TINY = float(np.finfo(float).tiny)
+"""Smallest normal number: the bound of a check that asks for a positive or negative value."""
+_HUGE = float(np.finfo(float).max)
+"""Largest number: the bound of a check that asks for a finite value."""
 
 
 @dataclass(frozen=True, eq=False)
 class MagnitudeFit(Program):
-    """W of least worst error max_i w_i | |W(j omega_i)| / m_i - 1 |, stable and minimum phase.
+    """Stable, minimum-phase W with the smallest worst error max_i w_i | |W(j omega_i)| / m_i - 1 |.
 
-    The optimum is global: in the coefficients of |W|^2 the problem is quasi-convex. It is certified
-    by alternation. The answer is a `Rational`.
+    The problem is quasi-convex in the coefficients of |W|^2, so the optimum is global. It is
+    certified by alternation. The answer is a `Rational`.
 
     Parameters
     ----------
@@ -44,12 +48,12 @@ class MagnitudeFit(Program):
     magnitude
         m (F,), positive.
     order
-        Number of poles, and of zeros, at most: n >= 0; F >= 2 n + 2 data are needed.
+        Largest number n >= 0 of poles, and of zeros; F >= 2 n + 2 data are needed.
     weight
         w (F,), positive; 1 by default.
     cover
-        Whether |W| >= m must hold, between the data too, where m is linear in log-log scale; the
-        error is then max_i w_i (|W| / m_i - 1).
+        Whether |W| >= m must hold at the data and between them, where m is linear in log-log
+        scale. The error is then max_i w_i (|W| / m_i - 1).
 
     Raises
     ------
@@ -57,7 +61,7 @@ class MagnitudeFit(Program):
         Data that are not as above; the message says which and where.
     """
 
-    omega: Any  # arrays from here on
+    omega: Any  # arrays after construction
     magnitude: Any
     order: int
     weight: Any = None
@@ -80,18 +84,18 @@ class MagnitudeFit(Program):
             )
 
     def with_order(self, order: int) -> MagnitudeFit:
-        """The same data fitted in another order."""
+        """Program with the same data and another order."""
         return replace(self, order=order)
 
     # --- errors and checks --------------------------------------------------------------------
 
     def errors(self, answer: Rational) -> RealArray:
-        """Weighted relative errors (F,); of a cover, negative where it is too low."""
+        """Weighted relative errors (F,); for a cover they are negative where it is too low."""
         relative = np.abs(answer.response(self.omega)) / self.magnitude - 1
         return np.asarray(self.weight * (relative if self.cover else np.abs(relative)))
 
     def error(self, answer: Rational) -> float:
-        """The worst error, infinite where it is no number."""
+        """The worst error; infinite if it is not a finite number."""
         value = float(np.max(self.errors(answer)))
         return value if np.isfinite(value) else float("inf")
 
@@ -113,14 +117,16 @@ class MagnitudeFit(Program):
         return checks
 
     def bound(self, answer: Rational) -> float:
-        """An error that no fit of the order goes below, by the alternation of this one."""
+        """Lower bound on the worst error of every fit of the order, from this one's alternation."""
         return error_bound(self.omega, self.magnitude, self.weight, self.cover, answer, self.order)
 
     def gap(self, answer: Rational) -> tuple[str, float]:
         statement = "worst error above its bound by alternation, relative"
         error = self.error(answer)
-        rounding = ROUNDING * float(self.weight.max()) * (1 + error) if self.cover else 0.0
-        if error <= MATCHED + rounding:
+        rounding = (
+            COVER_GAIN_ALLOWANCE * float(self.weight.max()) * (1 + error) if self.cover else 0.0
+        )
+        if error <= MATCHED_ERROR + rounding:
             return f"{statement}; the data are matched", 0.0
         excess = error - self.bound(answer)
         return statement, (excess if excess < 0 else max(excess - rounding, 0.0)) / error
@@ -156,10 +162,6 @@ class MagnitudeFit(Program):
         )
 
 
-_TINY = float(np.finfo(float).tiny)
-_HUGE = float(np.finfo(float).max)
-
-
 def fit_magnitude(
     omega: ArrayLike,
     magnitude: ArrayLike,
@@ -176,16 +178,20 @@ def fit_magnitude(
     Parameters
     ----------
     omega, magnitude, order, weight, cover
-        As `MagnitudeFit`. Instead of ``order`` the worst ``error`` allowed may be given: the
-        smallest order that meets it, up to `LARGEST_ORDER`, is taken.
+        The same as for `MagnitudeFit`.
+    error
+        Largest worst error allowed, instead of ``order``: the smallest order that meets it, up to
+        `LARGEST_ORDER`, is taken.
     method
         Name of a method of `MagnitudeFit`; by default ``"best"``.
+    options
+        Accuracy and time limit for the method.
 
     Returns
     -------
     control.StateSpace
-        Biproper in general, of that order at most. For the roots, and a certificate, ask
-        ``solve(MagnitudeFit(...))``.
+        In general as many zeros as poles, and at most that order. ``solve(MagnitudeFit(...))``
+        gives the roots and a certificate.
 
     Raises
     ------
@@ -217,6 +223,7 @@ def fit_magnitude(
 
 
 def _answer(program: MagnitudeFit, method: str | None, options: Options) -> Rational:
+    """Answer of a method that passes the validity checks; else a `SolverError`."""
     answer, outcome, message = find_method(program, method).answer(program, Context(options))
     if answer is None:
         raise SolverError(f"{method or program.default_method}: {outcome}. {message}")
@@ -228,4 +235,5 @@ def _answer(program: MagnitudeFit, method: str | None, options: Options) -> Rati
 
 
 def _rightmost(roots: np.ndarray) -> float:
+    """Largest real part of the roots, each relative to its size; -1 without roots."""
     return float(np.max(roots.real / np.maximum(np.abs(roots), _TINY), initial=-1.0))

@@ -10,8 +10,8 @@ from workbench.fitting.rational import Rational
 from workbench.fitting.storage import roots
 from workbench.heavy_types import Dataset, Figure
 
-DENSE = 10
-"""Points of the fitted curve for each of the data."""
+CURVE_POINTS = 10
+"""Points of the drawn curve in each interval of the data."""
 
 
 def to_dataset(
@@ -59,7 +59,7 @@ def figures(
     """
     figure, (top, below) = style.axes(2, 1, size=(7.0, 5.6), sharex=True)
     hertz = omega / (2 * np.pi)
-    steps = np.arange((hertz.size - 1) * DENSE + 1) / DENSE
+    steps = np.arange((hertz.size - 1) * CURVE_POINTS + 1) / CURVE_POINTS
     dense = np.exp(np.interp(steps, np.arange(hertz.size), np.log(hertz)))
     top.loglog(hertz, magnitude, ".", color=style.BLACK, markersize=3, label="data")
     fitted = np.abs(answer.response(2 * np.pi * dense))

@@ -14,7 +14,7 @@ from workbench.program import Claim, method
 from workbench.solvers import Outcome
 
 ITERATIONS = 12
-"""Reweightings; the best fit met is kept."""
+"""Number of reweighted least-squares fits, of which the best is kept."""
 
 
 @method(MagnitudeFit, "sk", optimal=False)
@@ -26,11 +26,11 @@ def _sk(program: MagnitudeFit, context: Context) -> Claim:
 
 
 def sanathanan_koerner(target: Target, order: int) -> Rational:
-    """The best of the fits met by Sanathanan-Koerner iteration on |W|^2 = N / D.
+    """The best of the fits found by Sanathanan-Koerner iteration on |W|^2 = N / D.
 
-    Each iteration minimises sum (weight (N - m^2 D) / (m^2 D_k + N_k))^2 over N and D relative to
-    the roots of the last one (IEEE Trans. Automatic Control 8, 1963); zeros of N or D on x > 0 are
-    repaired.
+    Each iteration minimises sum (weight (N - m^2 D) / (m^2 D_k + N_k))^2 over N and D, in bases
+    relative to the roots of the last iteration (IEEE Trans. Automatic Control 8, 1963). Zeros of N
+    or D on x > 0 are repaired (see `stable_roots`).
     """
     roots = -np.geomspace(target.omega[0], target.omega[-1], order + 2)[1:-1].astype(complex)
     _, fit = target.best(Rational(roots, roots, 1.0))
@@ -54,5 +54,5 @@ def sanathanan_koerner(target: Target, order: int) -> Rational:
 
 
 def _least(rows: RealArray) -> RealArray:
-    """The unit vector that makes the rows smallest."""
+    """Unit vector x with the smallest |rows x|."""
     return np.linalg.svd(rows, full_matrices=False)[2][-1]

@@ -1,4 +1,4 @@
-"""SLICOT's magnitude fit: a minimum phase from the magnitude, then SB10YD."""
+"""Magnitude fit by SLICOT: Bode's relation gives a minimum phase, then SB10YD fits both."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from workbench.solvers import Outcome
 
 @method(MagnitudeFit, "sb10yd", optimal=False)
 def _sb10yd(program: MagnitudeFit, context: Context) -> Claim:
-    """SLICOT SB10YD on the minimum-phase response of the magnitude; the best gain for its shape."""
+    """SLICOT SB10YD on the minimum-phase response of the magnitude, then the best gain."""
     target = target_of(program)
     if program.order == 0:  # SB10YD starts at one
         none = np.zeros(0, dtype=complex)
@@ -31,7 +31,8 @@ def minimum_phase(omega: RealArray, magnitude: RealArray) -> RealArray:
     """Phase [rad] (F,) of the minimum-phase response of a magnitude (F,) at ``omega`` [rad/s].
 
     Bode's relation, phase(u) = 1/pi integral of (d log m / d log omega) log coth(|v - u| / 2) dv,
-    exact for the log-log linear interpolant of the data that continues its outer slopes.
+    is evaluated exactly for the interpolant of the data that is linear in log-log scale and
+    continues its outer slopes.
     """
     from scipy.special import spence
 
@@ -40,7 +41,7 @@ def minimum_phase(omega: RealArray, magnitude: RealArray) -> RealArray:
     slopes = np.concatenate([slopes[:1], slopes, slopes[-1:]])
     away = np.abs(u[None] - u[:, None])
     z = np.exp(-away)
-    # integral of log coth(t / 2) from 0, by dilogarithms
+    # integral of log coth(t / 2) from 0 to |v - u|, by dilogarithms
     integral = np.pi**2 / 4 - (spence(1 - z) - spence(1 + z))
     integral *= np.sign(u[None] - u[:, None])
     end = np.full((u.size, 1), np.pi**2 / 4)

@@ -1,12 +1,13 @@
-"""Squared magnitudes of real polynomials, in bases that keep their digits over many decades.
+"""Squared magnitudes of real polynomials, in bases that stay accurate over many decades.
 
-A polynomial P(s) with real coefficients has |P(j omega)|^2 = prod(x + p_k^2), x = omega^2, over
-its roots p_k, and every polynomial in x that is positive for x >= 0 is of this form, its roots all
-in the left half plane (spectral factorisation). Here polynomials of degree n in x are written
-relative to a current one: as Q(x) (c_0 + sum_k c_k / (x - xi_k)) / P(x), Q(x) = prod(x - xi_k),
-with nodes xi_k at or beside the current roots, orthonormal over the frequencies. Their roots are
-the eigenvalues of diag(xi) - 1 c^T / c_0, of a pencil where c_0 may vanish, as in vector fitting
-(Gustavsen and Semlyen, IEEE Trans. Power Delivery 14, 1999).
+A polynomial P(s) with real coefficients and roots p_k has |P(j omega)|^2 = prod(x + p_k^2),
+x = omega^2. Conversely every polynomial in x that is positive for x >= 0 has this form with all
+p_k in the left half plane (spectral factorisation). Here polynomials of degree n in x are written
+relative to a current one P, as Q(x) (c_0 + sum_k c_k / (x - xi_k)) / P(x), Q(x) = prod(x - xi_k).
+The nodes xi_k lie at or beside the current roots, and the basis is orthonormal over the
+frequencies. The zeros are the eigenvalues of diag(xi) - 1 c^T / c_0, computed as those of a pencil
+because c_0 may vanish, as in vector fitting (Gustavsen and Semlyen, IEEE Trans. Power Delivery 14,
+1999).
 """
 
 from __future__ import annotations
@@ -17,25 +18,25 @@ from scipy.linalg import eigvals
 from workbench.arrays import ComplexArray, RealArray
 from workbench.fitting.rational import paired
 
-APART = 0.03
-"""Least relative distance between nodes."""
-BLUNT = 1e-2
-"""Least damping ratio of nodes."""
-NEAR = 1.5
-"""Nodes stay within this factor of the frequencies."""
-FAR = 1e5
-"""Roots stay within this factor of the frequencies; those beyond change |W| by 1e-10."""
-DAMPING = 1e-7
-"""Least damping ratio: between grid points as close as 1e-3 it changes |W| by 1e-8 at most."""
+NODE_DISTANCE = 0.03
+"""Smallest distance between nodes, relative to their size."""
+NODE_DAMPING = 1e-2
+"""Smallest damping ratio of nodes."""
+NODE_RANGE = 1.5
+"""Largest factor by which nodes may lie below or above the band of the frequencies."""
+ROOT_RANGE = 1e5
+"""Largest factor by which roots may lie below or above the band; others change |W| by 1e-10."""
+ROOT_DAMPING = 1e-7
+"""Smallest damping ratio of roots; it changes |W| by 1e-8 at frequencies a relative 1e-3 apart."""
 
 
 class SquaredBasis:
-    """Polynomials of degree n in x = omega^2, divided by a current one of roots (n,).
+    """Basis of the polynomials of degree n in x = omega^2, relative to a current polynomial.
 
     Parameters
     ----------
     roots
-        Roots [rad/s] of the current polynomial, in the left half plane.
+        Roots (n,) [rad/s] of the current polynomial, in the left half plane.
     omega
         Frequencies [rad/s] (F,) over which the basis is orthonormal.
 
@@ -49,7 +50,7 @@ class SquaredBasis:
 
     def __init__(self, roots: ComplexArray, omega: RealArray) -> None:
         self.roots, self.omega = roots, omega
-        self.nodes = _apart(roots, omega[0] / NEAR, omega[-1] * NEAR)
+        self.nodes = _apart(roots, omega[0] / NODE_RANGE, omega[-1] * NODE_RANGE)
         triangle = np.linalg.qr(self._fractions(omega), mode="r")
         self._inverse = np.linalg.inv(triangle / np.sqrt(omega.size))
         self.columns = self(omega)
@@ -61,12 +62,12 @@ class SquaredBasis:
         return self._fractions(omega) @ self._inverse
 
     def zeros(self, coefficients: RealArray) -> ComplexArray:
-        """Zeros in x, in units of (rad/s)^2, of a combination of the basis."""
+        """Zeros (n,) in x [(rad/s)^2] of the polynomial with given coefficients."""
         c, upper = self._inverse @ coefficients, np.flatnonzero(self.nodes.imag > 0)
         size = np.abs(self.nodes) ** 2
         middle = np.exp(np.mean(np.log(size))) if size.size else 1.0
         xi, grade = -(self.nodes**2) / middle, np.sqrt(size / middle)
-        # real blocks [[a, b], [-b, a]] of input [2, 0] for pairs: zeros in exact pairs
+        # pairs as real blocks [[a, b], [-b, a]] with input [2, 0]: zeros come in exact pairs
         state, inputs, outputs = np.diag(xi.real), np.ones(xi.size), c[1:].copy()
         state[upper, upper + 1], state[upper + 1, upper] = xi.imag[upper], -xi.imag[upper]
         inputs[upper], inputs[upper + 1] = 2, 0
@@ -74,7 +75,7 @@ class SquaredBasis:
         residues = outputs.astype(complex)
         residues[upper] += 1j * outputs[upper + 1]
         residues[upper + 1] = residues[upper].conjugate()
-        # a pencil, graded: no zero loses its digits beside far or infinite ones
+        # a graded pencil: zeros stay accurate beside very large or infinite ones
         pencil = np.block(
             [
                 [state / grade[:, None], (inputs / grade)[:, None]],
@@ -82,7 +83,7 @@ class SquaredBasis:
             ]
         )
         zeros = eigvals(pencil, np.diag(np.append(1 / grade, 0.0)))
-        far = (FAR * NEAR) ** 2 * np.abs(xi).max(initial=1.0)
+        far = (ROOT_RANGE * NODE_RANGE) ** 2 * np.abs(xi).max(initial=1.0)
         zeros = zeros[np.isfinite(zeros) & (np.abs(zeros) < far)]
         real, pairs = zeros[zeros.imag == 0].real + 0j, zeros[zeros.imag > 0]
         real = _polished(real, xi, c[0], residues * grade**2).real + 0j
@@ -91,7 +92,7 @@ class SquaredBasis:
         return np.asarray(np.concatenate([real, pairs, pairs.conj(), beyond]) * middle)
 
     def negative(self, coefficients: RealArray) -> RealArray:
-        """Frequencies [rad/s] at which a combination of the basis is negative, one an interval."""
+        """Frequencies [rad/s] at which a combination is negative, one for each such interval."""
         crossings = _crossings(self.zeros(coefficients))
         if not crossings.size:
             return crossings
@@ -100,6 +101,7 @@ class SquaredBasis:
         return tried[self(tried) @ coefficients < 0]
 
     def _fractions(self, omega: RealArray) -> RealArray:
+        """Q / P times 1 and the real partial fractions of the nodes, (len(omega), n + 1)."""
         x = omega[:, None] ** 2
         size = np.abs(self.nodes) ** 2
         parts = size / (x + self.nodes**2)
@@ -114,51 +116,52 @@ class SquaredBasis:
 
 
 def stable_roots(zeros: ComplexArray, omega: RealArray) -> ComplexArray:
-    """Left half-plane roots [rad/s] of the polynomial in x with given zeros, repaired.
+    """Roots [rad/s] in the left half plane of the spectral factor of a polynomial in x.
 
-    A polynomial that is negative somewhere on x > 0 has no spectral factor; pairs of zeros around
-    such an interval are moved together. ``omega`` [rad/s] are the frequencies that matter.
+    ``zeros`` [(rad/s)^2] are the polynomial's, ``omega`` [rad/s] the frequencies of interest. A
+    polynomial that is negative somewhere on x > 0 has no spectral factor: it is repaired by moving
+    the two zeros around each such interval together.
     """
     crossings = list(_crossings(zeros))
     negative, upper = zeros[(zeros.imag == 0) & (zeros.real <= 0)], zeros[zeros.imag > 0]
     pairs = -np.sqrt(-upper)
     roots = [*-np.sqrt(-negative), *pairs, *pairs.conj()]
-    if len(crossings) % 2:  # negative as far as zero or infinity: moved out of reach there
+    if len(crossings) % 2:  # negative down to zero or up to infinity: move that zero far away
         above = crossings[-1] / omega[-1] > omega[0] / crossings[0]
         crossings.pop(-1 if above else 0)
-        roots.append(-FAR * omega[-1] if above else -omega[0] / FAR)
+        roots.append(-ROOT_RANGE * omega[-1] if above else -omega[0] / ROOT_RANGE)
     for low, high in zip(crossings[::2], crossings[1::2], strict=True):
         roots += [1j * np.sqrt(low * high), -1j * np.sqrt(low * high)]
     return left_half_plane(np.array(roots, dtype=complex), omega)
 
 
 def left_half_plane(roots: ComplexArray, omega: RealArray) -> ComplexArray:
-    """Roots mirrored into the left half plane, of least damping, within reach of ``omega``."""
+    """Roots mirrored into the left half plane and kept within ROOT_DAMPING and ROOT_RANGE."""
     roots = paired(roots)
-    size = np.clip(np.abs(roots), omega[0] / FAR, omega[-1] * FAR)
+    size = np.clip(np.abs(roots), omega[0] / ROOT_RANGE, omega[-1] * ROOT_RANGE)
     turn = np.where(roots == 0, -1, roots / np.where(roots == 0, 1, np.abs(roots)))
-    damping = np.maximum(np.abs(turn.real), DAMPING)
+    damping = np.maximum(np.abs(turn.real), ROOT_DAMPING)
     swing = np.sign(turn.imag) * np.sqrt(np.maximum(1 - damping**2, 0))
     return paired(size * (-damping + 1j * swing))
 
 
 def _crossings(zeros: ComplexArray) -> RealArray:
-    """Frequencies [rad/s] at the positive ones of zeros in x, sorted."""
+    """Frequencies [rad/s], rising, of the positive real zeros in x."""
     return np.sort(np.sqrt(zeros.real[(zeros.imag == 0) & (zeros.real > 0)]))
 
 
 def _apart(roots: ComplexArray, low: float, high: float) -> ComplexArray:
-    """Nodes beside roots: within [low, high], no two of them close, pairs with +j first."""
+    """Nodes near the roots: sizes within [low, high], no two nodes close, +j first in pairs."""
     nodes: list[complex] = []
     upper = roots[roots.imag >= 0]
     for root in upper[np.argsort(np.abs(upper))]:
         size = float(np.clip(abs(root), low, high))
         node = complex(root) * size / abs(root)
-        if 0 < node.imag < APART * size:
-            node = complex(node.real, APART * size)
-        node = complex(min(node.real, -BLUNT * size), node.imag)
-        while any(abs(node - other) < APART * abs(node) for other in nodes):
-            node *= 1 + APART
+        if 0 < node.imag < NODE_DISTANCE * size:
+            node = complex(node.real, NODE_DISTANCE * size)
+        node = complex(min(node.real, -NODE_DAMPING * size), node.imag)
+        while any(abs(node - other) < NODE_DISTANCE * abs(node) for other in nodes):
+            node *= 1 + NODE_DISTANCE
         nodes += [node] if node.imag == 0 else [node, node.conjugate()]
     return np.array(nodes, dtype=complex)
 
@@ -166,7 +169,7 @@ def _apart(roots: ComplexArray, low: float, high: float) -> ComplexArray:
 def _polished(
     zeros: ComplexArray, xi: ComplexArray, constant: float, residues: ComplexArray
 ) -> ComplexArray:
-    """Zeros of prod(x - xi) (constant + sum(residues / (x - xi))) from near ones, by Newton."""
+    """Zeros of prod(x - xi) (constant + sum(residues / (x - xi))), refined by Newton's method."""
     for _ in range(8):
         with np.errstate(all="ignore"):
             away = 1 / (zeros[:, None] - xi)
@@ -181,4 +184,5 @@ def _polished(
 
 
 def _unit(row: RealArray) -> RealArray:
+    """The row scaled to length 1."""
     return row / np.linalg.norm(row)

@@ -1,4 +1,4 @@
-"""Fits by SLICOT's SB10YD, and the best of what the other methods give."""
+"""Two methods of the response fit: SLICOT's SB10YD, and the best of all other methods."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from workbench.solvers import Outcome
 
 
 def _unfit_for_sb10yd(program: ResponseFit) -> str | None:
+    """Reason why SB10YD cannot answer a program; None if it can."""
     data = program.active
     if program.zeros < program.order:
         return f"SB10YD gives as many zeros as poles; {program.zeros} at most are asked for"
@@ -25,7 +26,7 @@ def _unfit_for_sb10yd(program: ResponseFit) -> str | None:
 
 @method(ResponseFit, "sb10yd", optimal=False, unfit=_unfit_for_sb10yd)
 def _sb10yd(program: ResponseFit, context: Context) -> Claim:
-    """SLICOT's SB10YD as it is: it knows no weights, and no stability without minimum phase."""
+    """SLICOT's SB10YD, which has no weights and gives stability only with minimum phase."""
     data = program.active
     fit = sb10yd(data.omega, data.response, program.order, program.minimum_phase)
     return fit, Outcome.SOLVED, ""
@@ -33,7 +34,7 @@ def _sb10yd(program: ResponseFit, context: Context) -> Claim:
 
 @method(ResponseFit, "best", optimal=False)
 def _best(program: ResponseFit, context: Context) -> Claim:
-    """The least certified error of vector-fitting, sb10yd, and IPOPT from the better of both."""
+    """The fit of least error among vector-fitting, sb10yd, and IPOPT from the better of the two."""
     fits = vector_fits(program, context)
     found = {"vector-fitting": fits[0]}
     said: list[str] = []

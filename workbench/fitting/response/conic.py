@@ -1,4 +1,4 @@
-"""The numerator of least worst error over given poles: a second-order cone program."""
+"""The numerator with the smallest worst error for given poles: a second-order cone program."""
 
 from __future__ import annotations
 
@@ -8,12 +8,13 @@ from workbench.executor import Context
 from workbench.fitting.rational import Rational
 from workbench.fitting.response.numerator import NumeratorBasis, stacked, with_numerator
 from workbench.fitting.response.program import ResponseFit
-from workbench.fitting.response.vector_fitting import EXACT, vector_fits
+from workbench.fitting.response.vector_fitting import EXACT_ERROR, vector_fits
 from workbench.program import Claim, conic_method
 from workbench.solvers import ConicSolver, Outcome, solve_conic
 
 
 def not_convex(program: ResponseFit) -> str | None:
+    """Reason why the numerator is no convex problem; None if it is one."""
     if program.minimum_phase:
         return "minimum phase is not convex in the numerator; use best, ipopt or vector-fitting"
     return None
@@ -21,14 +22,14 @@ def not_convex(program: ResponseFit) -> str | None:
 
 @conic_method(ResponseFit, optimal=False, unfit=not_convex)
 def _conic(program: ResponseFit, context: Context, solver: ConicSolver) -> Claim:
-    """Second-order cone program over the numerator; the best one for the poles of a vector fit."""
+    """Second-order cone program for the best numerator over the poles of a vector fit."""
     return best_numerator(program, vector_fits(program, context)[0], context, solver)
 
 
 def best_numerator(
     program: ResponseFit, start: Rational, context: Context, solver: ConicSolver
 ) -> Claim:
-    """The fit of least worst error among those with the poles of ``start``."""
+    """The fit with the smallest worst error among those with the poles of ``start``."""
     import cvxpy as cp
 
     data = program.active
@@ -38,9 +39,9 @@ def best_numerator(
     left = basis.columns @ shares - stacked(data.weight * data.response)
     count = data.omega.size
     peak = float(np.hypot(left[:count], left[count:]).max())
-    if peak <= EXACT * program.size:
+    if peak <= EXACT_ERROR * program.size:
         return start, Outcome.SOLVED, "the start is exact to rounding"
-    with context.stating():  # corrections in units of the error there is
+    with context.stating():  # corrections in units of the start's worst error
         change, height = cp.Variable(shares.size), cp.Variable()
         error = left / peak + basis.columns @ change
         parts = cp.vstack([error[:count], error[count:]])

@@ -1,4 +1,4 @@
-"""The data that a response fit uses."""
+"""Data of a response fit."""
 
 from __future__ import annotations
 

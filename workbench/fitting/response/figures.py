@@ -12,8 +12,8 @@ from workbench.fitting.rational import Rational
 from workbench.fitting.response.data import Data
 from workbench.heavy_types import Figure
 
-POINTS = 2000
-"""Frequencies at which the fit is drawn: between the data too."""
+CURVE_POINTS = 2000
+"""Number of frequencies, besides those of the data, at which the fit is drawn."""
 
 
 def bode(data: Data, answer: Rational, errors: RealArray) -> Figure:
@@ -58,6 +58,6 @@ def nyquist(data: Data, answer: Rational) -> Figure:
 
 
 def _fine(omega: RealArray) -> np.ndarray:
-    """The frequencies of the data and POINTS others between them."""
-    between = np.geomspace(omega[0], omega[-1], POINTS)
+    """The frequencies of the data and CURVE_POINTS others between them."""
+    between = np.geomspace(omega[0], omega[-1], CURVE_POINTS)
     return np.union1d(between[1:-1], omega)

@@ -1,43 +1,48 @@
-"""A rational function polished in its sections: least squares first, then the least peak."""
+"""Local refinement of a rational function: least squares first, then the smallest worst error."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from workbench.arrays import ComplexArray, RealArray
+from workbench.fitting.factored import FactoredRational
 from workbench.fitting.rational import Rational
 from workbench.fitting.response.program import ResponseFit
-from workbench.fitting.sections import Sections
 
-STEPS = 40
-"""Gauss-Newton steps of the least squares."""
-PEAKS = 40
-"""Reweightings of the least peak; each is worth one step."""
-TRIALS = 10
-"""Dampings tried, each ten times the last, before a point is taken for a minimum."""
-ROUNDING = 1e-14
+LEAST_SQUARES_STEPS = 40
+"""Most Gauss-Newton steps of the least squares."""
+REWEIGHTINGS = 40
+"""Most reweightings of the least peak, with one Gauss-Newton step each."""
+DAMPING_TRIALS = 10
+"""Dampings tried, each ten times the last, before a point counts as a minimum."""
+ERROR_ROUNDING = 1e-14
+"""Worst error, relative to the largest weighted datum, that is rounding only."""
+MIN_LAWSON_WEIGHT = 1e-14
+"""Smallest weight of Lawson's iteration, relative to the mean weight."""
+MIN_DAMPING = 1e-14
+"""Smallest damping of a Gauss-Newton step, relative to the largest curvature."""
 
 
-def sections_of(program: ResponseFit, start: Rational) -> Sections:
-    """The sections around a function that keep what the program asks."""
+def factored(program: ResponseFit, start: Rational) -> FactoredRational:
+    """The factored form of a function, with the constraints that the program asks for."""
     omega = program.active.omega
     band = float(omega[0]), float(omega[-1])
-    return Sections.of(start, program.zeros, band, program.stable, program.minimum_phase)
+    return FactoredRational.of(start, program.zeros, band, program.stable, program.minimum_phase)
 
 
 def polished(program: ResponseFit, start: Rational) -> tuple[float, Rational]:
-    """The least worst error met, and its function, on a way from ``start``.
+    """Smallest worst error found by a local search from ``start``, and the function that has it.
 
-    Levenberg and Marquardt's steps to the weighted least squares; then Lawson's reweighting, each
-    weight multiplied by its error, whose fixed points are minimax.
+    The search takes steps of Levenberg and Marquardt to the weighted least squares, then uses
+    Lawson's reweighting: each weight is multiplied by its error, and fixed points are minimax.
     """
     data = program.active
-    sections = sections_of(program, start)
-    here = _Point(program, sections, sections.start)
+    form = factored(program, start)
+    here = _Point(program, form, form.start)
     best = here
     even = np.ones(data.omega.size)
     damping = 1e-6
-    for _ in range(STEPS):
+    for _ in range(LEAST_SQUARES_STEPS):
         moved, damping = _step(here, even, damping)
         if moved is None:
             break
@@ -47,41 +52,45 @@ def polished(program: ResponseFit, start: Rational) -> tuple[float, Rational]:
         if gained < 1e-6:
             break
     weight = even
-    for _ in range(PEAKS):
-        if here.peak <= ROUNDING * program.size:
+    for _ in range(REWEIGHTINGS):
+        if here.peak <= ERROR_ROUNDING * program.size:
             break
         weight = weight * np.abs(here.error)
-        weight = np.maximum(weight / weight.mean(), ROUNDING)
+        weight = np.maximum(weight / weight.mean(), MIN_LAWSON_WEIGHT)
         moved, damping = _step(here, np.sqrt(weight), damping)
         if moved is None:
             break
         here = moved
         best = min(best, here, key=lambda point: point.peak)
-    return best.peak, sections.rational(best.vector)
+    return best.peak, form.rational(best.vector)
 
 
 class _Point:
-    """Parameters, and the weighted errors there."""
+    """A vector of parameters (P,), with the weighted errors (F,) and their peak."""
 
-    def __init__(self, program: ResponseFit, sections: Sections, vector: RealArray) -> None:
+    def __init__(self, program: ResponseFit, form: FactoredRational, vector: RealArray) -> None:
         data = program.active
-        self.program, self.sections, self.vector = program, sections, vector
-        self.error = data.weight * (sections.response(vector, data.omega) - data.response)
+        self.program, self.form, self.vector = program, form, vector
+        self.error = data.weight * (form.response(vector, data.omega) - data.response)
         peak = float(np.abs(self.error).max())
         self.peak = peak if np.isfinite(peak) else np.inf
 
     @property
     def slopes(self) -> ComplexArray:
-        """How the weighted errors change with the parameters, (F, P)."""
+        """Derivatives (F, P) of the weighted errors with respect to the parameters."""
         data = self.program.active
-        return data.weight[:, None] * self.sections.slopes(self.vector, data.omega)
+        return data.weight[:, None] * self.form.slopes(self.vector, data.omega)
 
     def square(self, weight: RealArray) -> float:
+        """Sum of squared errors, each multiplied by a weight (F,) before squaring."""
         return float(np.sum(np.abs(weight * self.error) ** 2))
 
 
 def _step(here: _Point, weight: RealArray, damping: float) -> tuple[_Point | None, float]:
-    """A point of less weighted square error, and the damping that found it; None without one."""
+    """A point with a smaller weighted sum of squares, and the next damping.
+
+    The point is None if no damping gives one.
+    """
     slopes = weight[:, None] * here.slopes
     matrix = np.concatenate([slopes.real, slopes.imag])
     size = np.linalg.norm(matrix, axis=0)
@@ -89,16 +98,16 @@ def _step(here: _Point, weight: RealArray, damping: float) -> tuple[_Point | Non
     matrix /= size
     error = weight * here.error
     downhill = matrix.T @ np.concatenate([error.real, error.imag])
-    # The Gram matrix is enough, and small: the gradient alone decides where the steps end.
+    # The Gram matrix is accurate enough and small: only the gradient decides where the steps end.
     curvature, directions = np.linalg.eigh(matrix.T @ matrix)
     curvature = np.maximum(curvature, 0.0)
     along = directions.T @ downhill
     now = here.square(weight)
-    for _ in range(TRIALS):
+    for _ in range(DAMPING_TRIALS):
         step = directions @ (along / (curvature + damping * curvature[-1]))
-        with np.errstate(all="ignore"):  # a step too far is refused
-            moved = _Point(here.program, here.sections, here.vector - step / size)
+        with np.errstate(all="ignore"):  # a step that overflows is refused
+            moved = _Point(here.program, here.form, here.vector - step / size)
             if moved.square(weight) < now:
-                return moved, max(damping / 100, ROUNDING)
+                return moved, max(damping / 100, MIN_DAMPING)
         damping = max(10 * damping, 1e-10)
     return None, damping

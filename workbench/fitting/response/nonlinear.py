@@ -1,4 +1,4 @@
-"""Poles, zeros and gain together as a nonlinear minimax program for IPOPT."""
+"""Response fit as a nonlinear minimax program for IPOPT, over poles, zeros and gain together."""
 
 from __future__ import annotations
 
@@ -8,46 +8,50 @@ import numpy as np
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.executor import Context
+from workbench.fitting.factored import LARGEST_LOGARITHM
 from workbench.fitting.rational import Rational
 from workbench.fitting.response.conic import best_numerator, not_convex
-from workbench.fitting.response.least_peak import sections_of
+from workbench.fitting.response.least_peak import factored
 from workbench.fitting.response.program import ResponseFit
-from workbench.fitting.response.vector_fitting import EXACT, vector_fits
-from workbench.fitting.sections import REACH
+from workbench.fitting.response.vector_fitting import EXACT_ERROR, vector_fits
 from workbench.program import Claim, method
 from workbench.solvers import Outcome, conic_solvers, ipopt, ipopt_outcome
 
-ENOUGH = 1e-4
-"""Accuracy at which IPOPT stops: the last digits of a local minimum take the longest."""
-FARTHEST = 3.0
-"""Bound on each step, in units that change the errors as much as they are large: without one IPOPT
-now and then wanders for thousands of iterations."""
-NEAR = 1.1
-"""Starts are refined whose worst error is at most this many times the least."""
+IPOPT_ACCURACY = 1e-4
+"""Smallest accuracy asked of IPOPT: the last digits of a local minimum take the longest."""
+STEP_BOUND = 3.0
+"""Largest change of each variable, where 1 changes the errors by as much as they are large.
+
+Without a bound IPOPT sometimes wanders for thousands of iterations.
+"""
+START_ERROR_RATIO = 1.1
+"""Largest worst error of a start that is refined, relative to that of the best start."""
 
 
 @method(ResponseFit, "ipopt", optimal=False)
 def _ipopt(program: ResponseFit, context: Context) -> Claim:
-    """Nonlinear program over the coefficients of sections, from the best vector fits."""
+    """Nonlinear program over the coefficients of quadratic factors, from the best vector fits."""
     return refined_from(program, vector_fits(program, context), context)
 
 
 def refined_from(program: ResponseFit, fits: list[Rational], context: Context) -> Claim:
-    """The best of the local minimax fits near those given fits that promise one.
+    """The best local minimax fit found from the better ones of the given fits.
 
-    Each first gets the best numerator for its poles, where that is a convex problem.
+    Each fit first gets the best numerator for its poles, where that is a convex problem.
     """
     starts = sorted(
         (numerator_improved(program, fit, context) for fit in fits),
         key=lambda fit: peak(program, fit),
     )
-    near = [fit for fit in starts if peak(program, fit) <= NEAR * peak(program, starts[0])]
+    near = [
+        fit for fit in starts if peak(program, fit) <= START_ERROR_RATIO * peak(program, starts[0])
+    ]
     claims = [refined(program, fit, context) for fit in context.track(near, "refinements")]
     return min(claims, key=lambda claim: peak(program, claim[0]))
 
 
 def numerator_improved(program: ResponseFit, fit: Rational, context: Context) -> Rational:
-    """A fit with the best numerator for its poles, if that is a convex problem."""
+    """The fit with the best numerator for its poles, or the same fit where that is not convex."""
     solvers = conic_solvers()
     if not_convex(program) or not solvers:
         return fit
@@ -56,34 +60,35 @@ def numerator_improved(program: ResponseFit, fit: Rational, context: Context) ->
 
 
 def peak(program: ResponseFit, fit: Rational) -> float:
-    """The worst weighted error; infinite where it is not a number."""
+    """The worst weighted error of a fit; infinite if it is not finite."""
     error = float(np.max(program.errors(fit)))
     return error if np.isfinite(error) else np.inf
 
 
 def refined(program: ResponseFit, start: Rational, context: Context) -> Claim:
-    """The best fit within bounds around ``start``, which is kept where IPOPT finds none better.
+    """The fit that IPOPT finds within bounds around ``start``, or ``start`` if that is better.
 
-    Least t with |e_i|^2 <= t over steps of the parameters in units in which the errors' Jacobian is
-    orthogonal, e in units of the largest error of the start.
+    The program minimises t subject to |e_i|^2 <= t. The errors e are in units of the start's
+    largest error, and the variables are steps of the parameters in units in which the Jacobian of
+    the errors is orthogonal.
     """
     import casadi as ca
 
     data = program.active
-    sections = sections_of(program, start)
-    origin = sections.start
-    error = data.weight * (sections.response(origin, data.omega) - data.response)
+    form = factored(program, start)
+    origin = form.start
+    error = data.weight * (form.response(origin, data.omega) - data.response)
     unit = float(np.abs(error).max())
-    if unit <= EXACT * program.size:
+    if unit <= EXACT_ERROR * program.size:
         return start, Outcome.SOLVED, "the start is exact to rounding"
-    units = _units(data.weight[:, None] * sections.slopes(origin, data.omega) / unit)
+    units = _units(data.weight[:, None] * form.slopes(origin, data.omega) / unit)
     with context.stating():
         step, height = ca.MX.sym("step", origin.size), ca.MX.sym("height")
         vector = ca.DM(origin) + ca.DM(units) @ step
-        real, imaginary = sections.products(
+        real, imaginary = form.products(
             ca.vertsplit(vector),
             ca.DM(data.omega),
-            lambda value: ca.exp(ca.fmax(ca.fmin(value, REACH), -REACH)),
+            lambda value: ca.exp(ca.fmax(ca.fmin(value, LARGEST_LOGARITHM), -LARGEST_LOGARITHM)),
         )
         weight = ca.DM(data.weight / unit)
         off = weight * (real - data.response.real), weight * (imaginary - data.response.imag)
@@ -92,22 +97,25 @@ def refined(program: ResponseFit, start: Rational, context: Context) -> Claim:
             "f": height,
             "g": off[0] ** 2 + off[1] ** 2 - height,
         }
-        enough = max(context.options.accuracy, ENOUGH)
+        enough = max(context.options.accuracy, IPOPT_ACCURACY)
         solver = ipopt("response", nlp, replace(context.options, tolerance=enough))
-    bound = np.append(np.full(origin.size, FARTHEST), np.inf)
+    bound = np.append(np.full(origin.size, STEP_BOUND), np.inf)
     still = np.append(np.zeros(origin.size), 1.0)
     found = solver(x0=still, lbx=-bound, ubx=bound, ubg=0)["x"].full().ravel()
     _, message = ipopt_outcome(solver)
     vector = origin + units @ found[:-1]
-    if np.isfinite(vector[-1]) and np.abs(vector[:-1]).max(initial=0.0) < np.exp(REACH):
-        better = sections.rational(vector)  # judged by its errors, not by IPOPT's word
+    if np.isfinite(vector[-1]) and np.abs(vector[:-1]).max(initial=0.0) < np.exp(LARGEST_LOGARITHM):
+        better = form.rational(vector)  # its errors count, not IPOPT's status
         if peak(program, better) < peak(program, start):
             return better, Outcome.SOLVED, message
     return start, Outcome.INACCURATE, f"{message}, no better than its start, which stands"
 
 
 def _units(slopes: ComplexArray) -> RealArray:
-    """Steps of the parameters that change the errors by one each, and none a parameter by more."""
+    """Columns (P, P) of parameter steps that each change the errors by 1 in the root mean square.
+
+    Steps are shortened where they would change a parameter by more than 1.
+    """
     stacked = np.concatenate([slopes.real, slopes.imag])
     size = np.linalg.norm(stacked, axis=0)
     size[size == 0] = 1.0

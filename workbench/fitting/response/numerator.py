@@ -1,7 +1,7 @@
-"""Numerators of a limited degree over given poles, in a basis orthonormal over the data.
+"""Numerators of a given degree over given poles, in a basis orthonormal over the data.
 
-Hokanson, SIAM J. Sci. Comput. 42(2), 2020, after Brubeck, Nakatsukasa and Trefethen, SIAM Review
-63(2), 2021: Arnoldi's polynomials stay well conditioned where powers of s do not.
+Polynomials from Arnoldi's iteration stay well conditioned where powers of s do not: Hokanson, SIAM
+J. Sci. Comput. 42(2), 2020, after Brubeck, Nakatsukasa and Trefethen, SIAM Review 63(2), 2021.
 """
 
 from __future__ import annotations
@@ -15,15 +15,21 @@ from workbench.fitting.rational import Rational, paired
 from workbench.fitting.response.program import ResponseFit
 
 EPS = float(np.finfo(float).eps)
+"""Relative spacing of double-precision numbers."""
 
 
 @dataclass(frozen=True)
 class NumeratorBasis:
-    """Real polynomials in s over a denominator, orthonormal over weighted data: Arnoldi's.
+    """Real polynomials in s over a denominator, orthonormal over weighted data.
 
-    ``columns`` (2 F, m + 1) are the real, then the imaginary parts of their weighted values;
-    ``recurrence`` (m + 1, m) multiplies by s; ``size`` is the norm of the first, a constant,
-    before it was made 1.
+    Parameters
+    ----------
+    columns
+        Weighted values (2 F, m + 1) of the basis functions, real parts above imaginary parts.
+    recurrence
+        Matrix (m + 1, m) that multiplies by s: s b_k = sum_j b_j recurrence[j, k].
+    size
+        Norm of the first function, 1 / denominator, before it was scaled to norm 1.
     """
 
     columns: RealArray
@@ -34,6 +40,7 @@ class NumeratorBasis:
     def over(
         cls, x: RealArray, weight: RealArray, poles: ComplexArray, degree: int
     ) -> NumeratorBasis:
+        """Basis up to a degree over given poles, at frequencies ``x`` (F,) with weights (F,)."""
         bare = Rational(np.zeros(0, dtype=complex), poles, 1.0)
         first = stacked(weight * bare.response(x))
         size = float(np.linalg.norm(first))
@@ -43,7 +50,7 @@ class NumeratorBasis:
         for k in range(degree):
             real, imaginary = columns[: x.size, k], columns[x.size :, k]
             ahead = np.concatenate([-x * imaginary, x * real])  # times s
-            for _ in range(2):  # once more, against rounding
+            for _ in range(2):  # the second time removes what rounding left
                 share = columns[:, : k + 1].T @ ahead
                 ahead -= columns[:, : k + 1] @ share
                 recurrence[: k + 1, k] += share
@@ -53,7 +60,10 @@ class NumeratorBasis:
 
 
 def numerator_for(program: ResponseFit, poles: ComplexArray, zeros: int) -> Rational:
-    """The function of given poles [rad/s] whose numerator, of a given degree, fits best."""
+    """The function of given poles [rad/s] whose numerator of degree ``zeros`` fits best.
+
+    The fit is in the sense of weighted least squares.
+    """
     data = program.active
     scale = float(np.sqrt(data.omega[0] * data.omega[-1]))
     basis = NumeratorBasis.over(data.omega / scale, data.weight, poles / scale, zeros)
@@ -64,7 +74,10 @@ def numerator_for(program: ResponseFit, poles: ComplexArray, zeros: int) -> Rati
 def with_numerator(
     basis: NumeratorBasis, shares: RealArray, poles: ComplexArray, scale: float
 ) -> Rational:
-    """The function whose numerator has given shares of a basis, by its roots."""
+    """The function whose numerator has given coefficients ``shares`` in a basis, by its roots.
+
+    The basis belongs to frequencies divided by ``scale`` [rad/s].
+    """
     degree = shares.size - 1
     negligible = EPS * np.linalg.norm(shares)
     while degree and abs(shares[degree]) <= negligible:

@@ -1,4 +1,4 @@
-"""A real rational function through complex frequency-response data, of the least worst error."""
+"""Real rational functions that fit complex frequency-response data with the least worst error."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.program import Check, Program, solve, worst
 from workbench.solvers import Options
 
-HIGHEST = 12
-"""Order up to which an order is looked for."""
+LARGEST_ORDER = 12
+"""Largest order that `fit_response` tries in search of the smallest one."""
 
 
 @dataclass(frozen=True, eq=False)
 class ResponseFit(Program):
     """The `Rational` R of a given order with the least max_i v_i |R(j omega_i) - g_i|.
 
-    The problem has many local minima and no cheap bound from below: no method claims the best, and
-    certificates have no gap.
+    The problem has many local minima and no cheap lower bound, so no method claims to find the best
+    fit, and certificates have no optimality gap.
 
     Parameters
     ----------
@@ -39,32 +39,34 @@ class ResponseFit(Program):
     response
         g, complex, shape (F,).
     order
-        Number of poles, at most.
+        Largest number of poles.
     weight
-        v, shape (F,), not negative; where it is zero a response is ignored. Default 1 / |g|: the
-        error is relative. All ones: the error is absolute. w / |g|: relative errors weighed by w.
+        v, shape (F,), not negative; responses of weight 0 are ignored. The default 1 / |g| gives
+        the relative error, ones give the absolute error, w / |g| gives relative errors weighted
+        by w.
     stable
-        Keep every pole left of the imaginary axis.
+        Whether every pole must lie left of the imaginary axis.
     minimum_phase
-        Keep every zero left of it.
+        Whether every zero must lie left of the imaginary axis.
     zeros
-        Number of zeros, at most; default as many as poles.
+        Largest number of zeros; by default that of the poles.
     error
-        A worst error that an answer must not exceed to be valid; default none.
+        Largest worst error of a valid answer; by default there is no limit.
 
     Raises
     ------
     InputError
-        Anything else; more coefficients than data; a response of zero under the default weight.
+        Data or options other than these; more coefficients than data; a response of zero under the
+        default weight.
     """
 
-    omega: Any  # arrays from here on
+    omega: Any  # arrays after construction
     response: Any
     order: int
     weight: Any = None
     stable: bool = True
     minimum_phase: bool = False
-    zeros: Any = None  # an int from here on
+    zeros: Any = None  # an int after construction
     error: float | None = None
 
     default_method: ClassVar[str] = "best"
@@ -92,6 +94,7 @@ class ResponseFit(Program):
 
     @property
     def coefficients(self) -> int:
+        """Number of free real coefficients."""
         return self.order + self.zeros + 1
 
     @cached_property
@@ -102,7 +105,7 @@ class ResponseFit(Program):
 
     @cached_property
     def size(self) -> float:
-        """Largest weighted datum: the worst error of a function that is zero."""
+        """Largest weighted |response|, which is the worst error of the zero function."""
         return float(np.max(self.active.weight * np.abs(self.active.response)))
 
     # --- checks -------------------------------------------------------------------------------
@@ -122,7 +125,7 @@ class ResponseFit(Program):
         return found
 
     def errors(self, answer: Rational) -> np.ndarray:
-        """v |R - g| at every frequency, in extended precision, from the roots."""
+        """v |R - g| (F,) at every frequency, computed from the roots in extended precision."""
         s = 1j * self.omega.astype(np.longdouble)
         value = np.full(s.shape, answer.gain, dtype=np.clongdouble)
         for k in range(max(answer.poles.size, answer.zeros.size)):  # interleaved: no overflow
@@ -140,6 +143,7 @@ class ResponseFit(Program):
         }
 
     def _place(self, index: tuple[int, ...]) -> str:
+        """A frequency, for messages."""
         return f"at {self.omega[index[0]]:.6g} rad/s"
 
     # --- datasets and figures -----------------------------------------------------------------
@@ -183,32 +187,34 @@ def fit_response(
     method: str = "best",
     options: Options | None = None,
 ) -> StateSpace:
-    """Real rational function through complex response data, as a balanced cascade of sections.
+    """Real rational function that fits complex response data, as a cascade of sections.
 
     Parameters
     ----------
     omega, response, weight, stable, minimum_phase, zeros
-        As of `ResponseFit`.
+        The same as for `ResponseFit`.
     order
         Number of poles; None: the smallest, up to 12, whose worst error is at most ``error``.
     error
-        Worst weighted error that is asked for; needed without an order.
+        Largest worst weighted error allowed; needed if no order is given.
     method
         ``"best"``, ``"vector-fitting"``, ``"ipopt"``, ``"sb10yd"`` or the name of a conic solver.
+    options
+        Accuracy and time limit for the method.
 
     Raises
     ------
     InputError
-        As of `ResponseFit`; neither an order nor an error.
+        The same as for `ResponseFit`; neither an order nor an error is given.
     SolverError
-        No valid answer, or none of the error asked for; the message names the best one reached.
+        No valid answer, or none within ``error``; the message names the best error reached.
     """
     if order is None and error is None:
         raise InputError("neither order nor error is given: give one of them, or both")
 
     reached: list[tuple[float, int]] = []
     message = ""
-    for tried in range(HIGHEST + 1) if order is None else [order]:
+    for tried in range(LARGEST_ORDER + 1) if order is None else [order]:
         most = zeros if zeros is None or order is not None else min(zeros, tried)
         try:
             program = ResponseFit(
@@ -217,7 +223,7 @@ def fit_response(
         except InputError:
             if not reached:
                 raise
-            break  # the data do not determine an order as high
+            break  # the data do not determine so high an order
         solution = solve(program, method, options)
         if solution.certificate is None:
             message = solution.message
@@ -231,6 +237,7 @@ def fit_response(
 
 
 def _left(name: str, roots: str, values: ComplexArray) -> Check:
+    """Check that roots lie left of the imaginary axis."""
     beyond = values[~(values.real < 0)]
     where = f"the first at {beyond[0]:.6g} rad/s" if beyond.size else ""
     statement = f"number of {roots} on or right of the imaginary axis"
@@ -238,4 +245,5 @@ def _left(name: str, roots: str, values: ComplexArray) -> Check:
 
 
 def _one(long_name: str) -> dict[str, str]:
+    """Attributes of an array without unit."""
     return {"units": "1", "long_name": long_name}

@@ -1,7 +1,7 @@
-"""Vector fitting: poles relocated by linear least squares, then polished towards the least peak.
+"""Vector fitting: poles are relocated by linear least squares, then refined for the least peak.
 
-Gustavsen and Semlyen, IEEE Trans. Power Delivery 14(3), 1999; relaxed: Gustavsen, ibid. 21(3),
-2006.
+Gustavsen and Semlyen, IEEE Trans. Power Delivery 14(3), 1999; the relaxed form is from Gustavsen,
+IEEE Trans. Power Delivery 21(3), 2006.
 """
 
 from __future__ import annotations
@@ -20,15 +20,16 @@ from workbench.fitting.response.program import ResponseFit
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
 
-DAMPING = 0.01
-"""Of the starting poles."""
-ITERATIONS = 30
-SETTLED = 1e-9
-"""Relative movement of the poles at which their relocation has settled."""
-EXTRA = 4
-"""Poles beyond the order asked of a start that keeps only those that matter most."""
-EXACT = 1e-12
-"""Worst error, relative to the largest datum, below which rounding is all there is to fit."""
+STARTING_DAMPING = 0.01
+"""Damping ratio of the starting poles."""
+MAX_RELOCATIONS = 30
+"""Most relocations of the poles from one start."""
+POLE_MOVEMENT = 1e-9
+"""Largest relative movement of a pole at which the relocation has converged."""
+EXTRA_POLES = 4
+"""Poles above the order in one of the starts, which then keeps the most important ones."""
+EXACT_ERROR = 1e-12
+"""Worst error, relative to the largest weighted datum, at which only rounding is left to fit."""
 
 
 @method(ResponseFit, "vector-fitting", optimal=False)
@@ -38,37 +39,39 @@ def _vector_fitting(program: ResponseFit, context: Context) -> Claim:
 
 
 def vector_fits(program: ResponseFit, context: Context) -> list[Rational]:
-    """The fits that relocation and polishing find from each start, the least worst error first.
+    """Fits by relocation and refinement from each start, sorted by rising worst error.
 
-    One that is exact to rounding stands alone.
+    A fit that is exact to rounding is returned alone.
     """
     found: list[tuple[float, Rational]] = []
     for poles in context.track(starting_poles(program), "starts"):
         for fit in _ways_in(program, relocated(program, poles)):
             found.append(polished(program, fit))
-            if found[-1][0] <= EXACT * program.size:
+            if found[-1][0] <= EXACT_ERROR * program.size:
                 return [found[-1][1]]
     return [fit for _, fit in sorted(found, key=lambda pair: pair[0])]
 
 
 def starting_poles(program: ResponseFit) -> list[ComplexArray]:
-    """Sets of starting poles [rad/s]: lightly damped pairs, and the best of more such pairs.
+    """Sets of starting poles [rad/s]: lightly damped pairs, and the best poles of a larger fit.
 
-    More poles than are wanted find what fewer miss; those that matter least are then left out.
+    A fit with more poles than wanted finds resonances that a smaller one misses; its least
+    important poles are then left out.
     """
     omega, order = program.active.omega, program.order
     starts = [_spread(omega, order)]
-    extra = min(EXTRA, 2 * omega.size - program.coefficients - 1)
+    extra = min(EXTRA_POLES, 2 * omega.size - program.coefficients - 1)
     if order and extra > 0:
         starts.append(_foremost(program, relocated(program, _spread(omega, order + extra))))
     return starts
 
 
 def _ways_in(program: ResponseFit, poles: ComplexArray) -> list[Rational]:
-    """Fits of these poles to polish.
+    """Fits with these poles from which a refinement starts.
 
-    One has every zero. Where minimum phase is asked, polishing mirrors those on the right, which
-    spoils the phase; then a second has as many zeros as leave it minimum phase by itself.
+    The first has all zeros. Where minimum phase is required, the refinement mirrors its zeros from
+    the right half plane, which spoils the phase. So a second fit has the largest number of zeros
+    with which it is minimum phase without that.
     """
     fit = numerator_for(program, poles, program.zeros)
     if not program.minimum_phase or fit.is_minimum_phase:
@@ -81,13 +84,13 @@ def _spread(omega: RealArray, order: int) -> ComplexArray:
     """Poles spread over the logarithm of the frequencies, in lightly damped pairs."""
     low, high = np.log(omega[0]), np.log(omega[-1])
     pairs = np.exp(np.linspace(low, high, order // 2 + 2)[1:-1])
-    upper = pairs * complex(-DAMPING, 1)
+    upper = pairs * complex(-STARTING_DAMPING, 1)
     middle = [-np.exp((low + high) / 2)] if order % 2 else []
     return np.concatenate([upper, upper.conj(), middle])
 
 
 def _foremost(program: ResponseFit, poles: ComplexArray) -> ComplexArray:
-    """As many of the poles as the order allows, those whose partial fractions weigh most."""
+    """The most important poles, as many as the order allows, by the size of partial fractions."""
     data = program.active
     groups = _real_groups(poles)
     columns = [_fractions(group, data.omega) for group in groups]
@@ -99,7 +102,7 @@ def _foremost(program: ResponseFit, poles: ComplexArray) -> ComplexArray:
     for i in sorted(range(len(groups)), key=lambda i: -float(np.abs(parts[i]).max())):
         if len(kept) + len(groups[i]) <= program.order:
             kept += list(groups[i])
-        elif len(kept) < program.order:  # half a pair fits: a real pole of its frequency
+        elif len(kept) < program.order:  # one place is left for a pair: a real pole takes it
             kept.append(-abs(groups[i][0]))
     return np.array(kept)
 
@@ -108,7 +111,7 @@ def _foremost(program: ResponseFit, poles: ComplexArray) -> ComplexArray:
 
 
 def relocated(program: ResponseFit, poles: ComplexArray) -> ComplexArray:
-    """Poles of the least worst error met while vector fitting from given ones [rad/s]."""
+    """Poles [rad/s] with the smallest worst error found by vector fitting from given poles."""
     if not poles.size:
         return poles
     data = program.active
@@ -116,9 +119,9 @@ def relocated(program: ResponseFit, poles: ComplexArray) -> ComplexArray:
     scale = np.sqrt(data.omega[0] * data.omega[-1])
     x = data.omega / scale
     poles = best = poles / scale
-    zeros = poles.size - (program.order - program.zeros)  # of the relative degree asked for
+    zeros = poles.size - (program.order - program.zeros)  # keep the relative degree
     lowest = np.inf
-    for _ in range(ITERATIONS):
+    for _ in range(MAX_RELOCATIONS):
         basis = NumeratorBasis.over(x, data.weight, poles, zeros).columns
         known = stacked(target)
         left = known - basis @ (basis.T @ known)
@@ -128,7 +131,7 @@ def relocated(program: ResponseFit, poles: ComplexArray) -> ComplexArray:
         moved = _relocate(x, target, basis, poles, program.stable)
         change = np.abs(np.sort_complex(moved) - np.sort_complex(poles)) / np.abs(moved)
         poles = moved
-        if change.max(initial=0.0) < SETTLED:
+        if change.max(initial=0.0) < POLE_MOVEMENT:
             break
     return best * scale
 
@@ -136,10 +139,11 @@ def relocated(program: ResponseFit, poles: ComplexArray) -> ComplexArray:
 def _relocate(
     x: RealArray, target: ComplexArray, basis: RealArray, poles: ComplexArray, stable: bool
 ) -> ComplexArray:
-    """Zeros of the denominator over the present one, from one linear least-squares problem.
+    """New poles: the zeros of the denominator found by one linear least-squares problem.
 
-    Numerator / present = target (1 + ...) is linear; the numerator is projected out, and the
-    sum of the denominator's values is fixed instead of its leading coefficient (relaxation).
+    The equation numerator / present = target * denominator / present is linear in the numerator
+    and the new denominator. The numerator is projected out, and the sum of the values of
+    denominator / present is fixed instead of its leading coefficient (relaxation).
     """
     groups = _real_groups(poles)
     fractions = np.hstack([*(_fractions(group, x) for group in groups), np.ones((x.size, 1))])
@@ -157,14 +161,14 @@ def _relocate(
     moved = np.linalg.eigvals(matrix - np.outer(column, share / constant))
     if stable:
         moved = -np.abs(moved.real) + 1j * moved.imag
-    tiny = 1e-12 * np.maximum(np.abs(moved), x[0])  # on the axis a fraction may be infinite
+    tiny = 1e-12 * np.maximum(np.abs(moved), x[0])  # poles on the axis give infinite fractions
     near = np.abs(moved.real) < tiny
     moved[near] = (-tiny + 1j * moved.imag)[near]
     return paired(moved)
 
 
 def _real_groups(poles: ComplexArray) -> list[ComplexArray]:
-    """Real poles and conjugate pairs, each with its own partial fractions."""
+    """Groups of poles with real partial fractions: single real poles and conjugate pairs."""
     groups = [np.array([p]) for p in poles[poles.imag == 0]]
     return groups + [np.array([p, p.conjugate()]) for p in poles[poles.imag > 0]]
 
@@ -178,7 +182,7 @@ def _fractions(group: ComplexArray, x: RealArray) -> ComplexArray:
 
 
 def _realisation(groups: list[ComplexArray]) -> tuple[RealArray, RealArray]:
-    """A and b of which the fractions are the states."""
+    """A and b of a system whose states are the partial fractions."""
     from scipy.linalg import block_diag
 
     blocks = [
@@ -191,10 +195,10 @@ def _realisation(groups: list[ComplexArray]) -> tuple[RealArray, RealArray]:
 
 
 def _least_squares(rows: RealArray, right: RealArray) -> RealArray:
-    """Least squares by a QR decomposition of blocks, of their triangles, and so on.
+    """Least-squares solution by QR decompositions of blocks, then of their triangles, and so on.
 
-    Blocks are small enough for one thread each: on a tall matrix the threads of a linear-algebra
-    library take longer to meet than to compute, and far longer on a busy machine.
+    The blocks are so small that each uses one thread: on a tall matrix the threads of a
+    linear-algebra library spend longer on synchronisation than on computation.
     """
     left: np.ndarray = np.column_stack([rows, right])
     width = left.shape[1]

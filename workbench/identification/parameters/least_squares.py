@@ -19,7 +19,7 @@ AT_BOUND = 1e-6
 
 
 @dataclass(frozen=True)
-class Parameter:
+class FittedParameter:
     """Where the search of a parameter starts and between which bounds it stays."""
 
     start: float
@@ -51,7 +51,7 @@ class LeastSquares:
     data
         One or several `MeasuredResponse` or `MeasuredRecord`, all with variance or all without.
     parameters
-        `Parameter` by name.
+        `FittedParameter` by name.
     starts
         Starting points: the given one, and others drawn between the bounds, which must then be
         finite (logarithmically where both are positive).
@@ -63,7 +63,7 @@ class LeastSquares:
     """
 
     data: Sequence[Measured]
-    parameters: Mapping[str, Parameter]
+    parameters: Mapping[str, FittedParameter]
     starts: int = 1
 
     def __post_init__(self) -> None:

@@ -14,7 +14,11 @@ from workbench.heavy_types import Dataset, Figure
 from workbench.identification.experiments.quality import IdentificationWarning
 from workbench.identification.parameters.datasets import fit_dataset
 from workbench.identification.parameters.figures import fit_figures
-from workbench.identification.parameters.least_squares import AT_BOUND, LeastSquares, Parameter
+from workbench.identification.parameters.least_squares import (
+    AT_BOUND,
+    FittedParameter,
+    LeastSquares,
+)
 from workbench.identification.parameters.measured import Measured
 from workbench.program import Check, Program, solve
 from workbench.solvers import Options
@@ -149,7 +153,7 @@ class ParameterEstimate:
 
 def fit_parameters(
     data: Measured | Sequence[Measured],
-    parameters: Mapping[str, Parameter],
+    parameters: Mapping[str, FittedParameter],
     *,
     method: str = "ipopt",
     confidence: float = 0.99,

@@ -17,8 +17,8 @@ from scipy.optimize import minimize
 from workbench.arrays import Array, ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.executor import Context
+from workbench.fitting.factored import FactoredRational
 from workbench.fitting.rational import Rational
-from workbench.fitting.sections import Sections
 from workbench.synthesis.limits.loop_weights import LoopWeights
 from workbench.uncertainty import Responses, UncertaintyModel
 from workbench.uncertainty.covers.weights import (
@@ -114,7 +114,9 @@ class ControlCover:
         """
         band = float(self.omega[0]), float(self.omega[-1])
         sections = {
-            name: Sections.of(parts[name], len(parts[name].zeros), band, True, name == "controller")
+            name: FactoredRational.of(
+                parts[name], len(parts[name].zeros), band, True, name == "controller"
+            )
             for name in moving
         }
         starts = [part.start for part in sections.values()]

@@ -1,8 +1,8 @@
 """Covers of response sets: from measured plants to a nominal and uncertainty weights.
 
-The methods of thesis chapter 5, based on circles and on "olympic stadiums", as Programs: data are
-the responses, the answer is the sets of every step and the fitted model, the check is containment
-from the data and the model's roots alone.
+The methods of thesis chapter 5, based on circles and on "olympic stadiums", as Programs. The data
+are the responses, the answer is the fitted model with the sets of every step, and the check is
+containment, computed from the data and the model's roots alone.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from workbench.geometry import Circle, NarrowestStadium, Stadium
 from workbench.heavy_types import Dataset, Figure
 from workbench.program import Check, Program, worst
 from workbench.uncertainty.covers.figures import cover_figures
-from workbench.uncertainty.covers.model import ROUNDING, UncertaintyModel, contains
+from workbench.uncertainty.covers.model import CONTAINMENT_TOLERANCE, UncertaintyModel, contains
 from workbench.uncertainty.covers.responses import Responses
 from workbench.uncertainty.covers.sets import Form, corners, deviations, kept
 from workbench.uncertainty.covers.steps import CoverSteps
@@ -36,47 +36,47 @@ from workbench.uncertainty.covers.weights import (
     share_of_size,
 )
 
-OUTWARD = 1e-12
-"""Outward rounding of radii, relative to the plants: equal plants have no other radius."""
+RADIUS_ROUNDING = 1e-12
+"""Amount added to radii, relative to the size of the plants; equal plants get this radius."""
 
 
 @dataclass(frozen=True, eq=False)
 class UncertaintyCover(Program):
-    """What covers by circles and by stadiums share.
+    """Base of the covers by circles and by stadiums.
 
     Parameters
     ----------
     responses
-        The plants' responses.
+        Responses of the plants.
     order
-        Of the nominal model.
+        Order of the nominal model.
     zeros
-        How many zeros it may have; None: as many as poles.
+        Largest number of zeros of the nominal; None: as many as poles.
     complex_order
-        Of the complex weight.
+        Order of the complex weight.
     form
         ``"multiplicative"`` weights, relative to the nominal, or ``"additive"`` ones.
     nominal
         A given nominal (a SISO system of python-control, or `Rational`), which is then not fitted.
     leave_out
-        How many points may lie outside at each frequency: those that cost most.
+        Number of points that may lie outside at each frequency; the most costly ones are left out.
     windows
-        Ranges of frequency [Hz] to show enlarged, by caption.
+        Parts to draw enlarged: for each caption a range of frequency [Hz].
     """
 
     responses: Responses
     order: int
-    zeros: Any = None  # an int from here on
+    zeros: Any = None  # an int after construction
     complex_order: int = 4
     form: Form = field(default="multiplicative", kw_only=True)
-    nominal: Any = field(default=None, kw_only=True)  # Rational from here on, if given
+    nominal: Any = field(default=None, kw_only=True)  # a Rational after construction, if given
     leave_out: int = field(default=0, kw_only=True)
     windows: Any = field(default_factory=dict, kw_only=True)
 
     default_method: ClassVar[str] = "joint"
     shape: ClassVar[Literal["circle", "stadium"]]
     size_name: ClassVar[str]
-    """What the radius of a set is called in metrics."""
+    """Name of a set's radius in the metrics."""
 
     def __post_init__(self) -> None:
         if not isinstance(self.responses, Responses):
@@ -106,11 +106,11 @@ class UncertaintyCover(Program):
                 f"leave_out is {self.leave_out}, but the responses stand for an assumption "
                 f"({self.responses.assumption}), which needs all of them"
             )
-        _ = self.points  # says what cannot be left out
+        _ = self.points  # raises if so many points cannot be left out
 
     @property
     def _most(self) -> dict[str, int]:
-        """Highest orders that the frequencies determine."""
+        """Largest orders that the number of frequencies determines, by name."""
         count = self.responses.omega.size
         order = 2 * count - 1 - min(self.zeros, self.order)
         if self.nominal is not None:
@@ -121,11 +121,11 @@ class UncertaintyCover(Program):
 
     @cached_property
     def points(self) -> ComplexArray:
-        """Corners (F, H) of the point sets to cover, without what is left out."""
+        """Vertices (F, H) of the hulls of the point sets to cover, without the points left out."""
         return corners(kept(self.responses, self.leave_out, self.shape))
 
     def thinned(self, most: int) -> Self:
-        """The same question at no more than so many of the frequencies."""
+        """The same program with at most so many of the frequencies."""
         return replace(self, responses=self.responses.thinned(most))
 
     @property
@@ -135,19 +135,19 @@ class UncertaintyCover(Program):
 
     @abstractmethod
     def first_set(self, points: ComplexArray) -> Circle | Stadium:
-        """The smallest shapes around the points, wherever their centres lie."""
+        """Smallest shapes around the points (F, N), with free centres."""
 
     @abstractmethod
     def second_set(self, away: ComplexArray) -> Stadium:
-        """The smallest shapes around deviations from a nominal, centred on it."""
+        """Smallest shapes around the deviations (F, N) from a nominal, centred on the nominal."""
 
     @abstractmethod
     def third_set(self, away: ComplexArray, W_r: Rational | None = None) -> Stadium:
-        """The second set with its orientation limited, or along a given real weight."""
+        """Second set with the orientation of the cover or, if given, that of a real weight."""
 
     @abstractmethod
     def real_weight(self, third: Stadium, context: Context) -> Rational | None:
-        """W_r fitted to the third set; None where the shapes have no straight part."""
+        """Real weight W_r fitted to the third set; None for circles."""
 
     def away(self, nominal: Rational, points: ComplexArray) -> ComplexArray:
         """Deviations (F, N) of the points from a nominal."""
@@ -156,19 +156,22 @@ class UncertaintyCover(Program):
 
     @cached_property
     def unit(self) -> RealArray:
-        """What `joint` measures sizes in (F,): the nominal or, of additive models, the plants."""
+        """Unit (F,) in which the method `joint` measures sizes: 1, or the plants' root mean square.
+
+        Deviations of a multiplicative model are relative already, so their unit is 1.
+        """
         if self.form == "multiplicative":
             return np.ones(self.responses.omega.size)
         return np.sqrt(np.mean(np.abs(self.points) ** 2, axis=1))
 
     def away_scale(self, nominal: Rational) -> RealArray:
-        """Sizes (F,) of plants and nominal together, in the units of the deviations."""
+        """Size (F,) of plants plus nominal, in the units of the deviations."""
         size = np.abs(self.points).max(axis=1)
         response = np.abs(nominal.response(self.responses.omega))
         return size / response + 1 if self.form == "multiplicative" else size + response
 
     def realisable(self, nominal: Rational) -> Rational:
-        """A nominal with poles that its realisation has in the left half plane too."""
+        """Nominal with poles so far left that those of its realisation are stable too."""
         return nominal if self.nominal is not None else damped(nominal, self.responses.omega)
 
     def finished(
@@ -179,13 +182,13 @@ class UncertaintyCover(Program):
         W_r: Rational | None,
         context: Context,
     ) -> CoverSteps:
-        """The last step: a complex weight that covers whatever the real one leaves over."""
+        """Last step: fit a complex weight that covers what the real weight leaves uncovered."""
         omega = self.responses.omega
         W_r = None if W_r is None else damped(resolved(W_r, omega), omega)
         away = self.away(nominal, self.points)
         radius = needed_radius(away, None if W_r is None else W_r.response(omega))
-        # the deviations are as wrong as the plants' rounding, whatever their size
-        radius = radius + OUTWARD * self.away_scale(nominal)
+        # the rounding errors of the deviations are relative to the plants, not to the deviations
+        radius = radius + RADIUS_ROUNDING * self.away_scale(nominal)
         extent = np.maximum(np.abs(away).max(axis=1), radius)
         share = share_of_size(radius, extent)
         W_c = complex_weight(omega, radius, share, self.complex_order, context)
@@ -210,12 +213,12 @@ class UncertaintyCover(Program):
             self._second_off(answer), lambda i: f"at {self.responses.place(i[0])}"
         )
         return [
-            Check("containment", statement, inside.worst, ROUNDING, inside.where),
+            Check("containment", statement, inside.worst, CONTAINMENT_TOLERANCE, inside.where),
             Check(
                 "second set",
                 "a radius off the least about the nominal, a deviation beyond it, relative",
                 excess,
-                max(tolerance, ROUNDING),
+                max(tolerance, CONTAINMENT_TOLERANCE),
                 where,
             ),
             *(_at_most("order", name, of.order, most) for name, of, most in fits),
@@ -226,19 +229,20 @@ class UncertaintyCover(Program):
 
     @abstractmethod
     def least_radius(self, sets: NarrowestStadium, second: Stadium) -> RealArray:
-        """Bound (F,) from below on the radii of sets about the nominal, from the points alone."""
+        """Lower bound (F,) on the radii of sets about the nominal, from the points alone."""
 
     def _second_off(self, answer: CoverSteps) -> RealArray:
-        """How far (F,) the second set is from the least one, relative to its radius."""
+        """Distance (F,) of the second set from the smallest one, relative to that one's radius."""
         nominal, second = answer.model.nominal, answer.second
         sets = NarrowestStadium(self.away(nominal, self.points), center=0.0)
         least = self.least_radius(sets, second)
         beyond = sets.distance(second).max(axis=-1) - second.radius
         off = np.maximum.reduce([beyond, np.abs(second.radius - least), np.abs(second.center)])
-        off = off - OUTWARD * self.away_scale(nominal)
+        off = off - RADIUS_ROUNDING * self.away_scale(nominal)
         return np.where(off <= 0, 0.0, off / np.maximum(least, np.finfo(float).tiny)).astype(float)
 
     def _nominal_check(self, nominal: Rational) -> Check:
+        """Check of the number of zeros or, of a given nominal, that it is the one given."""
         if self.nominal is None:
             return _at_most("zeros", "nominal", nominal.zeros.size, self.zeros)
         given = self.nominal.response(self.responses.omega)
@@ -246,10 +250,10 @@ class UncertaintyCover(Program):
         apart = apart / np.maximum(np.abs(given), np.finfo(float).tiny)
         value, where = worst(apart, lambda i: f"at {self.responses.place(i[0])}")
         statement = "distance of its response from that of the given one, relative"
-        return Check("nominal given", statement, value, ROUNDING, where)
+        return Check("nominal given", statement, value, CONTAINMENT_TOLERANCE, where)
 
     def _orders(self, model: UncertaintyModel) -> list[tuple[str, Rational, int]]:
-        """Name, function and highest order of what was fitted."""
+        """Name, function and largest order of the nominal and of each weight."""
         order = self.order if self.nominal is None else self.nominal.order
         return [("nominal", model.nominal, order), ("W_c", model.W_c, self.complex_order)]
 
@@ -258,7 +262,7 @@ class UncertaintyCover(Program):
     def metrics(self, answer: CoverSteps) -> dict[str, float]:
         model, second, shares = answer.model, answer.second, self.responses.shares
         width, length = model.sizes(self.responses.omega)
-        size = np.maximum(second.radius + second.half_length, OUTWARD * (width + length))
+        size = np.maximum(second.radius + second.half_length, RADIUS_ROUNDING * (width + length))
         return {
             f"{self.size_name}_peak": float(second.radius.max()),
             f"{self.size_name}_rms": float(np.sqrt(shares @ second.radius**2)),
@@ -291,12 +295,13 @@ class UncertaintyCover(Program):
 
 
 def _at_most(what: str, name: str, value: int, limit: int) -> Check:
+    """Check that a count, such as the order, is at most a limit."""
     statement = f"{what} of {name}, at most what was asked for"
     return Check(f"{what} of {name}", statement, float(value), float(limit))
 
 
 def left_check(name: str, kind: str, roots: ComplexArray) -> Check:
-    """That roots lie left of the imaginary axis."""
+    """Check that roots lie left of the imaginary axis."""
     value = float(roots.real.max(initial=-np.inf))
     text = f"largest real part of a {kind} [rad/s], negative"
     return Check(name, text, value, -np.finfo(float).tiny)

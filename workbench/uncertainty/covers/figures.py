@@ -17,7 +17,7 @@ from workbench.uncertainty.covers.weights import unwrapped
 def cover_figures(
     responses: Responses, answer: CoverSteps, windows: Mapping[str, tuple[float, float]]
 ) -> dict[str, Figure]:
-    """The fitted sets around the points, whole and in each window; nominal and weights."""
+    """Figures of the fitted sets, all and in each window, of the nominal and of the weights."""
     points, sets = responses.labelled(), answer.model.shapes(responses.omega)
     drawn = {"plane": plane(points, sets, "fitted sets")}
     for caption, (low, high) in windows.items():
@@ -83,7 +83,7 @@ def real_weight(responses: Responses, answer: CoverSteps) -> Figure:
         ("third set", answer.third, figures.ORANGE),
     ):
         end = unwrapped(sets.half_length * np.exp(1j * sets.angle))
-        # an end and its opposite are one segment: draw the one nearer to the fit
+        # a segment has two opposite ends: draw the one nearer to the fit
         end = np.where((end * fit.conj()).real < 0, -end, end)
         turn = figures.phase(fit) + np.angle(end / fit, deg=True)
         top.plot(responses.frequency, np.abs(end), ":", color=colour, label=name)
@@ -98,6 +98,7 @@ def real_weight(responses: Responses, answer: CoverSteps) -> Figure:
 
 
 def _finish(figure: Figure, source: Axes, bottom: Axes, responses: Responses) -> None:
+    """Set the frequency axis, and put the legend of ``source`` below the figure."""
     if responses.frequency[-1] > 20 * responses.frequency[0]:
         bottom.set_xscale("log")
     bottom.set_xlabel("frequency [Hz]")
@@ -105,4 +106,5 @@ def _finish(figure: Figure, source: Axes, bottom: Axes, responses: Responses) ->
 
 
 def _unit(responses: Responses, answer: CoverSteps) -> str:
+    """Unit of the deviations from the nominal."""
     return "1" if answer.model.form == "multiplicative" else responses.unit

@@ -1,16 +1,17 @@
-"""A nominal chosen for small sets, instead of fitted to the centres of others.
+"""Nominal and real weight that make the sets about the nominal small.
 
 Near a resonance that moves from plant to plant no curve of low order passes through the centres
-of the smallest shapes. What counts is the size of the sets about the nominal, so it is minimised,
-and for stadiums the real weight with it: the mean over log frequency of
+of the smallest shapes. The size of the sets about the nominal is what matters, so the nominal is
+chosen to minimise it; for stadiums the real weight is chosen with it. The cost is the mean over log
+frequency of
 
     circles     radius^2
-    stadiums    radius^2 + LENGTH half-length^2
+    stadiums    radius^2 + HALF_LENGTH_WEIGHT half-length^2
 
-where the radius is the largest distance of a deviation from the nominal, or from the segment of
-the real weight, relative to the nominal or, of additive models, to the plants. The radius of
+where the radius is the largest distance of a deviation from the nominal, or from the segment of the
+real weight. Sizes are relative to the nominal or, for additive models, to the plants. The radius of
 stadiums alone would be ill-posed: as |G| grows every relative deviation tends to -1, and a stadium
-of half-length 1 and no width at all contains them.
+of half-length 1 and no width contains them all.
 """
 
 from __future__ import annotations
@@ -22,45 +23,49 @@ from scipy.optimize import minimize
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.executor import Context
+from workbench.fitting.factored import FactoredRational
 from workbench.fitting.rational import Rational
-from workbench.fitting.sections import Sections
 from workbench.uncertainty.covers.cover import UncertaintyCover
 from workbench.uncertainty.covers.steps import CoverSteps
 
-LENGTH = 0.1
-"""What the half-length of a stadium counts beside its radius, in squares."""
-POWERS = (8, 32, 128)
-"""Of the norms that stand for the maximum over the plants, one after the other."""
-STEPS = 200
-"""Of the quasi-Newton method with each power."""
+HALF_LENGTH_WEIGHT = 0.1
+"""Weight of the squared half-length of a stadium beside its squared radius."""
+NORM_POWERS = (8, 32, 128)
+"""Powers p of the p-norms that replace the maximum over the plants, one after the other."""
+MAX_BFGS_STEPS = 200
+"""Most quasi-Newton steps with each power."""
 DIRECTIONS = 16
-"""Of sets with more points than this, the outermost in as many directions are kept."""
+"""Larger point sets are reduced to the outermost point in each of this many directions."""
 
 
 @dataclass(frozen=True)
 class SmallSets:
-    """The mean square size of sets over the coefficients of a nominal and of a real weight.
+    """Mean square size of the sets, as a function of the parameters of nominal and real weight.
 
-    A given nominal does not move; circles have no real weight.
+    ``points`` (F, N) are the plants. ``nominal`` is a response (F,) if it is given and fixed;
+    ``W_r`` is None for circles.
     """
 
     program: UncertaintyCover
     points: ComplexArray
-    nominal: Sections | ComplexArray
-    W_r: Sections | None
+    nominal: FactoredRational | ComplexArray
+    W_r: FactoredRational | None
 
     def split(self, vector: RealArray) -> tuple[RealArray, RealArray]:
-        """The nominal's coefficients and the real weight's."""
-        count = self.nominal.start.size if isinstance(self.nominal, Sections) else 0
+        """Parameters of the nominal, and parameters of the real weight."""
+        count = self.nominal.start.size if isinstance(self.nominal, FactoredRational) else 0
         return vector[:count], vector[count:]
 
     @property
     def start(self) -> RealArray:
-        moving = [each.start for each in (self.nominal, self.W_r) if isinstance(each, Sections)]
-        return np.concatenate([np.zeros(0), *moving])  # of circles about a given nominal: none
+        """Vector of parameters at the start."""
+        moving = [
+            each.start for each in (self.nominal, self.W_r) if isinstance(each, FactoredRational)
+        ]
+        return np.concatenate([np.zeros(0), *moving])  # empty for circles about a given nominal
 
     def __call__(self, vector: RealArray, power: int) -> tuple[float, RealArray]:
-        """The size with norms of a power over the plants, and its derivatives."""
+        """Mean square size with norms of a given power over the plants, and its gradient."""
         of_nominal, of_weight = self.split(vector)
         omega, shares = self.program.responses.omega, self.program.responses.shares
         nominal, slope = _evaluated(self.nominal, of_nominal, omega)
@@ -83,8 +88,8 @@ class SmallSets:
         slopes = np.concatenate([slopes, -along[..., None] * turn[:, None, :]], axis=2)
         radius, rise = _norm(beside, slopes, power)
         gradient = 2 * (shares * radius) @ rise
-        gradient[of_nominal.size :] += 2 * LENGTH * ((shares * end.conj()) @ turn).real
-        return float(shares @ (radius**2 + LENGTH * square)), gradient
+        gradient[of_nominal.size :] += 2 * HALF_LENGTH_WEIGHT * ((shares * end.conj()) @ turn).real
+        return float(shares @ (radius**2 + HALF_LENGTH_WEIGHT * square)), gradient
 
 
 Found = tuple[float, Rational, Rational | None]
@@ -94,20 +99,22 @@ Found = tuple[float, Rational, Rational | None]
 def smallest_sets(
     program: UncertaintyCover, nominal: Rational, W_r: Rational | None, context: Context
 ) -> Found:
-    """Mean square size, nominal and real weight of the smallest sets near those to start from.
+    """Mean square size, nominal and real weight of the smallest sets found from a start.
 
-    Without a real weight the sets are circles, whatever the program asks for. Quasi-Newton steps
-    on the coefficients of the sections; the maximum over the plants is approached by norms of
-    rising power. Locally optimal.
+    Without a real weight the sets are circles, even if the program asks for stadiums. The search
+    takes quasi-Newton steps on the coefficients of quadratic factors, and approaches the maximum
+    over the plants by norms of rising power. The answer is a local optimum.
     """
     omega = program.responses.omega
     band = float(omega[0]), float(omega[-1])
-    moving: Sections | ComplexArray = nominal.response(omega)
+    moving: FactoredRational | ComplexArray = nominal.response(omega)
     if program.nominal is None:
-        moving = Sections.of(nominal, program.zeros, band, stable=True, minimum_phase=False)
+        moving = FactoredRational.of(nominal, program.zeros, band, stable=True, minimum_phase=False)
     weight = None
     if W_r is not None:
-        weight = Sections.of(W_r, W_r.order, band, stable=True, minimum_phase=program.minimum_phase)
+        weight = FactoredRational.of(
+            W_r, W_r.order, band, stable=True, minimum_phase=program.minimum_phase
+        )
     size = SmallSets(program, outermost(program.points), moving, weight)
     vector = size.start
     if vector.size:
@@ -119,36 +126,39 @@ def smallest_sets(
             return (value, gradient * scale) if np.isfinite(value) else (np.inf, 0 * vector)
 
         vector = vector / scale
-        for power in context.track(POWERS, "smallest sets"):
-            steps = {"maxiter": STEPS}
+        for power in context.track(NORM_POWERS, "smallest sets"):
+            steps = {"maxiter": MAX_BFGS_STEPS}
             vector = minimize(scaled, vector, (power,), "BFGS", jac=True, options=steps).x
         vector = vector * scale
     of_nominal, of_weight = size.split(vector)
     return (
-        size(vector, POWERS[-1])[0],
-        moving.rational(of_nominal) if isinstance(moving, Sections) else nominal,
+        size(vector, NORM_POWERS[-1])[0],
+        moving.rational(of_nominal) if isinstance(moving, FactoredRational) else nominal,
         None if weight is None else weight.rational(of_weight),
     )
 
 
 def fitted_size(program: UncertaintyCover, answer: CoverSteps) -> float:
-    """Mean square size of the fitted model's sets, as `SmallSets` measures those of the points."""
+    """Mean square size of the fitted model's sets, in the measure of `SmallSets`."""
     responses = program.responses
     width, length = answer.model.sizes(responses.omega)
-    return float(responses.shares @ ((width**2 + LENGTH * length**2) / program.unit**2))
+    return float(responses.shares @ ((width**2 + HALF_LENGTH_WEIGHT * length**2) / program.unit**2))
 
 
 def _evaluated(
-    of: Sections | ComplexArray, vector: RealArray, omega: RealArray
+    of: FactoredRational | ComplexArray, vector: RealArray, omega: RealArray
 ) -> tuple[ComplexArray, ComplexArray]:
-    """Values (F,) and derivatives (F, P); of a fixed response there are none."""
-    if isinstance(of, Sections):
+    """Values (F,) and derivatives (F, P) at given parameters; P is 0 for a fixed response."""
+    if isinstance(of, FactoredRational):
         return of.response(vector, omega), of.slopes(vector, omega)
     return of, np.zeros((omega.size, 0), dtype=complex)
 
 
 def _norm(values: ComplexArray, slopes: ComplexArray, power: int) -> tuple[RealArray, RealArray]:
-    """Norms (F,) over the plants of complex values (F, N), and their derivatives (F, P)."""
+    """p-norms (F,) over the plants of complex values (F, N), and their derivatives (F, P).
+
+    ``slopes`` (F, N, P) are the derivatives of the values.
+    """
     size = np.maximum(np.abs(values), np.finfo(float).tiny)
     most = size.max(axis=1, keepdims=True)
     share = size / most
@@ -158,7 +168,7 @@ def _norm(values: ComplexArray, slopes: ComplexArray, power: int) -> tuple[RealA
 
 
 def outermost(points: ComplexArray) -> ComplexArray:
-    """The points (F, DIRECTIONS) of large sets (F, N) that are farthest out, all round."""
+    """The outermost points (F, DIRECTIONS) of large sets (F, N), one in each of the directions."""
     if points.shape[1] <= DIRECTIONS:
         return points
     away = points - points.mean(axis=1, keepdims=True)

@@ -13,10 +13,12 @@ from workbench.uncertainty.covers.joint import Found, fitted_size, smallest_sets
 from workbench.uncertainty.covers.stadium_cover import StadiumCover
 from workbench.uncertainty.covers.starts import nominals, real_weights, through
 
-FEW, MANY = 100, 1000
-"""Frequencies at which starts are tried, and at which the best are finished."""
-FINISHED = 6
-"""How many are finished; the least of their fitted sets is the answer."""
+TRIAL_FREQUENCIES = 100
+"""Largest number of frequencies at which starts are tried."""
+FINAL_FREQUENCIES = 1000
+"""Largest number of frequencies at which the best starts are finished."""
+FINISHED_STARTS = 6
+"""Number of starts that are finished; the one with the smallest fitted sets is the answer."""
 
 
 @method(CircleCover, "steps", optimal=False)
@@ -34,13 +36,13 @@ def _steps(program: UncertaintyCover, context: Context) -> Claim:
 @method(StadiumCover, "joint", optimal=False)
 def _joint(program: UncertaintyCover, context: Context) -> Claim:
     """Nominal and real weight are chosen together for the least mean square size of the sets."""
-    found, said = _tried(program.thinned(FEW), context)
+    found, said = _tried(program.thinned(TRIAL_FREQUENCIES), context)
     if not found:
         return None, Outcome.FAILED, said
     first = program.first_set(program.points)
     answers = []
-    for _, nominal, W_r in sorted(found, key=_size)[:FINISHED]:
-        _, nominal, W_r = smallest_sets(program.thinned(MANY), nominal, W_r, context)
+    for _, nominal, W_r in sorted(found, key=_size)[:FINISHED_STARTS]:
+        _, nominal, W_r = smallest_sets(program.thinned(FINAL_FREQUENCIES), nominal, W_r, context)
         nominal = program.realisable(nominal)
         third = program.third_set(program.away(nominal, program.points), W_r)
         answers.append(program.finished(first, nominal, third, W_r, context))
@@ -48,7 +50,7 @@ def _joint(program: UncertaintyCover, context: Context) -> Claim:
 
 
 def _tried(program: UncertaintyCover, context: Context) -> tuple[list[Found], str]:
-    """The smallest sets from every start, and what is to be said of them."""
+    """The smallest sets found from every start, and a message about them."""
     found: list[Found] = []
     circles: list[Found] = []
     said = []
@@ -61,7 +63,7 @@ def _tried(program: UncertaintyCover, context: Context) -> tuple[list[Found], st
     for name, (response, sizes) in nominals(program).items():
         try:
             nominal = through(response, sizes, program, context)
-            program.away(nominal, program.points)  # says where it passes through zero
+            program.away(nominal, program.points)  # raises where the nominal passes through zero
             circles.append(smallest_sets(program, nominal, None, context))
             own = stadiums(nominal) if isinstance(program, StadiumCover) else circles[-1:]
         except (InputError, SolverError) as error:
@@ -78,4 +80,5 @@ def _tried(program: UncertaintyCover, context: Context) -> tuple[list[Found], st
 
 
 def _size(found: Found) -> float:
+    """Mean square size, by which sets are compared."""
     return found[0]

@@ -1,10 +1,10 @@
-"""An uncertainty model: a nominal and weights, and whether it contains given responses.
+"""Uncertainty models, each a nominal with weights, and the test whether one contains responses.
 
     multiplicative   G (1 + W_c delta_c + W_r delta_r)        (eq. 5.15 of the thesis)
     additive         G + W_c delta_c + W_r delta_r
 
-with |delta_c| <= 1 complex and -1 <= delta_r <= 1 real. At every frequency the plants it describes
-fill a circle, or with W_r a stadium.
+with |delta_c| <= 1 complex and -1 <= delta_r <= 1 real. At every frequency the plants of the model
+fill a circle or, with W_r, a stadium.
 """
 
 from __future__ import annotations
@@ -28,23 +28,24 @@ from workbench.systems.interconnection import UncertainPart
 from workbench.uncertainty.covers.responses import Responses
 from workbench.uncertainty.covers.sets import Form
 
-ROUNDING = 1e-9
-"""Excess beyond a boundary, relative to the radius, that counts as rounding."""
+CONTAINMENT_TOLERANCE = 1e-9
+"""Largest distance of a point beyond its set, relative to the radius, that counts as contained."""
 
 
 @dataclass(frozen=True, eq=False)
 class UncertaintyModel(UncertainPart):
-    """Nominal, complex weight and, of a mixed model, real weight.
+    """An uncertainty model: nominal, complex weight and, if the model is mixed, real weight.
 
     Parameters
     ----------
     nominal, W_c, W_r
-        `Rational`, or any SISO continuous-time system of python-control. W_r None: circles.
+        Each a `Rational` or a SISO continuous-time system of python-control. W_r = None gives
+        circles.
     form
         ``"multiplicative"`` or ``"additive"``.
     """
 
-    nominal: Any  # Rational from here on, all three
+    nominal: Any  # all three are Rational after construction
     W_c: Any
     W_r: Any = None
     form: Form = "multiplicative"
@@ -61,23 +62,23 @@ class UncertaintyModel(UncertainPart):
 
     @property
     def structure(self) -> Structure:
-        """(delta_r, delta_c), in the order of eq. 6.3, or delta_c alone."""
+        """Blocks (delta_r, delta_c), in the order of eq. 6.3, or delta_c alone."""
         complex_ = ComplexScalar(1, name="complex")
         if self.W_r is None:
             return Structure((complex_,))
         return Structure((RealScalar(1, name="real"), complex_))
 
     def systems(self) -> dict[str, StateSpace]:
-        """``G``, ``W_c`` and, of a mixed model, ``W_r`` as python-control systems."""
+        """``G``, ``W_c`` and, for a mixed model, ``W_r`` as python-control systems."""
         rationals = {"G": self.nominal, "W_c": self.W_c, "W_r": self.W_r}
         return {name: r.state_space() for name, r in rationals.items() if r is not None}
 
     @cached_property
     def system(self) -> StateSpace:
-        """Inputs (u_r, u_c, u), outputs (y_r, y_c, f): delta_r, if any, and delta_c close it.
+        """System with inputs (u_r, u_c, u), outputs (y_r, y_c, f), closed by delta_r and delta_c.
 
-        Its perturbation acts where the weights stand: behind the input u of a multiplicative
-        model, on the output f of an additive one.
+        Without W_r there are no u_r and y_r. The perturbation acts behind the input u of a
+        multiplicative model, and on the output f of an additive model.
         """
         systems = self.systems()
         kinds = [kind for kind in ("r", "c") if f"W_{kind}" in systems]
@@ -100,12 +101,12 @@ class UncertaintyModel(UncertainPart):
         ).system
 
     def sizes(self, omega: RealArray) -> tuple[RealArray, RealArray]:
-        """Radius and half-length of its sets in the units of the weights, each (F,)."""
+        """Radius (F,) and half-length (F,) of the model's sets, in the units of the weights."""
         length = np.zeros(np.shape(omega)) if self.W_r is None else np.abs(self.W_r.response(omega))
         return np.abs(self.W_c.response(omega)), length
 
     def shapes(self, omega: RealArray) -> Stadium:
-        """The sets of plants it describes at frequencies [rad/s] (F,), in the Nyquist plane."""
+        """Sets of the model's plants at frequencies (F,) [rad/s], in the Nyquist plane."""
         nominal = self.nominal.response(omega)
         size = nominal if self.form == "multiplicative" else np.ones_like(nominal)
         radius = np.abs(size * self.W_c.response(omega))
@@ -117,9 +118,10 @@ class UncertaintyModel(UncertainPart):
 class Containment:
     """Whether a model contains measured responses.
 
-    ``excess`` (F,) is the largest distance of a point beyond its set, relative to the radius
-    (negative inside), ``outside`` (F,) how many points are; of the points that the most distant
-    ones leave over, when some may be left out.
+    ``excess`` (F,) is the largest distance of a point beyond its set, relative to the radius and
+    negative inside; the most distant points are not counted if some may be left out. ``outside``
+    (F,) is the number of points outside, with those. ``where`` names the frequency of the largest
+    excess.
     """
 
     excess: RealArray
@@ -128,25 +130,28 @@ class Containment:
 
     @property
     def worst(self) -> float:
+        """Largest excess over all frequencies."""
         return float(self.excess.max())
 
     @property
     def holds(self) -> bool:
-        return self.worst <= ROUNDING
+        """Whether the largest excess is within CONTAINMENT_TOLERANCE."""
+        return self.worst <= CONTAINMENT_TOLERANCE
 
     def __bool__(self) -> bool:
         return self.holds
 
 
 def contains(model: UncertaintyModel, responses: Responses, leave_out: int = 0) -> Containment:
-    """Whether every response lies in the model's set at its frequency, from roots and data alone.
+    """Test whether every response lies in the model's set at its frequency.
 
-    Evaluated in extended precision by code that the construction of covers does not share.
+    The test uses the roots and the data alone. It is computed in extended precision by code that
+    the construction of covers does not share.
 
     Parameters
     ----------
     leave_out
-        How many points may lie outside at each frequency.
+        Number of points that may lie outside at each frequency.
     """
     s = 1j * responses.omega.astype(np.longdouble)
     nominal = _value(model.nominal, s)
@@ -163,11 +168,11 @@ def contains(model: UncertaintyModel, responses: Responses, leave_out: int = 0) 
     ordered = np.sort(np.where(np.isnan(excess), np.inf, excess), axis=1)
     worst = ordered[:, -1 - leave_out]
     place = f"at {responses.place(int(worst.argmax()))}"
-    return Containment(worst, (excess > ROUNDING).sum(axis=1), place)
+    return Containment(worst, (excess > CONTAINMENT_TOLERANCE).sum(axis=1), place)
 
 
 def _value(rational: Rational, s: np.ndarray) -> np.ndarray:
-    """gain * prod(s - z) / prod(s - p) by sums of logarithms: nothing overflows."""
+    """Value of a function at s, by sums of logarithms so that no product overflows."""
     logs = np.log(s[:, None] - rational.zeros.astype(np.clongdouble)).sum(axis=1)
     logs = logs - np.log(s[:, None] - rational.poles.astype(np.clongdouble)).sum(axis=1)
     value: np.ndarray = rational.gain * np.exp(logs)

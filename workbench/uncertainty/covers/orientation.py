@@ -1,9 +1,9 @@
-"""Orientation of stadiums: a freedom of the design (thesis, sections 5.4.2 and 5.4.3).
+"""Orientation of stadiums, a free choice of the design (thesis, sections 5.4.2 and 5.4.3).
 
 An orientation is a function of the frequencies omega (F,) [rad/s] and the deviations (F, N) from
 the nominal; it returns the angles (F,) [rad] of the segments in the frame of the nominal. The
-narrowest stadium is the least uncertain one, but its angle may jump along frequency, where no
-weight can follow it, and it is not the best one for a given controller's mu.
+narrowest stadium has the least uncertainty, but its angle may jump along frequency, which no weight
+can follow, and it need not give the smallest mu for a given controller.
 """
 
 from __future__ import annotations
@@ -19,33 +19,37 @@ from workbench.geometry.points import canonical_angle
 from workbench.uncertainty.covers.sets import stadiums_about_nominal
 
 Orientation = Callable[[RealArray, ComplexArray], RealArray]
+"""Function of omega (F,) [rad/s] and deviations (F, N) that gives angles (F,) [rad]."""
 Cost = Callable[[RealArray, RealArray, RealArray, RealArray], RealArray]
 """Cost (F, A) of candidates: omega (F,), angle (A,), radius (F, A), half-length (F, A)."""
 
-CANDIDATES = 360
-"""Angles tried at every frequency, half a degree apart."""
+CANDIDATE_ANGLES = 360
+"""Number of angles tried at every frequency, half a degree apart."""
 
 
 def narrowest(omega: RealArray, away: ComplexArray) -> RealArray:
-    """The second set: the angle of least width at every frequency."""
+    """Angles (F,) [rad] of least width, those of the second set."""
     return stadiums_about_nominal(away).angle
 
 
 def smooth(weight: float = 0.1) -> Orientation:
-    """Small widths against small changes of angle, the best trade-off over the whole axis.
+    """Orientation with small widths and small changes of angle along frequency.
 
-    Minimises the sum of log(radius) + weight * (change of angle)^2 / (change of log omega).
+    It minimises the sum of log(radius) + weight * (change of angle)^2 / (change of log omega) over
+    all frequencies together.
     """
     return cheapest(_narrow, weight)
 
 
 def limited(limit: float = math.pi / 12, nominal: RealArray | float | None = None) -> Orientation:
-    """The third set: where the narrowest angle strays from a nominal one, the nominal one.
+    """Orientation of the third set: the narrowest angle where it is near a nominal angle.
+
+    Elsewhere the nominal angle is taken.
 
     Parameters
     ----------
     limit
-        Largest distance [rad] between them that is let pass.
+        Largest difference [rad] between the two angles at which the narrowest one is taken.
     nominal
         Nominal orientation [rad], a number or of shape (F,); None: the smooth one.
     """
@@ -70,24 +74,24 @@ def limited(limit: float = math.pi / 12, nominal: RealArray | float | None = Non
 
 
 def cheapest(cost: Cost, weight: float) -> Orientation:
-    """Least sum over frequency of a cost of the candidates and of their change of angle.
+    """Orientation that minimises the sum over frequency of a cost of angles and of their changes.
 
-    The hook for orientations chosen by other criteria than width, such as a controller's mu.
-    Globally optimal over `CANDIDATES` angles by dynamic programming along frequency.
+    It serves criteria other than width, such as a controller's mu. Dynamic programming along
+    frequency finds the global optimum over `CANDIDATE_ANGLES` angles.
 
     Parameters
     ----------
     cost
         Cost of every candidate angle at every frequency, see `Cost`.
     weight
-        Of (change of angle)^2 / (change of log omega); 0: every frequency for itself.
+        Weight of (change of angle)^2 / (change of log omega); 0 treats every frequency separately.
     """
     if not weight >= 0:
         raise InputError(f"weight must not be negative, it is {weight}")
 
     def orientation(omega: RealArray, away: ComplexArray) -> RealArray:
-        angle = np.arange(CANDIDATES) * math.pi / CANDIDATES
-        every = np.broadcast_to(angle, (omega.size, CANDIDATES))
+        angle = np.arange(CANDIDATE_ANGLES) * math.pi / CANDIDATE_ANGLES
+        every = np.broadcast_to(angle, (omega.size, CANDIDATE_ANGLES))
         shape = stadiums_about_nominal(away[:, None, :], every)
         costs = np.asarray(cost(omega, angle, shape.radius, shape.half_length), dtype=float)
         if costs.shape != every.shape or np.isnan(costs).any():
@@ -101,13 +105,13 @@ def cheapest(cost: Cost, weight: float) -> Orientation:
 def _narrow(
     omega: RealArray, angle: RealArray, radius: RealArray, half_length: RealArray
 ) -> RealArray:
-    """log(radius), level below a thousandth of the stadium's whole size."""
+    """Cost log(radius), constant below a thousandth of the stadium's radius plus half-length."""
     size = (radius + half_length).min(axis=1, keepdims=True)
     return np.log(np.maximum(radius, 1e-3 * size) + np.finfo(float).tiny)
 
 
 def _cheapest_path(costs: RealArray, turn: RealArray, weights: RealArray) -> np.ndarray:
-    """Indices (F,) of least total cost, by Bellman's recursion from the last frequency back."""
+    """Indices (F,) of least total cost, by Bellman's recursion back from the last frequency."""
     count, _ = costs.shape
     follow = np.zeros(costs.shape, dtype=int)
     ahead = costs[-1]
@@ -122,6 +126,6 @@ def _cheapest_path(costs: RealArray, turn: RealArray, weights: RealArray) -> np.
 
 
 def _turn(one: RealArray, other: RealArray) -> RealArray:
-    """Distance [rad] of directions modulo pi, at most pi/2."""
+    """Difference [rad] of two directions modulo pi, at most pi/2."""
     distance: RealArray = np.abs(np.mod(one - other + math.pi / 2, math.pi) - math.pi / 2)
     return distance

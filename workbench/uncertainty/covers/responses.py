@@ -1,4 +1,4 @@
-"""Responses of several plants on one grid of frequencies: what every cover starts from."""
+"""Responses of several plants on one grid of frequencies, the data of every cover."""
 
 from __future__ import annotations
 
@@ -24,26 +24,26 @@ class Responses:
     values
         Complex responses, shape (F, N); finite and not zero where present.
     present
-        Which of them were measured, booleans of shape (F, N); None: all. At least two plants are
+        Which responses were measured, booleans of shape (F, N); None: all. At least two plants are
         needed at every frequency.
     plants
-        Names, N of them; None: numbered.
+        Names of the N plants; None: they are numbered.
     unit
         Unit of the responses, for labels.
     assumption
-        What the set claims beyond the measured points, for instance a distribution; see
+        Assumption that the set makes beyond the measured points, for instance a distribution; see
         `workbench.uncertainty.widened`. It stands in the certificates of covers.
 
     Raises
     ------
     InputError
-        Anything else, with the plant and the frequency concerned.
+        Data other than these; the message names the plant and the frequency.
     """
 
     omega: RealArray
     values: ComplexArray
-    present: Any = None  # an ndarray from here on
-    plants: Any = None  # a tuple of names from here on
+    present: Any = None  # an ndarray after construction
+    plants: Any = None  # a tuple of names after construction
     unit: str = field(default="1", kw_only=True)
     assumption: str = field(default="", kw_only=True)
 
@@ -96,6 +96,7 @@ class Responses:
             )
 
     def _refuse(self, bad: np.ndarray, what: str) -> None:
+        """Raise `InputError` if a measured response is bad; it names the first one."""
         bad = bad & self.present
         if bad.any():
             k, i = (int(j) for j in np.argwhere(bad)[0])
@@ -106,17 +107,17 @@ class Responses:
 
     @property
     def frequency(self) -> RealArray:
-        """[Hz]."""
+        """Frequencies (F,) [Hz]."""
         return self.omega / (2 * np.pi)
 
     @property
     def shares(self) -> RealArray:
-        """Share (F,) of every frequency in the logarithmic axis, of sum 1."""
+        """Share (F,) of each frequency in the logarithmic frequency axis; their sum is 1."""
         width = np.gradient(np.log(self.omega))
         return width / width.sum()
 
     def thinned(self, most: int) -> Responses:
-        """The same plants at no more than so many of the frequencies, both ends among them."""
+        """The same plants at ``most`` of the frequencies at most, with the first and the last."""
         if self.omega.size <= most:
             return self
         chosen = np.unique(np.linspace(0, self.omega.size - 1, most).round().astype(int))
@@ -133,7 +134,7 @@ class Responses:
 
     @property
     def points(self) -> ComplexArray:
-        """The point sets (F, N); what is missing repeats another point of its set."""
+        """Point sets (F, N); a missing point is replaced by another point of its set."""
         return filled(self.values, self.present)
 
     def labelled(self) -> DataArray:
@@ -150,16 +151,16 @@ class Responses:
 
 
 def filled(values: ComplexArray, present: np.ndarray) -> ComplexArray:
-    """Values (F, N) where present; elsewhere the first present one of their frequency."""
+    """Values (F, N), each missing value replaced by the first measured one at its frequency."""
     substitute = values[np.arange(len(values)), present.argmax(axis=1)]
     points: ComplexArray = np.where(present, values, substitute[:, None])
     return points
 
 
 def responses_of(systems: Sequence[FrequencyResponseData], **names: Any) -> Responses:
-    """Responses of SISO plants, each measured at some frequencies of its own.
+    """Responses of SISO plants that were each measured at their own frequencies.
 
-    The grid is the union of all frequencies; where a plant has none it counts as missing.
+    The grid is the union of all frequencies; a plant counts as missing where it was not measured.
 
     Parameters
     ----------
@@ -171,8 +172,8 @@ def responses_of(systems: Sequence[FrequencyResponseData], **names: Any) -> Resp
     Raises
     ------
     InputError
-        As `Responses`; in particular where plants on different grids leave a frequency with fewer
-        than two of them.
+        The same as for `Responses`; in particular plants on different grids leave a frequency with
+        fewer than two of them.
     """
     for k, system in enumerate(systems):
         if not hasattr(system, "frdata"):

@@ -1,8 +1,8 @@
 """Sets of relative or absolute deviations from a nominal, and the shapes around them.
 
-The second set of the thesis (sections 5.3.2 and 5.4.2) in the frame of the nominal: deviations are
-p / G - 1 for a multiplicative model and p - G for an additive one, the centre is 0, and radius,
-half-length and angle are those of the weights themselves.
+This is the second set of the thesis (sections 5.3.2 and 5.4.2) in the frame of the nominal. The
+deviations of plants p are p / G - 1 for a multiplicative model and p - G for an additive one; the
+centre is 0, and radius, half-length and angle are in the units of the weights.
 """
 
 from __future__ import annotations
@@ -22,11 +22,12 @@ from workbench.uncertainty.covers.responses import Responses, filled
 
 Form = Literal["multiplicative", "additive"]
 
-VANISHING = 1e-9
-"""Size of a nominal, relative to its set's largest point, that counts as passing through zero."""
-MOST_LEFT_OUT = 4
-TOUCHING = 1e-9
-"""Relative distance from a boundary within which a point supports it."""
+ZERO_NOMINAL = 1e-9
+"""Size of a nominal, relative to its set's largest point, below which it counts as zero."""
+MAX_LEFT_OUT = 4
+"""Largest number of points left out at each frequency; the search grows fourfold with each."""
+SUPPORT_DISTANCE = 1e-9
+"""Distance from the boundary, relative to the radius, within which a point supports the shape."""
 
 
 def deviations(
@@ -37,12 +38,13 @@ def deviations(
     Raises
     ------
     InputError
-        The nominal passes through zero, where a relative deviation has no meaning; it says where.
+        The nominal passes through zero, where relative deviations are undefined; the message says
+        at which frequency.
     """
     if form == "additive":
         difference: ComplexArray = points - nominal[:, None]
         return difference
-    vanishing = np.abs(nominal) <= VANISHING * np.abs(points).max(axis=1)
+    vanishing = np.abs(nominal) <= ZERO_NOMINAL * np.abs(points).max(axis=1)
     if vanishing.any():
         raise InputError(
             f"the nominal passes through zero at {responses.place(int(vanishing.argmax()))}: "
@@ -67,22 +69,22 @@ def stadiums_about_nominal(away: ComplexArray, angle: RealArray | None = None) -
 
 
 def kept(responses: Responses, leave_out: int, kind: Literal["circle", "stadium"]) -> ComplexArray:
-    """Point sets (F, N) without the ``leave_out`` points that cost their first set most.
+    """Point sets (F, N) without the ``leave_out`` points that enlarge their first set most.
 
-    What is left out repeats a point that is kept. Of circles in general position the choice is
-    optimal: a smaller circle leaves out one of the points that support the present one, so a tree
-    of supports is searched (at most 3 branches a level; the LP-type problem with violations of
-    Matousek, 1995). Of stadiums the same tree is a heuristic: the narrowest width may have more
-    supports.
+    A point left out is replaced by a point that is kept. For circles in general position the choice
+    is optimal: a smaller circle must leave out one of the points that support the present one, so a
+    tree of supports is searched, with at most 3 branches a level (the LP-type problem with
+    violations of Matousek, 1995). For stadiums the same tree is a heuristic, because the narrowest
+    width may have more supports.
 
     Raises
     ------
     InputError
-        More points than the search can take, or than leave two plants at every frequency.
+        ``leave_out`` is more than `MAX_LEFT_OUT`, or leaves fewer than two plants at a frequency.
     """
-    if as_count("leave_out", leave_out) > MOST_LEFT_OUT:
+    if as_count("leave_out", leave_out) > MAX_LEFT_OUT:
         raise InputError(
-            f"leave_out is {leave_out}; it may be {MOST_LEFT_OUT} at most, "
+            f"leave_out is {leave_out}; it may be {MAX_LEFT_OUT} at most, "
             "since the search grows fourfold with each"
         )
     count = responses.present.sum(axis=1)
@@ -96,9 +98,10 @@ def kept(responses: Responses, leave_out: int, kind: Literal["circle", "stadium"
 
 
 def corners(points: ComplexArray) -> ComplexArray:
-    """Vertices (F, H) of the convex hulls of point sets (F, N), repeated up to the largest H.
+    """Vertices (F, H) of the convex hulls of point sets (F, N).
 
-    Circles and stadiums are convex: what contains the vertices contains the sets.
+    The vertices of smaller hulls are repeated up to the largest H. Circles and stadiums are convex,
+    so those that contain the vertices contain the sets.
     """
     hulls = [convex_hull(row) for row in points]
     most = max(hull.size for hull in hulls)
@@ -106,13 +109,14 @@ def corners(points: ComplexArray) -> ComplexArray:
 
 
 Support = Callable[[ComplexArray], tuple[RealArray, RealArray, int]]
-"""Radius (F,) of the first set, room (F, N) of points inside it, most points that support it."""
+"""Function of points (F, N): the first set's radius (F,), the distance (F, N) of the points inside
+its boundary, and the largest number of points that can support it."""
 
 
 def _searched(
     values: ComplexArray, present: np.ndarray, leave_out: int, measure: Support
 ) -> tuple[ComplexArray, RealArray]:
-    """The best sets with points left out, and their radii."""
+    """Point sets (F, N) with the best points left out, and the radii (F,) of their first sets."""
     points = filled(values, present)
     radius, room, count = measure(points)
     if leave_out == 0:
@@ -129,11 +133,13 @@ def _searched(
 
 
 def _circle_support(points: ComplexArray) -> tuple[RealArray, RealArray, int]:
+    """`Support` of the smallest circles."""
     circle: Circle = smallest_circle(points)
     return circle.radius, circle.radius[:, None] - np.abs(points - circle.center[:, None]), 3
 
 
 def _stadium_support(points: ComplexArray) -> tuple[RealArray, RealArray, int]:
+    """`Support` of the narrowest stadiums, by the distance from their straight sides."""
     stadium = narrowest_stadium(points)
     away = (points - stadium.center[:, None]) * np.exp(-1j * stadium.angle[:, None])
     return stadium.radius, stadium.radius[:, None] - np.abs(away.imag), 4
@@ -142,13 +148,14 @@ def _stadium_support(points: ComplexArray) -> tuple[RealArray, RealArray, int]:
 def _nearest(
     points: ComplexArray, room: RealArray, radius: RealArray, count: int
 ) -> list[np.ndarray]:
-    """Up to ``count`` indices (F,) of distinct points nearest to the boundary; the first of them
-    where there are no more.
+    """Indices of the distinct points that touch the boundary: up to ``count`` arrays (F,).
+
+    Where fewer points touch it, the first index is repeated.
     """
     rows, found = np.arange(len(points)), [room.argmin(axis=1)]
     for _ in range(min(count, points.shape[1]) - 1):
         room = np.where(points == points[rows, found[-1]][:, None], np.inf, room)
         nearest = room.argmin(axis=1)
-        touching = room[rows, nearest] <= TOUCHING * radius
+        touching = room[rows, nearest] <= SUPPORT_DISTANCE * radius
         found.append(np.where(touching, nearest, found[0]))
     return found

@@ -1,4 +1,4 @@
-"""Mixed uncertainty: stadiums about a nominal (thesis, section 5.4)."""
+"""Mixed uncertainty models, with a real weight too: stadiums about a nominal (thesis, 5.4)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from workbench.executor import Context
 from workbench.fitting.rational import Rational
 from workbench.geometry import NarrowestStadium, Stadium, narrowest_stadium
 from workbench.program import Check
-from workbench.uncertainty.covers.cover import OUTWARD, UncertaintyCover, left_check
+from workbench.uncertainty.covers.cover import RADIUS_ROUNDING, UncertaintyCover, left_check
 from workbench.uncertainty.covers.model import UncertaintyModel
 from workbench.uncertainty.covers.orientation import Orientation, smooth
 from workbench.uncertainty.covers.sets import stadiums_about_nominal
@@ -24,17 +24,17 @@ from workbench.uncertainty.covers.weights import real_weight
 
 @dataclass(frozen=True, eq=False)
 class StadiumCover(UncertaintyCover):
-    """G (1 + W_c delta_c + W_r delta_r): weights that contain every response in a stadium.
+    """G (1 + W_c delta_c + W_r delta_r): a nominal and two weights that contain every response.
 
     Parameters
     ----------
     real_order
-        Of the real weight.
+        Order of the real weight.
     orientation
-        The third set: a function of frequencies and deviations that gives the angles, see
-        `workbench.uncertainty.orientation`.
+        Function of frequencies and deviations that gives the angles of the third set, see
+        `workbench.uncertainty.covers.orientation`.
     minimum_phase
-        Zeros of the real weight in the left half plane too, as the thesis has it.
+        Whether the zeros of the real weight must lie in the left half plane too, as in the thesis.
     """
 
     real_order: int = 4
@@ -85,7 +85,7 @@ class StadiumCover(UncertaintyCover):
     def metrics(self, answer: CoverSteps) -> dict[str, float]:
         model, second = answer.model, answer.second
         width, length = model.sizes(self.responses.omega)
-        inflation = width / np.maximum(second.radius, OUTWARD * width)
+        inflation = width / np.maximum(second.radius, RADIUS_ROUNDING * width)
         return super().metrics(answer) | {
             "inflation_width": float(np.max(inflation)),
             "inflation_width_median": float(np.median(inflation)),

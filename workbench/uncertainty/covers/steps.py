@@ -1,4 +1,4 @@
-"""The answer of a cover: the fitted model, and the sets of each step."""
+"""Answer of a cover: the fitted model and the sets of each step."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from workbench.uncertainty.covers.model import UncertaintyModel
 
 @dataclass(frozen=True)
 class CoverSteps:
-    """What each step of a cover gave.
+    """The fitted model of a cover, and the sets of each step.
 
     ``first`` lies in the Nyquist plane; ``second`` and ``third`` are centred on the nominal, in
-    the units of the weights. Of circles the third set is the second.
+    the units of the weights. For circles the third set equals the second.
     """
 
     model: UncertaintyModel

@@ -1,4 +1,4 @@
-"""Covers as labelled arrays, and back."""
+"""Conversion of covers to labelled arrays, and back."""
 
 from __future__ import annotations
 
@@ -17,10 +17,11 @@ PARTS = {
     "half_length": "half-length",
     "angle": "angle",
 }
+"""Arrays of a set, each with its name in words."""
 
 
 def to_dataset(responses: Responses, answer: CoverSteps) -> xr.Dataset:
-    """Responses, the sets of every step, the sets of the model, and its roots."""
+    """Dataset of the responses, the sets of every step, the sets of the model, and its roots."""
     model = answer.model
     plane = responses.unit
     deviation = "1" if model.form == "multiplicative" else plane
@@ -62,12 +63,12 @@ def to_dataset(responses: Responses, answer: CoverSteps) -> xr.Dataset:
 
 
 def shape(data: xr.Dataset, name: str) -> Stadium:
-    """The sets of a step."""
+    """The sets of the step of a given name."""
     return Stadium(*(data[f"{name}_{part}"].values for part in PARTS))
 
 
 def rational(data: xr.Dataset, name: str) -> Rational | None:
-    """A part of the model, None where the model has none."""
+    """The nominal or a weight, by name; None where the model has none."""
     if f"{name}_gain" not in data:
         return None
     return function(data, f"{name}_")

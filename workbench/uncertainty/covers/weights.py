@@ -1,8 +1,8 @@
 """Weights of an uncertainty model from its sets, with containment by construction.
 
-The real weight is fitted first, in magnitude and phase. Whatever it misses, the complex weight
-takes up: its magnitude covers, at every frequency, the largest distance of a deviation from the
-fitted segment (thesis, section 5.4.4, where the two are fitted apart and nothing is guaranteed).
+The real weight is fitted first, in magnitude and phase. The complex weight makes up for the errors
+of that fit: its magnitude covers, at every frequency, the largest distance of a deviation from the
+fitted segment. (In section 5.4.4 of the thesis the two are fitted separately, without guarantee.)
 """
 
 from __future__ import annotations
@@ -19,33 +19,35 @@ from workbench.fitting.response.program import ResponseFit
 from workbench.geometry import Stadium
 from workbench.program import Program, solve
 
-THIN = 1e-3
-"""Least width of a fitted set, relative to its whole size: what is thinner is a line."""
-SLOW = 1e-5
-"""Least distance of poles from the imaginary axis, relative to the lowest frequency."""
-UNDAMPED = 1e-7
-"""Least damping of poles."""
-DECADES = 2
-"""Decades below and above the frequencies given over which weights hold their size."""
-MOST_DAMPED = 0.1
-"""Damping that is enough for any grid, however coarse."""
-APART = 0.02
-"""Largest step of log frequency at which a cover is fitted: no resonance hides in a coarser one."""
-MOST_RAISES, BEYOND = 20, 1e-9
-"""Times that a gain is raised, each by what it misses and this share more."""
-NO_SIZE = 1e-6
-"""Size of a set, relative to the largest, below which plants count as equal."""
-SLACK = 2.0
-"""What the length of a stadium counts beside its radius where a cover exceeds it."""
+MIN_RADIUS_SHARE = 1e-3
+"""Smallest radius of a fitted set, relative to its extent; thinner sets would be lines."""
+MIN_POLE_DISTANCE = 1e-5
+"""Smallest distance of poles from the imaginary axis, relative to the lowest frequency."""
+MIN_POLE_DAMPING = 1e-7
+"""Smallest damping ratio of poles."""
+CONSTANT_DECADES = 2
+"""Number of decades below and above the given frequencies over which weights keep their size."""
+SUFFICIENT_DAMPING = 0.1
+"""Damping ratio above which a pole needs no more damping, however coarse the frequencies are."""
+LARGEST_LOG_STEP = 0.02
+"""Largest step of log omega at which a cover is fitted, so that no resonance fits between."""
+MAX_GAIN_RAISES = 20
+"""Most increases of the gain of a weight until it covers."""
+GAIN_MARGIN = 1e-9
+"""Relative excess of each increase of the gain over the amount needed."""
+MIN_RELATIVE_SIZE = 1e-6
+"""Smallest size of a set in the weights of a fit, relative to the largest set."""
+HALF_LENGTH_SHARE = 2.0
+"""Factor of a stadium's half-length in its size, which weights the errors of a fit."""
 
 
 def fitted(program: Program, context: Context) -> Rational:
-    """The certified answer of a fit.
+    """Answer of a fit with a valid certificate.
 
     Raises
     ------
     SolverError
-        Its certificate does not hold.
+        There is no answer, or its certificate is not valid.
     """
     solution = solve(program, options=context.options)
     if solution.answer is None or not solution.certificate or not solution.certificate.valid:
@@ -57,9 +59,9 @@ def fitted(program: Program, context: Context) -> Rational:
 def complex_weight(
     omega: RealArray, radius: RealArray, weight: RealArray, order: int, context: Context
 ) -> Rational:
-    """W_c (eq. 5.2, 5.15): covers radii (F,), also between the frequencies.
+    """Complex weight W_c (eq. 5.2, 5.15) that covers radii (F,), at the frequencies and between.
 
-    What it takes in excess, relative to the radius, counts with a weight (F,).
+    Its excess relative to the radius is weighted by ``weight`` (F,).
     """
     fine = np.unique(np.concatenate([omega, between(omega)]))
     log = np.log(fine)
@@ -70,18 +72,19 @@ def complex_weight(
 
 
 def share_of_size(radius: RealArray, extent: RealArray) -> RealArray:
-    """What an excess of the radius is, relative to the size of the set (F,).
+    """Ratio (F,) of the radius to the size of a set, the weight of an excess of the radius.
 
-    Of circles it is all of it; the size of stadiums is the radius and SLACK times what the extent
-    has beyond it, since a long set may be all but a line where a low order cannot follow it.
+    It is 1 for circles. For stadiums the size is the radius plus HALF_LENGTH_SHARE times the part
+    of the extent beyond the radius, since a long set may be almost a line at frequencies where a
+    weight of low order cannot follow it.
     """
-    return radius / (radius + SLACK * (extent - radius))
+    return radius / (radius + HALF_LENGTH_SHARE * (extent - radius))
 
 
 def between(omega: RealArray) -> RealArray:
-    """Frequencies so close that little of a cover is hidden between them and those given (F,)."""
+    """Frequencies between given ones (F,), so that log omega rises by LARGEST_LOG_STEP at most."""
     log = np.log(omega)
-    counts = np.ceil(np.diff(log) / APART).astype(int)
+    counts = np.ceil(np.diff(log) / LARGEST_LOG_STEP).astype(int)
     steps = [
         np.linspace(a, b, n, endpoint=False)[1:]
         for a, b, n in zip(log[:-1], log[1:], counts, strict=True)
@@ -90,12 +93,18 @@ def between(omega: RealArray) -> RealArray:
 
 
 def raised(function: Rational, omega: RealArray, magnitude: RealArray) -> Rational:
-    """The function with the gain that it needs to cover magnitudes (F,) and what lies between."""
-    for _ in range(MOST_RAISES):
+    """The function with its gain raised until it covers magnitudes (F,), between them too.
+
+    Raises
+    ------
+    SolverError
+        It still does not cover them after MAX_GAIN_RAISES increases.
+    """
+    for _ in range(MAX_GAIN_RAISES):
         margin, _ = least_margin(omega, magnitude, function)
         if margin >= 0:
             return function
-        gain = function.gain * np.exp(-margin) * (1 + BEYOND)
+        gain = function.gain * np.exp(-margin) * (1 + GAIN_MARGIN)
         function = Rational(function.zeros, function.poles, gain)
     raise SolverError(f"the weight misses its cover by {-margin:.3g} still, relative")
 
@@ -103,23 +112,23 @@ def raised(function: Rational, omega: RealArray, magnitude: RealArray) -> Ration
 def real_weight(
     omega: RealArray, sets: Stadium, order: int, minimum_phase: bool, context: Context
 ) -> Rational:
-    """W_r (eq. 5.15): follows the segments half_length * exp(j angle) in magnitude and phase.
+    """Real weight W_r (eq. 5.15), fitted to segments half_length * exp(j angle) as complex numbers.
 
-    The end of a segment may be either of two; the one that turns less along frequency is taken.
-    What the fit misses makes the set wider by as much; it counts as the excess of a cover does.
+    Each segment has two ends; those that turn less along frequency are taken. An error of the fit
+    makes the set wider by as much, so it is weighted in the same way as the excess of a cover.
     """
     end = unwrapped(sets.half_length * np.exp(1j * sets.angle))
-    size = sets.radius + SLACK * sets.half_length
-    weight = 1 / np.maximum(size, NO_SIZE * (size.max() or 1.0))
+    size = sets.radius + HALF_LENGTH_SHARE * sets.half_length
+    weight = 1 / np.maximum(size, MIN_RELATIVE_SIZE * (size.max() or 1.0))
     return fitted(held(omega, end, weight, order, minimum_phase), context)
 
 
 def held(
     omega: RealArray, end: ComplexArray, weight: RealArray, order: int, minimum_phase: bool
 ) -> ResponseFit:
-    """The fit of ends of segments (F,) that last beyond the frequencies given, real there."""
+    """Fit of a weight to ends of segments (F,), with real constants beyond the frequencies."""
     ends = lasting(end)
-    for part in (slice(DECADES), slice(-DECADES, None)):
+    for part in (slice(CONSTANT_DECADES), slice(-CONSTANT_DECADES, None)):
         ends[part] = np.copysign(np.abs(ends[part]), ends[part].real)
     return ResponseFit(
         beyond(omega), ends, order, weight=lasting(weight), minimum_phase=minimum_phase
@@ -127,21 +136,22 @@ def held(
 
 
 def beyond(omega: RealArray) -> RealArray:
-    """Frequencies (F,) and some decades on either side, (F + 2 * DECADES,)."""
-    decades = 10.0 ** np.arange(1, DECADES + 1)
+    """Frequencies (F,) with some decades added on either side, (F + 2 * CONSTANT_DECADES,)."""
+    decades = 10.0 ** np.arange(1, CONSTANT_DECADES + 1)
     return np.concatenate([omega[0] / decades[::-1], omega, omega[-1] * decades])
 
 
 def lasting(values: np.ndarray) -> np.ndarray:
-    """Values (F,) that last beyond the frequencies given.
+    """Values (F,) continued as constants at the frequencies of `beyond`.
 
-    Without that a weight may vanish, or grow as it likes, where no response is known: at rest.
+    Without that a weight could vanish or grow without limit where no response is known, such as at
+    zero frequency.
     """
-    return np.pad(values, DECADES, mode="edge")
+    return np.pad(values, CONSTANT_DECADES, mode="edge")
 
 
 def unwrapped(end: ComplexArray) -> ComplexArray:
-    """Ends (F,) of segments through 0, each or its opposite, so that no step turns past pi/2."""
+    """Ends (F,) of segments through 0, replaced by the opposite ends where they turn past pi/2."""
     steps = (end[1:] * end[:-1].conj()).real < 0
     sign = np.concatenate([[1.0], np.where(steps, -1.0, 1.0)]).cumprod()
     ends: ComplexArray = end * sign
@@ -149,27 +159,31 @@ def unwrapped(end: ComplexArray) -> ComplexArray:
 
 
 def damped(function: Rational, omega: RealArray) -> Rational:
-    """The function with poles that its realisation has left of the imaginary axis too.
+    """The function with poles so far left that those of its realisation are stable too.
 
-    A fit may put them as near to it as no frequency tells, as integrators or between frequencies.
+    A fit may put poles very near the imaginary axis, as integrators or between the frequencies,
+    where the data do not determine the distance.
     """
-    return _left_by(np.maximum(SLOW * omega[0], UNDAMPED * np.abs(function.poles)), function)
+    return _left_by(
+        np.maximum(MIN_POLE_DISTANCE * omega[0], MIN_POLE_DAMPING * np.abs(function.poles)),
+        function,
+    )
 
 
 def resolved(function: Rational, omega: RealArray) -> Rational:
-    """The function with no resonance that falls between the frequencies it was fitted at.
+    """The function with enough damping that no resonance falls between the frequencies.
 
-    Its poles are damped at least by half the relative distance of frequencies around them: a
-    narrower peak is seen by none of them.
+    The damping ratio of each pole becomes at least half the relative distance of the frequencies
+    around it; the data do not show a narrower peak.
     """
     log = np.log(omega)
     size = np.abs(function.poles)
     around = np.interp(np.log(np.maximum(size, omega[0])), (log[1:] + log[:-1]) / 2, np.diff(log))
-    return _left_by(np.minimum(around / 2, MOST_DAMPED) * size, function)
+    return _left_by(np.minimum(around / 2, SUFFICIENT_DAMPING) * size, function)
 
 
 def _left_by(distance: RealArray, function: Rational) -> Rational:
-    """The function with each pole at least so far left of the imaginary axis."""
+    """Function with every pole moved to Re s <= -distance."""
     poles = function.poles.copy()
     poles.real = np.minimum(poles.real, -distance)
     return Rational(function.zeros, poles, function.gain)
@@ -183,4 +197,4 @@ def needed_radius(away: ComplexArray, end: ComplexArray | None) -> RealArray:
     square = np.maximum(np.abs(end) ** 2, np.finfo(float).tiny)
     along = np.clip((away * end.conj()[:, None]).real / square[:, None], -1, 1)
     distance: RealArray = np.abs(away - along * end[:, None]).max(axis=1)
-    return np.maximum(distance, THIN * extent)
+    return np.maximum(distance, MIN_RADIUS_SHARE * extent)

@@ -1,8 +1,8 @@
-"""Responses of a parametric model over a full factorial of its deltas, one parameter at a time.
+"""Responses of a parametric model for all combinations of some deltas of its parameters.
 
-The deltas of a parameter close their own channels of the model's response before the next
-parameter's do, so what parameters have in common is computed once: a combination of P parameters
-costs about two operations on scalars instead of a system of equations.
+The parameters are closed one after the other: the channels of the first are closed by all of its
+deltas, then those of the second, and so on. So computations that combinations share are done once,
+and a combination costs about two operations on scalars instead of a system of equations.
 """
 
 from __future__ import annotations
@@ -16,18 +16,22 @@ from workbench.uncertainty.parametric.model import ParametricModel
 
 
 def factorial_response(model: ParametricModel, omega: ArrayLike, deltas: ArrayLike) -> Array:
-    """Responses of every combination of `deltas` (L,) of the P parameters.
+    """Responses for every combination of the same `deltas` (L,) of all P parameters.
 
     Parameters
     ----------
     omega
-        [rad/s] (F,). All combinations are held at once: take few frequencies at a time.
+        Frequencies (F,) [rad/s]. The result needs memory for all combinations, so take few
+        frequencies at a time.
+    deltas
+        Normalised deviations (L,) that each parameter takes.
 
     Returns
     -------
     Matrix
-        (L, ..., L, F, outputs, inputs), P axes in the order of the parameters; flattened, the
-        combinations come in the order of `levels`. Infinite or NaN where not well posed.
+        (L, ..., L, F, outputs, inputs), with P axes in the order of the parameters; flattened, the
+        combinations are in the order of `levels`. Values are infinite or NaN where the model is not
+        well posed.
     """
     system, points = model.system, 1j * np.atleast_1d(np.asarray(omega, dtype=float))
     M = frequency_response(
@@ -39,7 +43,7 @@ def factorial_response(model: ParametricModel, omega: ArrayLike, deltas: ArrayLi
         M = M[..., None, :, :, :]
         drive, back = steps * M[..., :n, n:], M[..., n:, :n]
         loop = np.eye(n) - steps * M[..., :n, :n]
-        # With one channel all is scalar, and arrays divide faster than equations are solved.
+        # With one channel the loop is scalar, and dividing arrays is faster than solving equations.
         change = back * (drive / loop) if n == 1 else back @ np.linalg.solve(loop, drive)
         M = M[..., n:, n:] + change
     return M

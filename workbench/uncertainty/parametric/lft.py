@@ -2,8 +2,8 @@
 
     value(delta) = M22 + M21 Delta (I - M11 Delta)^-1 M12,    Delta = diag(delta of each channel)
 
-Sums, products and inverses of such matrices are such matrices (Redheffer; Zhou, Doyle and Glover,
-Robust and Optimal Control, 1996, chapter 10). A state-space system is one in delta = 1/s.
+Sums, products and inverses of LFTs are LFTs (Redheffer; Zhou, Doyle and Glover, Robust and Optimal
+Control, 1996, chapter 10). A state-space system is an LFT in delta = 1/s.
 """
 
 from __future__ import annotations
@@ -22,53 +22,54 @@ from workbench.errors import InputError
 from workbench.systems.balancing import singular
 
 INTEGRATOR = "1/s"
-"""The scalar whose channels are the states of a system."""
+"""Name of the scalar whose channels are the states of a system."""
 
-SINGULAR = 1e-13
-"""det(I - M11 Delta) below this is zero: at the nominal it is 1, whatever the units."""
+SINGULAR_DETERMINANT = 1e-13
+"""Value of det(I - M11 Delta) below which a model counts as singular; at the nominal it is 1."""
 
 
 @dataclass(frozen=True, eq=False)
 class LFT:
-    """A matrix (m, n) that is rational in named scalars.
+    """A matrix (m, n) that is a rational function of named scalars.
 
-    M is [M11 M12; M21 M22] with shape (r + m, r + n); names has the scalar of each of the r
-    channels. `+ - * / **` and `@` mean what they mean for arrays; `*` needs a scalar (1, 1).
+    ``M`` is [M11 M12; M21 M22] with shape (r + m, r + n); ``names`` holds the scalar's name for
+    each of the r channels. `+ - * / **` and `@` have the same meaning as for arrays, but one
+    operand of `*` must be a scalar (1, 1).
     """
 
     M: Array
     names: tuple[str, ...] = ()
 
-    # Arrays leave arithmetic with an LFT to the LFT.
+    # NumPy's arrays then leave arithmetic with an LFT to this class.
     __array_ufunc__: ClassVar[None] = None
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Of the value: (m, n)."""
+        """Shape (m, n) of the value."""
         r = len(self.names)
         return self.M.shape[0] - r, self.M.shape[1] - r
 
     @property
     def blocks(self) -> tuple[Array, Array, Array, Array]:
-        """M11, M12, M21, M22."""
+        """The blocks M11, M12, M21 and M22 of M."""
         r = len(self.names)
         return self.M[:r, :r], self.M[:r, r:], self.M[r:, :r], self.M[r:, r:]
 
     def repetitions(self) -> dict[str, int]:
-        """How many channels each scalar has, in order of first appearance."""
+        """Number of channels of each scalar, by name, in the order of first appearance."""
         return {name: self.names.count(name) for name in dict.fromkeys(self.names)}
 
     def __call__(self, values: Mapping[str, ArrayLike]) -> Array:
-        """The value at `values` by name, each (...): (..., m, n).
+        """Value (..., m, n) at given scalars (...), by name.
 
-        Raises InputError where I - M11 Delta is singular, saying for which values.
+        Raises InputError where I - M11 Delta is singular; the message says for which values.
         """
         M11, M12, M21, M22 = self.blocks
         if not self.names:
             return M22
         delta = np.stack(np.broadcast_arrays(*(np.asarray(values[n]) for n in self.names)), -1)
         loop = np.eye(len(self.names)) - delta[..., None] * M11
-        flat = abs(np.linalg.det(loop)) < SINGULAR
+        flat = abs(np.linalg.det(loop)) < SINGULAR_DETERMINANT
         if flat.any():
             first = delta[flat][0]
             at = {n: float(first[i].real) for i, n in enumerate(self.names)}
@@ -123,7 +124,7 @@ class LFT:
             raise InputError(
                 f"`*` of matrices with shapes {a.shape} and {b.shape}; use @ for their product"
             )
-        # The scalar has as many copies as the narrower side of the matrix.
+        # Repeat the scalar along the shorter side of the matrix: fewer channels.
         m, n = a.shape
         return diagonal(*[b] * m) @ a if m < n else a @ diagonal(*[b] * n)
 
@@ -147,14 +148,14 @@ class LFT:
 
 
 def scalar(name: str, nominal: float, deviation: float) -> LFT:
-    """nominal + deviation * delta, the delta of that name."""
+    """The LFT nominal + deviation * delta, with the delta of that name."""
     return LFT(np.array([[0.0, 1.0], [deviation, nominal]]), (name,))
 
 
 def lift(value: Any) -> LFT:
-    """A number, a matrix of numbers or LFTs (nested lists, object arrays), or an LFT, as an LFT.
+    """The LFT of a number, of a matrix of numbers or LFTs (nested lists, object arrays), or an LFT.
 
-    Raises InputError for a vector: whether it is a row or a column is not plain.
+    Raises InputError for a vector, because it could be a row or a column.
     """
     if isinstance(value, LFT):
         return value
@@ -173,18 +174,18 @@ def lift(value: Any) -> LFT:
 
 
 def matrix(rows: Sequence[Sequence[Any]]) -> Any:
-    """A matrix from rows of blocks, each a number, a matrix or an LFT.
+    """Matrix from rows of blocks, each a number, a matrix or an LFT.
 
-    An LFT where there is one among the blocks, else an array of floats. Raises InputError where
-    the blocks do not fit each other.
+    The result is an LFT if one of the blocks is, else an array of floats. Raises InputError where
+    the shapes of the blocks do not fit together.
     """
     blocks = [[lift(entry) for entry in row] for row in rows]
     result = _stack(blocks)
     return result if result.names or _any_lft(entry for row in rows for entry in row) else result.M
 
 
-def solve(a: Any, b: Any) -> Any:
-    """a^-1 b for matrices of numbers or LFTs; an LFT where one of them has one.
+def left_divide(a: Any, b: Any) -> Any:
+    """a^-1 b for matrices of numbers or LFTs; an LFT if one of them contains an LFT.
 
     Raises InputError where `a` is not square, or singular at the nominal values.
     """
@@ -194,7 +195,7 @@ def solve(a: Any, b: Any) -> Any:
 
 
 def inverse(a: Any) -> Any:
-    """a^-1 of a square matrix of numbers or LFTs; raises InputError as `solve`."""
+    """a^-1 of a square matrix of numbers or LFTs; raises InputError as `left_divide`."""
     value = lift(a)
     a11, a12, a21, a22 = value.blocks
     if a22.shape[0] != a22.shape[1]:
@@ -212,32 +213,36 @@ def inverse(a: Any) -> Any:
 
 
 def diagonal(*values: LFT) -> LFT:
-    """diag(values)."""
+    """Block-diagonal matrix of LFTs."""
     parts = zip(*(value.blocks for value in values), strict=True)
     m11, m12, m21, m22 = (block_diag(*part) for part in parts)
     return LFT(np.block([[m11, m12], [m21, m22]]), sum((v.names for v in values), ()))
 
 
 def _reciprocal(value: LFT) -> LFT:
+    """1 / value of a scalar; raises InputError for a matrix."""
     if value.shape != (1, 1):
-        raise InputError(f"division by a matrix with shape {value.shape}; use solve or inverse")
+        raise InputError(
+            f"division by a matrix with shape {value.shape}; use left_divide or inverse"
+        )
     reciprocal: LFT = inverse(value)
     return reciprocal
 
 
 def _spread(value: LFT, shape: tuple[int, int]) -> LFT:
-    """A scalar as a matrix with equal entries, as arrays broadcast."""
+    """A scalar broadcast to a matrix of equal entries; matrices stay as they are."""
     if value.shape != (1, 1) or shape == (1, 1):
         return value
     return np.ones((shape[0], 1)) @ value @ np.ones((1, shape[1]))
 
 
 def _stack(rows: Sequence[Sequence[LFT]]) -> LFT:
+    """Matrix from rows of blocks."""
     return _join([_join(row, axis=1) for row in rows], axis=0)
 
 
 def _join(parts: Sequence[LFT], axis: int) -> LFT:
-    """The parts beside (axis 1) or below (axis 0) each other."""
+    """Matrix of the parts placed beside (axis 1) or below (axis 0) each other."""
     common = {part.shape[1 - axis] for part in parts}
     if len(common) != 1:
         shapes = ", ".join(str(part.shape) for part in parts)
@@ -249,8 +254,10 @@ def _join(parts: Sequence[LFT], axis: int) -> LFT:
 
 
 def _is_zero(value: LFT) -> bool:
+    """Whether an LFT is the constant 0."""
     return not value.names and not value.M.any()
 
 
 def _any_lft(values: Iterable[Any]) -> bool:
+    """Whether one of the values is an LFT or contains one."""
     return any(np.asarray(value).dtype == object for value in values)

@@ -1,8 +1,8 @@
 """Parametric uncertainty: real perturbations pulled out of a model rational in its parameters.
 
-The model is a function of physical parameters that does ordinary arithmetic and returns state-space
-matrices. Called with numbers it is the plain model; called with LFTs it tells where each
-perturbation enters.
+The model is a Python function of physical parameters that does ordinary arithmetic and returns
+state-space matrices. Called with numbers it gives the model at these values; called with LFTs it
+gives the model as a function of the perturbations.
 """
 
 from __future__ import annotations
@@ -22,24 +22,34 @@ from workbench.heavy_types import StateSpace
 from workbench.structure import Real, Structure
 from workbench.systems.frequency_response import frequency_response
 from workbench.systems.interconnection import UncertainPart
-from workbench.uncertainty.parametric.lft import INTEGRATOR, LFT, SINGULAR, lift, matrix, scalar
+from workbench.uncertainty.parametric.lft import (
+    INTEGRATOR,
+    LFT,
+    SINGULAR_DETERMINANT,
+    lift,
+    matrix,
+    scalar,
+)
 from workbench.uncertainty.parametric.parameters import Parameter
 from workbench.uncertainty.parametric.reduction import grouped, reduced
 
 Model = Callable[..., tuple[Any, Any, Any, Any]]
+"""Function of named parameters that gives A, B, C and D."""
 Deltas = Mapping[str, ArrayLike] | ArrayLike
+"""Normalised deviations of the parameters: by name, or an array (..., P)."""
 
-LARGEST_CHECK = 12
-"""Parameters up to which all vertices are checked, 4096 of them."""
+MAX_PARAMETERS_CHECKED = 12
+"""Largest number of parameters for which all vertices are checked; they have 4096."""
 
 
 @dataclass(frozen=True, eq=False)
 class ParametricModel(UncertainPart):
-    """A state-space model with its real perturbations pulled out; made by `parametric`.
+    """State-space model with its real perturbations pulled out, as made by `parametric`.
 
-    lft has the value [A B; C D]; `repetitions` of each parameter before and after reduction.
-    Deltas are a mapping from names (what is left out is at its nominal) or an array (..., P) in the
-    order of `parameters`; those outside [-1, 1] are taken as they are.
+    The value of ``lft`` is [A B; C D]; ``repetitions`` holds for each parameter the number of
+    channels before and after reduction. Deltas are a mapping from names, where missing parameters
+    are at their nominal, or an array (..., P) in the order of ``parameters``. Deltas outside
+    [-1, 1] are allowed.
     """
 
     model: Model
@@ -51,6 +61,7 @@ class ParametricModel(UncertainPart):
 
     @property
     def states(self) -> int:
+        """Number of states."""
         return self.lft.shape[0] - len(self.outputs)
 
     @cached_property
@@ -60,7 +71,10 @@ class ParametricModel(UncertainPart):
 
     @cached_property
     def system(self) -> StateSpace:
-        """Inputs (perturbation w_R[0] ..., inputs), outputs (perturbation z_R[0] ..., outputs)."""
+        """System with the channels of the perturbations before the model's inputs and outputs.
+
+        The channels of a parameter R are called w_R[0], ... (inputs) and z_R[0], ... (outputs).
+        """
         channels = [f"{b.name}[{i}]" for b in self.structure for i in range(b.rows)]
         r, n = len(channels), self.states
         order = [*range(r, r + n), *range(r)]  # states first
@@ -73,28 +87,29 @@ class ParametricModel(UncertainPart):
         )
 
     def at(self, deltas: Deltas) -> StateSpace:
-        """The model at one set of deltas; raises InputError where it is not well posed."""
+        """System at one set of deltas; raises InputError where the model is not well posed."""
         values = self._values(deltas)
         if any(np.ndim(value) for value in values.values()):
             raise InputError("deltas of many models; take one at a time, or use `response`")
         return _system(self.lft(values), self.states, self.inputs, self.outputs)
 
     def direct(self, deltas: Deltas) -> StateSpace:
-        """As `at`, by calling the model with plain numbers: an independent check."""
+        """System at one set of deltas by calling the model with numbers, as a check of `at`."""
         values = self._values(deltas)
         plain = {p.name: float(p.at(values[p.name])) for p in self.parameters}
         M, states = _matrices(self.model(**plain))
         return _system(M.M, states, self.inputs, self.outputs)
 
     def response(self, omega: ArrayLike, deltas: Deltas) -> Array:
-        """Responses at `omega` [rad/s] (F,) of a batch of deltas: (..., F, outputs, inputs).
+        """Responses (..., F, outputs, inputs) at `omega` (F,) [rad/s] for a batch of deltas.
 
-        Raises InputError where the model is not well posed or has a pole.
+        Raises InputError where the model is not well posed or has a pole at a frequency.
         """
         M = self.lft(self._values(deltas))
         return frequency_response(M, self.states, 1j * np.atleast_1d(omega))
 
     def _values(self, deltas: Deltas) -> dict[str, ArrayLike]:
+        """Deltas of all parameters by name, or an error for unknown names or a wrong shape."""
         names = [p.name for p in self.parameters]
         if isinstance(deltas, Mapping):
             for name in deltas:
@@ -118,26 +133,28 @@ def parametric(
     outputs: Sequence[str],
     keep_states: bool = True,
 ) -> ParametricModel:
-    """Pull the real perturbations out of a model, with as few repetitions as reduction finds.
+    """Model as an LFT in its real perturbations, with as few repetitions as reduction finds.
 
     Parameters
     ----------
     model
-        Called with the parameters by name; returns matrices A, B, C, D. It may use `+ - * /`,
-        integer powers, `@`, nested lists, arrays of objects, and `matrix`, `solve` and `inverse`
-        of `workbench.uncertainty.lft` in place of NumPy's.
+        Function that is called with the parameters by name and returns the matrices A, B, C, D.
+        It may use `+ - * /`,
+        integer powers, `@`, nested lists, arrays of objects, and `matrix`, `left_divide` and
+        `inverse` of `workbench.uncertainty` in place of NumPy's functions.
     inputs, outputs
         Names of the model's inputs and outputs.
     keep_states
-        Otherwise states that are uncontrollable or unobservable at all deltas are left out, and
-        the others change their coordinates.
+        Whether to keep the model's states. If not, states that are uncontrollable or unobservable
+        for all deltas are removed, and the others change their coordinates.
 
     Raises
     ------
     InputError
-        Where the model is no such arithmetic, does not depend on the parameters, divides by zero at
-        the nominal, or does so at a vertex of the box |delta| <= 1 (looked at up to 12 parameters;
-        with each repeated once that settles the whole box, else `at` and `response` tell).
+        The model uses other arithmetic, does not depend on the parameters, or divides by zero at
+        the nominal or at a vertex of the box |delta| <= 1. Vertices are checked for at most 12
+        parameters. If each parameter appears in one channel, the vertices decide for the whole box;
+        otherwise `at` and `response` raise the error where it occurs.
     """
     parameters = tuple(parameters)
     _check_names(parameters)
@@ -150,7 +167,7 @@ def parametric(
     except TypeError as error:
         raise InputError(
             f"the model cannot be called with uncertain values: {error}; its arguments must be the "
-            "parameters, its arithmetic rational, and solve, inverse and matrix those of "
+            "parameters, its arithmetic rational, and left_divide, inverse and matrix those of "
             "workbench.uncertainty"
         ) from error
     if raw.shape != (states + len(outputs), states + len(inputs)):
@@ -169,12 +186,13 @@ def parametric(
     before, after = raw.repetitions(), lft.repetitions()
     repetitions = {p.name: (before.get(p.name, 0), after.get(p.name, 0)) for p in parameters}
     result = ParametricModel(model, parameters, tuple(inputs), tuple(outputs), lft, repetitions)
-    if len(parameters) <= LARGEST_CHECK:
+    if len(parameters) <= MAX_PARAMETERS_CHECKED:
         _check_vertices(result)
     return result
 
 
 def _check_names(parameters: tuple[Parameter, ...]) -> None:
+    """Raise InputError for repeated names and for no parameters."""
     names = [p.name for p in parameters]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
@@ -186,8 +204,8 @@ def _check_names(parameters: tuple[Parameter, ...]) -> None:
 def _check_vertices(model: ParametricModel) -> None:
     """Raise InputError where the path from the nominal to a vertex crosses a singularity.
 
-    With each scalar in one channel det(I - M11 Delta) is linear in each delta and takes its least
-    value over the box at a vertex. It is 1 at the nominal.
+    If each scalar has one channel, det(I - M11 Delta) is linear in each delta, so that its smallest
+    value over the box is at a vertex. It is 1 at the nominal.
     """
     lft = model.lft
     used = list(dict.fromkeys(lft.names))
@@ -198,13 +216,13 @@ def _check_vertices(model: ParametricModel) -> None:
         loop = np.eye(len(at)) - corner[..., at, None] * lft.blocks[0]
         return np.asarray(np.linalg.det(loop))
 
-    bad = corners[determinant(corners) < SINGULAR]
+    bad = corners[determinant(corners) < SINGULAR_DETERMINANT]
     if not len(bad):
         return
     corner = bad[0]
-    for i in range(len(used)):  # name only the parameters that matter
+    for i in range(len(used)):  # leave out parameters without which it is singular too
         without = np.where(np.arange(len(used)) == i, 0.0, corner)
-        if determinant(without) < SINGULAR:
+        if determinant(without) < SINGULAR_DETERMINANT:
             corner = without
     guilty = {p.name: p for p in model.parameters}
     where = ", ".join(
@@ -219,7 +237,7 @@ def _check_vertices(model: ParametricModel) -> None:
 
 
 def _matrices(quadruple: tuple[Any, Any, Any, Any]) -> tuple[LFT, int]:
-    """[A B; C D] and the number of states."""
+    """Matrix [A B; C D] as an LFT, and the number of states."""
     A, B, C, D = (lift(part) for part in quadruple)
     if A.shape[0] != A.shape[1]:
         raise InputError(f"the model's A has shape {A.shape}; it must be square")
@@ -227,6 +245,7 @@ def _matrices(quadruple: tuple[Any, Any, Any, Any]) -> tuple[LFT, int]:
 
 
 def _system(M: Array, states: int, inputs: Sequence[str], outputs: Sequence[str]) -> StateSpace:
+    """State-space system of M = [A B; C D] with named inputs and outputs."""
     import control
 
     n = states

@@ -1,4 +1,4 @@
-"""Uncertain physical parameters, and sets of their perturbations to evaluate models at."""
+"""Uncertain physical parameters, and sets of their deltas at which models are evaluated."""
 
 from __future__ import annotations
 
@@ -13,13 +13,15 @@ from numpy.typing import ArrayLike
 from workbench.arrays import RealArray
 from workbench.errors import InputError
 
-LARGEST_TABLE = 5_000_000
-"""Rows of a full factorial."""
+MAX_FACTORIAL_ROWS = 5_000_000
+"""Largest number of rows of a full factorial."""
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """nominal * (1 + tolerance * delta), |delta| <= 1 (eq. 5.10); the name is an identifier.
+    """Uncertain parameter of value nominal * (1 + tolerance * delta), |delta| <= 1 (eq. 5.10).
+
+    The name must be a Python identifier; the tolerance is relative.
 
     Source: E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
     """
@@ -45,30 +47,30 @@ class Parameter:
             )
 
     def at(self, delta: ArrayLike) -> Any:
-        """The value at `delta`."""
+        """Values (...) of the parameter at `delta` (...)."""
         return self.nominal * (1.0 + self.tolerance * np.asarray(delta, dtype=float))
 
 
 def vertices(parameters: Sequence[Parameter]) -> RealArray:
-    """All deltas of -1 and 1: (2^P, P)."""
+    """All combinations (2^P, P) of the deltas -1 and 1."""
     return levels(parameters, 2)
 
 
 def levels(parameters: Sequence[Parameter], count: int) -> RealArray:
-    """The full factorial of `count` equidistant deltas from -1 to 1: (count^P, P).
+    """All combinations (count^P, P) of `count` equidistant deltas from -1 to 1.
 
     Raises InputError for fewer than 2 levels, and where the table would be too large.
     """
     if count < 2:
         raise InputError(f"{count} levels; at least 2 are needed, for -1 and 1")
-    if count ** len(parameters) > LARGEST_TABLE:
+    if count ** len(parameters) > MAX_FACTORIAL_ROWS:
         raise InputError(
             f"{count} levels of {len(parameters)} parameters are {count ** len(parameters)} rows, "
-            f"more than {LARGEST_TABLE}; take fewer, or random ones with `samples`"
+            f"more than {MAX_FACTORIAL_ROWS}; take fewer, or random ones with `samples`"
         )
     return np.array(list(product(np.linspace(-1.0, 1.0, count), repeat=len(parameters))))
 
 
 def samples(parameters: Sequence[Parameter], count: int, rng: np.random.Generator) -> RealArray:
-    """Random deltas, uniform in [-1, 1]: (count, P)."""
+    """Random deltas (count, P), uniform in [-1, 1]."""
     return rng.uniform(-1.0, 1.0, (count, len(parameters)))

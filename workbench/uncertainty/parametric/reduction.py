@@ -1,9 +1,10 @@
-"""Fewer repetitions: an LFT of the same value with fewer channels.
+"""Reduction of an LFT: the same value with fewer channels, so with fewer repetitions.
 
-In one scalar delta, all else being inputs and outputs, the matrix of an LFT is a state-space
-realisation with delta for 1/s. What is uncontrollable or unobservable there goes without changing
-the value at all; and one scalar after another, until none gets fewer (Lambrechts, Terlouw,
-Bennani and Steinbuch, Parametric uncertainty modeling using LFTs, ACC 1993).
+Seen from one scalar delta, with all other channels as inputs and outputs, the matrix of an LFT is a
+state-space realisation with delta in place of 1/s. Its uncontrollable and unobservable parts can be
+removed without changing the value. This is done for one scalar after another until none has fewer
+channels (Lambrechts, Terlouw, Bennani and Steinbuch, Parametric uncertainty modeling using LFTs,
+ACC 1993).
 """
 
 from __future__ import annotations
@@ -17,24 +18,28 @@ from workbench.systems.balancing import balancing
 from workbench.uncertainty.parametric.lft import INTEGRATOR, LFT
 
 Triple = tuple[Array, Array, Array]
+"""Matrices A, B and C of a realisation."""
 
-TOLERANCES = (1e-8, 1e-10, 1e-12)
-"""Singular values below the first of these that keeps the value are zero, relative to their matrix.
+RANK_TOLERANCES = (1e-8, 1e-10, 1e-12)
+"""Singular values, relative to the norm of their matrix, that count as zero in the rank decisions.
 
-Rounding errors grow along the staircase, so that no one tolerance is right for all.
+They are tried in turn until one keeps the value: rounding errors grow along the staircase, so that
+no single tolerance suits all models.
 """
-EXACT = 1e-12
-"""Largest change of the value, relative to what the scalar's channels contribute to it."""
-ROUNDING = 1e-14
-"""Sums this much smaller than their terms are zero."""
+VALUE_TOLERANCE = 1e-12
+"""Largest change of the value, relative to the contribution of the scalar's channels."""
+INTEGRATOR_FREQUENCY = 1e-12
+"""Natural frequency, relative to the norm of the state matrix, up to which it counts as zero."""
+SUM_ROUNDING = 1e-14
+"""Size of a sum, relative to its terms, that is a rounding error (a tenth of the limit applied)."""
 
 
 def reduced(lft: LFT, keep: Collection[str] = ()) -> LFT:
-    """The LFT with the repetitions of every scalar reduced, but those in `keep`.
+    """LFT of the same value with fewer repetitions of every scalar except those in `keep`.
 
-    The value stays the same to rounding. Channels of one scalar stand together, scalars in order of
-    first appearance. Each scalar has the fewest channels that the other ones, as they stand,
-    allow; all together may have fewer in another realisation, for instance of p q - q p.
+    The value stays the same to rounding. The channels of each scalar stand together, in the order
+    of first appearance. No single scalar can have fewer channels while the others stay as they are;
+    another realisation may have fewer in total, for instance of p q - q p.
     """
     order = list(dict.fromkeys(lft.names))
     while True:
@@ -48,14 +53,14 @@ def reduced(lft: LFT, keep: Collection[str] = ()) -> LFT:
 
 
 def grouped(lft: LFT, order: Sequence[str]) -> LFT:
-    """The LFT with the channels of each scalar together, scalars in this order."""
+    """The same LFT with the channels of each scalar together, in the given order of scalars."""
     for name in order:
         lft = _last(lft, name)
     return lft
 
 
 def _last(lft: LFT, name: str) -> LFT:
-    """The channels of one scalar moved behind all others."""
+    """The same LFT with the channels of one scalar moved behind all others."""
     channels = sorted(range(len(lft.names)), key=lambda i: lft.names[i] == name)
     r = len(channels)
     rows, columns = ([*channels, *range(r, size)] for size in lft.M.shape)
@@ -63,7 +68,7 @@ def _last(lft: LFT, name: str) -> LFT:
 
 
 def _minimal(lft: LFT, name: str) -> LFT:
-    """The channels of one scalar, the last ones, replaced by a minimal realisation."""
+    """The LFT with the channels of one scalar, which must be last, as a minimal realisation."""
     end = len(lft.names)
     start = end - lft.names.count(name)
     rows, columns = balancing(lft.M, end)
@@ -73,7 +78,7 @@ def _minimal(lft: LFT, name: str) -> LFT:
 
     A, B = M[np.ix_(own, own)], M[np.ix_(own, rest_columns)]
     C, D = M[np.ix_(rest_rows, own)], M[np.ix_(rest_rows, rest_columns)]
-    for tolerance in TOLERANCES:
+    for tolerance in RANK_TOLERANCES:
         a, b, c = _controllable(A, B, C, tolerance)
         a, c, b = (matrix.T for matrix in _controllable(a.T, c.T, b.T, tolerance))
         if _same((A, B, C), (a, b, c), _radii(A) if name == INTEGRATOR else np.ones(1)):
@@ -87,7 +92,7 @@ def _minimal(lft: LFT, name: str) -> LFT:
             [D[start:, :start], C[start:], D[start:, start:]],
         ]
     )
-    # These channels stay scaled; all else gets its units back.
+    # The new channels stay scaled; the scaling of all others is undone.
     r = start + len(A)
     small[:start] /= rows[:start, None]
     small[r:] /= rows[end:, None]
@@ -97,14 +102,18 @@ def _minimal(lft: LFT, name: str) -> LFT:
 
 
 def _radii(A: Array) -> Array:
-    """|1/s| at the natural frequencies of a state matrix; the least tell of integrators alone."""
+    """Radii |1/s| of the circles for `_same`: at a state matrix's natural frequencies, and 1.
+
+    Frequencies near zero belong to integrators and are left out.
+    """
     frequencies = abs(np.linalg.eigvals(A))
-    return 1.0 / np.append(frequencies[frequencies > EXACT * np.linalg.norm(A)], 1.0)
+    near_zero = INTEGRATOR_FREQUENCY * np.linalg.norm(A)
+    return 1.0 / np.append(frequencies[frequencies > near_zero], 1.0)
 
 
 def _same(one: Triple, other: Triple, radii: Array) -> bool:
-    """Whether realisations agree on circles |delta| = radius."""
-    angles = 2 * np.pi * (np.arange(16) + 0.5) / 16  # none is real, where a pole may be
+    """Whether two realisations have the same value on the circles |delta| = radius."""
+    angles = 2 * np.pi * (np.arange(16) + 0.5) / 16  # no point is real: a pole may be there
     points = np.outer(radii, np.exp(1j * angles))[..., None, None]
 
     def value(A: Array, B: Array, C: Array) -> Array:
@@ -115,18 +124,18 @@ def _same(one: Triple, other: Triple, radii: Array) -> bool:
 
     _, B, C = one
     expected = value(*one)
-    terms = largest(abs(C) @ abs(B) * points)  # of channels that cancel, each counts
+    terms = largest(abs(C) @ abs(B) * points)  # without cancellation between channels
     change = largest(value(*other) - expected)
-    return bool((change <= EXACT * np.maximum(largest(expected), terms)).all())
+    return bool((change <= VALUE_TOLERANCE * np.maximum(largest(expected), terms)).all())
 
 
 def _controllable(A: Array, B: Array, C: Array, tolerance: float) -> Triple:
-    """The controllable part of a realisation."""
+    """Controllable part of a realisation, by the staircase algorithm."""
     Q = _range(B, tolerance * float(np.linalg.norm(B)))
     latest = Q
     while latest.shape[1] and Q.shape[1] < len(A):
         latest = A @ latest
-        for _ in range(2):  # once leaves rounding errors behind
+        for _ in range(2):  # the second time removes what rounding left
             latest = latest - Q @ (Q.T @ latest)
         latest = _range(latest, tolerance * float(np.linalg.norm(A)))
         Q = np.hstack([Q, latest])
@@ -140,14 +149,14 @@ def _controllable(A: Array, B: Array, C: Array, tolerance: float) -> Triple:
 
 
 def _range(M: Array, least: float) -> Array:
-    """An orthonormal basis of the columns of M, but for singular values up to `least`."""
+    """Orthonormal basis of the range of M, without singular values up to `least`."""
     basis, values, _ = np.linalg.svd(M, full_matrices=False)
     return basis[:, values > least]
 
 
 def _clean(M: Array, terms: Array | float) -> Array:
-    """M without entries that are rounding errors of sums of `terms`.
+    """M with entries set to zero that are only rounding errors of sums of the size of `terms`.
 
-    Left in, they would pass for signals once scaling makes them large.
+    Later scaling could make such entries large.
     """
-    return np.where(abs(M) > 10.0 * ROUNDING * terms, M, 0.0)
+    return np.where(abs(M) > 10.0 * SUM_ROUNDING * terms, M, 0.0)

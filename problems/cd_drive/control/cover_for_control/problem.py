@@ -26,7 +26,7 @@ from workbench.synthesis import ControlCover, MuSynthesis
 from workbench.synthesis.mu.control_cover import Name
 from workbench.systems.storage import restored, stored
 from workbench.uncertainty import Responses, UncertaintyModel, contains
-from workbench.uncertainty.covers.model import ROUNDING
+from workbench.uncertainty.covers.model import CONTAINMENT_TOLERANCE
 
 from ...drive.plants import Gain, controller
 from ...drive.shared_parameters import TABLES, Frequencies
@@ -238,7 +238,13 @@ class CoverForControl(Study):
             inside = contains(model, self.responses)
             statement = "largest distance of a drive beyond its stadium, relative to the radius"
             checks.append(
-                Check(f"{name}: containment", statement, inside.worst, ROUNDING, inside.where)
+                Check(
+                    f"{name}: containment",
+                    statement,
+                    inside.worst,
+                    CONTAINMENT_TOLERANCE,
+                    inside.where,
+                )
             )
             loop = synthesis_plant(self.axis, model).close(K)
             stability = stability_of(loop)

@@ -1,20 +1,20 @@
-"""Sections: the function they stand for, its derivatives, and what they keep."""
+"""FactoredRational: the function it stands for, its derivatives, and the signs that it keeps."""
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from workbench.fitting.factored import FactoredRational
 from workbench.fitting.rational import Rational
-from workbench.fitting.sections import Sections
 
 OMEGA = np.geomspace(0.1, 1e4, 40)
 BAND = float(OMEGA[0]), float(OMEGA[-1])
 POLES = [-1.0, -20.0, -300 + 4000j, -300 - 4000j, -2e3]
 
 
-def sections(start, zeros, stable=True, minimum_phase=False):
-    return Sections.of(start, zeros, BAND, stable, minimum_phase)
+def factored(start, zeros, stable=True, minimum_phase=False):
+    return FactoredRational.of(start, zeros, BAND, stable, minimum_phase)
 
 
 roots = st.lists(
@@ -30,11 +30,11 @@ roots = st.lists(
 
 @settings(derandomize=True, deadline=None)
 @given(roots, roots, st.floats(-1e3, 1e3), st.booleans(), st.integers(0, 3))
-def test_sections_stand_for_their_start(zeros, poles, gain, minimum_phase, spare):
+def test_factored_function_equals_its_start(zeros, poles, gain, minimum_phase, spare):
     zeros = zeros if len(zeros) <= len(poles) else []
     start = Rational(zeros, poles, gain)
     allowed = min(len(zeros) + (0 if minimum_phase else spare), len(poles))
-    made = sections(start, allowed, minimum_phase=minimum_phase)
+    made = factored(start, allowed, minimum_phase=minimum_phase)
     assert made.start.size == len(poles) + allowed + 1
     expected = start.response(OMEGA)
     assert np.allclose(made.response(made.start, OMEGA), expected, rtol=1e-6, atol=1e-300)
@@ -47,7 +47,7 @@ def test_sections_stand_for_their_start(zeros, poles, gain, minimum_phase, spare
 @pytest.mark.parametrize("stable", [False, True])
 @pytest.mark.parametrize("zeros", [[], [-3.0], [-50 + 900j, -50 - 900j, -7.0]])
 def test_slopes_are_derivatives(zeros, stable, minimum_phase):
-    made = sections(Rational(zeros, POLES, 2.0), 4, stable, minimum_phase)
+    made = factored(Rational(zeros, POLES, 2.0), 4, stable, minimum_phase)
     at = made.start
     slopes = made.slopes(at, OMEGA)
     size = np.abs(made.response(at, OMEGA))
@@ -61,7 +61,7 @@ def test_slopes_are_derivatives(zeros, stable, minimum_phase):
 
 def test_slopes_at_a_zero_on_the_axis():
     on_axis = Rational([1j * OMEGA[9], -1j * OMEGA[9]], POLES, 2.0)
-    made = sections(on_axis, 2)
+    made = factored(on_axis, 2)
     assert abs(made.response(made.start, OMEGA)[9]) < 1e-12
     slopes = made.slopes(made.start, OMEGA)
     assert np.isfinite(slopes).all()
@@ -71,7 +71,7 @@ def test_slopes_at_a_zero_on_the_axis():
 @settings(derandomize=True, deadline=None)
 @given(st.integers(0, 10**6), st.floats(0.1, 30))
 def test_roots_stay_on_the_left(seed, step):
-    made = sections(Rational([5.0], POLES, 1.0), 3, minimum_phase=True)
+    made = factored(Rational([5.0], POLES, 1.0), 3, minimum_phase=True)
     moved = made.start + step * np.random.default_rng(seed).normal(size=made.start.size)
     found = made.rational(moved)
     assert found.is_stable
@@ -79,7 +79,7 @@ def test_roots_stay_on_the_left(seed, step):
 
 
 def test_zeros_pass_through_infinity():
-    made = sections(Rational([-1e6], POLES, 1.0), 1)
+    made = factored(Rational([-1e6], POLES, 1.0), 1)
     signs = []
     for leading in (0.1, 0.0, -0.1):
         vector = made.start.copy()

@@ -1,7 +1,8 @@
-"""A real rational function as a product of sections of order two, smooth in its coefficients.
+"""A real rational function as a product of quadratic factors, smooth in their coefficients.
 
-Poles may meet on the real axis and part again without a kink; where roots must stay left of the
-imaginary axis the coefficients move on a logarithmic scale, and so cannot leave it.
+A pair of poles may become real and complex again without a kink in the function. Where roots must
+stay left of the imaginary axis, the parameters are logarithms of the coefficients: positive
+coefficients of order two or less keep the roots there.
 """
 
 from __future__ import annotations
@@ -17,19 +18,31 @@ import numpy as np
 from workbench.arrays import ComplexArray, RealArray
 from workbench.fitting.rational import Rational
 
-NEAREST = 1e-9
-"""Least coefficient, over the largest, of a section that starts on a logarithmic scale."""
-NEGLIGIBLE = 1e-30
-"""A leading coefficient, over the largest, that puts a root at infinity."""
-REACH = 40.0
-"""Largest logarithm of a coefficient, either way: beyond it a root is nowhere near the data."""
-FAR = 1e3
-"""Where zeros start that a function lacks but may not have at infinity, over the band."""
+MIN_STARTING_COEFFICIENT = 1e-9
+"""Smallest starting coefficient on a logarithmic scale, relative to the largest of its factor."""
+INFINITE_ROOT = 1e-30
+"""Leading coefficient, relative to the largest of its factor, below which a root is infinite."""
+LARGEST_LOGARITHM = 40.0
+"""Largest |logarithm| of a coefficient; beyond it the root is far from all data."""
+MISSING_ZERO_FACTOR = 1e3
+"""Start of zeros that the function lacks: this many times the band's highest frequency [rad/s]."""
 
 
 @dataclass(frozen=True)
-class Section:
-    """c0 + c1 (s / level) + c2 (s / level)^2, of which some coefficients move and one is held."""
+class QuadraticFactor:
+    """Polynomial c0 + c1 (s / level) + c2 (s / level)^2 with some free coefficients and one fixed.
+
+    Parameters
+    ----------
+    level
+        Frequency [rad/s] that scales s.
+    coefficients
+        Starting values (3,) of c0, c1 and c2.
+    moving
+        Powers whose coefficients are free.
+    positive
+        Whether the free coefficients must stay positive; their logarithms are then the parameters.
+    """
 
     level: float
     coefficients: RealArray
@@ -38,11 +51,12 @@ class Section:
 
     @property
     def start(self) -> RealArray:
+        """Parameters of the starting coefficients."""
         values = self.coefficients[list(self.moving)]
         return np.log(values) if self.positive else values
 
     def at(self, moved: Any, exp: Callable[[Any], Any] | None = None) -> list[Any]:
-        """The three coefficients for given values of those that move."""
+        """The three coefficients for given parameters; ``exp`` serves symbolic parameters."""
         exp = exp or bounded_exp
         values: list[Any] = self.coefficients.tolist()
         for i, power in enumerate(self.moving):
@@ -51,14 +65,15 @@ class Section:
 
 
 @dataclass(frozen=True)
-class Sections:
-    """gain * prod(numerators) / prod(denominators) over a vector of parameters.
+class FactoredRational:
+    """gain * prod(numerators) / prod(denominators), as a function of a vector of parameters (P,).
 
-    The vector holds the moving coefficients of every numerator, of every denominator, the gain.
+    The vector holds the parameters of every numerator factor, of every denominator factor, and the
+    gain.
     """
 
-    numerators: tuple[Section, ...]
-    denominators: tuple[Section, ...]
+    numerators: tuple[QuadraticFactor, ...]
+    denominators: tuple[QuadraticFactor, ...]
     gain: float
 
     @classmethod
@@ -69,39 +84,47 @@ class Sections:
         band: tuple[float, float],
         stable: bool,
         minimum_phase: bool,
-    ) -> Sections:
-        """Sections that hold a function and every other one of its order near it.
+    ) -> FactoredRational:
+        """The factored form that starts at a given function.
 
         Parameters
         ----------
+        start
+            The function at the start; its poles determine the order.
         zeros
-            How many zeros the function may have; those it lacks start at infinity.
+            Largest number of zeros; those that ``start`` lacks begin at or near infinity.
         band
-            Lowest and highest frequency of interest [rad/s], for the scales of the sections.
+            Lowest and highest frequency of interest [rad/s], for the scales of the factors.
         stable, minimum_phase
-            Keep the poles, the zeros left of the imaginary axis; those of ``start`` are mirrored.
+            Whether the poles, the zeros must stay left of the imaginary axis; those of ``start``
+            on its right are mirrored.
         """
-        bottom, gain = _sections(start.poles, start.order, band, stable, monic=True)
-        top, share = _sections(start.zeros, zeros, band, minimum_phase, monic=False)
+        bottom, gain = _factors(start.poles, start.order, band, stable, monic=True)
+        top, share = _factors(start.zeros, zeros, band, minimum_phase, monic=False)
         return cls(tuple(top), tuple(bottom), start.gain * share / gain)
 
     @property
-    def parts(self) -> tuple[Section, ...]:
+    def parts(self) -> tuple[QuadraticFactor, ...]:
+        """All factors, those of the numerator first."""
         return self.numerators + self.denominators
 
     @property
     def start(self) -> RealArray:
+        """Vector of parameters (P,) of the starting function."""
         return np.concatenate([*(part.start for part in self.parts), [self.gain]])
 
     def _split(self, vector: Any) -> list[Any]:
-        """The parameters of each section."""
+        """The parameters of each factor."""
         ends = np.cumsum([0, *(len(part.moving) for part in self.parts)])
         return [vector[int(a) : int(b)] for a, b in pairwise(ends)]
 
     def products(
         self, vector: Any, omega: Any, exp: Callable[[Any], Any] | None = None
     ) -> tuple[Any, Any]:
-        """Real and imaginary part over frequencies; in a CasADi graph with its ``exp``."""
+        """Real and imaginary part of the values at frequencies [rad/s].
+
+        ``vector``, ``omega`` and ``exp`` may be CasADi's; the parts are then expressions.
+        """
         real, imaginary = vector[-1], 0.0
         count = len(self.numerators)
         for i, (part, moved) in enumerate(zip(self.parts, self._split(vector), strict=True)):
@@ -115,12 +138,12 @@ class Sections:
         return real, imaginary
 
     def response(self, vector: RealArray, omega: RealArray) -> ComplexArray:
-        """Values at frequencies (F,) [rad/s]."""
+        """Values (F,) at frequencies (F,) [rad/s]."""
         real, imaginary = self.products(vector, omega)
         return real + 1j * imaginary * np.ones(omega.size)
 
     def slopes(self, vector: RealArray, omega: RealArray) -> ComplexArray:
-        """Derivatives of the values by the parameters, (F, P)."""
+        """Derivatives (F, P) of the values with respect to the parameters."""
         count = len(self.numerators)
         factors, powers = [], []
         for part, moved in zip(self.parts, self._split(vector), strict=True):
@@ -134,7 +157,7 @@ class Sections:
         bare = np.prod(factors[:count], axis=0) / bottom
         columns = []
         for i, power in enumerate(powers):
-            if i < count:  # one may be zero at a frequency: it is left out, not divided by
+            if i < count:  # a numerator factor may be zero: leave it out instead of dividing by it
                 others = [factor for k, factor in enumerate(factors[:count]) if k != i]
                 outer = vector[-1] * np.prod(others, axis=0) / bottom
             else:
@@ -143,7 +166,7 @@ class Sections:
         return np.hstack([*columns, bare[:, None]])
 
     def rational(self, vector: RealArray) -> Rational:
-        """The function itself, by its roots."""
+        """The function at given parameters, by its roots and gain."""
         gain = float(vector[-1])
         count = len(self.numerators)
         roots: list[ComplexArray] = []
@@ -159,13 +182,17 @@ class Sections:
 
 
 def bounded_exp(value: float) -> float:
-    return math.exp(max(-REACH, min(REACH, value)))
+    """Exponential of a value that is first limited to +- LARGEST_LOGARITHM."""
+    return math.exp(max(-LARGEST_LOGARITHM, min(LARGEST_LOGARITHM, value)))
 
 
-def _sections(
+def _factors(
     roots: ComplexArray, count: int, band: tuple[float, float], left: bool, monic: bool
-) -> tuple[list[Section], float]:
-    """Sections of ``count`` roots, and the factor that prod(s - roots) is of their product."""
+) -> tuple[list[QuadraticFactor], float]:
+    """Factors with ``count`` roots, and the ratio of their product to prod(s - roots).
+
+    Roots beyond those given are infinite, or far away where ``left`` makes coefficients positive.
+    """
     if left:
         roots = -np.abs(roots.real) + 1j * roots.imag
     groups = [np.array([root, root.conjugate()]) for root in roots[roots.imag > 0]]
@@ -185,29 +212,31 @@ def _sections(
         polynomial = np.atleast_1d(np.poly(finite / level)).real[::-1]
         factor *= level**finite.size
         for _ in range(group.size - finite.size):
-            polynomial = np.convolve(polynomial, [1.0, level / (FAR * band[1]) if left else 0.0])
-        if left:  # a coefficient of zero has no logarithm
-            polynomial = np.maximum(polynomial, NEAREST * polynomial.max())
+            polynomial = np.convolve(
+                polynomial, [1.0, level / (MISSING_ZERO_FACTOR * band[1]) if left else 0.0]
+            )
+        if left:  # zero has no logarithm
+            polynomial = np.maximum(polynomial, MIN_STARTING_COEFFICIENT * polynomial.max())
         held = group.size if monic else int(np.argmax(np.abs(polynomial)))
         factor *= polynomial[held]
         moving = tuple(power for power in range(group.size + 1) if power != held)
         coefficients = np.zeros(3)
         coefficients[: group.size + 1] = polynomial / polynomial[held]
-        found.append(Section(level, coefficients, moving, left))
+        found.append(QuadraticFactor(level, coefficients, moving, left))
     return found, factor
 
 
 def _roots(coefficients: Sequence[float]) -> tuple[ComplexArray, float]:
-    """Roots of c0 + c1 s + c2 s^2 in exact conjugate pairs, and the leading coefficient."""
+    """Roots of c0 + c1 s + c2 s^2, complex ones exactly conjugate, and the leading coefficient."""
     c0, c1, c2 = (float(c) for c in coefficients)
-    if abs(c2) < NEGLIGIBLE * max(abs(c0), abs(c1)):
-        if abs(c1) < NEGLIGIBLE * abs(c0) or c1 == 0:
+    if abs(c2) < INFINITE_ROOT * max(abs(c0), abs(c1)):
+        if abs(c1) < INFINITE_ROOT * abs(c0) or c1 == 0:
             return np.zeros(0, dtype=complex), c0
         return np.array([-c0 / c1], dtype=complex), c1
     half, square = -c1 / (2 * c2), (c1 / (2 * c2)) ** 2 - c0 / c2
     if square < 0:
         root = complex(half, np.sqrt(-square))
         return np.array([root, root.conjugate()]), c2
-    far = half + np.copysign(np.sqrt(square), half)  # no cancellation
+    far = half + np.copysign(np.sqrt(square), half)  # this sign avoids cancellation
     near = c0 / c2 / far if far else 0.0
     return np.array([far, near], dtype=complex), c2
