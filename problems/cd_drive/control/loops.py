@@ -10,7 +10,7 @@ CD-players (2003).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -112,6 +112,17 @@ class Margins:
         return 20 * min(math.log10(self.increase), down)
 
 
+MARGIN_UNITS = {
+    "decrease": "1",
+    "increase": "1",
+    "decrease_hz": "Hz",
+    "increase_hz": "Hz",
+    "phase": "deg",
+    "crossover_hz": "Hz",
+}
+"""Fields of Margins, and the unit of each."""
+
+
 def margins(loop: StateSpace) -> Margins:
     """Margins of a loop that is stable, from where its response crosses the negative real axis.
 
@@ -139,6 +150,12 @@ def margins(loop: StateSpace) -> Margins:
         float(phases[nearest]),
         float(gains[nearest]) if gains.size else math.nan,
     )
+
+
+def each_margin(rows: Iterable[Mapping[str, StateSpace]]) -> dict[str, list[list[float]]]:
+    """Margins of rows of loops, one array for each name of MARGIN_UNITS."""
+    found = [[margins(loop) for loop in row.values()] for row in rows]
+    return {name: [[getattr(one, name) for one in row] for row in found] for name in MARGIN_UNITS}
 
 
 def bandwidths(loop: StateSpace) -> dict[str, float]:
