@@ -9,7 +9,7 @@ of a sampled loop with an integrator lose all digits.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -102,6 +102,23 @@ class Margins:
         """Gain margin [dB]: the smaller of both changes, up or down."""
         down = math.inf if self.decrease == 0 else -math.log10(self.decrease)
         return 20 * min(math.log10(self.increase), down)
+
+
+MARGIN_UNITS = {
+    "decrease": "1",
+    "increase": "1",
+    "decrease_hz": "Hz",
+    "increase_hz": "Hz",
+    "phase": "deg",
+    "crossover_hz": "Hz",
+}
+"""Fields of Margins, and the unit of each."""
+
+
+def each_margin(rows: Iterable[Mapping[str, StateSpace]]) -> dict[str, list[list[float]]]:
+    """Margins of rows of loops: a list of rows for each name of MARGIN_UNITS."""
+    found = [[margins(loop) for loop in row.values()] for row in rows]
+    return {name: [[getattr(one, name) for one in row] for row in found] for name in MARGIN_UNITS}
 
 
 def margins(loop: StateSpace, frequency: ArrayLike | None = None) -> Margins:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,61 +23,48 @@ from ..loop_weights import BASIS, unit_uncertainty
 from .uncertain_loop import UncertainLoop
 
 BOUNDED = ("disturbance", "both")
-"""Channels that no controller makes as small as it likes; K = 0 does the control channel."""
-NEARLY = NOISE / 10
-"""Noise with which the nominal optimum is looked for: less than a design should have."""
-ABOVE = 1.002
-"""Times the pointwise bound, where a set is nearly a point, is the least level to be proven."""
+"""Channels whose mu no controller makes arbitrarily small; K = 0 makes the control channel 0."""
+PROOFS = ("nominal", "dynamic")
+"""Bounds over all frequencies: for the nominal plant, and for the uncertain one."""
+LEAST_NOISE = NOISE / 10
+"""Measurement noise in the synthesis of the nominal optimum; less than a design should have."""
+START_FACTOR = 1.002
+"""Least level to be proven over the pointwise bound, at which a set would shrink to a point."""
+
+
+class LowerBounds(NamedTuple):
+    """Levels of mu that no controller stays below, by three kinds of reasoning."""
+
+    pointwise: list[tuple[float, float]]
+    """For each channel of BOUNDED: mu that every controller has at one frequency [rad/s]."""
+    pointwise_1x: float
+    """The same for both channels at the disc's nominal speed."""
+    nominal_norm: float
+    """Norm of the loop by H-infinity synthesis for the nominal plant."""
+    proofs: list[DualCertificate]
+    """Certificates over all frequencies, for each of PROOFS; NaN where none was found."""
 
 
 def lower_bounds(
     uncertain: UncertainLoop, omega: RealArray, best: float, context: Context
-) -> dict[str, Any]:
-    """Variables: by every frequency alone, by the nominal plant alone, and by both together.
+) -> LowerBounds:
+    """Lower bounds by each frequency alone, by the nominal plant alone, and by both together.
 
-    `omega` (F,) [rad/s], `best` a peak that a controller has.
+    `omega` (F,) [rad/s]; `best` is a peak of mu that some controller has.
     """
-    pointwise = {
-        name: largest_least_mu(partial(uncertain.weights, channel=name), omega) for name in BOUNDED
-    }
+    pointwise = [largest_least_mu(partial(uncertain.weights, channel=c), omega) for c in BOUNDED]
     at_one, _ = largest_least_mu(partial(uncertain.weights, speed=1.0), omega)
     whole = generalised(uncertain.axis, unit_uncertainty(uncertain.model.nominal), uncertain.speed)
-    optimal = hinf(regularised(whole.channel(("z_p", "z_u"), "w_p").nominal(), NEARLY))
+    optimal = hinf(regularised(whole.channel(("z_p", "z_u"), "w_p").nominal(), LEAST_NOISE))
     W = uncertain.weights(omega)
     nominal = W.performance * W.control / np.hypot(W.performance, W.control)
     ends = {
         "nominal": (float(nominal.max()), optimal.norm),
-        "dynamic": (ABOVE * pointwise["both"][0], best),
+        "dynamic": (START_FACTOR * pointwise[BOUNDED.index("both")][0], best),
     }
     proofs = []
-    for name, (low, high) in ends.items():
-        sets = uncertain.sets[name]
+    for name in PROOFS:
+        sets, (low, high) = uncertain.sets[name], ends[name]
         found = highest_proven(sets, BASIS, low, high, context) if low < high else None
         proofs.append(found or DualCertificate(np.nan, np.full(BASIS.corners.shape, np.nan), BASIS))
-    one = {"units": "1"}
-    return {
-        "pointwise_bound": (
-            "bounded",
-            [bound for bound, _ in pointwise.values()],
-            one | {"long_name": "mu that every controller has at one frequency"},
-        ),
-        "pointwise_frequency": (
-            "bounded",
-            [at / (2 * np.pi) for _, at in pointwise.values()],
-            {"units": "Hz", "long_name": "frequency of the pointwise bound"},
-        ),
-        "pointwise_bound_1X": ((), at_one, one | {"long_name": "pointwise bound of both at 1X"}),
-        "nominal_norm": ((), optimal.norm, one | {"long_name": "norm of the H-infinity loop"}),
-        "proven_level": (
-            "proof",
-            [proof.level for proof in proofs],
-            one | {"long_name": "level that no controller reaches"},
-        ),
-        "proof_coefficients": (
-            ("proof", "pole"),
-            [proof.coefficients for proof in proofs],
-            one | {"long_name": "h of the proof"},
-        ),
-        "proof": list(ends),
-        "pole": ("pole", -BASIS.corners, {"units": "rad/s", "long_name": "pole of h"}),
-    }
+    return LowerBounds(pointwise, at_one, optimal.norm, proofs)

@@ -20,15 +20,15 @@ from .uncertain_loop import UncertainLoop
 
 LOWEST, HIGHEST = BASIS.band
 DENSE = 20_000
-"""Frequencies of the closed form that no certified peak may lie below."""
-PARTS = 1501
-"""Of the range when a proof is done again, none of them as when it was found."""
+"""Number of frequencies at which the closed form must stay below a certified peak."""
+PROOF_FREQUENCIES = 1501
+"""Frequencies at which a proof is checked; they differ from those it was found on."""
 SAMPLES = 4000
-"""Loops of random T that must lie in the sets of a proof."""
-AGREE = 1e-4
-"""Relative distance that counts as rounding, in loops of fifty states over nine decades."""
-CAUCHY = 1e-4
-"""Of the integral of |T h|: what trapezoids leave of one that is zero."""
+"""Number of random T that must lie in the sets of a proof."""
+MU_ROUNDING = 1e-4
+"""Largest relative error of mu by rounding, in loops of fifty states over nine decades."""
+QUADRATURE = 1e-4
+"""Largest error of the trapezoidal rule for an integral that is zero, over that of |T h|."""
 
 
 def five_x_checks(
@@ -58,10 +58,12 @@ def five_x_checks(
                 beaten[case] = (least / exact).max() - 1
     checks = [
         _largest(
-            "closed form", "distance of rank-one mu from its bounds, relative", outside, AGREE
+            "closed form", "distance of rank-one mu from its bounds, relative", outside, MU_ROUNDING
         ),
         _largest("peaks", "rank-one mu at 20,000 frequencies over the peak, less 1", above, 0.0),
-        _largest("least mu", "bound over a controller's mu at a frequency, less 1", beaten, AGREE),
+        _largest(
+            "least mu", "bound over a controller's mu at a frequency, less 1", beaten, MU_ROUNDING
+        ),
     ]
     lower, upper = (answer["peak"].sel(bound=bound).values for bound in ("lower", "upper"))
     crossed, _ = worst(lower / upper - 1, str)
@@ -83,10 +85,10 @@ def five_x_checks(
         checks.append(Check(f"{name} proof", statement, _integral(sets, level, x, poles), 0.0))
         statement = "integral of Re(T h) over that of |T h|, of stable loops"
         left = {key: _cauchy(loop, _h(x, poles, 2 * np.pi * wide), wide) for key, loop in T.items()}
-        checks.append(_largest(f"{name} analytic", statement, left, CAUCHY))
+        checks.append(_largest(f"{name} analytic", statement, left, QUADRATURE))
         statement = "random T within the level: how far outside their set"
         sampled = _sampled(uncertain, sets, name == "nominal", level)
-        checks.append(Check(f"{name} sets", statement, sampled, AGREE))
+        checks.append(Check(f"{name} sets", statement, sampled, MU_ROUNDING))
     return checks
 
 
@@ -127,7 +129,7 @@ def _h(x: RealArray, poles: RealArray, omega: RealArray) -> ComplexArray:
 
 def _integral(sets: SetsAt, level: float, x: RealArray, poles: RealArray) -> float:
     """By trapezoids in the logarithm of omega."""
-    omega = 2 * np.pi * np.geomspace(LOWEST, HIGHEST, PARTS)
+    omega = 2 * np.pi * np.geomspace(LOWEST, HIGHEST, PROOF_FREQUENCIES)
     largest = sets(omega, level).support(_h(x, poles, omega))
     return float(np.trapezoid(largest * omega, np.log(omega)))
 

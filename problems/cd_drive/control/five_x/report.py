@@ -8,6 +8,7 @@ import numpy as np
 
 from workbench import figures
 from workbench.heavy_types import Dataset, Figure
+from workbench.tables import markdown
 
 from ...drive.tables import Axis
 
@@ -17,7 +18,12 @@ LOOKS = {
     "full order": ("-", figures.BLUE),
     "ninth order": ("-.", figures.GREEN),
 }
-PANELS = {"disturbance": "w_p to z_p", "control": "w_u to z_u", "both": "w_p to both"}
+PANELS = {
+    "disturbance": "$w_p$ to $z_p$",
+    "control": "$w_u$ to $z_u$",
+    "both": "$w_p$ to both",
+}
+"""Signals of each channel."""
 
 
 def figure_6_5(axis: Axis, answer: Dataset) -> Figure:
@@ -30,19 +36,16 @@ def figure_6_5(axis: Axis, answer: Dataset) -> Figure:
             panel.loglog(frequency, curve, dash, color=colour, label=name)
         if channel in answer["bounded"].values:
             least = answer["least_mu"].sel(bounded=channel, bound="lower")
-            panel.fill_between(
-                frequency, 1e-3, least, color="0.85", label="no controller, at this frequency"
-            )
+            label = "no controller, at this frequency"
+            panel.fill_between(frequency, 1e-3, least, color="0.85", label=label)
         panel.axhline(1.0, color="0.4", linewidth=0.8)
-        panel.set_ylabel(f"mu, {signals}")
+        figures.label(panel, y=f"$\\mu$, {signals}")
         panel.set_ylim(0.03, 60.0)
     both = panels[-1]
     nominal, dynamic = answer["proven_level"].values
     pointwise = float(answer["pointwise_bound"].sel(bounded="both"))
-    for level, dash, plant in (
-        (nominal, ":", "nominal"),
-        (np.fmax(pointwise, dynamic), "-", "uncertain"),
-    ):
+    uncertain = np.fmax(pointwise, dynamic)
+    for level, dash, plant in ((nominal, ":", "nominal"), (uncertain, "-", "uncertain")):
         label = f"no controller's peak, {plant} plant"
         both.axhline(level, color=figures.PURPLE, linestyle=dash, linewidth=1.6, label=label)
     both.set_xlabel("frequency [Hz]")
@@ -55,62 +58,65 @@ def figure_6_5(axis: Axis, answer: Dataset) -> Figure:
 def peaks_table(answer: Dataset) -> str:
     """Certified peaks [lower, upper] and their frequencies, a line for every controller."""
     channels = answer["channel"].values
-    lines = [
-        f"| controller | {' | '.join(PANELS[channel] for channel in channels)} | at [Hz] |",
-        "| --- |" + " ---: |" * (len(channels) + 1),
-    ]
+    rows = []
     for name in answer["controller"].values:
         one = answer.sel(controller=name)
-        peaks = [
-            "{:.3f} to {:.3f}".format(*one["peak"].sel(channel=channel).values)
-            for channel in channels
-        ]
+        peaks = ["{:.3f} to {:.3f}".format(*one["peak"].sel(channel=c).values) for c in channels]
         where = float(one["peak_frequency"].sel(channel="both"))
-        lines.append(f"| {name} | {' | '.join(peaks)} | {where:.4g} |")
+        rows.append([name, *peaks, f"{where:.4g}"])
     reductions = ", ".join(
         f"{name} {float(peak):.3g}"
         for name, peak in zip(answer["reduction"].values, answer["reduction_peak"], strict=True)
     )
-    lines += ["", f"Reductions of the full order, w_p to both: {reductions}."]
-    return "\n".join(lines) + "\n"
+    heads = ["controller", *(PANELS[channel].replace("$", "") for channel in channels), "at [Hz]"]
+    return f"{markdown(heads, rows)}\nReductions of the full order, w_p to both: {reductions}.\n"
 
 
 def conclusions_table(axis: Axis, numbers: Mapping[str, float]) -> str:
     """What section 6.3.2 concludes, and what was found."""
 
-    def below(value: float) -> str:
-        return "below 1" if value < 1 else "above 1"
+    def three(*names: str) -> str:
+        return " and ".join(f"{numbers[name]:.3g}" for name in names)
 
-    fit = numbers["pointwise_bound_sets"]
-    lines = [
-        f"{axis}; the thesis has results of the focus loop only.",
-        "",
-        "| statement | thesis | here |",
-        "| --- | --- | --- |",
-        f"| mu-PID, w_p to z_p | 20 | {numbers['peak_mu_pid_disturbance']:.3g} |",
-        f"| mu-PID, w_u to z_u | below 1 | {numbers['peak_mu_pid_control']:.3g} |",
-        "| mu-PID with more gain | both channels comparable, above 1 | gain x "
-        f"{numbers['adjusted_gain']:.3g}: {numbers['peak_adjusted_disturbance']:.3g} and "
-        f"{numbers['peak_adjusted_control']:.3g} |",
-        f"| controller of higher order | 74th, above 1 | {numbers['order_full']:.0f}th: "
-        f"{numbers['peak_full_disturbance']:.3g} and {numbers['peak_full_control']:.3g} |",
-        f"| reduced to ninth order | above 1, flat | {numbers['peak_ninth_disturbance']:.3g} and "
-        f"{numbers['peak_ninth_control']:.3g} |",
-        "| least peak of any controller, nominal plant | not asked | from "
-        f"{numbers['nominal_bound']:.4g} to {numbers['nominal_norm']:.4g}: "
-        f"{below(numbers['nominal_norm'])} |",
-        "| least mu of any controller at one frequency | not asked | "
-        f"{numbers['pointwise_bound']:.4g} at {numbers['pointwise_frequency']:.3g} Hz: "
-        f"{below(numbers['pointwise_bound'])} |",
-        "| the same, narrowest stadiums without fitted weights | not asked | "
-        f"{fit:.4g}: {below(fit)} |",
-        f"| the same, fitted weights, at 1X | not asked | {numbers['pointwise_bound_1X']:.4g}: "
-        f"{below(numbers['pointwise_bound_1X'])} |",
-        "| least peak of any controller, uncertain plant | not asked | from "
-        f"{numbers['least_possible']:.4g} to {numbers['least_reached']:.4g} |",
-        f"| this hardware cannot be driven at 5X | yes | {_verdict(numbers)} |",
+    def below(value: float, text: str) -> str:
+        return f"{text}: {'below' if value < 1 else 'above'} 1"
+
+    def both(name: str) -> str:
+        return three(f"peak_{name}_disturbance", f"peak_{name}_control")
+
+    gain, norm, least = (numbers[n] for n in ("adjusted_gain", "nominal_norm", "pointwise_bound"))
+    fit, slow = numbers["pointwise_bound_sets"], numbers["pointwise_bound_1X"]
+    at, possible = numbers["pointwise_frequency"], numbers["least_possible"]
+    asked = [
+        ("mu-PID, w_p to z_p", "20", three("peak_mu_pid_disturbance")),
+        ("mu-PID, w_u to z_u", "below 1", three("peak_mu_pid_control")),
+        (
+            "mu-PID with more gain",
+            "both channels comparable, above 1",
+            f"gain x {gain:.3g}: {both('adjusted')}",
+        ),
+        (
+            "controller of higher order",
+            "74th, above 1",
+            f"{numbers['order_full']:.0f}th: {both('full')}",
+        ),
+        ("reduced to ninth order", "above 1, flat", both("ninth")),
     ]
-    return "\n".join(lines) + "\n"
+    found = {
+        "least peak of any controller, nominal plant": below(
+            norm, f"from {numbers['nominal_bound']:.4g} to {norm:.4g}"
+        ),
+        "least mu of any controller at one frequency": below(least, f"{least:.4g} at {at:.3g} Hz"),
+        "the same, narrowest stadiums without fitted weights": below(fit, f"{fit:.4g}"),
+        "the same, fitted weights, at 1X": below(slow, f"{slow:.4g}"),
+        "least peak of any controller, uncertain plant": (
+            f"from {possible:.4g} to {numbers['least_reached']:.4g}"
+        ),
+    }
+    rows = [*asked, *((statement, "not asked", here) for statement, here in found.items())]
+    rows.append(("this hardware cannot be driven at 5X", "yes", _verdict(numbers)))
+    table = markdown(["statement", "thesis", "here"], rows)
+    return f"{axis}; the thesis has results of the focus loop only.\n\n{table}"
 
 
 def _verdict(numbers: Mapping[str, float]) -> str:

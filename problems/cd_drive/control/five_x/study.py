@@ -12,16 +12,16 @@ from typing import Any, ClassVar, get_args
 
 import numpy as np
 
-from workbench import Check, Run, Study
+from workbench import Check, Run
 from workbench.arrays import RealArray
 from workbench.errors import SolverError
 from workbench.executor import Context
-from workbench.heavy_types import Dataset, Figure, StateSpace
+from workbench.heavy_types import DataArray, Dataset, StateSpace
 from workbench.mu import performance_peak, performance_sweep
+from workbench.study import Study, array, arrays, check, dim, figure, metric, part, system, table
 from workbench.synthesis import equalising_gain, least_mu, reduced
 from workbench.synthesis.implementation.reduction import Method
 from workbench.synthesis.mu.equalising_gain import MOST_GAIN
-from workbench.systems.storage import restored, stored
 from workbench.uncertainty import GeneralisedPlant, UncertaintyModel
 from workbench.uncertainty.covers.storage import shape
 
@@ -29,29 +29,38 @@ from ...drive.plants import controller
 from ...drive.tables import Axis
 from ..control_problem import generalised
 from ..design import synthesis_plant, uncertainty
-from .bounds import BOUNDED, lower_bounds
+from ..loop_weights import BASIS
+from .bounds import BOUNDED, PROOFS, LowerBounds, lower_bounds
 from .checks import five_x_checks
 from .report import conclusions_table, figure_6_5, peaks_table
 from .uncertain_loop import SPEED, UncertainLoop
 
+Plants = dict[str, GeneralisedPlant]
+"""Generalised plants by channel."""
 ORDER = 9
-"""Of the controller that the thesis shows, reduced from its 74th."""
+"""Order of the reduced controller that the thesis shows; its full one has 74."""
 CHANNELS: dict[str, tuple[Any, Any]] = {
     "disturbance": ("z_p", "w_p"),
     "control": ("z_u", "w_u"),
     "both": (("z_p", "z_u"), "w_p"),
 }
 """Performance outputs and exogenous inputs; w_p and w_u enter the loop at one place."""
-CONTROLLERS = ("mu-PID", "adjusted mu-PID", "full order", "ninth order")
+CONTROLLERS = {
+    "mu-PID": "mu_pid",
+    "adjusted mu-PID": "adjusted",
+    "full order": "full",
+    "ninth order": "ninth",
+}
+"""Controllers, and what metrics call them."""
 FREQUENCIES = np.geomspace(1.0, 5e4, 240)
-"""Of the curves [Hz], beside those of the cover."""
-TOLERANCE = 1e-3
-"""Of certified peaks, relative."""
+"""Frequencies of the curves [Hz], beside those of the cover."""
+PEAK_TOLERANCE = 1e-3
+"""Relative width of the interval that certifies a peak."""
 
 
 @dataclass(frozen=True, eq=False)
 class FiveX(Study):
-    """Peaks and curves of four controllers, and bounds that hold for all."""
+    """Peaks and curves of four controllers, and lower bounds that hold for every controller."""
 
     axis: Axis
     covered: Run
@@ -67,142 +76,175 @@ class FiveX(Study):
         return UncertainLoop(self.axis, model)
 
     def controllers(self, answer: Dataset) -> dict[str, Any]:
-        """The four, by the names of CONTROLLERS."""
+        """The four controllers of an answer, by the names of CONTROLLERS."""
+        return self._named(float(answer["adjusted_gain"]), self.ninth(answer))
+
+    def _named(self, gain: float, ninth: StateSpace) -> dict[str, Any]:
         K = controller(self.axis)
-        full = restored(self.designed.data, "controller")
-        found = (K, float(answer["adjusted_gain"]) * K, full, restored(answer, "ninth"))
-        return dict(zip(CONTROLLERS, found, strict=True))
+        return dict(zip(CONTROLLERS, (K, gain * K, self.designed.answer.K, ninth), strict=True))
 
-    # --- arrays -------------------------------------------------------------------------------
+    # --- controllers --------------------------------------------------------------------------
 
-    def compute(self, context: Context) -> Dataset:
-        import xarray as xr
+    bound, bounded, proof = dim("lower", "upper"), dim(BOUNDED), dim(PROOFS)
+    controller, channel = dim(CONTROLLERS), dim(CHANNELS)
+    reduction = dim(get_args(Method))
+    cover_frequency = dim(lambda self: self.covered.data["frequency"].values, unit="Hz")
+    frequency = dim(
+        lambda cover_frequency: np.unique(np.concatenate([cover_frequency.values, FREQUENCIES])),
+        unit="Hz",
+        meaning="frequency",
+    )
+    omega = part(lambda frequency: 2 * np.pi * frequency.values)
 
-        one = {"units": "1"}
+    @part
+    def plants(self) -> dict[str, GeneralisedPlant]:
         whole = generalised(self.axis, self.loop.model, SPEED)
-        plants = {name: whole.channel(*signals) for name, signals in CHANNELS.items()}
+        return {name: whole.channel(*signals) for name, signals in CHANNELS.items()}
+
+    @array((), "1", "gain of equal channels")
+    def adjusted_gain(self, plants: Plants) -> float:
         gain = equalising_gain(plants["disturbance"], plants["control"], controller(self.axis))
         if np.isnan(gain):
             raise SolverError(f"no gain up to {MOST_GAIN:g} makes both channels equally bad")
-        reductions = self._reductions(plants["both"])
-        ninth, top = min(reductions.values(), key=lambda each: each[1])
-        if top == np.inf:
-            raise SolverError(f"no reduction to order {ORDER} stabilises the loop")
-        data = xr.Dataset(
-            {
-                "adjusted_gain": ((), gain, one | {"long_name": "gain of equal channels"}),
-                "reduction_peak": (
-                    "reduction",
-                    [upper for _, upper in reductions.values()],
-                    one | {"long_name": f"peak of mu at order {ORDER}, infinite: unstable"},
-                ),
-                **stored("ninth", ninth),
-            },
-            coords={"reduction": list(reductions)},
-        )
-        known = self.covered.data["frequency"].values
-        frequency = np.unique(np.concatenate([known, FREQUENCIES]))
-        omega = 2 * np.pi * frequency
-        cases = self.controllers(data)
-        found = {
-            name: [_numbers(plants[channel], K, omega) for channel in CHANNELS]
-            for name, K in context.track(list(cases.items()), "controllers")
-        }
-        peaks = np.array([[peak for peak, _ in row] for row in found.values()])
-        curves = np.array([[curve for _, curve in row] for row in found.values()])
-        least = [least_mu(self.loop.weights(omega, channel)) for channel in BOUNDED]
-        narrow = shape(self.covered.data, "second")
-        alone = replace(
-            self.loop.weights(2 * np.pi * known),
-            circular=narrow.radius,
-            real=narrow.half_length * np.exp(1j * narrow.angle),
-        )
-        names = ("controller", "channel")
-        mu = {"units": "1", "long_name": "mu of robust performance"}
-        data = data.assign(
-            peak=((*names, "bound"), peaks[..., :2], one | {"long_name": "certified bounds"}),
-            peak_frequency=(names, peaks[..., 2], {"units": "Hz", "long_name": "of the peak"}),
-            mu=((*names, "bound", "frequency"), curves, mu),
-            least_mu=(
-                ("bounded", "bound", "frequency"),
-                [[each.lower, each.upper] for each in least],
-                one | {"long_name": "least mu over all K at the frequency"},
-            ),
-            sets_least_mu=(
-                "cover_frequency",
-                least_mu(alone).lower,
-                one | {"long_name": "least mu over all K, stadiums without fitted weights"},
-            ),
-        )
-        data = data.assign_coords(
-            controller=list(CONTROLLERS),
-            channel=list(CHANNELS),
-            bound=["lower", "upper"],
-            bounded=list(BOUNDED),
-            frequency=("frequency", frequency, {"units": "Hz", "long_name": "frequency"}),
-            cover_frequency=("cover_frequency", known, {"units": "Hz"}),
-        )
-        best = float(np.nanmin(peaks[:, -1, 1]))
-        return data.assign(lower_bounds(self.loop, omega, best, context))
+        return gain
 
-    def _reductions(self, both: GeneralisedPlant) -> dict[str, tuple[StateSpace, float]]:
+    @part
+    def reductions(self, plants: Plants) -> dict[str, tuple[StateSpace, float]]:
         """The designed controller reduced in every way, and its peak, infinite if unstable."""
-        full = restored(self.designed.data, "controller")
         plant = synthesis_plant(self.axis, self.loop.model, SPEED)
         found = {}
         for method in get_args(Method):
-            K = reduced(full, ORDER, method, plant if method == "weighted" else None)
-            top = performance_peak(both, K, TOLERANCE)
+            weighting = plant if method == "weighted" else None
+            K = reduced(self.designed.answer.K, ORDER, method, weighting)
+            top = performance_peak(plants["both"], K, PEAK_TOLERANCE)
             found[method] = K, top.upper if top else np.inf
         return found
 
+    reduction_peak = array(reduction, "1", f"peak of mu at order {ORDER}, infinite: unstable")(
+        lambda reductions: [upper for _, upper in reductions.values()]
+    )
+
+    @system
+    def ninth(self, reductions: dict[str, tuple[StateSpace, float]]) -> StateSpace:
+        K, upper = min(reductions.values(), key=lambda each: each[1])
+        if upper == np.inf:
+            raise SolverError(f"no reduction to order {ORDER} stabilises the loop")
+        return K
+
+    # --- mu, and what none can beat -----------------------------------------------------------
+
+    @part
+    def analysed(
+        self,
+        plants: Plants,
+        adjusted_gain: DataArray,
+        ninth: StateSpace,
+        omega: RealArray,
+        context: Context,
+    ) -> tuple[RealArray, RealArray]:
+        """Peaks (controller, channel, 3) and curves (controller, channel, 2, F)."""
+        cases = context.track(
+            list(self._named(float(adjusted_gain), ninth).values()), "controllers"
+        )
+        found = [[_numbers(plants[channel], K, omega) for channel in CHANNELS] for K in cases]
+        peaks = np.array([[peak for peak, _ in row] for row in found])
+        return peaks, np.array([[curve for _, curve in row] for row in found])
+
+    over = (controller, channel)
+    peak = array((*over, bound), "1", "certified bounds")(lambda analysed: analysed[0][..., :2])
+    peak_frequency = array(over, "Hz", "of the peak")(lambda analysed: analysed[0][..., 2])
+    mu = array((*over, bound, frequency), "1", "mu of robust performance")(
+        lambda analysed: analysed[1]
+    )
+
+    @array((bounded, bound, frequency), "1", "least mu over all K at the frequency")
+    def least_mu(self, omega: RealArray) -> list[Any]:
+        found = [least_mu(self.loop.weights(omega, channel)) for channel in BOUNDED]
+        return [[each.lower, each.upper] for each in found]
+
+    @array(cover_frequency, "1", "least mu over all K, stadiums without fitted weights")
+    def sets_least_mu(self, cover_frequency: DataArray) -> RealArray:
+        narrow = shape(self.covered.data, "second")
+        alone = replace(
+            self.loop.weights(2 * np.pi * cover_frequency.values),
+            circular=narrow.radius,
+            real=narrow.half_length * np.exp(1j * narrow.angle),
+        )
+        return least_mu(alone).lower
+
+    @part
+    def bounds(self, analysed: Any, omega: RealArray, context: Context) -> LowerBounds:
+        best = float(np.nanmin(analysed[0][:, -1, 1]))
+        return lower_bounds(self.loop, omega, best, context)
+
+    pole = dim(-BASIS.corners, unit="rad/s", meaning="pole of h")
+    pointwise_bound = array(bounded, "1", "mu that every controller has at one frequency")(
+        lambda bounds: [bound for bound, _ in bounds.pointwise]
+    )
+    pointwise_frequency = array(bounded, "Hz", "frequency of the pointwise bound")(
+        lambda bounds: [at / (2 * np.pi) for _, at in bounds.pointwise]
+    )
+    pointwise_bound_1x = arrays(
+        (),
+        lambda bounds: {"pointwise_bound_1X": bounds.pointwise_1x},
+        pointwise_bound_1X=("1", "pointwise bound of both at 1X"),
+    )
+    nominal_norm = array((), "1", "norm of the H-infinity loop", lambda bounds: bounds.nominal_norm)
+    proven_level = array(proof, "1", "level that no controller reaches")(
+        lambda bounds: [proof.level for proof in bounds.proofs]
+    )
+    proof_coefficients = array((proof, pole), "1", "h of the proof")(
+        lambda bounds: [proof.coefficients for proof in bounds.proofs]
+    )
+
     # --- what is said of them -----------------------------------------------------------------
 
-    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
+    @check()
+    def closed_forms_and_proofs(self, answer: Dataset) -> list[Check]:
         return five_x_checks(self.loop, self.controllers(answer), answer)
 
-    def metrics(self, answer: Dataset) -> dict[str, float]:
-        numbers = {}
-        short = dict(zip(CONTROLLERS, ("mu_pid", "adjusted", "full", "ninth"), strict=True))
+    @metric
+    def numbers(self, answer: Dataset) -> dict[str, float]:
         upper = answer["peak"].sel(bound="upper")
-        for name, key in short.items():
-            for channel in CHANNELS:
-                end = "" if channel == "both" else f"_{channel}"
-                at = {"controller": name, "channel": channel}
-                numbers[f"peak_{key}{end}"] = float(upper.sel(at))
-        levels = answer["proven_level"]
-        proven = {name: float(levels.sel(proof=name)) for name in self.loop.sets}
-        pointwise = answer["pointwise_bound"].sel
-        numbers |= {
-            "adjusted_gain": float(answer["adjusted_gain"]),
-            "order_full": float(self.designed.data["controller_A"].shape[0]),
-            "nominal_bound": proven["nominal"],
-            "nominal_norm": float(answer["nominal_norm"]),
-            "pointwise_bound": float(pointwise(bounded="both")),
-            "pointwise_bound_disturbance": float(pointwise(bounded="disturbance")),
-            "pointwise_frequency": float(answer["pointwise_frequency"].sel(bounded="both")),
-            "pointwise_bound_1X": float(answer["pointwise_bound_1X"]),
-            "pointwise_bound_sets": float(answer["sets_least_mu"].max()),
-            "dynamic_bound": proven["dynamic"],
+        peaks = {
+            f"peak_{key}{'' if channel == 'both' else f'_{channel}'}": float(
+                upper.sel(controller=name, channel=channel)
+            )
+            for name, key in CONTROLLERS.items()
+            for channel in CHANNELS
         }
-        bounds = [numbers["pointwise_bound"], *proven.values()]
-        numbers["least_possible"] = float(np.nanmax(bounds))
-        numbers["least_reached"] = float(upper.sel(channel="both").min())
-        return numbers
+        nominal, dynamic = (float(answer["proven_level"].sel(proof=name)) for name in PROOFS)
+        pointwise = answer[["pointwise_bound", "pointwise_frequency"]].sel(bounded="both")
+        disturbance = answer["pointwise_bound"].sel(bounded="disturbance")
+        found = {
+            "adjusted_gain": answer["adjusted_gain"],
+            "order_full": self.designed.answer.K.nstates,
+            "nominal_bound": nominal,
+            "nominal_norm": answer["nominal_norm"],
+            "pointwise_bound": pointwise["pointwise_bound"],
+            "pointwise_bound_disturbance": disturbance,
+            "pointwise_frequency": pointwise["pointwise_frequency"],
+            "pointwise_bound_1X": answer["pointwise_bound_1X"],
+            "pointwise_bound_sets": answer["sets_least_mu"].max(),
+            "dynamic_bound": dynamic,
+            "least_possible": np.nanmax([pointwise["pointwise_bound"], nominal, dynamic]),
+            "least_reached": upper.sel(channel="both").min(),
+        }
+        return peaks | {name: float(value) for name, value in found.items()}
 
-    def tables(self, answer: Dataset) -> dict[str, str]:
-        numbers = self.metrics(answer)
-        return {"peaks": peaks_table(answer), "conclusions": conclusions_table(self.axis, numbers)}
+    @table
+    def tables_of_thesis(self, answer: Dataset) -> dict[str, str]:
+        conclusions = conclusions_table(self.axis, self.metrics(answer))
+        return {"peaks": peaks_table(answer), "conclusions": conclusions}
 
-    def figures(self, answer: Dataset) -> dict[str, Figure]:
-        return {"figure-6-5": figure_6_5(self.axis, answer)}
+    figure_6_5 = figure(lambda self, answer: figure_6_5(self.axis, answer))
 
 
 def _numbers(
     plant: GeneralisedPlant, K: StateSpace, omega: RealArray
 ) -> tuple[list[float], RealArray]:
     """Bounds of the peak, its frequency [Hz], and bounds of the curve (2, F); NaN: unstable."""
-    found = performance_peak(plant, K, TOLERANCE)
+    found = performance_peak(plant, K, PEAK_TOLERANCE)
     if found is None:
         return [np.nan] * 3, np.full((2, len(omega)), np.nan)
     curve = performance_sweep(plant, K, omega)

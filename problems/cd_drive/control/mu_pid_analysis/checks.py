@@ -23,8 +23,8 @@ from ..control_problem import control_weight, optical_gain, performance_weight
 
 DENSE = 20_000
 """Frequencies of the closed form that no certified peak may lie below."""
-AGREE = 1e-6
-"""Relative distance of bounds that counts as rounding."""
+MU_ROUNDING = 1e-6
+"""Largest relative distance of the closed form outside the bounds of mu."""
 
 
 def mu_pid_checks(
@@ -53,7 +53,10 @@ def mu_pid_checks(
         above[case] = _closed_form(axis, cover, speed, single, dense).max() / float(peak) - 1
     checks = [
         _largest(
-            "closed form", "distance of rank-one mu from its bounds, relative", outside, AGREE
+            "closed form",
+            "distance of rank-one mu from its bounds, relative",
+            outside,
+            MU_ROUNDING,
         ),
         _largest("peaks", "rank-one mu at 20,000 frequencies over the peak, less 1", above, 0.0),
     ]

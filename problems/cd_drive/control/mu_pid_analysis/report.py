@@ -5,10 +5,12 @@ from __future__ import annotations
 from itertools import product
 
 from workbench import figures
-from workbench.heavy_types import Axes, Dataset, Figure
+from workbench.heavy_types import Axes, DataArray, Dataset, Figure
 
 from ...drive.tables import Axis
 
+Rows = tuple[list[str], list[list[str]]]
+"""Heads and rows of a table."""
 LOOKS = {
     "parametric": ("--", figures.GREEN),
     "circle": (":", figures.ORANGE),
@@ -21,7 +23,7 @@ SET_LOOKS = {
     "stadium for mu": ("-.", figures.GREEN),
 }
 RESONANCE = (20.0, 60.0)
-"""Where [Hz] the first resonance of either axis is."""
+"""Frequencies [Hz] around the first resonance of either axis."""
 
 
 def mu_figures(axis: Axis, answer: Dataset) -> dict[str, Figure]:
@@ -43,11 +45,8 @@ def _one_x(axis: Axis, answer: Dataset) -> Figure:
     for name, (dash, colour) in SET_LOOKS.items():
         curve = case["set_mu"].sel(single="disturbance", set=name)
         sets.loglog(answer["frequency"], curve, dash, color=colour, label=f"{name}, no weights")
-    fitted.set_title(f"{axis}, 1X, fitted models")
-    sets.set_title("sets alone, no weights fitted")
-    for panel in (fitted, sets):
-        _limit(panel)
-    fitted.set_ylabel("mu, w_p to z_p")
+    _limit(fitted, "$\\mu$, $w_p$ to $z_p$", f"{axis}, 1X, fitted models")
+    _limit(sets, title="sets alone, no weights fitted")
     lines = [line for panel in (fitted, sets) for line in panel.get_legend_handles_labels()[0]]
     figure.legend(handles=lines, loc="outside lower center", ncols=4, frameon=False)
     return figure
@@ -58,24 +57,17 @@ def _five_x(axis: Axis, answer: Dataset) -> Figure:
     figure, panels = figures.axes(2, 1, size=(7.5, 7.0), sharex=True)
     case = answer.sel(gain="own", speed=5.0)
     gain = float(answer["adjusted_gain"])
-    for panel, single, name in zip(
-        panels, answer["single"].values, ("w_p to z_p", "w_u to z_u"), strict=True
-    ):
+    signals = ("$w_p$ to $z_p$", "$w_u$ to $z_u$")
+    for panel, single, name in zip(panels, answer["single"].values, signals, strict=True):
         for form, (dash, colour) in LOOKS.items():
             curve = case["mu"].sel(channel=single, form=form, bound="upper")
             panel.loglog(answer["frequency"], curve, dash, color=colour, label=form)
             _mark_peak(panel, case, single, form, colour)
-        panel.loglog(
-            answer["frequency"],
-            answer["adjusted_mu"].sel(single=single, bound="upper"),
-            "-.",
-            color=figures.BLACK,
-            label=f"stadium, gain x {gain:.3g}",
-        )
-        panel.set_ylabel(f"mu, {name}")
-        _limit(panel)
-    panels[0].set_title(f"{axis}, 5X")
-    panels[0].set_xlabel("")
+        curve = answer["adjusted_mu"].sel(single=single, bound="upper")
+        label = f"stadium, gain x {gain:.3g}"
+        panel.loglog(answer["frequency"], curve, "-.", color=figures.BLACK, label=label)
+        _limit(panel, f"$\\mu$, {name}")
+    panels[0].set(title=f"{axis}, 5X", xlabel="")
     figures.legend_below(figure, panels[0])
     return figure
 
@@ -88,9 +80,8 @@ def _gains(axis: Axis, answer: Dataset) -> Figure:
         for gain in answer["gain"].values:
             curve = case.sel(form=form, gain=gain)
             panel.loglog(answer["frequency"], curve, label=f"{gain} gain")
-        panel.set_title(f"{axis}, 1X, {form}s")
-        _limit(panel)
-    panels[0].set_ylabel("mu, w_p to z_p")
+        _limit(panel, title=f"{axis}, 1X, {form}s")
+    figures.label(panels[0], y="$\\mu$, $w_p$ to $z_p$")
     figures.legend_below(figure, panels[0])
     return figure
 
@@ -103,77 +94,68 @@ def _mark_peak(panel: Axes, case: Dataset, channel: str, form: str, colour: str)
         panel.plot(float(where), float(top), "o", color=colour, markersize=4)
 
 
-def _limit(panel: Axes) -> None:
+def _limit(panel: Axes, y: str = "", title: str = "") -> None:
     panel.axhline(1.0, color="0.4", linewidth=0.8)
-    panel.set_xlabel("frequency [Hz]")
+    figures.label(panel, "frequency [Hz]", y, title)
 
 
-def conditions_table(answer: Dataset) -> str:
+def conditions_table(answer: Dataset) -> Rows:
     """Certified peaks [lower, upper] and their frequencies, a line for every loop."""
     conditions = answer["condition"].values
-    lines = [
-        f"| gain | speed | channel | form | {' | '.join(conditions)} | at [Hz] |",
-        "| --- | ---: | --- | --- |" + " ---: |" * (len(conditions) + 1),
-    ]
+    rows = []
     cases = product(*(answer[name].values for name in ("gain", "speed", "channel", "form")))
     for gain, speed, channel, form in cases:
         if form == "parametric" and gain != "own":
             continue
-        at = {"gain": gain, "speed": speed, "channel": channel, "form": form}
+        one = answer.sel(gain=gain, speed=speed, channel=channel, form=form)
         peaks = [
-            "{:.4f} to {:.4f}".format(*answer["peak"].sel(at).sel(condition=name).values)
+            "{:.4f} to {:.4f}".format(*one["peak"].sel(condition=name).values)
             for name in conditions
         ]
-        where = float(answer["peak_frequency"].sel(at).sel(condition="robust performance"))
+        where = float(one["peak_frequency"].sel(condition="robust performance"))
         shown = "all" if form == "parametric" else gain
-        lines.append(
-            f"| {shown} | {speed:g}X | {channel} | {form} | {' | '.join(peaks)} | {where:.2f} |"
-        )
-    return "\n".join(lines) + "\n"
+        rows.append([shown, f"{speed:g}X", channel, form, *peaks, f"{where:.2f}"])
+    return ["gain", "speed", "channel", "form", *conditions, "at [Hz]"], rows
 
 
-def sets_table(answer: Dataset) -> str:
+def sets_table(set_mu: DataArray) -> Rows:
     """Largest mu over the frequencies of sets without weights, at 1X, and in the resonance."""
-    lines = [
-        "| gain | sets | largest mu | at [Hz] | in the resonance |",
-        "| --- | --- | ---: | ---: | ---: |",
-    ]
-    mu = answer["set_mu"].sel(speed=1.0, single="disturbance")
-    for gain, name in product(answer["gain"].values, answer["set"].values):
-        curve = mu.sel(gain=gain, set=name)
+    rows = []
+    for gain, name in product(set_mu["gain"].values, set_mu["set"].values):
+        curve = set_mu.sel(speed=1.0, single="disturbance", gain=gain, set=name)
         near = float(curve.sel(frequency=slice(*RESONANCE)).max())
         where = float(curve.idxmax("frequency"))
-        lines.append(f"| {gain} | {name} | {float(curve.max()):.4f} | {where:.2f} | {near:.4f} |")
-    return "\n".join(lines) + "\n"
+        rows.append([gain, name, f"{float(curve.max()):.4f}", f"{where:.2f}", f"{near:.4f}"])
+    return ["gain", "sets", "largest mu", "at [Hz]", "in the resonance"], rows
 
 
-def claims_table(answer: Dataset) -> str:
+def claims_table(answer: Dataset) -> Rows:
     """What section 6.3 says of the focus loop, and what was found for this axis."""
     own = answer.sel(gain="own")
     sets = own["set_mu"].sel(speed=1.0, single="disturbance")
 
     def peak(speed: float, channel: str, form: str) -> str:
-        at = {"speed": speed, "channel": channel, "form": form, "condition": "robust performance"}
-        upper, where = own["peak"].sel(at).sel(bound="upper"), own["peak_frequency"].sel(at)
-        return f"{float(upper):.3f} at {float(where):.1f} Hz"
+        one = own.sel(speed=speed, channel=channel, form=form, condition="robust performance")
+        upper, where = float(one["peak"].sel(bound="upper")), float(one["peak_frequency"])
+        return f"{upper:.3f} at {where:.1f} Hz"
 
-    def of_set(name: str) -> str:
+    def set_peak(name: str) -> str:
         curve = sets.sel(set=name)
         return f"{float(curve.max()):.3f} at {float(curve.idxmax('frequency')):.1f} Hz"
 
-    control = "; ".join(f"{form} {peak(1.0, 'control', form)}" for form in LOOKS)
-    lines = [
-        "| section 6.3, focus | mu |",
-        "| --- | --- |",
-        f"| 1X: parametric below 1 | {peak(1.0, 'disturbance', 'parametric')} |",
-        f"| 1X: circles above 1 near 30 Hz | {peak(1.0, 'disturbance', 'circle')} |",
-        f"| the same, sets without weights | {of_set('circle')} |",
-        f"| 1X: stadiums below 1 | {peak(1.0, 'disturbance', 'stadium')} |",
-        f"| the same, narrowest sets without weights | {of_set('stadium narrowest')} |",
-        f"| ... third sets | {of_set('stadium third set')} |",
-        f"| ... oriented for mu | {of_set('stadium for mu')} |",
-        f"| 1X: control channel below 1 | {control} |",
-        f"| 5X: disturbance reaches 20 | {peak(5.0, 'disturbance', 'stadium')} |",
-        f"| 5X: control channel below 1 | {peak(5.0, 'control', 'stadium')} |",
+    rows = [
+        ["1X: parametric below 1", peak(1.0, "disturbance", "parametric")],
+        ["1X: circles above 1 near 30 Hz", peak(1.0, "disturbance", "circle")],
+        ["the same, sets without weights", set_peak("circle")],
+        ["1X: stadiums below 1", peak(1.0, "disturbance", "stadium")],
+        ["the same, narrowest sets without weights", set_peak("stadium narrowest")],
+        ["... third sets", set_peak("stadium third set")],
+        ["... oriented for mu", set_peak("stadium for mu")],
+        [
+            "1X: control channel below 1",
+            "; ".join(f"{form} {peak(1.0, 'control', form)}" for form in LOOKS),
+        ],
+        ["5X: disturbance reaches 20", peak(5.0, "disturbance", "stadium")],
+        ["5X: control channel below 1", peak(5.0, "control", "stadium")],
     ]
-    return "\n".join(lines) + "\n"
+    return ["section 6.3, focus", "mu"], rows

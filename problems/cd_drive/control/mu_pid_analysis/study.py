@@ -8,17 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import product
 from typing import Any, ClassVar, get_args
 
 import numpy as np
 
-from workbench import Check, Run, Study
+from workbench import Check, Run
 from workbench.arrays import RealArray
 from workbench.executor import Context
-from workbench.heavy_types import Dataset, Figure
+from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.mu import Peak, conditions, performance_sweep
+from workbench.study import Study, array, check, dim, figure, metric, part, table
 from workbench.synthesis import equalising_gain
 from workbench.uncertainty import GeneralisedPlant, ParametricModel, UncertaintyModel
 from workbench.uncertainty.covers.storage import rational, shape
@@ -31,6 +31,8 @@ from ..loop_weights import CHANNELS, channel_of
 from .checks import mu_pid_checks
 from .report import claims_table, conditions_table, mu_figures, sets_table
 
+Case = tuple[Any, ...]
+"""Gain variant, speed, channel and form of uncertainty of a loop."""
 FORMS = ("parametric", "circle", "stadium")
 COVERS = FORMS[1:]
 SETS = ("circle", "stadium narrowest", "stadium third set", "stadium for mu")
@@ -41,8 +43,8 @@ CONDITIONS = {
     "robust_stability": "robust stability",
     "robust_performance": "robust performance",
 }
-TOLERANCE = 1e-4
-"""Of the certified peaks, relative."""
+PEAK_TOLERANCE = 1e-4
+"""Relative width of the interval that certifies a peak."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,14 +56,8 @@ class MuPidAnalysis(Study):
 
     headline: ClassVar[str] = "peak_stadium"
 
-    @cached_property
-    def frequency(self) -> RealArray:
-        """Where the drives were measured [Hz] (F,)."""
-        values: RealArray = self.runs["circle", "own"].data["frequency"].values
-        return values
-
     def model(self, form: str, gain: str) -> UncertaintyModel | ParametricModel:
-        """The uncertainty of u [V] -> f_en [units]; the parametric one has no gain variants."""
+        """Uncertain plant u [V] -> f_en [units]; the parametric one has no gain variants."""
         return uncertainty(self.axis, self.runs.get((form, gain)))
 
     def plant(self, gain: str, speed: float, channel: str, form: str) -> GeneralisedPlant:
@@ -70,150 +66,128 @@ class MuPidAnalysis(Study):
         whole = generalised(self.axis, self.model(form, gain), speed)
         return whole.channel(performance, exogenous)
 
-    def compute(self, context: Context) -> Dataset:
-        import xarray as xr
+    gain, speed, form, bound = dim(GAINS), dim(SPEEDS), dim(FORMS), dim("lower", "upper")
+    channel, single = dim(*CHANNELS, "both"), dim(CHANNELS)
+    condition, set = dim(*CONDITIONS.values()), dim(SETS)
+    frequency = dim(
+        lambda self: self.runs["circle", "own"].data["frequency"].values,
+        unit="Hz",
+        meaning="frequency",
+    )
+    omega = part(lambda frequency: 2 * np.pi * frequency.values)
+    cases = (gain, speed, channel, form)
 
+    @part
+    def loops(self, omega: RealArray, context: Context) -> dict[Case, tuple[RealArray, RealArray]]:
+        """Peaks (condition, 3) and curve (2, F) of every loop."""
         K = controller(self.axis)
-        axes = (GAINS, SPEEDS, (*CHANNELS, "both"), FORMS)
-        peaks: dict[Any, Any] = {}
-        curves: dict[Any, Any] = {}
-        for case in context.track(list(product(*axes)), "loops"):
+        found: dict[Case, tuple[RealArray, RealArray]] = {}
+        cases = list(product(GAINS, SPEEDS, (*CHANNELS, "both"), FORMS))
+        for case in context.track(cases, "loops"):
             gain, *rest = case
             if rest[-1] == "parametric" and gain != GAINS[0]:  # one model for all variants
-                peaks[case], curves[case] = peaks[GAINS[0], *rest], curves[GAINS[0], *rest]
+                found[case] = found[GAINS[0], *rest]
                 continue
             plant = self.plant(*case)
-            found = conditions(plant, K, tolerance=TOLERANCE)
-            peaks[case] = [_numbers(getattr(found, name)) for name in CONDITIONS]
-            curves[case] = self._curve(plant, K)
-        single = (GAINS, SPEEDS, tuple(CHANNELS))
-        sets = {
-            case: self._sets(*case, K) for case in context.track(list(product(*single)), "sets")
-        }
-        adjusted, at_adjusted = self._adjusted(K)
-        numbers = _gathered(peaks, axes)
-        names = ("gain", "speed", "channel", "form")
-        return xr.Dataset(
-            {
-                "peak": (
-                    (*names, "condition", "bound"),
-                    numbers[..., :2],
-                    {"units": "1", "long_name": "certified bounds of the supremum of mu"},
-                ),
-                "peak_frequency": (
-                    (*names, "condition"),
-                    numbers[..., 2],
-                    {"units": "Hz", "long_name": "frequency of the largest mu"},
-                ),
-                "mu": (
-                    (*names, "bound", "frequency"),
-                    _gathered(curves, axes),
-                    {"units": "1", "long_name": "mu of robust performance"},
-                ),
-                "set_mu": (
-                    ("gain", "speed", "single", "set", "frequency"),
-                    _gathered(sets, single),
-                    {"units": "1", "long_name": "mu of robust performance, no weights fitted"},
-                ),
-                "adjusted_gain": (
-                    (),
-                    adjusted,
-                    {"units": "1", "long_name": "gain at which both channels are equally bad"},
-                ),
-                "adjusted_mu": (
-                    ("single", "bound", "frequency"),
-                    at_adjusted,
-                    {"units": "1", "long_name": "mu of robust performance at the adjusted gain"},
-                ),
-            },
-            coords={
-                "gain": list(GAINS),
-                "speed": list(SPEEDS),
-                "channel": list(axes[2]),
-                "single": list(CHANNELS),
-                "form": list(FORMS),
-                "condition": list(CONDITIONS.values()),
-                "bound": ["lower", "upper"],
-                "set": list(SETS),
-                "frequency": (
-                    "frequency",
-                    self.frequency,
-                    {"units": "Hz", "long_name": "frequency"},
-                ),
-            },
-        )
+            judged = conditions(plant, K, tolerance=PEAK_TOLERANCE)
+            peaks = [_numbers(getattr(judged, name)) for name in CONDITIONS]
+            found[case] = np.array(peaks), _curve(plant, K, omega)
+        return found
 
-    def _curve(self, plant: GeneralisedPlant, K: Any) -> RealArray:
-        """Lower and upper bound of robust performance (2, F)."""
-        found = performance_sweep(plant, K, 2 * np.pi * self.frequency)
-        return np.array([found.lower, found.upper])
+    peak = array((*cases, condition, bound), "1", "certified bounds of the supremum of mu")(
+        lambda loops: _gathered([peaks[:, :2] for peaks, _ in loops.values()])
+    )
+    peak_frequency = array((*cases, condition), "Hz", "frequency of the largest mu")(
+        lambda loops: _gathered([peaks[:, 2] for peaks, _ in loops.values()])
+    )
+    mu = array((*cases, bound, frequency), "1", "mu of robust performance")(
+        lambda loops: _gathered([curve for _, curve in loops.values()])
+    )
 
-    def _sets(self, gain: str, speed: float, single: str, K: Any) -> RealArray:
-        """Mu of the covers' sets, each about its own nominal, (set, F)."""
-        omega = 2 * np.pi * self.frequency
+    @array(
+        (gain, speed, single, set, frequency), "1", "mu of robust performance, no weights fitted"
+    )
+    def set_mu(self, omega: RealArray, context: Context) -> RealArray:
+        """Mu of the covers' sets, each about its own nominal."""
+        every = list(product(GAINS, SPEEDS, CHANNELS))
+        found = np.array([self._sets(*case, omega) for case in context.track(every, "sets")])
+        return found.reshape(len(GAINS), len(SPEEDS), len(CHANNELS), *found.shape[1:])
+
+    def _sets(self, gain: str, speed: float, single: str, omega: RealArray) -> list[RealArray]:
         found = []
         for form in COVERS:
             data = self.runs[form, gain].data
             nominal = rational(data, "nominal")
             assert nominal is not None
-            loop = channel_of(self.axis, nominal, K, single, speed, omega)
+            loop = channel_of(self.axis, nominal, controller(self.axis), single, speed, omega)
             away = data["response"].values / nominal.response(omega)[:, None] - 1
             sets = [shape(data, "second")]
             if form == "stadium":
                 sets += [shape(data, "third"), loop.stadiums_of_least_mu(omega, away)]
             found += [loop.mu(each) for each in sets]
-        return np.array(found)
+        return found
 
-    def _adjusted(self, K: Any) -> tuple[float, RealArray]:
-        """At 5X with stadiums: the factor on K that makes both channels' peaks equal, and mu.
+    @part
+    def at_5x(self) -> list[GeneralisedPlant]:
+        """Plants of the single channels at 5X, with stadiums."""
+        return [self.plant(GAINS[0], SPEEDS[-1], single, "stadium") for single in CHANNELS]
 
-        NaN where no factor up to that of instability does.
-        """
-        disturbance, control = (
-            self.plant(GAINS[0], SPEEDS[-1], single, "stadium") for single in CHANNELS
-        )
-        gain = equalising_gain(disturbance, control, K)
+    adjusted_gain = array((), "1", "gain at which both channels are equally bad")(  # or NaN
+        lambda self, at_5x: equalising_gain(at_5x[0], at_5x[1], controller(self.axis))
+    )
+
+    @array((single, bound, frequency), "1", "mu of robust performance at the adjusted gain")
+    def adjusted_mu(self, at_5x: Any, adjusted_gain: DataArray, omega: RealArray) -> RealArray:
+        gain = float(adjusted_gain)
         if np.isnan(gain):
-            return gain, np.full((len(CHANNELS), 2, self.frequency.size), np.nan)
-        return gain, np.array([self._curve(plant, gain * K) for plant in (disturbance, control)])
+            return np.full((len(CHANNELS), 2, omega.size), np.nan)
+        return np.array([_curve(plant, gain * controller(self.axis), omega) for plant in at_5x])
 
-    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
+    @check()
+    def closed_forms_and_samples(self, answer: Dataset) -> list[Check]:
         covers = {case: run.data for case, run in self.runs.items()}
         return mu_pid_checks(self.axis, covers, answer)
 
-    def metrics(self, answer: Dataset) -> dict[str, float]:
-        numbers = {"adjusted_gain_5X": float(answer["adjusted_gain"])}
-        for gain, speed, form in product(GAINS, SPEEDS, FORMS):
-            for channel in ("disturbance", "control"):
-                case = {"gain": gain, "speed": speed, "channel": channel, "form": form}
-                at = {"condition": "robust performance"}
-                parts = [
-                    form,
-                    *(() if channel == "disturbance" else (channel,)),
-                    *(() if speed == 1 else ("5X",)),
-                    *(() if gain == "own" else (gain,)),
-                ]
-                if form == "parametric" and gain != "own":
-                    continue
-                name = "_".join(parts)
-                bounds = answer["peak"].sel(case).sel(at)
-                numbers[f"peak_{name}"] = float(bounds.sel(bound="upper"))
-                numbers[f"peak_lower_{name}"] = float(bounds.sel(bound="lower"))
-                numbers[f"frequency_{name}"] = float(answer["peak_frequency"].sel(case).sel(at))
-        sets = answer["set_mu"].sel(gain="own", speed=1.0, single="disturbance").max("frequency")
-        for each in SETS:
-            numbers[f"set_peak_{each.replace(' ', '_')}"] = float(sets.sel(set=each))
+    @metric
+    def peaks_of_channels(self, peak: DataArray, peak_frequency: DataArray) -> dict[str, float]:
+        """Peaks of robust performance of the single channels, and their frequencies [Hz]."""
+        numbers = {}
+        for gain, speed, form, channel in product(GAINS, SPEEDS, FORMS, CHANNELS):
+            if form == "parametric" and gain != "own":
+                continue
+            case = {"gain": gain, "speed": speed, "channel": channel, "form": form}
+            at = case | {"condition": "robust performance"}
+            parts = [
+                form,
+                *(() if channel == "disturbance" else (channel,)),
+                *(() if speed == 1 else ("5X",)),
+                *(() if gain == "own" else (gain,)),
+            ]
+            name = "_".join(parts)
+            numbers[f"peak_{name}"] = float(peak.sel(at).sel(bound="upper"))
+            numbers[f"peak_lower_{name}"] = float(peak.sel(at).sel(bound="lower"))
+            numbers[f"frequency_{name}"] = float(peak_frequency.sel(at))
         return numbers
 
-    def tables(self, answer: Dataset) -> dict[str, str]:
-        return {
-            "claims": claims_table(answer),
-            "conditions": conditions_table(answer),
-            "sets": sets_table(answer),
-        }
+    adjusted_gain_5x = metric("adjusted_gain_5X", lambda adjusted_gain: adjusted_gain)
+    set_peak = metric(
+        "set_peak_{set}",
+        lambda set_mu: set_mu.sel(gain="own", speed=1.0, single="disturbance").max("frequency"),
+    )
 
-    def figures(self, answer: Dataset) -> dict[str, Figure]:
+    claims = table(lambda answer: claims_table(answer))
+    conditions = table(lambda answer: conditions_table(answer))
+    sets = table(lambda set_mu: sets_table(set_mu))
+
+    @figure
+    def drawn(self, answer: Dataset) -> dict[str, Figure]:
         return mu_figures(self.axis, answer)
+
+
+def _curve(plant: GeneralisedPlant, K: Any, omega: RealArray) -> RealArray:
+    """Lower and upper bound of robust performance (2, F)."""
+    found = performance_sweep(plant, K, omega)
+    return np.array([found.lower, found.upper])
 
 
 def _numbers(peak: Peak | None) -> list[float]:
@@ -223,7 +197,7 @@ def _numbers(peak: Peak | None) -> list[float]:
     return [peak.lower, peak.upper, peak.omega / (2 * np.pi)]
 
 
-def _gathered(found: dict[Any, Any], axes: Sequence[Sequence[Any]]) -> RealArray:
-    """What was found for every combination, as one array with an axis for each choice."""
-    rows = np.array([found[case] for case in product(*axes)])
-    return rows.reshape(*(len(axis) for axis in axes), *rows.shape[1:])
+def _gathered(rows: Sequence[RealArray]) -> RealArray:
+    """Rows of every loop, as one array with an axis for each choice."""
+    sizes = (len(GAINS), len(SPEEDS), len(CHANNELS) + 1, len(FORMS))
+    return np.reshape(rows, (*sizes, *rows[0].shape))

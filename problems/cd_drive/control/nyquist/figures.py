@@ -11,8 +11,8 @@ from workbench.heavy_types import Axes, Dataset, Figure
 
 NEAR = ((-2.6, 0.6), (-2.4, 0.6))
 """Real and imaginary parts shown near -1."""
-MOST = 60
-"""Sets drawn; of more frequencies some are left out."""
+MOST_SETS = 60
+"""Largest number of sets in a figure; frequencies between are left out."""
 
 
 def planes(answer: Dataset, high: tuple[float, float]) -> Figure:
@@ -23,16 +23,13 @@ def planes(answer: Dataset, high: tuple[float, float]) -> Figure:
         whole, near = panels[column], panels[2 + column]
         _draw(whole, one, figures.BLUE)
         _draw(near, one.sel(frequency=slice(*high)), figures.BLUE)
-        whole.set_title(f"{form}s ({answer['kind'].values!s} sets)")
-        near.set_title(f"{form}s, {high[0]:g} to {high[1]:g} Hz")
+        up = "imaginary part [1]" if column == 0 else ""
+        figures.label(whole, y=up, title=f"{form}s ({answer['kind'].values!s} sets)")
+        band = f"{high[0]:g} to {high[1]:g} Hz"
+        figures.label(near, "real part of $L$ [1]", up, f"{form}s, {band}")
         whole.set_aspect("equal", adjustable="datalim")
-        near.set_xlim(*NEAR[0])
-        near.set_ylim(*NEAR[1])
-        near.set_aspect("equal")
-        near.set_xlabel("real part of L [1]")
+        near.set(xlim=NEAR[0], ylim=NEAR[1], aspect="equal")
         whole.locator_params(axis="x", nbins=6)
-    for panel in panels[::2]:
-        panel.set_ylabel("imaginary part [1]")
     figures.legend_below(figure, panels[2])
     return figure
 
@@ -41,7 +38,7 @@ def _draw(panel: Axes, one: Dataset, colour: str) -> None:
     from matplotlib.collections import PolyCollection
     from matplotlib.colors import to_rgb
 
-    drawn = one.isel(frequency=slice(None, None, 1 + one.sizes["frequency"] // MOST))
+    drawn = one.isel(frequency=slice(None, None, 1 + one.sizes["frequency"] // MOST_SETS))
     parts = (drawn[name].values for name in ("center", "radius", "half_length", "angle"))
     corners = [np.column_stack([line.real, line.imag]) for line in outline(Stadium(*parts))]
     edge, face = ((*to_rgb(colour), alpha) for alpha in (0.6, 0.04))
@@ -67,17 +64,11 @@ def clearances(answer: Dataset, kinds: list[str]) -> Figure:
             style = {"second": "-", "third": "--", "fitted": ":"}.get(kind.split()[-1], "-")
             colour = {"steps": figures.BLUE, "joint": figures.ORANGE, "first": figures.GREEN}
             clear = one["distance"] / abs(one["center"] + 1)
-            panel.semilogx(
-                one["frequency"],
-                clear,
-                style,
-                color=colour.get(kind.split()[0], figures.BLACK),
-                label=kind,
-            )
+            shade = colour.get(kind.split()[0], figures.BLACK)
+            panel.plot(one["frequency"], clear, style, color=shade, label=kind)
         panel.axhline(0.0, color=figures.BLACK, linewidth=0.8)
         panel.set_ylim(-1.5, 1.05)
-        panel.set_title(f"{form}s")
-        panel.set_xlabel("frequency [Hz]")
-    panels[0].set_ylabel("distance of -1 / distance of the centre [1]")
+        figures.label(panel, "frequency [Hz]", title=f"{form}s", log="x")
+    figures.label(panels[0], y="distance of -1 / distance of the centre [1]")
     figures.legend_below(figure, panels[0])
     return figure

@@ -12,9 +12,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from workbench import Check, Run, Study, problem, ref
+from workbench import Check, Run, problem, ref
 from workbench.arrays import ComplexArray, RealArray
-from workbench.executor import Context
 from workbench.geometry import (
     NarrowestStadium,
     Stadium,
@@ -23,8 +22,9 @@ from workbench.geometry import (
     signed_distance,
     signed_distance_bounds,
 )
-from workbench.heavy_types import Dataset, Figure
+from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.program import worst
+from workbench.study import Study, array, arrays, check, dim, figure, metric, part, table
 from workbench.uncertainty.covers.sets import circles_about_nominal, stadiums_about_nominal
 from workbench.uncertainty.covers.storage import rational, shape
 
@@ -37,16 +37,19 @@ SHAPES = ("stadium", "circle")
 METHODS = ("steps", "joint")
 STEPS = ("second", "third", "fitted")
 SAME = "Table 5.2"
-"""Sets that circles and stadiums are compared by: both about one nominal, that of the thesis."""
+"""Sets for the comparison of circles with stadiums: both about the nominal plant of the thesis."""
 KINDS = ("first", *(f"{method} {step}" for method, step in product(METHODS, STEPS)), SAME)
-"""Sets: free of a nominal; of the covers; about the nominal of Table 5.2, not fitted."""
+"""Sets with free centres; those of the covers; those about the nominal of Table 5.2, not fitted."""
 HIGH = (200.0, 2000.0)
 """Frequencies [Hz] of the lower graphs of figure 6.8."""
 CRITICAL = -1.0 + 0.0j
-INSIDE = 1e-9
-"""Excess of a point beyond its set, relative to the radius, that counts as rounding."""
-TIGHT = 1e-4
-"""How far bounds of a distance from either side may be apart, relative to centre and length."""
+"""The critical point of the Nyquist criterion."""
+CONTAINMENT_SLACK = 1e-9
+"""Largest distance of a drive's point outside its set, relative to the radius."""
+BOUND_GAP = 1e-4
+"""Largest gap between the bounds of a distance, relative to the distance of the set's far end."""
+PARTS = ("center", "radius", "half_length", "angle")
+"""Fields of a stadium, stored as arrays."""
 
 
 def both_covers(axis: str, frequencies: int = 400, gain: Gain = "own", **_: Any) -> dict[str, Any]:
@@ -97,49 +100,31 @@ class Nyquist(Study):
 
     headline: ClassVar[str] = "contains_stadium"
 
-    def compute(self, context: Context) -> Dataset:
-        import xarray as xr
+    kind, shape, drive = dim(KINDS), dim(SHAPES), dim(lambda measured: measured["plant"].values)
+    frequency = dim(lambda measured: measured["frequency"].values, unit="Hz", meaning="frequency")
 
-        data = self.runs["circle", "steps"].data
-        frequency, response = data["frequency"].values, data["response"].values
-        known = known_factor(self.axis, frequency)
-        sets = {
-            (kind, form): multiplied(known, self._sets(kind, form))
-            for kind in KINDS
-            for form in SHAPES
-        }
-        parts = {
-            name: np.array([[getattr(sets[kind, form], name) for form in SHAPES] for kind in KINDS])
-            for name in ("center", "radius", "half_length", "angle")
-        }
-        distance = np.array(
-            [[signed_distance(CRITICAL, sets[kind, form]) for form in SHAPES] for kind in KINDS]
-        )
-        dims = ("kind", "shape", "frequency")
-        return xr.Dataset(
-            {
-                **{
-                    name: (dims, value, {"units": "rad" if name == "angle" else "1"})
-                    for name, value in parts.items()
-                },
-                "distance": (
-                    dims,
-                    distance,
-                    {"units": "1", "long_name": "distance of -1 from the set, negative inside"},
-                ),
-                "L": (
-                    ("drive", "frequency"),
-                    (response * known[:, None]).T,
-                    {"units": "1", "long_name": "open loop"},
-                ),
-            },
-            coords={
-                "kind": list(KINDS),
-                "shape": list(SHAPES),
-                "frequency": ("frequency", frequency, {"units": "Hz", "long_name": "frequency"}),
-                "drive": data["response"]["plant"].values,
-            },
-        )
+    measured = part(lambda self: self.runs["circle", "steps"].data["response"])
+    factor = part(lambda self, frequency: known_factor(self.axis, frequency.values))
+
+    @part
+    def sets(self, factor: ComplexArray) -> list[list[Stadium]]:
+        """Sets of the open loop by kind and shape."""
+        return [[multiplied(factor, self._sets(kind, form)) for form in SHAPES] for kind in KINDS]
+
+    along = (kind, shape, frequency)
+    geometry = arrays(
+        along,
+        lambda sets: {
+            name: [[getattr(one, name) for one in row] for row in sets] for name in PARTS
+        },
+        **dict.fromkeys(PARTS, "1") | {"angle": "rad"},
+    )
+    distance = array(along, "1", "distance of -1 from the set, negative inside")(
+        lambda sets: [[signed_distance(CRITICAL, one) for one in row] for row in sets]
+    )
+    L = array((drive, frequency), "1", "open loop")(
+        lambda measured, factor: (measured.values * factor[:, None]).T
+    )
 
     def _sets(self, kind: str, form: str) -> Stadium:
         """Sets of plants u [V] -> f_en [units] without the anti-aliasing filter."""
@@ -157,71 +142,70 @@ class Nyquist(Study):
         data = self.runs[form, "steps"].data
         nominal = nominal_response(self.axis, data["frequency"].values, antialiasing=False)
         away = data["response"].values / nominal[:, None] - 1
-        of = circles_about_nominal if form == "circle" else stadiums_about_nominal
-        return around_nominal(nominal, of(away))
+        around = circles_about_nominal if form == "circle" else stadiums_about_nominal
+        return around_nominal(nominal, around(away))
 
-    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
+    @check()
+    def geometry_holds(self, answer: Dataset) -> list[Check]:
+        """Drives are in their sets, and distances between bounds from either side."""
         names, frequency = [*product(KINDS, SHAPES)], answer["frequency"].values
         drives = NarrowestStadium(answer["L"].values.T)
-        inside, bounds = [], []
+        outside, beyond, gap = [], [], []
         for kind, form in names:
             one = answer.sel(kind=kind, shape=form)
             stadium = stored(one)
-            inside.append(drives.excess(stadium))
+            outside.append(drives.excess(stadium))
             low, high = signed_distance_bounds(CRITICAL, stadium)
             size = abs(stadium.center - CRITICAL) + stadium.half_length
-            beyond = np.maximum(low - one["distance"].values, one["distance"].values - high)
-            bounds.append([beyond / size, (high - low) / size])
+            distance = one["distance"].values
+            beyond.append(np.maximum(low - distance, distance - high) / size)
+            gap.append((high - low) / size)
 
         def place(index: tuple[int, ...]) -> str:
             kind, form = names[index[0]]
             return f"{kind} {form} at {frequency[index[-1]]:.4g} Hz"
 
-        excess, where = worst(np.array(inside), place)
-        beyond, there = worst(np.array(bounds)[:, 0], place)
-        apart, somewhere = worst(np.array(bounds)[:, 1], place)
-        found = [
-            Check(
-                "drives inside", "distance of L of a drive beyond its set", excess, INSIDE, where
+        found = []
+        for title, statement, values, limit in (
+            (
+                "drives inside",
+                "distance of L of a drive beyond its set",
+                outside,
+                CONTAINMENT_SLACK,
             ),
-            Check("distances", "distance of -1 beyond its bounds, relative", beyond, 1e-12, there),
-            Check("bounds", "how far these are apart, relative", apart, TIGHT, somewhere),
-        ]
-        return found + (self._claims(answer) if self.axis == "focus" else [])
+            ("distances", "distance of -1 beyond its bounds, relative", beyond, 1e-12),
+            ("bounds", "how far these are apart, relative", gap, BOUND_GAP),
+        ):
+            largest, where = worst(np.array(values), place)
+            found.append(Check(title, statement, largest, limit, where))
+        return found
 
-    def _claims(self, answer: Dataset) -> list[Check]:
+    @check()
+    def claims(self, answer: Dataset) -> list[Check] | None:
         """What section 6.3.5 says, of sets about one nominal; what holds where that does not."""
+        if self.axis != "focus":
+            return None
         numbers = self.metrics(answer)
+        circles, stadiums = numbers["contains_circle"], numbers["contains_stadium"]
+        smallest = "smallest distance of -1 from the circles about 30 Hz"
+        fewer = "how many, which the thesis says are none, below that of the circles"
+        further = "their smallest distance from 200 to 2000 Hz as a divisor of the circles'"
+        ratio = numbers["distance_circle_high"] / numbers["distance_stadium_high"]
         return [
-            Check(
-                "circles contain -1",
-                "smallest distance of -1 from the circles about 30 Hz",
-                numbers["distance_circle_low"],
-                0.0,
-            ),
-            Check(
-                "stadiums contain -1 at fewer frequencies",
-                "how many, which the thesis says are none, below that of the circles",
-                numbers["contains_stadium"],
-                numbers["contains_circle"] - 1,
-            ),
-            Check(
-                "stadiums further from -1",
-                "their smallest distance from 200 to 2000 Hz as a divisor of the circles'",
-                numbers["distance_circle_high"] / numbers["distance_stadium_high"],
-                1.0,
-            ),
+            Check("circles contain -1", smallest, numbers["distance_circle_low"], 0.0),
+            Check("stadiums contain -1 at fewer frequencies", fewer, stadiums, circles - 1),
+            Check("stadiums further from -1", further, ratio, 1.0),
         ]
 
-    def metrics(self, answer: Dataset) -> dict[str, float]:
+    @metric
+    def of_kinds(self, distance: DataArray) -> dict[str, float]:
+        """Smallest distance of -1 in each band, and at how many frequencies a set contains -1."""
         numbers = {}
         for kind, form in product(KINDS, SHAPES):
-            one = answer["distance"].sel(kind=kind, shape=form)
+            one = distance.sel(kind=kind, shape=form)
             after = "" if kind == SAME else "_" + kind.replace(" ", "_")
-            for band, (low, high) in self._bands.items():
-                part = one.sel(frequency=slice(low, high))
-                nearest = float(part.min()) if part.size else float("nan")
-                numbers[f"distance_{form}_{band}{after}"] = nearest
+            for band, ends in self._bands.items():
+                numbers[f"distance_{form}_{band}{after}"] = _least(one, ends)
             numbers[f"contains_{form}{after}"] = int((one <= 0).sum())
         return numbers
 
@@ -229,26 +213,31 @@ class Nyquist(Study):
     def _bands(self) -> dict[str, tuple[float, float]]:
         return {"low": WINDOWS[self.axis]["first resonance"], "high": HIGH}
 
-    def tables(self, answer: Dataset) -> dict[str, str]:
-        (a, b), (c, d) = self._bands.values()
-        lines = [
-            "| sets | shape | contain -1 at | between [Hz] "
-            f"| distance {a:g} to {b:g} Hz | distance {c:g} to {d:g} Hz |",
-            "| --- | --- |" + " ---: |" * 4,
-        ]
+    @table
+    def distances(self, distance: DataArray) -> tuple[list[str], list[list[str]]]:
+        bands = self._bands.values()
+        heads = ["sets", "shape", "contain -1 at", "between [Hz]"]
+        rows = []
         for kind, form in product(KINDS, SHAPES):
-            one = answer["distance"].sel(kind=kind, shape=form)
+            one = distance.sel(kind=kind, shape=form)
             at = one["frequency"].values[one.values <= 0]
             where = f"{at[0]:.1f} and {at[-1]:.1f}" if at.size else "-"
-            low, high = (one.sel(frequency=slice(*band)) for band in self._bands.values())
-            cells = [f"{float(part.min()):.4g}" if part.size else "-" for part in (low, high)]
-            lines.append(f"| {kind} | {form} | {at.size} | {where} | {' | '.join(cells)} |")
-        return {"distances": "\n".join(lines) + "\n"}
+            least = [_least(one, ends) for ends in bands]
+            cells = ["-" if np.isnan(value) else f"{value:.4g}" for value in least]
+            rows.append([kind, form, str(at.size), where, *cells])
+        return [*heads, *(f"distance {low:g} to {high:g} Hz" for low, high in bands)], rows
 
-    def figures(self, answer: Dataset) -> dict[str, Figure]:
+    @figure
+    def drawn(self, answer: Dataset) -> dict[str, Figure]:
         drawn = {"figure-6-8": SAME, "steps": "steps second", "joint": "joint second"}
         found = {name: planes(answer.sel(kind=kind), HIGH) for name, kind in drawn.items()}
         return found | {"clearance": clearances(answer, list(KINDS))}
+
+
+def _least(distance: DataArray, ends: tuple[float, float]) -> float:
+    """Smallest distance in a band of frequencies [Hz], NaN where none was measured."""
+    part = distance.sel(frequency=slice(*ends))
+    return float(part.min()) if part.size else float("nan")
 
 
 def known_factor(axis: Axis, frequency: RealArray) -> ComplexArray:
@@ -260,5 +249,4 @@ def known_factor(axis: Axis, frequency: RealArray) -> ComplexArray:
 
 def stored(answer: Dataset) -> Stadium:
     """Sets of one kind and shape."""
-    names = ("center", "radius", "half_length", "angle")
-    return Stadium(*(answer[name].values for name in names))
+    return Stadium(*(answer[name].values for name in PARTS))

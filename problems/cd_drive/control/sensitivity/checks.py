@@ -36,78 +36,70 @@ UNRELATED = 0.5
 """Correlation below which the drives' tables do not give Table A.4's order."""
 
 
-def independent_checks(
-    answer: Dataset,
-    loops: dict[str, dict[str, StateSpace]],
-    axis: Axis,
-    gain: Gain,
-    values: Values,
-    numbers: dict[str, float],
-) -> list[Check]:
-    """Gain limits by closed-loop poles, certified peaks by the printed formulas."""
+def limit_checks(answer: Dataset, every: dict[str, dict[str, StateSpace]]) -> list[Check]:
+    """Gain limits by closed-loop poles."""
     wrong, away = [], []
-    for loop, systems in loops.items():
-        for drive, system in systems.items():
+    for loop, systems in every.items():
+        for drive, L in systems.items():
             one = answer.sel(loop=loop, drive=drive)
             for side, out in (("decrease", 1 - ASIDE), ("increase", 1 + ASIDE)):
                 limit, place = float(one[side]), f"{drive}, {loop}, {side}"
-                wrong += [(not _stable(system, limit / out), place)]
-                wrong += [(_stable(system, limit * out), place)]
-                away.append((_off_boundary(system, limit, float(one[f"{side}_hz"])), place))
-            wrong.append((not _stable(system, 1.0), f"{drive}, {loop}, own gain"))
-    # The certified peaks are in continuous time.
-    reached = np.array(
-        [_reached(axis, gain, values, scale) for scale in SCALES.values()]
-    )  # (scale, drive)
+                wrong += [place] * (not _stable(L, limit / out)) + [place] * _stable(L, limit * out)
+                away.append((_off_boundary(L, limit, float(one[f"{side}_hz"])), place))
+            wrong += [f"{drive}, {loop}, own gain"] * (not _stable(L, 1.0))
+    distance, pole = max(away, key=lambda entry: np.nan_to_num(entry[0], nan=np.inf))
+    where = ", ".join(wrong[:3])
+    sides = f"closed loops on the wrong side, at their own gain and {ASIDE:g} beside their limits"
+    boundary = "distance of a pole from its place on the stability boundary, relative"
+    return [
+        Check("stability", sides, len(wrong), 0, where),
+        Check("gain limits", boundary, distance, ON_BOUNDARY, pole),
+    ]
+
+
+def peak_checks(answer: Dataset, axis: Axis, gain: Gain, values: Values) -> list[Check]:
+    """Certified peaks, which are in continuous time, by the printed formulas."""
+    reached = np.array([_reached(axis, gain, values, scale) for scale in SCALES.values()])
     lower, upper = (
         answer["weighted"].sel(bound=bound).values[:, :-1] for bound in ("lower", "upper")
     )
-    names = answer["drive"].values
-    ratio, where = worst(reached / upper, lambda i: str(names[i[1]]))
-    least, which = worst(lower / reached, lambda i: str(names[i[1]]))
-    excess, there = worst(upper / reached - 1, lambda i: str(names[i[1]]))
-    mistakes = [place for bad, place in wrong if bad]
-    distance, pole = max(away, key=lambda entry: np.nan_to_num(entry[0], nan=np.inf))
-    return [
-        Check(
-            "stability",
-            f"closed loops on the wrong side, at their own gain and {ASIDE:g} beside their limits",
-            len(mistakes),
-            0,
-            ", ".join(mistakes[:3]),
-        ),
-        Check(
-            "gain limits",
-            "distance of a pole from its place on the stability boundary, relative",
-            distance,
-            ON_BOUNDARY,
-            pole,
-        ),
-        Check("peaks above", "|W_p S| by formulas over its upper bound", ratio, 1 + 1e-9, where),
-        Check("peaks reached", "lower bound over |W_p S| by formulas", least, 1 + 1e-6, which),
-        Check("peaks close", "upper bound above |W_p S| by formulas", excess, CLOSE, there),
-        Check(
-            "Red Book",
-            "largest |S| over what the Red Book permits, continuous, full gain; W_p being laxer, "
-            "not 1 but what W_p permits is the limit",
-            numbers["red_book_error_full_continuous"],
-            numbers["weight_laxer_than_red_book"],
-        ),
+    compared = [
+        ("peaks above", "|W_p S| by formulas over its upper bound", reached / upper, 1 + 1e-9),
+        ("peaks reached", "lower bound over |W_p S| by formulas", lower / reached, 1 + 1e-6),
+        ("peaks close", "upper bound above |W_p S| by formulas", upper / reached - 1, CLOSE),
     ]
+    names = answer["drive"].values
+    found = []
+    for title, statement, ratio, limit in compared:
+        largest, where = worst(ratio, lambda i: str(names[i[1]]))
+        found.append(Check(title, statement, largest, limit, where))
+    return found
+
+
+def red_book_check(numbers: dict[str, float]) -> Check:
+    """|S| at full gain in continuous time, against the limit of the Red Book."""
+    statement = (
+        "largest |S| over what the Red Book permits, continuous, full gain; W_p being laxer, "
+        "not 1 but what W_p permits is the limit"
+    )
+    found, limit = (
+        numbers[name] for name in ("red_book_error_full_continuous", "weight_laxer_than_red_book")
+    )
+    return Check("Red Book", statement, found, limit)
 
 
 def thesis_checks(answer: Dataset, numbers: dict[str, float]) -> list[Check]:
     """What section 6.3.3 says of the focus loop; where it does not hold, what does instead."""
     twelve = answer.isel(drive=slice(-1))
     names = twelve["drive"].values
-    peak, drive = worst(
-        twelve["weighted"].sel(scale="full", bound="upper").values, lambda i: str(names[i[0]])
-    )
-    least = twelve["weighted"].sel(scale="third", bound="lower")
+    weighted = twelve["weighted"]
+    full = weighted.sel(scale="full", bound="upper").values
+    highest, drive = worst(full, lambda i: str(names[i[0]]))
+    least = weighted.sel(scale="third", bound="lower")
     upward = twelve["increase"] * twelve["decrease"]  # below 1: less room upward
     room, which = worst(upward.values, lambda i: str(names[i[1]]))
     checks = [
-        Check("performance", "largest |W_p S| of twelve drives, own gain", peak, 1.0, drive),
+        Check("performance", "largest |W_p S| of twelve drives, own gain", highest, 1.0, drive),
         Check(
             "a third fails",
             "inverse of the smallest of twelve peaks of |W_p S|, a third of the gain",
@@ -133,33 +125,22 @@ def thesis_checks(answer: Dataset, numbers: dict[str, float]) -> list[Check]:
                 ABOUT,
             )
         )
-    checks.append(
-        Check(
-            "bandwidth",
-            "delay beyond the hold's at which |T| is -3 dB at 1330 Hz [samples]; "
-            f"without it {numbers['bandwidth_T_sampled_hz']:.0f} Hz",
-            numbers["delay_of_bandwidth_samples"],
-            DELAYS["bandwidth"],
-        )
+    bandwidth = (
+        "delay beyond the hold's at which |T| is -3 dB at 1330 Hz [samples]; "
+        f"without it {numbers['bandwidth_T_sampled_hz']:.0f} Hz"
     )
-    checks.append(
-        Check(
-            "Table A.4",
-            "delay beyond the hold's at which the mean gain margin is the table's [samples]; "
-            f"without it {numbers['above_table_a4_sampled_db']:+.2f} dB",
-            numbers["delay_of_table_a4_samples"],
-            DELAYS["table_a4"],
-        )
+    table = (
+        "delay beyond the hold's at which the mean gain margin is the table's [samples]; "
+        f"without it {numbers['above_table_a4_sampled_db']:+.2f} dB"
     )
-    checks.append(
-        Check(
-            "order of Table A.4",
-            "correlation of the drives' margins with the table's, which they do not explain",
-            numbers["correlation_with_table_a4"],
-            UNRELATED,
-        )
-    )
-    return checks
+    order = "correlation of the drives' margins with the table's, which they do not explain"
+    delays = numbers["delay_of_bandwidth_samples"], numbers["delay_of_table_a4_samples"]
+    return [
+        *checks,
+        Check("bandwidth", bandwidth, delays[0], DELAYS["bandwidth"]),
+        Check("Table A.4", table, delays[1], DELAYS["table_a4"]),
+        Check("order of Table A.4", order, numbers["correlation_with_table_a4"], UNRELATED),
+    ]
 
 
 def _poles(loop: StateSpace, gain: float) -> ComplexArray:

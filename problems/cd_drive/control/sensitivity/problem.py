@@ -8,20 +8,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import astuple, dataclass, fields
-from typing import Annotated, ClassVar
+from dataclasses import dataclass
+from functools import partial
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
 from scipy.optimize import brentq
 
-from workbench import Check, Study, problem
+from workbench import Check, problem
 from workbench.arrays import RealArray
 from workbench.executor import Context
-from workbench.heavy_types import Dataset, Figure, StateSpace
-from workbench.mu import peak
+from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
+from workbench.mu import Peak, peak
 from workbench.structure import Full, Structure
-from workbench.systems import Margins, bands, bandwidths, loop_response, margins
+from workbench.study import Study, array, arrays, check, dim, figure, metric, part, table
+from workbench.systems import bands, bandwidths, loop_response, margins
+from workbench.systems.margins import MARGIN_UNITS, each_margin
 
 from ...drive.plants import Gain
 from ...drive.red_book import ACCEPTABLE_ERROR, envelope
@@ -29,20 +32,31 @@ from ...drive.shared_parameters import TABLES, Frequencies
 from ...drive.tables import Axis, Values, gain_margins
 from ..control_problem import performance_weight
 from ..loops import SCALES, open_loop, plants
-from .checks import independent_checks, thesis_checks
-from .report import WORDS, figures_of, gain_margin_db, tables_of
+from .checks import limit_checks, peak_checks, red_book_check, thesis_checks
+from .report import (
+    WORDS,
+    bandwidths_table,
+    gain_margin_db,
+    margins_figure,
+    margins_table,
+    sensitivity_figure,
+    twelve,
+    weighted_table,
+)
 
+Systems = dict[str, dict[str, StateSpace]]
+"""Loop transfer functions by loop and drive."""
 LOOPS = ("continuous", "sampled", "delayed")
 LOW, HIGH = 1.0, 15e3
 """Ends of the frequencies shown [Hz]."""
-WIDE = np.geomspace(1e-5, HIGH, 3000)
-"""Frequencies [Hz] among which the ends of bands are looked for."""
+BAND_SEARCH = np.geomspace(1e-5, HIGH, 3000)
+"""Frequencies [Hz] among which the ends of bands are searched."""
 BANDWIDTH = 1330.0
 """Closed-loop bandwidth of the simulations in section 6.3.3 [Hz]."""
-LONGEST = 4.0
-"""Delay [samples] up to which one is looked for that explains a number of the thesis."""
-TOLERANCE = 1e-3
-"""Of the certified peak, relative."""
+LONGEST_DELAY = 4.0
+"""Largest delay [samples] tried to explain a number of the thesis."""
+PEAK_TOLERANCE = 1e-3
+"""Relative width of the interval that certifies a peak."""
 
 
 @problem("cd/{axis}/sensitivity", axis=("focus", "radial"), data=(*TABLES, "data/gain_margins.csv"))
@@ -79,210 +93,226 @@ class Sensitivity(Study):
     headline: ClassVar[str] = "max_weighted_S"
 
     def loops(self, loop: str) -> dict[str, StateSpace]:
-        """L of every drive, by name, the nominal one last."""
+        """Loop transfer function of every drive, by name, the nominal one last."""
         delay = {"continuous": None, "sampled": 0.0, "delayed": self.delay}[loop]
         return self.delayed(delay)
 
     def delayed(self, delay: float | None) -> dict[str, StateSpace]:
+        """The same, with a delay [samples] beyond the hold's; in continuous time with None."""
         systems = plants(self.axis, self.gain, self.values)
         return {name: open_loop(self.axis, system, delay) for name, system in systems.items()}
 
-    def compute(self, context: Context) -> Dataset:
-        import xarray as xr
+    # --- arrays -------------------------------------------------------------------------------
 
-        frequency = np.geomspace(LOW, HIGH, self.frequencies)
-        every = {loop: self.loops(loop) for loop in LOOPS}
+    loop, scale = dim(LOOPS), dim(SCALES)
+    bound, end = dim("lower", "upper"), dim("low", "high")
+    definition, number = dim("S", "crossover", "T"), dim("Table A.4", "bandwidth")
+    drive = dim(lambda systems: list(systems["continuous"]))
+    frequency = dim(
+        lambda self: np.geomspace(LOW, HIGH, self.frequencies), unit="Hz", meaning="frequency"
+    )
+
+    systems = part(lambda self: {loop: self.loops(loop) for loop in LOOPS})
+    margin = arrays((loop, drive), lambda systems: each_margin(systems.values()), **MARGIN_UNITS)
+    bandwidth = array((loop, drive, definition), "Hz")(
+        lambda systems: _each(systems, lambda L: [*bandwidths(L).values()])
+    )
+    L = array((loop, drive, frequency), "1")(
+        lambda systems, frequency: _each(systems, lambda L: loop_response(L, frequency.values))
+    )
+
+    @arrays(
+        frequency,
+        permitted=("1", "1/|W_p|"),
+        red_book=("1", "acceptable error over largest deviation"),
+    )
+    def limits(self, frequency: DataArray) -> dict[str, RealArray]:
         weight = performance_weight(self.axis)
-        found = [
-            [peak_of(weight, system, scale) for system in every["continuous"].values()]
-            for scale in context.track(list(SCALES.values()), "certified peaks")
-        ]
-        fails = [
-            [failing(weight, system, scale) for system in every["continuous"].values()]
-            for scale in SCALES.values()
-        ]
-        most = max(1, *(len(one) for row in fails for one in row))
+        return {
+            "permitted": 1 / abs(loop_response(weight, frequency.values)),
+            "red_book": ACCEPTABLE_ERROR[self.axis] / envelope(self.axis, frequency.values),
+        }
+
+    @part
+    def peaks(self, systems: Systems, context: Context) -> list[list[Peak]]:
+        """Certified largest |W_p S| over all frequencies, in continuous time."""
+        weight, loops = performance_weight(self.axis), systems["continuous"].values()
+        factors = context.track(list(SCALES.values()), "certified peaks")
+        return [[peak_of(weight, L, factor) for L in loops] for factor in factors]
+
+    weighted = array((scale, drive, bound), "1", "largest |W_p S|")(
+        lambda peaks: [[(each.lower, each.upper) for each in row] for row in peaks]
+    )
+    weighted_hz = array((scale, drive), "Hz")(
+        lambda peaks: [[each.omega / (2 * math.pi) for each in row] for row in peaks]
+    )
+
+    @array((scale, drive, "band", end), "Hz", "ends of bands in which |W_p S| > 1")
+    def fails_hz(self, systems: Systems) -> list[list[Any]]:
+        weight, loops = performance_weight(self.axis), systems["continuous"].values()
+        found = [[failing(weight, L, factor) for L in loops] for factor in SCALES.values()]
+        most = max(1, *(len(one) for row in found for one in row))
         missing = [(math.nan, math.nan)]
-        margin = [[margins(system) for system in every[loop].values()] for loop in LOOPS]
-        widths = [[bandwidths(system) for system in every[loop].values()] for loop in LOOPS]
-        L = [[loop_response(one, frequency) for one in every[loop].values()] for loop in LOOPS]
+        return [[one + missing * (most - len(one)) for one in row] for row in found]
+
+    @array(drive, "dB", "gain margin, Table A.4")
+    def measured_db(self, drive: DataArray) -> list[float]:
         measured = gain_margins() if self.axis == "focus" else {}
-        drives = list(every["continuous"])
-        size = abs(loop_response(weight, frequency))
-        dims = ("loop", "drive")
-        units = dict.fromkeys([field.name for field in fields(Margins)], "1")
-        units |= {"decrease_hz": "Hz", "increase_hz": "Hz", "crossover_hz": "Hz", "phase": "deg"}
-        data = {
-            name: (dims, [[astuple(one)[k] for one in row] for row in margin], {"units": unit})
-            for k, (name, unit) in enumerate(units.items())
-        }
-        return xr.Dataset(
-            {
-                **data,
-                "L": ((*dims, "frequency"), np.array(L), {"units": "1"}),
-                "permitted": ("frequency", 1 / size, {"units": "1", "long_name": "1/|W_p|"}),
-                "red_book": (
-                    "frequency",
-                    ACCEPTABLE_ERROR[self.axis] / envelope(self.axis, frequency),
-                    {"units": "1", "long_name": "acceptable error over largest deviation"},
-                ),
-                "weighted": (
-                    ("scale", "drive", "bound"),
-                    [[(p[0], p[1]) for p in row] for row in found],
-                    {"units": "1", "long_name": "largest |W_p S|"},
-                ),
-                "weighted_hz": (
-                    ("scale", "drive"),
-                    [[p[2] for p in row] for row in found],
-                    {"units": "Hz"},
-                ),
-                "fails_hz": (
-                    ("scale", "drive", "band", "end"),
-                    [[one + missing * (most - len(one)) for one in row] for row in fails],
-                    {"units": "Hz", "long_name": "ends of bands in which |W_p S| > 1"},
-                ),
-                "bandwidth": (
-                    (*dims, "definition"),
-                    [[list(one.values()) for one in row] for row in widths],
-                    {"units": "Hz"},
-                ),
-                "measured_db": (
-                    "drive",
-                    [measured.get(drive, math.nan) for drive in drives],
-                    {"units": "dB", "long_name": "gain margin, Table A.4"},
-                ),
-                "explaining_delay": (
-                    "number",
-                    self._delays() if measured else [math.nan, math.nan],
-                    {"units": "samples", "long_name": "delay that explains a number of the thesis"},
-                ),
-            },
-            coords={
-                "scale": list(SCALES),
-                "loop": list(LOOPS),
-                "drive": drives,
-                "frequency": ("frequency", frequency, {"units": "Hz", "long_name": "frequency"}),
-                "bound": ["lower", "upper"],
-                "end": ["low", "high"],
-                "definition": list(widths[0][0]),
-                "number": ["Table A.4", "bandwidth"],
-            },
-        )
+        return [measured.get(name, math.nan) for name in drive.values]
 
-    def _delays(self) -> list[float]:
-        """Delays [samples] at which Table A.4's mean and the bandwidth are what they are said."""
-        table = np.mean(list(gain_margins().values()))
+    @array(number, "samples", "delay that explains a number of the thesis")
+    def explaining_delay(self) -> list[float]:
+        """Delays that give the mean gain margin of Table A.4, and the stated bandwidth."""
+        if self.axis != "focus":
+            return [math.nan, math.nan]
+        printed = float(np.mean(list(gain_margins().values())))
 
-        def margin_off(delay: float) -> float:
+        def margin(delay: float) -> float:
             loops = list(self.delayed(delay).values())[:-1]
-            return float(np.mean([margins(loop).gain_db for loop in loops]) - table)
+            return float(np.mean([margins(loop).gain_db for loop in loops]))
 
-        def bandwidth_off(delay: float) -> float:
-            return bandwidths(self.delayed(delay)["nominal"])["T"] - BANDWIDTH
+        return [
+            _zero(lambda delay: margin(delay) - printed),
+            _zero(lambda delay: bandwidths(self.delayed(delay)["nominal"])["T"] - BANDWIDTH),
+        ]
 
-        return [_zero(margin_off), _zero(bandwidth_off)]
+    # --- metrics ------------------------------------------------------------------------------
 
-    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
-        every, numbers = {loop: self.loops(loop) for loop in LOOPS}, self.metrics(answer)
-        found = independent_checks(answer, every, self.axis, self.gain, self.values, numbers)
-        return found + (thesis_checks(answer, numbers) if self.axis == "focus" else [])
+    max_weighted = metric("max_weighted_S", lambda weighted: _highest(weighted, "full"))
+    max_third = metric("max_weighted_S_third", lambda weighted: _highest(weighted, "third"))
+    third_fails_below_hz = metric(
+        lambda fails_hz: twelve(fails_hz).sel(scale="third", end="high").max()
+    )
+    weight_laxer_than_red_book = metric(lambda permitted, red_book: (permitted / red_book).max())
 
-    def metrics(self, answer: Dataset) -> dict[str, float]:
-        twelve = answer.isel(drive=slice(-1))
-        upper = twelve["weighted"].sel(bound="upper").max("drive")
-        numbers = {
-            "max_weighted_S": float(upper.sel(scale="full")),
-            "max_weighted_S_third": float(upper.sel(scale="third")),
-            "third_fails_below_hz": float(twelve["fails_hz"].sel(scale="third", end="high").max()),
-            "weight_laxer_than_red_book": float((answer["permitted"] / answer["red_book"]).max()),
-        }
+    @metric
+    def at_points(self, answer: Dataset) -> dict[str, float]:
+        """The largest |S| of twelve drives over what may be, at the frequencies shown."""
+        numbers = {}
         for scale, factor in SCALES.items():
-            size = abs(1 / (1 + factor * twelve["L"])).max("drive")
+            size = abs(1 / (1 + factor * twelve(answer["L"]))).max("drive")
             for loop in LOOPS:
-                error = (size.sel(loop=loop) / answer["red_book"]).max()
-                numbers[f"red_book_error_{scale}_{loop}"] = float(error)
-            for loop in LOOPS[1:]:
-                weighted = (size.sel(loop=loop) / answer["permitted"]).max()
-                numbers[f"max_weighted_S_{scale}_{loop}_at_points"] = float(weighted)
-        nominal = answer.sel(drive="nominal")
-        for loop in LOOPS:
-            one, many = nominal.sel(loop=loop), twelve.sel(loop=loop)
-            numbers |= {
-                f"gain_margin_{loop}_db": float(gain_margin_db(many).min()),
-                f"phase_margin_{loop}_deg": float(many["phase"].min()),
-                f"lower_limit_{loop}_hz": float(one["decrease_hz"]),
-                f"upper_limit_{loop}_hz": float(one["increase_hz"]),
-            }
-            for definition in answer["definition"].values:
-                width = float(one["bandwidth"].sel(definition=definition))
-                numbers[f"bandwidth_{definition}_{loop}_hz"] = width
-        if self.axis == "focus":
-            for loop in LOOPS:
-                off = gain_margin_db(twelve.sel(loop=loop)) - twelve["measured_db"]
-                numbers[f"above_table_a4_{loop}_db"] = float(off.mean())
-            delayed = gain_margin_db(twelve.sel(loop="delayed")).values
-            correlation = np.corrcoef(delayed, twelve["measured_db"].values)[0, 1]
-            numbers["correlation_with_table_a4"] = float(correlation)
-            delay = answer["explaining_delay"]
-            numbers["delay_of_table_a4_samples"] = float(delay.sel(number="Table A.4"))
-            numbers["delay_of_bandwidth_samples"] = float(delay.sel(number="bandwidth"))
+                one = size.sel(loop=loop)
+                numbers[f"red_book_error_{scale}_{loop}"] = float((one / answer["red_book"]).max())
+                if loop != "continuous":
+                    name = f"max_weighted_S_{scale}_{loop}_at_points"
+                    numbers[name] = float((one / answer["permitted"]).max())
         return numbers
+
+    least_gain_margin = metric(
+        "gain_margin_{loop}_db",
+        lambda increase, decrease: twelve(gain_margin_db(increase, decrease)).min("drive"),
+    )
+    least_phase_margin = metric("phase_margin_{loop}_deg", lambda phase: twelve(phase).min("drive"))
+    lower_limit = metric(
+        "lower_limit_{loop}_hz", lambda decrease_hz: decrease_hz.sel(drive="nominal")
+    )
+    upper_limit = metric(
+        "upper_limit_{loop}_hz", lambda increase_hz: increase_hz.sel(drive="nominal")
+    )
+    nominal_bandwidth = metric(
+        "bandwidth_{definition}_{loop}_hz", lambda bandwidth: bandwidth.sel(drive="nominal")
+    )
+
+    @metric
+    def beside_table_a4(self, answer: Dataset) -> dict[str, float] | None:
+        """Margins of the focus loops beside the measured ones, and the delays that explain them."""
+        if self.axis != "focus":
+            return None
+        margin = twelve(gain_margin_db(answer["increase"], answer["decrease"]))
+        measured, delay = twelve(answer["measured_db"]), answer["explaining_delay"]
+        above = {
+            f"above_table_a4_{loop}_db": float((margin.sel(loop=loop) - measured).mean())
+            for loop in LOOPS
+        }
+        correlation = np.corrcoef(margin.sel(loop="delayed").values, measured.values)[0, 1]
+        return above | {
+            "correlation_with_table_a4": float(correlation),
+            "delay_of_table_a4_samples": float(delay.sel(number="Table A.4")),
+            "delay_of_bandwidth_samples": float(delay.sel(number="bandwidth")),
+        }
+
+    # --- checks, tables and figures -----------------------------------------------------------
+
+    @check()
+    def found_otherwise(self, answer: Dataset) -> list[Check]:
+        limits = limit_checks(answer, {loop: self.loops(loop) for loop in LOOPS})
+        return limits + peak_checks(answer, self.axis, self.gain, self.values)
+
+    @check()
+    def said(self, answer: Dataset) -> list[Check]:
+        """The Red Book's limit, and what section 6.3.3 says of the focus loop."""
+        numbers = self.metrics(answer)
+        thesis = thesis_checks(answer, numbers) if self.axis == "focus" else []
+        return [red_book_check(numbers), *thesis]
+
+    margin_table = table(lambda answer: {"margins": margins_table(answer)})
+    weighted_sensitivity = table(lambda answer: weighted_table(answer))
+    bandwidths = table(lambda bandwidth: bandwidths_table(bandwidth))
+
+    @table
+    def red_book_table(self) -> dict[str, Any]:
+        rows = [
+            (statement, ", ".join(f"{low:.1f} to {high:.1f}" for low, high in found) or "none")
+            for statement, found in self.red_book_bands().items()
+        ]
+        return {"red-book": (["statement", "bands [Hz]"], rows)}
+
+    @figure
+    def drawn(self, answer: Dataset) -> dict[str, Figure]:
+        return {
+            "sensitivity": sensitivity_figure(answer, self.axis),
+            "margins": margins_figure(answer, self.axis),
+        }
 
     def red_book_bands(self) -> dict[str, list[tuple[float, float]]]:
         """Bands [Hz] in which W_p is laxer than the Red Book, and |S| of a drive exceeds that."""
         weight, loops = performance_weight(self.axis), list(self.loops("continuous").values())[:-1]
 
-        def needed(frequency: RealArray) -> RealArray:
-            ratio: RealArray = envelope(self.axis, frequency) / ACCEPTABLE_ERROR[self.axis]
-            return ratio
+        def needed(frequency: RealArray) -> Any:
+            return envelope(self.axis, frequency) / ACCEPTABLE_ERROR[self.axis]
 
-        def laxer(frequency: RealArray) -> RealArray:
-            curve: RealArray = needed(frequency) / abs(loop_response(weight, frequency)) - 1
-            return curve
+        def exceeded(frequency: RealArray, factor: float) -> Any:
+            S = [abs(1 / (1 + factor * loop_response(L, frequency))) for L in loops]
+            return np.max(S, axis=0) * needed(frequency) - 1
 
-        def beyond(scale: float) -> Callable[[RealArray], RealArray]:
-            def curve(frequency: RealArray) -> RealArray:
-                size = [abs(1 / (1 + scale * loop_response(one, frequency))) for one in loops]
-                worst: RealArray = np.max(size, axis=0) * needed(frequency) - 1
-                return worst
-
-            return curve
-
-        grid = WIDE[WIDE >= LOW]
-        found = {"W_p laxer than the Red Book": bands(laxer, grid)}
-        for scale, factor in SCALES.items():
-            found[f"Red Book exceeded, {WORDS[scale]}"] = bands(beyond(factor), grid)
-        return found
-
-    def tables(self, answer: Dataset) -> dict[str, str]:
-        return tables_of(answer, self.red_book_bands())
-
-    def figures(self, answer: Dataset) -> dict[str, Figure]:
-        return figures_of(answer, self.axis)
+        grid = BAND_SEARCH[BAND_SEARCH >= LOW]
+        laxer = bands(lambda f: needed(f) / abs(loop_response(weight, f)) - 1, grid)
+        return {"W_p laxer than the Red Book": laxer} | {
+            f"Red Book exceeded, {WORDS[scale]}": bands(partial(exceeded, factor=factor), grid)
+            for scale, factor in SCALES.items()
+        }
 
 
-def peak_of(weight: StateSpace, loop: StateSpace, scale: float) -> tuple[float, float, float]:
-    """Certified bounds of the largest |W_p S| over all frequencies, and its frequency [Hz]."""
+def peak_of(weight: StateSpace, loop: StateSpace, scale: float) -> Peak:
+    """Certified bounds on the largest |W_p S| over all frequencies."""
     import control
 
     S = control.feedback(1, scale * loop)
-    found = peak(control.ss(weight * S), Structure([Full(1, 1)]), TOLERANCE)
-    return found.lower, found.upper, found.omega / (2 * math.pi)
+    return peak(control.ss(weight * S), Structure([Full(1, 1)]), PEAK_TOLERANCE)
 
 
 def failing(weight: StateSpace, loop: StateSpace, scale: float) -> list[tuple[float, float]]:
     """Bands [Hz] in which |W_p S| is above 1."""
 
-    def level(frequency: RealArray) -> RealArray:
+    def level(frequency: RealArray) -> Any:
         S = 1 / (1 + scale * loop_response(loop, frequency))
-        size: RealArray = np.log(abs(loop_response(weight, frequency) * S))
-        return size
+        return np.log(abs(loop_response(weight, frequency) * S))
 
-    return bands(level, WIDE)
+    return bands(level, BAND_SEARCH)
 
 
 def _zero(curve: Callable[[float], float]) -> float:
-    """Where a curve of the delay [samples] is zero, NaN where it is not."""
-    if curve(0.0) * curve(LONGEST) > 0:
+    """Delay [samples] at which a curve is zero; NaN where none up to LONGEST_DELAY is."""
+    if curve(0.0) * curve(LONGEST_DELAY) > 0:
         return math.nan
-    return float(brentq(curve, 0.0, LONGEST, xtol=1e-4))
+    return float(brentq(curve, 0.0, LONGEST_DELAY, xtol=1e-4))
+
+
+def _each(systems: Systems, function: Callable[[StateSpace], Any]) -> list[list[Any]]:
+    """What a function gives for each loop and drive."""
+    return [[function(L) for L in one.values()] for one in systems.values()]
+
+
+def _highest(weighted: DataArray, scale: str) -> DataArray:
+    return twelve(weighted).sel(scale=scale, bound="upper").max()

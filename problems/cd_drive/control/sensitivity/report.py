@@ -2,147 +2,121 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from workbench import figures
 from workbench.heavy_types import DataArray, Dataset, Figure
 
+from ...drive.tables import Axis
 from ..loops import SCALES
 
-if TYPE_CHECKING:
-    from ...drive.tables import Axis
-
+Rows = tuple[list[str], list[list[str]]]
+"""Heads and rows of a table."""
 LINES = {"continuous": figures.BLUE, "sampled": figures.ORANGE, "delayed": figures.GREEN}
 
+DEFINITIONS = {
+    "S": "magnitude of S passes -3 dB",
+    "crossover": "magnitude of L passes 1",
+    "T": "magnitude of T passes -3 dB",
+}
+"""Definitions of bandwidth, in words."""
 WORDS = {"full": "full gain", "third": "a third of the gain"}
 
 
-def gain_margin_db(answer: Dataset) -> DataArray:
+def twelve(values: DataArray) -> DataArray:
+    """Values of the measured drives, the nominal one left out."""
+    return values.isel(drive=slice(-1))
+
+
+def gain_margin_db(increase: DataArray, decrease: DataArray) -> DataArray:
     """Gain margins [dB] as Table A.4 has them: the smaller change, up or down."""
-    up, down = (20 * np.log10(answer[side]) for side in ("increase", "decrease"))
-    smaller: DataArray = np.minimum(up, -down)
+    smaller: DataArray = np.minimum(20 * np.log10(increase), -(20 * np.log10(decrease)))
     return smaller
 
 
-def tables_of(answer: Dataset, bands: dict[str, list[tuple[float, float]]]) -> dict[str, str]:
-    """Margins beside Table A.4, peaks of |W_p S|, bandwidths, bands of the Red Book."""
-    return {
-        "margins": _margins(answer),
-        "weighted-sensitivity": _weighted(answer),
-        "bandwidths": _bandwidths(answer),
-        "red-book": _bands(bands),
-    }
-
-
-def _margins(answer: Dataset) -> str:
-    loops = [str(loop) for loop in answer["loop"].values]
+def margins_table(answer: Dataset) -> Rows:
+    """Gain and phase margins of every drive and loop, beside Table A.4."""
     measured = bool(answer["measured_db"].notnull().any())
     heads = ["drive", *(["Table A.4 [dB]"] if measured else [])]
-    for loop in loops:
+    for loop in answer["loop"].values:
         heads += [f"{loop}: up [dB]", "down [dB]", "phase [deg]"]
         heads += ["from Table A.4 [dB]"] if measured else []
-    lines = _head(heads)
+    rows = []
     for drive in answer["drive"].values:
         one = answer.sel(drive=drive)
-        table = float(one["measured_db"])
-        cells = [_number(table, 1)] if measured else []
-        for loop in loops:
+        printed = float(one["measured_db"])
+        cells = [str(drive), *([_number(printed)] if measured else [])]
+        for loop in answer["loop"].values:
             each = one.sel(loop=loop)
             up, down = (20 * np.log10(float(each[side])) for side in ("increase", "decrease"))
             cells += [f"{up:.1f}", f"{down:.1f}", f"{float(each['phase']):.1f}"]
-            cells += [_number(float(gain_margin_db(each)) - table, 1)] if measured else []
-        lines.append(f"| {drive} | {' | '.join(cells)} |")
-    return "\n".join(lines) + "\n"
+            margin = float(gain_margin_db(each["increase"], each["decrease"]))
+            cells += [_number(margin - printed)] if measured else []
+        rows.append(cells)
+    return heads, rows
 
 
-def _weighted(answer: Dataset) -> str:
+def weighted_table(answer: Dataset) -> Rows:
+    """Peaks of |W_p S| of every drive at both gains, and where it is above 1."""
     heads = ["drive"]
     for scale in answer["scale"].values:
         heads += [f"{WORDS[scale]}: largest W_p S", "at [Hz]", "above 1 [Hz]"]
-    lines = _head(heads)
+    rows = []
     for drive in answer["drive"].values:
-        cells = []
+        cells = [str(drive)]
         for scale in answer["scale"].values:
             one = answer.sel(drive=drive, scale=scale)
             fails = [band for band in one["fails_hz"].values if not np.isnan(band).any()]
-            text = ", ".join(f"{low:.3g} to {high:.3g}" for low, high in fails) or "nowhere"
-            cells += [f"{float(one['weighted'].sel(bound='upper')):.4f}"]
-            cells += [f"{float(one['weighted_hz']):.1f}", text]
-        lines.append(f"| {drive} | {' | '.join(cells)} |")
-    return "\n".join(lines) + "\n"
+            cells += [
+                f"{float(one['weighted'].sel(bound='upper')):.4f}",
+                f"{float(one['weighted_hz']):.1f}",
+                ", ".join(f"{low:.3g} to {high:.3g}" for low, high in fails) or "nowhere",
+            ]
+        rows.append(cells)
+    return heads, rows
 
 
-def _bandwidths(answer: Dataset) -> str:
-    lines = _head(
-        ["loop", "definition", "nominal [Hz]", "least of twelve [Hz]", "largest of twelve [Hz]"]
-    )
-    words = {
-        "S": "magnitude of S passes -3 dB",
-        "crossover": "magnitude of L passes 1",
-        "T": "magnitude of T passes -3 dB",
-    }
-    for loop in answer["loop"].values:
-        for definition in answer["definition"].values:
-            one = answer["bandwidth"].sel(loop=loop, definition=definition)
-            nominal, twelve = float(one.sel(drive="nominal")), one.isel(drive=slice(-1))
-            lines.append(
-                f"| {loop} | {words[str(definition)]} | {nominal:.0f} "
-                f"| {float(twelve.min()):.0f} | {float(twelve.max()):.0f} |"
-            )
-    return "\n".join(lines) + "\n"
+def bandwidths_table(bandwidth: DataArray) -> Rows:
+    """Bandwidths of the nominal loops, and their range over the twelve drives."""
+    heads = ["loop", "definition", "nominal [Hz]", "least of twelve [Hz]", "largest of twelve [Hz]"]
+    rows = []
+    for loop in bandwidth["loop"].values:
+        for definition, words in DEFINITIONS.items():
+            one = bandwidth.sel(loop=loop, definition=definition)
+            values = (one.sel(drive="nominal"), twelve(one).min(), twelve(one).max())
+            rows.append([str(loop), words, *(f"{float(value):.0f}" for value in values)])
+    return heads, rows
 
 
-def _bands(bands: dict[str, list[tuple[float, float]]]) -> str:
-    lines = ["| statement | bands [Hz] |", "| --- | --- |"]
-    for statement, found in bands.items():
-        text = ", ".join(f"{low:.1f} to {high:.1f}" for low, high in found) or "none"
-        lines.append(f"| {statement} | {text} |")
-    return "\n".join(lines) + "\n"
+def _number(decibels: float) -> str:
+    return "-" if np.isnan(decibels) else f"{decibels:.1f}"
 
 
-def _head(heads: list[str]) -> list[str]:
-    return [f"| {' | '.join(heads)} |", "| --- |" + " ---: |" * (len(heads) - 1)]
-
-
-def _number(value: float, digits: int) -> str:
-    return "-" if np.isnan(value) else f"{value:.{digits}f}"
-
-
-def figures_of(answer: Dataset, axis: Axis) -> dict[str, Figure]:
-    """Figure 6.6, and margins beside Table A.4 (section 6.3.3)."""
-    return {"sensitivity": _sensitivity(answer, axis), "margins": _margin_figure(answer, axis)}
-
-
-def _sensitivity(answer: Dataset, axis: Axis) -> Figure:
+def sensitivity_figure(answer: Dataset, axis: Axis) -> Figure:
     """|S| of twelve drives at both gains, continuous and with the sampled loop's delay."""
     figure, panels = figures.axes(2, 2, size=(9.5, 7.0), sharex=True, sharey=True)
     frequency = answer["frequency"]
-    twelve = answer["L"].isel(drive=slice(-1))
     rows = ("continuous", "delayed")
     for panel, (loop, scale) in zip(panels, [(r, s) for r in rows for s in SCALES], strict=True):
-        S = abs(1 / (1 + SCALES[scale] * twelve.sel(loop=loop)))
+        S = abs(1 / (1 + SCALES[scale] * twelve(answer["L"]).sel(loop=loop)))
         for k, size in enumerate(S.values):
             label = "twelve drives" if k == 0 else None
             panel.loglog(frequency, size, color=figures.BLUE, linewidth=0.7, label=label)
-        panel.loglog(
-            frequency, answer["permitted"], "--", color=figures.BLACK, label="1/W_p (eq. 6.11)"
+        permitted, red_book = answer["permitted"], answer["red_book"]
+        panel.loglog(frequency, permitted, "--", color=figures.BLACK, label="$1/|W_p|$ (eq. 6.11)")
+        panel.loglog(frequency, red_book, ":", color=figures.ORANGE, label="Red Book's own limit")
+        figures.label(
+            panel,
+            "frequency [Hz]" if loop == rows[-1] else "",
+            "$|S|$ [1]" if scale == "full" else "",
+            f"{axis}, {loop}, {WORDS[scale]}",
         )
-        panel.loglog(
-            frequency, answer["red_book"], ":", color=figures.ORANGE, label="Red Book's own limit"
-        )
-        panel.set_title(f"{axis}, {loop}, {WORDS[scale]}")
         panel.set_ylim(1e-4, 10)
-    for panel in panels[::2]:
-        panel.set_ylabel("|S| [1]")
-    for panel in panels[2:]:
-        panel.set_xlabel("frequency [Hz]")
     figures.legend_below(figure, panels[0])
     return figure
 
 
-def _margin_figure(answer: Dataset, axis: Axis) -> Figure:
+def margins_figure(answer: Dataset, axis: Axis) -> Figure:
     """Gain margins up and down, and phase margins, of every drive."""
     figure, (gains, phases) = figures.axes(1, 2, size=(9.5, 4.8), sharey=True)
     drives = [str(drive) for drive in answer["drive"].values]
@@ -157,11 +131,9 @@ def _margin_figure(answer: Dataset, axis: Axis) -> Figure:
         gains.plot(answer["measured_db"], place, "kx", label="measured (Table A.4)")
     gains.set_yticks(place, drives)
     gains.invert_yaxis()
-    gains.set_xlabel("gain margin, up or down [dB]")
     gains.set_xlim(left=0)
     phases.set_xlim(0, 1.1 * float(answer["phase"].max()))
-    phases.set_xlabel("phase margin [deg]")
-    gains.set_title(f"{axis}, gain")
-    phases.set_title(f"{axis}, phase")
+    figures.label(gains, "gain margin, up or down [dB]", title=f"{axis}, gain")
+    figures.label(phases, "phase margin [deg]", title=f"{axis}, phase")
     figures.legend_below(figure, gains, columns=4)
     return figure
