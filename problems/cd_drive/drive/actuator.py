@@ -25,7 +25,7 @@ from workbench.heavy_types import StateSpace
 from .tables import ActuatorParameters, Drive
 
 SERIES_RESISTANCE = 1.25
-"""r [ohm]: stands in series with the coil to measure its current (section 3.6.2)."""
+"""r [ohm]: resistor in series with the coil that measures its current (section 3.6.2)."""
 
 
 @dataclass(frozen=True)
@@ -182,7 +182,7 @@ def resonances(
 
 
 def checked_frequency(frequency: ArrayLike) -> RealArray:
-    """`frequency` as floats (F,); raises InputError unless 1-D, not empty, positive, finite."""
+    """Frequencies as floats (F,); raises InputError unless 1-D, not empty, positive, finite."""
     array = np.asarray(frequency, dtype=float)
     if array.ndim != 1 or array.size == 0:
         raise InputError(f"frequency has shape {array.shape}; it must be a 1-D array, not empty")

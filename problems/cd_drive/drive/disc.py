@@ -1,4 +1,4 @@
-"""A disc as the laser meets it: it wobbles, it is off centre, it is scratched.
+"""A disc as the laser meets it: its deviations and its surface defects.
 
 Section, table and equation numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
 CD-players (2003).
@@ -24,21 +24,21 @@ VELOCITY = 1.3
 
 
 STRICT = ConfigDict(extra="forbid", allow_inf_nan=True)
-"""What a script may say of it, and nothing else."""
+"""Rules for discs and defects in a script: unknown fields are errors, infinite numbers allowed."""
 
 
 @with_config(STRICT)
 @dataclass(frozen=True)
 class Defect:
-    """A scratch, a finger print, dust: what dims the light and shifts the error it seems to carry.
+    """A surface defect (scratch, finger print, dust): it dims the light and falsifies the error.
 
     length        along the track [m];
     angle         where it starts [revolutions];
     depth         share of the light that it takes, 0 to 1;
     displacement  false displacement f_sd that swings once up and down, amplitude [m] (eq. 2.9);
-    offset        false displacement that lasts, amplitude [m];
-    edge          share of the length over which it sets in, and ends, smoothly, 0 to 0.5;
-    present       when it is met at all, from and until [s].
+    offset        constant false displacement within the defect [m];
+    edge          share of the length over which it begins, and ends, smoothly, 0 to 0.5;
+    present       times from which and until which it exists [s].
 
     Raises InputError outside these ranges.
     """
@@ -58,7 +58,7 @@ class Defect:
     def met(
         self, revolutions: RealArray, time: RealArray, rotation: RealArray
     ) -> tuple[NDArray[np.bool_], RealArray]:
-        """Whether the laser is on it, and how much of its length it has passed."""
+        """Whether the laser is on the defect, and the share of its length passed: each (N,)."""
         travelled = (revolutions - self.angle) % 1.0  # of a revolution, since its start
         along = travelled * VELOCITY / (np.maximum(rotation, 1e-12) * self.length)
         inside = (along <= 1.0) & (rotation > 0.0)
@@ -67,9 +67,9 @@ class Defect:
     def effect(
         self, revolutions: RealArray, time: RealArray, rotation: RealArray
     ) -> tuple[RealArray, RealArray]:
-        """Share of the light that is left, and f_sd [m], where the disc has turned so far.
+        """Remaining share of the light, and f_sd [m]: each (N,).
 
-        rotation [Hz] (N,): at that time.
+        revolutions (N,): turned so far. time [s] (N,). rotation [Hz] (N,): frequency at that time.
         """
         inside, along = self.met(revolutions, time, rotation)
         from_edge = np.minimum(along, 1.0 - along) / max(self.edge, 1e-12)
@@ -81,7 +81,7 @@ class Defect:
 @with_config(STRICT)
 @dataclass(frozen=True)
 class Disc:
-    """A disc and how it turns.
+    """A disc, its deviations and its rotation.
 
     warp          amplitudes [m] of the vertical deviation at the rotation frequency and its
                   harmonics; Table 2.3 allows 500 um;

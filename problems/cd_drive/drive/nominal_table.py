@@ -1,4 +1,4 @@
-"""Table 5.2 recomputed from Tables A.1-A.3: which of its entries follow, which not, and why.
+"""Table 5.2 recomputed from Tables A.1-A.3, with the reason where an entry does not follow.
 
 Equation numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
 """
@@ -46,13 +46,13 @@ class Comparison:
 
 
 def compare_nominal(axis: Axis, values: Values = "printed") -> list[Comparison]:
-    """Table 5.2 against `nominal`: which entries follow from the tables, which not, and why."""
+    """Each entry of Table 5.2 beside the recomputed one, and why it does not follow if so."""
     computed = nominal(axis, values)
     rows = []
     for name, printed in nominal_table(axis).items():
         own = computed[name]
-        table_step, nominal_step = _STEPS[name]
-        tolerance_step = _TOLERANCE_STEPS.get((axis, name), 0.001)
+        table_step, nominal_step = _LAST_DIGITS[name]
+        tolerance_step = _TOLERANCE_LAST_DIGITS.get((axis, name), 0.001)
         exact = _rounds_to(own, 0.0, printed, nominal_step, tolerance_step)
         follows = exact or _rounds_to(own, table_step, printed, nominal_step, tolerance_step)
         if exact:
@@ -76,7 +76,7 @@ def compare_nominal(axis: Axis, values: Values = "printed") -> list[Comparison]:
 
 
 # Last printed digits: of Tables A.1-A.3, and of the nominal values of Table 5.2.
-_STEPS = {
+_LAST_DIGITS = {
     "K_total": (0.2, 1000.0),
     "R": (0.1, 0.1),
     "Bl": (0.01, 0.01),
@@ -87,7 +87,7 @@ _STEPS = {
     "m1": (1e-6, 1e-6),
     "m2": (1e-6, 1e-6),
 }
-_TOLERANCE_STEPS = {("radial", "K_total"): 0.01, ("radial", "m1"): 0.0001}
+_TOLERANCE_LAST_DIGITS = {("radial", "K_total"): 0.01, ("radial", "m1"): 0.0001}
 
 _GAIN = (
     "K_at K_amp K_optn falls short by {}; the power driver's gain K_pd of eq. 3.11, missing in "

@@ -1,4 +1,4 @@
-"""Photo diodes: how far the focus point is off, as two diodes see it (figures 3.12, 4.6, 4.7).
+"""Photo diodes: the signals of two diodes as functions of the error (figures 3.12, 4.6, 4.7).
 
 Two diodes share the reflected light; their normalised difference is the error (eq. 3.16-3.17):
 
@@ -24,30 +24,30 @@ from workbench.errors import InputError
 
 from .tables import Drive, disc_formats
 
-PEAK = 6e-6
+S_CURVE_PEAK = 6e-6
 """Distance of the s-curve's extremes from its centre [m]: 12 um peak to peak (section 4.4.1)."""
-LINEAR = 2e-6
+S_CURVE_LINEAR = 2e-6
 """Half the linear range of the s-curve [m]: the largest vertical error allowed (section 2.5.1)."""
-PITCH = disc_formats()["CD"].track_pitch
-"""Distance of the tracks [m]."""
+TRACK_PITCH = disc_formats()["CD"].track_pitch
+"""Distance between neighbouring tracks [m]."""
 
-CAPTURE = {"focus": PEAK, "radial": PITCH / 2}
+CAPTURE = {"focus": S_CURVE_PEAK, "radial": TRACK_PITCH / 2}
 """Error beyond which the focus, or the track, is lost [m]."""
 
 
 def diode_parameters(drive: Drive) -> RealArray:
     """Parameters of `focus_diodes` or `radial_diodes`: K_optn [units/m], level of the sum [V], ...
 
-    The level follows from the two optical gains: K_opt = level * K_optn. The third parameter is
-    what bends the curve: the exponent of the s-curve, or the phase per metre. Raises InputError
+    The level follows from the two optical gains: K_opt = level * K_optn. The third parameter bends
+    the curve: it is the exponent of the s-curve, or the phase per metre. Raises InputError
     when no curve has this slope and the given extremes.
     """
     level = drive.K_opt / drive.K_optn
     if drive.axis == "radial":
-        bend, reachable = 2 * math.pi / PITCH, drive.K_optn * PITCH <= 2 * math.pi
+        bend, reachable = 2 * math.pi / TRACK_PITCH, drive.K_optn * TRACK_PITCH <= 2 * math.pi
     else:
-        left = 1.0 - drive.K_optn * LINEAR
-        bend = drive.K_optn * (PEAK - LINEAR) / left if left > 0.0 else 0.0
+        left = 1.0 - drive.K_optn * S_CURVE_LINEAR
+        bend = drive.K_optn * (S_CURVE_PEAK - S_CURVE_LINEAR) / left if left > 0.0 else 0.0
         reachable = bend > 1.0
     if not reachable:
         raise InputError(
@@ -63,13 +63,13 @@ def s_curve(error: float, K_optn: float, bend: float) -> tuple[float, float]:
     The bend's exponent makes slope and value continuous where the linear range ends.
     """
     distance = abs(error)
-    if distance <= LINEAR:
+    if distance <= S_CURVE_LINEAR:
         return K_optn * error, 1.0
-    if distance <= PEAK:
-        left = (PEAK - distance) / (PEAK - LINEAR)
-        size, light = 1.0 - (1.0 - K_optn * LINEAR) * left**bend, 1.0
+    if distance <= S_CURVE_PEAK:
+        left = (S_CURVE_PEAK - distance) / (S_CURVE_PEAK - S_CURVE_LINEAR)
+        size, light = 1.0 - (1.0 - K_optn * S_CURVE_LINEAR) * left**bend, 1.0
     else:
-        size = light = 1.0 / (1.0 + ((distance - PEAK) / PEAK) ** 2)
+        size = light = 1.0 / (1.0 + ((distance - S_CURVE_PEAK) / S_CURVE_PEAK) ** 2)
     return math.copysign(size, error), light
 
 
@@ -101,8 +101,8 @@ def radial_diodes(
 def normalise(channels: RealArray, parameters: RealArray, measurement: RealArray) -> None:
     """The processor's reading (eq. 3.16): d1, d2, v_r, u_m -> f_en, sum, d1, d2, v_r, u_m.
 
-    The sum counts as one step of the converter at least, parameters (1,) [V]: no light gives a
-    misleading error, not an infinite one.
+    The sum is raised to at least one step of the converter, parameters (1,) [V], so that the error
+    stays finite without light, though it is misleading then.
     """
     d1, d2 = channels[0], channels[1]
     measurement[0] = (d1 - d2) / max(d1 + d2, parameters[0])
@@ -114,7 +114,7 @@ def normalise(channels: RealArray, parameters: RealArray, measurement: RealArray
 def diode_signals(
     drive: Drive, error: ArrayLike, light: float = 1.0
 ) -> tuple[RealArray, RealArray]:
-    """Voltages of both diodes [V] at errors [m] (N,) under a light, 1 on a clean disc: 2 x (N,)."""
+    """Voltages [V] of both diodes, each (N,), at errors [m] (N,); light is 1 on a clean disc."""
     errors = np.ascontiguousarray(error, float)
     sense = focus_diodes if drive.axis == "focus" else radial_diodes
     parameters, signals = diode_parameters(drive), np.zeros((errors.size, 2))

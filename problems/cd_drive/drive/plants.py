@@ -1,4 +1,4 @@
-"""The positioning loops of the twelve CD drives as they stand in the laboratory (section 3.7).
+"""The positioning loops of the twelve CD drives in the laboratory (section 3.7).
 
 From the controller's output u [V] to the normalised error f_en [units], equation 3.18:
 
@@ -87,7 +87,7 @@ def responses_of(
     gain: Gain = "own",
     antialiasing: bool = True,
 ) -> ComplexArray:
-    """As `responses`, of any N drives with optical gains of their own [units/m]: (N, F)."""
+    """f_en/u [units/V] (N, F) of any N drives with their K_optn [units/m], as `responses`."""
     models = stack([specific_model(each) for each in actuators])
     K_total = total_gains(axis, actuators, K_optn, gain)
     return K_total[:, None] * models.response(frequency) * _filter(frequency, antialiasing)

@@ -1,8 +1,8 @@
-"""Two masses on two springs from what one resonance shows (eq. 4.18, section 4.3.2).
+"""Two masses on two springs, fitted with the lumped values of one resonance known (eq. 4.18).
 
-The open-loop experiment sees one mass on one spring. What it found is distributed over the masses,
-springs and dampers of the fourth-order model. Equation and section numbers refer to E. Vidal
-Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
+The open-loop experiment sees one mass on one spring. Its values are distributed over the masses,
+springs and dampers of the fourth-order model (section 4.3.2). Equation and section numbers refer to
+E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
 """
 
 from __future__ import annotations
@@ -27,17 +27,18 @@ from .plants import nominal_parameters
 from .tables import Axis, Drive
 
 FITTED = ("m1", "m2", "k1", "k2", "b1", "b2")
+"""Parameters of the fourth-order model that the fit determines."""
 NORMAL_99 = 2.576
 """Half-width of a 99 % interval in standard deviations."""
 
 
 @dataclass(frozen=True)
 class Lumped:
-    """What is known before the loop is closed.
+    """Lumped parameters of a drive, known before the loop is closed.
 
-    Resistance R of the whole circuit [ohm] and force factor Bl [N/A]; spring k [N/m], damper
-    b [N s/m] and mass m [kg] that the first resonance shows; gain: that of the optics over the one
-    assumed. deviation: relative standard deviations of k, b, m and gain.
+    R: resistance of the whole circuit [ohm]. Bl: force factor [N/A]. k, b, m: spring [N/m], damper
+    [N s/m] and mass [kg] that the first resonance shows. gain: optical gain divided by the assumed
+    one. deviation: relative standard deviations of k, b, m and gain.
     """
 
     R: float
@@ -49,11 +50,11 @@ class Lumped:
     deviation: tuple[float, float, float, float] = (0.003, 0.015, 0.001, 0.01)
 
     @classmethod
-    def found(cls, open_loop: Dataset, mass: float) -> Lumped:
-        """What an open-loop experiment found, the mass taken as known.
+    def from_open_loop(cls, open_loop: Dataset, mass: float) -> Lumped:
+        """Lumped parameters from an open-loop experiment, given the mass [kg].
 
-        Its intervals are those of the lumped model; the deviations are not let below what that
-        model itself is good for.
+        The experiment's intervals hold for the lumped model. The deviations are never smaller than
+        the error of that model itself.
         """
         value, half = open_loop["estimate"], open_loop["half_width"]
         R, Bl, k, b = (float(value.sel(parameter=name)) for name in ("R", "Bl", "k", "b"))
@@ -62,24 +63,27 @@ class Lumped:
         return cls(R + SERIES_RESISTANCE, Bl, k, b, mass, deviation=deviation)
 
     @property
-    def data(self) -> Known:
+    def data(self) -> KnownQuantities:
         """These values as data of a fit, weighted by their accuracy."""
-        return Known(seen, (self.k, self.b, self.m, self.gain), self.deviation)
+        return KnownQuantities(lumped_values, (self.k, self.b, self.m, self.gain), self.deviation)
 
     def drawn(self, rng: np.random.Generator) -> Lumped:
-        """k, b and m as an experiment of this accuracy would find them."""
+        """These parameters with random errors of k, b and m, as an experiment would find them."""
         k, b, m = (1 + np.array(self.deviation[:3]) * rng.standard_normal(3)).tolist()
         return replace(self, k=k * self.k, b=b * self.b, m=m * self.m)
 
 
 def lumped(drive: Drive) -> Lumped:
-    """What an experiment near the first resonance sees of the fourth-order model."""
-    k, b, m, _ = seen({name: getattr(drive, name) for name in FITTED} | {"gain": 1.0})
+    """The lumped parameters of a drive near its first resonance."""
+    k, b, m, _ = lumped_values({name: getattr(drive, name) for name in FITTED} | {"gain": 1.0})
     return Lumped(drive.R + SERIES_RESISTANCE, drive.Bl, k, b, m)
 
 
-def seen(p: Mapping[str, Any]) -> list[Any]:
-    """k, b, m at rest, where the arm follows the lens by rho = k2 / (k1 + k2); and the gain."""
+def lumped_values(p: Mapping[str, Any]) -> list[Any]:
+    """k, b, m and gain that the fourth-order model with parameters p shows at low frequency.
+
+    There the arm moves by rho = k2 / (k1 + k2) of the lens's displacement.
+    """
     rho = p["k2"] / (p["k1"] + p["k2"])
     k = p["k1"] * p["k2"] / (p["k1"] + p["k2"])
     b = p["b1"] * rho**2 + p["b2"] * (1 - rho) ** 2
@@ -87,11 +91,11 @@ def seen(p: Mapping[str, Any]) -> list[Any]:
 
 
 @dataclass(frozen=True)
-class Known:
-    """Quantities known beforehand as data of a fit.
+class KnownQuantities:
+    """Quantities known beforehand, as data of a fit.
 
-    quantities: what they are of the parameters; given: their values; deviation: relative standard
-    deviations of these.
+    quantities: function of the parameters that returns them. given: their known values. deviation:
+    relative standard deviations of those.
     """
 
     quantities: Callable[[Mapping[str, Any]], Sequence[Any]]
@@ -126,10 +130,11 @@ def lens(p: Mapping[str, Any], s: Any, R: float, Bl: float) -> Any:
     return p["gain"] * (Bl / R) / force
 
 
-def distributed(estimate: PeriodicResponse, known: Lumped, axis: Axis) -> ParameterFit:
-    """Six parameters and the gain, started at the nominal drive's.
+def two_mass_fit(estimate: PeriodicResponse, known: Lumped, axis: Axis) -> ParameterFit:
+    """Fit of the six parameters and the gain to a measured response x / coil voltage [m/V].
 
-    b2 may become negative: a bound at zero would hide how little the data say of it.
+    It starts at the nominal drive's parameters. b2 may become negative: a bound at zero would hide
+    how little the data tell about it.
     """
     arm = nominal_parameters(axis)
     start = {name: getattr(arm, name) for name in FITTED} | {"gain": known.gain}

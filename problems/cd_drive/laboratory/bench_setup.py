@@ -33,19 +33,23 @@ from ..drive.tables import ActuatorParameters, Axis, Drive, Values, drives
 RATE = 35e3
 """Sampling frequency [Hz]."""
 PERIOD = 1.0 / RATE
+"""Sampling period [s]."""
 INPUT_LIMIT, OUTPUT_LIMIT = 5.0, 10.0
-"""Ranges of the converters [V], either sign."""
+"""Largest magnitudes [V] at the input and at the output converters."""
 DIODE_GAIN = 10 ** (60 / 20)
+"""Gain of the diodes' amplifiers."""
 COIL_GAIN = 10 ** (38 / 20)
+"""Gain of the amplifier of the voltage over the series resistor."""
 CONTROL_GAIN = ATTENUATION * AMPLIFICATION
 """Gain from u to where the control signal is measured, before the power drive."""
 GAINS = {"d1": DIODE_GAIN, "d2": DIODE_GAIN, "v_r": COIL_GAIN, "u_m": CONTROL_GAIN}
-"""What the measured channels are multiplied by on their way to the converters."""
+"""Gains of the measured channels before the converters."""
 CHANNELS = tuple(GAINS)
+"""Names of the measured channels."""
 ELECTRICAL = ("v_r", "u_m")
 """The channels that need no optics."""
 NOISE = {"focus": 0.15e-6, "radial": 0.015e-6}
-"""Measurement noise [m rms] unless told otherwise."""
+"""Default noise of the measured position [m rms]."""
 
 
 def find_drive(axis: Axis, name: str, values: Values = "printed") -> Drive:
@@ -64,7 +68,7 @@ def find_drive(axis: Axis, name: str, values: Values = "printed") -> Drive:
             )
         }
         lumped = {"k": p.k1 * p.k2 / (p.k1 + p.k2), "b": p.b1 + p.b2}
-        # What no model here uses, inductance, stays that of the first drive.
+        # The inductance, which no model here uses, stays that of the first drive.
         changed: dict[str, Any] = {"name": name, "R_measured": p.R, **vars(p), **lumped, **optics}
         return replace(twelve[0], **changed)
     for drive in twelve:
@@ -112,7 +116,7 @@ def electromechanics(actuator: Actuator, to_coil: float) -> StateSpace:
     """Computer output u [V] -> lens x [m]; v_r and u_m [V] behind anti-aliasing filters.
 
     v_r = r i is the voltage over the series resistor, i = (v - Bl x') / (R + r); u_m = u is the
-    control signal as measured. Both referred to where they arise: the amplifiers are taken out.
+    control signal as measured. Both are the signals before their amplifiers.
     """
     import control
 
@@ -138,10 +142,10 @@ def channel_converters(bits: int | None) -> RealArray:
 def optical_noise(
     rng: np.random.Generator, samples: int, drive: Drive, size: float, band: float
 ) -> RealArray:
-    """Noise of the diodes (N, 2) [V] that makes `size` [m rms] of noise in the measured position.
+    """Noise of the diodes (N, 2) [V] that causes `size` [m rms] of noise in the measured position.
 
-    White from 0 to `band` [Hz]. Each diode has half the power, by itself: their sum is as noisy as
-    their difference.
+    It is white from 0 to `band` [Hz]. The diodes' noises are independent and have half the power
+    each, so their sum is as noisy as their difference.
     """
     return band_limited(rng, (samples, 2), drive.K_opt * size / np.sqrt(2), band, RATE)
 

@@ -25,23 +25,23 @@ from workbench.study import Study, check, figure, metric, table
 from workbench.tables import markdown
 
 from ..drive.disc import Disc
-from ..drive.photo_diodes import PITCH
+from ..drive.photo_diodes import TRACK_PITCH
 from ..drive.plants import controller
 from ..drive.red_book import ACCEPTABLE_ERROR
 from ..drive.shared_parameters import TABLES
 from ..drive.tables import Axis, Values, red_book
-from ..drive.two_masses import FITTED, Lumped, distributed, lens, lumped
+from ..drive.two_masses import FITTED, Lumped, lens, lumped, two_mass_fit
 from .bench_setup import PERIOD, RATE
 from .experiment import Laboratory
 from .in_the_loop import (
+    DISC_SHARE,
     ROTATION,
     SETTLING,
-    WOBBLE,
-    chain,
     excitation,
     measure,
+    measurement_chain,
     neighbours_p,
-    pooled,
+    pool_steps,
 )
 from .record import Record
 
@@ -90,7 +90,7 @@ def closed_loop(
     """
     frequency = np.arange(100.0, 2000.0 + step_hz / 2, step_hz)
     bench = Laboratory(axis, drive, values, mismatch=mismatch)
-    known = Lumped.found(open_loop.data, lumped(bench.parameters).m)
+    known = Lumped.from_open_loop(open_loop.answer, lumped(bench.parameters).m)
     return ClosedLoop(bench, frequency, disturbances, known)
 
 
@@ -123,12 +123,12 @@ class ClosedLoop(Study):
         sine = excitation(bench, self.grid)
         record = self._play(sine, int(context.rng.integers(2**31)))
         raw, notes = self._measure(record, sine)
-        to_volts = chain(bench, self.grid)[:, None, None]
+        to_volts = measurement_chain(bench, self.grid)[:, None, None]
         variance = raw.variance / abs(to_volts) ** 2
         estimate = replace(raw, response=raw.response / to_volts, variance=variance)
         response, radius = estimate.response[:, 0, 0], estimate.radius()[:, 0, 0]
 
-        fit = distributed(estimate, known, bench.axis)
+        fit = two_mass_fit(estimate, known, bench.axis)
         solution = solve(fit, options=context.options)
         if solution.answer is None or solution.certificate is None:
             raise SolverError(f"the fit gave no answer: {solution.message}")
@@ -136,7 +136,7 @@ class ClosedLoop(Study):
         values = dict(zip(fit.names, found.tolist(), strict=True))
         model = lens(values, 2j * np.pi * self.grid, known.R, known.Bl)
         chi_square, p = fit.chi_square(found)
-        in_step = neighbours_p((response - model) / radius, pooled(self.grid))
+        in_step = neighbours_p((response - model) / radius, pool_steps(self.grid))
         notes += fit.notes(found)
         if in_step < LEAST_P:
             notes.append(
@@ -171,7 +171,7 @@ class ClosedLoop(Study):
     def _play(self, sine: SteppedSine, seed: int) -> Record:
         """The signals of the experiment: the loop settles, then the sine is played."""
         axis = self.bench.axis
-        size = WOBBLE * red_book(axis).deviation if self.disturbances else 0.0
+        size = DISC_SHARE * red_book(axis).deviation if self.disturbances else 0.0
         disc = Disc.along(axis, size, rotation=ROTATION)
         rest = np.zeros(round(SETTLING * RATE))
         played = np.concatenate([rest, *(signal for _, signal in sine)])
@@ -189,7 +189,7 @@ class ClosedLoop(Study):
         """The error of linear diodes: the radial ones see a sine whose period is the pitch."""
         if self.bench.axis == "focus":
             return record.f_en
-        peak = self.bench.parameters.K_optn * PITCH / (2 * np.pi)
+        peak = self.bench.parameters.K_optn * TRACK_PITCH / (2 * np.pi)
         straight: RealArray = peak * np.arcsin(np.clip(record.f_en / peak, -1.0, 1.0))
         return straight
 

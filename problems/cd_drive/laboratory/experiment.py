@@ -1,9 +1,9 @@
 """The virtual laboratory: a drive on the bench, simulated in the time domain (section 3.6).
 
 Actuator, power drive, series resistor, photo diodes, anti-aliasing filters, converters, the
-computer's delay, and a disc with its deviations and defects. What the computer sees is recorded
-beside what is true. Section and equation numbers refer to E. Vidal Sanchez, Robust and Fault
-Tolerant Control of CD-players (2003).
+computer's delay, and a disc with its deviations and defects. The signals that the computer sees
+are recorded beside the true ones. Section and equation numbers refer to E. Vidal Sanchez, Robust
+and Fault Tolerant Control of CD-players (2003).
 """
 
 from __future__ import annotations
@@ -56,10 +56,10 @@ from .bench_setup import (
 from .record import CoilRecord, Event, Record
 
 MEASUREMENTS = ("f_en", "sum", *CHANNELS)
-"""What a controller is given, in this order."""
+"""Measurements that a controller receives, in this order."""
 
 STILL = Disc(rotation=0.0, run_up=0.0)
-"""A flat disc that stands."""
+"""A flat disc at rest."""
 
 
 @with_config(STRICT)
@@ -109,7 +109,7 @@ class Laboratory:
         return split_arms(self.parameters, self.mismatch)
 
     def response(self, frequency: ArrayLike) -> dict[str, ComplexArray]:
-        """What exact measurements would give at `frequency` [Hz] (F,): each (F,).
+        """Exact responses at frequencies [Hz] (F,), by signal: each (F,).
 
         Sampled responses from u to x [m/V], v_r and u_m [V/V] and f_en [1/V] within the linear
         range. Hold and delay are in all of them, anti-aliasing in all but x. Raises InputError
@@ -131,9 +131,9 @@ class Laboratory:
         return sampled(optics * _plant(self)[0, 0], PERIOD, self.delay)
 
     def coil(self, excitation: ArrayLike, seed: int = 0) -> CoilRecord:
-        """Play an excitation u [V] (N,) and measure the coil's current; the optics stay out of it.
+        """Play an excitation u [V] (N,) from rest and measure the coil's current, without optics.
 
-        The system is linear but for its converters, so this is the quick one. It starts at rest.
+        It is faster than `open_loop`, because the system is linear except for its converters.
         """
         u = _series("excitation", excitation)
         u_dac, saturated = Converter(OUTPUT_LIMIT, self.bits).convert(u)
@@ -164,12 +164,13 @@ class Laboratory:
         defects: Sequence[Defect] = (),
         seed: int = 0,
     ) -> Record:
-        """Run a controller of `MEASUREMENTS` from rest; an excitation u [V] (N,) adds to it.
+        """Run a controller of `MEASUREMENTS` from rest; an excitation u [V] (N,) may be added.
 
-        It may be a cascade of parts, such as a strategy, or several from stated times on.
+        The controller may be a cascade of parts, such as a strategy, or a schedule of several, each
+        from a stated time on. Without an excitation it runs for `duration` [s].
 
-        Without excitation for `duration` [s]. Raises InputError for a duration without a sample,
-        for an excitation that is no finite series, and when the controller's output is not finite.
+        Raises InputError for a duration without a sample, for an excitation that is no finite
+        series, and when the controller's output is not finite.
         """
         if excitation is None:
             if not 0.0 < duration < np.inf:
@@ -221,7 +222,7 @@ def _sampled(laboratory: Laboratory) -> StateSpace:
 
 @lru_cache(maxsize=8)  # strategies are compared under the same noise
 def _noise(laboratory: Laboratory, seed: int, samples: int) -> RealArray:
-    """Of the diodes and of v_r and u_m (samples, 4)."""
+    """Noise (samples, 4) of the two diodes, v_r and u_m [V]."""
     rng, size = np.random.default_rng(seed), laboratory.noise
     size = NOISE[laboratory.axis] if size is None else size
     optical = optical_noise(rng, samples, laboratory.parameters, size, laboratory.noise_band)
@@ -250,7 +251,7 @@ def _loop(laboratory: Laboratory) -> SampledLoop:
 
 
 def measurements(record: Record) -> RealArray:
-    """What a controller was given at each sample of a record, MEASUREMENTS (N, 6)."""
+    """The measurements (N, 6) that a controller received at each sample of a record."""
     return np.column_stack([getattr(record, name) for name in MEASUREMENTS])
 
 

@@ -24,7 +24,7 @@ from ..drive.actuator import SERIES_RESISTANCE, specific_model, stack
 from ..drive.plants import nominal_parameters
 from ..drive.shared_parameters import TABLES, WINDOWS
 from ..drive.tables import ActuatorParameters, Axis, Drive, drives
-from ..drive.two_masses import Known, lens, lumped, seen
+from ..drive.two_masses import KnownQuantities, lens, lumped, lumped_values
 from .open_loop import solved
 
 NAMES = ("R", "Bl", "k1", "k2", "b1", "b2", "m1", "m2")
@@ -186,7 +186,11 @@ class Identified(Study):
         data: list[Any] = [
             MeasuredResponse(_current, low, v_r, noise, degrees, "v_r/u"),
             MeasuredResponse(_motion, high, moved, variance, LOOP_DEGREES, "x/v"),
-            Known(lambda p: seen(p)[2:], (lumped(drive).m, 1.0), (MASS_DEVIATION, GAIN_DEVIATION)),
+            KnownQuantities(
+                lambda p: lumped_values(p)[2:],
+                (lumped(drive).m, 1.0),
+                (MASS_DEVIATION, GAIN_DEVIATION),
+            ),
         ]
         nominal = nominal_parameters(self.axis)
         start = {name: getattr(nominal, name) for name in NAMES} | {"gain": 1.0}

@@ -21,65 +21,69 @@ from .bench_setup import PERIOD, RATE
 from .experiment import Laboratory
 from .record import Record
 
-PERIODS, USED = 20, 10
-"""Played at each frequency, and the last of them that are evaluated (section 4.6.2)."""
+PERIODS, EVALUATED = 20, 10
+"""Periods played at each frequency, and how many of the last are evaluated (section 4.6.2)."""
 SETTLING = 0.5
-"""Time [s] for the disc to run up and the loop to settle."""
-SWING = {"focus": 1.0e-6, "radial": 0.05e-6}
-"""Amplitude of the error that the excitation aims at [m]: half the focus diodes' linear range, and
-where the sine of the radial ones has lost half a per cent."""
-DRIVE = 4.0
-"""Largest excitation, and share of it in u [V]; the rest up to 10 V is for the loop's noise."""
-WOBBLE, ROTATION, HARMONICS = 0.2, 6.0, 3
-"""The disc's deviation as a share of the Red Book's, its rotation [Hz], harmonics taken out."""
-POOL = 50.0
-"""Band [Hz] over which the colour of the noise, and what a fit missed, is alike."""
+"""Time [s] in which the disc runs up and the loop settles."""
+ERROR_SWING = {"focus": 1.0e-6, "radial": 0.05e-6}
+"""Amplitude [m] of the error that the excitation aims at: half the linear range of the
+focus diodes; where the sine of the radial ones is half a per cent below its tangent."""
+LARGEST_EXCITATION = 4.0
+"""Largest amplitude [V] of the excitation and of its part in u; u has up to 10 V, the rest of which
+is left for the loop's noise."""
+DISC_SHARE, ROTATION, ROTATION_HARMONICS = 0.2, 6.0, 3
+"""The disc's deviation as a share of the Red Book's, its rotation [Hz], and the number of harmonics
+of the rotation that are removed from the signals."""
+POOLING_BAND = 50.0
+"""Band [Hz] within which the noise's colour, or the error of a fit, is taken as equal."""
 
 
 def excitation(bench: Laboratory, frequency: RealArray) -> SteppedSine:
-    """The stepped sine whose amplitudes [V] swing the error by SWING, or u by DRIVE at most."""
+    """The stepped sine that moves the error by ERROR_SWING, or u by LARGEST_EXCITATION if less."""
     import control
 
     law = control.sample_system(control.ss(controller(bench.axis)), PERIOD, "bilinear")
     plant = -bench.response(frequency)["f_en"]  # the sign of eq. 3.16
     gain = law(np.exp(2j * np.pi * frequency * PERIOD), squeeze=False)[0, 0]
     sensitivity = 1 / (1 + plant * gain)
-    wanted = SWING[bench.axis] * bench.parameters.K_optn / abs(plant * sensitivity)
-    allowed = DRIVE / np.maximum(1.0, abs(sensitivity))
+    wanted = ERROR_SWING[bench.axis] * bench.parameters.K_optn / abs(plant * sensitivity)
+    allowed = LARGEST_EXCITATION / np.maximum(1.0, abs(sensitivity))
     return SteppedSine(frequency, PERIODS, np.minimum(wanted, allowed), RATE)
 
 
 def measure(record: Record, error: RealArray, sine: SteppedSine, turning: bool) -> PeriodicResponse:
-    """f_en/u_m with its region, errors in variables; without the harmonics of a disc's rotation.
+    """f_en/u_m with its region, by errors in variables.
 
-    Those are coherent: the scatter of ten periods of a sine says little of them. Nor are successive
-    periods independent, so `colour` corrects the variance of their mean.
+    The harmonics of a turning disc are removed first. They are coherent, so that the scatter of ten
+    periods would not show them. Successive periods are not independent either, so `noise_colour`
+    corrects the variance of their mean.
     """
     start = round(SETTLING * RATE)
     signals = np.stack([record.u_m, error])[:, start:]
     if turning:
-        turns = 2 * np.pi * ROTATION * np.outer(np.arange(1, HARMONICS + 1), record.time[start:])
+        orders = np.arange(1, ROTATION_HARMONICS + 1)
+        turns = 2 * np.pi * ROTATION * np.outer(orders, record.time[start:])
         waves = np.vstack([np.ones((1, turns.shape[1])), np.cos(turns), np.sin(turns)])
         signals = signals - np.linalg.solve(waves @ waves.T, waves @ signals.T).T @ waves
     ends = np.cumsum(sine.lengths)
     parts = np.split(signals, ends[:-1], axis=1)
     pairs = [
-        sine_fit(part, RATE, frequency)[:, PERIODS - USED : PERIODS, 0]
+        sine_fit(part, RATE, frequency)[:, PERIODS - EVALUATED : PERIODS, 0]
         for part, frequency in zip(parts, sine.frequencies, strict=True)
     ]
     u, y = np.moveaxis(np.array(pairs), 1, 0)
     estimate = from_periods(sine.frequencies, u, y)
     scatter = y - estimate.response[:, 0] * u
-    ratio = uniform_filter1d(colour(scatter), pooled(sine.frequencies), mode="nearest")
+    ratio = uniform_filter1d(noise_colour(scatter), pool_steps(sine.frequencies), mode="nearest")
     return replace(estimate, variance=estimate.variance * ratio[:, None, None])
 
 
-def colour(scatter: ComplexArray) -> RealArray:
-    """Noise at a frequency over what single periods see about it; scatter (F, M), ratio (F,).
+def noise_colour(scatter: ComplexArray) -> RealArray:
+    """Ratio (F,) of the variance of a mean to the one that the scatter (F, M) of M periods suggests.
 
-    One period resolves no less than an octave, their mean a tenth of it: where the noise is not
-    white, and where a period's end is the next one's start, its variance is another. It is taken
-    from the lines next to the excited one, f (1 +- 1 / M).
+    One period resolves an octave, the mean of ten periods a tenth of it. So the two variances
+    differ where the noise is not white, and because the end of a period is the start of the next.
+    The variance of the mean is taken from the lines next to the excited one, f (1 +- 1 / M).
     """
     periods = scatter.shape[1]
     beside = np.mean(abs(np.fft.fft(scatter, axis=1)[:, [1, -1]]) ** 2, axis=1) / periods
@@ -88,10 +92,11 @@ def colour(scatter: ComplexArray) -> RealArray:
 
 
 def neighbours_p(residual: ComplexArray, lags: int) -> float:
-    """p-value of residuals (F,) that resemble their neighbours, up to `lags` away, by chance.
+    """Probability that residuals (F,) resemble their neighbours, up to `lags` away, by chance.
 
-    Every frequency has noise of its own. A resonance that the model lacks leaves a bulge that is
-    lost in the chi-square of all frequencies. Directions alone count, not how large a noise was.
+    The noises of different frequencies are independent. A resonance that the model lacks leaves a
+    bulge that the chi-square of all frequencies does not show. Only the residuals' directions
+    count, not their sizes.
     """
     turn = residual / abs(residual)
     products = [np.sum(turn[lag:] * turn[:-lag].conj()).real for lag in range(1, lags + 1)]
@@ -99,15 +104,15 @@ def neighbours_p(residual: ComplexArray, lags: int) -> float:
     return float(stats.norm.sf(np.sum(products) / np.sqrt(pairs / 2)))
 
 
-def pooled(frequency: RealArray) -> int:
-    """Steps of frequency in POOL."""
-    return max(1, round(POOL / float(np.mean(np.diff(frequency)))))
+def pool_steps(frequency: RealArray) -> int:
+    """Number of frequency steps in POOLING_BAND."""
+    return max(1, round(POOLING_BAND / float(np.mean(np.diff(frequency)))))
 
 
-def chain(bench: Laboratory, frequency: RealArray) -> ComplexArray:
-    """What stands between x / coil voltage and f_en / u_m: gains, hold, delay and filters.
+def measurement_chain(bench: Laboratory, frequency: RealArray) -> ComplexArray:
+    """Factor from x / coil voltage to f_en / u_m: gains, hold, delay and filters.
 
-    u_m is sampled behind its filter, exactly; what the lens aliases is below 1e-4.
+    The sampling of u_m behind its filter is exact; aliasing of the lens's motion is below 1e-4.
     """
     import control
 

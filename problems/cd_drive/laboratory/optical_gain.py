@@ -1,6 +1,6 @@
-"""Optical gains from the diodes' signals alone: a known distance makes volts of metres (4.4).
+"""Optical gains from the diodes' signals and one known distance (section 4.4).
 
-Focus: a ramp moves the lens through the s-curve of a disc that stands; the s-curve's extremes are
+Focus: a ramp moves the lens through the s-curve of a disc at rest; the s-curve's extremes are
 12 um apart. Radial: an eccentric disc moves its tracks past a lens at rest; they are 1.6 um apart.
 Section and figure numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
 CD-players (2003).
@@ -20,31 +20,33 @@ from workbench.executor import Context
 from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.study import Study, array, check, dim, figure, metric, part, table
 
-from ..drive.photo_diodes import PEAK, PITCH
+from ..drive.photo_diodes import S_CURVE_PEAK, TRACK_PITCH
 from ..drive.shared_parameters import TABLES, spread
 from ..drive.tables import Axis, drives
 from .experiment import Laboratory
 from .scans import Scan, focus_scan, radial_scan
 
 GAINS = {"K_opt": "V/m", "K_optn": "units/m"}
-WANTED = 0.02
-"""Largest relative error of a gain let pass."""
-SPREADS = {"focus": {"K_opt": 0.5, "K_optn": 0.2}, "radial": {"K_opt": 0.3, "K_optn": 0.1}}
-"""Tolerances over the twelve drives as section 4.6.3 states them: above, below; near, near."""
-NEAR = {"K_opt": 0.03, "K_optn": 0.02}
-"""What passes as near."""
+"""The two optical gains and their units."""
+GAIN_TOLERANCE = 0.02
+"""Largest relative error of a gain."""
+STATED_SPREADS = {"focus": {"K_opt": 0.5, "K_optn": 0.2}, "radial": {"K_opt": 0.3, "K_optn": 0.1}}
+"""Spreads over the twelve drives as section 4.6.3 states them. In focus that of K_opt is more and
+that of K_optn less than stated; the radial ones are near the stated values."""
+SPREAD_TOLERANCE = {"K_opt": 0.03, "K_optn": 0.02}
+"""Largest distance of a radial spread from the stated one."""
 
 
 @problem("cd/{axis}/optical-gain", axis=("focus", "radial"), data=TABLES)
 def optical_gain(axis: Axis, passes: Annotated[int, Field(ge=2, le=1000)] = 30) -> OpticalGain:
     """Optical gains of the twelve drives from scans of s-curve and tracks (figures 4.6, 4.7).
 
-    Focus: ramps through the s-curve while the disc stands. Radial: a sideways scan of the tracks of
-    an eccentric disc while that loop is open. The diodes' signals, and the distance known of them,
-    give K_opt [V/m] and K_optn [units/m] of Table A.3 and their spreads over the drives. The bench
-    has no optical cross-coupling, so the radial sum of figure 4.6 is not part of it.
+    Focus: ramps through the s-curve while the disc is at rest. Radial: the tracks of an eccentric
+    disc pass the lens sideways in open loop. The diodes' signals and a known distance in them give
+    K_opt [V/m] and K_optn [units/m] of Table A.3 and their spreads over the drives. The bench has
+    no optical cross-coupling, so the radial sum of figure 4.6 is not part of it.
 
-    passes: how many, to and fro, are averaged (focus), or half rotations of the disc (radial). At
+    passes: number of passes to and fro that are averaged (focus), or of half rotations (radial). At
     the default the gains come back within about 1 and 0.5 %.
     """
     return OpticalGain(axis, passes)
@@ -85,7 +87,7 @@ class OpticalGain(Study):
         """Relative distance of gains (drive, quantity) from those of Table A.3."""
         return gain / _printed(self.axis) - 1
 
-    @check("{quantity}", at_most=WANTED, each="quantity", where="of {drive}")
+    @check("{quantity}", at_most=GAIN_TOLERANCE, each="quantity", where="of {drive}")
     def near(self, gain: DataArray) -> DataArray:
         """relative distance from Table A.3"""
         return abs(self.error(gain))
@@ -93,7 +95,7 @@ class OpticalGain(Study):
     @check()
     def spreads(self, gain: DataArray) -> list[Check]:
         """The tolerances of section 4.6.3: bounds in focus, near ones in the radial loop."""
-        found, stated = spread(gain), SPREADS[self.axis]
+        found, stated = spread(gain), STATED_SPREADS[self.axis]
         K_opt, K_optn = (float(found.sel(quantity=name)) for name in GAINS)
         if self.axis == "focus":
             short = "by how much it falls short of 50 %"
@@ -102,7 +104,12 @@ class OpticalGain(Study):
                 Check("spread of K_optn", "over the drives", K_optn, stated["K_optn"]),
             ]
         return [
-            Check(f"spread of {name}", f"distance from {said:.0%}", abs(one - said), NEAR[name])
+            Check(
+                f"spread of {name}",
+                f"distance from {said:.0%}",
+                abs(one - said),
+                SPREAD_TOLERANCE[name],
+            )
             for (name, said), one in zip(stated.items(), (K_opt, K_optn), strict=True)
         ]
 
@@ -146,7 +153,7 @@ def _scan_figure(answer: Dataset, axis: Axis) -> Figure:
     volts.plot(distance, 1e3 * one["sum"], color=figures.GREEN, label=f"{axis} sum")
     units.plot(distance, one["normalised"], color=figures.ORANGE)
     slope = float(one["gain"].sel(quantity="K_optn"))
-    reach = PEAK if axis == "focus" else PITCH / 4
+    reach = S_CURVE_PEAK if axis == "focus" else TRACK_PITCH / 4
     line = np.array([-0.6, 0.6]) * reach
     dashed: Any = {"color": figures.BLACK, "linestyle": "--", "linewidth": 1.0}
     units.plot(1e6 * line, slope * line, **dashed)

@@ -1,4 +1,4 @@
-"""What an experiment in the virtual laboratory leaves behind."""
+"""Records of experiments in the virtual laboratory."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from workbench.arrays import RealArray
 from workbench.heavy_types import Dataset
 
 UNITS = {"f_en": "1", "x": "m", "x_cd": "m", "f_sd": "m", "light": "1", "time": "s"}
-"""Of the recorded signals; [V] where nothing else is said."""
+"""Units of the recorded signals; those not named here are in V."""
 
 
 class Event(NamedTuple):
-    """Something that happened, and when [s]."""
+    """An event of an experiment: its time [s] and its kind."""
 
     time: float
     kind: str
@@ -23,11 +23,12 @@ class Event(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class CoilRecord:
-    """An experiment without optics, sampled at 35 kHz: arrays (N,).
+    """Record of an experiment without optics, sampled at 35 kHz: arrays (N,).
 
-    time [s]; u commanded and u_dac converted, before the delay [V]; v_r over the series resistor
-    and u_m the control signal [V], as measured, amplifiers taken out. saturation: share of the
-    samples at which a converter was at its limit, by signal.
+    time [s]. u: commanded signal [V]; u_dac: the same after conversion, before the delay [V]. v_r:
+    voltage over the series resistor, u_m: control signal, both as measured and divided by the gain
+    of their amplifiers [V]. saturation: by signal, share of the samples at which its converter was
+    at its limit.
     """
 
     time: RealArray
@@ -52,12 +53,12 @@ class CoilRecord:
 
 @dataclass(frozen=True, eq=False)
 class Record(CoilRecord):
-    """An experiment with optics. Radial: d1, d2, f_en, x, x_cd are s1, s2, r_en, y, y_cd.
+    """Record of an experiment with optics. Radial: d1, d2, f_en, x, x_cd are s1, s2, r_en, y, y_cd.
 
     d1, d2 and their sum [V] and the normalised error f_en, as measured; x and x_cd [m], the true
     positions of the focus point and of the layer; light, 1 where the disc is clean, and f_sd [m],
     the false displacement. events: focus or track lost and regained, in the order of time. signals
-    (N,) by name: what the parts of the controller told, see `SampledLoop`.
+    (N,) by name: signals that the parts of the controller report, see `SampledLoop`.
     """
 
     f_en: RealArray

@@ -1,4 +1,4 @@
-"""First circles of chapter 5: around the responses of the twelve drives."""
+"""The first circles of chapter 5, around the responses of the twelve drives."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a cover of the twelve drives starts from: their responses, and what may be asked of it.
+"""Responses of the twelve drives from which covers start, and the covers' common parameters.
 
 Equation, figure and section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control
 of CD-players (2003). Responses are those of the actuator, without the anti-aliasing filter: a
@@ -27,7 +27,7 @@ LeaveOut = Annotated[int, Field(ge=0, le=4)]
 
 
 def identified_drives(axis: str, source: Source = "tables", **_: Any) -> dict[str, Any]:
-    """The drives as the virtual laboratory identified them, on request."""
+    """The runs of the virtual laboratory's identification; none where the tables are the source."""
     if source == "tables":
         return {}
     return {
@@ -49,7 +49,8 @@ def measured_drives(
 ) -> Responses:
     """Responses u [V] to f_en [units] of twelve drives, from the tables or as identified.
 
-    Widened to where a further drive is inside with probability ``content``, if that is given.
+    With ``content`` the responses are widened, so that a further drive lies within them with this
+    probability.
     """
     frequency = grid(frequencies, lowest, highest)
     names = [drive.name for drive in drives(axis, values)]

@@ -1,4 +1,4 @@
-"""Nyquist points of the twelve drives: what circles and stadiums are put around."""
+"""Nyquist points of the twelve drives, which circles and stadiums contain."""
 
 from __future__ import annotations
 

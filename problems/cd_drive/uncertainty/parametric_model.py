@@ -27,7 +27,8 @@ UNITS = {
     "b1": "N s/m", "b2": "N s/m", "m1": "kg", "m2": "kg",
 }  # fmt: skip
 COPIES = dict.fromkeys(UNITS, 1) | {"Bl": 2}
-"""Real perturbations of each parameter: Bl makes force of current and voltage of speed."""
+"""Number of real perturbations of each parameter. Bl has two, because it turns current into force
+and speed into voltage."""
 
 
 def two_masses(

@@ -58,9 +58,9 @@ def stadium_cover(
     Method "steps" takes the seven steps of the thesis; "joint" chooses nominal and real weight
     together for narrow stadiums.
 
-    real_order: of the real weight, minimum_phase: its zeros in the left half plane. orientation:
-    of the third set, each stadium the "narrowest", "limited" where erratic, or "smooth" along
-    frequency. The others: as in cd/<axis>/circle-cover.
+    real_order: order of the real weight. minimum_phase: its zeros lie in the left half plane.
+    orientation of the third set: each stadium the "narrowest", "limited" where the angle is
+    erratic, or "smooth" along frequency. The other parameters: as in cd/<axis>/circle-cover.
     """
     measured = measured_drives(
         axis, frequencies, lowest, highest, gain, values, identified, optical_gains, content

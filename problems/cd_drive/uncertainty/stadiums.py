@@ -1,4 +1,4 @@
-"""First stadiums of chapter 5: around the responses of the twelve drives."""
+"""The first stadiums of chapter 5, around the responses of the twelve drives."""
 
 from __future__ import annotations
 

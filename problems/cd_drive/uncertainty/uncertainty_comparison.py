@@ -7,21 +7,21 @@ CD-players (2003).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 from typing import Any, ClassVar, get_args
 
 import numpy as np
 
-from workbench import Check, Run, Study, figures, problem, ref
-from workbench.executor import Context
-from workbench.fitting.rational import Rational
-from workbench.heavy_types import Dataset, Figure
+from workbench import Check, Run, figures, problem, ref
+from workbench.arrays import ComplexArray, RealArray
+from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.program import worst
+from workbench.study import Study, array, check, dim, figure, metric, table
 from workbench.uncertainty.covers.sets import (
     circles_about_nominal,
     deviations,
     stadiums_about_nominal,
 )
-from workbench.uncertainty.covers.storage import rational
 
 from ..drive.plants import Gain, nominal_response
 from ..drive.shared_parameters import TABLES, WINDOWS, Frequencies
@@ -33,18 +33,17 @@ METHODS = ("steps", "joint")
 COVERS = ("circle", "stadium")
 HIGH = 100.0
 """Frequency [Hz] above which the gain spread is most of the uncertainty."""
-NARROWER = 2.0
-"""How many times narrower than the circle the stadium is at least, where the circle is largest."""
-REMOVED = 0.5
-"""Share of the uncertainty above HIGH that the automatic gain control must remove at least."""
+LEAST_RATIO = 2.0
+"""Least ratio of the circle's radius to the stadium's half-width where the circle is largest."""
+LEAST_REMOVED = 0.5
+"""Least share of the uncertainty above HIGH that the automatic gain control removes."""
 
 
 def needs(axis: str, frequencies: int = 400, **_: Any) -> dict[str, Any]:
-    """Both covers by both methods, and the parametric spread, on one grid."""
+    """The runs of both covers by both methods, and of the parametric spread, on one grid."""
     covers = {
         f"{shape}_{method}": ref(f"cd/{axis}/{shape}-cover", method=method, frequencies=frequencies)
-        for shape in COVERS
-        for method in METHODS
+        for shape, method in product(COVERS, METHODS)
     }
     return covers | {"parametric": ref(f"cd/{axis}/parametric", frequencies=frequencies)}
 
@@ -66,12 +65,8 @@ def comparison(  # type: ignore[no-untyped-def]
 
     frequencies: how many, logarithmically spaced from 5 Hz to 5 kHz.
     """
-    runs = {
-        ("circle", "steps"): circle_steps,
-        ("circle", "joint"): circle_joint,
-        ("stadium", "steps"): stadium_steps,
-        ("stadium", "joint"): stadium_joint,
-    }
+    covers = (circle_steps, circle_joint, stadium_steps, stadium_joint)
+    runs = dict(zip(product(COVERS, METHODS), covers, strict=True))
     return Comparison(axis, runs, parametric)
 
 
@@ -81,176 +76,154 @@ class Comparison(Study):
 
     axis: Axis
     runs: dict[tuple[str, str], Run]
-    parametric: Run
+    spread: Run
 
     headline: ClassVar[str] = "radius_over_width_at_peak"
 
-    def compute(self, context: Context) -> Dataset:
-        import xarray as xr
+    by, gain, shape = dim(METHODS), dim(GAINS), dim(COVERS)
+    quantity = dim("radius about", "width about", "W_c circle", "W_c stadium", "W_r")
+    set = dim(lambda self: self.spread.answer["set"].values)
 
-        data = {key: run.data for key, run in self.runs.items()}
-        frequency = data["circle", "steps"]["frequency"].values
-        omega = 2 * np.pi * frequency
-        sizes = np.zeros((len(METHODS), 5, frequency.size))
-        for k, method in enumerate(METHODS):
-            circle, stadium = data["circle", method], data["stadium", method]
-            nominal, W_r = rational(stadium, "nominal"), rational(stadium, "W_r")
-            assert nominal is not None and W_r is not None
-            about = _about(self.axis, frequency, "own", nominal.response(omega))
-            widths = _weight(circle, omega), _weight(stadium, omega)
-            sizes[k] = [about[0], about[1], *widths, np.abs(W_r.response(omega))]
-        printed = nominal_response(self.axis, frequency, antialiasing=False)
-        variants = [_about(self.axis, frequency, gain, printed) for gain in GAINS]
-        spread = self.parametric.data["deviation"]
-        radii = [data["circle", method]["second_radius"].values for method in METHODS]
-        unit = {"units": "1"}
-        return xr.Dataset(
-            {
-                "radius": (("by", "frequency"), radii, unit),
-                "size": (("by", "quantity", "frequency"), sizes, unit),
-                "variant": (("gain", "shape", "frequency"), np.array(variants), unit),
-                "parametric": (("set", "frequency"), spread.values, unit),
-            },
-            coords={
-                "by": list(METHODS),
-                "quantity": ["radius about", "width about", "W_c circle", "W_c stadium", "W_r"],
-                "gain": list(GAINS),
-                "shape": list(COVERS),
-                "set": spread["set"].values,
-                "frequency": ("frequency", frequency, {"units": "Hz", "long_name": "frequency"}),
-            },
-        )
+    @dim(unit="Hz", meaning="frequency")
+    def frequency(self) -> RealArray:
+        return np.asarray(self.runs["circle", "steps"].data["frequency"])
 
-    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
-        frequency = answer["frequency"].values
-        variant, size = answer["variant"], answer["size"]
-        pairs = (
-            variant.sel(shape="stadium") / variant.sel(shape="circle"),
-            size.sel(quantity="width about") / size.sel(quantity="radius about"),
-        )
-        (ratio, place), (joint, where) = (
-            worst(pair.values, lambda i: f"at {frequency[i[1]]:.4g} Hz") for pair in pairs
-        )
+    @array((by, frequency), "1")
+    def radius(self) -> list[RealArray]:
+        return [self.runs["circle", method].answer.second.radius for method in METHODS]
+
+    @array((by, quantity, frequency), "1")
+    def size(self, frequency: DataArray) -> list[Any]:
+        hertz, rows = frequency.values, []
+        for method in METHODS:
+            circle, stadium = (self.runs[shape, method].answer.model for shape in COVERS)
+            responses = [
+                one.response(2 * np.pi * hertz)
+                for one in (stadium.nominal, circle.W_c, stadium.W_c, stadium.W_r)
+            ]
+            about = _about(self.axis, hertz, "own", responses[0])
+            rows.append([*about, *map(np.abs, responses[1:])])
+        return rows
+
+    @array((gain, shape, frequency), "1")
+    def variant(self, frequency: DataArray) -> list[Any]:
+        printed = nominal_response(self.axis, frequency.values, antialiasing=False)
+        return [_about(self.axis, frequency.values, gain, printed) for gain in GAINS]
+
+    parametric = array(
+        (set, frequency), "1", value=lambda self: self.spread.answer["deviation"].values
+    )
+
+    @check("never wider", at_most=1 + 1e-9)
+    def never_wider(self, variant: DataArray) -> tuple[float, str]:
+        """half-width over radius, same centre"""
+        return _worst(variant.sel(shape="stadium") / variant.sel(shape="circle"))
+
+    @check("never wider, fitted", at_most=1 + 1e-9)
+    def never_wider_fitted(self, size: DataArray) -> tuple[float, str]:
+        """the same about nominals"""
+        return _worst(size.sel(quantity="width about") / size.sel(quantity="radius about"))
+
+    @check()
+    def numbers_as_stated(self, answer: Dataset) -> list[Check]:
+        """The peak at the first resonance, and what stadiums and gain control gain."""
         low, high = WINDOWS[self.axis]["first resonance"]
-        peak = self._peak(answer)
         numbers = self.metrics(answer)
+        peak, ratio = numbers["peak_hz"], 1 / numbers["radius_over_width_at_peak"]
+        left = numbers["median_radius_agc"] / numbers["median_radius_own"]
+        narrower = "half-width over radius where the radius is largest"
+        gains = f"median radius above {HIGH:g} Hz with AGC over that without"
         return [
-            Check("never wider", "half-width over radius, same centre", ratio, 1 + 1e-9, place),
-            Check("never wider, fitted", "the same about nominals", joint, 1 + 1e-9, where),
             Check("peak above", "lower end of the resonance [Hz]", low, peak),
             Check("peak below", "frequency of the largest radius [Hz]", peak, high),
-            Check(
-                "narrower",
-                "half-width over radius where the radius is largest",
-                1 / numbers["radius_over_width_at_peak"],
-                1 / NARROWER,
-            ),
-            Check(
-                "gain spread",
-                f"median radius above {HIGH:g} Hz with AGC over that without",
-                numbers["median_radius_agc"] / numbers["median_radius_own"],
-                1 - REMOVED,
-            ),
+            Check("narrower", narrower, ratio, 1 / LEAST_RATIO),
+            Check("gain spread", gains, left, 1 - LEAST_REMOVED),
         ]
 
-    def _peak(self, answer: Dataset) -> float:
-        """Frequency [Hz] of the largest circle about the nominal of Table 5.2."""
-        return float(answer["variant"].sel(gain="own", shape="circle").idxmax("frequency"))
+    @metric
+    def at_peak(self, variant: DataArray) -> dict[str, DataArray]:
+        """The largest circle about the nominal of Table 5.2, and the stadium there."""
+        own = variant.sel(gain="own")
+        peak = own.sel(shape="circle").idxmax("frequency")
+        radius, width = own.sel(frequency=float(peak))
+        return {"radius_over_width_at_peak": radius / width, "peak_hz": peak}
 
-    def metrics(self, answer: Dataset) -> dict[str, float]:
-        own = answer["variant"].sel(gain="own").sel(frequency=self._peak(answer))
-        numbers = {
-            "radius_over_width_at_peak": float(own.sel(shape="circle") / own.sel(shape="stadium")),
-            "peak_hz": self._peak(answer),
-        }
-        high = answer["variant"].sel(frequency=slice(HIGH, None)).median("frequency")
-        for gain in GAINS:
-            one = answer["variant"].sel(gain=gain)
-            numbers[f"radius_peak_{gain}"] = float(one.sel(shape="circle").max())
-            numbers[f"width_peak_{gain}"] = float(one.sel(shape="stadium").max())
-            for shape, name in (("circle", "radius"), ("stadium", "width")):
-                numbers[f"median_{name}_{gain}"] = float(high.sel(gain=gain, shape=shape))
-        for method in METHODS:
-            one = answer["size"].sel(by=method)
-            numbers[f"radius_peak_{method}"] = float(answer["radius"].sel(by=method).max())
-            numbers[f"width_peak_{method}"] = float(one.sel(quantity="width about").max())
-            for shape in COVERS:
-                peak = float(one.sel(quantity=f"W_c {shape}").max())
-                numbers[f"{shape}_weight_peak_{method}"] = peak
-        return numbers
+    peaks = metric("{shape}_peak_{gain}", lambda variant: _named(variant).max("frequency"))
+    medians = metric(
+        "median_{shape}_{gain}",
+        lambda variant: _named(variant).sel(frequency=slice(HIGH, None)).median("frequency"),
+    )
+    radius_peak = metric("radius_peak_{by}", lambda radius: radius.max("frequency"))
 
-    def tables(self, answer: Dataset) -> dict[str, str]:
+    @metric("{quantity}_peak_{by}")
+    def fitted_peaks(self, size: DataArray) -> DataArray:
+        peaks = size.sel(quantity=["width about", "W_c circle", "W_c stadium"]).max("frequency")
+        return peaks.assign_coords(quantity=["width", "circle_weight", "stadium_weight"])
+
+    @table
+    def peak_tables(self, answer: Dataset) -> dict[str, Any]:
         numbers = self.metrics(answer)
-        gains = [
-            f"| gain | radius peak | width peak | median radius above {HIGH:g} Hz | median width |",
-            "| --- |" + " ---: |" * 4,
-        ]
-        for gain in GAINS:
-            names = ("radius_peak", "width_peak", "median_radius", "median_width")
-            cells = (f"{numbers[f'{name}_{gain}']:.4f}" for name in names)
-            gains.append(f"| {gain} | {' | '.join(cells)} |")
-        methods = [
-            "| method | radius peak | circle weight's | width peak | stadium weight's |",
-            "| --- |" + " ---: |" * 4,
-        ]
-        for method in METHODS:
-            names = ("radius_peak", "circle_weight_peak", "width_peak", "stadium_weight_peak")
-            cells = (f"{numbers[f'{name}_{method}']:.4f}" for name in names)
-            methods.append(f"| {method} | {' | '.join(cells)} |")
-        return {"gains": "\n".join(gains) + "\n", "methods": "\n".join(methods) + "\n"}
 
-    def figures(self, answer: Dataset) -> dict[str, Figure]:
-        return {"sizes": self._sizes(answer), "gains": self._gains(answer)}
+        def rows(labels: tuple[str, ...], *names: str) -> list[list[str]]:
+            return [[one, *(f"{numbers[f'{n}_{one}']:.4f}" for n in names)] for one in labels]
 
-    def _sizes(self, answer: Dataset) -> Figure:
+        gains = ["gain", "radius peak", "width peak", f"median radius above {HIGH:g} Hz"]
+        methods = ["method", "radius peak", "circle weight's", "width peak", "stadium weight's"]
+        of_gains = ("radius_peak", "width_peak", "median_radius", "median_width")
+        of_methods = ("radius_peak", "circle_weight_peak", "width_peak", "stadium_weight_peak")
+        return {
+            "gains": ([*gains, "median width"], rows(GAINS, *of_gains)),
+            "methods": (methods, rows(METHODS, *of_methods)),
+        }
+
+    @figure
+    def sizes(self, answer: Dataset) -> Figure:
         """Figure 5.16 by either method: parametric, complex and mixed uncertainty."""
-        figure, panels = figures.axes(2, 1, size=(7.5, 7.5), sharex=True)
-        frequency = answer["frequency"]
+        drawn, panels = figures.axes(2, 1, size=(7.5, 7.5), sharex=True)
+        frequency, reduced = answer["frequency"], answer["parametric"].sel(set="reduced")
         for panel, method in zip(panels, METHODS, strict=True):
-            one = answer["size"].sel(by=method)
-            panel.loglog(
-                frequency,
-                answer["parametric"].sel(set="reduced"),
-                "--",
-                color=figures.GREEN,
-                label="parametric (Table 5.3)",
+            radius, size = answer["radius"].sel(by=method), answer["size"].sel(by=method)
+            lines = (
+                (reduced, "--", figures.GREEN, "parametric (Table 5.3)"),
+                (radius, ":", figures.ORANGE, "complex: sets"),
+                (size.sel(quantity="W_c circle"), "-", figures.ORANGE, "complex: weight"),
+                (size.sel(quantity="width about"), ":", figures.BLUE, "mixed, width: sets"),
+                (size.sel(quantity="W_c stadium"), "-", figures.BLUE, "mixed, width: weight"),
             )
-            for raw, fit, colour, label in (
-                (answer["radius"].sel(by=method), "W_c circle", figures.ORANGE, "complex"),
-                (one.sel(quantity="width about"), "W_c stadium", figures.BLUE, "mixed, width"),
-            ):
-                panel.loglog(frequency, raw, ":", color=colour, label=f"{label}: sets")
-                panel.loglog(
-                    frequency, one.sel(quantity=fit), color=colour, label=f"{label}: weight"
-                )
-            panel.set_title(f"{self.axis}, method {method}")
-            panel.set_ylabel("relative size")
-        panels[-1].set_xlabel("frequency [Hz]")
-        figures.legend_below(figure, panels[0], columns=3)
-        return figure
+            for one, style, colour, name in lines:
+                panel.plot(frequency, one, style, color=colour, label=name)
+            figures.label(panel, "", "relative size", f"{self.axis}, method {method}", "xy")
+        figures.label(panels[-1], "frequency [Hz]")
+        figures.legend_below(drawn, panels[0], columns=3)
+        return drawn
 
-    def _gains(self, answer: Dataset) -> Figure:
+    @figure
+    def gains(self, variant: DataArray) -> Figure:
         """The three gain variants about the nominal of Table 5.2."""
-        figure, panels = figures.axes(1, 2, size=(9.5, 4.4), sharex=True, sharey=True)
+        drawn, panels = figures.axes(1, 2, size=(9.5, 4.4), sharex=True, sharey=True)
         for panel, shape, name in zip(panels, COVERS, ("radius", "half-width"), strict=True):
             for gain in GAINS:
-                one = answer["variant"].sel(gain=gain, shape=shape)
-                panel.loglog(answer["frequency"], one, label=f"{gain} gain")
-            panel.set_title(f"{shape}s: {name}")
-            panel.set_xlabel("frequency [Hz]")
-        panels[0].set_ylabel("relative size")
-        figures.legend_below(figure, panels[0])
-        return figure
+                one = variant.sel(gain=gain, shape=shape)
+                panel.plot(variant["frequency"], one, label=f"{gain} gain")
+            figures.label(panel, "frequency [Hz]", title=f"{shape}s: {name}", log="xy")
+        figures.label(panels[0], y="relative size")
+        figures.legend_below(drawn, panels[0])
+        return drawn
 
 
-def _about(axis: Axis, frequency: np.ndarray, gain: Gain, nominal: np.ndarray) -> list[np.ndarray]:
+def _about(axis: Axis, frequency: RealArray, gain: Gain, nominal: ComplexArray) -> list[RealArray]:
     """Radius of circles and half-width of stadiums about a nominal response."""
     measured = measured_drives(axis, frequency.size, frequency[0], frequency[-1], gain)
     away = deviations(measured.points, nominal, "multiplicative", measured)
     return [circles_about_nominal(away).radius, stadiums_about_nominal(away).radius]
 
 
-def _weight(data: Dataset, omega: np.ndarray) -> np.ndarray:
-    W_c = rational(data, "W_c")
-    assert isinstance(W_c, Rational)
-    return np.abs(W_c.response(omega))
+def _named(variant: DataArray) -> DataArray:
+    """Sizes with the shapes called by what measures them."""
+    return variant.assign_coords(shape=["radius", "width"])
+
+
+def _worst(ratio: DataArray) -> tuple[float, str]:
+    """The largest ratio, and the frequency that has it."""
+    frequency = ratio["frequency"].values
+    return worst(ratio.values, lambda place: f"at {frequency[place[1]]:.4g} Hz")

@@ -1,4 +1,4 @@
-"""Closed-loop identification: the chain, the noise's colour, errors, and a wrong order told."""
+"""Closed-loop identification: chain, colour of the noise, errors, and a wrong order told."""
 
 from dataclasses import replace
 
@@ -12,13 +12,13 @@ from workbench.plants.cd_drive.laboratory.bench_setup import RATE
 from workbench.plants.cd_drive.laboratory.closed_loop import LIMITS, ClosedLoop
 from workbench.plants.cd_drive.laboratory.experiment import Laboratory
 from workbench.plants.cd_drive.laboratory.in_the_loop import (
+    ERROR_SWING,
     PERIODS,
     SETTLING,
-    SWING,
-    chain,
-    colour,
     excitation,
+    measurement_chain,
     neighbours_p,
+    noise_colour,
 )
 
 from workbench import solve
@@ -56,7 +56,7 @@ def runs():
 def test_chain_leaves_the_actuator(axis, delay):
     bench = Laboratory(axis, "CD3", delay=delay)
     exact = bench.response(GRID)
-    actuator = exact["f_en"] / exact["u_m"] / chain(bench, GRID)
+    actuator = exact["f_en"] / exact["u_m"] / measurement_chain(bench, GRID)
     np.testing.assert_allclose(actuator, bench.actuator.response(GRID), rtol=2e-4)
 
 
@@ -112,8 +112,8 @@ def test_excitation_keeps_to_both_limits(axis):
         abs(sine_fit(part, RATE, frequency)[PERIODS // 2 :, 0]).mean()
         for part, frequency in zip(parts, GRID, strict=True)
     ]
-    np.testing.assert_allclose(swing[:3], SWING[axis], rtol=0.03)
-    assert max(swing) < 1.03 * SWING[axis]
+    np.testing.assert_allclose(swing[:3], ERROR_SWING[axis], rtol=0.03)
+    assert max(swing) < 1.03 * ERROR_SWING[axis]
 
 
 def test_colour_of_noise():
@@ -121,7 +121,9 @@ def test_colour_of_noise():
     noise = rng.standard_normal((4000, 12)) + 1j * rng.standard_normal((4000, 12))
     white, steps = noise[:, 1:11], np.diff(noise, axis=1)[:, 1:11]
     walk = np.cumsum(noise, axis=1)[:, :10]
-    ratio = [colour(one - one.mean(axis=1, keepdims=True)).mean() for one in (white, steps, walk)]
+    ratio = [
+        noise_colour(one - one.mean(axis=1, keepdims=True)).mean() for one in (white, steps, walk)
+    ]
     assert ratio[0] == pytest.approx(1.0, abs=0.03)
     assert ratio[1] < 0.35  # what a period's end took, the next one's start gives back
     assert ratio[2] > 2.5

@@ -6,7 +6,13 @@ from workbench.plants.cd_drive.drive.tables import drives
 from workbench.plants.cd_drive.laboratory.bench_setup import RATE
 from workbench.plants.cd_drive.laboratory.experiment import Laboratory
 from workbench.plants.cd_drive.laboratory.optical_gain import GAINS, OpticalGain
-from workbench.plants.cd_drive.laboratory.scans import RANGE, SWEEP, focus_scan, radial_scan, ramps
+from workbench.plants.cd_drive.laboratory.scans import (
+    RAMP_TIME,
+    SHOWN_DISTANCE,
+    focus_scan,
+    radial_scan,
+    ramps,
+)
 
 from workbench import Options, solve
 
@@ -34,7 +40,7 @@ def test_scans_look_as_the_figures_do(solved):
     study, solution = solved
     normalised = solution.answer["normalised"]
     assert normalised["distance"].values[[0, -1]] == pytest.approx(
-        [-RANGE[study.axis], RANGE[study.axis]]
+        [-SHOWN_DISTANCE[study.axis], SHOWN_DISTANCE[study.axis]]
     )
     if study.axis == "focus":
         extremes = normalised["distance"].values[[normalised.values.argmin(axis=1)]]
@@ -74,7 +80,7 @@ def test_methods_are_right_without_noise(axis, row):
 def test_ramps_are_even():
     """Position over time is straight within a thousandth or two of the s-curve's 12 um."""
     position = Laboratory("focus", "CD1", **QUIET).open_loop(ramps(2)).x
-    flank = position[round(2 * SWEEP * RATE) :][: round(SWEEP / 2 * RATE)]
+    flank = position[round(2 * RAMP_TIME * RATE) :][: round(RAMP_TIME / 2 * RATE)]
     near = flank[np.abs(flank) < 6e-6]
     assert near.size > 1000
     time = np.arange(near.size)

@@ -24,10 +24,10 @@ def solved(request, covered):
     axis, runs = request.param, {}
     for shape, method in product(COVERS, METHODS):
         cover, answer = covered(axis, shape, method)
-        runs[shape, method] = SimpleNamespace(data=cover.to_dataset(answer))
+        runs[shape, method] = SimpleNamespace(data=cover.to_dataset(answer), answer=answer)
     frequencies = cover.responses.omega.size
     spread = parametric_spread(axis, frequencies=frequencies, between=1, drawn=5)
-    parametric = SimpleNamespace(data=spread.to_dataset(wb.solve(spread).answer))
+    parametric = SimpleNamespace(answer=wb.solve(spread).answer)
     study = Comparison(axis, runs, parametric)
     return study, wb.solve(study)
 

@@ -1,4 +1,4 @@
-"""Checks of the parametric uncertainty by the actuator's own equations, which know no LFT."""
+"""Checks of the parametric uncertainty by the actuator's own equations, without any LFT."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from ...drive.tables import ActuatorParameters, Axis, nominal_table
 from ..parametric_model import COPIES, UNITS, parametric_plant, uncertain_parameters
 
 MODELS = ("nine", "reduced")
-AGREE = 1e-9
-"""Relative distance of responses that counts as rounding."""
-EVERY = 20
-"""Of how many frequencies one is looked at where all would take long."""
+RESPONSE_ROUNDING = 1e-9
+"""Largest relative distance of two responses that rounding explains."""
+STRIDE = 20
+"""Slow checks look at every STRIDE-th frequency."""
 
 
 def pulled_out(axis: Axis) -> dict[str, ParametricModel]:
@@ -39,7 +39,7 @@ def boxes(axis: Axis) -> dict[str, tuple[Parameter, ...]]:
 def plants(
     axis: Axis, deltas: RealArray, box: Sequence[Parameter], frequency: RealArray
 ) -> ComplexArray:
-    """f_en / u [units/V] at deltas (N, P) of a set, without the filter: (N, F)."""
+    """Responses f_en / u [units/V] (N, F) at deltas (N, P) of a set, without the filter."""
     table = {name: entry.nominal for name, entry in nominal_table(axis).items()}
     gains, actuators = [], []
     for row in deltas:
@@ -50,21 +50,21 @@ def plants(
 
 
 def spread_checks(axis: Axis, answer: Dataset) -> list[Check]:
-    """That the models are the actuator, and the deviations the largest, of plants that exist."""
+    """Checks that the models are the actuator and that the deviations are the largest."""
     hertz, models = answer["frequency"].values, pulled_out(axis)
     copies = answer["copies"].sel(stage="after reduction").values
     wanted = [[COPIES[n] * (n in m.repetitions) for n in UNITS] for m in models.values()]
     claimed, claim = worst(_claims(axis, answer), lambda p: f"at {hertz[p[1]]:.6g} Hz")
     missed, miss = worst(
-        _missed(axis, answer.isel(frequency=slice(None, None, EVERY))),
-        lambda p: f"at {hertz[EVERY * p[1]]:.6g} Hz",
+        _missed(axis, answer.isel(frequency=slice(None, None, STRIDE))),
+        lambda p: f"at {hertz[STRIDE * p[1]]:.6g} Hz",
     )
     return [
         Check(
             "pulled out",
             "relative distance of the models from the actuator's equations at random deltas",
-            max(_disagreement(axis, model, hertz[::EVERY]) for model in models.values()),
-            AGREE,
+            max(_disagreement(axis, model, hertz[::STRIDE]) for model in models.values()),
+            RESPONSE_ROUNDING,
         ),
         Check(
             "repetitions",
@@ -76,26 +76,30 @@ def spread_checks(axis: Axis, answer: Dataset) -> list[Check]:
             "well posed",
             "least det(I - M11 Delta) of the vertices, its sign changed",
             -min(map(_least_determinant, models.values())),
-            -AGREE,
+            -RESPONSE_ROUNDING,
         ),
         Check(
             "largest deviations",
             "distance from those of the plants named, which are of the set",
             claimed,
-            AGREE,
+            RESPONSE_ROUNDING,
             claim,
         ),
-        Check("vertices", "deviation of a vertex beyond the largest", missed, AGREE, miss),
+        Check(
+            "vertices", "deviation of a vertex beyond the largest", missed, RESPONSE_ROUNDING, miss
+        ),
     ]
 
 
 def _disagreement(axis: Axis, model: ParametricModel, hertz: RealArray) -> float:
+    """Largest relative distance of a model from the actuator's equations at random deltas."""
     deltas = samples(model.parameters, 20, np.random.default_rng(1))
     found = model.response(2 * np.pi * hertz, deltas)[..., 0, 0]
     return float(abs(found / plants(axis, deltas, model.parameters, hertz) - 1).max())
 
 
 def _least_determinant(model: ParametricModel) -> float:
+    """Least det(I - M11 Delta) over the vertices of the set."""
     copies = [block.rows for block in model.structure]
     delta = np.repeat(vertices(model.parameters), copies, axis=-1)
     loops = np.eye(sum(copies)) - model.lft.blocks[0] * delta[:, None, :]
@@ -103,7 +107,7 @@ def _least_determinant(model: ParametricModel) -> float:
 
 
 def _claims(axis: Axis, answer: Dataset) -> RealArray:
-    """Distance of each largest deviation from that of the plant said to have it (4, F)."""
+    """Distance (4, F) of each largest deviation from that of the plant said to have it."""
     hertz, nominal = answer["frequency"].values, answer["nominal"].values
     sets = boxes(axis)
     claims = [(sets[n], answer["delta"].sel(set=n), answer["deviation"].sel(set=n)) for n in sets]
@@ -119,7 +123,7 @@ def _claims(axis: Axis, answer: Dataset) -> RealArray:
 
 
 def _missed(axis: Axis, answer: Dataset) -> RealArray:
-    """By how much a vertex deviates more than what was found the largest (3, F)."""
+    """Excess (3, F) of the vertices' largest deviation over the one that was found."""
     hertz = answer["frequency"].values
     nominal = nominal_response(axis, hertz, antialiasing=False)
     corners = [plants(axis, vertices(box), box, hertz) for box in boxes(axis).values()]

@@ -1,6 +1,6 @@
-"""How far the plants of the parametric uncertainty deviate from the nominal (section 5.5).
+"""Deviations of the plants of the parametric uncertainty from the nominal one (section 5.5).
 
-Relative deviations do not depend on the anti-aliasing filter, which is left out. Equation, table
+The anti-aliasing filter is left out, as relative deviations do not depend on it. Equation, table
 and figure numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players
 (2003).
 """
@@ -14,10 +14,11 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from workbench import Check, Study, problem
+from workbench import Check, problem
 from workbench.arrays import ComplexArray, RealArray
 from workbench.executor import Context
-from workbench.heavy_types import Dataset, Figure
+from workbench.heavy_types import DataArray, Dataset, Figure
+from workbench.study import Study, array, arrays, dim, figure, metric, part, table
 from workbench.uncertainty.parametric.factorial import factorial_response
 from workbench.uncertainty.parametric.model import ParametricModel
 from workbench.uncertainty.parametric.parameters import Parameter, levels, samples
@@ -31,8 +32,10 @@ from .figures import bode_figure, deviation_figure
 from .search import climbed
 
 GAINS: Any = ("own", "agc")
-CHUNK = 8
-"""Frequencies at a time, at each of which all 19683 plants are held."""
+FREQUENCIES_AT_ONCE = 8
+"""Frequencies whose responses are in memory together, each with those of all 19683 plants."""
+SUFFIXES = {"nine": "", "without gain": "_no_gain", "reduced": "_reduced"}
+"""Ends of the metrics' names for each set of plants."""
 
 
 @problem(
@@ -51,16 +54,19 @@ def parametric_spread(
 ) -> ParametricSpread:
     """Parametric uncertainty and how far its plants deviate (Tables 5.2, 5.3, figure 5.16).
 
-    The nine parameters, pulled out of the model as real perturbations; the largest relative
-    deviation |G_p / G - 1| over all combinations of their minimum, nominal and maximum; the same
-    without the total gain, which the automatic gain control removes, and with the three parameters
-    that stand for all. Beside them the twelve drives, and how much plants in the interior of the
-    tolerances exceed those combinations: of the nine by a search that starts from the worst of
-    them, of the three by a dense grid.
+    The nine parameters are pulled out of the model as real perturbations. The largest relative
+    deviation |G_p / G - 1| is computed over all combinations of their minimum, nominal and maximum;
+    then without the total gain, which the automatic gain control removes; then with the three
+    parameters that stand for all. Beside them stand the twelve drives.
 
-    frequencies: how many, logarithmically spaced from lowest to highest [Hz]. between: values
-    between minimum, nominal and maximum that are tried of the three parameters; drawn: random
-    combinations of the nine. values: tables of the drives, "printed" or "corrected".
+    Plants in the interior of the tolerances may exceed those combinations. By how much is found for
+    the nine parameters by a search that starts from the worst combination, and for the three by a
+    dense grid.
+
+    frequencies: how many, logarithmically spaced from lowest to highest [Hz]. between: number
+    of values of the three parameters that are tried between minimum and nominal, and between
+    nominal and maximum. drawn: number of random combinations of the nine. values: tables of the
+    drives, "printed" or "corrected".
     """
     return ParametricSpread(axis, grid(frequencies, lowest, highest), between, drawn, values)
 
@@ -70,93 +76,79 @@ class ParametricSpread(Study):
     """Relative deviations of the plants of an axis over a frequency grid [Hz]."""
 
     axis: Axis
-    frequency: RealArray
+    grid: RealArray
     between: int = 9
-    drawn: int = 500
+    samples: int = 500
     values: Values = "printed"
 
     headline: ClassVar[str] = "deviation_peak_reduced"
 
-    def compute(self, context: Context) -> Dataset:
-        import xarray as xr
+    frequency = dim(lambda self: self.grid, unit="Hz")
+    set = dim(lambda sets: list(sets))
+    model, stage = dim(MODELS), dim("before reduction", "after reduction")
+    parameter, gain = dim(UNITS), dim(GAINS)
+    drive = dim(lambda self: [one.name for one in drives(self.axis, self.values)])
+    unit = array(parameter, value=lambda: UNITS, coordinate=True)
 
-        models = pulled_out(self.axis)
+    models = part(lambda self: pulled_out(self.axis))
+    sets = part(lambda self: boxes(self.axis))
+
+    @array(frequency, "units/V", "f_en / u")
+    def nominal(self) -> ComplexArray:
+        return nominal_response(self.axis, self.grid, antialiasing=False)
+
+    @part
+    def extremes(
+        self, models: dict[str, ParametricModel], nominal: DataArray, context: Context
+    ) -> dict[str, Any]:
+        """The largest deviations of all sets, and the plants that have them."""
         nine = models["nine"]
-        random = samples(nine.parameters, self.drawn, context.rng)
+        random = samples(nine.parameters, self.samples, context.rng)
         dense = np.linspace(-1.0, 1.0, 2 * self.between + 3)
-        nominal = nominal_response(self.axis, self.frequency, antialiasing=False)
         parts = []
-        for start in context.track(range(0, len(nominal), CHUNK), "combinations"):
-            part = slice(start, start + CHUNK)
-            omega, center = 2 * np.pi * self.frequency[part], nominal[part]
+        starts = range(0, len(self.grid), FREQUENCIES_AT_ONCE)
+        for start in context.track(starts, "combinations"):
+            part = slice(start, start + FREQUENCIES_AT_ONCE)
+            omega, center = 2 * np.pi * self.grid[part], nominal.values[part]
             inside = factorial_response(models["reduced"], omega, dense)
             found = [_extremes(plants, center) for plants in _levels(models, omega)]
             beside = [_extremes(p, center)[0] for p in (inside, nine.response(omega, random))]
             parts.append((*map(np.array, zip(*found, strict=True)), *beside))
-        deviation, place, least, most, inside, aside = (
-            np.concatenate(rows, axis=-1) for rows in zip(*parts, strict=True)
-        )
-        sets = boxes(self.axis)
-        worst_deltas = [
-            _placed(levels(box, 3)[i], box) for box, i in zip(sets.values(), place, strict=True)
-        ]
-        sought, sought_delta = climbed(self.axis, sets["nine"], self.frequency, worst_deltas[0])
-        drives_found = [
-            responses(self.axis, self.frequency, gain, self.values, antialiasing=False)
-            for gain in GAINS
-        ]
-        tolerances = [
-            _placed([p.tolerance for p in m.parameters], m.parameters) for m in models.values()
-        ]
-        copies = [
-            _placed(np.array(list(m.repetitions.values())).T, m.parameters) for m in models.values()
-        ]
-        over, unit = ("set", "frequency"), {"units": "units/V"}
-        return xr.Dataset(
-            {
-                "nominal": ("frequency", nominal, unit | {"long_name": "f_en / u"}),
-                "deviation": (over, deviation, _one("largest |G_p / G - 1|")),
-                "delta": (
-                    (*over, "parameter"),
-                    worst_deltas,
-                    _one("combination that deviates most"),
-                ),
-                "least": (over, least, unit | {"long_name": "least magnitude"}),
-                "most": (over, most, unit | {"long_name": "largest magnitude"}),
-                "interior": ("frequency", inside, _one("largest deviation, reduced, dense")),
-                "drawn": ("frequency", aside, _one("largest deviation, nine, at random")),
-                "sought": ("frequency", sought, _one("largest deviation found, nine")),
-                "sought_delta": (("frequency", "parameter"), sought_delta, _one("that has it")),
-                "drives": (("gain", "drive", "frequency"), drives_found, unit),
-                "drive_delta": (
-                    ("drive", "parameter"),
-                    self._drive_deltas(),
-                    _one("of the drives"),
-                ),
-                "nominal_value": (
-                    "parameter",
-                    [entry.nominal for entry in nominal_table(self.axis).values()],
-                ),
-                "tolerance": (("model", "parameter"), tolerances, _one("relative tolerance")),
-                "copies": (
-                    ("model", "stage", "parameter"),
-                    np.array(copies, int),
-                    _one("repetitions"),
-                ),
-            },
-            coords={
-                "frequency": ("frequency", self.frequency, {"units": "Hz"}),
-                "set": list(sets),
-                "model": list(MODELS),
-                "stage": ["before reduction", "after reduction"],
-                "parameter": list(UNITS),
-                "unit": ("parameter", list(UNITS.values())),
-                "gain": list(GAINS),
-                "drive": [drive.name for drive in drives(self.axis, self.values)],
-            },
-        )
+        names = ("deviation", "place", "least", "most", "interior", "drawn")
+        columns = (np.concatenate(rows, axis=-1) for rows in zip(*parts, strict=True))
+        return dict(zip(names, columns, strict=True))
 
-    def _drive_deltas(self) -> RealArray:
+    over_sets = arrays(
+        (set, frequency),
+        lambda extremes: extremes,
+        deviation=("1", "largest |G_p / G - 1|"),
+        least=("units/V", "least magnitude"),
+        most=("units/V", "largest magnitude"),
+    )
+    beside = arrays(
+        frequency,
+        lambda extremes: extremes,
+        interior=("1", "largest deviation, reduced, dense"),
+        drawn=("1", "largest deviation, nine, at random"),
+    )
+
+    @array((set, frequency, parameter), "1", "combination that deviates most")
+    def delta(self, sets: dict[str, Any], extremes: dict[str, Any]) -> list[RealArray]:
+        places = zip(sets.values(), extremes["place"], strict=True)
+        return [_placed(levels(box, 3)[i], box) for box, i in places]
+
+    climb = part(
+        lambda self, sets, delta: climbed(self.axis, sets["nine"], self.grid, delta.values[0])
+    )
+    sought = array(frequency, "1", "largest deviation found, nine", lambda climb: climb[0])
+    sought_delta = array((frequency, parameter), "1", "that has it", lambda climb: climb[1])
+
+    @array((gain, drive, frequency), "units/V")
+    def drives(self) -> list[Any]:
+        return [responses(self.axis, self.grid, gain, self.values, False) for gain in GAINS]
+
+    @array((drive, parameter), "1", "of the drives")
+    def drive_delta(self) -> RealArray:
         """Deltas of the drives (12, 9), their gains in proportion to K_optn."""
         twelve = drives(self.axis, self.values)
         gain = np.array([drive.K_optn for drive in twelve])
@@ -165,65 +157,93 @@ class ParametricSpread(Study):
         own |= {n: np.array([getattr(d, n) for d in twelve]) for n in table if n not in own}
         return np.stack([(own[n] / p.nominal - 1) / p.tolerance for n, p in table.items()], axis=1)
 
+    nominal_value = array(
+        parameter, value=lambda self: [one.nominal for one in nominal_table(self.axis).values()]
+    )
+
+    @array((model, parameter), "1", "relative tolerance")
+    def tolerance(self, models: dict[str, ParametricModel]) -> list[RealArray]:
+        boxes = [one.parameters for one in models.values()]
+        return [_placed([p.tolerance for p in box], box) for box in boxes]
+
+    @array((model, stage, parameter), "1", "repetitions")
+    def copies(self, models: dict[str, ParametricModel]) -> RealArray:
+        counts = [(np.array(list(m.repetitions.values())).T, m.parameters) for m in models.values()]
+        return np.array([_placed(*one) for one in counts], int)
+
     def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
         return spread_checks(self.axis, answer)
 
-    def metrics(self, answer: Dataset) -> dict[str, float]:
-        hertz = answer["frequency"].values
-        over = {str(n): answer["deviation"].sel(set=n).values for n in answer["set"].values}
-        shown = {"nine": "", "without gain": "_no_gain", "reduced": "_reduced"}
-        numbers: dict[str, float] = {}
-        for name, suffix in shown.items():
-            numbers[f"deviation_peak{suffix}"] = float(over[name].max())
-            numbers[f"deviation_peak{suffix}_hz"] = float(hertz[over[name].argmax()])
-            numbers[f"deviation_median_above_100_hz{suffix}"] = _median(over[name][hertz > 100])
-        away = abs(answer["drives"] / answer["nominal"] - 1)
-        for gain in GAINS:
-            one = away.sel(gain=gain)
-            most = one.max("drive").values
-            numbers[f"drives_peak_{gain}"] = float(most.max())
-            numbers[f"drives_peak_{gain}_hz"] = float(hertz[most.argmax()])
-            numbers[f"drives_median_above_100_hz_{gain}"] = _median(most[hertz > 100])
-            for name, suffix in shown.items():
-                beyond = one.values > over[name]
-                numbers[f"drives_{gain}_beyond{suffix or '_nine'}"] = float(beyond.mean())
-        inside = {"": ("sought", "nine"), "_reduced": ("interior", "reduced")}
-        for suffix, (variable, name) in inside.items():
-            excess = answer[variable].values / over[name] - 1
-            numbers[f"interior_excess{suffix}"] = float(excess.max())
-            numbers[f"interior_excess{suffix}_hz"] = float(hertz[excess.argmax()])
-        after = answer["copies"].sel(stage="after reduction").sum("parameter")
-        return numbers | {
-            "drives_largest_delta": float(abs(answer["drive_delta"]).max()),
-            "drawn_share": float((answer["drawn"].values / over["nine"]).max()),
-            "channels": float(after.sel(model="nine")),
-            "channels_reduced": float(after.sel(model="reduced")),
+    @metric
+    def deviation_sizes(self, answer: Dataset) -> dict[str, DataArray]:
+        """Peak of the deviations of each set and of the drives, and their median above 100 Hz."""
+        sizes = {("deviation", s): answer["deviation"].sel(set=n) for n, s in SUFFIXES.items()}
+        away = _away(answer).max("drive")
+        sizes |= {("drives", f"_{gain}"): away.sel(gain=gain) for gain in GAINS}
+        high = (answer["frequency"] > 100).values
+        return {
+            name: value
+            for (what, suffix), one in sizes.items()
+            for name, value in (
+                (f"{what}_peak{suffix}", one.max()),
+                (f"{what}_peak{suffix}_hz", one.idxmax()),
+                (f"{what}_median_above_100_hz{suffix}", one[high].median()),
+            )
         }
 
-    def tables(self, answer: Dataset) -> dict[str, str]:
-        lines = [
-            "| parameter | nominal | tolerance [%] | repetitions, before reduction "
-            "| Table 5.3 [%] | repetitions, before reduction | drives, largest delta |",
-            "| --- |" + " ---: |" * 6,
-        ]
+    @metric
+    def drives_beyond(self, answer: Dataset) -> dict[str, DataArray]:
+        """Share of frequencies and drives that deviate more than a set does."""
+        beyond = (_away(answer) > answer["deviation"]).mean(("drive", "frequency"))
+        return {
+            f"drives_{gain}_beyond{suffix or '_nine'}": beyond.sel(gain=gain, set=name)
+            for gain in GAINS
+            for name, suffix in SUFFIXES.items()
+        }
+
+    @metric
+    def other_plants(self, answer: Dataset) -> dict[str, DataArray]:
+        """Excess of interior plants, deltas of the drives, and numbers of channels."""
+        deviation = answer["deviation"]
+        inside = answer["sought"] / deviation.sel(set="nine") - 1
+        reduced = answer["interior"] / deviation.sel(set="reduced") - 1
+        channels = answer["copies"].sel(stage="after reduction").sum("parameter")
+        return {
+            "interior_excess": inside.max(),
+            "interior_excess_hz": inside.idxmax(),
+            "interior_excess_reduced": reduced.max(),
+            "interior_excess_reduced_hz": reduced.idxmax(),
+            "drives_largest_delta": abs(answer["drive_delta"]).max(),
+            "drawn_share": (answer["drawn"] / deviation.sel(set="nine")).max(),
+            "channels": channels.sel(model="nine"),
+            "channels_reduced": channels.sel(model="reduced"),
+        }
+
+    @table
+    def tables_5_2_5_3(self, answer: Dataset) -> tuple[list[str], list[list[str]]]:
+        heads = ["parameter", "nominal", "tolerance [%]", "repetitions, before reduction"]
+        heads += ["Table 5.3 [%]", "repetitions, before reduction", "drives, largest delta"]
+        rows = []
         for name in UNITS:
             one = answer.sel(parameter=name)
-            cells = []
-            for model in MODELS:
-                before, after = one["copies"].sel(model=model).values
-                percent = 100 * float(one["tolerance"].sel(model=model))
-                cells.append(f"{percent:.3g} | {after}, {before}" if after else "- | -")
-            most = float(abs(one["drive_delta"]).max())
-            nominal = f"{float(one['nominal_value']):g} {UNITS[name]}"
-            lines.append(f"| {name} | {nominal} | {' | '.join(cells)} | {most:.2f} |")
-        return {"tables-5-2-5-3": "\n".join(lines) + "\n"}
+            row = [name, f"{float(one['nominal_value']):g} {UNITS[name]}"]
+            for percent, (before, after) in zip(
+                100 * one["tolerance"].values, one["copies"].values, strict=True
+            ):
+                row += [f"{percent:.3g}", f"{after}, {before}"] if after else ["-", "-"]
+            rows.append([*row, f"{float(abs(one['drive_delta']).max()):.2f}"])
+        return heads, rows
 
-    def figures(self, answer: Dataset) -> dict[str, Figure]:
+    @figure
+    def deviations(self, answer: Dataset) -> dict[str, Figure]:
         return {"deviation": deviation_figure(answer), "bode": bode_figure(answer)}
 
 
 def _levels(models: dict[str, ParametricModel], omega: RealArray) -> list[ComplexArray]:
-    """All plants of minimum, nominal and maximum, a set each; K_total is the first of the nine."""
+    """Responses of all combinations of minimum, nominal and maximum, for each set of plants.
+
+    "without gain" is the part of the nine where K_total, the first of them, is nominal.
+    """
     three = np.array([-1.0, 0.0, 1.0])
     nine, reduced = (factorial_response(model, omega, three) for model in models.values())
     return [nine, nine[1], reduced]
@@ -232,23 +252,20 @@ def _levels(models: dict[str, ParametricModel], omega: RealArray) -> list[Comple
 def _extremes(
     plants: ComplexArray, center: ComplexArray
 ) -> tuple[RealArray, Any, RealArray, RealArray]:
-    """Largest relative deviation, whose it is, least and largest magnitude (F,) of plants."""
+    """Largest relative deviation (F,), the plant that has it, and least and largest magnitude."""
     each = plants.reshape(-1, len(center))
     away, size = abs(each / center - 1), abs(each)
     return away.max(axis=0), away.argmax(axis=0), size.min(axis=0), size.max(axis=0)
 
 
 def _placed(values: Any, box: Sequence[Parameter]) -> RealArray:
-    """Values (..., P) of a set's parameters among all nine (..., 9), zero for the certain ones."""
+    """Values (..., P) of a set's parameters placed among all nine (..., 9); zero for the others."""
     array = np.asarray(values, dtype=float)
     result = np.zeros((*array.shape[:-1], len(UNITS)))
     result[..., [list(UNITS).index(p.name) for p in box]] = array
     return result
 
 
-def _median(values: RealArray) -> float:
-    return float(np.median(values)) if values.size else float("nan")
-
-
-def _one(name: str) -> dict[str, str]:
-    return {"units": "1", "long_name": name}
+def _away(answer: Dataset) -> DataArray:
+    """Relative deviations (gain, drive, frequency) of the drives from the nominal."""
+    return abs(answer["drives"] / answer["nominal"] - 1)

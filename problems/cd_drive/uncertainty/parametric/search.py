@@ -1,4 +1,4 @@
-"""Plants that deviate more than every combination of minimum, nominal and maximum does."""
+"""Search for plants that deviate more than all combinations of minimum, nominal and maximum."""
 
 from __future__ import annotations
 
@@ -14,27 +14,30 @@ from ...drive.plants import nominal_response
 from ...drive.tables import Axis, nominal_table
 from ...drive.two_masses import lens
 
-POINTS = np.linspace(-1.0, 1.0, 41)
-SWEEPS = 200
-"""Of all parameters at most: stiffness and mass of the arm climb a ridge together, step by step."""
+TRIED_DELTAS = np.linspace(-1.0, 1.0, 41)
+"""Values of a delta that are tried."""
+MOST_SWEEPS = 200
+"""Largest number of sweeps over all parameters. Stiffness and mass of the arm trade off along a
+narrow ridge, which is climbed in many small steps."""
 
 
 def climbed(
     axis: Axis, box: Sequence[Parameter], frequency: RealArray, start: RealArray
 ) -> tuple[RealArray, RealArray]:
-    """Relative deviations (F,) from the nominal, and deltas (F, P), no less than at `start`.
+    """Relative deviations (F,) from the nominal, no less than at `start`, and their deltas (F, P).
 
-    At each frequency one delta after the other is moved to the best of 41 points, the others kept,
-    until none moves. What is found is a plant of the set: the largest deviation may be still more.
+    At each frequency one delta after the other is moved to the best of 41 values while the others
+    stay, until none moves. Each result is a plant of the set, so the largest deviation of the set
+    may be still larger.
     """
     nominal = nominal_response(axis, frequency, antialiasing=False)[:, None]
     delta, rows = start, np.arange(len(frequency))
     deviation = np.zeros(len(frequency))
-    for _ in range(SWEEPS):
+    for _ in range(MOST_SWEEPS):
         before = deviation
         for place in range(len(box)):
-            trial = np.repeat(delta[:, None], len(POINTS) + 1, axis=1)
-            trial[:, 1:, place] = POINTS  # the first stays, so that no deviation falls
+            trial = np.repeat(delta[:, None], len(TRIED_DELTAS) + 1, axis=1)
+            trial[:, 1:, place] = TRIED_DELTAS  # the first stays, so that no deviation falls
             away = abs(_plants(axis, box, frequency[:, None], trial) / nominal - 1)
             best = away.argmax(axis=1)
             delta, deviation = trial[rows, best], away[rows, best]
