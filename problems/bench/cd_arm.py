@@ -1,4 +1,4 @@
-"""The arm's models against the best subspace models of a public package, chosen the same way."""
+"""Models of the arm against the best subspace models of a public package, chosen alike."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from workbench import Check, Run, Study, figures, problem, ref
+from workbench import Check, Run, figures, problem, ref
+from workbench.arrays import Array
 from workbench.errors import InputError
 from workbench.executor import Context
-from workbench.heavy_types import Dataset, Figure
+from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.identification.state_space.innovations import InnovationsModel
 from workbench.identification.state_space.program import (
     MODELS,
@@ -22,17 +23,22 @@ from workbench.identification.state_space.program import (
     StateSpaceFit,
 )
 from workbench.identification.state_space.subspace import HORIZONS
+from workbench.study import Study, check, figure, metric
 
 from ..cd_arm.identification import ESTIMATION, RECORD, read_record
 
 ALGORITHMS = ("N4SID", "MOESP", "CVA", "PARSIM-K")
 """Subspace algorithms of the package; its PARSIM-S and PARSIM-P give no stable model here."""
-
 BLOCK = 50
-"""Samples over which errors are averaged before their spread is taken."""
+"""Length [samples] of the blocks of errors whose means give the standard error."""
 
 
-@problem("bench/cd-arm", data=RECORD, needs={"own": ref("cd-arm/identification")}, slow=True)
+@problem(
+    "bench/cd-arm",
+    data=f"../cd_arm/{RECORD}",
+    needs={"own": ref("cd-arm/identification")},
+    slow=True,
+)
 def peer(own: Run) -> PeerComparison:
     """The models of cd-arm/identification against the best subspace models of sippy_unipi.
 
@@ -42,7 +48,7 @@ def peer(own: Run) -> PeerComparison:
     """
     orders = tuple(int(order) for order in own.data["order"].values)
     program = StateSpaceFit(*read_record(), ESTIMATION, orders)
-    return PeerComparison(program, program.from_dataset(own.data))
+    return PeerComparison(program, own.answer)
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,12 +108,15 @@ class PeerComparison(Study):
         )
 
     def _way(self, place: tuple[int, ...]) -> Fit:
+        """The way of fitting at a place (algorithm, horizon, order)."""
         algorithm, horizon, order = place
         return fit(ALGORITHMS[algorithm], HORIZONS[horizon], self.program.orders[order])
 
-    def _best(self, means: np.ndarray) -> tuple[tuple[int, ...], InnovationsModel]:
-        """Place (algorithm, horizon, order) of the best mean fit that gives a stable model of
-        the whole estimation part, and that model."""
+    def _best(self, means: Array) -> tuple[tuple[int, ...], InnovationsModel]:
+        """Place (algorithm, horizon, order) of the best mean fit, and its model.
+
+        Places without a stable model of the whole estimation part are passed over.
+        """
         used = slice(None, self.program.estimation)
         for at in np.argsort(-means, axis=None, kind="stable"):
             place = tuple(int(i) for i in np.unravel_index(int(at), means.shape))
@@ -120,10 +129,10 @@ class PeerComparison(Study):
         self,
         own: tuple[InnovationsModel, InnovationsModel],
         theirs: tuple[InnovationsModel, InnovationsModel],
-    ) -> np.ndarray:
-        """How far the package's squared errors are below ours, in standard errors, (uses, ny).
+    ) -> Array:
+        """Mean excess (uses, ny) of our squared errors over the package's, in standard errors.
 
-        The standard error of the mean difference is that of blocks longer than errors are
+        The standard error comes from the means of blocks that are longer than the errors are
         correlated.
         """
         program, washout = self.program, self.program.washout
@@ -137,48 +146,42 @@ class PeerComparison(Study):
             rows.append(blocks.mean(axis=0) / (blocks.std(axis=0, ddof=1) / np.sqrt(count)))
         return np.array(rows)
 
-    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
-        own, theirs = (answer["fit"].sel(package=name) for name in answer["package"].values)
+    @check()
+    def reached(self, fit: DataArray) -> list[Check]:
+        statement = "the package's fit on held-out data [%], which ours must reach"
+        pairs = fit.stack(pair=("use", "output")).transpose("pair", "package")
         return [
-            Check(
-                f"{use.replace('_', ' ')} of {output}",
-                "the package's fit on held-out data [%], which ours must reach",
-                float(theirs.sel(use=use, output=output)),
-                float(own.sel(use=use, output=output)),
+            Check(f"{use.replace('_', ' ')} of {output}", statement, float(theirs), float(ours))
+            for (use, output), (ours, theirs) in zip(
+                pairs["pair"].values, pairs.values, strict=True
             )
-            for use in USES
-            for output in answer["output"].values
         ]
 
-    def metrics(self, answer: Dataset) -> dict[str, float]:
-        numbers = {}
-        for package in answer["package"].values:
-            for use in USES:
-                for output in answer["output"].values:
-                    value = answer["fit"].sel(package=package, use=use, output=output)
-                    numbers[f"{package}_fit_{use}_{output}"] = float(value)
-            orders = answer["chosen_order"].sel(package=package)
-            numbers[f"{package}_order"] = float(orders.sel(use="one_step"))
-            numbers[f"{package}_order_free_run"] = float(orders.sel(use="free_run"))
-        for use in USES:
-            for output in answer["output"].values:
-                lead = answer["package_ahead"].sel(use=use, output=output)
-                numbers[f"package_ahead_{use}_{output}_standard_errors"] = float(lead)
-        ahead = answer["fit"].sel(package="workbench") - answer["fit"].sel(package="sippy_unipi")
-        return numbers | {"least_advantage": float(ahead.min())}
+    fits = metric("{package}_fit_{use}_{output}", lambda fit: fit)
+    orders = metric(
+        "{package}_order", lambda chosen_order: chosen_order.sel(use="one_step", drop=True)
+    )
+    orders_free_run = metric(
+        "{package}_order_free_run", lambda chosen_order: chosen_order.sel(use="free_run", drop=True)
+    )
+    ahead = metric(
+        "package_ahead_{use}_{output}_standard_errors", lambda package_ahead: package_ahead
+    )
+    least_advantage = metric(
+        lambda fit: (fit.sel(package="workbench") - fit.sel(package="sippy_unipi")).min()
+    )
 
-    def figures(self, answer: Dataset) -> dict[str, Figure]:
+    @figure
+    def bars(self, answer: Dataset) -> dict[str, Figure]:
+        fit = answer["fit"].stack(bar=("use", "output"))
         figure, (panel,) = figures.axes(size=(7.0, 3.8))
-        pairs = [(use, output) for use in USES for output in answer["output"].values]
-        place = np.arange(len(pairs))
+        place = np.arange(fit["bar"].size)
         for shift, package in ((-0.18, "workbench"), (0.18, "sippy_unipi")):
-            fits = [
-                float(answer["fit"].sel(package=package, use=use, output=o)) for use, o in pairs
-            ]
-            bars = panel.bar(place + shift, fits, 0.32, label=package)
+            bars = panel.bar(place + shift, fit.sel(package=package), 0.32, label=package)
             panel.bar_label(bars, fmt="%.1f", fontsize=8)
-        panel.set_xticks(place, [f"{use.replace('_', ' ')}, {output}" for use, output in pairs])
-        panel.set_ylabel("fit on held-out data [%]")
+        labels = [f"{use.replace('_', ' ')}, {output}" for use, output in fit["bar"].values]
+        panel.set_xticks(place, labels)
+        figures.label(panel, y="fit on held-out data [%]")
         lines = [f"{name} of sippy_unipi: {answer.attrs[name]}" for name in MODELS]
         panel.set_title("\n".join(lines), fontsize=9)
         figures.legend_below(figure, panel)
@@ -186,7 +189,7 @@ class PeerComparison(Study):
 
 
 def fit(algorithm: str, horizon: int, order: int) -> Fit:
-    """A subspace algorithm of the package as a way of fitting; None where it fails."""
+    """A way of fitting by a subspace algorithm of the package; it gives None where that fails."""
     try:
         from sippy_unipi import system_identification
     except ModuleNotFoundError:
@@ -194,7 +197,7 @@ def fit(algorithm: str, horizon: int, order: int) -> Fit:
             "bench/cd-arm compares with sippy_unipi: pip install 'workbench[benchmark]'"
         ) from None
 
-    def fitted(u: np.ndarray, y: np.ndarray) -> InnovationsModel | None:
+    def fitted(u: Array, y: Array) -> InnovationsModel | None:
         u_offset, y_offset = u.mean(axis=0), y.mean(axis=0)
         try:
             with contextlib.redirect_stdout(io.StringIO()), np.errstate(all="ignore"):

@@ -9,10 +9,11 @@ import numpy as np
 from pydantic import Field
 from scipy.linalg import expm
 
-from workbench import Check, Study, problem
+from workbench import Check, problem
 from workbench.arrays import Array
 from workbench.diagnosis import (
     FaultModel,
+    ModelMatch,
     attainable_structures,
     fault_detection,
     fault_isolation,
@@ -21,11 +22,9 @@ from workbench.diagnosis import (
     null_space_generator,
     transfer,
 )
-from workbench.executor import Context
-from workbench.heavy_types import Dataset, Figure, StateSpace
-from workbench.program import worst
+from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
+from workbench.study import Study, array, check, dim, figure, metric, part, system
 from workbench.systems.realisation import realisation
-from workbench.systems.storage import restored, stored
 
 from . import fault_detection_figures as drawn
 from .fault_examples import (
@@ -40,14 +39,21 @@ from .fault_examples import (
 
 GENERATORS = ("exact", "approximate")
 INPUTS = ("f_u1", "f_u2", "u1", "u2")
-SPREAD = np.linspace(-0.25, 0.25, 5)
-"""Of both uncertain parameters, as the book simulates."""
+UNCERTAIN = np.linspace(-0.25, 0.25, 5)
+"""Values of each of the two uncertain parameters, as the book simulates them."""
 DURATION = 10.0
-"""Of the step responses [s]."""
-DECOUPLED = 1e-8
-"""Of a gain that must be 0, beside gains of about 1."""
-PEAK = 1e-3
-"""Of a peak found again by another algorithm, relative."""
+"""Duration of the step responses [s]."""
+CHECKED = np.geomspace(1.3e-3, 0.7e4, 97)
+"""Angular frequencies [rad/s] of the checks."""
+LEAKAGE = 1e-8
+"""Largest gain let pass where it must be 0; the other gains are about 1."""
+POLE_DISTANCE = 1e-4
+"""Largest relative distance let pass of a pole from the one asked for."""
+PEAK_DISTANCE = 1e-3
+"""Largest relative distance let pass of a peak found again by another algorithm."""
+GENERATOR_DISTANCE = 1e-8
+"""Largest relative distance let pass from the published residual generator."""
+Matrices = tuple[Array, Array, Array, Array]
 
 
 @problem("textbook/fault-detection")
@@ -57,14 +63,15 @@ def detection(
 ) -> FaultDetection:
     """Two failing actuators told apart: exactly without noise, and best where there is noise.
 
-    Varga's example 5.16: two controls, two outputs, a fault of each actuator, noise that stands
-    for two uncertain parameters. The exact residuals isolate both faults and let the noise
-    through; the approximate ones are those with the least H-infinity error against a reference
-    model of first order. Steps of faults and controls on 25 plants of the uncertain set show what
-    either is worth. Two more models of the literature give numbers to compare with: example 5.4
-    its residual generator, that of Yuan and others the structures that can be attained.
+    Varga's example 5.16 has two controls, two outputs, a fault of each actuator, and noise that
+    stands for two uncertain parameters. The exact residuals isolate both faults and let the noise
+    through. The approximate residuals have the least H-infinity error against a reference model of
+    first order. Steps of faults and controls on 25 plants of the uncertain set show how good each
+    is. Two more models of the literature give numbers to compare with: example 5.4 gives a residual
+    generator, and that of Yuan and others the structures that can be attained.
 
-    pole: of the residual generators and of the reference model [rad/s]. frequencies: how many.
+    pole: of the residual generators and of the reference model [rad/s]. frequencies: number of
+    frequencies of the errors.
     """
     return FaultDetection(two_actuators(), pole, frequencies)
 
@@ -85,49 +92,47 @@ class FaultDetection(Study):
         one = np.eye(2)
         return realisation((self.pole * one, one, -self.pole * one, 0.0 * one), 0.0)
 
-    def compute(self, context: Context) -> Dataset:
-        import xarray as xr
+    @part
+    def match(self) -> ModelMatch:
+        """The generator of least error, and its certified norm."""
+        return model_matching(self.model, self.reference, self.pole)
 
-        model = self.model
-        exact = fault_isolation(model, np.eye(2), self.pole, omega=0.0)
-        match = model_matching(model, self.reference, self.pole)
-        omega = np.geomspace(1e-2, 1e3, self.frequencies)
-        filters = {"exact": exact.Q, "approximate": match.generator.Q}
-        errors = [np.linalg.norm(self._error(Q, omega), 2, axis=(1, 2)) for Q in filters.values()]
-        bound = matching_bound(
-            model, null_space_generator(model, self.pole).Q, self.reference, omega
-        )
-        time = np.linspace(0.0, DURATION, 151)
-        steps = [_envelope(Q, model, time) for Q in filters.values()]
-        weak, strong = (attainable_structures(four_compartments(), at) for at in (None, (0.0, 1.0)))
-        unit = {"units": "1"}
-        size = unit | {"long_name": "largest singular value of the matching error"}
-        step = unit | {"long_name": "residual after a unit step"}
-        return xr.Dataset(
-            {
-                "error": (("generator", "frequency"), errors, size),
-                "bound": (("frequency",), bound, unit | {"long_name": "no generator has less"}),
-                "norm": ((), match.norm, unit | {"long_name": "certified norm of the error"}),
-                "step": (("generator", "curve", "time", "residual", "input"), steps, step),
-                "structures": (
-                    ("kind",),
-                    [len(weak), len(strong)],
-                    unit | {"long_name": "attainable rows of the structure matrix, Yuan et al."},
-                ),
-                **stored("exact", exact.Q),
-                **stored("approximate", match.generator.Q),
-                **stored("example", fault_detection(unstable_sensor(), -3.0, omega=0.0).Q),
-            },
-            coords={
-                "generator": list(GENERATORS),
-                "frequency": ("frequency", omega / (2 * np.pi), {"units": "Hz"}),
-                "time": ("time", time, {"units": "s"}),
-                "curve": ["nominal", "least", "most"],
-                "residual": ["r1", "r2"],
-                "input": list(INPUTS),
-                "kind": ["weak", "strong"],
-            },
-        )
+    generator, residual, kind = dim(*GENERATORS), dim("r1", "r2"), dim("weak", "strong")
+    curve, input = dim("nominal", "least", "most"), dim(*INPUTS)
+    time = dim(lambda: np.linspace(0.0, DURATION, 151), unit="s")
+
+    @part
+    def omega(self) -> Array:
+        return np.geomspace(1e-2, 1e3, self.frequencies)
+
+    frequency = dim(lambda omega: omega / (2 * np.pi), unit="Hz")
+
+    @system(generator, called="{}")
+    def filters(self, match: ModelMatch) -> list[StateSpace]:
+        return [fault_isolation(self.model, np.eye(2), self.pole, omega=0.0).Q, match.generator.Q]
+
+    @system
+    def example(self) -> StateSpace:
+        return fault_detection(unstable_sensor(), -3.0, omega=0.0).Q
+
+    @array((generator, frequency), "1", "largest singular value of the matching error")
+    def error(self, filters: Any, omega: Array) -> list[Array]:
+        return [np.linalg.norm(self._error(Q, omega), 2, axis=(1, 2)) for Q in filters]
+
+    @array(frequency, "1", "no generator has less")
+    def bound(self, omega: Array) -> Array:
+        any_residual = null_space_generator(self.model, self.pole).Q
+        return matching_bound(self.model, any_residual, self.reference, omega)
+
+    norm = array((), "1", "certified norm of the error", lambda match: match.norm)
+
+    @array((generator, curve, time, residual, input), "1", "residual after a unit step")
+    def step(self, filters: Any, time: DataArray) -> list[Array]:
+        return [_envelope(Q, self.model, time.values) for Q in filters]
+
+    @array(kind, "1", "attainable rows of the structure matrix, Yuan et al.")
+    def structures(self) -> list[int]:
+        return [len(attainable_structures(four_compartments(), at)) for at in (None, (0.0, 1.0))]
 
     def _error(self, Q: StateSpace, omega: Array) -> Array:
         """R - [M_r 0] (F, 2, 4)."""
@@ -137,65 +142,77 @@ class FaultDetection(Study):
 
     # --- checks, from the stored matrices alone -----------------------------------------------
 
-    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
-        omega = np.geomspace(1.3e-3, 0.7e4, 97)
-        found = []
-        filters = {name: restored(answer, name) for name in GENERATORS}
+    @check()
+    def decoupled(self, filters: dict[str, StateSpace]) -> list[Check]:
+        """Every generator is stable, and no control reaches its residuals."""
+        found, statement = [], "largest gain from a control"
         for name, Q in filters.items():
-            poles = np.linalg.eigvals(Q.A)
-            slowest = float(poles.real.max())
-            found.append(
-                Check(f"poles {name}", "real part of its slowest pole [rad/s]", slowest, -1e-9)
-            )
-            leak, where = worst(
-                np.abs(self._through(Q, self.model.controls, omega)).max(axis=(1, 2)),
-                lambda k: f"at {omega[k[0]]:.4g} rad/s",
-            )
-            found.append(
-                Check(f"decoupling {name}", "largest gain from a control", leak, DECOUPLED, where)
-            )
-        poles = np.linalg.eigvals(filters["exact"].A)
-        moved = float(np.abs(poles / self.pole - 1.0).max())
-        found.append(Check("poles given", "distance of a pole from the one asked", moved, 1e-4))
-        G_rf = self._through(filters["exact"], self.model.faults, np.append(0.0, omega))
-        crossed = np.abs(G_rf[:, [0, 1], [1, 0]]).max()
-        found.append(Check("isolation", "largest gain from the other fault", crossed, DECOUPLED))
-        missed = np.abs(G_rf[0] - np.eye(2)).max()
-        found.append(Check("gain", "distance of the static gain from 1", missed, DECOUPLED))
-        found += self._norm_checks(answer, filters["approximate"])
-        s = 1j * omega
-        published = unstable_sensor_residual(s)
-        ours = _response(restored(answer, "example"), omega)
-        gain = (ours * published.conj()).sum() / (np.abs(published) ** 2).sum()
-        off = float(np.abs(ours - gain * published).max() / abs(gain))
-        statement = "distance from the published residual generator, relative"
-        found.append(Check("example 5.4", statement, off, 1e-8))
-        for kind, rows in YUAN_ROWS.items():
-            off = abs(float(answer["structures"].sel(kind=kind)) - rows)
-            found.append(
-                Check(f"structures {kind}", "attainable rows, less those published", off, 0.0)
-            )
+            slowest = float(np.linalg.eigvals(Q.A).real.max())
+            gain = np.abs(self._through(Q, self.model.controls, CHECKED)).max(axis=(1, 2))
+            where = f"at {CHECKED[np.argmax(gain)]:.4g} rad/s"
+            found += [
+                Check(f"poles {name}", "real part of its slowest pole [rad/s]", slowest, -1e-9),
+                Check(f"decoupling {name}", statement, float(gain.max()), LEAKAGE, where),
+            ]
         return found
 
-    def _norm_checks(self, answer: Dataset, Q: StateSpace) -> list[Check]:
-        norm, bound = float(answer["norm"]), float(answer["bound"].max())
-        again = _peak_gain(_joined(Q, self.model, self.model.system.A), self.reference)
-        statement = "peak of the error by another algorithm over the certified norm, less 1"
+    @check("poles given", "distance of a pole from the one asked", at_most=POLE_DISTANCE)
+    def poles(self, filters: dict[str, StateSpace]) -> float:
+        poles: Array = np.linalg.eigvals(filters["exact"].A)
+        return float(np.abs(poles / self.pole - 1.0).max())
+
+    @check("isolation", "largest gain from the other fault", at_most=LEAKAGE)
+    def isolation(self, filters: dict[str, StateSpace]) -> float:
+        G_rf = self._through(filters["exact"], self.model.faults, np.append(0.0, CHECKED))
+        return float(np.abs(G_rf[:, [0, 1], [1, 0]]).max())
+
+    @check("gain", "distance of the static gain from 1", at_most=LEAKAGE)
+    def gain(self, filters: dict[str, StateSpace]) -> float:
+        G_rf = self._through(filters["exact"], self.model.faults, np.array([0.0]))
+        return float(np.abs(G_rf[0] - np.eye(2)).max())
+
+    @check()
+    def best(
+        self, filters: dict[str, StateSpace], norm: DataArray, bound: DataArray
+    ) -> list[Check]:
+        """The certified norm is the peak of the error, and near the least one."""
+        residual = _joined(filters["approximate"], self.model, self.model.system.A)
+        again, certified = _peak_gain(residual, self.reference), float(norm)
+        over = "peak of the error by another algorithm over the certified norm, less 1"
+        under = "certified norm over that peak, less 1"
+        near, excess = (
+            "certified norm less the bound of any generator",
+            certified - float(bound.max()),
+        )
         return [
-            Check("norm", statement, again / norm - 1.0, PEAK),
-            Check(
-                "norm reached", "certified norm over that peak, less 1", norm / again - 1.0, PEAK
-            ),
-            Check(
-                "near the best",
-                "certified norm less the bound of any generator",
-                norm - bound,
-                SUBOPTIMAL,
-            ),
+            Check("norm", over, again / certified - 1.0, PEAK_DISTANCE),
+            Check("norm reached", under, certified / again - 1.0, PEAK_DISTANCE),
+            Check("near the best", near, excess, SUBOPTIMAL),
         ]
 
+    @check(
+        "example 5.4",
+        "distance from the published residual generator, relative",
+        at_most=GENERATOR_DISTANCE,
+    )
+    def published(self, example: StateSpace) -> float:
+        published = unstable_sensor_residual(1j * CHECKED)
+        ours = _response(example, CHECKED)
+        gain = (ours * published.conj()).sum() / (np.abs(published) ** 2).sum()
+        return float(np.abs(ours - gain * published).max() / abs(gain))
+
+    attained = check(
+        "structures {kind}",
+        "attainable rows, less those published",
+        lambda structures: abs(
+            structures - [YUAN_ROWS[kind] for kind in structures["kind"].values]
+        ),
+        at_most=0.0,
+        each="kind",
+    )
+
     def _through(self, Q: StateSpace, names: tuple[str, ...], omega: Array) -> Array:
-        """From controls or faults to the residuals, by solving with the stored matrices."""
+        """Response (F, 2, m) from controls or faults to the residuals, from the stored matrices."""
         system = self.model.system
         columns = [list(system.input_labels).index(name) for name in names]
         plant = realisation((system.A, system.B[:, columns], system.C, system.D[:, columns]), 0.0)
@@ -204,18 +221,17 @@ class FaultDetection(Study):
         given = filtered[:, :, 2:] if names == self.model.controls else 0.0
         return filtered[:, :, :2] @ y + given
 
-    # --- what people look at --------------------------------------------------------------------
+    # --- metrics and figures --------------------------------------------------------------------
 
-    def metrics(self, answer: Dataset) -> dict[str, float]:
+    certified = metric("norm", lambda norm: norm)
+    least = metric("bound", lambda bound: bound.max())
+    norm_exact = metric(lambda error: error.sel(generator="exact").max())
+    rows = metric(lambda structures: structures)
+
+    @metric
+    def of_generators(self, answer: Dataset) -> dict[str, float]:
         final = answer["step"].isel(time=-1)
-        nominal = final.sel(curve="nominal")
-        found = {
-            "norm": float(answer["norm"]),
-            "bound": float(answer["bound"].max()),
-            "norm_exact": float(answer["error"].sel(generator="exact").max()),
-            "rows_weak": float(answer["structures"].sel(kind="weak")),
-            "rows_strong": float(answer["structures"].sel(kind="strong")),
-        }
+        nominal, found = final.sel(curve="nominal"), {}
         for name in GENERATORS:
             one = final.sel(generator=name, input=["u1", "u2"])
             found[f"control_leak_{name}"] = float(np.abs(one.sel(curve=["least", "most"])).max())
@@ -224,12 +240,13 @@ class FaultDetection(Study):
             found[f"order_{name}"] = float(answer.sizes[f"{name}_state"])
         return found
 
-    def figures(self, answer: Dataset) -> dict[str, Figure]:
+    @figure
+    def shown(self, answer: Dataset) -> dict[str, Figure]:
         return {"steps": drawn.steps(answer), "matching": drawn.matching(answer)}
 
 
-def _joined(Q: StateSpace, model: FaultModel, A: Array) -> tuple[Array, Array, Array, Array]:
-    """Matrices from (faults, noise, controls) to the residuals, the plant having `A`."""
+def _joined(Q: StateSpace, model: FaultModel, A: Array) -> Matrices:
+    """Matrices from (faults, noise, controls) to the residuals, of a plant with this `A`."""
     faults, controls = len(model.faults), len(model.controls)
     names = (*model.faults, *model.noise, *model.controls)
     system = model.system
@@ -248,17 +265,17 @@ def _joined(Q: StateSpace, model: FaultModel, A: Array) -> tuple[Array, Array, A
 
 
 def _envelope(Q: StateSpace, model: FaultModel, time: Array) -> Array:
-    """Steps on the nominal plant, and the least and most of the uncertain ones: (3, T, 2, 4)."""
+    """Step responses (3, T, 2, 4) of the nominal plant, and least and most of uncertain plants."""
     curves = [
         _steps(_joined(Q, model, uncertain_dynamics(rho1, rho2)), time)
-        for rho1 in SPREAD
-        for rho2 in SPREAD
+        for rho1 in UNCERTAIN
+        for rho2 in UNCERTAIN
     ]
     nominal = _steps(_joined(Q, model, uncertain_dynamics(0.0, 0.0)), time)
     return np.array([nominal, np.min(curves, axis=0), np.max(curves, axis=0)])
 
 
-def _steps(matrices: tuple[Array, Array, Array, Array], time: Array) -> Array:
+def _steps(matrices: Matrices, time: Array) -> Array:
     """Unit steps of faults and controls (T, residuals, inputs), exact at the samples."""
     A, B, C, D = matrices
     columns = [0, 1, B.shape[1] - 2, B.shape[1] - 1]
@@ -274,13 +291,13 @@ def _steps(matrices: tuple[Array, Array, Array, Array], time: Array) -> Array:
 
 
 def _response(system: Any, omega: Array) -> Array:
-    """C (j omega - A)^-1 B + D."""
+    """Response C (j omega I - A)^-1 B + D, (F, outputs, inputs)."""
     s = 1j * np.asarray(omega)[:, None, None]
     return system.C @ np.linalg.solve(s * np.eye(len(system.A)) - system.A, system.B) + system.D
 
 
 def _peak_gain(residual: tuple[Array, ...], reference: StateSpace) -> float:
-    """SLICOT AB13DD of R - [M_r 0], the controls left out."""
+    """H-infinity norm of R - [M_r 0] without the controls, by SLICOT AB13DD."""
     from scipy.linalg import block_diag
     from slycot import ab13dd
 

@@ -1,6 +1,8 @@
-"""What people look at: the residuals' steps, and their errors over frequency."""
+"""Figures of fault detection: step responses of the residuals, and errors over frequency."""
 
 from __future__ import annotations
+
+from typing import Any
 
 from workbench import figures
 from workbench.heavy_types import Dataset, Figure
@@ -23,15 +25,9 @@ def steps(answer: Dataset) -> Figure:
         for name, (colour, label) in LOOKS.items():
             one = answer["step"].sel(generator=name, residual=row, input=column)
             low, high = one.sel(curve="least"), one.sel(curve="most")
-            panel.fill_between(
-                answer["time"],
-                low,
-                high,
-                color=colour,
-                alpha=0.25,
-                linewidth=0.0,
-                label=f"{label}, uncertain plants",
-            )
+            words = f"{label}, uncertain plants"
+            look: Any = {"color": colour, "alpha": 0.25, "linewidth": 0.0, "label": words}
+            panel.fill_between(answer["time"], low, high, **look)
             panel.plot(answer["time"], one.sel(curve="nominal"), color=colour, label=label)
         if row == rows[0]:
             panel.set_title(TITLES[str(column)], fontsize=10)
@@ -45,26 +41,15 @@ def steps(answer: Dataset) -> Figure:
 
 
 def matching(answer: Dataset) -> Figure:
-    """Errors against the reference model, and what no generator can go below."""
+    """Errors against the reference model, and the bound that no generator can go below."""
     figure, (panel,) = figures.axes(size=(7.0, 4.2))
     for name, (colour, label) in LOOKS.items():
         error = answer["error"].sel(generator=name)
-        panel.loglog(answer["frequency"], error, color=colour, label=label)
-    panel.loglog(
-        answer["frequency"],
-        answer["bound"],
-        "--",
-        color=figures.BLACK,
-        label="no generator has less",
-    )
-    panel.axhline(
-        float(answer["norm"]),
-        color=figures.BLUE,
-        linewidth=0.8,
-        linestyle=":",
-        label=f"certified norm {float(answer['norm']):.4f}",
-    )
-    panel.set_xlabel("frequency [Hz]")
-    panel.set_ylabel("largest singular value of the error")
+        panel.plot(answer["frequency"], error, color=colour, label=label)
+    words, norm = "no generator has less", float(answer["norm"])
+    panel.plot(answer["frequency"], answer["bound"], "--", color=figures.BLACK, label=words)
+    dotted: Any = {"color": figures.BLUE, "linewidth": 0.8, "linestyle": ":"}
+    panel.axhline(norm, **dotted, label=f"certified norm {norm:.4f}")
+    figures.label(panel, "frequency [Hz]", "largest singular value of the error", log="xy")
     figures.legend_below(figure, panel, columns=2)
     return figure

@@ -3,7 +3,7 @@
 import pytest
 
 from workbench.bench.discovery import scan
-from workbench.bench.project import built_in
+from workbench.bench.project import built_in, registry
 
 ENTRIES = list(scan(built_in()))
 
@@ -18,3 +18,9 @@ def test_the_last_part_of_a_name_is_the_name_of_its_file(entry):
     file = entry.file
     called = file.parent.name if file.stem == "problem" else file.stem
     assert entry.name.rpartition("/")[2].replace("-", "_") == called, f"{file}:{entry.line}"
+
+
+@pytest.mark.parametrize("entry", ENTRIES, ids=lambda entry: entry.name)
+def test_its_data_files_are_there(entry):
+    problem = registry().find(entry.name)
+    assert problem.data_hashes().keys() == set(problem.settings.data)
