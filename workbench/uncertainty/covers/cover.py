@@ -232,7 +232,7 @@ class UncertaintyCover(Program):
         """Lower bound (F,) on the radii of sets about the nominal, from the points alone."""
 
     def _second_off(self, answer: CoverSteps) -> RealArray:
-        """Distance (F,) of the second set from the smallest one, relative to the latter's radius."""
+        """Distance (F,) of the second set from the smallest one, relative to its least radius."""
         nominal, second = answer.model.nominal, answer.second
         sets = NarrowestStadium(self.away(nominal, self.points), center=0.0)
         least = self.least_radius(sets, second)

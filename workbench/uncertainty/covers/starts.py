@@ -57,7 +57,7 @@ def mean_response(points: ComplexArray) -> ComplexArray:
 
 
 def real_weights(program: StadiumCover, nominal: Rational, context: Context) -> Iterator[Rational]:
-    """Real weights fitted to the third set: a minimum-phase one, then if allowed one without that."""
+    """Real weights fitted to the third set: one of minimum phase, then if allowed one without."""
     third = program.third_set(program.away(nominal, program.points))
     end = unwrapped(third.half_length * np.exp(1j * third.angle))
     size = third.radius + HALF_LENGTH_SHARE * third.half_length
