@@ -1,8 +1,8 @@
-"""The compiled loop of `SampledLoop`, for any cascade of parts, sensor and reading.
+"""The compiled loop of `SampledLoop`, for any cascade of parts, any sensor and any reading.
 
-A sample is `look` at the plant, a turn of every part, and `move` to the next sample. The parts are
-called one by one, as many as there are `SLOTS`, and no array is cut inside the loop: counting the
-references to slices would cost more than the arithmetic.
+A sample consists of `look`, which measures the plant, a call of every part, and `move`, which
+advances to the next sample. The code calls each of the `SLOTS` parts explicitly and makes no slices
+of arrays inside the loop: counting references to slices would cost more than the arithmetic.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from workbench.arrays import RealArray
 from workbench.compiled import kernel
 from workbench.simulation.converters import convert
 
-Whole = NDArray[np.int64]
+IntegerArray = NDArray[np.int64]
 
 SLOTS = 8
-"""Parts that a cascade has room for."""
+"""Largest number of parts of a cascade."""
 
 
 @cache
 def pointer(arguments: int) -> Any:
-    """Type of a pointer to a compiled function that takes so many float arrays."""
+    """Numba's type of a pointer to a compiled function of so many float arrays."""
     from numba import types
 
     array = types.Array(types.float64, 1, "C")
@@ -34,10 +34,10 @@ def pointer(arguments: int) -> Any:
 
 @cache
 def machine() -> tuple[Any, Any, Any]:
-    """The compiled loop, and the two ends of a sample, `look` and `move`.
+    """The compiled loop, and the first and last part of a sample, `look` and `move`.
 
-    For pointers: with any other signature each controller would need its own. Compiled at the first
-    run.
+    Controllers are passed as pointers: with another signature each controller would need its own
+    compiled loop. The compilation takes place at the first run.
     """
     from numba import types as numba_types
 
@@ -78,13 +78,13 @@ def _turn(
     step: Any,
     state: RealArray,
     parameters: RealArray,
-    wires: Whole,
+    wires: IntegerArray,
     given: RealArray,
     told: RealArray,
     row: RealArray,
     at: int,
 ) -> None:
-    """One part: it is given what its wires name, and what it tells is written from `at` on."""
+    """Call one part: collect its inputs from the row, and write its outputs there from `at` on."""
     for i in range(len(wires)):
         given[i] = row[wires[i]]
     step(state, parameters, given, told)
@@ -109,9 +109,12 @@ def look(
     channels: RealArray,
     measurement: RealArray,
     position: RealArray,
-    saturated: Whole,
+    saturated: IntegerArray,
 ) -> None:
-    """Positions, channels and measurements of a sample; measurements and last outputs -> row."""
+    """Measure sample k: record positions, channels and measurements.
+
+    Measurements and the outputs of the previous sample are written at the start of the row.
+    """
     n, q, s, r = len(x), position.shape[1], len(filtered), len(measured)
     for i in range(q):
         total = 0.0
@@ -151,7 +154,7 @@ def move(
     end: RealArray,
     transition: RealArray,
     drive: RealArray,
-    age: Whole,
+    age: IntegerArray,
     fraction: RealArray,
     weights: RealArray,
     to_output: RealArray,
@@ -160,9 +163,9 @@ def move(
     exogenous: RealArray,
     command: RealArray,
     output: RealArray,
-    saturated: Whole,
+    saturated: IntegerArray,
 ) -> None:
-    """Convert the command at the end of the row, and advance plant and filters by a sample."""
+    """Convert the command at the end of the row, and advance plant and filters by one sample."""
     n, m, s = len(x), command.shape[1], len(filtered)
     for i in range(m):
         command[k, i] = row[len(row) - m + i] + excitation[k, i]
@@ -216,7 +219,7 @@ def _loop(
     wires: Any,
     given: Any,
     told: Any,
-    places: Whole,
+    places: IntegerArray,
     sense_parameters: RealArray,
     read_parameters: RealArray,
     row: RealArray,
@@ -230,7 +233,7 @@ def _loop(
     first: int,
     last: int,
 ) -> int:
-    """Run samples first to last - 1; the first one with a signal that is not finite, or last."""
+    """Run samples first to last - 1; return the first with a signal that is not finite, or last."""
     s0, s1, s2, s3, s4, s5, s6, s7 = states
     p0, p1, p2, p3, p4, p5, p6, p7 = parameters
     w0, w1, w2, w3, w4, w5, w6, w7 = wires

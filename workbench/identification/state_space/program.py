@@ -128,7 +128,8 @@ class StateSpaceFit(Program):
             raise InputError(
                 f"{len(u)} samples with {self.estimation} for estimation leave parts of {shortest} "
                 f"to judge on; more than washout + {RESIDUAL_LAGS} = "
-                f"{self.washout + RESIDUAL_LAGS} are needed: take a longer record or a shorter washout"
+                f"{self.washout + RESIDUAL_LAGS} are needed: "
+                "take a longer record or a shorter washout"
             )
         if not self.orders:
             raise InputError("no orders to choose from; give at least one")
