@@ -55,8 +55,8 @@ def following(
 
     It reads (e, w, v): its input e, its share w of the command, and the command v of the previous
     sample. For a `substitute` w is the share of the controller that it replaces, so its own share
-    is q = 1 - w; otherwise q = w. While q is below 1, an observer moves its state towards one that
-    would have given v:
+    is q = 1 - w; otherwise q = w. While q was below 1 at the previous sample, an observer moves its
+    state towards one that would have given v:
 
         x := A x + B e + (1 - q) L (v - y),    where A - L C settles at `rate` [1/s].
 

@@ -22,7 +22,7 @@ Values = Mapping[str, Any]
 
 
 class Measured(Protocol):
-    """Interface of data with a model; see `MeasuredResponse` and `MeasuredRecord`."""
+    """Interface of data with a model; see `MeasuredResponse` for the members."""
 
     @property
     def name(self) -> str: ...
