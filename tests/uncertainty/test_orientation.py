@@ -38,7 +38,7 @@ def total(costs, path, angles, weight, omega=OMEGA):
 def test_the_cheapest_path_is_found(seed, weight):
     rng = np.random.default_rng(seed)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(orientation, "CANDIDATES", 5)
+        patch.setattr(orientation, "CANDIDATE_ANGLES", 5)
         costs = rng.exponential(size=(5, 5))
         found = cheapest(lambda *_: costs, weight)(OMEGA, random_deviations(seed))
     angles = np.arange(5) * np.pi / 5
@@ -51,7 +51,7 @@ def test_the_cheapest_path_is_found(seed, weight):
 
 
 def test_the_smooth_path_is_the_cheapest(monkeypatch):
-    monkeypatch.setattr(orientation, "CANDIDATES", 5)
+    monkeypatch.setattr(orientation, "CANDIDATE_ANGLES", 5)
     angles = np.arange(5) * np.pi / 5
     for seed in range(4):
         away = random_deviations(seed)
@@ -64,7 +64,7 @@ def test_the_smooth_path_is_the_cheapest(monkeypatch):
 
 
 def test_what_a_cost_is_given(monkeypatch):
-    monkeypatch.setattr(orientation, "CANDIDATES", 8)
+    monkeypatch.setattr(orientation, "CANDIDATE_ANGLES", 8)
     away = random_deviations(1)
 
     def cost(omega, angle, radius, half_length):

@@ -136,11 +136,13 @@ def outline(answer: Shape) -> np.ndarray:
 
 
 def _is_logarithmic(axis: DataArray) -> bool:
+    """Whether an axis is positive and spans a factor of 20 or more."""
     values = axis.values
     return bool(np.all(values > 0) and values.max() >= 20 * values.min())
 
 
 def _label(axis: DataArray) -> str:
+    """Name and unit of an axis."""
     return f"{axis.attrs.get('long_name', axis.name)} [{axis.attrs.get('units', '1')}]"
 
 

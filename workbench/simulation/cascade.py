@@ -1,9 +1,9 @@
-"""Controllers put together: a detector, estimators, filters, switches, each a small part.
+"""Cascades of small controllers: a detector, estimators, filters, switches and so on.
 
-The parts run one after the other. Each is given signals by name: measurements, the outputs that the
-converters gave at the sample before, and what parts in front of it told. The last part gives the
-command. A strategy, what a controller is to see and do while a measurement is not to be trusted, is
-such a cascade.
+The parts run one after the other. Each reads signals by name: measurements, the converted outputs
+of the previous sample, and the outputs of earlier parts. The last part gives the command. For
+example a strategy, which decides what a controller reads and does while a measurement is
+unreliable, is a cascade.
 """
 
 from __future__ import annotations
@@ -20,15 +20,20 @@ from workbench.errors import InputError
 from workbench.simulation.controllers import Controller, idle
 from workbench.simulation.machine import SLOTS, pointer
 
-Whole = NDArray[np.int64]
+IntegerArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A controller by name, what it is given and what it tells; `tells` is its name when left out.
+    """A controller in a cascade, with the names of its inputs and outputs.
 
-    Raises InputError when it does not tell as many signals as the controller gives, and when it is
-    given fewer than that reads.
+    name        name of the part;
+    controller  the controller;
+    given       names of the signals that it reads;
+    tells       names of its outputs; by default the name of the part.
+
+    Raises InputError if the number of names differs from that of the controller's outputs, or is
+    smaller than the number of measurements that it reads.
     """
 
     name: str
@@ -46,18 +51,20 @@ class Part:
 
     @property
     def signals(self) -> tuple[str, ...]:
+        """Names of its outputs."""
         return tuple(self.tells) or (self.name,)
 
 
 @dataclass(frozen=True, eq=False)
 class Cascade:
-    """Parts in the order of their turns.
+    """Parts that run one after the other at each sample.
 
-    measurements  names of what the loop measures (r,);
-    parts         up to eight, the last one's outputs are the command (m,);
-    previous      names of the outputs of the sample before, behind the converters (m,).
+    measurements  names (r,) of the measurements of the loop;
+    parts         at most eight parts; the outputs of the last one are the command (m,);
+    previous      names (m,) of the outputs of the previous sample, after the converters.
 
-    Raises InputError for names given twice, a signal that nothing in front tells, too many parts.
+    Raises InputError for repeated names, for a signal that no earlier part gives, and for too many
+    parts.
     """
 
     measurements: Sequence[str]
@@ -89,17 +96,17 @@ class Cascade:
 
     @property
     def signals(self) -> tuple[str, ...]:
-        """All of them, in the order of a sample's row."""
+        """Names of all signals, in the order of the row of a sample."""
         told = (name for part in self.parts for name in part.signals)
         return (*self.measurements, *self.previous, *told)
 
     @property
     def plain(self) -> bool:
-        """Whether a part is in plain Python, which makes all of the loop slow."""
+        """Whether a part is plain Python, which makes the whole loop slow."""
         return any(part.controller.plain for part in self.parts)
 
     def check_period(self, period: float) -> None:
-        """Raises InputError when a part was made for another period [s]."""
+        """Raise InputError if a part was made for another sampling period [s]."""
         for part in self.parts:
             own = part.controller.period
             if own is not None and not np.isclose(own, period, rtol=1e-9, atol=0.0):
@@ -109,7 +116,7 @@ class Cascade:
 
 
 def alone(controller: Controller, measurements: int) -> Cascade:
-    """A controller that is given everything that is measured."""
+    """Cascade of a single controller that reads all measurements."""
     names = [f"measurement {i}" for i in range(measurements)]
     outputs = range(controller.outputs)
     part = Part("controller", controller, names, [f"output {i}" for i in outputs])
@@ -117,21 +124,32 @@ def alone(controller: Controller, measurements: int) -> Cascade:
 
 
 class Slots(NamedTuple):
-    """A cascade as the machine takes it, idle slots behind its parts; a copy of every state."""
+    """Arrays of a cascade for the compiled loop, with an entry for each of `SLOTS` parts.
+
+    Entries behind the last part are idle. The states are copies.
+
+    steps       compiled steps;
+    states      states, which the loop changes;
+    parameters  parameters of the steps;
+    wires       for each input of a part its place in the row of signals;
+    given       space for the inputs;
+    told        space for the outputs;
+    places      place of the first output in the row of signals.
+    """
 
     steps: tuple[Any, ...]
     states: tuple[RealArray, ...]
     parameters: tuple[RealArray, ...]
-    wires: tuple[Whole, ...]
+    wires: tuple[IntegerArray, ...]
     given: tuple[RealArray, ...]
     told: tuple[RealArray, ...]
-    places: Whole
+    places: IntegerArray
 
 
 def slots(cascade: Cascade, memory: dict[str, RealArray]) -> Slots:
-    """Slots of a cascade; a part whose name has a state in `memory` goes on from it.
+    """Slots of a cascade; a part whose name is in `memory` continues from the state stored there.
 
-    Raises InputError when it would take over another number of states.
+    Raises InputError if the numbers of states differ.
     """
     names, place = cascade.signals, len(cascade.measurements) + len(cascade.previous)
     rows: list[tuple[Any, ...]] = []
@@ -162,10 +180,11 @@ def slots(cascade: Cascade, memory: dict[str, RealArray]) -> Slots:
 
 
 def carried(part: Part) -> int:
-    """How many states it hands over, and takes over."""
+    """Number of states that a part hands over to, and takes over from, a part of the same name."""
     law = part.controller
     return np.size(law.state) if law.carried is None else law.carried
 
 
 def _vector(values: Any) -> RealArray:
+    """Values as a contiguous float array."""
     return np.ascontiguousarray(values, float)

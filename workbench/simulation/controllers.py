@@ -1,4 +1,4 @@
-"""Sampled controllers: compiled functions with a state, called once a sample."""
+"""Sampled controllers: compiled functions with a state that are called once per sample."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from workbench.heavy_types import StateSpace, TransferFunction
 
 @dataclass(frozen=True, eq=False)
 class Controller:
-    """Any sampled controller, its logic and memory included.
+    """Any sampled controller, with its logic and memory.
 
-    step        compiled function (state, parameters, measurement, output): reads the measurement,
-                updates the state and fills the output, all of them float arrays, in place;
-    state       its first state (n,); a run works on a copy;
-    parameters  whatever else it needs (p,);
-    outputs     how many signals it gives;
-    reads       how many measurements it must be given at least: compiled, it would read beyond
-                fewer of them.
-    period      that it was made for [s]; None: any;
-    carried     how many of its first states a controller takes over that is put in its place
-                during a run; None: all;
-    plain       the step is plain Python: good for trying things out; the loop is then forty times
-                slower.
+    step        compiled function (state, parameters, measurement, output) of float arrays: reads
+                the measurement, and updates the state and the output in place;
+    state       initial state (n,); a run works on a copy;
+    parameters  all other numbers that the step needs (p,);
+    outputs     number of output signals;
+    reads       smallest number of measurements; the compiled step does not check it and would read
+                beyond the end of a shorter array;
+    period      sampling period [s] that it was made for; None: any;
+    carried     number of states, from the first on, that its replacement takes over during a run;
+                None: all;
+    plain       whether the step is plain Python, which is convenient for trials but makes the loop
+                forty times slower.
 
-    Raises InputError when the step is neither compiled nor said to be plain.
+    Raises InputError if the step is neither compiled nor declared as plain.
     """
 
     step: Any
@@ -51,23 +51,23 @@ class Controller:
             )
 
     def need_measurements(self, given: int) -> None:
-        """Raise InputError where it would read more measurements than there are."""
+        """Raise InputError if it reads more measurements than are given."""
         if given < self.reads:
             raise InputError(f"the controller reads {self.reads} measurements; there are {given}")
 
 
 def idle(outputs: int = 1) -> Controller:
-    """A controller that gives nothing: what is left is the excitation, played in open loop."""
+    """Controller with zero outputs, so that only the excitation acts on the plant: an open loop."""
     return Controller(_idle, np.zeros(0), np.zeros(0), outputs)
 
 
 def linear(
     system: StateSpace | TransferFunction, period: float, measurements: Sequence[int] = (0,)
 ) -> Controller:
-    """A linear controller; a continuous one is discretised by the bilinear transform.
+    """Controller from a linear system; a continuous one is discretised by the bilinear transform.
 
-    `measurements` says which of the measurements are its inputs. Raises InputError when these do
-    not match, or when a discrete system has another period.
+    `measurements` holds the indices of the measurements that are its inputs. Raises InputError if
+    their number differs from that of the inputs, or if a discrete system has another `period` [s].
     """
     if any(one < 0 for one in measurements):
         raise InputError(f"measurements {measurements}: they are numbered from 0 on")
@@ -79,7 +79,7 @@ def linear(
     sizes = [system.nstates, system.ninputs, system.noutputs]
     matrices = [matrix.ravel() for matrix in (system.A, system.B, system.C, system.D)]
     parameters = np.concatenate([sizes, list(measurements), *matrices])
-    # The second half of the state is where the next one is put together.
+    # The second half of the state is work space for the next state.
     state = np.zeros(2 * system.nstates)
     reads = max(measurements) + 1
     outputs, n = system.noutputs, system.nstates
@@ -87,9 +87,9 @@ def linear(
 
 
 def in_discrete_time(system: StateSpace | TransferFunction, period: float) -> StateSpace:
-    """A continuous system by the bilinear transform; a discrete one as it is.
+    """Discretise a continuous system by the bilinear transform; a discrete one is returned as is.
 
-    Raises InputError when that has another sample time than `period` [s].
+    Raises InputError if a discrete system has another sampling period than `period` [s].
     """
     import control
 
@@ -104,6 +104,7 @@ def in_discrete_time(system: StateSpace | TransferFunction, period: float) -> St
 def _idle(
     state: RealArray, parameters: RealArray, measurement: RealArray, output: RealArray
 ) -> None:
+    """Step of `idle`."""
     output[:] = 0.0
 
 
@@ -111,6 +112,7 @@ def _idle(
 def _linear(
     state: RealArray, parameters: RealArray, measurement: RealArray, output: RealArray
 ) -> None:
+    """Step of `linear`; the parameters are n, m, p, the indices of the inputs, A, B, C and D."""
     n, m, p = int(parameters[0]), int(parameters[1]), int(parameters[2])
     at_a = 3 + m
     at_b = at_a + n * n

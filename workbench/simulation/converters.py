@@ -1,4 +1,4 @@
-"""Converters between volts and codes: they round and they saturate."""
+"""Converters between volts and codes, which round and saturate."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from workbench.errors import InputError
 
 @dataclass(frozen=True)
 class Converter:
-    """A converter of the range +-limit [V] with 2^bits codes; bits = None saturates only.
+    """Converter with the range +-limit [V] and 2^bits codes; with bits = None it only saturates.
 
-    Codes are two's complement: the highest level is one step below +limit. Raises InputError for a
-    limit or a number of bits that is not positive.
+    Codes are two's complement, so the highest level is one step below +limit. Raises InputError if
+    the limit or the number of bits is not positive.
     """
 
     limit: float
@@ -30,15 +30,15 @@ class Converter:
 
     @property
     def step(self) -> float:
-        """Volts per code; 0 without codes."""
+        """Voltage step [V] between codes; 0 without codes."""
         return 0.0 if self.bits is None else 2.0 * self.limit / 2**self.bits
 
     def levels(self, gain: float = 1.0) -> RealArray:
-        """Step, lowest and highest level (3,), referred to the input of an amplifier before it."""
+        """Step, lowest and highest level (3,), divided by the gain of an amplifier before it."""
         return np.array([self.step, -self.limit, self.limit - self.step]) / gain
 
     def convert(self, values: ArrayLike, gain: float = 1.0) -> tuple[RealArray, float]:
-        """Converted values of the same shape, and the share of them that saturated."""
+        """Converted values, in the same shape, and the share of values that saturated."""
         array = np.ascontiguousarray(values, float)
         converted, saturated = _convert_all(array.ravel(), self.levels(gain))
         return converted.reshape(array.shape), saturated / max(array.size, 1)
@@ -46,10 +46,10 @@ class Converter:
 
 @kernel
 def convert(value: float, step: float, lowest: float, highest: float) -> tuple[float, bool]:
-    """One value through a converter of these levels, and whether it saturated."""
+    """Converted value, and whether it saturated, for a converter with given levels."""
     if step > 0.0:
         value = step * math.floor(value / step + 0.5)
-    # Half a step of slack: rounding of the products must not count as saturation.
+    # Half a step of tolerance, so that rounding of the products does not count as saturation.
     if value < lowest - 0.5 * step:
         return lowest, True
     if value > highest + 0.5 * step:
@@ -59,6 +59,7 @@ def convert(value: float, step: float, lowest: float, highest: float) -> tuple[f
 
 @compiled
 def _convert_all(values: RealArray, levels: RealArray) -> tuple[RealArray, int]:
+    """Converted values (N,), and the number of values that saturated."""
     converted, saturated = np.empty_like(values), 0
     for k, value in enumerate(values):
         converted[k], over = convert(value, levels[0], levels[1], levels[2])

@@ -1,18 +1,19 @@
-"""A sampled controller around a continuous plant that a nonlinear sensor watches.
+"""Loop of a sampled controller and a continuous plant, measured by a nonlinear sensor.
 
     controller -> + -> D/A -> delay -> linear plant -> positions -> sensor -> filter -> A/D -+
         ^         excitation               |               exogenous signals                 |
         |                                  +-> further outputs --------------------> A/D ----+
         +----------------------------------- reading <---------------------------------------+
 
-Compiled functions make it particular: `sense(position, exogenous, parameters, signals)` is the
-sensor, `read(channels, parameters, measurement)` what the processor makes of the converted
-channels, and the steps of the controller, which may be a cascade of parts and change at stated
-times. They are called through pointers, so the loop itself is compiled once, whatever it is given.
+Three kinds of compiled functions define a particular loop: `sense(position, exogenous, parameters,
+signals)` is the sensor, `read(channels, parameters, measurement)` is the processor's computation of
+measurements from converted channels, and the steps are those of the controller, which may be a
+cascade of parts and may change at given times. They are called through pointers, so the loop itself
+is compiled only once.
 
-The plant is advanced exactly, its inputs being held. Between samples the exogenous signals are
-interpolated linearly and the sensor's signals quadratically, the latter through three points in
-each of `refine` steps before and after the input changes.
+The plant is advanced exactly for inputs that are held constant. Between samples the exogenous
+signals are interpolated linearly and the sensor's signals quadratically: through three points in
+each of `refine` steps before, and `refine` steps after, the input changes.
 """
 
 from __future__ import annotations
@@ -34,21 +35,28 @@ from workbench.simulation.machine import machine, pointer
 from workbench.simulation.plain import plain_loop
 from workbench.systems.sampling import hold, lowpass_weights, split_delay
 
-Whole = NDArray[np.int64]
+IntegerArray = NDArray[np.int64]
 
 
 Schedule = Sequence[tuple[float, Cascade]]
-"""From which time [s] on which cascade is in charge, in the order of time, the first from 0 on.
-A part that follows one of its name goes on from where that one was; others start afresh."""
+"""Cascades with the times [s] from which each is in charge, in rising order, the first from 0.
+
+A part continues from the state of the last part of the same name; others start from their initial
+state.
+"""
 
 
 class Trajectory(NamedTuple):
-    """What a run recorded at its N sampling instants.
+    """Signals of a run at its N sampling instants.
 
-    command (N, m) before the D/A converter, excitation included; output (N, m) behind it, before
-    the delay; channels (N, c) as converted; measurement (N, r) as read; position (N, q) true.
-    Saturated samples are counted by output (m,) and by channel (c,). signals (N,) by name: what the
-    parts told, NaN while there was no such part.
+    command             (N, m) before the D/A converter, including the excitation;
+    output              (N, m) after the D/A converter, before the delay;
+    channels            (N, c) after the A/D converters;
+    measurement         (N, r) as read;
+    position            (N, q), the true one;
+    saturated_outputs   (m,) number of saturated samples of each output;
+    saturated_channels  (c,) number of saturated samples of each channel;
+    signals             (N,) for each name: outputs of the parts, NaN while there is no such part.
     """
 
     command: RealArray
@@ -56,22 +64,30 @@ class Trajectory(NamedTuple):
     channels: RealArray
     measurement: RealArray
     position: RealArray
-    saturated_outputs: Whole
-    saturated_channels: Whole
+    saturated_outputs: IntegerArray
+    saturated_channels: IntegerArray
     signals: dict[str, RealArray]
 
 
 @dataclass(frozen=True, eq=False)
 class SampledLoop:
-    """All of the loop but the controller.
+    """The whole loop except its controller.
 
-    plant         strictly proper system; its first `positions` outputs go to the sensor, the others
-                  are channels, behind the sensor's;
-    sense         compiled sensor: position (q,), exogenous (w,), sense_parameters -> signals (s,);
-    corner        of the first-order filter of every sensor signal [rad/s];
-    read          compiled reading: channels (c,), read_parameters -> measurement (r,);
-    converters    levels (c, 3) of the channels and (m, 3) of the outputs, see `Converter.levels`;
-    period [s]; delay [samples], any real number; refine: steps between samples, see above.
+    plant             strictly proper system; its first `positions` outputs go to the sensor, the
+                      others are channels that follow those of the sensor;
+    sense             compiled sensor: position (q,), exogenous (w,), sense_parameters -> signals
+                      (s,);
+    signals           number s of the sensor's signals;
+    corner            corner frequency [rad/s] of the first-order filter of every sensor signal;
+    read              compiled reading: channels (c,), read_parameters -> measurement (r,);
+    measurements      number r of measurements;
+    channel_levels    levels (c, 3) of the channels' converters, see `Converter.levels`;
+    output_levels     levels (m, 3) of the outputs' converters;
+    period            sampling period [s];
+    delay             delay of the outputs [samples], any real number from 0;
+    refine            number of steps between samples, see above.
+
+    Raises InputError for a plant with direct feedthrough, and for levels of other shapes.
     """
 
     plant: StateSpace
@@ -109,13 +125,16 @@ class SampledLoop:
         exogenous: ArrayLike,
         noise: ArrayLike,
     ) -> Trajectory:
-        """Run from rest for N samples.
+        """Simulate the loop from rest for N samples.
 
-        excitation (N, m) adds to the controller's output; exogenous (N + 1, w) at the sampling
-        instants and one after; noise (N, c) adds to the channels before they are converted.
-        Raises InputError for other shapes, for values that are not finite, for a controller of
-        another sample time, a schedule that is out of order or beyond the record, and when a part
-        of the controller tells a value that is not finite: which, and when.
+        controller  a controller, a cascade, or a schedule of cascades;
+        excitation  (N, m), added to the controller's output;
+        exogenous   (N + 1, w), signals at the sampling instants and at the next one;
+        noise       (N, c), added to the channels before they are converted.
+
+        Raises InputError for other shapes, for values that are not finite, for a controller with
+        another sampling period, for a schedule that is out of order or longer than the record, and
+        if an output of a part is not finite; the message says which, and when.
         """
         exogenous = _checked("exogenous", exogenous, None, None)
         samples, m, c = len(exogenous) - 1, self.plant.ninputs, len(self.channel_levels)
@@ -155,7 +174,7 @@ class SampledLoop:
     def _stages(
         self, controller: Controller | Cascade | Schedule, samples: int
     ) -> list[tuple[int, int, Cascade]]:
-        """First sample, one after the last, and cascade of every stage."""
+        """Stages of the schedule: first sample, sample after the last, and cascade of each."""
         if isinstance(controller, Controller):
             controller = alone(controller, self.measurements)
         schedule = [(0.0, controller)] if isinstance(controller, Cascade) else list(controller)
@@ -185,7 +204,7 @@ class SampledLoop:
     def _stage(
         self, cascade: Cascade, made: Slots, rest: Any, first: int, last: int, samples: int
     ) -> RealArray:
-        """Run samples first to last - 1; the rows of their signals (last - first, S)."""
+        """Run samples first to last - 1, and return the rows (last - first, S) of their signals."""
         names = cascade.signals
         row, rows = np.zeros(len(names)), np.zeros((last - first, len(names)))
         ends = self.sense_parameters, self.read_parameters
@@ -216,11 +235,12 @@ class SampledLoop:
             )
         return rows
 
-    def _advance(self) -> tuple[RealArray, RealArray, Whole, RealArray, RealArray]:
-        """Matrices of each half step (H, ...) of a period, and weights of each step (H / 2, 4).
+    def _advance(self) -> tuple[RealArray, RealArray, IntegerArray, RealArray, RealArray]:
+        """Data of the H half steps of a period.
 
-        Also the age [samples] of the input that is held, and the fraction of the period at the
-        end of each half step.
+        Returns the transition and input matrices (H, n, n) and (H, n, m), the age (H,) [samples] of
+        the input that is held, the fraction (H,) of the period at the end of each half step, and
+        the weights (H / 2, 4) of the filter for each step.
         """
         whole, rest = split_delay(self.delay)
         pieces = [(rest, whole + 1), (1.0 - rest, whole)] if rest > 0.0 else [(1.0, whole)]
@@ -241,6 +261,7 @@ class SampledLoop:
 
 
 def _checked(name: str, values: ArrayLike, rows: int | None, columns: int | None) -> RealArray:
+    """Finite float array (rows, columns), or an InputError; None stands for any size."""
     array = np.ascontiguousarray(values, float)
     wanted = tuple("N" if size is None else size for size in (rows, columns))
     fits = array.ndim == 2 and all(

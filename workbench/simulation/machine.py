@@ -1,8 +1,8 @@
-"""The compiled loop of `SampledLoop`, for any cascade of parts, sensor and reading.
+"""The compiled loop of `SampledLoop`, for any cascade of parts, any sensor and any reading.
 
-A sample is `look` at the plant, a turn of every part, and `move` to the next sample. The parts are
-called one by one, as many as there are `SLOTS`, and no array is cut inside the loop: counting the
-references to slices would cost more than the arithmetic.
+A sample consists of `look`, which measures the plant, a call of every part, and `move`, which
+advances to the next sample. The code calls each of the `SLOTS` parts explicitly and makes no slices
+of arrays inside the loop: counting references to slices would cost more than the arithmetic.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from workbench.arrays import RealArray
 from workbench.compiled import kernel
 from workbench.simulation.converters import convert
 
-Whole = NDArray[np.int64]
+IntegerArray = NDArray[np.int64]
 
 SLOTS = 8
-"""Parts that a cascade has room for."""
+"""Largest number of parts of a cascade."""
 
 
 @cache
 def pointer(arguments: int) -> Any:
-    """Type of a pointer to a compiled function that takes so many float arrays."""
+    """Numba's type of a pointer to a compiled function of so many float arrays."""
     from numba import types
 
     array = types.Array(types.float64, 1, "C")
@@ -34,10 +34,10 @@ def pointer(arguments: int) -> Any:
 
 @cache
 def machine() -> tuple[Any, Any, Any]:
-    """The compiled loop, and the two ends of a sample, `look` and `move`.
+    """The compiled loop, and the first and last part of a sample, `look` and `move`.
 
-    For pointers: with any other signature each controller would need its own. Compiled at the first
-    run.
+    Controllers are passed as pointers: with another signature each controller would need its own
+    compiled loop. The compilation takes place at the first run.
     """
     from numba import types as numba_types
 
@@ -78,13 +78,13 @@ def _turn(
     step: Any,
     state: RealArray,
     parameters: RealArray,
-    wires: Whole,
+    wires: IntegerArray,
     given: RealArray,
     told: RealArray,
     row: RealArray,
     at: int,
 ) -> None:
-    """One part: it is given what its wires name, and what it tells is written from `at` on."""
+    """Call one part: collect its inputs from the row, and write its outputs there from `at` on."""
     for i in range(len(wires)):
         given[i] = row[wires[i]]
     step(state, parameters, given, told)
@@ -115,7 +115,10 @@ def look(
     played: Any,
     record: Any,
 ) -> None:
-    """Positions, channels and measurements of a sample; measurements and last outputs -> row."""
+    """Measure sample k: record positions, channels and measurements.
+
+    Measurements and the outputs of the previous sample are written at the start of the row.
+    """
     x, filtered, _ = memory
     converted, measured = desk[0], desk[1]
     to_output, limits, noise = plant[5], levels[0], played[2]
@@ -211,7 +214,7 @@ def _loop(
     sense: Any,
     read: Any,
     parts: Any,
-    places: Whole,
+    places: IntegerArray,
     ends: Any,
     row: RealArray,
     memory: Any,
@@ -224,7 +227,7 @@ def _loop(
     first: int,
     last: int,
 ) -> int:
-    """Run samples first to last - 1; the first one with a signal that is not finite, or last.
+    """Run samples first to last - 1; return the first with a signal that is not finite, or last.
 
     ``parts`` are the states, parameters, wires, inputs and outputs of every slot; ``ends`` the
     parameters of the sensor and of the reading. The steps come one by one: Numba has no tuples of

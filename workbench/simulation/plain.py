@@ -1,4 +1,4 @@
-"""The loop with a part in plain Python: sample by sample, so that Python has its turn."""
+"""The loop of `SampledLoop` in Python, for cascades with a part in plain Python."""
 
 from __future__ import annotations
 
@@ -21,7 +21,11 @@ def plain_loop(
     first: int,
     last: int,
 ) -> int:
-    """As the machine's loop, for the turns of the parts: step, state, parameters, wires, ..."""
+    """Run samples first to last - 1; return the first with a signal that is not finite, or last.
+
+    It does the same as the compiled loop. ``turns`` holds for each part the entries of `Slots`:
+    step, state, parameters, wires, inputs, outputs and place.
+    """
     _, look, move = machine()
     sense_parameters, read_parameters = ends
     for k in range(first, last):

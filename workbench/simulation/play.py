@@ -1,4 +1,4 @@
-"""A sampled controller, filter or estimator over a recorded series: no loop around it."""
+"""Run of a sampled controller, filter or estimator on a recorded series, without a loop."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from workbench.simulation.machine import pointer
 
 
 def play(controller: Controller, measurement: ArrayLike) -> RealArray:
-    """Its outputs (N, p) for a record of its measurements (N, r), sample by sample from its state.
+    """Outputs (N, p) of a controller for a record (N, r) of its measurements.
 
-    As in the loop: it sees nothing of what comes later. Raises InputError for a record that is not
-    finite, has no two axes or too few measurements, and when an output is not finite (at which
-    sample).
+    The controller starts from its initial state and reads one sample after the other, as in a loop.
+    Raises InputError if the record is not finite, has not two axes or too few measurements, or if
+    an output is not finite; the message says at which sample.
     """
     if not isinstance(controller, Controller):
         raise InputError(
@@ -50,6 +50,7 @@ def play(controller: Controller, measurement: ArrayLike) -> RealArray:
 
 @cache
 def _player() -> Any:
+    """`_play`, compiled for pointers to steps."""
     from numba import types
 
     vector, matrix = (types.Array(types.float64, n, "C") for n in (1, 2))
@@ -62,6 +63,7 @@ def _player() -> Any:
 def _play(
     step: Any, state: RealArray, parameters: RealArray, record: RealArray, output: RealArray
 ) -> int:
+    """Fill the outputs; return the first sample whose output is not finite, or the length."""
     for k in range(len(record)):
         step(state, parameters, record[k], output[k])
         for i in range(output.shape[1]):

@@ -1,15 +1,17 @@
-"""Repetitive control: the error of one period ago is added to that of now.
+"""Repetitive control, which adds the error of one period ago to the present error.
 
-    r(k) = Q (r + g e)(k - D),      the controller is given e + r            (the plug-in form)
+    r(k) = Q (r + g e)(k - D),      the controller reads e + r            (the plug-in form)
 
-D and the phase of the low-pass Q are one period together at the period's own frequency. With the
-sensitivity S = 1 / (1 + L) of the loop without it and T = 1 - S, the error becomes
+The delay D and the phase lag of the low-pass filter Q together are one period at the period's own
+frequency. Let S = 1 / (1 + L) be the sensitivity of the loop without repetitive control, and
+T = 1 - S. Then the error is the disturbance times
 
-    (1 - Q z^-D) / (1 - Q z^-D (1 - g T))  S      times what disturbs it:
+    (1 - Q z^-D) / (1 - Q z^-D (1 - g T))  S,
 
-nearly nothing at the rotation's harmonics within Q. The loop is stable when S is and
-|Q (1 - g T)| < 1 at all frequencies, whatever the delay, by the small gain theorem. (S. Hara,
-Y. Yamamoto, T. Omata, M. Nakano, IEEE Transactions on Automatic Control 33, 659-668, 1988.)
+which is nearly zero at the harmonics of the rotation within the passband of Q. By the small gain
+theorem the loop is stable for every delay if S is stable and |Q (1 - g T)| < 1 at all frequencies.
+(S. Hara, Y. Yamamoto, T. Omata, M. Nakano, IEEE Transactions on Automatic Control 33, 659-668,
+1988.)
 """
 
 from __future__ import annotations
@@ -29,12 +31,14 @@ from workbench.simulation.controllers import Controller, in_discrete_time
 
 @dataclass(frozen=True)
 class Repetitive:
-    """Repetitive control of what comes again with a frequency `rotation` [Hz].
+    """Repetitive control of disturbances that repeat with the frequency `rotation`.
 
-    period  sample time [s]; corner of Q, Butterworth's of order 2 [Hz]; gain g, above 0 to 1.
+    rotation  frequency of the repetition [Hz], positive;
+    period    sampling period [s];
+    corner    corner frequency [Hz] of Q, a Butterworth filter of order 2;
+    gain      g, above 0 and at most 1.
 
-    Raises InputError for values outside of that, above all for a rotation frequency of 0, and when
-    corner or rotation are too high for the sample time or for each other.
+    Raises InputError for other values, and unless rotation < corner < half the sampling frequency.
     """
 
     rotation: float
@@ -58,7 +62,7 @@ class Repetitive:
 
     @cached_property
     def lowpass(self) -> StateSpace:
-        """Q, by the bilinear transform."""
+        """The filter Q in discrete time, by the bilinear transform."""
         import control
 
         omega = 2 * math.pi * self.corner
@@ -67,14 +71,17 @@ class Repetitive:
 
     @property
     def delay(self) -> float:
-        """D [samples], no whole number; more than 1.5, for Q turns by less than 90 degrees."""
+        """The delay D [samples], in general not an integer.
+
+        It is more than 1.5, because the phase lag of Q is less than 90 degrees.
+        """
         turn = 2 * math.pi * self.rotation * self.period
         late = -float(np.angle(complex(self.lowpass(np.exp(1j * turn))))) / turn
         return 1.0 / (self.rotation * self.period) - late
 
     @property
     def controller(self) -> Controller:
-        """Given e, tells r; at first it remembers nothing."""
+        """Controller that reads e and gives r; its memory starts with zeros."""
         length = math.floor(self.delay) + 2
         Q = self.lowpass
         matrices = (np.ravel(one) for one in (Q.A, Q.B, Q.C, Q.D))
@@ -82,9 +89,10 @@ class Repetitive:
         return Controller(_repeat, np.zeros(3 + length), parameters, period=self.period)
 
     def contraction(self, loop: StateSpace) -> StateSpace:
-        """Q (1 - g T) of a discrete loop L under negative feedback; stable when its norm is < 1.
+        """System Q (1 - g T) for a discrete loop transfer function L under negative feedback.
 
-        Raises InputError when the loop without repetitive control is not stable.
+        Repetitive control is stable if its H-infinity norm is below 1. Raises InputError if the
+        loop without repetitive control is not stable.
         """
         import control
 
@@ -97,11 +105,11 @@ class Repetitive:
 
 @kernel
 def _repeat(state: RealArray, p: RealArray, given: RealArray, told: RealArray) -> None:
-    """State: place in the memory, both states of Q, the memory of r + g e."""
+    """Step of repetitive control; the state is the place in the memory, Q's states, the memory."""
     length = len(state) - 3
     place, whole = int(state[0]), int(p[0])
     rest = p[0] - whole
-    # The memory holds samples k - 1, k - 2, ... before place: linear between the two about k - D.
+    # The memory holds r + g e at samples k - 1, k - 2, ..., before place. Interpolate at k - D.
     late = state[3 + (place - whole) % length]
     later = state[3 + (place - whole - 1) % length]
     past = (1.0 - rest) * late + rest * later

@@ -1,7 +1,7 @@
-"""Small parts of strategies: what a controller is given while a measurement is not to be trusted.
+"""Small parts of strategies, which replace the input of a controller at unreliable measurements.
 
-w is the quality of the measurement, 1: good, 0: worthless. A quality outside 0 to 1 makes outputs
-NaN, which every run reports.
+w is the quality of the measurement, from 1 (good) to 0 (worthless). A quality outside 0 to 1 makes
+outputs NaN, which every run reports.
 """
 
 from __future__ import annotations
@@ -18,30 +18,30 @@ from workbench.simulation.controllers import Controller, in_discrete_time
 
 
 def blend() -> Controller:
-    """w a + (1 - w) b of the given (w, a, b); b = 0 where it is not given."""
+    """Part that reads (w, a, b) and gives w a + (1 - w) b; b is 0 if it is not given."""
     return Controller(_blend, np.zeros(0), np.zeros(0))
 
 
 def removed(gain: float = 1.0) -> Controller:
-    """a - (1 - w) gain f of the given (w, a, f): an estimated fault f taken out of a."""
+    """Part that reads (w, a, f) and gives a - (1 - w) gain f: it subtracts an estimated fault f."""
     return Controller(_removed, np.zeros(0), np.array([gain], float))
 
 
 def total() -> Controller:
-    """The sum of what is given."""
+    """Part that gives the sum of its inputs."""
     return Controller(_total, np.zeros(0), np.zeros(0))
 
 
 def silenced(intervals: Sequence[tuple[float, float]], period: float) -> Controller:
-    """The given w, and 0 in intervals of time [s], from and until: a detector's false alarms.
+    """Part that reads w and gives w, but 0 in intervals (from, until) [s]: false alarms.
 
-    Time runs from the first sample of its first stage. Raises InputError for intervals that are
-    empty, out of order or overlap.
+    Time starts at the first sample of its first stage. `period` is the sampling period [s]. Raises
+    InputError for intervals that are empty, out of order or overlap.
     """
     times = np.array(intervals, float).reshape(-1, 2)
     if not (np.isfinite(times).all() and (np.diff(times.ravel()) > 0.0).all()):
         raise InputError(f"intervals are {intervals}; need from < until, one after the other")
-    # The half sample makes rounding no matter.
+    # Half a sample of offset makes the comparison insensitive to rounding.
     return Controller(_silenced, np.zeros(1), times.ravel() / period - 0.5, period=period)
 
 
@@ -51,19 +51,20 @@ def following(
     rate: float = 500.0,
     substitute: bool = False,
 ) -> Controller:
-    """A linear controller that follows who is in charge while it is not: bumpless transfer.
+    """Linear controller that tracks the command while it is not in charge: bumpless transfer.
 
-    It is given (e, w, v): its input, its share of the command, for a substitute that of the one
-    that it replaces, and the command of the sample before. While its share q is below 1 an observer
-    makes its state one that would have given v:
+    It reads (e, w, v): its input e, its share w of the command, and the command v of the previous
+    sample. For a `substitute` w is the share of the controller that it replaces, so its own share
+    is q = 1 - w; otherwise q = w. While q was below 1 at the previous sample, an observer moves its
+    state towards one that would have given v:
 
-        x := A x + B e + (1 - q) L (v - y),    A - L C settles at `rate` [1/s].
+        x := A x + B e + (1 - q) L (v - y),    where A - L C settles at `rate` [1/s].
 
-    A rate near the loop's bandwidth is too much: where the command is shared, each follows the
-    other. Poles that are faster stay.
+    A rate near the bandwidth of the loop is too high, because two controllers that share the
+    command would then follow each other. Poles faster than the rate are kept.
 
-    Raises InputError for more than one input or output, a rate that is not positive, and when a
-    pole that is slower does not show in the output.
+    Raises InputError for more than one input or output, for a rate that is not positive, and if a
+    slower pole is unobservable at the output.
     """
     from scipy.signal import place_poles
 
@@ -95,8 +96,9 @@ def following(
 
 @kernel
 def _blend(state: RealArray, parameters: RealArray, given: RealArray, told: RealArray) -> None:
+    """Step of `blend`."""
     w, b = given[0], given[2] if len(given) > 2 else 0.0
-    # Not w a + (1 - w) b: what is not wanted at all may be huge.
+    # At w = 0 and w = 1 the other input is left out, because it may be infinite there.
     told[0] = given[1] if w == 1.0 else b if w == 0.0 else w * given[1] + (1.0 - w) * b
     if not 0.0 <= w <= 1.0:
         told[0] = np.nan
@@ -104,12 +106,14 @@ def _blend(state: RealArray, parameters: RealArray, given: RealArray, told: Real
 
 @kernel
 def _removed(state: RealArray, parameters: RealArray, given: RealArray, told: RealArray) -> None:
+    """Step of `removed`."""
     w = given[0]
     told[0] = given[1] - (1.0 - w) * parameters[0] * given[2] if 0.0 <= w <= 1.0 else np.nan
 
 
 @kernel
 def _total(state: RealArray, parameters: RealArray, given: RealArray, told: RealArray) -> None:
+    """Step of `total`."""
     told[0] = 0.0
     for i in range(len(given)):
         told[0] += given[i]
@@ -117,6 +121,7 @@ def _total(state: RealArray, parameters: RealArray, given: RealArray, told: Real
 
 @kernel
 def _silenced(state: RealArray, parameters: RealArray, given: RealArray, told: RealArray) -> None:
+    """Step of `silenced`; the state counts samples, the parameters are the intervals in samples."""
     told[0] = given[0]
     for i in range(0, len(parameters), 2):
         if parameters[i] <= state[0] < parameters[i + 1]:
@@ -126,7 +131,10 @@ def _silenced(state: RealArray, parameters: RealArray, given: RealArray, told: R
 
 @kernel
 def _following(state: RealArray, p: RealArray, given: RealArray, told: RealArray) -> None:
-    """State: x, room for the next x, own output and share of the sample before."""
+    """Step of `following`.
+
+    The state is x, work space for the next x, and output and share of the previous sample.
+    """
     n = int(p[0])
     at_b, at_c = 2 + n * n, 2 + n * n + n
     at_d, at_l = at_c + n, at_c + n + 1

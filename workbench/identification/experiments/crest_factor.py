@@ -1,4 +1,4 @@
-"""Multisines of low crest factor: the phases as an optimisation problem."""
+"""Multisines of low crest factor: their phases as an optimisation problem."""
 
 from __future__ import annotations
 
@@ -14,31 +14,31 @@ from workbench.identification.experiments.figures import period_figure
 from workbench.identification.experiments.multisine import Multisine, as_lines
 from workbench.program import Check, Program, worst
 
-POINTS = 64
-"""Instants of the check per period of the highest line: the bound is then 0.12 % above them."""
-DRAWN = 16
-"""Instants drawn per period of the highest line."""
-CHUNK = 1 << 20
-"""Numbers that a direct sum holds in memory at once."""
+CHECK_INSTANTS = 64
+"""Instants per period of the highest line in the check; the peak's bound is 0.12 % above theirs."""
+DRAWN_INSTANTS = 16
+"""Instants per period of the highest line in figures."""
+MAX_NUMBERS_IN_MEMORY = 1 << 20
+"""Largest number of terms that a direct sum holds in memory at once."""
 
 
 @dataclass(frozen=True, eq=False)
 class CrestFactor(Program):
-    """Phases of a multisine of given amplitudes with the lowest peak over its rms value.
+    """Phases of a multisine of given amplitudes that give the lowest ratio of peak to rms value.
 
-    The answer is the phases [rad], shape (K,). The problem has many local minima; no method
-    claims the best. The peak counts between the samples too: a trigonometric polynomial of degree
-    n is nowhere larger than its largest value at M > 2 n equidistant instants over cos(pi n / M)
-    (Ehlich and Zeller, Math. Z. 86, 1964).
+    The answer is the phases [rad], shape (K,). The problem has many local minima, so no method
+    claims to find the best ones. The peak is taken over all time, not only at the samples: with
+    P the largest value at M > 2 n equidistant instants, a trigonometric polynomial of degree n is
+    nowhere larger than P / cos(pi n / M) (Ehlich and Zeller, Math. Z. 86, 1964).
 
     Parameters
     ----------
     amplitudes
-        Peak values, of all or of each line, positive.
+        Positive peak values, one for all lines or one for each.
     lines
         Harmonic numbers, shape (K,), rising, above 0 and below samples / 2.
     samples
-        Per period.
+        Samples per period.
     """
 
     amplitudes: Any
@@ -55,10 +55,11 @@ class CrestFactor(Program):
 
     @property
     def rms(self) -> float:
+        """Root mean square of the signal."""
         return float(np.sqrt(np.sum(self.amplitudes**2) / 2))
 
     def multisine(self, phases: np.ndarray) -> Multisine:
-        """The signal of these phases."""
+        """The signal with given phases (K,) [rad]."""
         return Multisine(self.lines, self.amplitudes, phases, self.samples)
 
     def checks(self, answer: Any, tolerance: float) -> Sequence[Check]:
@@ -89,8 +90,8 @@ class CrestFactor(Program):
         return [proper, amplitudes, between]
 
     def peak(self, phases: np.ndarray) -> tuple[float, float]:
-        """Largest |u| over a fine grid, and a bound on it over all time."""
-        points = POINTS * int(self.lines[-1])
+        """Largest |u| on a fine grid of instants, and an upper bound on |u| over all time."""
+        points = CHECK_INSTANTS * int(self.lines[-1])
         grid = float(np.abs(self._sum(phases, points)).max())
         return grid, grid / float(np.cos(np.pi * self.lines[-1] / points))
 
@@ -107,7 +108,7 @@ class CrestFactor(Program):
         }
 
     def figures(self, answer: Any) -> dict[str, Figure]:
-        points = DRAWN * int(self.lines[-1])
+        points = DRAWN_INSTANTS * int(self.lines[-1])
         drawn, schroeder = (
             self.multisine(phases).period(points) / self.rms
             for phases in (self._phases(answer), schroeder_phases(self.lines, self.amplitudes))
@@ -132,28 +133,30 @@ class CrestFactor(Program):
         return data["phase"].values
 
     def _phases(self, answer: Any) -> np.ndarray:
+        """The answer as an array of phases (K,), or an `InputError`."""
         phases = np.asarray(answer, dtype=float)
         if phases.shape != self.lines.shape:
             raise InputError(f"{len(self.lines)} phases are needed, not shape {phases.shape}")
         return phases
 
     def _sum(self, phases: np.ndarray, points: int) -> np.ndarray:
-        """One period at equidistant instants, summed directly (the methods use the FFT)."""
-        rows = max(1, CHUNK // len(self.lines))
+        """One period at equidistant instants, summed term by term (the methods use the FFT)."""
+        rows = max(1, MAX_NUMBERS_IN_MEMORY // len(self.lines))
         parts = []
         for start in range(0, points, rows):
             instants = np.arange(start, min(start + rows, points))
-            # line * instant modulo points keeps the cosine's argument small and exact
+            # the remainder keeps the cosine's argument small and exact
             turns = np.outer(instants, self.lines) % points / points
             parts.append(np.cos(2 * np.pi * turns + phases) @ self.amplitudes)
         return np.concatenate(parts)
 
 
 def schroeder_phases(lines: np.ndarray, amplitudes: np.ndarray) -> np.ndarray:
-    """Phases whose group delay sweeps the period, each line for as long as its share of power.
+    """Phases [rad] of Schroeder's multisine, whose frequency sweeps through the lines in a period.
 
-    Schroeder, IEEE Trans. Inf. Theory 16(1), 1970, equation 11, for lines that may have gaps:
-    phase_k = -2 pi sum_{j < k} (line_k - line_j) p_j, p the share of power.
+    The sweep stays at each line for a time proportional to its power. Schroeder, IEEE Trans. Inf.
+    Theory 16(1), 1970, equation 11, extended to lines with gaps:
+    phase_k = -2 pi sum_{j < k} (line_k - line_j) p_j, where p_j is the share of power of line j.
     """
     power = amplitudes**2 / np.sum(amplitudes**2)
     before, moment = np.cumsum(power) - power, np.cumsum(power * lines) - power * lines

@@ -1,4 +1,4 @@
-"""Ways to a low crest factor: a formula, an iteration, a nonlinear program."""
+"""Methods for a low crest factor: a formula, an iteration and a nonlinear program."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from workbench.identification.experiments.crest_factor import CrestFactor, schro
 from workbench.program import Claim, method
 from workbench.solvers import Outcome, ipopt, ipopt_outcome
 
-SWAPS = 400
-"""Clippings; the crest factor hardly changes after them."""
-POINTS = 16
-"""Instants per period of the highest line."""
+CLIPPINGS = 400
+"""Number of clippings; the crest factor hardly changes after them."""
+INSTANTS = 16
+"""Instants per period of the highest line at which the signal is computed."""
 HALF_POWERS = tuple(2**n for n in range(1, 9))
-"""Halves of the even powers whose norms are minimised."""
+"""Halves p / 2 of the even powers p whose p-norms are minimised in turn."""
 
 
 @method(CrestFactor, "schroeder", optimal=False)
@@ -25,7 +25,7 @@ def _schroeder(program: CrestFactor, context: Context) -> Claim:
 
 @method(CrestFactor, "clipping", optimal=False)
 def _clipping(program: CrestFactor, context: Context) -> Claim:
-    """Time-frequency swapping: clip, keep the phases, restore the amplitudes, clip less.
+    """Clipping in time and restoring the amplitudes in frequency, in turn, with less clipping each.
 
     Van der Ouderaa, Schoukens and Renneboog, IEEE Trans. Instrum. Meas. 37(1), 1988.
     """
@@ -33,11 +33,11 @@ def _clipping(program: CrestFactor, context: Context) -> Claim:
 
 
 def clipped_phases(program: CrestFactor, context: Context) -> np.ndarray:
-    """The best phases met on the way of the swapping, from Schroeder's."""
-    points = POINTS * int(program.lines[-1])
+    """The best phases [rad] found by repeated clipping from Schroeder's phases."""
+    points = INSTANTS * int(program.lines[-1])
     phases = schroeder_phases(program.lines, program.amplitudes)
     best, lowest = phases, np.inf
-    for level in context.track(np.linspace(0.75, 0.995, SWAPS), "clippings"):
+    for level in context.track(np.linspace(0.75, 0.995, CLIPPINGS), "clippings"):
         signal = program.multisine(phases).period(points)
         peak = np.abs(signal).max()
         if peak < lowest:
@@ -49,14 +49,14 @@ def clipped_phases(program: CrestFactor, context: Context) -> np.ndarray:
 
 @method(CrestFactor, "ipopt", optimal=False)
 def _ipopt(program: CrestFactor, context: Context) -> Claim:
-    """Nonlinear programs: least p-norm for p doubled step by step, from the clipped phases.
+    """Nonlinear programs: least p-norm for doubled powers p in turn, from the clipped phases.
 
     Guillaume, Schoukens, Pintelon and Kollar, IEEE Trans. Instrum. Meas. 40(6), 1991. The minimax
     program itself has a constraint for every instant, and takes a hundred times as long.
     """
     import casadi as ca
 
-    points = POINTS * int(program.lines[-1])
+    points = INSTANTS * int(program.lines[-1])
     turns = 2 * np.pi * np.outer(np.arange(points), program.lines) / points
     with context.stating():
         phases = ca.MX.sym("phases", len(program.lines))
@@ -78,5 +78,6 @@ def _ipopt(program: CrestFactor, context: Context) -> Claim:
 
 
 def _peak(program: CrestFactor, phases: np.ndarray) -> float:
-    signal = program.multisine(phases).period(POINTS * int(program.lines[-1]))
+    """Largest |u| at the instants of the methods."""
+    signal = program.multisine(phases).period(INSTANTS * int(program.lines[-1]))
     return float(np.abs(signal).max())

@@ -1,4 +1,4 @@
-"""How far a system is from linear: harmonics of a sine, lines that an odd multisine left silent."""
+"""Measures of nonlinear distortion: harmonics of a sine, and silent lines of an odd multisine."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from workbench.errors import InputError
 
 
 def total_harmonic_distortion(amplitudes: ArrayLike) -> np.ndarray:
-    """Root sum of squares of the harmonics over the fundamental (equation 4.26, as a ratio).
+    """Ratio of the root sum of squares of the harmonics to the fundamental (equation 4.26).
 
     Parameters
     ----------
     amplitudes
-        Complex or magnitudes, shape (..., harmonics), the fundamental first, as `sine_fit` gives;
-        average the periods first, or noise counts as distortion.
+        Complex amplitudes or magnitudes, shape (..., harmonics), the fundamental first, as
+        `sine_fit` gives. Average the periods first, because noise would count as distortion.
 
     Returns
     -------
     ndarray
-        Shape (...); times 100 for percent.
+        Ratios of shape (...); multiply by 100 for percent.
     """
     sizes = np.abs(np.asarray(amplitudes))
     if sizes.ndim == 0 or sizes.shape[-1] < 2:
@@ -35,18 +35,18 @@ def total_harmonic_distortion(amplitudes: ArrayLike) -> np.ndarray:
 
 @dataclass(frozen=True)
 class LineDistortion:
-    """What silent lines show of nonlinearity.
+    """Nonlinear distortion at the silent lines of an odd multisine.
 
     Parameters
     ----------
     odd, even
-        Root-mean-square amplitude at silent odd and at even lines, the noise's share taken off.
+        Root-mean-square amplitude at silent odd lines and at even lines, without the noise's share.
     noise
-        Root-mean-square amplitude that noise alone gives the average.
+        Root-mean-square amplitude that noise alone causes in the averaged lines.
     excited
         Root-mean-square amplitude at excited lines.
     odd_p, even_p
-        p-values of there being nothing but noise.
+        p-values of the hypothesis that these lines contain only noise.
     """
 
     odd: float
@@ -57,7 +57,7 @@ class LineDistortion:
     even_p: float
 
     def detected(self, level: float = 0.01) -> bool:
-        """Some distortion stands out of the noise."""
+        """Whether distortion is significant at this level, shared between odd and even lines."""
         return min(self.odd_p, self.even_p) < level / 2
 
 
@@ -66,18 +66,19 @@ def line_distortion(
 ) -> LineDistortion:
     """Odd and even nonlinear distortion from the silent lines of an odd multisine.
 
-    A linear system answers on excited lines alone; an even nonlinearity appears on even lines, an
-    odd one on silent odd lines (Pintelon and Schoukens, section 4.3). Periods tell noise from it:
-    sum |mean|^2 over sum S^2 / M is F(2 L, 2 L (M - 1)) at L lines with noise alone.
+    A linear system responds at excited lines only; an even nonlinearity appears at even lines, an
+    odd one at silent odd lines (Pintelon and Schoukens, section 4.3). Repeated periods separate
+    distortion from noise: with noise alone, the ratio of sum |mean|^2 to sum S^2 / M over L lines
+    has the distribution F(2 L, 2 L (M - 1)).
 
     Parameters
     ----------
     amplitudes
-        Of one channel, shape (periods, lines), as `line_amplitudes` gives.
+        Complex amplitudes of one channel, shape (periods, lines), as `line_amplitudes` gives.
     excited
-        The lines of the multisine, odd. Lines between its first and last are looked at.
+        The odd lines of the multisine. The lines between the first and the last are examined.
     transients
-        Leading periods to discard.
+        Number of leading periods to discard.
     """
     periods = np.asarray(amplitudes, dtype=complex)[transients:]
     lines = np.asarray(excited)

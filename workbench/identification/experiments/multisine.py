@@ -1,4 +1,4 @@
-"""Multisines, and the lines of what comes back."""
+"""Multisines, and the complex amplitudes of a periodic record."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def line_amplitudes(signal: ArrayLike, samples: int) -> np.ndarray:
     signal
         Real, shape (..., N), N a multiple of ``samples``.
     samples
-        Per period.
+        Samples per period.
 
     Returns
     -------
@@ -30,7 +30,7 @@ def line_amplitudes(signal: ArrayLike, samples: int) -> np.ndarray:
     Raises
     ------
     InputError
-        The record is no whole number of periods.
+        The length of the record is no whole number of periods.
     """
     values = as_record(signal, "signal")
     if samples < 2:
@@ -60,11 +60,11 @@ class Multisine:
         Harmonic numbers, shape (K,), rising, above 0 and below samples / 2. The frequency of a
         line is line * sample rate / samples.
     amplitudes
-        Peak values, of all or of each line, positive.
+        Positive peak values, one for all lines or one for each.
     phases
-        [rad], shape (K,).
+        Phases [rad], shape (K,).
     samples
-        Per period.
+        Samples per period.
     """
 
     lines: Any
@@ -81,7 +81,7 @@ class Multisine:
             object.__setattr__(self, name, value)
 
     def period(self, points: int | None = None) -> np.ndarray:
-        """One period, at ``points`` instants (default: its samples)."""
+        """One period at ``points`` equidistant instants; by default at its samples."""
         points = points or self.samples
         spectrum = np.zeros(points // 2 + 1, dtype=complex)
         spectrum[self.lines] = points / 2 * self.amplitudes * np.exp(1j * self.phases)
@@ -89,7 +89,7 @@ class Multisine:
 
     @property
     def crest_factor(self) -> float:
-        """Largest sample over the root mean square."""
+        """Ratio of the largest |sample| to the root mean square."""
         signal = self.period()
         return float(np.abs(signal).max() / np.sqrt(np.mean(signal**2)))
 
@@ -97,7 +97,7 @@ class Multisine:
 def random_multisine(
     lines: ArrayLike, amplitudes: ArrayLike, samples: int, rng: np.random.Generator
 ) -> Multisine:
-    """A multisine of independent phases, uniform over the circle."""
+    """A multisine with independent random phases, uniform over the circle."""
     return Multisine(lines, amplitudes, rng.uniform(0, 2 * np.pi, np.size(lines)), samples)
 
 
@@ -106,8 +106,9 @@ def odd_lines(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Odd lines to excite, and odd lines left silent to detect nonlinear distortion.
 
-    Of every ``group`` consecutive odd lines from ``first`` to ``last`` a random one is silent, as
-    all even lines are (Pintelon and Schoukens, System Identification, 2nd ed., section 5.2).
+    In every group of ``group`` consecutive odd lines from ``first`` to ``last`` a random one is
+    silent; all even lines are silent too (Pintelon and Schoukens, System Identification, 2nd ed.,
+    section 5.2).
 
     Returns
     -------
@@ -127,7 +128,7 @@ def odd_lines(
 def as_lines(
     lines: ArrayLike, amplitudes: ArrayLike, samples: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Line numbers and their amplitudes, checked and of one shape (K,)."""
+    """Line numbers (K,) and their amplitudes (K,), or an `InputError`."""
     numbers = np.atleast_1d(np.asarray(lines))
     if numbers.dtype.kind not in "iu" or numbers.ndim != 1 or numbers.size == 0:
         raise InputError("lines must be whole numbers, one or more")

@@ -1,4 +1,4 @@
-"""Is a record fit for identification? Missing values, dead channels, clipped converters."""
+"""Quality checks of a record: missing values, dead channels, saturated converters."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from workbench.errors import InputError
 
 
 class IdentificationWarning(UserWarning):
-    """Data that can be used, but not trusted without a look; the message says what to do."""
+    """Data are usable but need attention; the message says what to do."""
 
 
 def as_record(signal: ArrayLike, name: str = "record") -> np.ndarray:
-    """A real, finite record of samples, shape (..., N).
+    """The record as a float array (..., N) of finite samples.
 
     Raises
     ------
     InputError
-        Empty, complex or not numbers; or NaN or infinite somewhere: the message names the first
-        such sample and its channel.
+        The record is empty, complex or not numeric; or a sample is NaN or infinite: the message
+        names the first one and its channel.
     """
     values = np.asarray(signal)
     if values.dtype.kind not in "biuf":
@@ -39,7 +39,7 @@ def as_record(signal: ArrayLike, name: str = "record") -> np.ndarray:
 
 
 def require_alive(record: np.ndarray, name: str) -> None:
-    """Raise `InputError` where a channel, along the last axis, never changes."""
+    """Raise `InputError` if a channel of the record (..., N) never changes."""
     dead = np.argwhere(np.ptp(np.atleast_2d(record), axis=-1) == 0)
     if len(dead):
         channel = ", ".join(str(i) for i in dead[0])
@@ -54,7 +54,7 @@ def checked_record(u: ArrayLike, y: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
     Raises
     ------
     InputError
-        Wrong shapes or unequal lengths, values that are not finite, a channel that never changes.
+        Shapes are wrong, lengths differ, values are not finite, or a channel never changes.
     """
     pair = []
     for name, values in (("u", u), ("y", y)):
@@ -71,12 +71,12 @@ def checked_record(u: ArrayLike, y: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
 
 
 def saturation(signal: ArrayLike, limits: tuple[float, float] | None = None) -> np.ndarray:
-    """Share of samples, of every channel, at the end of the converter's range.
+    """Share of saturated samples of every channel: those at an end of the converter's range.
 
-    With ``limits`` every sample at or beyond one counts. Without them the range is told from the
-    record: its extreme value is a limit where the signal stays on it for two samples or more and
-    had been heading beyond it by more than the converter's step. The crest of a sine in coarse
-    steps and the levels of a binary signal therefore do not count.
+    With ``limits`` every sample at or beyond a limit counts. Without them the range is estimated
+    from the record: an extreme value is a limit if the signal stays there for two samples or more
+    and the line through the two samples before exceeds it by more than the converter's step. So the
+    crest of a sine in coarse steps and the levels of a binary signal do not count.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ def _held_share(signal: np.ndarray) -> float:
     if not steps.any():
         return 0.0
     step = steps[steps > 0].min()
-    # Where two samples sit at the top: the line through the two before it, drawn on.
+    # Where two samples are at the top, extrapolate the line through the two samples before them.
     arrival = np.flatnonzero(~at_top[1:-2] & at_top[2:-1] & at_top[3:]) + 1
     heading = 2 * signal[arrival] - signal[arrival - 1] > top + step
     return float(at_top.mean()) if heading.any() else 0.0

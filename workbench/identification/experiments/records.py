@@ -1,4 +1,4 @@
-"""Records and responses from CSV, MAT and NetCDF files, labelled.
+"""Reading of records and responses from CSV, MAT and NetCDF files into labelled datasets.
 
 Every error names the file and the line or the variable.
 """
@@ -21,18 +21,18 @@ def read_record(
     sample_rate: float | None = None,
     time: str | None = None,
 ) -> Dataset:
-    """A record of inputs and outputs.
+    """Read a record of inputs and outputs from a file.
 
     Parameters
     ----------
     file
-        As `read_variables`.
+        A file that `read_variables` reads.
     inputs, outputs
-        Names of variables; one of several columns is several channels.
+        Names of variables; a variable with several columns gives several channels.
     sample_rate
-        [Hz]
+        Sampling frequency [Hz].
     time
-        Name of a variable with the instants [s], equidistant, instead of ``sample_rate``.
+        Name of a variable with equidistant instants [s], instead of ``sample_rate``.
 
     Returns
     -------
@@ -42,7 +42,7 @@ def read_record(
     Raises
     ------
     InputError
-        As `read_variables`; a variable is missing, has NaN or a length of its own, or the
+        The file cannot be read; a variable is missing, contains NaN or differs in length; or the
         instants are not equidistant.
     """
     import xarray as xr
@@ -65,7 +65,7 @@ def read_record(
         steps = np.diff(instants)
         if len(instants) != count or count < 2 or not steps[0] > 0:
             raise InputError(f"{file}: variable {time!r} needs {count} rising instants")
-        # A text file rounds its instants: a tenth of a step is no gap.
+        # Instants in text files are rounded, so deviations up to a tenth of a step are accepted.
         apart = np.abs(steps - steps.mean()) > 0.1 * steps.mean()
         if apart.any():
             raise InputError(
@@ -82,12 +82,12 @@ def read_record(
 
 
 def read_response(file: File, frequency: str, response: str | tuple[str, str]) -> Dataset:
-    """A measured frequency response.
+    """Read a measured frequency response from a file.
 
     Parameters
     ----------
     file
-        As `read_variables`.
+        A file that `read_variables` reads.
     frequency
         Name of the variable with the frequencies [Hz].
     response
@@ -125,6 +125,7 @@ def read_response(file: File, frequency: str, response: str | tuple[str, str]) -
 
 
 def _pick(file: File, variables: Mapping[str, np.ndarray], name: str) -> np.ndarray:
+    """A variable by name; an `InputError` if it is missing or not finite."""
     if name not in variables:
         raise InputError(
             f"{file} has no variable {name!r}; it has {', '.join(variables) or 'none'}"
@@ -143,14 +144,14 @@ def _pick(file: File, variables: Mapping[str, np.ndarray], name: str) -> np.ndar
 def _channels(
     file: File, variables: Mapping[str, np.ndarray], names: Sequence[str], kind: str
 ) -> tuple[list[str], np.ndarray]:
-    """Labels and samples, shape (channels, N), of variables that hold one channel or several."""
+    """Labels and samples (channels, N) of the channels in the variables of given names."""
     labels: list[str] = []
     rows: list[np.ndarray] = []
     for name in [names] if isinstance(names, str) else names:
         values = _pick(file, variables, name)
         if values.ndim > 2 or values.ndim == 0 or np.iscomplexobj(values):
             raise InputError(f"{file}: variable {name!r} is no {kind}: it has shape {values.shape}")
-        # Samples are the longer side, however the file lays its vectors.
+        # Take the longer side as the samples, whether the file has rows or columns.
         table = np.atleast_2d(
             values.T if values.ndim == 2 and len(values) > values.shape[1] else values
         )

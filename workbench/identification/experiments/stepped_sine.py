@@ -1,4 +1,4 @@
-"""The stepped sine, and the complex amplitudes of what comes back.
+"""The stepped sine, and the complex amplitudes of a recorded sine.
 
 Amplitudes are peak values: a signal is Re(X exp(j omega t)), with t = 0 at its first sample.
 """
@@ -15,30 +15,30 @@ from numpy.typing import ArrayLike
 from workbench.errors import InputError
 from workbench.identification.experiments.quality import as_record
 
-WHOLE = 1e-9
-"""Fraction of a sample or period by which a count may miss a whole number through rounding."""
+COUNT_ROUNDING = 1e-9
+"""Largest difference between a number of samples or periods and an integer that is rounding."""
 
 
 @dataclass(frozen=True, eq=False)
 class SteppedSine:
     """A sine that steps through frequencies without a jump in phase.
 
-    Iterating gives ``(frequency, samples)``, one frequency at a time. Each lasts ``periods``
-    periods, rounded up to whole samples; the next goes on from the phase reached.
+    Iteration gives ``(frequency, samples)`` for one frequency after another. Each lasts ``periods``
+    periods, rounded up to whole samples; the next one continues from the phase reached.
 
     Parameters
     ----------
     frequencies
-        [Hz], shape (F,), between 0 and half the sample rate.
+        Frequencies [Hz], shape (F,), between 0 and half the sample rate.
     periods
-        At each frequency.
+        Number of periods at each frequency.
     amplitude
-        Peak value, of all or of each frequency.
+        Peak value, one for all frequencies or one for each.
     sample_rate
-        [Hz]
+        Sampling frequency [Hz].
     """
 
-    frequencies: Any  # arrays from here on
+    frequencies: Any  # arrays after construction
     periods: int
     amplitude: Any
     sample_rate: float
@@ -54,9 +54,9 @@ class SteppedSine:
 
     @property
     def lengths(self) -> np.ndarray:
-        """Samples at each frequency, shape (F,)."""
+        """Number of samples (F,) at each frequency."""
         exact = self.periods * self.sample_rate / self.frequencies
-        return np.ceil(exact - WHOLE).astype(int)
+        return np.ceil(exact - COUNT_ROUNDING).astype(int)
 
     def __iter__(self) -> Iterator[tuple[float, np.ndarray]]:
         cycles = 0.0
@@ -73,18 +73,18 @@ def sine_fit(
 ) -> np.ndarray:
     """Complex amplitudes of a sine and its harmonics in every whole period of a record.
 
-    A period in time need be no whole number of samples: an offset, sines and cosines are fitted
-    by least squares to the samples that fall into each period, which is exact for a periodic
-    signal. Samples after the last whole period are left out.
+    A period need not be a whole number of samples: an offset, sines and cosines are fitted by
+    least squares to the samples in each period, which is exact for a periodic signal. Samples
+    after the last whole period are ignored.
 
     Parameters
     ----------
     signal
         Real, shape (..., N).
     sample_rate, frequency
-        [Hz]
+        Sampling frequency and frequency of the sine [Hz].
     harmonics
-        How many, the fundamental included.
+        Number of harmonics, including the fundamental.
 
     Returns
     -------
@@ -94,8 +94,8 @@ def sine_fit(
     Raises
     ------
     InputError
-        Less than one period, a harmonic beyond half the sample rate, or fewer samples a period
-        than the 2 * harmonics + 1 unknowns.
+        The record has less than one period, a harmonic is beyond half the sample rate, or a period
+        has fewer samples than the 2 * harmonics + 1 unknowns.
     """
     values = as_record(signal, "signal")
     _require_below_nyquist(np.array([frequency * harmonics]), sample_rate)
@@ -105,14 +105,14 @@ def sine_fit(
             f"{samples:.3g} samples a period cannot tell {unknowns} unknowns (an offset and "
             f"{harmonics} harmonics) at {frequency:g} Hz: sample faster or ask for fewer harmonics"
         )
-    periods = int(values.shape[-1] / samples + WHOLE)
+    periods = int(values.shape[-1] / samples + COUNT_ROUNDING)
     if periods < 1:
         raise InputError(
             f"{values.shape[-1]} samples are less than one period of {frequency:g} Hz at "
-            f"{sample_rate:g} Hz: at least {int(np.ceil(samples - WHOLE))} are needed"
+            f"{sample_rate:g} Hz: at least {int(np.ceil(samples - COUNT_ROUNDING))} are needed"
         )
-    edges = np.ceil(np.arange(periods + 1) * samples - WHOLE).astype(int)
-    # Less its first sample, a dead channel has amplitude zero exactly.
+    edges = np.ceil(np.arange(periods + 1) * samples - COUNT_ROUNDING).astype(int)
+    # With the first sample subtracted, a dead channel has amplitude zero exactly.
     values = values[..., : edges[-1]] - values[..., :1]
     turns = np.exp(2j * np.pi * frequency / sample_rate * np.arange(edges[-1]))
     powers = [turns**n for n in range(1, harmonics + 1)]
@@ -129,6 +129,7 @@ def sine_fit(
 
 
 def _require_below_nyquist(frequencies: np.ndarray, sample_rate: float) -> None:
+    """Raise `InputError` unless all frequencies lie between 0 and half the sample rate."""
     if not sample_rate > 0:
         raise InputError(f"the sample rate must be positive, not {sample_rate}")
     wrong = frequencies[~((frequencies > 0) & (frequencies < sample_rate / 2))]

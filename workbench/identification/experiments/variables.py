@@ -1,4 +1,4 @@
-"""Numeric variables from CSV, MAT and NetCDF files, by name."""
+"""Reading of numeric variables from CSV, MAT and NetCDF files."""
 
 from __future__ import annotations
 
@@ -17,14 +17,15 @@ File = str | PathLike[str]
 def read_variables(file: File) -> dict[str, np.ndarray]:
     """Every numeric variable of a file, by name.
 
-    ``.mat`` is MATLAB's format up to version 7, ``.nc`` NetCDF; all else is text in columns split
-    by commas, semicolons, tabs or spaces. A text's first line may name the columns; without it
-    they are called "1", "2" and so on. Lines that start with # or % are comments.
+    A file named ``.mat`` has MATLAB's format up to version 7, one named ``.nc`` is NetCDF; all
+    others are text with columns separated by commas, semicolons, tabs or spaces. The first line of
+    a text may name the columns; otherwise they are called "1", "2" and so on. Lines that start with
+    # or % are comments.
 
     Raises
     ------
     InputError
-        The file is missing or cannot be read as what its name says.
+        The file is missing, or does not have the format that its name says.
     """
     path = Path(file)
     reader = _READERS.get(path.suffix.lower(), _read_text)
@@ -34,6 +35,7 @@ def read_variables(file: File) -> dict[str, np.ndarray]:
 
 
 def _read_text(path: Path) -> dict[str, np.ndarray]:
+    """Columns of a text file, by name."""
     names: list[str] | None = None
     rows: list[list[float]] = []
     try:
@@ -68,11 +70,12 @@ def _read_text(path: Path) -> dict[str, np.ndarray]:
 
 
 def _splitter(text: str) -> str:
-    """What splits the cells of a line."""
+    """Regular expression of the separator between the cells of a line."""
     return next((mark for mark in ";,\t" if mark in text), r"\s+")
 
 
 def _is_number(cell: str) -> bool:
+    """Whether a cell can be read as a number."""
     try:
         float(cell)
     except ValueError:
@@ -81,19 +84,21 @@ def _is_number(cell: str) -> bool:
 
 
 def _read_mat(path: Path) -> dict[str, np.ndarray]:
+    """Numeric variables of a MAT file, by name."""
     from scipy.io import loadmat
 
     try:
         stored = loadmat(path, squeeze_me=True)
     except NotImplementedError:
         raise InputError(f"{path} is of MATLAB's version 7.3: save it with -v7") from None
-    except Exception as error:  # whatever SciPy trips over in a broken file
+    except Exception as error:  # SciPy raises many kinds of errors for a broken file
         raise InputError(f"{path} cannot be read as a MAT file: {error}") from None
     found = {name: np.atleast_1d(v) for name, v in stored.items() if not name.startswith("__")}
     return {name: v for name, v in found.items() if v.dtype.kind in "biufc"}
 
 
 def _read_netcdf(path: Path) -> dict[str, np.ndarray]:
+    """Numeric variables of a NetCDF file, by name."""
     import xarray as xr
 
     try:
@@ -108,3 +113,4 @@ _READERS: dict[str, Callable[[Path], dict[str, np.ndarray]]] = {
     ".mat": _read_mat,
     ".nc": _read_netcdf,
 }
+"""Reader for each ending of a file's name."""

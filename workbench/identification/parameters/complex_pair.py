@@ -1,7 +1,7 @@
-"""Complex numbers for CasADi, which has none: pairs of real expressions.
+"""Complex numbers for CasADi, which has none, as pairs of real expressions.
 
-A model of a response is written once, as a formula in its parameters and s. Evaluated with NumPy's
-complex numbers it gives numbers, evaluated with pairs it gives a graph with exact derivatives.
+A model of a response is written once, as a formula in its parameters and s. With NumPy's complex
+numbers it gives numbers; with pairs it gives a CasADi graph, which has exact derivatives.
 """
 
 from __future__ import annotations
@@ -16,13 +16,14 @@ import numpy as np
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """``real + j imag`` of CasADi expressions; NumPy's exp, log and sqrt take it too."""
+    """Complex number ``real + j imag`` of CasADi expressions, also for NumPy's exp, log, sqrt."""
 
     real: Any
     imag: Any = 0.0
 
     @classmethod
     def of(cls, value: Any) -> Pair:
+        """The pair of a pair, a complex number or a real number or expression."""
         if isinstance(value, Pair):
             return value
         if isinstance(value, complex | np.complexfloating):
@@ -70,21 +71,25 @@ class Pair:
         return product
 
     def conjugate(self) -> Pair:
+        """Complex conjugate."""
         return Pair(self.real, -self.imag)
 
     def exp(self) -> Pair:
+        """Exponential."""
         import casadi as ca
 
         size = ca.exp(self.real)
         return Pair(size * ca.cos(self.imag), size * ca.sin(self.imag))
 
     def log(self) -> Pair:
+        """Principal logarithm."""
         import casadi as ca
 
         size = self.real * self.real + self.imag * self.imag
         return Pair(0.5 * ca.log(size), ca.atan2(self.imag, self.real))
 
     def sqrt(self) -> Pair:
+        """Principal square root."""
         return self**0.5
 
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **keywords: Any) -> Any:
@@ -106,3 +111,4 @@ _OPERATIONS: dict[np.ufunc, Callable[..., Pair]] = {
     np.log: Pair.log,
     np.sqrt: Pair.sqrt,
 }
+"""Operation on pairs for each of NumPy's functions."""

@@ -1,4 +1,4 @@
-"""Labelled datasets of fits."""
+"""Labelled datasets of parameter fits."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from workbench.identification.parameters.measured import MeasuredRecord, Measure
 
 
 def fit_dataset(problem: LeastSquares, values: np.ndarray) -> Dataset:
-    """Parameters with bounds and covariance, and each datum beside its model."""
+    """Dataset of the parameters with bounds and covariance, and of all data with their models."""
     import xarray as xr
 
     names = list(problem.names)
@@ -42,7 +42,7 @@ def fit_dataset(problem: LeastSquares, values: np.ndarray) -> Dataset:
             variables[axis] = (axis, datum.frequency, unit)
         elif isinstance(datum, MeasuredRecord):
             data, dims = datum.y, (f"{label}_output", f"{label}_sample")
-        else:  # data of a caller's own kind
+        else:  # a kind of data defined by the caller
             continue
         model = datum.predicted(named)
         for kind, array in (("measured", data), ("model", model)):

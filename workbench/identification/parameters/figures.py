@@ -1,4 +1,4 @@
-"""Figures of parameter fits: each response and record beside its model."""
+"""Figures of parameter fits: each response and record with its model."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from workbench.identification.parameters.measured import Measured, MeasuredRecor
 
 
 def fit_figures(data: Sequence[Measured], values: Mapping[str, float]) -> dict[str, Figure]:
-    """One figure for each response and record, by its name."""
+    """One figure for each response and each record, by name."""
     drawn = {}
     for datum in data:
         stem = "-".join(datum.name.lower().split())
@@ -54,7 +54,7 @@ def response_figure(datum: MeasuredResponse, values: Mapping[str, float]) -> Fig
 
 
 def record_figure(datum: MeasuredRecord, values: Mapping[str, float]) -> Figure:
-    """Each output over the samples, and its simulation."""
+    """Measured and simulated outputs over the samples, one panel each."""
     figure, panels = figures.axes(len(datum.y), 1, size=(7.0, 2.0 + 2.0 * len(datum.y)))
     for index, (panel, measured, model) in enumerate(
         zip(panels, datum.y, datum.predicted(values), strict=True)
@@ -69,4 +69,5 @@ def record_figure(datum: MeasuredRecord, values: Mapping[str, float]) -> Figure:
 
 
 def _degrees(values: np.ndarray) -> np.ndarray:
+    """Phase [deg] of complex values."""
     return np.degrees(np.angle(values))

@@ -1,4 +1,4 @@
-"""Which combination of parameters the data cannot see, in words."""
+"""Identifiability: combinations of parameters that the data do not determine, in words."""
 
 from __future__ import annotations
 
@@ -8,25 +8,25 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg
 
-BLIND = 1e-9
-"""Singular value, relative to the largest, below which a derivative is rounding."""
-SMALL = 0.02
-"""Share in a combination below which a parameter is not named."""
+DERIVATIVE_ROUNDING = 1e-9
+"""Singular value of the Jacobian, relative to the largest, up to which it is rounding."""
+NAMED_SHARE = 0.02
+"""Share of a parameter in a combination, relative to the largest, above which it is named."""
 
 
 @dataclass(frozen=True, eq=False)
 class Identifiability:
-    """Singular values of the Jacobian to relative changes of the parameters, and what they say.
+    """Singular values of the Jacobian for relative changes of the parameters, and their meaning.
 
     Parameters
     ----------
     singular_values
-        Falling; one over each is the relative standard deviation of a combination.
+        In falling order; the inverse of each is the relative standard deviation of a combination.
     blind
-        Sentences on combinations that change nothing: the model's structure hides them.
+        Sentences on combinations that do not change the residuals, by the structure of the model.
     unseen
-        Sentences on these and on combinations that the data's noise hides: a change by their own
-        size stays within a standard deviation.
+        Sentences on these, and on combinations hidden by noise: a change of 100 % changes the
+        residuals by less than a standard deviation.
     """
 
     singular_values: np.ndarray
@@ -45,26 +45,26 @@ class Identifiability:
 def identifiability(
     jacobian: np.ndarray, names: Sequence[str], spread: float = 1.0
 ) -> Identifiability:
-    """Diagnosis from the derivatives of the residuals.
+    """Identifiability of parameters from the derivatives of the residuals.
 
     Parameters
     ----------
     jacobian
-        Of residuals to relative changes of the parameters, shape (N, n).
+        Derivatives (N, n) of the residuals with respect to relative changes of the parameters.
     names
-        Of the n parameters.
+        Names of the n parameters.
     spread
         Standard deviation of the residuals.
     """
     if not names:
         return Identifiability(np.empty(0), (), ())
     _, s, vt = np.linalg.svd(jacobian, full_matrices=False)
-    blind, weak = s <= BLIND * s[0], s <= spread
+    blind, weak = s <= DERIVATIVE_ROUNDING * s[0], s <= spread
     return Identifiability(s, _sentences(vt[blind], names), _sentences(vt[blind | weak], names))
 
 
 def _sentences(directions: np.ndarray, names: Sequence[str]) -> tuple[str, ...]:
-    """Each direction of relative change in words, the directions made as sparse as pivots do."""
+    """Sentences on directions (k, n) of relative change, after pivoting makes them sparse."""
     if not len(directions):
         return ()
     _, _, order = linalg.qr(directions, pivoting=True, mode="economic")
@@ -74,8 +74,9 @@ def _sentences(directions: np.ndarray, names: Sequence[str]) -> tuple[str, ...]:
 
 
 def _sentence(direction: np.ndarray, names: Sequence[str]) -> str:
+    """Sentence on one direction (n,) of relative change that the data do not determine."""
     shares = direction / direction[np.argmax(np.abs(direction))]
-    parts = [i for i in range(len(names)) if abs(shares[i]) > SMALL]
+    parts = [i for i in range(len(names)) if abs(shares[i]) > NAMED_SHARE]
     if len(parts) == 1:
         return f"{names[parts[0]]} does not show in the data: fix it or add data"
     if shares[parts[0]] < 0:
@@ -86,7 +87,7 @@ def _sentence(direction: np.ndarray, names: Sequence[str]) -> str:
 
 
 def _power(name: str, exponent: float) -> str:
-    """``name`` to a power that rises as the combination does: Bl^2, 1/k."""
+    """Power of a parameter that changes in proportion to the combination, such as Bl^2 or 1/k."""
     nearest = round(2 * exponent) / 2
     if nearest and abs(exponent - nearest) < 0.02 * abs(exponent):
         exponent = nearest

@@ -1,4 +1,4 @@
-"""The statistics of weighted nonlinear least squares."""
+"""Statistics of weighted nonlinear least squares."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from workbench.errors import InputError
 from workbench.identification.parameters.identifiability import Identifiability, identifiability
 from workbench.identification.parameters.measured import Measured
 
-AT_BOUND = 1e-6
-"""Distance from a bound, relative to the parameter's scale, at which it counts as active."""
+ACTIVE_BOUND_DISTANCE = 1e-6
+"""Distance from a bound, relative to the parameter's scale, up to which the bound is active."""
 
 
 @dataclass(frozen=True)
 class FittedParameter:
-    """Where the search of a parameter starts and between which bounds it stays."""
+    """A parameter to estimate: the start of its search, and its lower and upper bound."""
 
     start: float
     lower: float = -np.inf
@@ -37,29 +37,29 @@ class FittedParameter:
 
     @property
     def scale(self) -> float:
-        """A size to count changes in."""
+        """Typical size of the parameter, the unit of its changes."""
         span = self.upper - self.lower
         return abs(self.start) or (span if np.isfinite(span) else 1.0)
 
 
 @dataclass(frozen=True, eq=False)
 class LeastSquares:
-    """Data with their models, and parameters between bounds.
+    """Data with their models, and parameters with starts and bounds.
 
     Parameters
     ----------
     data
         One or several `MeasuredResponse` or `MeasuredRecord`, all with variance or all without.
     parameters
-        `FittedParameter` by name.
+        Each a `FittedParameter`, by name.
     starts
-        Starting points: the given one, and others drawn between the bounds, which must then be
-        finite (logarithmically where both are positive).
+        Number of starting points. The first is the given one; the others are drawn between the
+        bounds, which must be finite, on a logarithmic scale where both are positive.
 
     Raises
     ------
     InputError
-        No data, no parameters, more parameters than data, or bounds missing for many starts.
+        No data, no parameters, more parameters than data, or infinite bounds with several starts.
     """
 
     data: Sequence[Measured]
@@ -85,26 +85,30 @@ class LeastSquares:
 
     @property
     def names(self) -> tuple[str, ...]:
+        """Names of the parameters."""
         return tuple(self.parameters)
 
     def _each(self, attribute: str) -> np.ndarray:
+        """An attribute of every parameter, shape (n,)."""
         return np.array([getattr(one, attribute) for one in self.parameters.values()], float)
 
     @property
     def lower(self) -> np.ndarray:
+        """Lower bounds, shape (n,)."""
         return self._each("lower")
 
     @property
     def upper(self) -> np.ndarray:
+        """Upper bounds, shape (n,)."""
         return self._each("upper")
 
     @cached_property
     def scale(self) -> np.ndarray:
-        """Sizes to count changes of the parameters in, shape (n,)."""
+        """Typical sizes of the parameters, the units of their changes, shape (n,)."""
         return self._each("scale")
 
     def starting_points(self, rng: np.random.Generator) -> np.ndarray:
-        """Shape (starts, n)."""
+        """Starting points of the search, shape (starts, n)."""
         points = [self._each("start")]
         if self.starts > 1:
             low, high = self.lower, self.upper
@@ -116,34 +120,34 @@ class LeastSquares:
         return np.array(points)
 
     def active(self, values: np.ndarray) -> np.ndarray:
-        """Which parameters lie on a bound, boolean, shape (n,)."""
-        near = AT_BOUND * self.scale
+        """Mask (n,) of the parameters that lie on a bound."""
+        near = ACTIVE_BOUND_DISTANCE * self.scale
         return (values - self.lower <= near) | (self.upper - values <= near)
 
     # --- residuals ------------------------------------------------------------------------------
 
     @property
     def count(self) -> int:
-        """Real numbers measured."""
+        """Number of real data."""
         return sum(one.count for one in self.data)
 
     @property
     def spare(self) -> int:
-        """Degrees of freedom that the fit leaves."""
+        """Degrees of freedom of the residuals: number of data less number of parameters."""
         return self.count - len(self.parameters)
 
     @property
     def size(self) -> float:
-        """Norm of the data in units of their standard deviation."""
+        """Norm of the data, each in units of its standard deviation."""
         return float(np.linalg.norm([one.size for one in self.data]))
 
     def residuals(self, values: np.ndarray) -> np.ndarray:
-        """Model less data in units of the data's standard deviation, shape (count,), by NumPy."""
+        """Model minus data (count,), in units of the data's standard deviation, by NumPy."""
         named = dict(zip(self.names, map(float, values), strict=True))
         return np.concatenate([one.residuals(named) for one in self.data])
 
     def jacobian(self, values: np.ndarray) -> np.ndarray:
-        """Derivatives of the residuals by central differences, shape (count, n)."""
+        """Derivatives (count, n) of the residuals, by central differences."""
         sizes = np.maximum(np.abs(values), 1e-3 * self.scale)
         columns = []
         for index, step in enumerate(np.finfo(float).eps ** (1 / 3) * sizes):
@@ -158,20 +162,20 @@ class LeastSquares:
 
     @property
     def weighted(self) -> bool:
-        """The data's variance is given."""
+        """Whether the variance of the data is given."""
         return self.data[0].weighted
 
     def _per_residual(self, of_degrees: Any) -> np.ndarray:
-        """A function of each datum's degrees of freedom, for every residual."""
+        """Value for each residual (count,) of a function of its variance's degrees of freedom."""
         return np.concatenate([np.full(one.count, of_degrees(one.degrees)) for one in self.data])
 
     def covariance(self, values: np.ndarray) -> np.ndarray:
-        """Covariance of the estimate, shape (n, n); NaN for parameters on a bound.
+        """Covariance (n, n) of the estimate; NaN for parameters on a bound.
 
-        Residuals pass through the pseudo-inverse of the Jacobian. Where a weight is itself an
-        estimate of nu degrees of freedom the variance grows by nu / (nu - 4): for M periods
-        (M - 1) / (M - 3) (Schoukens et al., Automatica 33(6), 1997). Where no variance is given
-        it is that of the residuals.
+        It is the covariance of the residuals, transformed by the pseudo-inverse of the Jacobian.
+        Where a weight is an estimate with nu degrees of freedom, the variance grows by
+        nu / (nu - 4), which is (M - 1) / (M - 3) for M periods (Schoukens et al., Automatica 33(6),
+        1997). If no variance is given, it is estimated from the residuals.
         """
         free = np.flatnonzero(~self.active(values))
         covariance = np.full((len(values), len(values)), np.nan)
@@ -189,27 +193,27 @@ class LeastSquares:
         return covariance
 
     def intervals(self, values: np.ndarray, confidence: float = 0.99) -> np.ndarray:
-        """Half-widths of the intervals of the parameters, shape (n,); NaN on a bound."""
+        """Half-widths (n,) of the parameters' confidence intervals; NaN on a bound."""
         level = (1 + confidence) / 2
         quantile = stats.norm.ppf(level) if self.weighted else stats.t.ppf(level, self.spare)
         return quantile * np.sqrt(np.diag(self.covariance(values)))
 
     def chi_square(self, values: np.ndarray) -> tuple[float, float]:
-        """Sum of squares over what noise alone would leave, and the p-value of a larger one.
+        """Ratio of the sum of squares to its expectation under noise alone, and its p-value.
 
-        A low p-value says that the model's structure is wrong, or the variance too small; the
-        intervals then say nothing. Without a given variance nothing is said: 1 and NaN.
+        A low p-value says that the structure of the model is wrong or the variance too small; the
+        intervals are then meaningless. Without a given variance the results are 1 and NaN.
         """
         if not self.weighted:
             return 1.0, float("nan")
         shrink = self._per_residual(lambda nu: 1.0 if np.isinf(nu) else (nu - 2) / nu)
         ratio = float(np.sum(self.residuals(values) ** 2 * shrink)) / self.spare
-        # The squares of estimated weights scatter more: fewer degrees of freedom, same mean.
+        # Squares with estimated weights scatter more: use fewer degrees of freedom, same mean.
         wide = float(np.mean(self._per_residual(lambda nu: 1.0 if np.isinf(nu) else nu / (nu - 4))))
         return ratio, float(stats.chi2.sf(ratio * self.spare / wide, self.spare / wide))
 
     def identifiability(self, values: np.ndarray) -> Identifiability:
-        """Which combinations of the parameters off their bounds the data see."""
+        """Identifiability of the parameters that are not on a bound."""
         free = ~self.active(values)
         spread = 1.0
         if not self.weighted:
@@ -219,7 +223,7 @@ class LeastSquares:
         return identifiability((self.jacobian(values) * sizes)[:, free], names, spread)
 
     def notes(self, values: np.ndarray) -> list[str]:
-        """What a user must know before believing the intervals."""
+        """Warnings about the intervals: active bounds, hidden combinations, large residuals."""
         notes = []
         for i in np.flatnonzero(self.active(values)):
             side, bound = ("lower", self.lower[i])

@@ -1,7 +1,7 @@
-"""What a model is fitted to: measured responses and measured records, each with its model.
+"""Data of a parameter fit: measured responses and records, each with its model.
 
-A model is a Python function, evaluated twice: with numbers, for the checks, and with CasADi's
-symbols, for exact derivatives.
+A model is a Python function that is called with numbers, for the checks, and with CasADi's symbols,
+for exact derivatives.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from workbench.identification.parameters.complex_pair import Pair
 from workbench.identification.responses.periodic import ResponseEstimate
 
 Values = Mapping[str, Any]
-"""Parameters by name: numbers, or symbols."""
+"""Parameters by name, as numbers or as symbols."""
 
 
 class Measured(Protocol):
-    """Data, its model, and the residuals between them in units of their standard deviation."""
+    """Interface of data with a model; see `MeasuredResponse` for the members."""
 
     @property
     def name(self) -> str: ...
@@ -40,25 +40,25 @@ class Measured(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class MeasuredResponse:
-    """A response and the model ``model(p, s)`` of it.
+    """A measured frequency response with its model ``model(p, s)``.
 
     Parameters
     ----------
     model
         Function of the parameters by name and of s = j omega [rad/s]; returns the response, or
-        nested lists (outputs of inputs). Arithmetic, powers and NumPy's exp, log and sqrt are
-        understood: a delay is ``np.exp(-s * p["delay"])``.
+        nested lists (a list of inputs for each output). It may use arithmetic, powers and NumPy's
+        exp, log and sqrt: a delay is ``np.exp(-s * p["delay"])``.
     frequency
-        [Hz], shape (F,).
+        Frequencies [Hz], shape (F,).
     response
         Complex, shape (F,) or (F, outputs, inputs).
     variance
-        E|error|^2 of each entry, real and imaginary part together; None: alike everywhere, and
-        estimated from what the fit leaves.
+        E|error|^2 of each entry, real and imaginary part together; None: equal everywhere, and
+        estimated from the residuals.
     degrees
-        Degrees of freedom of the variance where it was itself estimated: 2 (M - 1) of M periods.
+        Degrees of freedom of the variance if it is an estimate: 2 (M - 1) for M periods.
     name
-        For messages and figures.
+        Name in messages and figures.
     """
 
     model: Callable[[Values, Any], Any]
@@ -91,7 +91,7 @@ class MeasuredResponse:
     def of(
         cls, model: Callable[[Values, Any], Any], estimate: ResponseEstimate, name: str = "response"
     ) -> MeasuredResponse:
-        """The model of an estimated response, weighted by its variance."""
+        """Measured response from an estimate with its variance, with a model."""
         arrays = estimate.response, estimate.variance
         if estimate.response.shape[1:] == (1, 1):
             arrays = estimate.response[:, 0, 0], estimate.variance[:, 0, 0]
@@ -99,17 +99,17 @@ class MeasuredResponse:
 
     @property
     def weighted(self) -> bool:
-        """The variance is given."""
+        """Whether the variance is given."""
         return self.variance is not None
 
     @property
     def count(self) -> int:
-        """Real numbers measured."""
+        """Number of real data."""
         return 2 * self.response.size
 
     @property
     def weights(self) -> np.ndarray:
-        """One over the standard deviation of either part, shape (F, entries)."""
+        """Inverse standard deviation (F, entries) of the real, and of the imaginary part."""
         entries = self.response.reshape(len(self.response), -1)
         if self.variance is None:
             return np.ones(entries.shape)
@@ -117,11 +117,11 @@ class MeasuredResponse:
 
     @property
     def size(self) -> float:
-        """Norm of the measurement in the residuals' unit."""
+        """Norm of the data in units of their standard deviation."""
         return float(np.linalg.norm(self.response.reshape(self.weights.shape) * self.weights))
 
     def predicted(self, values: Values) -> np.ndarray:
-        """The model's response, shaped as the measured one."""
+        """Response of the model, in the shape of the measured one."""
         s = 2j * np.pi * self.frequency
         entries = list(_entries(self.model(values, s)))
         if len(entries) * len(s) != self.response.size:
@@ -133,12 +133,12 @@ class MeasuredResponse:
         return np.stack(columns, axis=1).reshape(self.response.shape)
 
     def residuals(self, values: Mapping[str, float]) -> np.ndarray:
-        """Model less measurement over its standard deviation, real parts first."""
+        """Model minus data, in units of the standard deviation, real parts first."""
         error = (self.predicted(values) - self.response).reshape(self.weights.shape) * self.weights
         return np.concatenate([error.real.ravel(), error.imag.ravel()])
 
     def expression(self, names: Sequence[str], vector: Any) -> Any:
-        """The same as a CasADi expression of a vector of the parameters, in any order."""
+        """Residuals as a CasADi expression of the parameters in ``vector``, in another order."""
         import casadi as ca
 
         p, omega = ca.SX.sym("p", len(names)), ca.SX.sym("omega")
@@ -155,14 +155,14 @@ class MeasuredResponse:
 
 @dataclass(frozen=True, eq=False)
 class MeasuredRecord:
-    """Samples in time and the model ``step(p, x, u)`` that simulates them.
+    """A measured record with the model ``step(p, x, u)`` that simulates it.
 
     Parameters
     ----------
     step
         Function of the parameters by name, the list of states and the list of inputs at one
         sample; returns the list of states at the next sample and the list of outputs at this one.
-        Arithmetic and CasADi's functions are understood.
+        It may use arithmetic and CasADi's functions.
     initial
         Function of the parameters; returns the list of states at the first sample.
     u
@@ -170,9 +170,10 @@ class MeasuredRecord:
     y
         Outputs, shape (outputs, N).
     variance
-        Of the noise of each output, white, shape (outputs,); None as for a response.
+        Variance of each output's white noise, shape (outputs,); None has the same meaning as for
+        `MeasuredResponse`.
     name
-        For messages and figures.
+        Name in messages and figures.
     """
 
     step: Callable[[Values, Sequence[Any], Sequence[Any]], tuple[Sequence[Any], Sequence[Any]]]
@@ -191,31 +192,32 @@ class MeasuredRecord:
 
     @property
     def degrees(self) -> float:
+        """Degrees of freedom of the variance, which counts as exact."""
         return np.inf
 
     @property
     def weighted(self) -> bool:
-        """The variance is given."""
+        """Whether the variance is given."""
         return self.variance is not None
 
     @property
     def count(self) -> int:
-        """Real numbers measured."""
+        """Number of real data."""
         return self.y.size
 
     @property
     def weights(self) -> np.ndarray:
-        """One over the standard deviation of each output, shape (outputs, 1)."""
+        """Inverse standard deviation (outputs, 1) of each output."""
         outputs = len(self.y)
         return np.ones((outputs, 1)) if self.variance is None else self.variance[:, None] ** -0.5
 
     @property
     def size(self) -> float:
-        """Norm of the measurement in the residuals' unit."""
+        """Norm of the data in units of their standard deviation."""
         return float(np.linalg.norm(self.y * self.weights))
 
     def predicted(self, values: Values) -> np.ndarray:
-        """The simulated outputs, shape (outputs, N)."""
+        """Simulated outputs, shape (outputs, N)."""
         state: Sequence[Any] = list(self.initial(values))
         outputs = []
         for inputs in self.u.T:
@@ -224,11 +226,11 @@ class MeasuredRecord:
         return np.array(outputs, dtype=float).T
 
     def residuals(self, values: Mapping[str, float]) -> np.ndarray:
-        """Simulation less measurement over its standard deviation."""
+        """Simulation minus data, in units of the standard deviation."""
         return ((self.predicted(values) - self.y) * self.weights).ravel()
 
     def expression(self, names: Sequence[str], vector: Any) -> Any:
-        """The same as a CasADi expression of a vector of the parameters, in any order."""
+        """Residuals as a CasADi expression of the parameters in ``vector``, in another order."""
         import casadi as ca
 
         p, u = ca.SX.sym("p", len(names)), ca.SX.sym("u", len(self.u))
@@ -244,7 +246,7 @@ class MeasuredRecord:
 
 
 def _entries(value: Any) -> Iterator[Any]:
-    """The entries of nested lists, row by row."""
+    """Entries of nested lists, row by row."""
     if isinstance(value, list | tuple):
         for part in value:
             yield from _entries(part)
@@ -253,6 +255,7 @@ def _entries(value: Any) -> Iterator[Any]:
 
 
 def _variance(value: Any, shape: tuple[int, ...], name: str) -> np.ndarray | None:
+    """The given variance in a shape, None for None, or an `InputError`."""
     if value is None:
         return None
     variance = np.asarray(value, dtype=float)
@@ -267,5 +270,6 @@ def _variance(value: Any, shape: tuple[int, ...], name: str) -> np.ndarray | Non
 
 
 def _set(instance: Any, **values: Any) -> None:
+    """Set fields of a frozen dataclass while it is constructed."""
     for name, value in values.items():
         object.__setattr__(instance, name, value)

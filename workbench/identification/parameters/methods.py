@@ -1,4 +1,4 @@
-"""Least squares for parameters: IPOPT with exact derivatives, SciPy without CasADi."""
+"""Methods of the parameter fit: IPOPT with exact derivatives, and SciPy without CasADi."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from workbench.identification.parameters.program import ParameterFit
 from workbench.program import Claim, method
 from workbench.solvers import Outcome, ipopt, ipopt_outcome
 
-PASSES = 6
-"""Times that IPOPT starts anew from its answer, in units of the standard deviations there."""
-PROXIMAL = 1e-6
-"""Curvature added about each start, in those units, for directions that the data cannot see."""
+MAX_PASSES = 6
+"""Most runs of IPOPT from one start; each continues with standard deviations as new units."""
+PROXIMAL_CURVATURE = 1e-6
+"""Curvature added to the cost in those units, for directions that the data do not determine."""
 
 Local = Callable[[np.ndarray], tuple[np.ndarray, float, Outcome, str]]
-"""From a start to values, their sum of squares, the outcome and the solver's own words."""
+"""Function of a start that gives values, their sum of squares, the outcome and a message."""
 
 
 @method(ParameterFit, "ipopt", optimal=False)
@@ -33,20 +33,20 @@ def _ipopt(program: ParameterFit, context: Context) -> Claim:
         residuals = ca.Function("residuals", [values], [ca.vertcat(*parts)])
         spread = ca.MX.sym("spread")
         misfit = residuals(origin + unit * x) / spread
-        # The proximal term is gone from the optimum once a pass ends where it began.
-        cost = ca.sumsqr(misfit) / 2 + PROXIMAL * ca.sumsqr(x) / 2
+        # The proximal term vanishes at the optimum when a pass ends where it began.
+        cost = ca.sumsqr(misfit) / 2 + PROXIMAL_CURVATURE * ca.sumsqr(x) / 2
         nlp = {"x": x, "p": ca.vertcat(origin, unit, spread), "f": cost}
         solver = ipopt("fit", nlp, context.options)
         slope = residuals.jacobian()
 
     def local(start: np.ndarray) -> tuple[np.ndarray, float, Outcome, str]:
         values, step = start, program.scale
-        for number in range(PASSES):
+        for number in range(MAX_PASSES):
             left = residuals(values).full()
-            # Where the fit is exact, rounding remains.
+            # An exact fit leaves only rounding, so the spread has a lower limit.
             spread = max(float(np.linalg.norm(left)), 1e-12 * program.size) / program.count**0.5
             if number:
-                # The gradient that IPOPT stops at is then a number of standard deviations.
+                # The gradient at which IPOPT stops then has standard deviations as its unit.
                 slopes = np.linalg.norm(slope(values, left).full(), axis=0)
                 step = spread / np.maximum(slopes, 1e-9 * spread / program.scale)
             found = solver(
@@ -82,7 +82,7 @@ def _scipy(program: ParameterFit, context: Context) -> Claim:
             x_scale="jac",
             ftol=1e-14,
             xtol=1e-12,
-            gtol=None,  # absolute, where the residuals' unit may be any
+            gtol=None,  # it is absolute, but the residuals may have any unit
             max_nfev=500,
         )
         values = np.clip(scale * found.x, program.lower, program.upper)
@@ -93,10 +93,10 @@ def _scipy(program: ParameterFit, context: Context) -> Claim:
 
 
 def _best(program: ParameterFit, context: Context, local: Local) -> Claim:
-    """The least sum of squares from all starts, whatever the solver says of it.
+    """The answer with the smallest sum of squares from all starts, whatever its outcome.
 
-    A Hessian that is singular because the data cannot tell parameters apart ends in a status of
-    failure at the right place: the certificate then names the combination.
+    If the data do not determine a combination of parameters, the Hessian is singular and the solver
+    reports a failure at the right place; the certificate then names the combination.
     """
     points = program.starting_points(context.rng)
     found = [local(start) for start in context.track(points, "starts")]

@@ -1,4 +1,4 @@
-"""Physical parameters of a model from measured responses and records."""
+"""Estimation of the physical parameters of a model from measured responses and records."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from workbench.identification.experiments.quality import IdentificationWarning
 from workbench.identification.parameters.datasets import fit_dataset
 from workbench.identification.parameters.figures import fit_figures
 from workbench.identification.parameters.least_squares import (
-    AT_BOUND,
+    ACTIVE_BOUND_DISTANCE,
     FittedParameter,
     LeastSquares,
 )
@@ -23,17 +23,18 @@ from workbench.identification.parameters.measured import Measured
 from workbench.program import Check, Program, solve
 from workbench.solvers import Options
 
-STATIONARY = 1e-3
-"""Change of the residuals by a Newton step to the optimum, over their norm, that is let pass."""
+NEWTON_STEP_TOLERANCE = 1e-3
+"""Largest change of the residuals by a Newton step from a valid answer, relative to their norm."""
 
 
 @dataclass(frozen=True, eq=False)
 class ParameterFit(LeastSquares, Program):
-    """Weighted nonlinear least squares: parameters by which models meet their data.
+    """Weighted nonlinear least squares: the parameters for which the models fit their data best.
 
-    The answer is the values, shape (n,), in the order of ``parameters``. The residuals are in
-    units of their standard deviation. The problem may have local minima, so no method claims the
-    best; raise ``starts`` where that is feared. Data and errors are those of `LeastSquares`.
+    The answer is the values (n,), in the order of ``parameters``. The residuals are in units of
+    their standard deviation. The problem may have local minima, so no method claims to find the
+    best one; raise ``starts`` if that is a concern. Arguments and errors are those of
+    `LeastSquares`.
     """
 
     default_method: ClassVar[str] = "ipopt"
@@ -65,12 +66,12 @@ class ParameterFit(LeastSquares, Program):
             "Newton's step to the optimum, bounds kept, by how it changes the residuals, over "
             "their norm (1e-9 of the data's, or with variance given 1, if that is more)",
             self._newton_step(values, residuals) / self._ground(residuals),
-            STATIONARY,
+            NEWTON_STEP_TOLERANCE,
         )
         return [bounds, stationary, identifiable, self._definite(values)]
 
     def _definite(self, values: np.ndarray) -> Check:
-        """The covariance of the free parameters is one, by its correlation matrix."""
+        """Check that the covariance of the free parameters is positive definite."""
         covariance = self.covariance(values)
         free = ~self.active(values)
         inner = covariance[np.ix_(free, free)]
@@ -85,22 +86,22 @@ class ParameterFit(LeastSquares, Program):
         )
 
     def _ground(self, residuals: np.ndarray) -> float:
-        """Below it a change of the residuals means nothing: noise, or rounding of exact data."""
+        """Size below which a change of the residuals is meaningless: noise, or rounding."""
         noise = float(np.linalg.norm(residuals))
         return max(noise, 1e-9 * self.size, 1.0 if self.weighted else 0.0)
 
     def _newton_step(self, values: np.ndarray, residuals: np.ndarray) -> float:
-        """sqrt(g' H^-1 g) over the parameters that may move, H of Gauss and Newton."""
+        """sqrt(g' H^-1 g) over the parameters that can move, with gradient g, Gauss-Newton H."""
         jacobian = self.jacobian(values) * self.scale
         gradient = jacobian.T @ residuals
-        near = AT_BOUND * self.scale
+        near = ACTIVE_BOUND_DISTANCE * self.scale
         held = ((values - self.lower <= near) & (gradient > 0)) | (
             (self.upper - values <= near) & (gradient < 0)
         )
         if held.all():
             return 0.0
         u, s, _ = np.linalg.svd(jacobian[:, ~held], full_matrices=False)
-        seen = s > 1e-9 * s[0]  # along what the data cannot see there is no optimum to miss
+        seen = s > 1e-9 * s[0]  # undetermined combinations have no optimum to miss
         return float(np.linalg.norm(u.T[seen] @ residuals))
 
     def metrics(self, answer: Any) -> dict[str, float]:
@@ -131,6 +132,7 @@ class ParameterFit(LeastSquares, Program):
         return data["value"].values
 
     def _values(self, answer: Any) -> np.ndarray:
+        """The answer as an array (n,), or an `InputError`."""
         values = np.asarray(answer, dtype=float)
         if values.shape != (len(self.names),):
             raise InputError(f"{len(self.names)} values are needed, not shape {values.shape}")
@@ -139,7 +141,7 @@ class ParameterFit(LeastSquares, Program):
 
 @dataclass(frozen=True, eq=False)
 class ParameterEstimate:
-    """Fitted parameters: values by name, their covariance, and what to know before using them."""
+    """Fitted parameters: values by name, covariance, half-widths of intervals, and warnings."""
 
     values: Mapping[str, float]
     covariance: np.ndarray
@@ -159,27 +161,30 @@ def fit_parameters(
     confidence: float = 0.99,
     options: Options | None = None,
 ) -> ParameterEstimate:
-    """Parameters by which models meet their data, with the half-widths of their intervals.
+    """Fit parameters to measured data, with the half-widths of their confidence intervals.
 
     Parameters
     ----------
     data, parameters
-        As `ParameterFit`; a single datum may stand alone.
+        The same as for `ParameterFit`; a single response or record needs no list.
     method
         ``"ipopt"`` or ``"scipy"``.
     confidence
-        Of the intervals.
+        Probability of the intervals.
+    options
+        Accuracy and time limit for the method.
 
     Raises
     ------
     SolverError
-        The method gave no valid answer; the message says which check fails, for instance that
-        the data cannot tell parameters apart.
+        The method gave no valid answer. The message says which check fails, for instance that the
+        data do not determine a combination of parameters.
 
     Warns
     -----
     IdentificationWarning
-        Active bounds, parameters hardly seen, residuals larger than the variance allows.
+        Active bounds, parameters that the data hardly determine, or residuals larger than the
+        variance allows.
     """
     program = ParameterFit(data if isinstance(data, Sequence) else [data], parameters)
     solution = solve(program, method, options)

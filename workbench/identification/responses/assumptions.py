@@ -1,4 +1,4 @@
-"""Is the noise of repeated periods what the region around their mean takes it for?"""
+"""Tests of the assumptions on the noise of repeated periods that confidence regions rely on."""
 
 from __future__ import annotations
 
@@ -11,18 +11,20 @@ from scipy import stats
 
 @dataclass(frozen=True)
 class Assumptions:
-    """p-values of what the region of a periodic response assumes; NaN where nothing can be said.
+    """p-values of the assumptions behind the region of a periodic response; NaN if untestable.
 
     Parameters
     ----------
     circular
-        Equal variance and independence of real and imaginary part: the likelihood ratio of
-        sphericity at each frequency, of which P(W <= w) = w^((M - 2) / 2) (Anderson, An
-        Introduction to Multivariate Statistical Analysis, section 10.7), joined by Fisher's rule.
+        Equal variance and independence of real and imaginary part. The test is the likelihood ratio
+        W of sphericity at each frequency, with P(W <= w) = w^((M - 2) / 2) (Anderson, An
+        Introduction to Multivariate Statistical Analysis, section 10.7); the frequencies are
+        combined by Fisher's rule.
     normal
-        Kurtosis of the residuals over all frequencies, against its moments on the complex sphere.
+        Normal distribution, by the kurtosis of the residuals over all frequencies, compared with
+        its moments on the complex sphere.
     independent
-        Correlation of successive periods; low where transients or drifts remain.
+        Independence of successive periods, by their correlation; low with transients or drifts.
     """
 
     circular: float
@@ -30,12 +32,12 @@ class Assumptions:
     independent: float
 
     def holds(self, level: float = 0.01) -> bool:
-        """No test rejects at this level, shared among the three."""
+        """Whether no test rejects at this level, shared among the three tests."""
         return all(not p < level / 3 for p in (self.circular, self.normal, self.independent))
 
 
 def assess(residual: np.ndarray) -> Assumptions:
-    """Tests on residuals of shape (sets, periods), each set about its own mean."""
+    """p-values from residuals of shape (sets, periods), each set about its own mean."""
     periods = residual.shape[1]
     power = np.sum(np.abs(residual) ** 2, axis=1)
     residual, power = residual[power > 0], power[power > 0]

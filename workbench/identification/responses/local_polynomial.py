@@ -1,8 +1,8 @@
-"""Frequency response with its variance from a single arbitrary record: local polynomial method.
+"""Frequency response and its variance from one arbitrary record, by the local polynomial method.
 
-In a narrow band around each frequency the response and the transients of the record's two ends are
-polynomials of the frequency; least squares over the band's lines gives both, and its residual the
-noise.
+In a narrow band around each frequency, the response and the transients from the two ends of the
+record are modelled as polynomials of the frequency. Least squares over the lines of the band gives
+both, and the residuals give the noise.
 
 Source: R. Pintelon, J. Schoukens, G. Vandersteen and K. Barbe, "Estimation of nonparametric noise
 and FRF models for multivariable systems", Mechanical Systems and Signal Processing 24, 2010.
@@ -22,11 +22,19 @@ from workbench.identification.experiments.quality import checked_record
 
 @dataclass(frozen=True, eq=False)
 class LocalPolynomial:
-    """A response over F frequencies and what is known of its errors.
+    """A response at F frequencies, with the covariance of its errors.
 
-    frequency (F,) [cycles/sample]; response (F, ny, nu); covariance (F, ny nu, ny nu) of the
-    response's entries, row by row; noise (F, ny, ny), covariance of the output noise's discrete
-    Fourier transform, which is scaled by 1/sqrt(N).
+    Parameters
+    ----------
+    frequency
+        Frequencies (F,) [cycles/sample].
+    response
+        Complex (F, ny, nu).
+    covariance
+        Covariance (F, ny nu, ny nu) of the entries of the response, row by row.
+    noise
+        Covariance (F, ny, ny) of the discrete Fourier transform, scaled by 1/sqrt(N), of the output
+        noise.
     """
 
     frequency: RealArray
@@ -45,28 +53,28 @@ class LocalPolynomial:
 def local_polynomial(
     u: ArrayLike, y: ArrayLike, degree: int = 2, lines: int | None = None
 ) -> LocalPolynomial:
-    """Response from u (N, nu) to y (N, ny), at every line of the record between 0 and 1/2.
+    """Response from u (N, nu) to y (N, ny) at every line of the record between 0 and 1/2.
 
     Parameters
     ----------
     degree
         Degree of the polynomials.
     lines
-        Lines of a band; by default eight more than there are unknowns. More of them lower the
-        variance and blur resonances.
+        Number of lines of a band; by default eight more than the unknowns. More lines lower the
+        variance but blur resonances.
 
     Raises
     ------
     InputError
-        As `checked_record`; the band has too few lines for its unknowns, the record too few for
-        the band.
+        The same as for `checked_record`; too few lines in the band for its unknowns, or in the
+        record for the band.
     """
     u, y = checked_record(u, y)
     samples, nu = u.shape
     unknowns = (degree + 1) * (nu + 1)
     width = unknowns + 8 if lines is None else lines
     spectra = [np.fft.rfft(x - x.mean(axis=0), axis=0) / np.sqrt(samples) for x in (u, y)]
-    # Line 0 is the mean, which is removed; the last one of an even record is real.
+    # Leave out line 0, the mean, which is removed, and the last line of an even record, a real one.
     U, Y = (spectrum[1 : (samples + 1) // 2] for spectrum in spectra)
     if width <= unknowns or width > len(U):
         raise InputError(
@@ -80,7 +88,7 @@ def local_polynomial(
     columns = np.concatenate([U[band], np.ones((*band.shape, 1))], axis=2)
     regressors = (powers[..., None] * columns[:, :, None]).reshape(*band.shape, unknowns)
 
-    # A unit norm for each column: inputs may differ by orders of magnitude.
+    # Scale each column to norm 1, because the inputs may differ by orders of magnitude.
     scale = np.linalg.norm(regressors, axis=1)
     Q, R = np.linalg.qr(regressors / scale[:, None])
     theta = np.linalg.solve(R, Q.conj().swapaxes(1, 2) @ Y[band]) / scale[..., None]

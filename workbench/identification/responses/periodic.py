@@ -1,13 +1,13 @@
-"""Frequency responses from periodic experiments, with the region that holds the true one.
+"""Frequency responses from periodic experiments, with regions that contain the true response.
 
-The mean of M periods of circular complex normal samples of variance S^2 (real and imaginary part
-together, equation 4.14) obeys
+Let the M periods give circular complex normal samples of variance S^2 (real and imaginary part
+together, equation 4.14). Their mean obeys
 
     |mean - truth|^2 / (S^2 / M)       ~ F(2, 2 M - 2)
-    Re(mean - truth) / (S / sqrt(2 M)) ~ t(2 M - 2), and the imaginary part alike.
+    Re(mean - truth) / (S / sqrt(2 M)) ~ t(2 M - 2), and the same holds for the imaginary part.
 
-Equation 4.15 of the thesis uses t(M - 1) and S for either part; at M = 10 it is 1.3 times as wide
-as the disc and 1.6 times as wide as the interval of one part.
+Equation 4.15 of the thesis uses t(M - 1) and S for each part; at M = 10 it is 1.3 times as wide as
+the disc and 1.6 times as wide as the interval of one part.
 """
 
 from __future__ import annotations
@@ -27,18 +27,18 @@ from workbench.identification.responses.assumptions import Assumptions, assess
 
 @dataclass(frozen=True, eq=False)
 class ResponseEstimate:
-    """A measured response.
+    """A measured frequency response with its variance.
 
     Parameters
     ----------
     frequency
-        [Hz], shape (F,).
+        Frequencies [Hz], shape (F,).
     response
         Complex, shape (F, outputs, inputs).
     variance
-        E|error|^2 of each entry of the response, same shape.
+        E|error|^2 of each entry of the response, in the same shape.
     degrees
-        Degrees of freedom of the variance, counted in real numbers.
+        Number of real degrees of freedom of the variance.
     """
 
     frequency: np.ndarray
@@ -48,19 +48,22 @@ class ResponseEstimate:
 
     @property
     def omega(self) -> np.ndarray:
-        """[rad/s]"""
+        """Angular frequencies (F,) [rad/s]."""
         return 2 * np.pi * self.frequency
 
     def radius(self, confidence: float = 0.99) -> np.ndarray:
-        """Radius of the disc in the complex plane that holds the truth with this confidence."""
+        """Radius of the disc in the complex plane that contains the true response.
+
+        ``confidence`` is the probability that it does.
+        """
         return np.sqrt(stats.f.ppf(confidence, 2, self.degrees) * self.variance)
 
     def half_width(self, confidence: float = 0.99) -> np.ndarray:
-        """Half-width of the interval of the real part, or of the imaginary part."""
+        """Half-width of the confidence interval of the real part, and of the imaginary part."""
         return stats.t.ppf((1 + confidence) / 2, self.degrees) * np.sqrt(self.variance / 2)
 
     def to_dataset(self) -> Dataset:
-        """Response, variance and the radius at 99 %, labelled."""
+        """Labelled dataset of the response, its variance and its radius at 99 % confidence."""
         import xarray as xr
 
         dims = ("frequency", "output", "input")
@@ -84,12 +87,12 @@ class PeriodicResponse(ResponseEstimate):
     Parameters
     ----------
     input_covariance, output_covariance, cross_covariance
-        Of the amplitudes of a single period, shapes (F, inputs, inputs), (F, outputs, outputs)
-        and (F, outputs, inputs); the last is E[y u^H].
+        Covariances of the amplitudes of a single period, with shapes (F, inputs, inputs),
+        (F, outputs, outputs) and (F, outputs, inputs); the last is E[y u^H].
     periods
-        Averaged.
+        Number of periods averaged.
     assumptions
-        What the tests say of the noise.
+        Results of the tests on the noise.
     """
 
     input_covariance: np.ndarray
@@ -104,32 +107,32 @@ def from_periods(
 ) -> PeriodicResponse:
     """Errors-in-variables response from the amplitudes of repeated periods (equations 4.9-4.15).
 
-    G = Y U^-1 of the averaged amplitudes, which converges although the input is measured with
-    noise, in open and in closed loop. Its error is (dY - G dU) U^-1 to first order, whose variance
-    is taken from the scatter of Y - G U over the periods: the cross terms are in it.
+    The estimate G = Y U^-1 of the averaged amplitudes converges although the input is measured with
+    noise, in open and in closed loop. To first order its error is (dY - G dU) U^-1. The variance is
+    computed from the scatter of Y - G U over the periods, which includes the cross terms.
 
     Parameters
     ----------
     frequency
-        [Hz], shape (F,).
+        Frequencies [Hz], shape (F,).
     u
         Complex amplitudes, shape (F, periods), or (F, periods, inputs, experiments) with as many
-        experiments as inputs. The noise is taken to be alike in all experiments.
+        experiments as inputs. The noise is assumed to be the same in all experiments.
     y
-        Shape (F, periods), or (F, periods, outputs, experiments).
+        Complex amplitudes, shape (F, periods), or (F, periods, outputs, experiments).
     transients
-        Leading periods to discard.
+        Number of leading periods to discard.
 
     Raises
     ------
     InputError
-        Fewer than two periods left; a dead channel; NaN; experiments that do not tell the inputs
-        apart.
+        Fewer than two periods are left; a channel is dead; a value is NaN; or the inputs of the
+        experiments are linearly dependent.
 
     Warns
     -----
     IdentificationWarning
-        Excitation that does not stand out of its own noise.
+        The excitation is less than five times its own noise.
     """
     frequencies = np.atleast_1d(np.asarray(frequency, dtype=float))
     inputs, outputs = _amplitudes(u, "u", frequencies), _amplitudes(y, "y", frequencies)
@@ -176,6 +179,7 @@ def from_periods(
 
 
 def _amplitudes(values: ArrayLike, name: str, frequency: np.ndarray) -> np.ndarray:
+    """Amplitudes (F, periods, channels, experiments), or an `InputError`."""
     array = np.asarray(values, dtype=complex)
     array = array[:, :, None, None] if array.ndim == 2 else array
     if array.ndim != 4 or len(array) != len(frequency):
@@ -190,6 +194,7 @@ def _amplitudes(values: ArrayLike, name: str, frequency: np.ndarray) -> np.ndarr
 
 
 def _require_signal(amplitudes: np.ndarray, name: str) -> None:
+    """Raise `InputError` if a channel is zero at all frequencies."""
     dead = ~amplitudes.any(axis=(0, 1, 3))
     if dead.any():
         raise InputError(
@@ -206,7 +211,10 @@ def _covariance(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 def _warn_of_weak_input(
     frequency: np.ndarray, mean: np.ndarray, covariance: np.ndarray, periods: int
 ) -> None:
-    """To first order the ratio's error is normal; not where the input is hardly seen."""
+    """Warn where the input is less than five times its noise.
+
+    The first-order analysis of the error does not hold there.
+    """
     smallest = np.linalg.svd(mean, compute_uv=False)[:, -1]
     noise = np.sqrt(np.einsum("fii->f", covariance).real / periods)
     weak = smallest < 5 * noise

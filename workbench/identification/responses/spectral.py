@@ -1,4 +1,4 @@
-"""The response of a system from one arbitrary record, by averaged spectra."""
+"""Frequency response from one arbitrary record, by averaged spectra."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ class SpectralResponse(ResponseEstimate):
     Parameters
     ----------
     noise
-        Power spectral density, one-sided, of what the inputs do not explain, per Hz, shape
-        (F, outputs).
+        One-sided power spectral density per Hz, shape (F, outputs), of the part of each output that
+        the inputs do not explain.
     coherence
         Share of each output's power that the inputs explain, shape (F, outputs).
     segments
@@ -35,35 +35,36 @@ class SpectralResponse(ResponseEstimate):
 def spectral_response(
     u: ArrayLike, y: ArrayLike, sample_rate: float, segment: int
 ) -> SpectralResponse:
-    """Spectral estimate G = S_yu S_uu^-1 of equation 4.3, by Welch's averages, with its variance.
+    """Spectral estimate G = S_yu S_uu^-1 (equation 4.3) by Welch's averages, with its variance.
 
-    Hann windows over segments that overlap by half. To the lines of the segments it is a linear
-    regression, whose residuals give the variance; overlapping segments count for the independent
-    ones they are worth (Welch, IEEE Trans. Audio Electroacoust. 15(2), 1967). The inputs are taken
-    as free of noise and of feedback from the output's noise. Resonances narrower than a few
-    sample_rate / segment are flattened, which the variance does not tell: try a longer segment.
+    The segments overlap by half and have Hann windows. At each line the estimate is a linear
+    regression over the segments, and its residuals give the variance. Overlapping segments count as
+    a smaller number of independent ones (Welch, IEEE Trans. Audio Electroacoust. 15(2), 1967). The
+    inputs are assumed to have no noise and no feedback from the output's noise. Resonances narrower
+    than a few sample_rate / segment are flattened, which the variance does not include: compare
+    with a longer segment.
 
     Parameters
     ----------
     u
-        Shape (N,) or (inputs, N).
+        Inputs, shape (N,) or (inputs, N).
     y
-        Shape (N,) or (outputs, N).
+        Outputs, shape (N,) or (outputs, N).
     sample_rate
-        [Hz]
+        Sampling frequency [Hz].
     segment
-        Samples in a segment.
+        Number of samples in a segment.
 
     Returns
     -------
     SpectralResponse
-        At the lines between 0 and Nyquist, without both.
+        Response at the lines strictly between 0 and the Nyquist frequency.
 
     Raises
     ------
     InputError
-        NaN, a dead channel, lengths that differ, too few segments for the inputs, or inputs that
-        move together at some frequency.
+        NaN, a dead channel, different lengths, too few segments for the inputs, or inputs that are
+        linearly dependent at some frequency.
     """
     inputs, outputs = np.atleast_2d(as_record(u, "u")), np.atleast_2d(as_record(y, "y"))
     require_alive(inputs, "u")
@@ -93,7 +94,7 @@ def spectral_response(
         raise InputError(f"the inputs do not excite at {at:g} Hz, or move together: excite anew")
     inverse = np.linalg.inv(uu)
     response = yu @ inverse
-    # Residuals segment by segment: S_yy - G S_uy would cancel where the coherence is near one.
+    # Residuals of each segment: S_yy - G S_uy would lose digits where the coherence is near one.
     residual = spectra_y - np.einsum("fij,jsf->isf", response, spectra_u)
     unexplained = np.mean(np.abs(residual) ** 2, axis=1).T
     noise = unexplained * segments / spare
@@ -111,14 +112,14 @@ def spectral_response(
 
 
 def _spectra(record: np.ndarray, window: np.ndarray, hop: int) -> np.ndarray:
-    """Windowed spectra, shape (channels, segments, lines), each channel less its mean."""
+    """Windowed spectra (channels, segments, lines) of a record without its mean."""
     record = record - record.mean(axis=1, keepdims=True)
     cut = np.lib.stride_tricks.sliding_window_view(record, len(window), axis=1)[:, ::hop]
     return np.fft.rfft(cut * window, axis=-1)
 
 
 def _independent(count: int, window: np.ndarray, hop: int) -> float:
-    """How many independent segments as many overlapping ones are worth."""
+    """Number of independent segments equivalent to ``count`` overlapping ones."""
     if count < 1:
         return 0.0
     overlap = np.sum(window[hop:] * window[:-hop]) / np.sum(window**2)

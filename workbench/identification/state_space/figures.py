@@ -1,4 +1,4 @@
-"""Figures of identified state-space models, from their dataset."""
+"""Figures of identified state-space models, drawn from their dataset."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import numpy as np
 
 from workbench import figures
 from workbench.heavy_types import Dataset, Figure
-from workbench.identification.state_space.validation import BOUND
+from workbench.identification.state_space.validation import CORRELATION_BOUND
 
 
 def held_out(data: Dataset, title: str) -> Figure:
-    """Measured and modelled outputs, and what is left, on the samples held out."""
+    """Measured and modelled outputs on the held-out samples, and their differences."""
     outputs = data["output"].values
     figure, panels = figures.axes(
         2 * len(outputs), 1, size=(8.0, 2.1 * 2 * len(outputs)), sharex=True
@@ -36,7 +36,7 @@ def held_out(data: Dataset, title: str) -> Figure:
 
 
 def response(data: Dataset, title: str) -> Figure:
-    """Magnitudes of the simulator and of the nonparametric response with its 99 % radius."""
+    """Magnitudes of the simulator's and of the nonparametric response, with its 99 % radius."""
     rows, columns = data.sizes["output"], data.sizes["input"]
     figure, panels = figures.axes(rows, columns, size=(4.4 * columns, 3.2 * rows), sharex=True)
     frequency = data["frequency"].values
@@ -65,7 +65,7 @@ def response(data: Dataset, title: str) -> Figure:
 
 
 def residuals(data: Dataset) -> Figure:
-    """Correlations of the predictor's errors with their past and the inputs, and the 99 % bound."""
+    """Correlations of the predictor's errors with their past and the inputs, and 99 % bounds."""
     outputs, inputs = data["output"].values, data["input"].values
     columns = 1 + len(inputs)
     figure, panels = figures.axes(len(outputs), columns, size=(3.2 * columns, 2.7 * len(outputs)))
@@ -80,7 +80,14 @@ def residuals(data: Dataset) -> Figure:
             values, axis = data["cross_correlation"].sel(output=output, input=source), "shift"
             panel.set_title(f"error of {output} with {source}")
         panel.vlines(values[axis], 0, values, color=figures.BLUE, label="correlation")
-        panel.axhspan(-BOUND, BOUND, color=figures.AMBER, alpha=0.25, lw=0, label="99 % if none")
+        panel.axhspan(
+            -CORRELATION_BOUND,
+            CORRELATION_BOUND,
+            color=figures.AMBER,
+            alpha=0.25,
+            lw=0,
+            label="99 % if none",
+        )
         if k >= len(panels) - columns:
             panel.set_xlabel("error later than input [samples]" if column else "lag [samples]")
     figures.legend_below(figure, panels[0])
@@ -88,7 +95,7 @@ def residuals(data: Dataset) -> Figure:
 
 
 def validation(data: Dataset) -> Figure:
-    """Fits within the estimation part over the order, of predictors and of simulators."""
+    """Validation fits of predictors and of simulators over the order."""
     figure, panels = figures.axes(1, 2, size=(9.0, 4.0))
     fits = data["validation_fit"].where(np.isfinite(data["validation_fit"]))
     uses = (("one_step", "predictor"), ("free_run", "simulator"))

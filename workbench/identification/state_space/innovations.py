@@ -1,4 +1,4 @@
-"""State-space models in innovations form, and how well they predict and simulate a record.
+"""State-space models in innovations form, with their predictions and simulations of a record.
 
     x(t+1) = A x + B u + K e,    y = C x + D u + e,    e white
 
@@ -20,7 +20,10 @@ from workbench.heavy_types import StateSpace
 
 @dataclass(frozen=True, eq=False)
 class InnovationsModel:
-    """A (n, n), B (n, nu), C (ny, n), D (ny, nu), K (n, ny); offsets (nu,) and (ny,)."""
+    """Innovations model: A (n, n), B (n, nu), C (ny, n), D (ny, nu), K (n, ny).
+
+    The offsets (nu,) and (ny,) are subtracted from u and y.
+    """
 
     A: RealArray
     B: RealArray
@@ -32,32 +35,33 @@ class InnovationsModel:
 
     @property
     def order(self) -> int:
+        """Number of states."""
         return len(self.A)
 
     @property
     def radius(self) -> float:
-        """Spectral radius of A; below 1 the model is stable."""
+        """Spectral radius of A; the model is stable if it is below 1."""
         return float(np.max(np.abs(np.linalg.eigvals(self.A)), initial=0.0))
 
     @property
     def predictor_radius(self) -> float:
-        """Spectral radius of A - K C; below 1 the one-step predictor is stable."""
+        """Spectral radius of A - K C; the one-step predictor is stable if it is below 1."""
         return float(np.max(np.abs(np.linalg.eigvals(self.A - self.K @ self.C)), initial=0.0))
 
     def system(self) -> StateSpace:
-        """From u to y, sampling time one."""
+        """System from u to y, with a sampling time of one."""
         import control
 
         return control.ss(self.A, self.B, self.C, self.D, 1.0)
 
     def response(self, frequency: ArrayLike) -> ComplexArray:
-        """From u to y at `frequency` [cycles/sample] (F,): (F, ny, nu)."""
+        """Response (F, ny, nu) from u to y at frequencies (F,) [cycles/sample]."""
         z = np.exp(2j * np.pi * np.asarray(frequency, dtype=float))[:, None, None]
         states = np.linalg.solve(z * np.eye(self.order) - self.A, self.B + 0j * z)
         return np.asarray(self.C @ states + self.D, dtype=complex)
 
     def one_step(self, u: RealArray, y: RealArray, washout: int) -> RealArray:
-        """One-step predictions of y (N, ny) from a record u (N, nu), y (N, ny).
+        """One-step predictions (N, ny) of y from a record u (N, nu), y (N, ny).
 
         The initial state is the one that predicts the first `washout` samples best.
         """
@@ -67,9 +71,9 @@ class InnovationsModel:
         return self._run(self.A - self.K @ self.C, B, D, inputs, y, washout)
 
     def free_run(self, u: RealArray, y: RealArray, washout: int) -> RealArray:
-        """Simulation of y (N, ny) from u (N, nu) alone.
+        """Simulation (N, ny) of y from u (N, nu) alone.
 
-        The initial state, and it alone, comes from the first `washout` samples of y.
+        Only the initial state is computed from the first `washout` samples of y.
         """
         return self._run(self.A, self.B, self.D, u - self.u_offset, y, washout)
 
@@ -82,6 +86,7 @@ class InnovationsModel:
         y: RealArray,
         washout: int,
     ) -> RealArray:
+        """Output of a system with this model's C, from the initial state that suits y best."""
         x0 = initial_state((A, B, self.C, D), inputs[:washout], (y - self.y_offset)[:washout])
         output: RealArray = dlsim((A, B, self.C, D, 1.0), inputs, x0=x0)[1]
         return output + self.y_offset
@@ -90,7 +95,7 @@ class InnovationsModel:
 def initial_state(
     system: tuple[RealArray, RealArray, RealArray, RealArray], u: RealArray, y: RealArray
 ) -> RealArray:
-    """The state (n,) from which a system explains a record u (N, nu), y (N, ny) best."""
+    """Initial state (n,) for which a system's output fits y (N, ny) best, with inputs u (N, nu)."""
     A, _, C, _ = system
     observed = np.empty((len(y), *C.shape))
     row = C

@@ -4,12 +4,12 @@ The criterion is, up to constants, a negative log likelihood with unknown noise 
 
     N/2 log det(sum e e'/N) + w N/2 log det(sum s s'/N),
 
-of the one-step errors e and, weighted by w, of the free-run errors s. With w = 0 it is the
-classical maximum-likelihood estimate, the one for prediction. Real records are never quite linear,
-and one-step errors alone then put slow misfit of the plant on the account of the noise; w > 0 asks
-that the same model also simulate the whole record. Free-run errors are correlated over many
-samples, tens of them carrying no more than one independent one, so w = 0.1 weighs both kinds about
-equally; w = 1 puts simulation first.
+of the one-step errors e and, weighted by w, of the free-run errors s. With w = 0 it gives the
+classical maximum-likelihood estimate, which is best for prediction. Real records are never quite
+linear, and with one-step errors alone slow errors of the plant model are then modelled as noise;
+w > 0 requires that the same model also simulates the whole record. Free-run errors are correlated
+over many samples, so that tens of them carry as much information as one independent error.
+Therefore w = 0.1 weights both kinds about equally, and w = 1 favours simulation.
 
 Source: L. Ljung, System Identification, 2nd ed., 1999, sections 7.2, 10.2 and 15.2.
 """
@@ -29,9 +29,11 @@ from workbench.identification.state_space.innovations import (
     initial_state,
 )
 
-SETTLED = 1.0
-"""Gain in log likelihood below which an iteration is the last: Akaike's charge for one parameter.
-Iterations that earn less fit the noise of this record."""
+MIN_LIKELIHOOD_GAIN = 1.0
+"""Gain in log likelihood below which an iteration is the last: Akaike's penalty for one parameter.
+
+Iterations that gain less fit the noise of this record.
+"""
 
 
 def refine(
@@ -41,11 +43,12 @@ def refine(
     simulation_weight: float = 0.1,
     iterations: int = 100,
 ) -> tuple[InnovationsModel, int]:
-    """Levenberg-Marquardt from a stable model on a record u (N, nu), y (N, ny).
+    """Refine a stable model on a record u (N, nu), y (N, ny) by Levenberg-Marquardt iterations.
 
-    All entries of A, B, C, D, K and the initial states are free; the directions that only change
-    the basis of the state cost nothing and the damping leaves them alone. Steps that make the model
-    or its predictor unstable, or slower than the record is long, are refused.
+    All entries of A, B, C, D, K and the initial states are free. Directions that only change the
+    basis of the state have no effect on the criterion, and the damping keeps them unchanged. Steps
+    are refused if they make the model or its predictor unstable or give a time constant longer than
+    the record.
 
     Returns
     -------
@@ -54,7 +57,7 @@ def refine(
     Raises
     ------
     InputError
-        As `checked_record`; the model to start from or its predictor is unstable.
+        The same as for `checked_record`; the starting model or its predictor is unstable.
     """
     u, y = checked_record(u, y)
     slowest = 1 - 1 / len(u)
@@ -65,7 +68,7 @@ def refine(
     value, gradient, hessian = criterion.expand(theta)
     damping, done = 1e-2, 0
     while done < iterations:
-        # Unit diagonal: the step then does not depend on the units of the signals.
+        # Scale to a unit diagonal, so that the step does not depend on the units of the signals.
         scale = np.sqrt(np.diag(hessian)) + 1e-300
         unit = hessian / np.outer(scale, scale)
         decrease = 0.0
@@ -81,16 +84,16 @@ def refine(
         if decrease <= 0:
             break
         theta, damping, done = trial, max(damping / 5, 1e-8), done + 1
-        if decrease < SETTLED:
+        if decrease < MIN_LIKELIHOOD_GAIN:
             break
         value, gradient, hessian = criterion.expand(theta)
     return criterion.model(theta), done
 
 
 class Criterion:
-    """The criterion over all entries of (A, B, C, D, K, initial states), with its derivatives.
+    """The criterion as a function of all entries of A, B, C, D, K and the initial states.
 
-    u (N, nu), y (N, ny): deviations from the model's offsets.
+    u (N, nu) and y (N, ny) are deviations from the model's offsets.
     """
 
     def __init__(
@@ -103,7 +106,7 @@ class Criterion:
         self._ends = np.cumsum([0] + [matrix.size for matrix in matrices])
 
     def start(self, model: InnovationsModel) -> RealArray:
-        """The parameters of a model, with the initial states that suit the record best."""
+        """Parameters (P,) of a model, with the initial states that fit the record best."""
         A, B, C, D, K = model.A, model.B, model.C, model.D, model.K
         ny = len(C)
         predictor = (A - K @ C, np.hstack([B - K @ D, K]), C, np.hstack([D, np.zeros((ny, ny))]))
@@ -115,6 +118,7 @@ class Criterion:
         return np.concatenate([part.ravel() for part in parts])
 
     def model(self, theta: RealArray) -> InnovationsModel:
+        """Model with given parameters (P,)."""
         A, B, C, D, K = (
             theta[a:b].reshape(shape)
             for (a, b), shape in zip(pairwise(self._ends), self._shapes, strict=True)
@@ -122,7 +126,7 @@ class Criterion:
         return replace(self._template, A=A, B=B, C=C, D=D, K=K)
 
     def __call__(self, theta: RealArray) -> float:
-        """The value alone; infinite where the errors overflow."""
+        """Value of the criterion; infinite where the errors overflow."""
         with np.errstate(all="ignore"):
             value = sum(
                 weight * _log_likelihood(self._recursion(theta, run)[1])
@@ -131,7 +135,7 @@ class Criterion:
         return value if np.isfinite(value) else np.inf
 
     def expand(self, theta: RealArray) -> tuple[float, RealArray, RealArray]:
-        """Value, gradient (P,) and Gauss-Newton Hessian (P, P)."""
+        """Value, gradient (P,) and Gauss-Newton Hessian (P, P) of the criterion."""
         value, gradient = 0.0, np.zeros(len(theta))
         hessian = np.zeros((len(theta), len(theta)))
         for run, weight in enumerate(self._weights):
@@ -146,14 +150,14 @@ class Criterion:
         return value, gradient, hessian
 
     def _unpack(self, theta: RealArray, run: int) -> tuple[InnovationsModel, RealArray]:
-        """The model, whose K is zero in a free run, and the initial state of the run."""
+        """Model and initial state of a run: 0 is one-step prediction, 1 is free run with K = 0."""
         model = self.model(theta)
         first = self._ends[-1] + run * model.order
         gain = np.zeros_like(model.K) if run else model.K
         return replace(model, K=gain), theta[first : first + model.order]
 
     def _recursion(self, theta: RealArray, run: int) -> tuple[RealArray, RealArray]:
-        """States (N, n) and errors (N, ny)."""
+        """States (N, n) and errors (N, ny) of a run."""
         model, x = self._unpack(theta, run)
         A, C, K = model.A, model.C, model.K
         forced, direct = self._u @ model.B.T, self._y - self._u @ model.D.T
@@ -167,10 +171,10 @@ class Criterion:
     def _jacobian(
         self, theta: RealArray, run: int, states: RealArray, errors: RealArray
     ) -> RealArray:
-        """Derivatives of the errors, (N, ny, P).
+        """Derivatives (N, ny, P) of the errors with respect to the parameters.
 
-        A change of A, B or K enters the state equation in direction i with signal j of
-        (x, u, e); a change of C or D also enters the errors at once.
+        A change of entry (i, j) of [A B K] adds signal j of (x, u, e) to state equation i; a change
+        of C or D also changes the errors directly.
         """
         model, _ = self._unpack(theta, run)
         A, C, K = model.A - model.K @ model.C, model.C, model.K
@@ -201,4 +205,5 @@ class Criterion:
 
 
 def _log_likelihood(errors: RealArray) -> float:
+    """Negative log likelihood of errors (N, ny) with unknown covariance, up to a constant."""
     return 0.5 * len(errors) * float(np.linalg.slogdet(errors.T @ errors / len(errors))[1])

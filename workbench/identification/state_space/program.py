@@ -1,10 +1,10 @@
 """State-space models of a record, one to predict and one to simulate it.
 
-Prediction and simulation are two uses of a model. Where a record is not quite linear, no model of
-low order is best at both: one-step prediction may put slow misfit of the plant on the account of
-the noise, which a simulation cannot. So each use has its own model, estimated by the criterion of
-that use and of the order that validates best in it. Both are chosen in the first part of the record
-and judged on the rest.
+Prediction and simulation are two uses of a model. If a record is not quite linear, no model of low
+order is best at both: one-step prediction can treat slow errors of the plant model as noise, a
+simulation cannot. So each use has its own model, estimated by the criterion of that use, with the
+order that validates best in it. Both are chosen in the first part of the record and judged on the
+rest.
 """
 
 from __future__ import annotations
@@ -36,33 +36,40 @@ from workbench.program import Check, Claim, Program, method
 from workbench.solvers import Outcome
 
 USES = ("one_step", "free_run")
-"""What the predictor and the simulator are for, each named as the method of the model."""
+"""Uses of the predictor and of the simulator; each is also the name of a method of the model."""
 MODELS = ("predictor", "simulator")
+"""Model for each of the uses."""
 SIMULATION_WEIGHTS = (0.0, 1.0)
-"""Weights of free-run errors in the prediction-error method: the predictor is the
-maximum-likelihood estimate, the simulator explains its free run as much as its prediction."""
+"""Weights of free-run errors in the prediction-error method, for predictor and simulator.
+
+The predictor is the maximum-likelihood estimate; the simulator weights both kinds of errors.
+"""
 MATRICES = {
     "A": ("{}_state", "{}_state_"), "B": ("{}_state", "input"), "C": ("output", "{}_state"),
     "D": ("output", "input"), "K": ("{}_state", "output"),
     "u_offset": ("input",), "y_offset": ("output",),
 }  # fmt: skip
-LAGS = 25
-"""Lags of the residual tests."""
-VALIDATED = 1 / 3
-"""Share of the estimation part that an order is validated on, once at its end, once at its start:
-both folds leave one unbroken record to estimate from."""
+"""Matrices of a model, each with its dimensions in a dataset."""
+RESIDUAL_LAGS = 25
+"""Number of lags in the tests of residuals."""
+VALIDATION_SHARE = 1 / 3
+"""Share of the estimation part on which an order is validated, once at its end, once at its start.
+
+So both folds leave one unbroken record for the estimation.
+"""
 
 Fit = Callable[[RealArray, RealArray], InnovationsModel | None]
-"""From a record u (N, nu), y (N, ny) to a model; None where the method finds no stable one."""
+"""Function of a record u (N, nu), y (N, ny) that gives a stable model, or None."""
 Way = Callable[[int], Fit]
-"""From an order to a way of fitting models of it."""
+"""Function of an order that gives a function to fit models of that order."""
 
 
 @dataclass(frozen=True, eq=False)
 class Identified:
-    """A model for each use, and the validation fits [%] that chose their orders.
+    """A model for each use, and the validation fits that chose their orders.
 
-    scores: (uses, orders, ny), one-step fits of predictors and free-run fits of simulators.
+    ``scores`` (uses, orders, ny) [%] holds one-step fits of predictors and free-run fits of
+    simulators.
     """
 
     predictor: InnovationsModel
@@ -74,29 +81,31 @@ class Identified:
 class StateSpaceFit(Program):
     """Linear models of a record in innovations form: one to predict it, one to simulate it.
 
-    The predictor's order is that of the best one-step fit in validation, the simulator's that of
-    the best free-run fit; the prediction-error method also weighs free-run errors only for the
-    simulator. A fit of one step is the predictor's and a free-run fit the simulator's.
+    The predictor has the order of the best one-step fit in validation, the simulator that of the
+    best free-run fit. The prediction-error method weights free-run errors only for the simulator.
+    One-step fits are always those of the predictor, free-run fits those of the simulator.
 
-    Only the first `estimation` samples may be used to estimate and to choose the orders; the rest
-    judges, once. Wherever a model is judged, its initial state comes from the first `washout`
-    samples, which are left out of the score.
+    Methods may use only the first `estimation` samples, to estimate and to choose the orders; the
+    remaining samples are used once, to judge the answer. Wherever a model is judged, its initial
+    state is estimated from the first `washout` samples, which do not count in the score.
 
     Parameters
     ----------
     u, y
         Inputs (N, nu) and outputs (N, ny), one row per sample.
     estimation
-        Samples that methods may use.
+        Number of samples that methods may use.
     orders
         Numbers of states to choose from.
     washout
-        Samples that an initial state is estimated from.
+        Number of samples from which an initial state is estimated.
+    title
+        Title of figures.
 
     Raises
     ------
     InputError
-        NaN or a dead channel in the record, too few samples for washout or orders.
+        NaN or a dead channel in the record, or too few samples for the washout or the orders.
     """
 
     u: RealArray
@@ -114,20 +123,22 @@ class StateSpaceFit(Program):
         object.__setattr__(self, "u", u)
         object.__setattr__(self, "y", y)
         object.__setattr__(self, "orders", tuple(sorted(set(self.orders))))
-        shortest = min(round(self.estimation * VALIDATED), len(u) - self.estimation)
-        if shortest <= self.washout + LAGS or self.washout < 1:
+        shortest = min(round(self.estimation * VALIDATION_SHARE), len(u) - self.estimation)
+        if shortest <= self.washout + RESIDUAL_LAGS or self.washout < 1:
             raise InputError(
                 f"{len(u)} samples with {self.estimation} for estimation leave parts of {shortest} "
-                f"to judge on; more than washout + {LAGS} = {self.washout + LAGS} are needed: "
+                f"to judge on; more than washout + {RESIDUAL_LAGS} = "
+                f"{self.washout + RESIDUAL_LAGS} are needed: "
                 "take a longer record or a shorter washout"
             )
         if not self.orders:
             raise InputError("no orders to choose from; give at least one")
-        samples = self.estimation - round(self.estimation * VALIDATED)
+        samples = self.estimation - round(self.estimation * VALIDATION_SHARE)
         for order in (self.orders[0], self.orders[-1]):
             self._refuse_order(order, samples)
 
     def _refuse_order(self, order: int, samples: int) -> None:
+        """Raise `InputError` if so many samples do not determine models of an order."""
         nu, ny = self.u.shape[1], self.y.shape[1]
         parameters = order * (2 * ny + nu) + ny * nu
         known = any(order_fits(order, past, samples, nu, ny) for past in HORIZONS)
@@ -139,12 +150,12 @@ class StateSpaceFit(Program):
             )
 
     def validate(self, fit: Fit) -> RealArray:
-        """Mean fits [%] of a way of fitting over the folds of the estimation part, (uses, ny).
+        """Mean validation fits (uses, ny) [%] of a fitting function, over both folds.
 
-        Minus infinity where it finds no stable model.
+        They are minus infinity if it finds no stable model.
         """
         u, y = self.u[: self.estimation], self.y[: self.estimation]
-        cut = round(self.estimation * VALIDATED)
+        cut = round(self.estimation * VALIDATION_SHARE)
         folds = ((slice(None, -cut), slice(-cut, None)), (slice(cut, None), slice(None, cut)))
         total = np.zeros((len(USES), y.shape[1]))
         for used, left in folds:
@@ -157,8 +168,10 @@ class StateSpaceFit(Program):
     def fits(
         self, predictor: InnovationsModel, simulator: InnovationsModel, u: RealArray, y: RealArray
     ) -> RealArray:
-        """Fit of each output [%] on a record without its washout, (uses, ny): one step of the
-        predictor, free run of the simulator."""
+        """Fits (uses, ny) [%] of each output on a record, without its washout.
+
+        They are one-step fits of the predictor and free-run fits of the simulator.
+        """
         runs = (predictor.one_step, simulator.free_run)
         rows = [
             nrmse_fit(y[self.washout :], run(u, y, self.washout)[self.washout :]) for run in runs
@@ -166,8 +179,11 @@ class StateSpaceFit(Program):
         return np.array(rows)
 
     def identify(self, predictors: Way, simulators: Way, context: Context) -> Identified | None:
-        """Validate every order, take for each use the one of the best mean fit in that use, and
-        fit it to all that may be used; None where no order gives a stable model."""
+        """Models of the orders that validate best, one for each use, or None.
+
+        Every order is validated; for each use the order with the best mean fit is then fitted to
+        the whole estimation part. The result is None if no order gives a stable model.
+        """
         ways = (predictors, simulators)
         tried = [(way, order) for way in dict.fromkeys(ways) for order in self.orders]
         fits = {
@@ -185,8 +201,10 @@ class StateSpaceFit(Program):
         return Identified(predictor, simulator, scores)
 
     def _best(self, way: Way, means: RealArray) -> InnovationsModel | None:
-        """The model of the whole estimation part whose order validated best, if it is stable;
-        else of the next order."""
+        """Stable model of the whole estimation part, of the order that validated best.
+
+        If there is none, the next best order is taken; ``means`` are the orders' mean fits.
+        """
         used = slice(None, self.estimation)
         for place in np.argsort(-means, kind="stable"):
             if np.isfinite(means[place]):
@@ -197,7 +215,7 @@ class StateSpaceFit(Program):
 
     @cached_property
     def nonparametric(self) -> LocalPolynomial:
-        """Response of the estimation part without a model."""
+        """Nonparametric response of the estimation part."""
         return local_polynomial(self.u[: self.estimation], self.y[: self.estimation])
 
     def checks(self, answer: Identified, tolerance: float) -> list[Check]:
@@ -239,17 +257,20 @@ class StateSpaceFit(Program):
             "order": float(answer.predictor.order),
             "order_free_run": float(answer.simulator.order),
             "residual_autocorrelations_outside": share_outside(own),
-            "residual_input_correlations_outside": share_outside(crossed[LAGS:]),
+            "residual_input_correlations_outside": share_outside(crossed[RESIDUAL_LAGS:]),
         }
 
     def _fits(self, answer: Identified, part: slice) -> RealArray:
+        """Fits (uses, ny) [%] of the answer on a part of the record."""
         return self.fits(answer.predictor, answer.simulator, self.u[part], self.y[part])
 
     def residual_tests(self, model: InnovationsModel) -> tuple[RealArray, RealArray]:
-        """`autocorrelation` and `cross_correlation` of one-step errors on the samples held out."""
+        """`autocorrelation` and `cross_correlation` of one-step errors on the held-out samples."""
         u, y = self.u[self.estimation :], self.y[self.estimation :]
         errors = (y - model.one_step(u, y, self.washout))[self.washout :]
-        return autocorrelation(errors, LAGS), cross_correlation(errors, u[self.washout :], LAGS)
+        return autocorrelation(errors, RESIDUAL_LAGS), cross_correlation(
+            errors, u[self.washout :], RESIDUAL_LAGS
+        )
 
     def tables(self, answer: Identified) -> dict[str, str]:
         outputs = [f"y{i + 1}" for i in range(self.y.shape[1])]
@@ -313,8 +334,12 @@ class StateSpaceFit(Program):
                 "use": list(USES),
                 "time": ("time", np.arange(self.estimation, len(self.u)), {"units": "samples"}),
                 "frequency": ("frequency", estimate.frequency, {"units": "cycles/sample"}),
-                "lag": ("lag", np.arange(1, LAGS + 1), {"units": "samples"}),
-                "shift": ("shift", np.arange(-LAGS, LAGS + 1), {"units": "samples"}),
+                "lag": ("lag", np.arange(1, RESIDUAL_LAGS + 1), {"units": "samples"}),
+                "shift": (
+                    "shift",
+                    np.arange(-RESIDUAL_LAGS, RESIDUAL_LAGS + 1),
+                    {"units": "samples"},
+                ),
             },
             attrs={"washout": self.washout},
         )
@@ -328,6 +353,7 @@ class StateSpaceFit(Program):
 
 
 def _claim(answer: Identified | None) -> Claim:
+    """Answer, outcome and message of a method."""
     if answer is None:
         return None, Outcome.FAILED, "no order gives a stable model with a stable predictor"
     orders = f"order {answer.predictor.order} to predict, {answer.simulator.order} to simulate"
@@ -346,12 +372,14 @@ def _subspace(program: StateSpaceFit, context: Context) -> Claim:
 
 @method(StateSpaceFit, "prediction-error", optimal=False)
 def _prediction_error(program: StateSpaceFit, context: Context) -> Claim:
-    """Errors of each use minimised from the subspace model; exact gradients."""
+    """Minimisation of the errors of each use, from the subspace model, with exact gradients."""
     predictors, simulators = (_refined(weight) for weight in SIMULATION_WEIGHTS)
     return _claim(program.identify(predictors, simulators, context))
 
 
 def _refined(simulation_weight: float) -> Way:
+    """Fitting functions by subspace identification and prediction-error refinement."""
+
     def way(order: int) -> Fit:
         def fit(u: RealArray, y: RealArray) -> InnovationsModel | None:
             start = best_subspace(u, y, order)

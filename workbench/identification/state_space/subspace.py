@@ -1,8 +1,8 @@
 """Predictor-based subspace identification: an innovations model without iterations.
 
-A long vector autoregression with inputs gives the Markov parameters of the one-step predictor;
-their Hankel matrix times the past of the record is factored into observability and states. Nothing
-in it assumes that the inputs are independent of past noise, so closed-loop records are welcome.
+A long vector autoregression with inputs gives the Markov parameters of the one-step predictor. The
+product of their Hankel matrix with the past of the record is factored into observability matrix and
+states. Inputs may depend on past noise, so closed-loop records are allowed.
 
 Source: A. Chiuso, "The role of vector autoregressive modeling in predictor-based subspace
 identification", Automatica 43(6), 2007.
@@ -18,7 +18,7 @@ from workbench.identification.experiments.quality import checked_record
 from workbench.identification.state_space.innovations import InnovationsModel
 
 HORIZONS = (10, 15, 20, 30, 40)
-"""Pasts [samples] among which `best_subspace` chooses."""
+"""Lengths [samples] of the past from which `best_subspace` chooses."""
 
 
 def subspace(u: RealArray, y: RealArray, order: int, past: int) -> InnovationsModel:
@@ -29,12 +29,12 @@ def subspace(u: RealArray, y: RealArray, order: int, past: int) -> InnovationsMo
     order
         Number of states, 1 to past * ny.
     past
-        Samples of the past that the predictor sees; A - K C should have died out over them.
+        Number of past samples that the predictor uses; powers of A - K C should decay within them.
 
     Raises
     ------
     InputError
-        As `checked_record`; the order or the past is too long for the record.
+        The same as for `checked_record`; the order or the past is too large for the record.
     """
     u, y = checked_record(u, y)
     nu, ny = u.shape[1], y.shape[1]
@@ -49,7 +49,7 @@ def subspace(u: RealArray, y: RealArray, order: int, past: int) -> InnovationsMo
     now_in, now_out = inputs[past:], outputs[past:]
     markov = _least_squares(np.hstack([history, now_in]), now_out)[:, : history.shape[1]]
 
-    # Block row i of the product of observability and reach: the past, i samples later.
+    # Block row i of observability times reachability: the Markov parameters, shifted by i samples.
     product = np.zeros((past * ny, history.shape[1]))
     for i in range(past):
         keep = history.shape[1] - i * (nu + ny)
@@ -73,15 +73,18 @@ def subspace(u: RealArray, y: RealArray, order: int, past: int) -> InnovationsMo
 
 
 def best_subspace(u: RealArray, y: RealArray, order: int) -> InnovationsModel | None:
-    """The stable model with a stable predictor that fits its own record u, y best, over several
-    horizons; None where no horizon gives one."""
+    """The best subspace model of a record u (N, nu), y (N, ny) over several pasts, or None.
+
+    Only stable models with a stable predictor count; the best one fits its own record best. The
+    result is None if no past gives one.
+    """
     best, least = None, np.inf
     for past in HORIZONS:
         if not order_fits(order, past, len(u), u.shape[1], y.shape[1]):
             continue
         model = subspace(u, y, order, past)
         if max(model.radius, model.predictor_radius) >= 1 - 1 / len(u):
-            continue  # slower than the record is long, or unstable
+            continue  # unstable, or with a time constant longer than the record
         misfit = sum(
             float(np.mean(np.linalg.norm(y - run(u, y, len(y)), axis=0) / y.std(axis=0)))
             for run in (model.one_step, model.free_run)
@@ -92,7 +95,7 @@ def best_subspace(u: RealArray, y: RealArray, order: int) -> InnovationsModel | 
 
 
 def order_fits(order: int, past: int, samples: int, nu: int, ny: int) -> bool:
-    """Whether a record determines the vector autoregression, and that a model of this order."""
+    """Whether a record is long enough for the vector autoregression, and that for the order."""
     unknowns = past * (nu + ny) + nu
     return 1 <= order <= past * ny and samples - past >= 2 * unknowns
 
@@ -108,4 +111,5 @@ def refuse_order(order: int, past: int, samples: int, nu: int, ny: int) -> None:
 
 
 def _least_squares(regressors: RealArray, targets: RealArray) -> RealArray:
+    """Matrix X that minimises |targets - regressors X^T|."""
     return np.asarray(np.linalg.lstsq(regressors, targets, rcond=None)[0].T, dtype=float)

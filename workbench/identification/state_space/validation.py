@@ -1,4 +1,4 @@
-"""How good a model is: fits, and tests of its residuals.
+"""Validation of a model: fits, and tests of its residuals.
 
 Source: L. Ljung, System Identification, 2nd ed., 1999, section 16.6.
 """
@@ -12,12 +12,12 @@ from scipy.stats import norm
 from workbench.arrays import RealArray
 from workbench.errors import InputError
 
-BOUND = float(norm.ppf(0.995))
-"""Standard deviations within which 99 % of correlations lie when there is none."""
+CORRELATION_BOUND = float(norm.ppf(0.995))
+"""Bound [standard deviations] on 99 % of the estimated correlations of uncorrelated signals."""
 
 
 def nrmse_fit(measured: RealArray, modelled: RealArray) -> RealArray:
-    """100 (1 - |y - yhat| / |y - mean y|) per output [%], for (N, ny) arrays: (ny,)."""
+    """Fit 100 (1 - |y - yhat| / |y - mean y|) [%] of each output (ny,), from (N, ny) arrays."""
     spread = np.linalg.norm(measured - measured.mean(axis=0), axis=0)
     fit: RealArray = 100.0 * (1 - np.linalg.norm(measured - modelled, axis=0) / spread)
     return fit
@@ -26,8 +26,8 @@ def nrmse_fit(measured: RealArray, modelled: RealArray) -> RealArray:
 def autocorrelation(residuals: RealArray, lags: int) -> RealArray:
     """Correlation of each residual with its own past, in standard deviations of white noise.
 
-    residuals (N, ny); returns (lags, ny) for lags 1 to `lags`. Raises InputError where the record
-    is not longer than the lags.
+    From residuals (N, ny) the result is (lags, ny), for lags 1 to `lags`. Raises InputError if the
+    record is not longer than the lags.
     """
     _refuse_lags(len(residuals), lags)
     own = _correlations(residuals, residuals, lags)[lags:]
@@ -39,17 +39,17 @@ def autocorrelation(residuals: RealArray, lags: int) -> RealArray:
 def cross_correlation(residuals: RealArray, inputs: RealArray, lags: int) -> RealArray:
     """Correlation of residuals with inputs, in standard deviations of independent signals.
 
-    residuals (N, ny), inputs (N, nu); returns (2 lags + 1, ny, nu) for lags from -lags to lags. At
-    positive lags the input is the earlier one: what is left there, the model has missed; at
-    negative lags there is feedback. The standard deviation accounts for coloured inputs and
-    residuals. Raises InputError where the record is not longer than the lags.
+    From residuals (N, ny) and inputs (N, nu) the result is (2 lags + 1, ny, nu), for lags from
+    -lags to lags. At positive lags the input is earlier than the residual: correlation there is an
+    error of the model. Correlation at negative lags shows feedback. The standard deviation accounts
+    for coloured inputs and residuals. Raises InputError if the record is not longer than the lags.
     """
     _refuse_lags(len(residuals), lags)
     far = len(residuals) // 4
     of_residuals = np.einsum("kyy->ky", _correlations(residuals, residuals, far))
     of_inputs = np.einsum("kuu->ku", _correlations(inputs, inputs, far))
     variance = np.einsum("ky,ku->yu", of_residuals, of_inputs) / len(residuals)
-    # A sum of estimated correlations may come out too small; never below that of white residuals.
+    # The sum of estimated correlations may be too small: use at least that of white signals.
     least = np.outer(of_residuals[far], of_inputs[far]) / len(residuals)
     result: RealArray = _correlations(residuals, inputs, lags) / np.sqrt(
         np.maximum(variance, least)
@@ -58,12 +58,15 @@ def cross_correlation(residuals: RealArray, inputs: RealArray, lags: int) -> Rea
 
 
 def share_outside(correlations: RealArray) -> float:
-    """Share of correlations beyond the 99 % bound; near 0.01 for a model that left nothing."""
-    return float(np.mean(np.abs(correlations) > BOUND))
+    """Share of correlations beyond the 99 % bound; it is near 0.01 for white residuals."""
+    return float(np.mean(np.abs(correlations) > CORRELATION_BOUND))
 
 
 def _correlations(a: RealArray, b: RealArray, lags: int) -> RealArray:
-    """Mean of a_i(t) b_j(t - k) with means removed, k from -lags to lags: (2 lags + 1, na, nb)."""
+    """Correlations (2 lags + 1, na, nb): means of a_i(t) b_j(t - k) for k from -lags to lags.
+
+    The means of both signals are removed first.
+    """
     a, b = a - a.mean(axis=0), b - b.mean(axis=0)
     middle = len(a) - 1
     pairs = [
@@ -73,6 +76,7 @@ def _correlations(a: RealArray, b: RealArray, lags: int) -> RealArray:
 
 
 def _refuse_lags(samples: int, lags: int) -> None:
+    """Raise `InputError` unless there are more residuals than lags, and at least one lag."""
     if not 1 <= lags < samples:
         raise InputError(
             f"{lags} lags of {samples} residuals; take at least one lag, and fewer than residuals"
