@@ -12,7 +12,7 @@ from workbench import Check, Run, Study, figures, problem, ref
 from workbench.executor import Context
 from workbench.heavy_types import Dataset, Figure
 from workbench.program import worst
-from workbench.synthesis import MuSynthesis, reduce
+from workbench.synthesis import MuSynthesis, reduce_order
 from workbench.systems.storage import restored, stored
 from workbench.uncertainty import GeneralisedPlant
 
@@ -64,8 +64,8 @@ class ReductionCurve(Study):
         import xarray as xr
 
         K = restored(self.full.data, "controller")
-        plain = reduce(K, self.plant, target=self.target)
-        refined = reduce(K, self.plant, target=self.target, refine=True, context=context)
+        plain = reduce_order(K, self.plant, target=self.target)
+        refined = reduce_order(K, self.plant, target=self.target, refine=True, context=context)
         curves = {each.order: [each.lower, each.upper] for each in plain.tried}
         orders = [each.order for each in refined.tried]
         unit = {"units": "1"}

@@ -8,9 +8,14 @@ from workbench.synthesis.hinf.loop_shaping import LoopShaping
 from workbench.synthesis.hinf.mixed_sensitivity import MixedSensitivity
 from workbench.synthesis.hinf.program import HinfController, HinfSynthesis, hinf
 from workbench.synthesis.implementation.discretise import discretised
-from workbench.synthesis.implementation.export import export, load
+from workbench.synthesis.implementation.export import export, load_controller
 from workbench.synthesis.implementation.fixed_point import FixedCascade, FixedPoint, fixed_point
-from workbench.synthesis.implementation.reduction import Reduced, Reduction, reduce, reduced
+from workbench.synthesis.implementation.reduction import (
+    ReducedController,
+    ReducedControllers,
+    approximated,
+    reduce_order,
+)
 from workbench.synthesis.implementation.sampled_loop import (
     Margins,
     SampledConditions,
@@ -45,11 +50,12 @@ __all__ = [
     "Mode",
     "MuController",
     "MuSynthesis",
-    "Reduced",
-    "Reduction",
+    "ReducedController",
+    "ReducedControllers",
     "SampledConditions",
     "Sections",
     "SwitchedStability",
+    "approximated",
     "dgk",
     "discretised",
     "dk",
@@ -60,9 +66,8 @@ __all__ = [
     "hinf_conic",
     "hinf_methods",
     "known_disturbance_bound",
-    "load",
-    "reduce",
-    "reduced",
+    "load_controller",
+    "reduce_order",
     "regularised",
     "sampled_conditions",
     "second_order_sections",

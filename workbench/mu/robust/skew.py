@@ -162,7 +162,7 @@ class Skew:
         return upper
 
     def _start(self, which: Array) -> RealArray:
-        """Start of b: mu of the varying blocks alone, or where it is 0 the norm of their columns."""
+        """Start of b: mu of the varying blocks alone; where it is 0, the norm of their columns."""
         alone = np.where(self.columns[:, None] & self.rows, self.M[which], 0.0)
         value = upper_values(alone, self.structure)
         size = np.linalg.norm(np.where(self.rows, self.M[which], 0.0), axis=(-2, -1))

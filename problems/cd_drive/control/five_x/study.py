@@ -18,7 +18,7 @@ from workbench.errors import SolverError
 from workbench.executor import Context
 from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.mu import sweep
-from workbench.synthesis import reduced
+from workbench.synthesis import approximated
 from workbench.synthesis.implementation.reduction import Method
 from workbench.systems.storage import restored, stored
 from workbench.uncertainty import GeneralisedPlant, UncertaintyModel
@@ -152,7 +152,7 @@ class FiveX(Study):
         plant = synthesis_plant(self.axis, self.loop.model, SPEED)
         found = {}
         for method in get_args(Method):
-            K = reduced(full, ORDER, method, plant if method == "weighted" else None)
+            K = approximated(full, ORDER, method, plant if method == "weighted" else None)
             top = performance_peak(both, K, TOLERANCE)
             found[method] = K, top.upper if top else np.inf
         return found

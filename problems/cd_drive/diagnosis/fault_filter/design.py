@@ -13,7 +13,7 @@ from workbench.certify.stability import stability_of
 from workbench.diagnosis import FaultEstimation, FaultFilter
 from workbench.errors import InputError, SolverError
 from workbench.heavy_types import StateSpace
-from workbench.synthesis import reduced
+from workbench.synthesis import approximated
 from workbench.systems.realisation import realisation
 
 from .front import FaultFront, Point, full_filter, laguerre
@@ -53,7 +53,7 @@ def few_states(loop: FaultLoop, F: StateSpace, order: int, error: float, leakage
     for method in REDUCTIONS:
         plant = program.plant if method == "weighted" else None
         try:
-            poles = reduced(F, order, method, plant)  # type: ignore[arg-type]
+            poles = approximated(F, order, method, plant)  # type: ignore[arg-type]
             front = FaultFront(loop, poles=poles.poles())
             point = front.least(front.of_filter(poles), error, leakage)
         except (InputError, SolverError):
