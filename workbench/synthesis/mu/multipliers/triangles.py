@@ -47,8 +47,8 @@ def change(entries: Array, n: int, by: Array) -> tuple[Array, Array]:
 def responses(x: RealArray, omega: RealArray) -> tuple[Array, Array]:
     """Entries (rows, F) at frequencies [rad/s], and derivatives (rows, P, F) by their parameters.
 
-    The parameters x have shape (rows, P). A row is c and, for each section, log p, log b, e, f. It has as many parameters as a gain with
-    the same number of biquads.
+    The parameters x have shape (rows, P). A row is c and, for each section, log p, log b, e, f. It
+    has as many parameters as a gain with the same number of biquads.
     """
     value = np.repeat(x[:, :1], len(omega), axis=1).astype(complex)
     slope = np.zeros((*x.shape, len(omega)), complex)
