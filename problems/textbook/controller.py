@@ -10,7 +10,7 @@ from pydantic import Field
 from workbench import Run, problem, ref
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
-from workbench.synthesis import MuSynthesis, reduced
+from workbench.synthesis import MuSynthesis, approximated
 from workbench.systems.storage import restored
 from workbench.uncertainty import GeneralisedPlant
 
@@ -60,4 +60,4 @@ def _started(plant: GeneralisedPlant, start: Run | None, order: int | None) -> S
             raise InputError(f"order = {order} reduces the controller of a run: say after which")
         return None
     K = restored(start.data, "controller")
-    return K if order is None else reduced(K, order, plant=plant)
+    return K if order is None else approximated(K, order, plant=plant)

@@ -12,7 +12,7 @@ from workbench import Run, figures, problem, ref
 from workbench.executor import Context
 from workbench.heavy_types import DataArray, Figure, StateSpace
 from workbench.study import Study, array, check, dim, figure, metric, part, system
-from workbench.synthesis import MuSynthesis, reduce
+from workbench.synthesis import MuSynthesis, reduce_order
 from workbench.uncertainty import GeneralisedPlant
 
 from .controller import PLANTS
@@ -62,13 +62,13 @@ class ReductionCurve(Study):
     @part
     def plain(self) -> Any:
         """Every order by balanced reduction alone."""
-        return reduce(self.full.answer.K, self.plant, target=self.target)
+        return reduce_order(self.full.answer.K, self.plant, target=self.target)
 
     @part
     def best(self, context: Context) -> Any:
         """Every order, refined where the reduced controller exceeds the target."""
         K = self.full.answer.K
-        return reduce(K, self.plant, target=self.target, refine=True, context=context)
+        return reduce_order(K, self.plant, target=self.target, refine=True, context=context)
 
     refined, bound = dim("reduced", "refined"), dim("lower", "upper")
     order = dim(

@@ -16,12 +16,12 @@ from workbench.synthesis import (
     LoopShaping,
     MixedSensitivity,
     MuSynthesis,
+    approximated,
     discretised,
     export,
     hinf,
-    load,
-    reduce,
-    reduced,
+    load_controller,
+    reduce_order,
     regularised,
     sampled_conditions,
     second_order_sections,
@@ -68,10 +68,10 @@ WRONG = [
 ENTRIES = {
     "G of mixed sensitivity": lambda one: MixedSensitivity(one, 1.0, 1.0),
     "G of loop shaping": LoopShaping,
-    "reduced": lambda one: reduced(one, 1, "balanced"),
-    "reduced hankel": lambda one: reduced(one, 1, "hankel"),
-    "reduced weighted": lambda one: reduced(one, 1, plant=UNCERTAIN),
-    "reduce": lambda one: reduce(one, UNCERTAIN),
+    "reduced": lambda one: approximated(one, 1, "balanced"),
+    "reduced hankel": lambda one: approximated(one, 1, "hankel"),
+    "reduced weighted": lambda one: approximated(one, 1, plant=UNCERTAIN),
+    "reduce": lambda one: reduce_order(one, UNCERTAIN),
     "discretised": lambda one: discretised(one, 0.01),
     "sections": second_order_sections,
     "K of sampled conditions": lambda one: sampled_conditions(G, one, 0.1),
@@ -407,22 +407,22 @@ def test_a_performance_that_is_zero():
 @pytest.mark.parametrize("order", [1.0, 1.5, "1", None, True, -1, 99])
 def test_orders_that_are_none(order):
     with pytest.raises(InputError, match="order is"):
-        reduced(K, order, "balanced")
+        approximated(K, order, "balanced")
 
 
 @pytest.mark.parametrize(
     ("call", "said"),
     [
-        (lambda: reduced(K, 1, "schur"), "method is 'schur'"),
-        (lambda: reduced(K, 1), "give the plant"),
-        (lambda: reduced(K, 1, plant=UNCERTAIN.system), "must be a GeneralisedPlant"),
-        (lambda: reduced(control.append(K, K), 1, plant=UNCERTAIN), "K has 2 inputs"),
-        (lambda: reduced(KD, 1, "balanced"), "K is sampled"),
-        (lambda: reduce(K, None), "must be a GeneralisedPlant"),
-        (lambda: reduce(K, UNCERTAIN, target="a"), "target is 'a'"),
-        (lambda: reduce(K, UNCERTAIN, target=np.nan), "target is nan"),
-        (lambda: reduce(K, UNCERTAIN, order="a"), "order is 'a'"),
-        (lambda: reduce(control.ss([], [], [], [[0.0]]), UNCERTAIN), "unstable.*stabilises"),
+        (lambda: approximated(K, 1, "schur"), "method is 'schur'"),
+        (lambda: approximated(K, 1), "give the plant"),
+        (lambda: approximated(K, 1, plant=UNCERTAIN.system), "must be a GeneralisedPlant"),
+        (lambda: approximated(control.append(K, K), 1, plant=UNCERTAIN), "K has 2 inputs"),
+        (lambda: approximated(KD, 1, "balanced"), "K is sampled"),
+        (lambda: reduce_order(K, None), "must be a GeneralisedPlant"),
+        (lambda: reduce_order(K, UNCERTAIN, target="a"), "target is 'a'"),
+        (lambda: reduce_order(K, UNCERTAIN, target=np.nan), "target is nan"),
+        (lambda: reduce_order(K, UNCERTAIN, order="a"), "order is 'a'"),
+        (lambda: reduce_order(control.ss([], [], [], [[0.0]]), UNCERTAIN), "unstable.*stabilises"),
         (lambda: discretised(K, "a"), r"sample_time is 'a'"),
         (lambda: discretised(K, None), r"sample_time is None"),
         (lambda: discretised(K, 0.0), r"sample_time is 0.0"),
@@ -461,7 +461,7 @@ def test_a_gain_without_a_sampling_time_has_any():
 
 
 def test_a_target_that_no_order_reaches():
-    assert reduce(K, UNCERTAIN, target=1e-3).smallest is None
+    assert reduce_order(K, UNCERTAIN, target=1e-3).smallest is None
 
 
 @pytest.mark.parametrize(
@@ -471,4 +471,4 @@ def test_files_that_hold_no_controller(tmp_path, content):
     (tmp_path / "file").write_bytes(content)
     for path in (tmp_path / "file", tmp_path / "missing", tmp_path):
         with pytest.raises(ResultError, match="holds no controller"):
-            load(path)
+            load_controller(path)

@@ -13,7 +13,7 @@ from workbench.plants.cd_drive.drive import plants as drives
 
 from workbench.errors import InputError, ResultError
 from workbench.simulation import respond
-from workbench.synthesis import discretised, export, load, second_order_sections
+from workbench.synthesis import discretised, export, load_controller, second_order_sections
 
 COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
 needs_compiler = pytest.mark.skipif(COMPILER is None, reason="no C compiler (cc, gcc, clang)")
@@ -82,7 +82,7 @@ def test_everything_comes_back(tmp_path_factory, n, m, p, seed, dt, format):
     )
     about = {"drive": "ψ", "gains": [1.5, None, True], "nested": {"made": 2026}}
     path = export(K, tmp_path_factory.mktemp("out") / "file", format, metadata=about)
-    back, metadata = load(path)
+    back, metadata = load_controller(path)
     for key in "ABCD":
         assert np.array_equal(getattr(back, key), getattr(K, key))
     assert back.dt is K.dt if dt in (None, True) else back.dt == K.dt
@@ -95,7 +95,7 @@ def test_numbers_of_any_size_come_back(tmp_path):
     values = [5e-324, -0.0, 1.7976931348623157e308, np.nextafter(1, 2), 0.1 + 0.2]
     K = control.ss([], [], [], [values])
     for format in ("json", "mat"):
-        back, _ = load(export(K, tmp_path / "k", format))
+        back, _ = load_controller(export(K, tmp_path / "k", format))
         assert back.D.tobytes() == K.D.tobytes()
 
 
@@ -115,12 +115,12 @@ def test_a_file_that_was_cut_or_changed_is_refused(tmp_path):
         for size in range(0, len(content) - 1, 97):
             path.write_bytes(content[:size])
             with pytest.raises(ResultError, match="holds no controller"):
-                load(path)
+                load_controller(path)
     stored = json.loads(export(system(), path, "json").read_text())
     stored["B"] = {"shape": [2, 2], "data": [1, 2, 3, 4]}
     path.write_text(json.dumps(stored))
     with pytest.raises(ResultError, match="holds no controller"):
-        load(path)
+        load_controller(path)
 
 
 @pytest.mark.parametrize("content", [b"", b"{}", b"{", b"nothing", b'{"kind": "other"}'])
@@ -128,9 +128,9 @@ def test_what_is_no_controller_is_refused(tmp_path, content):
     path = tmp_path / "file"
     path.write_bytes(content)
     with pytest.raises(ResultError, match="holds no controller"):
-        load(path)
+        load_controller(path)
     with pytest.raises(ResultError, match="holds no controller"):
-        load(tmp_path / "missing")
+        load_controller(tmp_path / "missing")
 
 
 # --- C ----------------------------------------------------------------------------------------

@@ -10,7 +10,7 @@ from workbench.plants.textbook.first_order import unstable_first_order
 
 import workbench as wb
 from workbench.errors import InputError
-from workbench.synthesis import MuController, MuSynthesis, hinf, reduced
+from workbench.synthesis import MuController, MuSynthesis, approximated, hinf
 
 
 @pytest.fixture(scope="module")
@@ -128,6 +128,8 @@ def test_two_masses_are_below_one_where_complex_scalings_end_above():
     assert first.certificate.holds
     assert 1.0 < first.answer.upper < 1.1
     # Its states are more than it needs, and from too many the fixed structure gets nowhere.
-    chained = wb.solve(MuSynthesis(plant, start=reduced(first.answer.K, 20, plant=plant)), "fixed")
+    chained = wb.solve(
+        MuSynthesis(plant, start=approximated(first.answer.K, 20, plant=plant)), "fixed"
+    )
     assert chained.certificate.holds, chained.certificate
     assert chained.answer.upper < 0.95

@@ -12,7 +12,7 @@ from workbench.plants.mass_spring.plant import simple_controller, two_mass_plant
 from workbench.errors import InputError
 from workbench.mu import conditions
 from workbench.structure import Real, Structure
-from workbench.synthesis import MixedSensitivity, hinf, reduce, reduced
+from workbench.synthesis import MixedSensitivity, approximated, hinf, reduce_order
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.gramians import factors
 
@@ -85,7 +85,7 @@ def test_balanced_truncation_is_that_of_slicot(seed, kept):
     _, A, B, C, *_ = slycot.ab09md(
         "C", "B", "S", n, m, p, K.A / rate, K.B / rate, K.C.copy(), alpha=-1e-9, nr=order
     )
-    theirs, ours = control.ss(rate * A, rate * B, C, K.D), reduced(K, order, "balanced")
+    theirs, ours = control.ss(rate * A, rate * B, C, K.D), approximated(K, order, "balanced")
     omega = rate * np.logspace(-4, 3, 40)
     expected = theirs(1j * omega, squeeze=False)
     assert ours.nstates == order
@@ -100,10 +100,10 @@ def test_the_hankel_norm_of_the_error_is_the_next_singular_value(seed):
     K = random_controller(seed)
     values = hankel_values(K)
     for order in (0, 1, K.nstates // 2):
-        K_r = reduced(K, order, "hankel")
+        K_r = approximated(K, order, "hankel")
         assert K_r.nstates == order
         assert hankel_values(K - K_r)[0] == pytest.approx(values[order], rel=1e-5)
-        balanced = hankel_values(K - reduced(K, order, "balanced"))[0]
+        balanced = hankel_values(K - approximated(K, order, "balanced"))[0]
         assert balanced >= values[order] * (1 - 1e-5)
 
 
@@ -112,7 +112,7 @@ def test_the_error_of_balanced_truncation_is_below_twice_the_rest(seed):
     K = random_controller(seed)
     values = hankel_values(K)
     for order in range(K.nstates):
-        error = control.linfnorm(K - reduced(K, order, "balanced"))[0]
+        error = control.linfnorm(K - approximated(K, order, "balanced"))[0]
         assert error <= 2 * values[order:].sum() * (1 + 1e-6)
 
 
@@ -120,12 +120,12 @@ def test_the_error_of_balanced_truncation_is_below_twice_the_rest(seed):
 def test_unstable_poles_and_integrators_are_kept(method):
     K = random_controller(3, kept=2)
     unstable = sorted(pole for pole in K.poles().real if pole > -1e-9 * np.abs(K.poles()).max())
-    small = reduced(K, 3, method)
+    small = approximated(K, 3, method)
     scale = np.abs(K.poles()).max()
     found = sorted(small.poles().real)[-2:]
     assert found == pytest.approx(unstable, abs=1e-9 * scale)
     with pytest.raises(InputError, match="must lie between 2"):
-        reduced(K, 1, method)
+        approximated(K, 1, method)
 
 
 def test_singular_values_that_coincide_go_together():
@@ -134,7 +134,7 @@ def test_singular_values_that_coincide_go_together():
     K = control.append(G, G)
     values = hankel_values(K)
     for order in (2, 3):
-        small = reduced(K, order, "hankel")
+        small = approximated(K, order, "hankel")
         assert small.nstates == 2
         assert hankel_values(K - small)[0] == pytest.approx(values[2], rel=1e-6)
 
@@ -146,7 +146,7 @@ def test_slow_and_lightly_damped_modes_survive():
     extra = control.ss(control.tf([1.0, 95.0, 3e3], [1.0, 100.0, 3e3]))
     K = control.ss(slow) * control.ss(notch) * extra * simple_controller()
     for method in ("balanced", "hankel"):
-        poles = reduced(K, 4, method).poles()
+        poles = approximated(K, 4, method).poles()
         assert np.abs(poles + 1e-6).min() < 1e-7
         assert np.abs(poles - (-0.002 + 6.3246j)).min() < 1e-3
 
@@ -157,7 +157,8 @@ def test_slow_and_lightly_damped_modes_survive():
 def test_how_low_the_order_can_go(loop):
     plant, K = loop
     found = {
-        method: reduce(K, plant, target=4.0, method=method) for method in ("weighted", "balanced")
+        method: reduce_order(K, plant, target=4.0, method=method)
+        for method in ("weighted", "balanced")
     }
     for reduction in found.values():
         given = reduction.tried[-1]
@@ -179,7 +180,7 @@ def test_how_low_the_order_can_go(loop):
 
 def test_the_reduced_loop_withstands_sampled_perturbations(loop):
     plant, K = loop
-    small = reduce(K, plant, target=4.0, order=5)
+    small = reduce_order(K, plant, target=4.0, order=5)
     assert [one.order for one in small.tried] == [5, 20]
     one = small.tried[0]
     N = plant.close(one.K)
@@ -196,7 +197,7 @@ def test_the_reduced_loop_withstands_sampled_perturbations(loop):
 
 def test_weighted_truncation_of_every_state_changes_nothing(loop):
     plant, K = loop
-    full = reduced(K, 20, "weighted", plant)
+    full = approximated(K, 20, "weighted", plant)
     omega = np.logspace(-3, 3, 50)
     expected = K(1j * omega)
     assert full(1j * omega) == pytest.approx(expected, abs=1e-4 * np.abs(expected).max())
@@ -206,7 +207,7 @@ def test_a_hidden_part_goes_first(loop):
     """States of K that the loop does not see: weighted truncation returns at most the rest."""
     plant, K = loop
     ballast = control.ss(np.diag([-2.0, -5.0]), np.zeros((2, 1)), np.ones((1, 2)), 0.0)
-    found = reduce(K + ballast, plant, order=20)
+    found = reduce_order(K + ballast, plant, order=20)
     assert found.tried[0].upper == pytest.approx(found.tried[-1].upper, rel=2e-3)
 
 
@@ -215,7 +216,7 @@ def test_without_uncertainty_the_gain_is_kept():
     G = control.ss(1 / ((s + 1) * (s + 0.01) * (s + 100) * (s + 120)) * 1e4)
     plant = MixedSensitivity(G, (0.5 * s + 1) / (s + 1e-3), 0.1).plant
     answer = hinf(plant)
-    found = reduce(answer.K, plant, target=1.3 * answer.norm)
+    found = reduce_order(answer.K, plant, target=1.3 * answer.norm)
     given = found.tried[-1]
     assert given.upper == pytest.approx(answer.norm, rel=5e-3)
     assert found.smallest.order < answer.K.nstates
@@ -229,14 +230,14 @@ def test_without_performance_robust_stability_is_kept():
     system = control.ss(A, B, [[1.0, 0.0], [1.0, 0.0]], np.zeros((2, 2)))
     plant = GeneralisedPlant(system, Structure([Real(1)]), 1, 1)
     K = control.ss(control.tf([-0.5, -1.0], [1.0, 30.0, 200.0]))
-    found = reduce(K, plant)
+    found = reduce_order(K, plant)
     assert found.smallest.order == 0
     assert found.tried[-1].upper == pytest.approx(conditions(plant, K).robust_stability.upper)
 
 
 def test_no_order_may_do():
     K = simple_controller()
-    found = reduce(K, two_mass_plant(), target=1e-3)
+    found = reduce_order(K, two_mass_plant(), target=1e-3)
     assert found.smallest is None
     assert [one.order for one in found.tried] == [0, 1]
 
@@ -258,9 +259,9 @@ def test_no_order_may_do():
 def test_bad_input_is_named(change, words):
     given = {"K": simple_controller(), "order": 0, "plant": two_mass_plant()} | change
     with pytest.raises(InputError, match=words):
-        reduced(**given)
+        approximated(**given)
 
 
 def test_a_target_must_be_positive():
     with pytest.raises(InputError, match="target is 0"):
-        reduce(simple_controller(), two_mass_plant(), target=0.0)
+        reduce_order(simple_controller(), two_mass_plant(), target=0.0)

@@ -57,8 +57,8 @@ def program():
 def few():
     """Rounds enough to be stopped in the midst of them."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(dk, "ROUNDS", 5)
-        patch.setattr(fixed, "ROUNDS", 8)
+        patch.setattr(dk, "MOST_ROUNDS", 5)
+        patch.setattr(fixed, "MOST_ROUNDS", 8)
         yield
 
 
@@ -124,7 +124,7 @@ def test_before_the_first_controller_there_is_no_answer(program):
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no such signal")
 def test_a_killed_run_of_the_command_goes_on_where_it_was(tmp_path, monkeypatch):
-    monkeypatch.setattr(dk, "ROUNDS", 30)  # as in a process of its own
+    monkeypatch.setattr(dk, "MOST_ROUNDS", 30)  # as in a process of its own
     monkeypatch.setenv("WORKBENCH_RESULTS", str(tmp_path))
     command = [sys.executable, "-m", "workbench", "run", "unstable-first-order/controller"]
     with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL) as process:
@@ -171,7 +171,9 @@ def test_the_scalings_are_those_that_were_fitted_to_the_loop(program, wholes):
         rows, columns = diagonals(program.closed, value)
         scaled = np.exp(rows)[:, :, None] * loop.M * np.exp(-columns)[:, None, :]
         bound = upper_bound(loop.M, program.closed).value
-        ratio = np.linalg.norm(scaled, 2, axis=(1, 2)) / np.maximum(bound, dk.FLOOR * bound.max())
+        ratio = np.linalg.norm(scaled, 2, axis=(1, 2)) / np.maximum(
+            bound, dk.REFERENCE_FLOOR * bound.max()
+        )
         assert ratio.max() == pytest.approx(1.0 + each.fit, rel=1e-9)
 
 

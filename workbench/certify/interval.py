@@ -169,7 +169,7 @@ def certified_interval(
 
 
 @dataclass(frozen=True, eq=False)
-class _Frame:
+class Frame:
     """Coordinates with multipliers near 1: Y = left M right, and the matrices E and F of Phi."""
 
     left: Array
@@ -178,7 +178,7 @@ class _Frame:
     F: Array
 
 
-def frame_of(D_left: Array, D_right: Array, G: Array, beta: float) -> _Frame | None:
+def frame_of(D_left: Array, D_right: Array, G: Array, beta: float) -> Frame | None:
     """The coordinates in which D is 1 and G at most 1; None where D is not positive definite."""
     try:
         left = np.linalg.cholesky(D_left).conj().T
@@ -189,7 +189,7 @@ def frame_of(D_left: Array, D_right: Array, G: Array, beta: float) -> _Frame | N
     except (np.linalg.LinAlgError, ValueError):
         return None
     shrink = _solve(bound, np.eye(len(bound)), lower=True)
-    return _Frame(left / beta, back @ shrink.conj().T, shrink @ shrink.conj().T, shrink @ twist)
+    return Frame(left / beta, back @ shrink.conj().T, shrink @ shrink.conj().T, shrink @ twist)
 
 
 def _solve(triangle: Array, other: Array, lower: bool = False) -> Array:
@@ -197,7 +197,7 @@ def _solve(triangle: Array, other: Array, lower: bool = False) -> Array:
     return solve_triangular(triangle, other, lower=lower)
 
 
-def _values(M: Array, frame: _Frame) -> Array:
+def _values(M: Array, frame: Frame) -> Array:
     """Phi for responses M (..., c, r)."""
     Y = frame.left @ M @ frame.right
     twisted = 1j * (frame.F @ Y)
@@ -222,7 +222,7 @@ def _about(system: StableSystem, omega: float) -> tuple[Array, Array, Array, Arr
     return inverse, -inverse @ B, C @ inverse, D - C @ inverse @ B
 
 
-def _hamiltonian(A: Array, B: Array, C: Array, D: Array, frame: _Frame) -> Array | None:
+def _hamiltonian(A: Array, B: Array, C: Array, D: Array, frame: Frame) -> Array | None:
     """The Hamiltonian whose imaginary eigenvalues are the z at which Phi is singular.
 
     None where Phi of the direct term is not positive, or where entries overflow.

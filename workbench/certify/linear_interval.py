@@ -23,6 +23,7 @@ from workbench.certify.interval import (
     ABSOLUTE_REAL_PART,
     END_MARGIN,
     RELATIVE_REAL_PART,
+    Frame,
     StableSystem,
     frame_of,
     positive,
@@ -60,6 +61,37 @@ def certified_between(
     frame = frame_of(middle[0], middle[1], middle[2], beta)
     if frame is None:
         return None
+    H = _hamiltonian(system, frame, change, beta, omega, half)
+    if H is None:
+        return None
+    z = np.linalg.eigvals(H)
+    limit = RELATIVE_REAL_PART * np.abs(z) + ABSOLUTE_REAL_PART * float(np.linalg.norm(H))
+    ends = []
+    for sign in (-1.0, 1.0):  # (w - omega) / half = -1 / Im z
+        size = float((-sign * z.imag[np.abs(z.real) <= limit]).max(initial=0.0))
+        ends.append(omega + sign * half * (1.0 if size < 1.0 else (1 - END_MARGIN) / size))
+    suspects = z[np.abs(z.real) < 0.3 * np.abs(z)].imag
+    inside = omega - half / suspects[np.abs(suspects) > 1.0]
+    known = np.unique([*ends, omega, *inside[(inside > ends[0]) & (inside < ends[1])]])
+    points = np.concatenate([known, (known[1:] + known[:-1]) / 2])
+    right = frame.right
+    for w, M in zip(points, system.response(points), strict=True):
+        D_l, D_r, G = (m + d * (w - omega) / half for m, d in zip(middle, change, strict=True))
+        twisted = 1j * (G @ M)
+        Phi = beta**2 * D_r - M.conj().T @ D_l @ M - twisted - twisted.conj().T
+        if not positive(right.conj().T @ Phi @ right):
+            return None
+    return ends[0], ends[1]
+
+
+def _hamiltonian(
+    system: StableSystem, frame: Frame, change: Multipliers, beta: float, omega: float, half: float
+) -> Array | None:
+    """The Hamiltonian whose imaginary eigenvalues are the z at which Phi is singular.
+
+    None where Phi is not positive at `omega`, or where entries overflow. Arguments as
+    `certified_between`.
+    """
     c, r = system.D.shape
     inverse = np.linalg.inv(system.A - 1j * omega * np.eye(len(system.A)))
     left, X = frame.left, frame.right
@@ -90,26 +122,9 @@ def certified_between(
     B = np.vstack([B, D, np.eye(r)])
     feedback = np.linalg.solve(R, np.hstack([S.conj().T, B.conj().T]))
     corner = A - B @ feedback[:, :states]
-    H = np.block(
+    return np.block(
         [
             [corner, -B @ feedback[:, states:]],
             [S @ feedback[:, :states] - Q, -corner.conj().T],
         ]
     )
-    z = np.linalg.eigvals(H)
-    limit = RELATIVE_REAL_PART * np.abs(z) + ABSOLUTE_REAL_PART * float(np.linalg.norm(H))
-    ends = []
-    for sign in (-1.0, 1.0):  # (w - omega) / half = -1 / Im z
-        size = float((-sign * z.imag[np.abs(z.real) <= limit]).max(initial=0.0))
-        ends.append(omega + sign * half * (1.0 if size < 1.0 else (1 - END_MARGIN) / size))
-    suspects = z[np.abs(z.real) < 0.3 * np.abs(z)].imag
-    inside = omega - half / suspects[np.abs(suspects) > 1.0]
-    known = np.unique([*ends, omega, *inside[(inside > ends[0]) & (inside < ends[1])]])
-    points = np.concatenate([known, (known[1:] + known[:-1]) / 2])
-    for w, M in zip(points, system.response(points), strict=True):
-        D_l, D_r, G = (m + d * (w - omega) / half for m, d in zip(middle, change, strict=True))
-        twisted = 1j * (G @ M)
-        Phi = beta**2 * D_r - M.conj().T @ D_l @ M - twisted - twisted.conj().T
-        if not positive(X.conj().T @ Phi @ X):
-            return None
-    return ends[0], ends[1]

@@ -9,9 +9,14 @@ from workbench.synthesis.hinf.loop_shaping import LoopShaping
 from workbench.synthesis.hinf.mixed_sensitivity import MixedSensitivity
 from workbench.synthesis.hinf.program import HinfController, HinfSynthesis, hinf
 from workbench.synthesis.implementation.discretise import discretised
-from workbench.synthesis.implementation.export import export, load
+from workbench.synthesis.implementation.export import export, load_controller
 from workbench.synthesis.implementation.fixed_point import FixedCascade, FixedPoint, fixed_point
-from workbench.synthesis.implementation.reduction import Reduced, Reduction, reduce, reduced
+from workbench.synthesis.implementation.reduction import (
+    ReducedController,
+    ReducedControllers,
+    approximated,
+    reduce_order,
+)
 from workbench.synthesis.implementation.sampled_loop import (
     Margins,
     SampledConditions,
@@ -83,8 +88,8 @@ __all__ = [
     "Mode",
     "MuController",
     "MuSynthesis",
-    "Reduced",
-    "Reduction",
+    "ReducedController",
+    "ReducedControllers",
     "SampledConditions",
     "SampledPlant",
     "Sections",
@@ -95,6 +100,7 @@ __all__ = [
     "SwitchedStability",
     "allowed_discs",
     "allowed_polygons",
+    "approximated",
     "closed_transition",
     "controller_replaced",
     "dgk",
@@ -111,12 +117,11 @@ __all__ = [
     "known_disturbance_bound",
     "largest_least_mu",
     "least_mu",
-    "load",
+    "load_controller",
     "measurement_dropped",
     "measurement_filtered",
     "proven_share",
-    "reduce",
-    "reduced",
+    "reduce_order",
     "regularised",
     "sampled_conditions",
     "second_order_sections",

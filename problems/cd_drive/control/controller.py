@@ -13,7 +13,7 @@ from pydantic import Field
 from workbench import Run, problem, ref
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
-from workbench.synthesis import MuSynthesis, reduced
+from workbench.synthesis import MuSynthesis, approximated
 from workbench.systems.storage import restored
 
 from ..drive.plants import Gain
@@ -72,5 +72,5 @@ def controller(
     if order is not None:
         if K is None:
             raise InputError(f"order = {order} reduces a controller: say after which")
-        K = reduced(K, order, plant=plant)
+        K = approximated(K, order, plant=plant)
     return LoopController(plant, start=K)

@@ -18,7 +18,7 @@ from workbench.diagnosis.estimation.laguerre import LaguerreBasis
 from workbench.diagnosis.estimation.program import FaultEstimation, FaultFilter
 from workbench.errors import InputError, SolverError
 from workbench.heavy_types import StateSpace
-from workbench.synthesis import reduced
+from workbench.synthesis import approximated
 from workbench.systems.realisation import realisation
 
 REDUCTIONS = ("weighted", "balanced", "hankel")
@@ -67,7 +67,7 @@ def few_states(
     for method in REDUCTIONS:
         plant = program.plant if method == "weighted" else None
         try:
-            poles = reduced(F, order, method, plant)  # type: ignore[arg-type]
+            poles = approximated(F, order, method, plant)  # type: ignore[arg-type]
             front = FaultFront(loop, near_poles(loop, frequency, poles.poles()))
             point = front.least(front.of_filter(poles), error, leakage)
         except (InputError, SolverError):

@@ -25,12 +25,12 @@ from workbench.systems.standard_plant import StandardPlant, standard_plant
 
 
 def checked(plant: StandardPlant) -> Scaled:
-    """The scaled plant, in continuous time, of one that meets every assumption.
+    """Test every assumption, and return the plant scaled and in continuous time.
 
     Raises
     ------
     InputError
-        Naming the assumption that fails, the mode, block or frequency, and what to do.
+        An assumption fails; the message names it, the mode, block or frequency, and a remedy.
     """
     try:
         normal = scaled(continuous(plant))
@@ -44,6 +44,7 @@ def checked(plant: StandardPlant) -> Scaled:
     small = normal.plant
 
     def at(place: complex) -> str:
+        """Text for a point of the scaled s plane in the plant's own s or z plane."""
         if not plant.dt:
             return f"{place * normal.rate:.6g} rad/s"
         s = place * normal.rate
@@ -77,7 +78,7 @@ def checked(plant: StandardPlant) -> Scaled:
 
 
 def _unreached(A: RealArray, B: RealArray) -> complex | None:
-    """The first unstable mode that no input reaches (Popov, Belevitch, Hautus); None without."""
+    """The first unstable mode that no input reaches (Popov, Belevitch, Hautus); None if none."""
     size = float(np.linalg.norm(A))
     rounding = ZERO_ROUNDING * EPS * len(A) * size
     for mode in np.linalg.eigvals(A).astype(complex):
@@ -90,9 +91,10 @@ def _unreached(A: RealArray, B: RealArray) -> complex | None:
 
 
 def _axis_zero(A: RealArray, B: RealArray, C: RealArray, D: RealArray) -> float | None:
-    """The frequency of an invariant zero on the imaginary axis, D^T D = 1; None without.
+    """The frequency of an invariant zero on the imaginary axis, for D^T D = 1; None if none.
 
-    Invariant zeros are then the modes of A - B D^T C that (1 - D D^T) C does not show.
+    With D^T D = 1 the invariant zeros are the modes of A - B D^T C that are unobservable through
+    (1 - D D^T) C.
     """
     inner, shown = A - B @ D.T @ C, C - D @ (D.T @ C)
     size = float(np.linalg.norm(inner))
@@ -107,24 +109,26 @@ def _axis_zero(A: RealArray, B: RealArray, C: RealArray, D: RealArray) -> float 
 
 
 def regularised(plant: GeneralisedPlant, size: float) -> GeneralisedPlant:
-    """The plant with the small exogenous inputs and performance outputs that make it regular.
+    """Add small exogenous inputs and performance outputs so that the plant meets the assumptions.
 
-    Where D12 lacks rank every control becomes a performance output, where D21 does every
-    measurement gets noise, both through a high-pass of first order with the corner of the plant's
-    fastest pole: at low frequencies, where weights may integrate, they count nothing. Where
-    there are zeros on the stability boundary every state becomes a performance output, or gets a
-    disturbance. Their weights are `size` times: for u and for the noise the largest response of
-    u -> z and w -> y at that corner, for balanced states the largest entry of C1 and B1 (1 where
-    these are zero). The closed loop has the old channels as a part, so that its norm is at least
-    theirs.
+    Where D12 lacks rank, every control becomes a performance output. Where D21 lacks rank, every
+    measurement gets noise. Both pass through a first-order high-pass whose corner is the plant's
+    fastest pole, so that they have no effect at low frequencies, where weights may integrate. Where
+    there are zeros on the stability boundary, every state becomes a performance output or gets a
+    disturbance.
 
-    The new signals follow the old exogenous inputs and performance outputs, named ``regular_u0``
-    (performance), ``regular_y0`` (noise), ``regular_x0`` and so on.
+    The weight of u is `size` times the largest response of u -> z at the corner, the weight of the
+    noise `size` times the largest response of w -> y there. The weights of balanced states are
+    `size` times the largest entry of C1 and of B1 (1 where these are zero). The closed loop
+    contains the old channels, so its norm is at least theirs.
+
+    The new signals come after the old exogenous inputs and performance outputs. Their names are
+    ``regular_u0`` (performance), ``regular_y0`` (noise), ``regular_x0`` and so on.
 
     Raises
     ------
     InputError
-        `size` not positive and finite; as `standard_plant` and `continuous`.
+        `size` is not positive and finite; or as `standard_plant` and `continuous`.
     """
     need_plant(plant)
     need_positive(size, "size")
@@ -133,7 +137,7 @@ def regularised(plant: GeneralisedPlant, size: float) -> GeneralisedPlant:
     y, x_in = _additions(given.dual, size)
     a, b, c, d = _high_pass(given)
     (z, w), m, p = given.D11.shape, given.controls, given.measurements
-    # The states of the plant, those of the controls' high-passes, those of the noises'.
+    # Order of the states: plant, high-passes of the controls, high-passes of the noises.
     states, k, j = given.states, len(u), len(y)
     A = block_diag(given.A, a * np.eye(k), a * np.eye(j))
     B = np.zeros((len(A), w + j + len(x_in) + m))
@@ -158,7 +162,7 @@ def regularised(plant: GeneralisedPlant, size: float) -> GeneralisedPlant:
 
 
 def _additions(given: StandardPlant, size: float) -> tuple[RealArray, RealArray]:
-    """Rows by which u and by which x become performance outputs; none where not needed."""
+    """Rows that make u and rows that make x performance outputs; no rows where not needed."""
     n, m = given.states, given.controls
     plant = continuous(given)
     u, x = np.zeros((0, m)), np.zeros((0, n))
@@ -176,7 +180,7 @@ def _additions(given: StandardPlant, size: float) -> tuple[RealArray, RealArray]
 
 
 def _high_pass(given: StandardPlant) -> tuple[float, float, float, float]:
-    """A, B, C, D of s / (s + c), its corner c that of the plant's fastest pole."""
+    """A, B, C, D of s / (s + c) with c the size of the plant's fastest pole."""
     corner = _fastest(continuous(given).A)
     one = np.eye(1)
     parts: Matrices = (-corner * one, corner * one, -one, one)
@@ -190,4 +194,5 @@ def _fastest(A: RealArray) -> float:
 
 
 def _names(kind: str, rows: RealArray) -> list[str]:
+    """Names of added signals."""
     return [f"regular_{kind}{i}" for i in range(len(rows))]

@@ -24,33 +24,34 @@ from workbench.systems.norms import norm
 from workbench.systems.realisation import Matrices
 from workbench.systems.standard_plant import StandardPlant
 
-LARGEST = 20
-"""States up to which the semidefinite programs are small enough."""
-BACK_OFF = (2e-3, 1e-2, 5e-2)
-"""Relative distances from the least level; the first at which the loop is what it should be."""
-ACCURACY = 1e-5
-"""Finest accuracy asked of solvers: far less than the distance kept from the least level."""
-ROOM = 4.0
-"""Trace of X and Y relative to the least one, within which they keep from their constraints."""
+MOST_STATES = 20
+"""Most states of a plant; the semidefinite programs of larger plants take too long."""
+LEVEL_RISES = (2e-3, 1e-2, 5e-2)
+"""Relative distances above the least level, tried until the loop holds its level."""
+FINEST_ACCURACY = 1e-5
+"""Finest accuracy asked of solvers, much finer than the distance kept from the least level."""
+TRACE_RATIO = 4.0
+"""Largest trace of X and Y relative to the least trace, when X and Y are centred."""
 
 
 def _unfit(program: HinfSynthesis) -> str | None:
+    """Why the method cannot take the program; None where it can."""
     states = program.scaled.plant.states
     if not states:
         return "it has no states"
-    if states > LARGEST:
-        return f"it has {states} states; at most {LARGEST} make LMIs of a practical size"
+    if states > MOST_STATES:
+        return f"it has {states} states; at most {MOST_STATES} make LMIs of a practical size"
     return None
 
 
 @conic_method(HinfSynthesis, optimal=False, unfit=_unfit)
 def _conic(program: HinfSynthesis, context: Context, solver: ConicSolver) -> Claim:
-    """The LMIs of Gahinet and Apkarian, to 2e-3 above their least level (5e-2 where needed)."""
+    """The LMIs of Gahinet and Apkarian, at 2e-3 above the least level (5e-2 where needed)."""
     import cvxpy as cp
 
     normal = program.scaled
     plant = _weighed(normal.plant)
-    options = replace(context.options, tolerance=max(context.options.accuracy, ACCURACY))
+    options = replace(context.options, tolerance=max(context.options.accuracy, FINEST_ACCURACY))
     with context.stating():
         statement = _Statement(plant)
     held = [*statement.constraints, statement.margin == 0]
@@ -60,7 +61,7 @@ def _conic(program: HinfSynthesis, context: Context, solver: ConicSolver) -> Cla
         return None, outcome, said
     least = float(statement.gamma.value)
     if program.gamma is None:
-        levels = [least * (1.0 + step) for step in BACK_OFF]
+        levels = [least * (1.0 + step) for step in LEVEL_RISES]
     elif program.gamma > least:
         levels = [program.gamma]
     else:
@@ -84,9 +85,9 @@ def _conic(program: HinfSynthesis, context: Context, solver: ConicSolver) -> Cla
 
 
 def _weighed(plant: StandardPlant) -> StandardPlant:
-    """The states in units that make A, B and C small together, signals in their own units.
+    """The plant with states scaled to make A, B and C small together; signals are not scaled.
 
-    The inequalities have all of them, and X and Y, in one sum, unlike the Riccati equations.
+    Unlike the Riccati equations, the inequalities add all these matrices, X and Y in one sum.
     """
     from slycot import tb01id
 
@@ -102,7 +103,7 @@ def _centred(
     options: Options,
     context: Context,
 ) -> tuple[Outcome, str]:
-    """X and Y of a level inside their constraints, since K is ill-conditioned on the boundary."""
+    """Find X and Y of a level well inside their constraints; K is ill-conditioned at the edge."""
     import cvxpy as cp
 
     size = cp.trace(statement.X) + cp.trace(statement.Y)
@@ -111,13 +112,13 @@ def _centred(
     outcome, said = solve_conic(smallest, solver, options, context)
     if outcome not in (Outcome.SOLVED, Outcome.INACCURATE):
         return outcome, said
-    larger = size <= ROOM * float(size.value)
+    larger = size <= TRACE_RATIO * float(size.value)
     inside = cp.Problem(cp.Maximize(statement.margin), [*statement.constraints, fixed, larger])
     return solve_conic(inside, solver, options, context)
 
 
 class _Statement:
-    """gamma, X, Y and a margin by which all inequalities hold."""
+    """Variables gamma, X and Y, and the margin by which all inequalities hold."""
 
     def __init__(self, plant: StandardPlant) -> None:
         import cvxpy as cp
@@ -146,7 +147,7 @@ class _Statement:
         D12: RealArray,
         X: Any,
     ) -> Any:
-        """The bounded-real inequality in X where [B2; D12] does not act."""
+        """The bounded-real inequality in X on the complement of the range of [B2; D12]."""
         import cvxpy as cp
 
         z, w = D11.shape
@@ -165,8 +166,8 @@ class _Statement:
 def _controller(plant: StandardPlant, X: RealArray, Y: RealArray, gamma: float) -> Matrices:
     """A controller of the level from X and Y, [X I; I Y] > 0, where D12 and D21 have full rank.
 
-    In the variables that make the bounded-real inequality of the closed loop linear, its diagonal
-    blocks hold for the C and B that make them least, and A makes the block between them zero.
+    A change of variables makes the bounded-real inequality of the closed loop linear. C_hat and
+    B_hat are chosen to minimise its diagonal blocks, and A_hat to make the block between them zero.
     """
     A, B1, B2, C1, C2 = plant.A, plant.B1, plant.B2, plant.C1, plant.C2
     D12, D21 = plant.D12, plant.D21
@@ -191,7 +192,7 @@ def _controller(plant: StandardPlant, X: RealArray, Y: RealArray, gamma: float) 
 
 
 def _direct(plant: StandardPlant, gamma: float) -> RealArray:
-    """The central Dk with norm of D11 + D12 Dk D21 below gamma, D12 = [0; I], D21 = [0 I]."""
+    """The central Dk with |D11 + D12 Dk D21| < gamma, for D12 = [0; I] and D21 = [0 I]."""
     D11 = plant.D11
     rows, columns = len(D11) - plant.controls, D11.shape[1] - plant.measurements
     D1111, D1112 = D11[:rows, :columns], D11[:rows, columns:]

@@ -8,13 +8,14 @@ from workbench import figures
 from workbench.heavy_types import Axes, Figure, StateSpace
 from workbench.systems.generalised_plant import response
 
-POINTS = 400
-DECADES = 1.5
+GRID_POINTS = 400
+"""Frequencies of a curve."""
+DECADES_BEYOND = 1.5
 """Decades shown beyond the slowest and the fastest pole."""
 
 
 def loop(closed: StateSpace, gamma: float) -> Figure:
-    """Singular values of the closed loop, and the level."""
+    """Figure of the singular values of the closed loop, with the level gamma."""
     figure, (panel,) = figures.axes()
     _singular_values(panel, closed, grid(closed))
     panel.axhline(gamma, color=figures.BLACK, linestyle="--", label="level gamma")
@@ -24,7 +25,7 @@ def loop(closed: StateSpace, gamma: float) -> Figure:
 
 
 def controller(K: StateSpace, closed: StateSpace) -> Figure:
-    """Singular values of K over the frequencies of the loop; |K| of a scalar one."""
+    """Figure of the singular values of K (|K| of a scalar K) over the frequencies of the loop."""
     figure, (panel,) = figures.axes()
     _singular_values(panel, K, grid(closed))
     if K.issiso():
@@ -36,18 +37,19 @@ def controller(K: StateSpace, closed: StateSpace) -> Figure:
 
 
 def grid(closed: StateSpace) -> np.ndarray:
-    """Frequencies [rad/s] about the poles of a loop, up to half the sampling rate."""
+    """Frequencies [rad/s] around the poles of a loop, at most half the sampling rate."""
     poles = closed.poles()
     if closed.dt:
         poles = np.log(poles[np.abs(poles) > 0]) / closed.dt
     size = np.abs(poles)
     size = np.quantile(size[size > 0], [0.05, 0.95]) if (size > 0).any() else np.ones(2)
-    low, high = np.log10(size) + np.array([-DECADES, DECADES])
+    low, high = np.log10(size) + np.array([-DECADES_BEYOND, DECADES_BEYOND])
     top = np.log10(np.pi / closed.dt) if closed.dt else high
-    return np.logspace(min(low, top - 2.0), min(high, top), POINTS)
+    return np.logspace(min(low, top - 2.0), min(high, top), GRID_POINTS)
 
 
 def _singular_values(panel: Axes, system: StateSpace, omega: np.ndarray) -> None:
+    """Draw the singular values of a system's response."""
     values = np.linalg.svd(response(system, omega), compute_uv=False)
     for k, row in enumerate(values.T):
         panel.loglog(omega, np.maximum(row, 1e-300), label=f"sigma {k + 1}")

@@ -1,11 +1,11 @@
-"""What no controller can do, by disturbances that are known in advance.
+"""Lower bounds of the H-infinity norm that no controller can beat, from known disturbances.
 
-For a disturbance w that decays, the least energy of z over all controls u, chosen with w known from
-its beginning to its end, is a linear-quadratic problem. Its square root over the norm of w is below
-the norm of every stabilised loop, whatever the controller measures. Where w is the output of a
-system that runs free, x_g' = A_g x_g, w = C_g x_g, both energies are quadratic in x_g(0), and the
-best bound of all such w is an eigenvalue. It comes close to the least norm where the measurement
-tells w.
+Let a decaying disturbance w be known from its beginning to its end. The least energy of z over all
+controls u is then a linear-quadratic problem. The square root of this energy over the norm of w is
+at most the norm of any stabilised loop, whatever the controller measures. Let w be the output of an
+autonomous system x_g' = A_g x_g, w = C_g x_g. Then both energies are quadratic in x_g(0), and the
+best bound over all such w is an eigenvalue. The bound is close to the least norm where the
+measurement determines w.
 
 J. C. Willems, Least squares stationary optimal control and the algebraic Riccati equation, IEEE
 Trans. Automatic Control 16 (1971) 621-634.
@@ -26,34 +26,36 @@ from workbench.systems.balancing import balanced
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.standard_plant import standard_plant
 
-ROUNDING = 1e-6
-"""By which the bound is lowered, relative."""
-NEGATIVE = 1e-9
-"""Share of the dissipation matrix's largest eigenvalue that its least may be below zero."""
+BOUND_ROUNDING = 1e-6
+"""Share by which the bound is lowered to allow for rounding errors."""
+DISSIPATION_TOLERANCE = 1e-9
+"""The dissipation matrix counts as semidefinite if no eigenvalue is more negative than this share
+of the largest."""
 
 
 def known_disturbance_bound(plant: GeneralisedPlant, rates: ArrayLike) -> tuple[float, RealArray]:
-    """A lower bound of the norm of F_l(P, K) over all stabilising K, and the disturbance of it.
+    """A lower bound of the norm of F_l(P, K) over all stabilising K, and its disturbance.
 
     Parameters
     ----------
     plant
-        Continuous time; its perturbation, where it has one, counts as exogenous and performance.
+        Plant in continuous time; its perturbation channels count as exogenous and performance.
     rates
-        Of the exponentials [rad/s] (m,) that the disturbance is made of, positive and different.
+        Rates [rad/s] (m,) of the exponentials that the disturbance consists of, positive and
+        different.
 
     Returns
     -------
     bound
-        Proven by a matrix that was found to be positive semidefinite but for rounding.
+        Lower bound, proven by a matrix that is positive semidefinite up to rounding.
     disturbance
         Coefficients (exogenous, m) of the orthonormal signals of `exponentials`; its norm is 1.
 
     Raises
     ------
     InputError
-        D12 (u -> z) without full column rank; a sampled plant; rates that are not positive, finite
-        and different.
+        D12 (u -> z) does not have full column rank; the plant is sampled; or the rates are not
+        positive, finite and different.
     SolverError
         The Riccati equation was not solved well enough to prove anything.
     """
@@ -71,7 +73,7 @@ def known_disturbance_bound(plant: GeneralisedPlant, rates: ArrayLike) -> tuple[
     A, B, C = balanced(given.A / rate, B / root, C / root)
     D = np.hstack([given.D11, given.D12])
     q = given.D11.shape[1]
-    # u in units in which D12 has orthonormal columns.
+    # Transform u so that D12 has orthonormal columns.
     R = np.linalg.qr(D[:, q:])[1]
     B[:, q:], D[:, q:] = (np.linalg.solve(R.T, part[:, q:].T).T for part in (B, D))
     Ag, Cg = (np.kron(np.eye(q), part) for part in exponentials(poles / rate))
@@ -89,15 +91,15 @@ def known_disturbance_bound(plant: GeneralisedPlant, rates: ArrayLike) -> tuple[
         [[joint.T @ X + X @ joint + out.T @ out, corner], [corner.T, np.eye(into.shape[1])]]
     )
     ends = np.linalg.eigvalsh((dissipated + dissipated.T) / 2)[[0, -1]]
-    if not ends[0] >= -NEGATIVE * ends[1]:
+    if not ends[0] >= -DISSIPATION_TOLERANCE * ends[1]:
         raise SolverError(f"the Riccati equation is solved to {-ends[0] / ends[1]:.1e} only")
     values, vectors = np.linalg.eigh((X[n:, n:] + X[n:, n:].T) / 2)
-    bound = math.sqrt(max(float(values[-1]), 0.0)) * (1.0 - ROUNDING)
+    bound = math.sqrt(max(float(values[-1]), 0.0)) * (1.0 - BOUND_ROUNDING)
     return bound, vectors[:, -1].reshape(q, -1)
 
 
 def exponentials(rates: RealArray) -> tuple[RealArray, RealArray]:
-    """A (m, m) and C (1, m) whose free motions from unit vectors are orthonormal signals.
+    """A (m, m) and C (1, m) whose outputs from initial unit vectors are orthonormal signals.
 
     Since A + A^T = -C^T C, the energy of C exp(A t) c is |c|^2. Rates [rad/s] (m,), increasing.
     """

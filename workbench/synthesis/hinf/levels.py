@@ -1,4 +1,4 @@
-"""Levels of H-infinity synthesis: whether there is a controller of norm gamma, and the least one.
+"""Levels of H-infinity synthesis: feasibility of a norm gamma, and the least feasible gamma.
 
 K. Zhou, J. Doyle, K. Glover, Robust and Optimal Control (1996), theorem 17.1, called ZDG here, for
 plants with D12 = [0; I], D21 = [0 I] and D22 = 0.
@@ -19,23 +19,24 @@ from workbench.systems.norms import norm
 from workbench.systems.riccati import hamiltonian_solution
 from workbench.systems.standard_plant import StandardPlant
 
-SMALLEST = 1e-6
-"""Least level looked for, relative to the norm of the mean-square controller: less is zero."""
-CANCELLED, ZERO = 1e-13, 1e-7
-"""Share of w -> z without K below which the norm of a loop is rounding, and a level for it."""
-MIDDLE = np.exp(0.5j)
-"""A point of middle frequency, off the axis, where poles may lie."""
-LARGEST = 1e100
-"""Largest level that is told from infinity."""
-STEPS, CERTAIN = 80, 8
-"""Levels tried, and after how many every other one halves the interval."""
-PROBES = (0.65, 0.8, 0.9, 0.95, 0.97, 0.98, 0.99, 0.995, 0.998)
-"""Shares of the level found that are tried once more."""
+NEGLIGIBLE_LEVEL = 1e-6
+"""Levels below this share of the norm of the H2-optimal controller's loop count as zero."""
+CANCELLED_SHARE, ZERO_LEVEL_SHARE = 1e-13, 1e-7
+"""A norm of the loop below the first share of w -> z without K is a rounding error; the second
+share is the level used then."""
+MIDDLE_POINT = np.exp(0.5j)
+"""A point of middle frequency in the scaled s plane, away from the axis, where poles may lie."""
+LARGEST_LEVEL = 1e100
+"""Largest level that differs from infinity numerically."""
+MOST_LEVELS, INTERPOLATED_LEVELS = 80, 8
+"""Most levels tried, and the number of levels after which every other one halves the interval."""
+PROBED_SHARES = (0.65, 0.8, 0.9, 0.95, 0.97, 0.98, 0.99, 0.995, 0.998)
+"""Shares of the least level found that are tried again, since rounding may hide feasible levels."""
 
 
 @dataclass(frozen=True, eq=False)
 class Level:
-    """X and Y of a level gamma, both positive semidefinite, with their gains F and L."""
+    """Positive semidefinite solutions X and Y for a level gamma, with their gains F and L."""
 
     gamma: float
     X: RealArray
@@ -54,14 +55,15 @@ class Level:
 
 
 def least_level(plant: StandardPlant, tolerance: float) -> tuple[float, Level]:
-    """A level below which there is no controller, and a feasible one close above it.
+    """A level that no controller reaches, and a feasible level close above it.
 
-    Raises SolverError where none is found.
+    `tolerance` is the relative width of the interval between. Raises SolverError where no feasible
+    level is found.
     """
     floor, ceiling = level_ends(plant)
     low, high = floor, ceiling
     best = level_at(plant, high)
-    for _ in range(STEPS):
+    for _ in range(MOST_LEVELS):
         if best is not None and best.feasible:
             break
         low, high = high, 2.0 * high
@@ -69,8 +71,8 @@ def least_level(plant: StandardPlant, tolerance: float) -> tuple[float, Level]:
     else:
         raise SolverError(f"no level up to gamma = {high:.3g} is feasible, numerically")
     low, best = _bisected(plant, low, best, tolerance)
-    # Rounding hides slow modes, and so a feasible level, here and there.
-    for share in PROBES:
+    # Rounding errors may hide slow modes, and thereby make a feasible level look infeasible.
+    for share in PROBED_SHARES:
         level = level_at(plant, share * best.gamma) if share * best.gamma > floor else None
         if level is not None and level.feasible:
             low, best = _bisected(plant, floor, level, tolerance)
@@ -80,10 +82,10 @@ def least_level(plant: StandardPlant, tolerance: float) -> tuple[float, Level]:
 def _bisected(
     plant: StandardPlant, low: float, best: Level, tolerance: float
 ) -> tuple[float, Level]:
-    """A level where no controller was found, and a feasible one close above it."""
+    """A level at which no controller was found, and a feasible level close above it."""
     below: Level | None = None
     step = 0
-    while best.gamma > (1.0 + tolerance) * low and step < STEPS:
+    while best.gamma > (1.0 + tolerance) * low and step < MOST_LEVELS:
         trial = _between(low, below, best, tolerance, step)
         level = level_at(plant, trial)
         if level is not None and level.feasible:
@@ -95,12 +97,12 @@ def _bisected(
 
 
 def _between(low: float, below: Level | None, best: Level, tolerance: float, step: int) -> float:
-    """The next level: where the coupling is 1 by interpolation, or the middle."""
+    """The next level to try: where interpolation gives a coupling of 1, or the middle."""
     high = best.gamma
     middle = math.sqrt(low * high)
-    if below is None or best.coupling <= 0.0 or (step > CERTAIN and step % 2):
+    if below is None or best.coupling <= 0.0 or (step > INTERPOLATED_LEVELS and step % 2):
         return middle
-    # The inverse of the coupling is nearly linear in gamma.
+    # The inverse of the coupling depends nearly linearly on gamma.
     a, b = 1.0 / below.coupling - 1.0, 1.0 / best.coupling - 1.0
     root = low - (high - low) * a / (b - a)
     inside = 1.0 + tolerance / 4
@@ -108,10 +110,10 @@ def _between(low: float, below: Level | None, best: Level, tolerance: float, ste
 
 
 def level_ends(plant: StandardPlant) -> tuple[float, float]:
-    """A level below the least one, and the norm of the loop of gamma = infinity to start from.
+    """A lower bound of the least level, and the norm of the loop for gamma = infinity as a start.
 
-    No level is below the norms of the direct term that K cannot reach (Parrott), nor below the
-    coupling of X and Y at infinity, which they only exceed.
+    The least level is at least the norm of those parts of D11 that K cannot change (Parrott). It is
+    also at least the coupling of X and Y at gamma = infinity, because X and Y grow as gamma falls.
     """
     m, p = plant.controls, plant.measurements
     state, estimate = _state_feedback(plant, math.inf), _state_feedback(plant.dual, math.inf)
@@ -128,7 +130,7 @@ def level_ends(plant: StandardPlant) -> tuple[float, float]:
     (X, F), (Y, L) = state, estimate
     D11 = plant.D11
     direct = -D11[len(D11) - m :, D11.shape[1] - p :]
-    # The mean-square controller, its direct term free to cancel that of w -> z.
+    # The H2-optimal controller, with a direct term that cancels that of w -> z.
     F2, L2 = F[D11.shape[1] :], L[len(D11) :].T
     Bk = plant.B2 @ direct - L2
     K = (plant.A + plant.B2 @ F2 - Bk @ plant.C2, Bk, F2 - direct @ plant.C2, direct)
@@ -141,23 +143,23 @@ def level_ends(plant: StandardPlant) -> tuple[float, float]:
         ceiling = 1.01 * norm(plant.close(K), 1e-3)
     except ArithmeticError:  # SLICOT did not converge
         ceiling = math.inf
-    if not 0.0 < ceiling < math.inf:  # only a first level to try: whence does not matter
+    if not 0.0 < ceiling < math.inf:  # any first level to try will do
         ceiling = 2.0 * float(least) or 1.0
     size = without_control(plant)
-    if ceiling < CANCELLED * size:  # K cancels w -> z; any level that counts as zero will do
-        return ZERO * size, ZERO * size
-    return max(float(least), SMALLEST * ceiling), ceiling
+    if ceiling < CANCELLED_SHARE * size:  # K cancels w -> z: use a level that counts as zero
+        return ZERO_LEVEL_SHARE * size, ZERO_LEVEL_SHARE * size
+    return max(float(least), NEGLIGIBLE_LEVEL * ceiling), ceiling
 
 
 def without_control(plant: StandardPlant) -> float:
     """The size of w -> z without K at high and at middle frequencies."""
     M = np.block([[plant.A, plant.B1], [plant.C1, plant.D11]])
-    middle = frequency_response(M, plant.states, MIDDLE)
+    middle = frequency_response(M, plant.states, MIDDLE_POINT)
     return float(max(np.linalg.norm(plant.D11), np.linalg.norm(middle)))
 
 
 def level_at(plant: StandardPlant, gamma: float) -> Level | None:
-    """None where a Riccati equation has no positive semidefinite stabilising solution."""
+    """X, Y and gains of a level; None where a Riccati equation has no stabilising X, Y >= 0."""
     state = _state_feedback(plant, gamma)
     if state is None:
         return None
@@ -170,8 +172,9 @@ def level_at(plant: StandardPlant, gamma: float) -> Level | None:
 def _state_feedback(plant: StandardPlant, gamma: float) -> tuple[RealArray, RealArray] | None:
     """X and F = -R^-1 (D1^T C1 + B^T X), R = D1^T D1 - diag(gamma^2 I, 0) (ZDG eq. 17.1 to 17.4).
 
-    u takes the last performance outputs to zero and adds v, so that they are v; what is left has
-    no cancellation. None where X >= 0 does not exist, or gamma is below the norm of what is left.
+    The control u is chosen to cancel the last performance outputs and to add v, so that these
+    outputs equal v; the equations for v then have no cancellation. None where X >= 0 does not
+    exist, or gamma is at most the norm of D11 without its last rows.
     """
     split = len(plant.D11) - plant.controls
     C, D = plant.C1[:split], plant.D11[:split]
@@ -181,7 +184,7 @@ def _state_feedback(plant: StandardPlant, gamma: float) -> tuple[RealArray, Real
     left = np.eye(D.shape[1]) - shrink * D.T @ D
     if not np.linalg.eigvalsh(left)[0] > 0.0:
         return None
-    # w = across x + back X x is the worst, v = -B2^T X x the best.
+    # The worst w is across x + back X x, the best v is -B2^T X x.
     across, back = shrink * np.linalg.solve(left, D.T @ C), shrink * np.linalg.solve(left, B.T)
     corner = A + B @ across
     Q = C.T @ (C + D @ across)
@@ -195,4 +198,5 @@ def _state_feedback(plant: StandardPlant, gamma: float) -> tuple[RealArray, Real
 
 
 def _radius(X: RealArray, Y: RealArray) -> float:
+    """Spectral radius of X Y."""
     return float(np.abs(np.linalg.eigvals(X @ Y)).max()) if len(X) else 0.0

@@ -22,7 +22,7 @@ from workbench.executor import Context
 from workbench.heavy_types import StateSpace
 from workbench.program import Check, Claim, method
 from workbench.solvers import Outcome
-from workbench.synthesis.hinf.levels import LARGEST
+from workbench.synthesis.hinf.levels import LARGEST_LEVEL
 from workbench.synthesis.hinf.methods import claimed, distance
 from workbench.synthesis.hinf.program import HinfController, HinfSynthesis
 from workbench.systems.balancing import balanced, speed
@@ -36,32 +36,33 @@ from workbench.systems.realisation import Matrices, realisation
 from workbench.systems.riccati import hamiltonian_solution
 from workbench.systems.standard_plant import standard_plant
 
-CANCELLED = 1e6
-"""Multiple of the rounding error of the Hankel norm's square that its value may be off."""
+HANKEL_ROUNDING = 1e6
+"""Error of the square of the Hankel norm, in units of the machine epsilon."""
 
 
 @dataclass(frozen=True, eq=False, init=False, kw_only=True)
 class LoopShaping(HinfSynthesis):
     """The K with the largest stability margin of the shaped plant G_s = W2 G W1.
 
-    Its answer is K_inf of G_s, which minimises the norm of [K; 1] (1 + G_s K)^-1 [1 G_s], u = -K y:
-    negative feedback. 1 / norm is epsilon, the size of perturbations of the normalised coprime
-    factors of G_s that the loop bears. `controller` gives K = W1 K_inf W2 for G (E. Vidal Sanchez,
-    Robust and Fault Tolerant Control of CD-players (2003), eq. 5.7).
+    The answer is K_inf of G_s, which minimises the norm of [K; 1] (1 + G_s K)^-1 [1 G_s] with
+    negative feedback u = -K y. epsilon = 1 / norm is the size of perturbations of the normalised
+    coprime factors of G_s that the loop tolerates. `controller` gives K = W1 K_inf W2 for G (E.
+    Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003), eq. 5.7).
 
     Parameters
     ----------
     G
         StateSpace or TransferFunction.
     W1, W2
-        Weights before and behind G; system or number, one of a single channel acts on each.
+        Weights at the input and at the output of G: systems or numbers. A weight with a single
+        channel acts on every channel.
     gamma
-        As of `HinfSynthesis`.
+        As in `HinfSynthesis`.
 
     Raises
     ------
     InputError
-        As `HinfSynthesis`; a weight that does not fit.
+        As `HinfSynthesis`; or a weight does not fit.
     """
 
     G: StateSpace
@@ -99,9 +100,9 @@ class LoopShaping(HinfSynthesis):
 
     @cached_property
     def epsilon_max(self) -> float:
-        """The largest margin, sqrt(1 - |N M|_H^2) by the Hankel norm of normalised left factors.
+        """The largest margin sqrt(1 - |N M|_H^2), |.|_H the Hankel norm of normalised left factors.
 
-        From Lyapunov equations of the factors, with which methods have nothing in common.
+        It is computed from Lyapunov equations of the factors, which no method uses.
         """
         A, B, C, D = (np.asarray(getattr(self.shaped, name)) for name in "ABCD")
         if self.shaped.dt:
@@ -110,13 +111,13 @@ class LoopShaping(HinfSynthesis):
             return 1.0
         A, B, C = balanced(A, B, C)
         R = np.eye(len(D)) + D @ D.T
-        # The generalised filter equation, stated with its cross term.
+        # The generalised filter Riccati equation with its cross term.
         Z = solve_continuous_are(A.T, C.T, B @ B.T, R, s=B @ D.T)
         H = -np.linalg.solve(R, (Z @ C.T + B @ D.T).T).T
         root = np.linalg.cholesky(R)
         stable, entering = A + H @ C, np.hstack([B + H @ D, H])
         leaving = np.linalg.solve(root, C)
-        with warnings.catch_warnings():  # of a margin lost in rounding, which a check then shows
+        with warnings.catch_warnings():  # a margin lost in rounding; the check then shows it
             warnings.simplefilter("ignore", RuntimeWarning)
             P = solve_continuous_lyapunov(stable, -entering @ entering.T)
             Q = solve_continuous_lyapunov(stable.T, -leaving.T @ leaving)
@@ -131,7 +132,7 @@ class LoopShaping(HinfSynthesis):
             return [*found, Check("epsilon", statement, math.inf, 0.0, "(lost in rounding)")]
         excess = 1.0 / (answer.norm * largest) - 1.0
         # A small margin is a difference of numbers near 1.
-        rounding = CANCELLED * np.finfo(float).eps / largest**2
+        rounding = HANKEL_ROUNDING * np.finfo(float).eps / largest**2
         return [*found, Check("epsilon", statement, excess, 2.0 * NORM_TOLERANCE + rounding)]
 
     def gap(self, answer: HinfController) -> tuple[str, float]:
@@ -146,7 +147,7 @@ class LoopShaping(HinfSynthesis):
 
 
 def _four_blocks(G: StateSpace) -> GeneralisedPlant:
-    """(w_y, w_u, u) -> (u, y, -y), y = w_y + G (u + w_u)."""
+    """The plant (w_y, w_u, u) -> (u, y, -y) with y = w_y + G (u + w_u)."""
     m, p = G.ninputs, G.noutputs
     zero = np.zeros((G.nstates, p))
     direct = np.hstack([np.eye(p), G.D, G.D])
@@ -159,7 +160,7 @@ def _four_blocks(G: StateSpace) -> GeneralisedPlant:
 
 @method(LoopShaping, "coprime", optimal=False)
 def _coprime(program: LoopShaping, context: Context) -> Claim:
-    """Two Riccati equations of G_s and the least level in closed form; K to 1e-3 above it."""
+    """Two Riccati equations of G_s give the least level in closed form; K is made 1e-3 above it."""
     system = program.shaped
     A, B, C, D = (np.asarray(getattr(system, name)) for name in "ABCD")
     if system.dt:
@@ -173,7 +174,7 @@ def _coprime(program: LoopShaping, context: Context) -> Claim:
     X, Z = found
     least = math.sqrt(1.0 + float(np.abs(np.linalg.eigvals(X @ Z)).max(initial=0.0)))
     said = f"least level {least:.9g}"
-    gamma = min(program.gamma or least * (1.0 + distance(context)), LARGEST)
+    gamma = min(program.gamma or least * (1.0 + distance(context)), LARGEST_LEVEL)
     if gamma <= least:
         return None, Outcome.INFEASIBLE, f"no controller is below gamma = {gamma:.6g}: {said}"
     try:
@@ -186,7 +187,7 @@ def _coprime(program: LoopShaping, context: Context) -> Claim:
 
 
 def _solutions(G: Matrices) -> tuple[np.ndarray, np.ndarray] | None:
-    """X and Z of the normalised right and left coprime factors; None where there are none."""
+    """X and Z of the normalised right and left coprime factors; None where they do not exist."""
     A, B, C, D = G
     S, R = np.eye(D.shape[1]) + D.T @ D, np.eye(len(D)) + D @ D.T
     corner = A - B @ np.linalg.solve(S, D.T @ C)

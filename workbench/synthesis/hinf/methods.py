@@ -1,4 +1,4 @@
-"""H-infinity synthesis by Riccati equations: our own, and SLICOT's."""
+"""H-infinity synthesis by Riccati equations: the bench's own method and SLICOT's."""
 
 from __future__ import annotations
 
@@ -10,24 +10,25 @@ from workbench.errors import SolverError
 from workbench.executor import Context
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
-from workbench.synthesis.hinf.levels import CANCELLED, level_ends, without_control
+from workbench.synthesis.hinf.levels import CANCELLED_SHARE, level_ends, without_control
 from workbench.synthesis.hinf.program import HinfController, HinfSynthesis
 from workbench.synthesis.hinf.riccati import InfeasibleError, central_of
 from workbench.systems.bilinear import to_sampled
 from workbench.systems.norms import norm
 from workbench.systems.realisation import Matrices, realisation
 
-DISTANCE = 1e-3
-"""Relative distance from the least level: nearer, poles of K run away for nothing."""
-SHARE = 1e-3
-"""Of the least level, below which the norm of a loop is that of rounding errors."""
-ROUNDING = 1e-8
-"""Share of w -> z without K that is claimed where it is cancelled but for rounding."""
+LEAST_DISTANCE = 1e-3
+"""Least relative distance kept above the least level; closer to it, the poles of K become very fast
+without any gain."""
+NEGLIGIBLE_NORM = 1e-3
+"""A norm of the loop below this share of the least level consists of rounding errors."""
+CANCELLED_CLAIM = 1e-8
+"""Share of w -> z without K that is claimed as norm where K cancels it up to rounding."""
 
 
 def distance(context: Context) -> float:
-    """From the least level, relative."""
-    return max(context.options.accuracy, DISTANCE)
+    """Relative distance to keep above the least level."""
+    return max(context.options.accuracy, LEAST_DISTANCE)
 
 
 def claimed(
@@ -38,15 +39,19 @@ def claimed(
     said: str,
     least: float = math.nan,
 ) -> Claim:
-    """The claim of a controller of the plant in continuous time; none unless it stabilises."""
+    """The claim for a controller K of the plant in continuous time; no answer unless it stabilises.
+
+    `size` is the norm of its loop, `gamma` its level, `said` the message so far and `least` a level
+    that no controller reaches.
+    """
     if not np.isfinite(size):
         return None, Outcome.FAILED, f"{said}; the controller found does not stabilise the plant"
-    # What is left of signals that cancel is rounding: no norm to claim.
+    # Where signals cancel, the remaining norm is a rounding error that cannot be claimed.
     open_loop = without_control(program.scaled.plant)
-    if program.gamma is None and size < SHARE * gamma:
+    if program.gamma is None and size < NEGLIGIBLE_NORM * gamma:
         size = gamma
-    elif size < CANCELLED * open_loop:
-        size = min(gamma, ROUNDING * open_loop)
+    elif size < CANCELLED_SHARE * open_loop:
+        size = min(gamma, CANCELLED_CLAIM * open_loop)
     plant, system = program.plant, program.plant.system
     dt = float(system.dt or 0.0)
     try:
@@ -63,9 +68,9 @@ def claimed(
 
 @method(HinfSynthesis, "riccati", optimal=False)
 def _riccati(program: HinfSynthesis, context: Context) -> Claim:
-    """Two Riccati equations and bisection of the level, to 1e-3 above the least one."""
+    """Two Riccati equations and bisection of the level; K is made 1e-3 above the least level."""
     try:
-        # Half of the distance for the interval of the least level, half for the step above it.
+        # Half of the distance is for the interval of the least level, half for the step above it.
         found = central_of(program.scaled, distance(context) / 2, program.gamma)
     except InfeasibleError as error:
         return None, Outcome.INFEASIBLE, str(error)
@@ -77,12 +82,13 @@ def _riccati(program: HinfSynthesis, context: Context) -> Claim:
 
 
 def _static(program: HinfSynthesis) -> str | None:
+    """Why SB10AD cannot take the program; None where it can."""
     return None if program.scaled.plant.states else "SB10AD needs a plant with states"
 
 
 @method(HinfSynthesis, "sb10ad", optimal=False, unfit=_static)
 def _sb10ad(program: HinfSynthesis, context: Context) -> Claim:
-    """SLICOT SB10AD with its own bisection, on the scaled plant, then 1e-3 above its level."""
+    """SLICOT SB10AD with its own bisection on the scaled plant; K is made 1e-3 above its level."""
     from slycot import sb10ad
 
     normal, step = program.scaled, distance(context)

@@ -24,22 +24,22 @@ from workbench.systems.generalised_plant import GeneralisedPlant, response
 class MixedSensitivity(HinfSynthesis):
     """The stabilising K with the least norm of [W_S S; W_KS K S; W_T T], S = (1 + G K)^-1.
 
-    T = 1 - S. K acts on the error, u = K (r - G u), as in the usual loop with negative feedback.
+    T = 1 - S. K acts on the error: u = K (r - G u), the usual loop with negative feedback.
 
     Parameters
     ----------
     G
-        StateSpace or TransferFunction, u -> x.
+        StateSpace or TransferFunction from u to x.
     W_S, W_KS, W_T
-        Weights of the error, the control and the output, stable; StateSpace, TransferFunction or
-        number, one of a single channel acts on each. None leaves the row out.
+        Stable weights of the error, the control and the output: StateSpace, TransferFunction or
+        number. A weight with a single channel acts on every channel. None leaves the row out.
     gamma
-        As of `HinfSynthesis`.
+        As in `HinfSynthesis`.
 
     Raises
     ------
     InputError
-        As `HinfSynthesis`; no weight at all; a weight of another size.
+        As `HinfSynthesis`; there is no weight; or a weight has another size.
     """
 
     G: StateSpace
@@ -77,7 +77,7 @@ class MixedSensitivity(HinfSynthesis):
         return [*found, Check("definition", statement, excess, 2.0 * NORM_TOLERANCE, where)]
 
     def _formula(self, K: StateSpace, omega: np.ndarray) -> np.ndarray:
-        """The stack from responses of G, K and the weights, as it is defined."""
+        """[W_S S; W_KS K S; W_T T] by its definition, from responses of G, K and the weights."""
         G, controller = response(self.G, omega), response(K, omega)
         one = np.eye(G.shape[-2])
         S = np.linalg.inv(one + G @ controller)
@@ -87,7 +87,7 @@ class MixedSensitivity(HinfSynthesis):
 
 
 def _stack(G: StateSpace, weights: dict[str, StateSpace]) -> GeneralisedPlant:
-    """r, u -> weighted e, u, x; e."""
+    """The plant with inputs r and u, weighted e, u and x as performance, and e as measurement."""
 
     def names(signal: str, count: int) -> list[str]:
         return [f"{signal}{i}" for i in range(count)]

@@ -1,4 +1,4 @@
-"""A plant in coordinates where its entries are near 1, and its controller back in the old ones."""
+"""Scaling of a plant to entries near 1, and the controller in the original coordinates."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from workbench.systems.minimal import minimal
 from workbench.systems.realisation import Matrices
 from workbench.systems.standard_plant import StandardPlant
 
-RANK = 1e-10
-"""Singular values of D12 and D21 below this share of the largest are zero."""
+RANK_TOLERANCE = 1e-10
+"""Singular values of D12 and D21 with unit columns below this count as zero."""
 
-SINGULAR = 1e12
-"""Condition number beyond which a loop has no solution."""
+SINGULAR_CONDITION = 1e12
+"""Condition number above which the loop through D22 and the controller counts as singular."""
 
 
 @dataclass(frozen=True, eq=False)
 class Scaled:
-    """A continuous plant with D12 = [0; I], D21 = [0 I], D22 = 0, its states and time scaled.
+    """A continuous plant with D12 = [0; I], D21 = [0 I], D22 = 0, and with scaled states and time.
 
-    u = control u_s, y_s = measurement (y - D22 u), t_s = rate t; z_s and w_s are turned only, so
-    that the norm is the same. ``given`` is the plant before.
+    u = control u_s, y_s = measurement (y - D22 u) and t_s = rate t. z_s and w_s are rotations of z
+    and w, so that the norm is the same. ``given`` is the original plant.
     """
 
     given: StandardPlant
@@ -41,10 +41,10 @@ class Scaled:
         Raises LinAlgError where the loop through its direct term and D22 is singular.
         """
         A, B, C, D = K
-        # K_s (1 + D22 K_s)^-1, in scaled signals, where its condition means something.
+        # K_s (1 + D22 K_s)^-1, in scaled signals, in which the condition number is meaningful.
         D22 = self.measurement @ self.given.D22 @ self.control
         loop = np.eye(len(D22)) + D22 @ D
-        if np.linalg.cond(loop) > SINGULAR:
+        if np.linalg.cond(loop) > SINGULAR_CONDITION:
             raise np.linalg.LinAlgError(
                 "the loop through D22 and the direct term of the controller found is singular"
             )
@@ -61,12 +61,13 @@ class Scaled:
 
 
 def scaled(plant: StandardPlant) -> Scaled:
-    """Signals normalised, states balanced, hidden states removed, time scaled.
+    """Normalise the signals, balance the states, remove hidden states, and scale time.
 
     Raises
     ------
     InputError
-        D12 without full column rank or D21 without full row rank; a hidden unstable mode.
+        D12 does not have full column rank, D21 does not have full row rank, or an unstable mode is
+        hidden.
     """
     turn_z, control = _normalising(plant.D12, "D12")
     turn_w, measurement = _normalising(plant.D21.T, "D21")
@@ -87,10 +88,10 @@ def scaled(plant: StandardPlant) -> Scaled:
 
 
 def _normalising(D12: RealArray, name: str) -> tuple[RealArray, RealArray]:
-    """Q orthogonal and S with Q^T D12 S = [0; I]."""
+    """An orthogonal Q and an S with Q^T D12 S = [0; I]; `name` is for messages."""
     if not has_rank(D12):
         raise InputError(rank_advice(name, D12))
-    # Signals in units far apart would leave the small singular values to rounding.
+    # Scale first: very different units of signals would lose small singular values in rounding.
     sizes = np.linalg.norm(D12, axis=0)
     U, values, Vh = np.linalg.svd(D12 / sizes)
     rank = len(values)
@@ -99,19 +100,19 @@ def _normalising(D12: RealArray, name: str) -> tuple[RealArray, RealArray]:
 
 
 def has_rank(D12: RealArray) -> bool:
-    """Whether D12 (outputs, inputs) has full column rank, its columns in any units."""
+    """Whether D12 (outputs, inputs) has full column rank, in any units of its columns."""
     rows, columns = D12.shape
     sizes = np.linalg.norm(D12, axis=0)
     if rows < columns or not (sizes > 0.0).all():
         return False
-    return bool(np.linalg.svd(D12 / sizes, compute_uv=False)[-1] > RANK)
+    return bool(np.linalg.svd(D12 / sizes, compute_uv=False)[-1] > RANK_TOLERANCE)
 
 
 def rank_advice(name: str, D12: RealArray) -> str:
-    """What a direct term without full rank needs (of D21 the transpose is given)."""
+    """Message about a direct term without full rank and its remedy; D21 is given transposed."""
     sizes = np.linalg.norm(D12, axis=0)
     values = np.linalg.svd(D12 / np.where(sizes > 0.0, sizes, 1.0), compute_uv=False)
-    rank = int((values > RANK).sum())
+    rank = int((values > RANK_TOLERANCE).sum())
     if name == "D12":
         return (
             f"D12 (u -> z) has rank {rank} and must have full column rank {D12.shape[1]}: some "

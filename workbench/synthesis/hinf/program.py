@@ -1,4 +1,4 @@
-"""H-infinity synthesis as a Program: its data, its answer, its check."""
+"""H-infinity synthesis as a Program."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ from workbench.systems.storage import restored, stored
 
 @dataclass(frozen=True, eq=False)
 class HinfController:
-    """u = K y with positive feedback; the loop has the norm ``norm``, at most the level ``gamma``.
+    """A controller u = K y with positive feedback, and the norm of its loop.
 
-    ``gamma`` is the level for which K was made; ``least`` is one below which its method found none
-    (NaN: it was asked for one level).
+    ``gamma`` is the level for which K was made; ``norm`` is at most gamma. ``least`` is a level
+    below which the method found no controller (NaN: the method was asked for a given level).
     """
 
     K: StateSpace
@@ -47,18 +47,18 @@ class HinfSynthesis(Program):
     Parameters
     ----------
     plant
-        Its perturbation channels, where it has any, count as exogenous and performance.
-        Unstable states that no input reaches or no output shows are removed from it where they
-        are copies of others, as of a system that stands in a connection twice.
+        Perturbation channels, where the plant has any, count as exogenous and performance. Hidden
+        unstable states are removed where they are copies of other states, as when a system occurs
+        twice in a connection.
     gamma
-        The level asked for; None: the least one, to which methods keep a distance of 1e-3, since
+        The level asked for; None: the least level. Methods keep a distance of 1e-3 above it, since
         controllers at the least level have poles at infinity.
 
     Raises
     ------
     InputError
-        A plant that does not meet the standard assumptions (see `assumptions.checked`), is not
-        finite or lacks signals; a gamma that is not positive and finite.
+        The plant does not meet the standard assumptions (see `assumptions.checked`), is not finite
+        or lacks signals; or gamma is not positive and finite.
 
     References
     ----------
@@ -79,11 +79,11 @@ class HinfSynthesis(Program):
             )
         need_positive(self.gamma, "gamma", or_none=True)
         object.__setattr__(self, "plant", visible(self.plant))
-        _ = self.scaled  # every assumption is tested now
+        _ = self.scaled  # this tests every assumption
 
     @cached_property
     def scaled(self) -> Scaled:
-        """The plant as methods see it."""
+        """The scaled continuous-time plant that methods use."""
         return checked(standard_plant(self.plant))
 
     # --- checks -------------------------------------------------------------------------------
@@ -174,18 +174,19 @@ def hinf(
         `GeneralisedPlant`, or a StateSpace or TransferFunction whose last outputs are the
         measurements and whose last inputs are the controls.
     measurements, controls
-        Their numbers, with a system that is no GeneralisedPlant.
+        Numbers of measurements and controls, for a StateSpace or TransferFunction only.
     gamma
-        As of `HinfSynthesis`.
+        As in `HinfSynthesis`.
     method
         ``"riccati"`` (default), ``"sb10ad"`` or the name of a conic solver.
 
     Raises
     ------
     InputError
-        As of `HinfSynthesis`; numbers missing, or given twice.
+        As `HinfSynthesis`; numbers are missing, or given together with a GeneralisedPlant.
     SolverError
-        No valid controller; the message says why, where gamma is too small with the least level.
+        No valid controller was found. The message says why; if gamma is too small, it gives the
+        least level.
     """
     import control
 

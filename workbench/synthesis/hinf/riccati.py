@@ -1,4 +1,4 @@
-"""H-infinity synthesis by two Riccati equations, fast enough to stand inside an iteration.
+"""H-infinity synthesis by two Riccati equations, fast enough for use inside an iteration.
 
 K. Glover, J. Doyle, State-space formulae for all stabilizing controllers that satisfy an
 H-infinity norm bound, Systems and Control Letters 11 (1988) 167-172; K. Zhou, J. Doyle, K. Glover,
@@ -15,23 +15,23 @@ from scipy.linalg import LinAlgError
 
 from workbench.arrays import RealArray
 from workbench.errors import SolverError
-from workbench.synthesis.hinf.levels import LARGEST, Level, least_level, level_at
+from workbench.synthesis.hinf.levels import LARGEST_LEVEL, Level, least_level, level_at
 from workbench.synthesis.hinf.normalised import Scaled, scaled
 from workbench.systems.norms import norm
 from workbench.systems.realisation import Matrices
 from workbench.systems.standard_plant import StandardPlant
 
-BACK_OFF = (1.0, 3.0, 10.0, 30.0, 100.0, 1000.0)
-"""Multiples of the tolerance by which the level is raised until the loop is what it should be."""
-EXCESS = 1e-6
-"""By which the norm of the loop may exceed the level, relative, for rounding."""
+LEVEL_RISES = (1.0, 3.0, 10.0, 30.0, 100.0, 1000.0)
+"""Multiples of the tolerance by which the level is raised until the loop holds it."""
+LEVEL_TOLERANCE = 1e-6
+"""Share by which rounding errors may lift the norm of a loop above its level."""
 
 
 class Central(NamedTuple):
-    """A controller (A, B, C, D) whose loop has ``norm``, at most its level ``gamma``.
+    """A controller K = (A, B, C, D) whose loop has ``norm``, at most its level ``gamma``.
 
-    No level below ``lower`` has one, by the Riccati equations (where rounding lets the norm fall
-    below what they say, the norm).
+    By the Riccati equations no level below ``lower`` has a controller. Where rounding lets the norm
+    fall below this value, ``lower`` is the norm.
     """
 
     K: Matrices
@@ -66,33 +66,33 @@ def central(
     Parameters
     ----------
     A, B, C, D
-        The plant's, the controls last of the inputs, the measurements last of the outputs.
+        Matrices of the plant; its last inputs are the controls, its last outputs the measurements.
     tolerance
         Relative width of the interval in which the least level is found. The controller is made
-        for a level above by as much again, since one at the least level has poles at infinity.
+        for a level above it by the same share, since one at the least level has poles at infinity.
     gamma
         The level asked for; None: the least.
 
     Raises
     ------
     InputError
-        D12 or D21 without full rank, an unstable hidden mode.
+        D12 or D21 does not have full rank; an unstable mode is hidden.
     InfeasibleError
         No controller has the level asked for.
     SolverError
-        No level is feasible, or no controller made holds its level.
+        No level is feasible, or no controller found holds its level.
     """
     plant = StandardPlant(A, B, C, D, controls, measurements)
     return central_of(scaled(plant), tolerance, gamma)
 
 
 def central_of(normal: Scaled, tolerance: float, gamma: float | None = None) -> Central:
-    """`central` of a plant that has been scaled."""
+    """The central controller, as by `central`, of a plant that is scaled already."""
     plant = normal.plant
     if gamma is None:
         low, best = least_level(plant, tolerance)
-        return _made(normal, [best.gamma * (1.0 + tolerance * k) for k in BACK_OFF], low)
-    gamma = min(gamma, LARGEST)
+        return _made(normal, [best.gamma * (1.0 + tolerance * k) for k in LEVEL_RISES], low)
+    gamma = min(gamma, LARGEST_LEVEL)
     level = level_at(plant, gamma)
     if level is None or not level.feasible:
         raise InfeasibleError(gamma, least_level(plant, tolerance)[0])
@@ -100,10 +100,10 @@ def central_of(normal: Scaled, tolerance: float, gamma: float | None = None) -> 
 
 
 def _made(normal: Scaled, gammas: list[float], low: float) -> Central:
-    """The controller of the first level that its loop is found to hold.
+    """The controller of the first of the levels that its loop holds.
 
-    Where rounding keeps loops above their levels, the one with the least norm, at most the last
-    level; its norm is its level.
+    Where rounding keeps all loops above their levels, the controller with the least norm is
+    returned if this norm is at most a later level; the norm is then its level.
     """
     best, reached = None, "no controller could be made"
     for gamma in gammas:
@@ -115,11 +115,11 @@ def _made(normal: Scaled, gammas: list[float], low: float) -> Central:
         try:
             K = normal.controller(_central(normal.plant, level))
             loop = normal.given.close(K)
-            size = norm(loop, EXCESS)
+            size = norm(loop, LEVEL_TOLERANCE)
         except (LinAlgError, ArithmeticError) as error:
             reached = " ".join(str(error).split())
             continue
-        if size <= gamma * (1.0 + EXCESS):
+        if size <= gamma * (1.0 + LEVEL_TOLERANCE):
             return Central(K, gamma, min(low, size), size)
         reached = f"the loop of level {gamma:.6g} has norm {size:.6g}"
         if not math.isfinite(size):

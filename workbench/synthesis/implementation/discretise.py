@@ -1,4 +1,4 @@
-"""Controllers for a computer: discretised in blocks of order two, well conditioned."""
+"""Discretisation of controllers as well-conditioned realisations with blocks of order two."""
 
 from __future__ import annotations
 
@@ -20,10 +20,11 @@ from workbench.systems.realisation import realisation
 from workbench.systems.sampling import hold
 
 Method = Literal["tustin", "zoh"]
-CONDITION = 1e3
-"""Norm of the transformations that part blocks from each other; poles closer stay together."""
-BEYOND = np.logspace(0.0, 4.0, 2000)
-"""Frequencies over half the sampling rate at which the loop's gain is looked at."""
+"""Discretisation methods: bilinear transform, and zero-order hold."""
+SEPARATION_NORM = 1e3
+"""Largest norm of a transformation that separates blocks; poles that need more stay together."""
+CHECKED_NYQUIST_RATIOS = np.logspace(0.0, 4.0, 2000)
+"""Frequencies at which the gain of the loop is checked, as multiples of half the sampling rate."""
 
 
 def discretised(
@@ -36,29 +37,30 @@ def discretised(
     sign: int = -1,
     delay: float = 0.0,
 ) -> StateSpace:
-    """The controller at a sampling time [s], its A block diagonal.
+    """Discretise a controller at a sampling time [s]; its A becomes block diagonal.
 
-    Blocks are complex pairs of poles and real poles, larger only where poles lie so close together
-    that their parts would cancel. Blocks are made in continuous time, where slow poles are known to
-    full precision.
+    Each block has a complex pair of poles or a real pole. A block is larger only where poles are so
+    close that separate parts would nearly cancel. The blocks are separated in continuous time,
+    where slow poles are known to full precision.
 
     Parameters
     ----------
     K
         StateSpace or TransferFunction, continuous time.
     method
-        ``"tustin"``, the bilinear transform, or ``"zoh"``, exact for inputs held.
+        ``"tustin"``, the bilinear transform, or ``"zoh"``, exact for held inputs.
     prewarp
-        Frequency [rad/s] at which the bilinear transform has the response of K.
+        Frequency [rad/s] at which the bilinear transform keeps the response of K.
     plant, sign, delay
-        With them the loop is tested as by `sampled_conditions`; K is returned only if it is stable.
+        The loop in which K is used, as in `sampled_conditions`. If a plant is given, the sampled
+        loop is tested, and K is returned only if the loop is stable.
 
     Raises
     ------
     InputError
-        K sampled; a time that is not positive; a prewarp with "zoh" or not below half the sampling
-        rate; a pole of K at 2 / sample_time; with a plant: half the sampling rate below the loop's
-        bandwidth, or an unstable sampled loop.
+        K is sampled; the time is not positive; a prewarp is given with "zoh" or is not below half
+        the sampling rate; K has a pole at 2 / sample_time; or, with a plant, half the sampling rate
+        is below the loop's bandwidth, or the sampled loop is unstable.
     """
     K = as_system(K, "K")
     if K.dt:
@@ -103,7 +105,7 @@ def discretised(
 def block_diagonal(
     A: RealArray, B: RealArray, C: RealArray
 ) -> tuple[RealArray, RealArray, RealArray]:
-    """The realisation with the blocks of real poles and complex pairs parted (SLICOT MB03RD)."""
+    """The realisation with separate blocks of real poles and complex pairs (SLICOT MB03RD)."""
     from slycot import mb03rd
 
     n = len(A)
@@ -113,7 +115,7 @@ def block_diagonal(
     A, B, C = A * units[:, None] / units, B * units[:, None], C / units
     rate = speed(A)
     T, Q = schur(A / rate)
-    blocks, X, sizes, _ = mb03rd(n, T, Q, sort="S", pmax=CONDITION)
+    blocks, X, sizes, _ = mb03rd(n, T, Q, sort="S", pmax=SEPARATION_NORM)
     B, C = np.linalg.solve(X, B), C @ X
     A = np.zeros((n, n))
     ends = np.cumsum(sizes[sizes > 0])
@@ -125,7 +127,7 @@ def block_diagonal(
 
 
 def _half_step(sample_time: float, prewarp: float | None) -> float:
-    """h of s = (z - 1) / (h (z + 1))."""
+    """The h [s] of the bilinear transform s = (z - 1) / (h (z + 1))."""
     if prewarp is None:
         return sample_time / 2
     nyquist = math.pi / sample_time
@@ -138,9 +140,9 @@ def _half_step(sample_time: float, prewarp: float | None) -> float:
 
 
 def _check_bandwidth(K: StateSpace, plant: StateSpace, sample_time: float) -> None:
-    """Raise InputError where the continuous loop has gain beyond half the sampling rate."""
+    """Raise InputError where the continuous loop's gain exceeds 1 beyond half the sampling rate."""
     nyquist = math.pi / sample_time
-    omega = nyquist * BEYOND
+    omega = nyquist * CHECKED_NYQUIST_RATIOS
     gain = np.linalg.norm(response(K, omega) @ response(plant, omega), 2, axis=(-2, -1))
     if (gain >= 1.0).any():
         bandwidth = omega[np.flatnonzero(gain >= 1.0)[-1]]

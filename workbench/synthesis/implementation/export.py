@@ -1,4 +1,4 @@
-"""Controllers in files: MATLAB's format, JSON, and a C99 header; read back where that has a use."""
+"""Export of controllers to MATLAB files, JSON and C99 headers, and import of the first two."""
 
 from __future__ import annotations
 
@@ -21,8 +21,9 @@ from workbench.systems.conversion import as_system
 from workbench.systems.realisation import realisation
 
 Format = Literal["json", "mat", "c"]
-KIND = "workbench controller"
-"""What a file of ours says of itself."""
+"""Formats of files."""
+FILE_KIND = "workbench controller"
+"""Mark in a file that shows that `export` wrote it."""
 
 
 def export(
@@ -35,25 +36,27 @@ def export(
     precision: Precision = "double",
     limits: Limits | None = None,
 ) -> Path:
-    """Write a controller to a file; one that stands there is replaced at once or not at all.
+    """Write a controller to a file; an existing file is replaced as a whole or not at all.
 
     Parameters
     ----------
     K
         StateSpace or TransferFunction; for ``"c"`` a sampled one, or `Sections`.
     format
-        ``"json"`` and ``"mat"``: A, B, C, D, dt [s], names of signals and metadata, exactly;
-        ``"c"``: a C99 header with a state, a function that clears it and one that makes a step.
+        ``"json"`` and ``"mat"`` hold A, B, C, D, dt [s], the names of the signals and the metadata
+        exactly. ``"c"`` is a C99 header with a state, a function that clears it and a function that
+        makes a step.
     metadata
-        What JSON can hold; for "json" and "mat".
+        Values that JSON can hold; for "json" and "mat" only.
     name, precision, limits
-        Of "c", as `export_c.header`.
+        As in `export_c.header`; for "c" only.
 
     Raises
     ------
     InputError
-        An unknown format; a controller that is continuous with "c", or not finite; metadata that
-        JSON cannot hold; options of another format; a folder that is missing or not writable.
+        The format is unknown; the controller is not finite, or is continuous with "c"; JSON cannot
+        hold the metadata; an option belongs to another format; or the folder is missing or not
+        writable.
     """
     path = Path(path)
     if format not in get_args(Format):
@@ -70,19 +73,19 @@ def export(
     return path
 
 
-def load(path: str | Path) -> tuple[StateSpace, dict[str, Any]]:
-    """The controller of a file that `export` wrote as "json" or "mat", and its metadata.
+def load_controller(path: str | Path) -> tuple[StateSpace, dict[str, Any]]:
+    """Read a controller and its metadata from a file that `export` wrote as "json" or "mat".
 
     Raises
     ------
     ResultError
-        A file that cannot be read or is none of these.
+        The file cannot be read, or is not one of these.
     """
     path = Path(path)
     try:
         content = path.read_bytes()
         fields = _from_json(content) if content.lstrip()[:1] == b"{" else _from_mat(content)
-        if fields["kind"] != KIND:
+        if fields["kind"] != FILE_KIND:
             raise ValueError(f"it calls itself {fields['kind']!r}")
         K = realisation(
             tuple(fields[key] for key in "ABCD"),
@@ -100,6 +103,7 @@ def load(path: str | Path) -> tuple[StateSpace, dict[str, Any]]:
 
 
 def _fields(K: Any, metadata: Mapping[str, Any]) -> dict[str, Any]:
+    """Fields of a file; raises InputError for metadata that JSON cannot hold."""
     K = as_system(K.system if isinstance(K, Sections) else K, "K")
     parts = {key: np.asarray(getattr(K, key), dtype=float) for key in "ABCD"}
     try:
@@ -118,11 +122,11 @@ def _fields(K: Any, metadata: Mapping[str, Any]) -> dict[str, Any]:
         "states": list(K.state_labels),
         "name": K.name,
     }
-    return {"kind": KIND, **parts, "dt": K.dt, **names, "metadata": dict(metadata)}
+    return {"kind": FILE_KIND, **parts, "dt": K.dt, **names, "metadata": dict(metadata)}
 
 
 def _to_json(fields: dict[str, Any]) -> bytes:
-    """Numbers in the shortest form that gives the same double again; sizes, for empty matrices."""
+    """JSON with numbers in the shortest exact form, and with the shapes of the matrices."""
     plain = {
         key: {"shape": value.shape, "data": value.ravel().tolist()}
         if isinstance(value, np.ndarray)
@@ -133,6 +137,7 @@ def _to_json(fields: dict[str, Any]) -> bytes:
 
 
 def _from_json(content: bytes) -> dict[str, Any]:
+    """Fields of a JSON file."""
     fields: dict[str, Any] = json.loads(content)
     for key in "ABCD":
         matrix = fields[key]
@@ -141,7 +146,7 @@ def _from_json(content: bytes) -> dict[str, Any]:
 
 
 def _to_mat(fields: dict[str, Any]) -> bytes:
-    """Version 5; dt is -1 for a sampling time not given, as MATLAB has it, and NaN for any."""
+    """MATLAB file, version 5; as in MATLAB, dt is -1 for a sampling time not given; NaN for any."""
     from scipy.io import savemat
 
     dt = fields["dt"]
@@ -154,11 +159,12 @@ def _to_mat(fields: dict[str, Any]) -> bytes:
 
 
 def _from_mat(content: bytes) -> dict[str, Any]:
+    """Fields of a MATLAB file; raises ValueError for other content."""
     from scipy.io import loadmat
 
     try:
         found = loadmat(BytesIO(content))
-    except Exception as error:  # of many classes, where bytes are no MATLAB file
+    except Exception as error:  # loadmat raises many classes for bytes of other kinds
         raise ValueError(f"no JSON, and as a MATLAB file: {error}") from None
     dt = float(found["dt"].item())
     texts = {
@@ -181,7 +187,7 @@ _WRITERS: dict[str, Callable[[dict[str, Any]], bytes]] = {"json": _to_json, "mat
 
 
 def _replace(path: Path, content: bytes) -> None:
-    """Written beside and renamed, so that an interruption leaves the older file."""
+    """Write a new file beside the old one and rename it, so that an interruption keeps the old."""
     partial: Path | None = None
     try:
         with tempfile.NamedTemporaryFile(

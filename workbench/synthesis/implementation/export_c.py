@@ -1,4 +1,4 @@
-"""A sampled controller as a C99 header without allocation, of any number of inputs and outputs."""
+"""C99 headers of sampled controllers with any number of inputs and outputs, without allocation."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from workbench.synthesis.implementation.second_order import Sections
 from workbench.systems.conversion import as_system
 
 Precision = Literal["double", "float"]
+"""C types of the numbers."""
 Limits = tuple[Sequence[float], Sequence[float]]
 """Lowest and highest value of each output."""
 
@@ -103,22 +104,24 @@ _CLIP = """\
 def header(
     K: Any, name: str = "controller", precision: Precision = "double", limits: Limits | None = None
 ) -> str:
-    """The text of a C99 header, with ``name_state``, ``name_init`` and ``name_step``.
+    """Text of a C99 header that defines ``name_state``, ``name_init`` and ``name_step``.
 
     Parameters
     ----------
     K
         Sampled StateSpace or TransferFunction, computed in its own coordinates, or `Sections`.
     name
-        Prefix of everything, a C identifier.
+        Prefix of every name in the header, a C identifier.
     limits
-        Outputs are clipped to them. The states do not see it: this is a limit of the actuator, not
-        an anti-windup, for which the controller needs a design of its own.
+        Limits to which the outputs are clipped. The states do not depend on the clipping: the
+        limits are those of the actuator, not an anti-windup scheme, which the controller would need
+        by its own design.
 
     Raises
     ------
     InputError
-        A continuous controller; numbers that the precision cannot hold; a bad name or limits.
+        The controller is continuous; the precision cannot hold a number; or the name or the limits
+        are wrong.
     """
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name):
         raise InputError(f"name is {name!r}; it must be a C identifier that starts with a letter")
@@ -144,7 +147,7 @@ def header(
         "inputs": K.ninputs,
         "outputs": K.noutputs,
         "states": states,
-        "room": max(states, 1),  # C has no arrays without entries
+        "room": max(states, 1),  # C does not allow arrays of length 0
         "time": repr(float(dt)),
     }
     constants = "".join(
@@ -157,6 +160,7 @@ def header(
 
 
 def _sampled(K: Any) -> Any:
+    """K as a StateSpace; raises InputError unless it has a sampling time."""
     K = as_system(K, "K")
     if not K.dt or K.dt is True:
         raise InputError(
@@ -167,7 +171,7 @@ def _sampled(K: Any) -> Any:
 
 
 def _space_tables(K: Any) -> dict[str, RealArray]:
-    """A to D, with a row and column of zeros in place of no states."""
+    """Tables of A to D; a controller without states gets one state of zeros."""
     room = max(K.nstates, 1)
     rows = {"A": room, "B": room, "C": K.noutputs, "D": K.noutputs}
     columns = {"A": room, "B": K.ninputs, "C": room, "D": K.ninputs}
@@ -180,12 +184,14 @@ def _space_tables(K: Any) -> dict[str, RealArray]:
 
 
 def _cascade_tables(K: Sections) -> dict[str, Any]:
+    """Tables of the coefficients of all sections, and of the number of sections of each channel."""
     rows = np.vstack([rows for line in K.channels for rows in line])
     counts = np.array([[len(rows) for rows in line] for line in K.channels], dtype=int)
     return {"sections": rows[:, [0, 1, 2, 4, 5]], "counts": counts}
 
 
 def _limit_tables(limits: Limits, outputs: int) -> dict[str, RealArray]:
+    """Tables of the limits; raises InputError for wrong ones."""
     low, high = (np.asarray(limit, dtype=float) for limit in limits)
     if not (np.isfinite(low).all() and np.isfinite(high).all()):
         raise InputError(f"limits are {limits}; they must be finite")
@@ -198,7 +204,7 @@ def _limit_tables(limits: Limits, outputs: int) -> dict[str, RealArray]:
 
 
 def _text(values: Any, precision: str) -> str:
-    """A C initialiser; decimals that give the same number again."""
+    """A C initialiser with decimals that give exactly the same numbers."""
     if values.ndim > 1:
         lines = ",\n".join(f"    {_text(row, precision)}" for row in values)
         return f"{{\n{lines}\n}}"
@@ -206,6 +212,7 @@ def _text(values: Any, precision: str) -> str:
 
 
 def _number(value: Any, precision: str) -> str:
+    """A C literal; raises InputError for a number that the precision cannot hold."""
     if isinstance(value, np.integer):
         return str(int(value))
     kind, suffix = (np.float64, "") if precision == "double" else (np.float32, "f")

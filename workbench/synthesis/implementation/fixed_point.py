@@ -1,7 +1,7 @@
-"""Cascades in integers: coefficients rounded, signals scaled so that nothing overflows.
+"""Cascades in fixed-point arithmetic: rounded coefficients, and signals scaled against overflow.
 
-Sections are in direct form I with one accumulator, wide enough for the sum, whose result alone is
-rounded and may overflow: a section's memory holds past inputs and outputs and nothing else.
+Sections are in direct form I. The memory of a section holds its past inputs and outputs only. The
+accumulator is wide enough for the exact sum; only its result is rounded and may overflow.
 """
 
 from __future__ import annotations
@@ -20,20 +20,22 @@ from workbench.synthesis.implementation.sampled_loop import SampledConditions, s
 from workbench.synthesis.implementation.second_order import Sections
 
 Integers = NDArray[np.int64]
-FEWEST, MOST = 4, 62
-"""Bits of an integer: of what int64 holds."""
+"""Array of integers."""
+FEWEST_BITS, MOST_BITS = 4, 62
+"""Least and most bits of an integer; int64 must hold it."""
 
 
 @dataclass(frozen=True, eq=False)
 class FixedCascade:
-    """One channel in integers; signals are integers over 2**(signal_bits - 1), full scale 1.
+    """One channel in integers; signals are integers over 2**(signal_bits - 1), with full scale 1.
 
-    numerators      (L, 3) b0 b1 b2, over 2**numerator_exponents (L,), which take in the shifts;
+    numerators      (L, 3) b0 b1 b2, over 2**numerator_exponents (L,), which include the shifts;
     denominators    (L, 2) a1 a2, over 2**denominator_exponents (L,);
-    shifts          (L,): section l puts out its output over 2**shifts[l];
-    largest         (L,): bound of what it puts out, rounding included, for inputs up to 1;
-    noise           standard deviation of the rounding at the end, shift undone, full scale 1: each
-                    section's is taken as white and uniform;
+    shifts          (L,): section l gives its output divided by 2**shifts[l];
+    largest         (L,): bound of each section's output, with rounding, for inputs up to 1;
+    noise           standard deviation of the rounding noise at the output of the cascade, in full
+                    scales, with the shift undone; the noise of each section counts as white and
+                    uniform;
     moved           largest distance by which the rounding of coefficients moves a pole.
     """
 
@@ -48,44 +50,52 @@ class FixedCascade:
 
     @property
     def overflow_free(self) -> bool:
-        """Whether no input up to full scale makes a section overflow."""
+        """Whether no input within full scale makes a section overflow."""
         return bool((self.largest < 1.0).all())
 
 
 @dataclass(frozen=True, eq=False)
 class FixedPoint:
-    """``cascades[i][j]`` from input j to output i; ``quantised`` are their values, unshifted."""
+    """A controller in integers.
+
+    ``cascades[i][j]`` leads from input j to output i; ``quantised`` are the sections with rounded
+    coefficients, without shifts.
+    """
 
     cascades: tuple[tuple[FixedCascade, ...], ...]
     quantised: Sections
 
     @property
     def overflow_free(self) -> bool:
+        """Whether no input within full scale makes a section of any channel overflow."""
         return all(cascade.overflow_free for line in self.cascades for cascade in line)
 
     def conditions(self, plant: Any, delay: float = 0.0, *, sign: int = -1) -> SampledConditions:
-        """As `sampled_conditions`, of the loop with the rounded coefficients."""
+        """Stability and margins, as `sampled_conditions`, with the rounded coefficients."""
         system, dt = self.quantised.system, self.quantised.dt
         return sampled_conditions(plant, system, dt, delay, sign=sign)
 
 
 def fixed_point(sections: Sections, bits: int, signal_bits: int) -> FixedPoint:
-    """Coefficients of `bits` and signals of `signal_bits`, signs included, with the least shifts.
+    """Round sections to coefficients of `bits` and signals of `signal_bits`, signs included.
 
-    Each section's output is shifted by the power of two that its worst case needs: the sum of
-    the absolute impulse response from the input to it, and of those of all roundings (L. Jackson,
-    On the interaction of roundoff noise and dynamic range in digital filters, Bell System Technical
-    Journal 49 (1970) 159-184). Where no shift does, for a pole on the unit circle or roundings that
-    add up beyond full scale, ``largest`` is infinite and ``overflow_free`` false.
+    The output of each section is shifted by the least power of two that its worst case needs: the
+    sum of the absolute impulse responses from the input, and from all roundings, to this output (L.
+    Jackson, On the interaction of roundoff noise and dynamic range in digital filters, Bell System
+    Technical Journal 49 (1970) 159-184). No shift suffices for a pole on the unit circle, or where
+    roundings add up to more than full scale; ``largest`` is then infinite and ``overflow_free``
+    false.
 
     Raises
     ------
     InputError
-        Bits that are not between 4 and 62.
+        Numbers of bits that are not between 4 and 62.
     """
     for name, value in (("bits", bits), ("signal_bits", signal_bits)):
-        if not FEWEST <= value <= MOST:
-            raise InputError(f"{name} is {value}; it must lie between {FEWEST} and {MOST}")
+        if not FEWEST_BITS <= value <= MOST_BITS:
+            raise InputError(
+                f"{name} is {value}; it must lie between {FEWEST_BITS} and {MOST_BITS}"
+            )
     found = [[_cascade(rows, bits, signal_bits) for rows in line] for line in sections.channels]
     cascades = tuple(tuple(cascade for cascade, _ in line) for line in found)
     quantised = tuple(tuple(rows for _, rows in line) for line in found)
@@ -93,14 +103,14 @@ def fixed_point(sections: Sections, bits: int, signal_bits: int) -> FixedPoint:
 
 
 def _cascade(rows: RealArray, bits: int, signal_bits: int) -> tuple[FixedCascade, RealArray]:
-    """The integers, and the sections that they stand for."""
+    """The cascade in integers, and the sections (L, 6) with the rounded coefficients."""
     a, a_exponents = _rounded(rows[:, 4:], bits)
     b, b_exponents = _rounded(rows[:, :3], bits)
     rounded = rows.copy()
     rounded[:, 4:] = a * np.exp2(-a_exponents)[:, None]
     rounded[:, :3] = b * np.exp2(-b_exponents)[:, None]
     shifts, largest = _shifts(rounded, signal_bits)
-    # A shift is in the exponent of a numerator, so that it changes no coefficient.
+    # The exponent of a numerator includes the shift, so that no coefficient changes.
     b_exponents = b_exponents + np.diff(shifts, prepend=0)
     noise = _noise(rounded, shifts, signal_bits)
     moved = _moved(rows, rounded)
@@ -108,7 +118,7 @@ def _cascade(rows: RealArray, bits: int, signal_bits: int) -> tuple[FixedCascade
 
 
 def _rounded(values: RealArray, bits: int) -> tuple[Integers, Integers]:
-    """Integers below 2**(bits - 1) in size and the exponent of each row, as fine as fits."""
+    """Integers of size below 2**(bits - 1), and the largest possible exponent of each row."""
     limit = 2.0 ** (bits - 1) - 1
     size = np.abs(values).max(axis=1)
     safe = np.where(size > 0.0, size, limit)
@@ -134,20 +144,24 @@ def _shifts(rows: RealArray, signal_bits: int) -> tuple[Integers, RealArray]:
 
 
 def _noise(rows: RealArray, shifts: Integers, signal_bits: int) -> float:
+    """Standard deviation of the rounding noise at the output, in full scales, shift undone."""
     step, last = 2.0 ** (1 - signal_bits), len(rows) - 1
     gains = np.array([squared_sum(_after(rows, j, last)) for j in range(len(rows))])
     return float(np.sqrt((step**2 / 12.0 * gains * 4.0**shifts).sum()))
 
 
 def _after(rows: RealArray, first: int, last: int) -> RealArray:
-    """What a rounding in section `first` goes through up to the output of section `last`."""
+    """The sections that a rounding error in section `first` passes to the output of `last`."""
     through = rows[first : last + 1].copy()
     through[0, :3] = 1.0, 0.0, 0.0
     return through
 
 
 def _moved(rows: RealArray, rounded: RealArray) -> float:
-    """Poles of a section are matched in the way that moves them least."""
+    """Largest distance by which rounding moves a pole.
+
+    The poles of a section are matched in the way that moves them least.
+    """
     largest = 0.0
     for one, other in zip(rows, rounded, strict=True):
         before, after = np.roots(one[3:]), np.roots(other[3:])

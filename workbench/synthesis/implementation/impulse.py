@@ -1,4 +1,4 @@
-"""Sums over the impulse response of a cascade of second-order sections: absolute, and squared."""
+"""Absolute and squared sums of the impulse response of a cascade of second-order sections."""
 
 from __future__ import annotations
 
@@ -11,27 +11,30 @@ from scipy.signal import sosfilt
 from workbench.arrays import RealArray
 from workbench.synthesis.implementation.second_order import Sections
 
-STEPS = 20_000
-"""Samples that are summed one by one; the rest is bounded."""
+SUMMED_SAMPLES = 20_000
+"""Number of samples that are summed one by one; the sum of the later ones is bounded."""
 
 
 def stable(rows: RealArray) -> bool:
-    """Whether each section (L, 6) has its poles within the unit circle, by the exact triangle."""
+    """Whether the poles of each section (L, 6) lie within the unit circle.
+
+    The test is the exact stability triangle of the coefficients a1 and a2.
+    """
     a1, a2 = rows[:, 4], rows[:, 5]
     return bool(((np.abs(a2) < 1.0) & (np.abs(a1) < 1.0 + a2)).all())
 
 
 def absolute_sum(rows: RealArray) -> float:
-    """An upper bound of the largest output for inputs up to 1; infinite if not stable."""
+    """Upper bound on max |y| over all inputs with |u| <= 1; infinite for an unstable cascade."""
     if not stable(rows):
         return math.inf
-    impulse = np.zeros(STEPS)
+    impulse = np.zeros(SUMMED_SAMPLES)
     impulse[0] = 1.0
     return float(np.abs(sosfilt(rows, impulse)).sum()) + _rest(rows)
 
 
 def squared_sum(rows: RealArray) -> float:
-    """Variance of the output for white noise of variance 1; infinite if not stable."""
+    """Variance of the output for white noise of variance 1; infinite for an unstable cascade."""
     if not stable(rows):
         return math.inf
     system = Sections(((rows,),), 1.0).system
@@ -40,14 +43,14 @@ def squared_sum(rows: RealArray) -> float:
 
 
 def _rest(rows: RealArray) -> float:
-    """Bound of the absolute sum after `STEPS` samples.
+    """Bound of the absolute sum of the samples after the first `SUMMED_SAMPLES`.
 
-    sum |h_k| <= sqrt(sum h_k^2 r^(-2k)) sqrt(sum r^(2k)), by Cauchy and Schwarz; with r^2 the
-    largest pole in modulus it is exact for one mode.
+    By Cauchy and Schwarz, sum |h_k| <= sqrt(sum h_k^2 r^(-2k)) sqrt(sum r^(2k)). With r^2 the
+    modulus of the largest pole, the bound is exact for a single mode.
     """
     system = Sections(((rows,),), 1.0).system
     radius = math.sqrt(float(np.abs(system.poles()).max()))
-    state = np.linalg.matrix_power(system.A, STEPS - 1) @ system.B
+    state = np.linalg.matrix_power(system.A, SUMMED_SAMPLES - 1) @ system.B
     if not 0.0 < radius < 1.0 or not np.abs(state).max() > np.finfo(float).tiny:
         return 0.0 if radius < 1.0 else math.inf
     A = system.A / radius

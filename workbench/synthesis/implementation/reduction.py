@@ -1,4 +1,4 @@
-"""How low the order of a controller can go: reductions, each certified in the loop anew."""
+"""Order reduction of controllers, with a certificate of the loop of each reduced controller."""
 
 from __future__ import annotations
 
@@ -25,15 +25,16 @@ from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.realisation import realisation
 
 Method = Literal["weighted", "balanced", "hankel"]
+"""Methods of order reduction; see `approximated`."""
 
 
 @dataclass(frozen=True, eq=False)
-class Reduced:
-    """A controller with fewer states, and what was certified of its loop.
+class ReducedController:
+    """A controller with fewer states and the certified peak of its loop.
 
-    The peak of mu with performance (of the gain where the plant has no uncertainty, of mu without
-    performance where it has none) lies between ``lower`` and ``upper``; where the loop is not
-    ``stable`` both are infinite.
+    The peak of mu of robust performance lies between ``lower`` and ``upper``. For a plant without
+    uncertainty it is the peak of the gain, for a plant without performance the peak of mu of robust
+    stability. Where the loop is not ``stable`` both bounds are infinite.
     """
 
     K: StateSpace
@@ -43,22 +44,23 @@ class Reduced:
 
     @property
     def order(self) -> int:
+        """Number of states."""
         return int(self.K.nstates)
 
 
 @dataclass(frozen=True, eq=False)
-class Reduction:
-    """Controllers of every order tried, lowest first; the last one is the given controller.
+class ReducedControllers:
+    """Reduced controllers of all orders tried, lowest first; the last one is the given controller.
 
-    ``smallest`` is the one of the least order with a stable loop whose certified peak is at most
-    the target; None where no order has one.
+    ``smallest`` is the controller of the least order that has a stable loop with a certified peak
+    of at most the target; None where no order has one.
     """
 
-    tried: tuple[Reduced, ...]
+    tried: tuple[ReducedController, ...]
     target: float
 
     @property
-    def smallest(self) -> Reduced | None:
+    def smallest(self) -> ReducedController | None:
         return next((one for one in self.tried if one.stable and one.upper <= self.target), None)
 
     @property
@@ -67,28 +69,31 @@ class Reduction:
         return np.array([[one.order, one.lower, one.upper] for one in self.tried])
 
 
-def reduced(
+def approximated(
     K: Any, order: int, method: Method = "weighted", plant: GeneralisedPlant | None = None
 ) -> StateSpace:
-    """The controller with at most `order` states.
+    """Approximate a controller by one with at most `order` states.
 
-    Fewer where its minimal part has fewer, or where Hankel singular values coincide.
+    The result has fewer states where the minimal part of K has fewer, or where Hankel singular
+    values coincide.
 
     Parameters
     ----------
     K
         StateSpace or TransferFunction, continuous time.
     method
-        ``"weighted"``: truncation by Gramians of the closed loop; ``"balanced"`` and ``"hankel"``:
-        of the stable part of K by itself, the rest is kept (see `reduction_methods`).
+        ``"weighted"``: balanced truncation by Gramians of the closed loop. ``"balanced"`` and
+        ``"hankel"``: balanced truncation and optimal Hankel-norm approximation of the stable part
+        of K alone; the other poles are kept (see `reduction_methods`).
     plant
-        Of the loop, u = K y; for ``"weighted"`` only.
+        Plant of the loop u = K y; for ``"weighted"`` only.
 
     Raises
     ------
     InputError
-        A sampled controller or plant, an order below 0, above that of K, or below the number of
-        poles that the method keeps; weighted without a plant or with one that K leaves unstable.
+        The controller or plant is sampled; the order is below 0, above that of K, or below the
+        number of poles that the method keeps; or the method is "weighted" and there is no plant, or
+        K does not stabilise it.
     """
     K = _continuous(K)
     least, of = _reducer(K, method, plant, None)
@@ -96,7 +101,7 @@ def reduced(
     return of(order)
 
 
-def reduce(
+def reduce_order(
     K: Any,
     plant: GeneralisedPlant,
     *,
@@ -105,11 +110,12 @@ def reduce(
     method: Method = "weighted",
     refine: bool = False,
     context: Context | None = None,
-) -> Reduction:
-    """Reduce a controller to every order, or to one, and certify each loop from the plant alone.
+) -> ReducedControllers:
+    """Reduce the order of a controller to every order, or to one, and certify each loop.
 
-    Stability is that of the closed loop's poles, the peak that of `mu.conditions`; neither knows
-    how the controller was made. Peaks do not fall steadily with the order, so that all are tried.
+    Stability is decided by the poles of the closed loop, and the peak is that of `mu.conditions`;
+    both use the plant and the reduced controller only. All orders are tried, because the peak does
+    not depend monotonically on the order.
 
     Parameters
     ----------
@@ -118,15 +124,17 @@ def reduce(
     order
         The only order to try; None: all.
     refine
-        Improve those that exceed the target by method "fixed" of `MuSynthesis`, from the highest
-        order down; what a refined controller is reduced to may be the better start for the next.
+        Whether to improve controllers above the target by method "fixed" of `MuSynthesis`, from the
+        highest order down. The approximation of a refined controller may be a better start for the
+        next order.
     context
         Progress and time limit of the refinement.
 
     Raises
     ------
     InputError
-        As `reduced`; a target that is not positive; refinement for a plant without uncertainty.
+        As `approximated`; the target is not positive; or refinement is asked for a plant without
+        uncertainty.
     """
     need_positive(target, "target")
     K = _continuous(K)
@@ -145,18 +153,18 @@ def reduce(
     certified = [_certified(plant, tried[k])[1] for k in sorted(tried)]
     if refine:
         certified = _refined(plant, certified, given, target, context or Context())
-    return Reduction((*certified, given), target)
+    return ReducedControllers((*certified, given), target)
 
 
 def _refined(
     plant: GeneralisedPlant,
-    reductions: list[Reduced],
-    given: Reduced,
+    reductions: list[ReducedController],
+    given: ReducedController,
     target: float,
     context: Context,
-) -> list[Reduced]:
-    """The reductions, lowest order first, those above the target as method "fixed" leaves them."""
-    found: list[Reduced] = []
+) -> list[ReducedController]:
+    """The controllers, lowest order first, with those above the target improved by "fixed"."""
+    found: list[ReducedController] = []
     above = given
     for one in context.track(reductions[::-1], "refinement"):
         best = one if one.stable and one.upper <= target else _best_refined(plant, one, above)
@@ -165,9 +173,14 @@ def _refined(
     return found[::-1]
 
 
-def _best_refined(plant: GeneralisedPlant, one: Reduced, above: Reduced) -> Reduced:
-    """A reduction, or what is left of the next higher order's, refined from the better of both."""
-    again = reduced(above.K, one.order, plant=plant)
+def _best_refined(
+    plant: GeneralisedPlant, one: ReducedController, above: ReducedController
+) -> ReducedController:
+    """A reduced controller refined by "fixed".
+
+    The start is the better of this controller and the approximation of the next higher order's.
+    """
+    again = approximated(above.K, one.order, plant=plant)
     best = min(one, _certified(plant, again)[1], key=lambda each: each.upper)
     if not best.stable:
         return best
@@ -180,7 +193,7 @@ def _best_refined(plant: GeneralisedPlant, one: Reduced, above: Reduced) -> Redu
 def _reducer(
     K: StateSpace, method: str, plant: GeneralisedPlant | None, found: Conditions | None
 ) -> tuple[int, Callable[[int], StateSpace]]:
-    """The least order that a method reaches, and the controller of an order."""
+    """The least order that a method reaches, and a function from an order to the controller."""
     parts = K.A, K.B, K.C, K.D
     least = 0
     if method == "balanced":
@@ -209,20 +222,22 @@ def _reducer(
     return least, lambda k: realisation(of(k), 0.0, **labels)
 
 
-def _certified(plant: GeneralisedPlant, K: StateSpace) -> tuple[Conditions, Reduced]:
+def _certified(plant: GeneralisedPlant, K: StateSpace) -> tuple[Conditions, ReducedController]:
+    """The conditions of a loop, and the controller with its certified peak."""
     found = conditions(plant, K)
     peak = _peak(found)
     stable = peak is not None and bool(stability_of(plant.close(K)).holds)
     bounds = (peak.lower, peak.upper) if peak is not None and stable else (math.inf, math.inf)
-    return found, Reduced(K, stable, *bounds)
+    return found, ReducedController(K, stable, *bounds)
 
 
 def _peak(found: Conditions) -> Peak | None:
-    """The condition to be kept: robust performance, without performance robust stability."""
+    """The peak of robust performance, or of robust stability where there is no performance."""
     return found.robust_performance or found.robust_stability
 
 
 def _continuous(K: Any) -> StateSpace:
+    """K as a StateSpace; raises InputError for a sampled controller."""
     K = as_system(K, "K")
     if K.dt:
         raise InputError(
@@ -232,6 +247,7 @@ def _continuous(K: Any) -> StateSpace:
 
 
 def _check_order(order: int, least: int, K: StateSpace, method: str) -> None:
+    """Raise InputError unless the order lies between the least one and that of K."""
     need_whole(order, "order")
     if not least <= order <= K.nstates:
         kept = f" ({method!r} keeps the {least} poles that are not stable)" if least else ""

@@ -1,6 +1,6 @@
-"""Fewer states for a controller: balanced truncation, Glover's approximation, the closed loop's.
+"""Methods of order reduction: balanced truncation, Glover's approximation, closed-loop weighting.
 
-All are square-root methods, in scaled time and states (see `gramians`).
+All are square-root methods in scaled time and states (see `workbench.systems.gramians`).
 """
 
 from __future__ import annotations
@@ -21,28 +21,31 @@ from workbench.systems.minimal import ZERO_ROUNDING
 from workbench.systems.realisation import EPS, Matrices
 
 Reducer = Callable[[int], Matrices]
-"""Gives the controller with at most that many states."""
-EQUAL = 1e-9
-"""Hankel singular values this close, relative, are one value with several states."""
-SEEN = 1e-12
-"""Hankel singular values that the approximation sees, over the largest: it divides by differences
-of their squares, in which smaller ones are rounding errors."""
+"""A function that gives the controller with at most a number of states."""
+EQUAL_VALUE_TOLERANCE = 1e-9
+"""Hankel singular values within this relative distance count as one value with several states."""
+NEGLIGIBLE_VALUE = 1e-12
+"""Hankel singular values below this share of the largest are left out of Glover's approximation. It
+divides by differences of their squares, in which they would be rounding errors."""
 
 
 @dataclass(frozen=True, eq=False)
 class Split:
-    """K = kept + stable: the poles on the imaginary axis, by rounding, or right of it are kept."""
+    """K as the sum of a kept and a stable part.
+
+    The kept part has the poles on the imaginary axis, up to rounding, or to the right of it.
+    """
 
     kept: Matrices
     stable: Matrices
 
     @property
     def count(self) -> int:
-        """Number of states kept."""
+        """Number of states of the kept part."""
         return len(self.kept[0])
 
     def with_stable(self, other: Matrices) -> Matrices:
-        """The kept part beside another stable one; the direct term is the other's."""
+        """The sum of the kept part and another stable part, whose direct term is used."""
         (A1, B1, C1, _), (A2, B2, C2, D) = self.kept, other
         n, k = len(A1), len(A2)
         A = np.zeros((n + k, n + k))
@@ -53,7 +56,7 @@ class Split:
 def balanced(K: Matrices) -> tuple[int, Reducer]:
     """Balanced truncation of the stable part (B. Moore, IEEE Trans. Automatic Control 26 (1981)).
 
-    Returns the least order, that of the part which is kept, and the reducer.
+    Returns the least order, which is that of the kept part, and the reducer.
     """
     rate, parts = _scaled(K)
     split = _split(parts)
@@ -69,10 +72,10 @@ def balanced(K: Matrices) -> tuple[int, Reducer]:
 
 
 def hankel(K: Matrices) -> tuple[int, Reducer]:
-    """Optimal Hankel-norm approximation of the stable part; the direct term, which is free, stays.
+    """Optimal Hankel-norm approximation of the stable part; the direct term stays the same.
 
-    The Hankel norm of the error is the next singular value, the least that any stable system of
-    the order has. Returns as `balanced`.
+    The Hankel norm of the error is the next singular value, which is the least error of any stable
+    system of the order. Returns as `balanced`.
 
     References
     ----------
@@ -84,7 +87,7 @@ def hankel(K: Matrices) -> tuple[int, Reducer]:
     A, B, C, D = split.stable
     S, R = factors(A, B, C)
     left, right, values = balancing_projections(S, R)
-    seen = int((values > SEEN * values.max(initial=0.0)).sum())
+    seen = int((values > NEGLIGIBLE_VALUE * values.max(initial=0.0)).sum())
     left, right, values = left[:seen], right[:, :seen], values[:seen]
     minimal = left @ A @ right, left @ B, C @ right, D
 
@@ -95,15 +98,18 @@ def hankel(K: Matrices) -> tuple[int, Reducer]:
 
 
 def _glover(G: Matrices, values: RealArray, order: int) -> Matrices:
-    """Order `order`, or less where its singular value equals the next one, of a balanced system."""
+    """Glover's approximation of a balanced system by one of order `order`.
+
+    The order is lower where the singular value of the order equals the next one.
+    """
     A, B, C, D = G
     if order >= len(values):
         return G
     sigma = float(values[order])
-    near = np.abs(values - sigma) <= EQUAL * sigma
+    near = np.abs(values - sigma) <= EQUAL_VALUE_TOLERANCE * sigma
     rest = ~near
     A11, B1, C1, values1 = A[np.ix_(rest, rest)], B[rest], C[:, rest], values[rest]
-    # U with B2 = -C2^T U: partial isometries do, and of one size with zero columns or rows.
+    # Find U with B2 = -C2^T U: a partial isometry, with zero rows or columns where D is not square.
     left, _, right = np.linalg.svd(C[:, near] @ B[near], full_matrices=False)
     rank = min(int(near.sum()), *D.shape)
     U = -left[:, :rank] @ right[:rank]
@@ -116,20 +122,21 @@ def _glover(G: Matrices, values: RealArray, order: int) -> Matrices:
 
 
 def weighted(K: Matrices, plant: GeneralisedPlant, loop: Matrices, peak: Peak) -> Reducer:
-    """Balanced truncation with the closed loop as weight; unstable parts of K are reduced too.
+    """Balanced truncation weighted by the closed loop; unstable parts of K are reduced too.
 
-    A small change of K changes N by W_o dK W_i, W_o = P12 (1 - K P22)^-1 and W_i = (1 - P22 K)^-1
-    P21 (D. Enns, Model reduction with balanced realizations, CDC 1984). The weighted Gramians are
-    K's blocks of those of the closed loop N, whose signals are scaled with the multipliers of mu
-    at its peak, so that perturbation and performance count alike (P. Wortelboer, Frequency-
-    weighted balanced reduction of closed-loop mechanical servo-systems, thesis, Delft 1994).
+    A small change of K changes N by W_o dK W_i with W_o = P12 (1 - K P22)^-1 and W_i =
+    (1 - P22 K)^-1 P21 (D. Enns, Model reduction with balanced realizations, CDC 1984). The weighted
+    Gramians are the blocks of K in the Gramians of the closed loop N. The signals of N are scaled
+    by the multipliers of mu at its peak, so that perturbation and performance count equally (P.
+    Wortelboer, Frequency-weighted balanced reduction of closed-loop mechanical servo-systems,
+    thesis, Delft 1994).
 
     Parameters
     ----------
     loop
-        N with every state, those of K the last.
+        N with every state; the states of K are the last.
     peak
-        That of mu of N.
+        The peak of mu of N.
     """
     n = len(K[0])
     output, entering = _multipliers(plant, peak)
@@ -151,7 +158,7 @@ def weighted(K: Matrices, plant: GeneralisedPlant, loop: Matrices, peak: Peak) -
 
 
 def _multipliers(plant: GeneralisedPlant, peak: Peak) -> tuple[RealArray, RealArray]:
-    """D of the outputs and inverse D of the inputs of N at the peak of mu, real."""
+    """Real scalings of N at the peak of mu: D of the outputs, and the inverse D of the inputs."""
     of = next((one for one in peak.intervals if one.low <= peak.omega <= one.high), None)
     if of is None:
         raise InputError(
@@ -167,7 +174,7 @@ def _multipliers(plant: GeneralisedPlant, peak: Peak) -> tuple[RealArray, RealAr
 
 
 def _scaled(K: Matrices) -> tuple[float, Matrices]:
-    """A rate of time and K in that time, its states balanced."""
+    """A rate [rad/s], and K in time scaled by it with balanced states."""
     A, B, C, D = K
     rate = speed(A)
     A, B = A / rate, B / rate
@@ -176,12 +183,13 @@ def _scaled(K: Matrices) -> tuple[float, Matrices]:
 
 
 def _timed(K: Matrices, rate: float) -> Matrices:
+    """K in the original time."""
     A, B, C, D = K
     return A * rate, B * rate, C, D
 
 
 def _split(K: Matrices) -> Split:
-    """Ordered Schur form, and a Sylvester equation for what couples its parts."""
+    """Split K by an ordered Schur form and a Sylvester equation that removes the coupling."""
     A, B, C, D = K
     n = len(A)
     boundary = -ZERO_ROUNDING * EPS * n * float(np.linalg.norm(A))

@@ -1,4 +1,4 @@
-"""A sampled controller around a continuous plant: stability and margins, recomputed."""
+"""Stability and margins of a sampled controller around a continuous plant."""
 
 from __future__ import annotations
 
@@ -14,38 +14,40 @@ from workbench.certify.stability import stability_of
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import is_real, need_positive
-from workbench.synthesis.implementation.sampled_response import SampledLoop
+from workbench.synthesis.implementation.sampled_response import HeldPlantLoop
 from workbench.systems.conversion import as_system
 from workbench.systems.realisation import realisation
 
-STATIC = 1e-8
-"""Share of the lowest frequency at which the static gain is read."""
-REAL = 1e-3
-"""Imaginary part of a static gain, relative to the real one: with an integrator it is larger."""
-SETTLED = 1e-10
-"""Relative change at which the search for a delay margin ends."""
-FRACTIONS = tuple(k / 12 for k in range(12))
-"""Delays [samples] from whose crossovers that search begins."""
-STEP, SCANNED = 0.05, 10.0
-"""Delays [samples] at which the poles are looked at, and up to which."""
-REACH = 1.1
-"""Factor on a lag within which, and a sample, its delay is."""
-LONGEST = 1000
-"""Delay of the computer [samples], each a state of the loop for every control."""
-CRITICAL = 1e-6
-"""Distance of log L from -1 at which it has found one."""
+STATIC_FREQUENCY_SHARE = 1e-8
+"""The static gain is read at this share of the lowest frequency of the grid."""
+REAL_GAIN_TOLERANCE = 1e-3
+"""A static gain counts as real if its imaginary part is below this share of its real part; an
+integrator makes it larger."""
+DELAY_TOLERANCE = 1e-10
+"""Accuracy of the search for a delay margin [samples]."""
+STARTING_DELAYS = tuple(k / 12 for k in range(12))
+"""Delays [samples] whose crossover frequencies are the starts of the search for a delay margin."""
+SCAN_STEP, LONGEST_SCANNED = 0.05, 10.0
+"""Step between the delays [samples] at which the poles are computed, and the longest of them."""
+LAG_REACH = 1.1
+"""A critical delay lies within this factor of the lag that it starts from, plus one sample."""
+LONGEST_DELAY = 1000
+"""Longest delay of the computer [samples]; each sample adds a state for every control."""
+CRITICAL_TOLERANCE = 1e-6
+"""Largest distance of log L from log(-1) at which a delay counts as critical."""
 
 
 @dataclass(frozen=True, eq=False)
 class Margins:
-    """What the loop of one control signal bears while the others stay closed.
+    """Stability margins of the loop of one control signal while the other loops stay closed.
 
     gain          factors below and above 1 between which the loop stays stable;
-    phase         [deg], either way, infinite where the gain never passes 1; at `phase_at` [rad/s];
-    delay         [samples] that may be added before the signal acts, in fractions too; the held
-                  plant is taken anew for each. Infinite where the gain never passes 1; NaN, not
-                  known but above `SCANNED`, where it does so for some fractions of a sample only,
-                  none of which was found critical.
+    phase         margin [deg] in both directions, at `phase_at` [rad/s]; infinite where the gain
+                  never passes 1;
+    delay         time [samples], also fractions, that may be added before the signal acts; the held
+                  plant is discretised again for each delay. Infinite where the gain never passes 1.
+                  NaN means not known but above `LONGEST_SCANNED`: the gain passes 1 for some
+                  fractions of a sample only, and none of these was found critical.
     """
 
     gain: tuple[float, float]
@@ -56,8 +58,10 @@ class Margins:
 
 @dataclass(frozen=True, eq=False)
 class SampledConditions:
-    """``pole`` is the closed loop's largest in modulus; ``margins`` of each control signal, if
-    the loop is stable."""
+    """Stability of a sampled loop, its pole of largest modulus, and its margins.
+
+    ``margins`` has an entry for each control signal; it is empty where the loop is unstable.
+    """
 
     stable: bool
     pole: complex
@@ -67,23 +71,24 @@ class SampledConditions:
 def sampled_conditions(
     plant: Any, K: Any, sample_time: float, delay: float = 0.0, *, sign: int = -1
 ) -> SampledConditions:
-    """Stability and margins of a plant whose inputs are held, its outputs sampled, by K.
+    """Stability and margins of a sampled controller K around a plant with held inputs.
 
     Parameters
     ----------
     plant
-        StateSpace or TransferFunction u -> y, continuous time; discretised exactly.
+        Continuous-time StateSpace or TransferFunction from u to y; it is discretised exactly.
     K
         StateSpace or TransferFunction, sampled every `sample_time` [s].
     delay
-        Of the computer [samples], any number from 0.
+        Delay of the computer [samples], also a fraction, 0 or more.
     sign
-        u = sign K y: -1 negative, 1 positive feedback.
+        u = sign K y: -1 for negative, 1 for positive feedback.
 
     Raises
     ------
     InputError
-        A plant that is sampled, a K that is not or has another time or size, a bad sign or delay.
+        The plant is sampled; K is not, or has another sampling time or size; or the sign or the
+        delay is wrong.
     """
     plant, K = as_system(plant, "plant"), as_system(K, "K")
     if plant.dt:
@@ -96,10 +101,12 @@ def sampled_conditions(
     need_fitting(K, plant)
     if sign not in (-1, 1):
         raise InputError(f"sign is {sign!r}; it must be -1 or 1")
-    if not (is_real(delay) and 0.0 <= delay <= LONGEST):
-        raise InputError(f"delay is {delay!r}; it must be a number of samples from 0 to {LONGEST}")
+    if not (is_real(delay) and 0.0 <= delay <= LONGEST_DELAY):
+        raise InputError(
+            f"delay is {delay!r}; it must be a number of samples from 0 to {LONGEST_DELAY}"
+        )
     sampled_K = realisation((K.A, K.B, K.C, K.D), sample_time)
-    loop = SampledLoop(plant, sampled_K, sample_time, delay, sign)
+    loop = HeldPlantLoop(plant, sampled_K, sample_time, delay, sign)
     closed = loop.closed()
     poles = closed.poles()
     pole = complex(poles[np.argmax(np.abs(poles))]) if len(poles) else 0j
@@ -109,7 +116,7 @@ def sampled_conditions(
 
 
 def need_fitting(K: StateSpace, plant: StateSpace) -> None:
-    """Raise InputError for a controller of another size than the plant's outputs and inputs."""
+    """Raise InputError unless the controller has the plant's outputs as inputs, and the reverse."""
     if (K.ninputs, K.noutputs) != (plant.noutputs, plant.ninputs):
         raise InputError(
             f"K has {K.ninputs} inputs and {K.noutputs} outputs; the plant has {plant.noutputs} "
@@ -117,7 +124,8 @@ def need_fitting(K: StateSpace, plant: StateSpace) -> None:
         )
 
 
-def _margins(loop: SampledLoop, channel: int) -> Margins:
+def _margins(loop: HeldPlantLoop, channel: int) -> Margins:
+    """Margins of one control signal of a stable loop."""
     angle = loop.angles()
 
     def at(x: float) -> complex:
@@ -125,9 +133,9 @@ def _margins(loop: SampledLoop, channel: int) -> Margins:
 
     L = loop.gain(angle, channel)
     real = [*_crossings(angle, L.imag, lambda x: at(x).imag), math.pi]
-    start = at(STATIC * angle[0])
-    if abs(start.imag) <= REAL * abs(start.real):  # no integrator
-        real.append(STATIC * angle[0])
+    start = at(STATIC_FREQUENCY_SHARE * angle[0])
+    if abs(start.imag) <= REAL_GAIN_TOLERANCE * abs(start.real):  # no integrator
+        real.append(STATIC_FREQUENCY_SHARE * angle[0])
     values = np.array([at(x).real for x in real])
     factors = -1.0 / values[values < 0.0]
     gain = (
@@ -143,14 +151,15 @@ def _margins(loop: SampledLoop, channel: int) -> Margins:
     return Margins(gain, math.degrees(away[least]), passing[least] / loop.period, delay)
 
 
-def _delay_margin(loop: SampledLoop, channel: int, grid: RealArray) -> float:
+def _delay_margin(loop: HeldPlantLoop, channel: int, grid: RealArray) -> float:
     """The least delay [samples] that makes the loop critical, L(angle, delay) = -1.
 
-    Fractions of a sample change the gain of the held plant, so that the crossovers of some of
-    them, and the lags at which a pure delay would do there, are where the search begins.
+    A fraction of a sample changes the gain of the held plant. The search therefore starts from the
+    crossover frequencies for several fractions, and from the lags at which a pure delay would make
+    the loop critical there.
     """
     starts: list[tuple[float, float]] = []
-    for more in FRACTIONS:
+    for more in STARTING_DELAYS:
         L = loop.gain(grid, channel, more)
         places = np.flatnonzero(np.diff(np.sign(_level(L))))
         lags = more + np.mod(np.angle(-L[places]), 2 * math.pi) / grid[places]
@@ -163,41 +172,44 @@ def _delay_margin(loop: SampledLoop, channel: int, grid: RealArray) -> float:
 
     found: list[float] = []
     for lag, angle in sorted(starts):
-        if found and lag > 1.0 + REACH * min(found):
+        if found and lag > 1.0 + LAG_REACH * min(found):
             break
-        solution = root(away, [math.log(angle), lag], tol=SETTLED)
-        near = 0.0 < solution.x[1] < 1.0 + REACH * lag
-        if near and np.abs(solution.fun).max() <= CRITICAL:
+        solution = root(away, [math.log(angle), lag], tol=DELAY_TOLERANCE)
+        near = 0.0 < solution.x[1] < 1.0 + LAG_REACH * lag
+        if near and np.abs(solution.fun).max() <= CRITICAL_TOLERANCE:
             found.append(float(solution.x[1]))
     least = min(found, default=math.nan if starts else math.inf)
-    earlier = _unstable_from(loop, channel, SCANNED if math.isnan(least) else min(least, SCANNED))
+    earlier = _unstable_from(
+        loop, channel, LONGEST_SCANNED if math.isnan(least) else min(least, LONGEST_SCANNED)
+    )
     return least if earlier is None else earlier
 
 
-def _unstable_from(loop: SampledLoop, channel: int, end: float) -> float | None:
+def _unstable_from(loop: HeldPlantLoop, channel: int, end: float) -> float | None:
     """The delay [samples] before `end` at which a pole leaves the unit circle; None if none does.
 
-    It finds what lies between the fractions: modes near half the sampling rate or beyond come and
-    go with the delay.
+    This finds critical delays between the starting fractions: modes near half the sampling rate or
+    above become unstable at some delays only.
     """
     own = np.eye(loop.plant.ninputs)[channel]
 
     def outside(more: float) -> float:
         return float(np.abs(loop.closed(more * own).poles()).max(initial=0.0)) - 1.0
 
-    for more in np.arange(STEP, end * (1.0 - STEP), STEP):
+    for more in np.arange(SCAN_STEP, end * (1.0 - SCAN_STEP), SCAN_STEP):
         if outside(more) >= 0.0:
-            return float(brentq(outside, more - STEP, more, xtol=SETTLED))
+            return float(brentq(outside, more - SCAN_STEP, more, xtol=DELAY_TOLERANCE))
     return None
 
 
 def _level(L: ComplexArray) -> RealArray:
+    """log|L|."""
     with np.errstate(divide="ignore"):
         level: RealArray = np.log(np.abs(L))
     return level
 
 
 def _crossings(x: RealArray, values: RealArray, of: Any) -> list[float]:
-    """Where a function with these values changes its sign."""
+    """Zeros of a function `of` between the points x where its `values` change their sign."""
     places = np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0)
     return [float(brentq(of, x[i], x[i + 1], xtol=1e-15)) for i in places]

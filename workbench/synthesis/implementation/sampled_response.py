@@ -1,4 +1,4 @@
-"""The loop of a sampled controller and a held plant: its poles and its response."""
+"""Poles and response of the loop of a sampled controller and a plant with held inputs."""
 
 from __future__ import annotations
 
@@ -14,17 +14,20 @@ from workbench.systems.interconnection import connected, part_of
 from workbench.systems.realisation import realisation
 from workbench.systems.sampling import sampled, split_delay
 
-POINTS = 4000
-"""Frequencies between the slowest mode and half the sampling rate; more about each mode."""
-ABOUT = np.concatenate([-np.logspace(2, -2, 25), [0.0], np.logspace(-2, 2, 25)])
-"""Of a mode, in units of its damping."""
-INTEGRATOR = 1e-9
-"""Modes slower than this [rad/sample] are integrators."""
+GRID_POINTS = 4000
+"""Number of frequencies up to half the sampling rate, before those around each mode are added."""
+MODE_OFFSETS = np.concatenate([-np.logspace(2, -2, 25), [0.0], np.logspace(-2, 2, 25)])
+"""Distances of the added frequencies from each mode, in units of its decay rate."""
+SLOWEST_MODE = 1e-9
+"""Modes slower than this [rad/sample] count as integrators."""
 
 
 @dataclass(frozen=True, eq=False)
-class SampledLoop:
-    """u = sign K y around a plant whose inputs are held `period` [s] and `delay` samples late."""
+class HeldPlantLoop:
+    """The loop u = sign K y of a sampled controller around a plant with held inputs.
+
+    The inputs are held for `period` [s] and arrive `delay` samples late.
+    """
 
     plant: StateSpace
     K: StateSpace
@@ -33,9 +36,9 @@ class SampledLoop:
     sign: int
 
     def held(self, more: RealArray | None = None) -> StateSpace:
-        """The sampled plant, its inputs `more` (inputs,) samples later still.
+        """The sampled plant with the delays of its inputs raised by `more` (inputs,) [samples].
 
-        Columns have the same states of the plant and their own inputs on the way.
+        All inputs share the states of the plant; each has its own states for delayed values.
         """
         G = self.plant
         n, m = G.nstates, G.ninputs
@@ -57,31 +60,34 @@ class SampledLoop:
         return realisation((A, B, C, D), self.period)
 
     def closed(self, more: RealArray | None = None) -> StateSpace:
-        """The loop with every state, for its poles; inputs and outputs mean nothing."""
+        """The closed loop with every state, for its poles; its inputs and outputs are arbitrary."""
         m, p = self.plant.ninputs, self.plant.noutputs
         links = np.zeros((m + p, p + m))
         links[:m, p:], links[m:, :p] = self.sign * np.eye(m), np.eye(p)
-        # One signal each, for python-control systems have some.
+        # One input and one output, since python-control systems need them.
         enters, leaves = np.eye(m + p, 1), np.eye(1, m + p)
         parts = part_of(self.held(more)), part_of(self.K)
         M, n = connected(parts, links, enters, leaves)
         return realisation((M[:n, :n], M[:n, n:], M[n:, :n], M[n:, n:]), self.period)
 
     def angles(self) -> RealArray:
-        """Frequencies [rad/sample] in (0, pi], dense where a mode makes the response steep."""
+        """Frequencies [rad/sample] in (0, pi], dense around the modes."""
         systems = self.held(), self.K, self.closed()
         modes = np.concatenate([system.poles() for system in systems]).astype(complex)
         modes = np.log(modes[np.abs(modes) > 1e-6])
         size = np.abs(modes)
-        slowest = size[size > INTEGRATOR].min(initial=math.pi)
-        grid = np.geomspace(slowest / 100, math.pi, POINTS)
+        slowest = size[size > SLOWEST_MODE].min(initial=math.pi)
+        grid = np.geomspace(slowest / 100, math.pi, GRID_POINTS)
         damping = np.maximum(np.abs(modes.real), 1e-6 * size)
-        near = np.abs(modes.imag)[:, None] + damping[:, None] * ABOUT
+        near = np.abs(modes.imag)[:, None] + damping[:, None] * MODE_OFFSETS
         near = near[(near > grid[0]) & (near < math.pi)]
         return np.unique(np.concatenate([grid, near]))
 
     def gain(self, angle: RealArray, channel: int, more: float = 0.0) -> ComplexArray:
-        """L of one signal (F,), -1 being critical, its delay raised by `more` [samples]."""
+        """Loop gain L (F,) of one control signal with the other loops closed; -1 is critical.
+
+        The delay of the signal is raised by `more` [samples].
+        """
         m = self.plant.ninputs
         columns = []
         for j in range(m):

@@ -1,4 +1,4 @@
-"""Sampled controllers as cascades of second-order sections, one cascade for each channel."""
+"""Cascades of second-order sections for sampled controllers, one cascade for each channel."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from workbench.systems.generalised_plant import response
 from workbench.systems.minimal import minimal
 from workbench.systems.realisation import realisation
 
-CHECKED = np.pi * np.append(np.logspace(-6, 0, 120, endpoint=False), 0.999)
+CHECKED_ANGLES = np.pi * np.append(np.logspace(-6, 0, 120, endpoint=False), 0.999)
 """Frequencies [rad/sample] at which the cascades are compared with the controller."""
-SAME = 1e-6
-"""Largest difference there, relative to the channel's largest gain."""
-INFINITE = 1e8
-"""Zeros beyond this modulus are at infinity."""
+RESPONSE_TOLERANCE = 1e-6
+"""Largest difference at these frequencies, relative to the largest gain of the channel."""
+INFINITE_ZERO = 1e8
+"""Zeros of a larger modulus count as infinite."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +46,7 @@ class Sections:
         return len(self.channels[0])
 
     def response(self, omega: ArrayLike) -> ComplexArray:
-        """At `omega` [rad/s] (F,): (F, outputs, inputs)."""
+        """Frequency response at `omega` [rad/s] (F,), shape (F, outputs, inputs)."""
         z = np.exp(1j * np.atleast_1d(np.asarray(omega, float)) * self.dt)
         return np.array([[_value(rows, z) for rows in line] for line in self.channels]).transpose(
             2, 0, 1
@@ -54,7 +54,7 @@ class Sections:
 
     @property
     def system(self) -> StateSpace:
-        """With the states of every cascade, two to a section."""
+        """StateSpace with the states of every cascade, two for each section."""
         parts = [[_cascade(rows) for rows in line] for line in self.channels]
         sizes = [len(part[0]) for line in parts for part in line]
         n, place = sum(sizes), 0
@@ -69,28 +69,29 @@ class Sections:
 
 
 def second_order_sections(K: Any) -> Sections:
-    """Cascades of a sampled StateSpace or TransferFunction, poles with the zeros nearest to them.
+    """Realise a sampled StateSpace or TransferFunction as cascades of second-order sections.
 
-    Poles nearest to the unit circle choose first and stand last (L. Jackson, Roundoff-noise
-    analysis for fixed-point digital filters realized in cascade or parallel form, IEEE Trans.
-    Audio and Electroacoustics 18 (1970) 107-122).
+    Poles are combined with the zeros nearest to them. The poles nearest to the unit circle choose
+    first, and their sections are the last of the cascade (L. Jackson, Roundoff-noise analysis for
+    fixed-point digital filters realized in cascade or parallel form, IEEE Trans. Audio and
+    Electroacoustics 18 (1970) 107-122).
 
     Raises
     ------
     InputError
-        A controller that is continuous or has no sampling time.
+        The controller is continuous or has no sampling time.
     SolverError
-        Poles and zeros that do not give the response of K again, for rounding.
+        Because of rounding errors, poles and zeros do not reproduce the response of K.
     """
     K = as_system(K, "K")
     if not K.dt or K.dt is True:
         raise InputError(f"K has dt = {K.dt}; discretise it first, with a sampling time in seconds")
     channels = tuple(tuple(_channel(K, i, j) for j in range(K.ninputs)) for i in range(K.noutputs))
     found = Sections(channels, float(K.dt))
-    omega = CHECKED / found.dt
+    omega = CHECKED_ANGLES / found.dt
     expected = response(K, omega)
     change = np.abs(found.response(omega) - expected).max(axis=0)
-    if (change > SAME * np.abs(expected).max(axis=0)).any():
+    if (change > RESPONSE_TOLERANCE * np.abs(expected).max(axis=0)).any():
         raise SolverError(
             f"the cascades differ from K by up to {change.max():.3g}: its zeros are lost in "
             "rounding; reduce K first"
@@ -99,25 +100,27 @@ def second_order_sections(K: Any) -> Sections:
 
 
 def _channel(K: StateSpace, i: int, j: int) -> RealArray:
-    # What one channel hides another may show: modes drawn inwards, none of them is unstable.
+    """Sections (L, 6) of the channel from input j to output i."""
+    # A mode hidden in this channel may be visible in another. Scale all modes into the unit circle,
+    # so that none counts as a hidden unstable mode.
     size = 2.0 * float(np.abs(K.poles()).max(initial=0.0)) or 1.0
     A, B, C = minimal(*balanced(K.A / size, K.B[:, [j]], K.C[[i]]), float(K.dt))
     A = size * A
     D = np.asarray(K.D[i, j], dtype=float).reshape(1, 1)
     own = realisation((A, B, C, D), float(K.dt))
     poles, zeros = own.poles().astype(complex), np.asarray(own.zeros(), dtype=complex)
-    zeros = zeros[np.abs(zeros) < INFINITE]
+    zeros = zeros[np.abs(zeros) < INFINITE_ZERO]
     rows = paired(zeros, poles)
-    z = np.exp(1j * CHECKED)
-    raw, wanted = _value(rows, z), response(own, CHECKED / float(K.dt))[:, 0, 0]
-    # The gain where the channel is largest, which is known best.
+    z = np.exp(1j * CHECKED_ANGLES)
+    raw, wanted = _value(rows, z), response(own, CHECKED_ANGLES / float(K.dt))[:, 0, 0]
+    # Match the gain where the response of the channel is largest and thus most accurate.
     at = int(np.argmax(np.abs(wanted)))
     rows[0, :3] *= float((wanted[at] / raw[at]).real) if np.abs(wanted[at]) > 0.0 else 0.0
     return rows
 
 
 def paired(zeros: ComplexArray, poles: ComplexArray) -> RealArray:
-    """Sections (L, 6) of gain 1 with these zeros and poles, at least one."""
+    """Sections (L, 6), at least one, with these zeros and poles and leading coefficients 1."""
     pairs = _groups(poles)
     pairs.sort(key=lambda group: (len(group) == 1, -max(np.abs(group))))
     free = _groups(zeros)
@@ -128,24 +131,25 @@ def paired(zeros: ComplexArray, poles: ComplexArray) -> RealArray:
 
 
 def _groups(roots: ComplexArray) -> list[ComplexArray]:
-    """Complex pairs, and real roots by two, the nearest together; one may be left."""
+    """Groups of two roots: complex pairs, and real roots in order of modulus; one may be left."""
     upper = roots[roots.imag > 0.0]
     real = np.sort(roots[roots.imag == 0.0].real)
     groups = [np.array([root, root.conjugate()]) for root in upper]
-    # The pair of largest roots stays together, a single one is the smallest in modulus.
+    # The largest roots form the first pair; a single root is the one of smallest modulus.
     real = real[np.argsort(-np.abs(real), kind="stable")]
     return groups + [real[i : i + 2].astype(complex) for i in range(0, len(real), 2)]
 
 
 def _taken(free: list[ComplexArray], poles: ComplexArray, left: int) -> RealArray:
-    """Numerator of a section with `poles`, its zeros taken out of the free ones.
+    """Numerator of a section with `poles`; its zeros are removed from the free groups.
 
-    As many groups of zeros of two must find a place as there are sections of two.
+    `left` is the number of sections without zeros so far; every group of two zeros needs a section
+    with two poles.
     """
     fitting = [k for k, group in enumerate(free) if len(group) <= len(poles)]
     if not fitting:
         return _monic(np.zeros(0, complex), len(poles))
-    if len(free) >= left:  # a group that needs two places must not be left over
+    if len(free) >= left:  # a group of two zeros must not be left over
         wide = [k for k in fitting if len(free[k]) == len(poles)]
         fitting = wide or fitting
     nearest = min(fitting, key=lambda k: float(np.abs(free[k] - poles[: len(free[k])]).min()))
@@ -154,13 +158,14 @@ def _taken(free: list[ComplexArray], poles: ComplexArray, left: int) -> RealArra
 
 
 def _monic(roots: ComplexArray, delays: int) -> RealArray:
-    """z^-delays prod(1 - root / z) as three coefficients of powers of 1/z."""
+    """Coefficients (3,) of z^-delays prod(1 - root / z) in powers of 1/z."""
     row = np.zeros(3)
     row[delays : delays + len(roots) + 1] = np.poly(roots).real
     return row
 
 
 def _value(rows: RealArray, z: ComplexArray) -> ComplexArray:
+    """Response of a cascade at points z (F,)."""
     powers = np.stack([np.ones_like(z), 1 / z, z**-2.0])
     value: ComplexArray = ((rows[:, :3] @ powers) / (rows[:, 3:] @ powers)).prod(axis=0)
     return value
@@ -169,7 +174,7 @@ def _value(rows: RealArray, z: ComplexArray) -> ComplexArray:
 def _cascade(
     rows: Sequence[RealArray] | RealArray,
 ) -> tuple[RealArray, RealArray, RealArray, float]:
-    """A, b, c, d of a cascade, its sections in the transposed direct form II."""
+    """A, b, c, d of a cascade of sections in the transposed direct form II."""
     A, b, c, d = np.zeros((0, 0)), np.zeros(0), np.zeros(0), 1.0
     for b0, b1, b2, _, a1, a2 in rows:
         n = len(A)

@@ -1,8 +1,8 @@
-"""Rows of stable, minimum-phase functions of one variable: a gain times biquads.
+"""Stable, minimum-phase functions of frequency: a gain times biquads.
 
     d(s) = g * prod (s^2 / z^2 + 2 a s / z + 1) / (s^2 / p^2 + 2 b s / p + 1),
 
-with zeros and poles of any damping and every parameter positive, so that logarithms are free.
+The zeros and poles have any damping. Every parameter is positive, so its logarithm is free.
 """
 
 from __future__ import annotations
@@ -16,19 +16,21 @@ from workbench.arrays import RealArray
 from workbench.heavy_types import StateSpace
 
 Range = tuple[float, float]
-DAMPING = (0.1, 20.0)
-"""Least and largest damping of zeros and poles; above 1 they are pairs of real ones."""
-LARGEST = 50.0
-"""Of log gains: what is farther from 1 is so for lack of any effect."""
-SPREAD = (0.6, 2.6)
-"""Distances of the corners of a first guess, in natural logarithms."""
+"""Lowest and highest frequency [rad/s]."""
+DAMPING_RANGE = (0.1, 20.0)
+"""Least and largest damping ratio of zeros and poles; above 1 they are pairs of real ones."""
+LARGEST_LOG_GAIN = 50.0
+"""Largest size of log gains; a gain farther from 1 has no effect on the loop."""
+CORNER_SPREADS = (0.6, 2.6)
+"""Distances between the corners of first guesses, in natural logarithms of frequency."""
 
 
 @dataclass(frozen=True)
 class Biquads:
-    """So many rows of so many biquads each; parameters are (rows, P).
+    """A number of functions, one per row, each with the same number of biquads.
 
-    A row is log gain and, for each biquad, log z, log a, log p, log b.
+    Their parameters x have shape (rows, P). A row is log gain and, for each biquad, log z, log a,
+    log p, log b.
     """
 
     rows: int
@@ -36,18 +38,18 @@ class Biquads:
 
     @property
     def size(self) -> int:
-        """Parameters of a row."""
+        """Number of parameters of a row."""
         return 1 + 4 * self.biquads
 
     @property
     def corners(self) -> list[tuple[int, int]]:
-        """Places of the corners in a row, and 1 for zeros, -1 for poles."""
+        """Place of each corner in a row of parameters, with 1 for zeros and -1 for poles."""
         return [
             (1 + 4 * k + at, sign) for k in range(self.biquads) for at, sign in ((0, 1), (2, -1))
         ]
 
     def log_magnitude(self, x: RealArray, omega: RealArray) -> tuple[RealArray, RealArray]:
-        """log|d| (rows, F) at frequencies [rad/s], and its slopes (rows, P, F)."""
+        """log|d| (rows, F) at frequencies (F,) [rad/s], and its derivatives (rows, P, F)."""
         value = np.repeat(x[:, :1], len(omega), axis=1)
         slope = np.zeros((len(x), self.size, len(omega)))
         slope[:, 0] = 1.0
@@ -61,7 +63,7 @@ class Biquads:
         return value, slope
 
     def phase(self, x: RealArray, omega: RealArray) -> tuple[RealArray, RealArray]:
-        """arg d (rows, F) [rad], continuous and 0 at frequency 0, and its slopes (rows, P, F)."""
+        """arg d (rows, F) [rad], continuous from 0 at frequency 0, and derivatives (rows, P, F)."""
         value = np.zeros((len(x), len(omega)))
         slope = np.zeros((len(x), self.size, len(omega)))
         for first, sign in self.corners:
@@ -74,11 +76,11 @@ class Biquads:
         return value, slope
 
     def systems(self, x: RealArray) -> list[StateSpace]:
-        """d of each row."""
+        """The function d of each row as a StateSpace."""
         return [reduce(lambda a, b: a * b, map(_biquad, *_split(row))) for row in x]
 
     def inverse(self, x: RealArray) -> RealArray:
-        """The parameters of 1 / d: zeros are poles and poles zeros."""
+        """The parameters of 1 / d, whose zeros are the poles of d and the reverse."""
         y = -x
         for zero in range(1, self.size, 4):
             y[:, zero : zero + 2], y[:, zero + 2 : zero + 4] = (
@@ -88,7 +90,7 @@ class Biquads:
         return y
 
     def guess(self, gains: RealArray, middle: float, spread: float) -> RealArray:
-        """Parameters with these log gains, the corners spread about one log frequency."""
+        """Parameters with given log gains (rows,) and corners spread about a log frequency."""
         x = np.zeros((len(gains), self.size))
         x[:, 0] = gains
         places = spread * (np.arange(self.biquads) - (self.biquads - 1) / 2)
@@ -97,17 +99,17 @@ class Biquads:
         return x
 
     def bounds(self, within: Range) -> list[tuple[float, float]]:
-        """Of the parameters of a row, the corners within frequencies [rad/s]."""
+        """Bounds of the parameters of a row, with corners within frequencies [rad/s]."""
         low, high = np.log(within)
-        found = [(-LARGEST, LARGEST)] * self.size
+        found = [(-LARGEST_LOG_GAIN, LARGEST_LOG_GAIN)] * self.size
         for first, _ in self.corners:
             found[first] = (float(low), float(high))
-            found[first + 1] = (float(np.log(DAMPING[0])), float(np.log(DAMPING[1])))
+            found[first + 1] = (float(np.log(DAMPING_RANGE[0])), float(np.log(DAMPING_RANGE[1])))
         return found
 
 
 def _split(row: RealArray) -> tuple[list[float], RealArray]:
-    """Gains and corners of the factors of a row: the gain is in the first."""
+    """Log gains and log corners of the factors of a row; the first factor holds the gain."""
     biquads = row[1:].reshape(-1, 4)
     none = np.full((1, 4), np.nan)
     factors = np.concatenate([none, biquads])
@@ -115,7 +117,7 @@ def _split(row: RealArray) -> tuple[list[float], RealArray]:
 
 
 def _biquad(log_gain: float, corners: RealArray) -> StateSpace:
-    """exp(log_gain) and the biquad of log corners; without one where they are NaN."""
+    """exp(log_gain) times the biquad of log corners; only the gain where the corners are NaN."""
     import control
 
     gain = np.exp(log_gain)

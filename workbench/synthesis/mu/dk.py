@@ -1,9 +1,9 @@
-"""D-K and (mu, D)-K iteration: scalings for the controller, a controller for the scalings.
+"""D-K and (mu, D)-K iteration: alternately a controller for the scalings and scalings for it.
 
-An H-infinity controller lowers sigma_max(gamma D N D^-1). With gamma = 1 and D that makes this the
-complex bound, that is D-K iteration. With gamma the mixed over the complex bound it is the mixed
-bound that is lowered: the (mu, D)-K iteration of Toffner-Clausen, Andersen, Stoustrup and Niemann
-(1995). Since gamma depends on K, it moves a share of the way each round.
+An H-infinity controller lowers sigma_max(gamma D N D^-1). In D-K iteration gamma is 1, and D makes
+this the complex upper bound. In the (mu, D)-K iteration of Toffner-Clausen, Andersen, Stoustrup and
+Niemann (1995) gamma is the mixed over the complex bound, so that the controller lowers the mixed
+bound. Since gamma depends on K, it moves only a share of the way in each round.
 """
 
 from __future__ import annotations
@@ -32,42 +32,47 @@ from workbench.synthesis.mu.scalings import Scalings
 from workbench.systems.frequency_grid import frequencies_of
 from workbench.systems.generalised_plant import response
 
-ROUNDS = 30
-LEVEL = 2e-3
+MOST_ROUNDS = 30
+"""Most rounds of an iteration."""
+LEVEL_TOLERANCE = 2e-3
 """Relative width of the interval in which the least level of a K step is found."""
-SETTLED = 3e-4
-"""Relative fall of the peak over `PATIENCE` rounds at which it counts as settled."""
+SETTLED_FALL = 3e-4
+"""An iteration is settled if the peak falls by less than this share over `PATIENCE` rounds."""
 PATIENCE, LONG_PATIENCE = 4, 8
-BLEND = 0.4
-"""Share of the way that gamma goes in a round: much less is slow, much more diverges."""
-SMOOTH = 0.1
-LEAST, UNIMPORTANT = 0.05, 0.05
-"""Least gamma asked for, and weight of frequencies where mu is small."""
-REACHED = "reached the target"
-FARTHER = (1.0, 3.0, 7.0, 15.0, 31.0)
-"""How much farther than it went D is tried, in shares of its last change."""
-FLOOR = 0.5
-"""Share of the peak below which scalings need not follow the bound."""
+"""Rounds over which a peak must settle, for D-K and for (mu, D)-K iteration."""
+GAMMA_SHARE = 0.4
+"""Share of the way that gamma moves in a round: much less is slow, much more diverges."""
+SMOOTHING_WIDTH = 0.1
+"""Standard deviation, in log frequency, of the weights that smooth the wanted gamma."""
+LEAST_GAMMA, LEAST_WEIGHT = 0.05, 0.05
+"""Least gamma asked for, and least weight of a frequency in the fit of gamma."""
+TARGET_REACHED = "reached the target"
+"""Message of an iteration that ends at its target."""
+EXTRAPOLATIONS = (1.0, 3.0, 7.0, 15.0, 31.0)
+"""Multiples of the last change of D by which D is moved farther on trial."""
+REFERENCE_FLOOR = 0.5
+"""Scalings need not follow the bound where it is below this share of its peak."""
 
 
 @dataclass(frozen=True, eq=False)
 class Loop:
-    """A closed loop on its own frequencies: ``omega`` (F,) [rad/s] and the response ``M``."""
+    """The response ``M`` of a closed loop at frequencies ``omega`` (F,) [rad/s] from its poles."""
 
     omega: RealArray
     M: NDArray[Any]
 
     @classmethod
     def of(cls, system: StateSpace) -> Loop:
+        """The response of a stable closed loop."""
         omega = frequencies_of(system)
         return cls(omega, response(system, omega))
 
 
 @dataclass(frozen=True, eq=False)
 class Round:
-    """A round's scalings: ``D`` of each block, ``gamma`` of all but the measurements.
+    """Scalings of a round: ``D`` for each block, ``gamma`` for all outputs but the measurements.
 
-    ``target`` is the log of gamma that was asked for, at log frequencies ``at``.
+    ``target`` is the logarithm of the wanted gamma at log frequencies ``at``.
     """
 
     D: tuple[Scalings, RealArray]
@@ -77,16 +82,17 @@ class Round:
 
     @property
     def parameters(self) -> dict[str, RealArray]:
-        """Of the scalings, by name; gamma where there is one."""
+        """Parameters of the scalings by name, with gamma where there is one."""
         return {"D": self.D[1]} | ({"gamma": self.gamma} if self.gamma.any() else {})
 
 
 @dataclass(eq=False)
 class Standing:
-    """Where an iteration stands after a number of rounds tried.
+    """State of an iteration after a number of rounds tried.
 
-    ``before`` are the scalings of the last controller, ``used`` those fitted to its loop, ``well``
-    those fitted to the best one's.
+    ``before`` are the scalings of the last controller, ``used`` those fitted to its loop, and
+    ``well`` those fitted to the loop of the best controller. ``blend`` is the share of the way that
+    gamma moves in a round.
     """
 
     blend: float
@@ -97,7 +103,7 @@ class Standing:
     well: Round | None = None
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """All of it by name."""
+        """The whole state as arrays by name, for a checkpoint."""
         found = {"blend": np.array(self.blend), "tried": np.array(self.tried)}
         for name in ("before", "used", "well"):
             one: Round | None = getattr(self, name)
@@ -108,7 +114,7 @@ class Standing:
 
     @classmethod
     def restored(cls, arrays: Mapping[str, NDArray[Any]]) -> Standing:
-        """From its arrays."""
+        """The state that `arrays` gave."""
         rounds: list[Round | None] = []
         for name in ("before", "used", "well"):
             if f"{name}_D" not in arrays:
@@ -119,25 +125,28 @@ class Standing:
         return cls(float(arrays["blend"]), int(arrays["tried"]), unpacked(arrays), *rounds)
 
 
-GAMMA = Scalings(1, 2)
-"""Gamma of the (mu, D)-K iteration: a gain and two biquads."""
+GAMMA_FUNCTION = Scalings(1, 2)
+"""Function that represents gamma of the (mu, D)-K iteration: a gain and two biquads."""
 
 
 @method(MuSynthesis, "mu-dk", optimal=False)
 def _mu_dk(program: MuSynthesis, context: Context) -> Claim:
-    """(mu, D)-K iteration: a scalar gamma makes the complex bound that K lowers the mixed one."""
-    return iterated(program, context, BLEND)
+    """(mu, D)-K iteration: a scalar function gamma turns the complex bound into the mixed bound."""
+    return iterated(program, context, GAMMA_SHARE)
 
 
 def iterated(program: MuSynthesis, context: Context, blend: float) -> Claim:
-    """Rounds of K and D steps; of those with a blend the peak may rise, and the best is kept."""
+    """Iterate K and D steps and return the best controller.
+
+    With `blend` > 0 gamma moves by this share in each round, and the peak may rise on the way.
+    """
     kept = context.checkpoint.load()
     now = Standing(blend) if kept is None else Standing.restored(kept)
     for number, each in enumerate(now.history, start=1):
         context.record(each.row(number))
     K, level = (program.start if kept is None else None), np.nan
-    said, patience = f"stopped after {ROUNDS} rounds", LONG_PATIENCE if blend else PATIENCE
-    for tried in context.rounds(ROUNDS, "mu synthesis", now.tried):
+    said, patience = f"stopped after {MOST_ROUNDS} rounds", LONG_PATIENCE if blend else PATIENCE
+    for tried in context.rounds(MOST_ROUNDS, "mu synthesis", now.tried):
         if K is None:
             try:
                 K, level, now.used = _best_step(program, now.before, now.used)
@@ -146,16 +155,16 @@ def iterated(program: MuSynthesis, context: Context, blend: float) -> Claim:
         loop = None if K is None else _loop(program, K)
         if K is None or loop is None:
             said = said if K is None else "rounding made a loop unstable"
-            if now.well is None or now.blend < 0.1 * BLEND:
+            if now.well is None or now.blend < 0.1 * GAMMA_SHARE:
                 break
-            # back to where it was well, more slowly
+            # go back to the scalings of the best controller and continue more slowly
             now.used, now.blend, now.before, K = now.well, now.blend / 2, None, None
             continue
         mixed = upper_bound(loop.M, program.closed).value
         peak = float(mixed.max())
         reached = program.reaching(K, peak, (*now.history, Iterate(peak, level, np.nan, K)))
         if reached is not None:
-            return reached, Outcome.SOLVED, REACHED
+            return reached, Outcome.SOLVED, TARGET_REACHED
         now.before = now.used
         now.used, missed = _scalings(program, loop, mixed, now.used, now.blend)
         if not now.history or peak < min(each.peak for each in now.history):
@@ -165,7 +174,7 @@ def iterated(program: MuSynthesis, context: Context, blend: float) -> Claim:
         context.record(now.history[-1].row(len(now.history)))
         K = None
         peaks = np.minimum.accumulate([each.peak for each in now.history])
-        if len(peaks) > patience and peaks[-1] > (1 - SETTLED) * peaks[-1 - patience]:
+        if len(peaks) > patience and peaks[-1] > (1 - SETTLED_FALL) * peaks[-1 - patience]:
             said = "settled"
             break
         now.tried = tried + 1
@@ -177,7 +186,7 @@ def iterated(program: MuSynthesis, context: Context, blend: float) -> Claim:
 
 
 def _loop(program: MuSynthesis, K: StateSpace) -> Loop | None:
-    """The loop's response; None where the loop is not stable."""
+    """The response of the loop; None where the loop is not stable."""
     system = program.plant.close(K)
     return Loop.of(system) if stability_of(system).holds else None
 
@@ -185,15 +194,16 @@ def _loop(program: MuSynthesis, K: StateSpace) -> Loop | None:
 def _best_step(
     program: MuSynthesis, before: Round | None, now: Round | None
 ) -> tuple[StateSpace, float, Round | None]:
-    """The controller of least level, D as it is or farther in the direction of its last change.
+    """The controller of least level, its level and its scalings.
 
-    The alternation may be slow, and a K step costs little beside a D step.
+    D is used as it is and moved farther in the direction of its last change, because the
+    alternation may be slow and a K step takes little time compared with a D step.
     """
     candidates = [now]
     if before is not None and now is not None and before.D[0] == now.D[0]:
         scalings, x = now.D
         change = x - before.D[1]
-        candidates += [replace(now, D=(scalings, x + share * change)) for share in FARTHER]
+        candidates += [replace(now, D=(scalings, x + share * change)) for share in EXTRAPOLATIONS]
     K, level = k_step(program, now)
     best = K, level, now
     for candidate in candidates[1:]:
@@ -208,13 +218,13 @@ def _best_step(
 
 
 def k_step(program: MuSynthesis, used: Round | None) -> tuple[StateSpace, float]:
-    """The H-infinity controller of the scaled plant, and its level."""
+    """The H-infinity controller of the scaled plant and its level."""
     import control
 
     plant = program.plant
     system = plant.system if used is None else _scaled(program, used)
     made = central(
-        system.A, system.B, system.C, system.D, plant.controls, plant.measurements, LEVEL
+        system.A, system.B, system.C, system.D, plant.controls, plant.measurements, LEVEL_TOLERANCE
     )
     return control.ss(*made.K), made.gamma
 
@@ -222,20 +232,21 @@ def k_step(program: MuSynthesis, used: Round | None) -> tuple[StateSpace, float]
 def _scalings(
     program: MuSynthesis, loop: Loop, mixed: RealArray, before: Round | None, blend: float
 ) -> tuple[Round, float]:
-    """The next scalings, and by how much D misses its bound.
+    """The next scalings, and the logarithm by which D misses its bound.
 
-    Gamma moves by a share ``blend`` of its logarithm to the mixed over the complex bound, smoothed.
+    The logarithm of gamma moves by a share ``blend`` towards that of the smoothed ratio of the
+    mixed to the complex bound.
     """
     structure, at = program.closed.complexified(), np.log(loop.omega)
-    gamma, target, size = np.zeros((1, GAMMA.size)), np.zeros(len(at)), np.ones(len(at))
+    gamma, target, size = np.zeros((1, GAMMA_FUNCTION.size)), np.zeros(len(at)), np.ones(len(at))
     if blend:
         bound = upper_bound(loop.M, structure).value
-        wanted = _smoothed(at, np.log(np.maximum(mixed / bound, LEAST)))
+        wanted = _smoothed(at, np.log(np.maximum(mixed / bound, LEAST_GAMMA)))
         old = np.interp(at, before.at, before.target) if before else target
         target = (1 - blend) * old + blend * wanted
-        weight = np.maximum(mixed / mixed.max(), UNIMPORTANT)
-        gamma = GAMMA.follow(target[None], loop.omega, weight)
-        size = np.exp(GAMMA.log_magnitude(gamma, loop.omega)[0][0])
+        weight = np.maximum(mixed / mixed.max(), LEAST_WEIGHT)
+        gamma = GAMMA_FUNCTION.follow(target[None], loop.omega, weight)
+        size = np.exp(GAMMA_FUNCTION.log_magnitude(gamma, loop.omega)[0][0])
     weighted = Loop(loop.omega, size[:, None, None] * loop.M)
     blocks = len(program.structure or ())
     D, missed = d_step(structure, weighted, blocks, before.D if before else None)
@@ -243,8 +254,8 @@ def _scalings(
 
 
 def _smoothed(at: RealArray, values: RealArray) -> RealArray:
-    """A moving mean over SMOOTH of the log frequency."""
-    weight = np.exp(-(((at[:, None] - at) / SMOOTH) ** 2) / 2)
+    """Mean of values with Gaussian weights of width `SMOOTHING_WIDTH` in log frequency `at`."""
+    weight = np.exp(-(((at[:, None] - at) / SMOOTHING_WIDTH) ** 2) / 2)
     mean: RealArray = weight @ values / weight.sum(axis=1)
     return mean
 
@@ -255,14 +266,14 @@ def d_step(
     blocks: int,
     before: tuple[Scalings, RealArray] | None,
 ) -> tuple[tuple[Scalings, RealArray], float]:
-    """Scalings of the first blocks, by as many biquads as are worth it, and what they miss.
+    """Scalings of the first `blocks` blocks with as few biquads as needed, and what they miss.
 
-    What is missed is the logarithm of the worst sigma_max(D M D^-1) over the upper bound, or over
-    FLOOR of its peak where that is larger.
+    The miss is the logarithm of the worst ratio of sigma_max(D M D^-1) to the upper bound, or to
+    `REFERENCE_FLOOR` times the peak of the bound where this is larger.
     """
     found = upper_bound(loop.M, structure)
     bound, D = found.value, found.D_left
-    reference = np.maximum(bound, FLOOR * bound.max())
+    reference = np.maximum(bound, REFERENCE_FLOOR * bound.max())
     first = [row.start for row in structure.column_slices]
     logs = np.log(np.diagonal(D, axis1=1, axis2=2).real[:, first]) / 2
     high = bound > 0.8 * bound.max()
@@ -272,7 +283,10 @@ def d_step(
 
 
 def _scaled(program: MuSynthesis, used: Round) -> StateSpace:
-    """The plant with D at its perturbation's outputs, D^-1 at its inputs, gamma at all outputs."""
+    """The plant with D at the perturbation outputs, D^-1 at the perturbation inputs, and gamma.
+
+    Gamma multiplies all outputs except the measurements.
+    """
     import control
 
     assert program.structure is not None
@@ -288,7 +302,7 @@ def _scaled(program: MuSynthesis, used: Round) -> StateSpace:
     found = left * system * right
     if not used.gamma.any():
         return found
-    (gamma,) = GAMMA.systems(used.gamma)
+    (gamma,) = GAMMA_FUNCTION.systems(used.gamma)
     measurements = program.plant.measurements
     return (
         control.append(*[gamma] * (system.noutputs - measurements), *[one] * measurements) * found

@@ -1,6 +1,7 @@
-"""Families of controllers with a fixed structure: few real parameters, a response, its slopes.
+"""Families of controllers with a fixed structure and few real parameters.
 
-Parameters are free reals in which a step of given size matters about as much everywhere.
+The parameters are free real numbers, scaled such that a step of a given size has about the same
+effect everywhere.
 """
 
 from __future__ import annotations
@@ -14,38 +15,38 @@ from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 
-TURNS = 24
-"""Directions tried for the state of a second-order block that is least ill-conditioned."""
+STATE_DIRECTIONS = 24
+"""Directions of the second state of a second-order block that are tried for good conditioning."""
 
 
 class Family(ABC):
-    """Controllers K(s; x), u = K y, p outputs and m inputs."""
+    """Controllers u = K(s; x) y with p outputs and m inputs and real parameters x."""
 
     @abstractmethod
     def system(self, x: RealArray) -> StateSpace:
-        """The controller of parameters x (k,)."""
+        """The controller with parameters x (k,)."""
 
     @abstractmethod
     def response(self, x: RealArray, omega: RealArray) -> tuple[ComplexArray, ComplexArray]:
-        """K (F, p, m) at omega (F,) [rad/s], and its slopes (F, k, p, m)."""
+        """K (F, p, m) at omega (F,) [rad/s], and its derivatives (F, k, p, m) by x."""
 
     @abstractmethod
     def parameters(self, K: StateSpace) -> RealArray:
-        """Parameters (k,) of a member; raises InputError for others."""
+        """Parameters (k,) of a member of the family; raises InputError for other controllers."""
 
     def units(self, x: RealArray) -> RealArray:
-        """By how much a parameter may change at a time: its own size, if it is not small."""
+        """Units of steps (k,): the size of each parameter, or a tenth of the median if larger."""
         size = np.abs(x)
         return np.maximum(size, 0.1 * float(np.median(size)))
 
 
 @dataclass(frozen=True)
 class Modal(Family):
-    """Every controller of an order: blocks of second order and free B, C and D.
+    """Every controller of an order, with second-order blocks in A and free B, C and D.
 
-    A has blocks w [[0, 1], [-a, -b]], and one -w c for an odd order; a block may have complex or
-    real poles, stable or not. The corners ``w`` [rad/s] are those of the controller that the family
-    was made for, so that parameters are of order one.
+    A has blocks w [[0, 1], [-a, -b]], and a block -w c if the order is odd. A block may have
+    complex or real poles, stable or not. The corners ``w`` [rad/s] are those of the controller for
+    which the family is made, so that the parameters are of order one.
     """
 
     corners: tuple[float, ...]
@@ -55,9 +56,9 @@ class Modal(Family):
 
     @classmethod
     def of(cls, K: StateSpace) -> tuple[Modal, RealArray]:
-        """The family of a controller's order, and its parameters.
+        """The family that contains a controller, and the controller's parameters.
 
-        Raises InputError for one with a mode that no second-order block has.
+        Raises InputError for a controller with a mode that no second-order block has.
         """
         blocks, T = _blocks(K.A)
         corners, shapes, changes = (
@@ -83,7 +84,7 @@ class Modal(Family):
         return x
 
     def matrices(self, x: RealArray) -> tuple[RealArray, RealArray, RealArray, RealArray]:
-        """A, B, C and D."""
+        """A, B, C and D of the controller with parameters x."""
         n, m, p = self.order, self.inputs, self.outputs
         shape, B, C, D = np.split(x, np.cumsum([n, n * m, p * n]))
         A = np.zeros((n, n))
@@ -123,7 +124,7 @@ class Modal(Family):
 
 
 def _blocks(A: RealArray) -> tuple[list[RealArray], RealArray]:
-    """Real blocks of A's modes of second order, one of first where A is odd, and their basis."""
+    """Real second-order blocks of A's modes, one of first order if n is odd, and their basis."""
     values, vectors = np.linalg.eig(A)
     if len(A) and np.linalg.cond(vectors) > 1e12:
         raise InputError("the controller has a defective mode; perturb or reduce it first")
@@ -133,7 +134,7 @@ def _blocks(A: RealArray) -> tuple[list[RealArray], RealArray]:
     reals = np.flatnonzero(values.imag == 0)
     reals = reals[np.argsort(np.abs(values[reals]))]
     half = len(reals) // 2
-    # Slow ones with fast ones: two equal poles have no common block.
+    # Combine slow poles with fast ones, since two equal poles have no common block.
     for i, j in zip(reals[:half], reals[half : 2 * half], strict=True):
         blocks.append(np.diag(values[[i, j]].real))
         basis.append(vectors[:, [i, j]].real)
@@ -144,14 +145,14 @@ def _blocks(A: RealArray) -> tuple[list[RealArray], RealArray]:
 
 
 def _companion(block: RealArray) -> tuple[float, list[float], RealArray]:
-    """Corner, shape and the change of state that gives a block its form."""
+    """Corner, shape parameters, and the change of state that gives a block the family's form."""
     if len(block) == 1:
         corner = float(abs(block[0, 0])) or 1.0
         return corner, [-block[0, 0] / corner], np.eye(1)
     determinant, trace = float(np.linalg.det(block)), float(np.trace(block))
     corner = float(np.sqrt(abs(determinant))) or 1.0
-    # The second state is any direction u, the first then (block u - trace u) / corner.
-    angles = np.pi * np.arange(TURNS) / TURNS
+    # The second state may be any direction u; the first is then (block u - trace u) / corner.
+    angles = np.pi * np.arange(STATE_DIRECTIONS) / STATE_DIRECTIONS
     changes = [
         np.column_stack([(block @ u - trace * u) / corner, u])
         for u in np.column_stack([np.cos(angles), np.sin(angles)])

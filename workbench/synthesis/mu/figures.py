@@ -1,4 +1,4 @@
-"""Figures of mu synthesis: mixed mu over frequency, and the rounds of an iteration."""
+"""Figures of mu synthesis: mixed mu over frequency, and the rounds of the iteration."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from workbench.synthesis.mu.rounds import Iterate
 
 
 def bounds(loop: StateSpace, structure: Structure, peak: float) -> Figure:
-    """Bounds of mixed mu of a closed loop, also with its real scalars taken as complex.
+    """Figure of the bounds of mixed mu of a closed loop, also with real scalars as complex ones.
 
     `peak` is the certified upper bound over all frequencies.
     """
@@ -36,7 +36,7 @@ def bounds(loop: StateSpace, structure: Structure, peak: float) -> Figure:
 
 
 def rounds(history: Sequence[Iterate], peak: float) -> Figure:
-    """Peaks and levels over the rounds, and the controllers' orders.
+    """Figure of the peaks, the levels and the orders of the controllers over the rounds.
 
     `peak` is the certified upper bound of the best controller.
     """

@@ -1,4 +1,4 @@
-"""Mu synthesis as a Program: its data, its answer, its check."""
+"""Mu synthesis as a Program."""
 
 from __future__ import annotations
 
@@ -27,19 +27,20 @@ from workbench.systems.minimal import visible
 from workbench.systems.realisation import realisation
 from workbench.systems.storage import restored, stored
 
-TOLERANCE = 1e-3
-"""Of certified peaks, relative."""
-ROUND = "round_"
-"""How variables of a dataset begin that have a value for each round."""
-ROUNDING = 1e-9
-"""By which bounds of the same loop may differ, relative."""
+PEAK_TOLERANCE = 1e-3
+"""Relative tolerance of certified peaks."""
+ROUND_PREFIX = "round_"
+"""Prefix of the variables of a dataset that have a value for each round."""
+BOUND_ROUNDING = 1e-9
+"""Relative difference between bounds of the same loop that counts as rounding."""
 
 
 @dataclass(frozen=True, eq=False)
 class MuController:
-    """u = K y with positive feedback; the supremum of mixed mu lies in [``lower``, ``upper``].
+    """A controller u = K y with positive feedback, and certified bounds of the peak of mixed mu.
 
-    ``omega`` [rad/s] is the frequency of the lower bound.
+    The supremum of mixed mu over frequency lies in [``lower``, ``upper``]; ``omega`` [rad/s] is the
+    frequency of the lower bound. ``history`` has the rounds of the iteration.
     """
 
     K: StateSpace
@@ -53,32 +54,33 @@ class MuController:
 class MuSynthesis(Program):
     """The stabilising K with the least supremum over frequency of mixed mu.
 
-    Mu is that of robust performance: the plant's perturbation, and a full block that closes its
-    performance. No method finds the global optimum; every answer's peak is certified.
+    Mu is that of robust performance: its structure is the plant's perturbation and a full block
+    that closes the performance channels. No method finds the global optimum, but the peak of every
+    answer is certified.
 
     Parameters
     ----------
     plant
-        With a structure, performance outputs and exogenous inputs.
+        Plant with a structure, performance outputs and exogenous inputs.
     structure
-        Of the perturbation; None: the plant's own.
+        Structure of the perturbation; None: that of the plant.
     start
-        A stabilising controller to begin with; None: the method's own.
+        A stabilising controller to start from; None: the method chooses its own.
     family
-        Controllers that method "fixed" may choose from, the start among them; None: all of the
-        start's order.
+        Controllers among which method "fixed" searches; the start must be one of them. None: all
+        controllers of the order of the start.
     random
-        How many stabilising members of the family, drawn about the start, method "fixed" goes on
-        from as well; the best of all is the answer.
+        Number of stabilising members of the family, drawn at random around the start, from which
+        method "fixed" also starts; the best result is the answer.
     target
-        Certified peak that is low enough: methods end there, and an answer above it does not hold.
-        None: the least that they find.
+        Certified peak that is low enough: methods end when they reach it, and an answer above it is
+        not valid. None: methods go on to the least peak that they find.
 
     Raises
     ------
     InputError
-        A plant without structure, performance or exogenous signals, or in discrete time; a start
-        that does not fit or does not stabilise; a target that is not positive and finite.
+        The plant has no structure, performance or exogenous signals, or is in discrete time; the
+        start does not fit or does not stabilise; or the target is not positive and finite.
     """
 
     plant: GeneralisedPlant
@@ -129,16 +131,17 @@ class MuSynthesis(Program):
         """The perturbation and the performance block."""
         return self.plant.performance_structure
 
-    def certified(self, K: StateSpace, tolerance: float = TOLERANCE) -> Peak | None:
+    def certified(self, K: StateSpace, tolerance: float = PEAK_TOLERANCE) -> Peak | None:
         """The peak of the loop; None where it is unstable."""
         return performance_peak(self.plant, K, tolerance)
 
     def answer(
-        self, K: StateSpace, history: tuple[Iterate, ...] = (), tolerance: float = TOLERANCE
+        self, K: StateSpace, history: tuple[Iterate, ...] = (), tolerance: float = PEAK_TOLERANCE
     ) -> MuController | None:
-        """A controller, states balanced, with its certified peak; None where the loop is unstable.
+        """The answer for K: K with balanced states and its certified peak.
 
-        Responses of fifty states in other units are wrong by 1e-3 in tools that do not balance.
+        None where the loop is unstable. The states are balanced because tools that do not balance
+        give responses with errors of 1e-3 for fifty badly scaled states.
         """
         K = realisation((*balanced(K.A, K.B, K.C), K.D), 0.0)
         found = self.certified(K, tolerance)
@@ -149,14 +152,14 @@ class MuSynthesis(Program):
     def reaching(
         self, K: StateSpace, peak: float, history: tuple[Iterate, ...]
     ) -> MuController | None:
-        """The answer of a controller whose peak at some frequencies is the target or lower.
+        """The answer for a controller whose certified peak is at most the target, else None.
 
-        None without a target, or where the certified peak is above it. Nothing is certified more
-        closely than that needs.
+        `peak` is the largest bound at some frequencies. None also without a target. The tolerance
+        of the certificate is as coarse as the distance from the target allows.
         """
         if self.target is None or peak > self.target:
             return None
-        answer = self.answer(K, history, max((self.target / peak - 1.0) / 2, TOLERANCE))
+        answer = self.answer(K, history, max((self.target / peak - 1.0) / 2, PEAK_TOLERANCE))
         return answer if answer is not None and answer.upper <= self.target else None
 
     # --- checks -------------------------------------------------------------------------------
@@ -173,12 +176,12 @@ class MuSynthesis(Program):
         certified = self.certified(K)
         upper = certified.upper if certified else np.inf
         statement = "certified supremum of mixed mu over the claimed bound, less 1"
-        found.append(Check("peak", statement, upper / answer.upper - 1, TOLERANCE))
+        found.append(Check("peak", statement, upper / answer.upper - 1, PEAK_TOLERANCE))
         statement = "claimed lower over certified upper bound, less 1"
-        found.append(Check("lower", statement, answer.lower / upper - 1, ROUNDING))
+        found.append(Check("lower", statement, answer.lower / upper - 1, BOUND_ROUNDING))
         if self.target is not None:
             statement = "certified supremum of mixed mu over the target, less 1"
-            found.append(Check("target", statement, upper / self.target - 1, ROUNDING))
+            found.append(Check("target", statement, upper / self.target - 1, BOUND_ROUNDING))
         return found
 
     def metrics(self, answer: MuController) -> dict[str, float]:
@@ -208,9 +211,9 @@ class MuSynthesis(Program):
 
     def from_dataset(self, data: Dataset) -> MuController:
         arrays = {
-            str(name).removeprefix(ROUND): array.values
+            str(name).removeprefix(ROUND_PREFIX): array.values
             for name, array in data.data_vars.items()
-            if str(name).startswith(ROUND)
+            if str(name).startswith(ROUND_PREFIX)
         }
         history = tuple(unpacked(arrays)) if arrays else ()
         lower, upper = data["peak"].values.tolist()
@@ -227,7 +230,7 @@ class MuSynthesis(Program):
 
 
 def _rounds(history: tuple[Iterate, ...]) -> dict[str, Any]:
-    """Variables of a dataset: every round's numbers, controller and scalings."""
+    """Variables of a dataset with the numbers, the controller and the scalings of every round."""
     if not history:
         return {}
     controller = {
@@ -247,5 +250,5 @@ def _rounds(history: tuple[Iterate, ...]) -> dict[str, Any]:
         elif kind == "scalings":
             dims = (f"{part}_block", f"{part}_parameter")
             about |= {"long_name": f"parameters of each round's scalings {part}: {PARAMETERS}"}
-        found[ROUND + name] = (("round", *dims), array, about)
+        found[ROUND_PREFIX + name] = (("round", *dims), array, about)
     return found

@@ -1,4 +1,4 @@
-"""The rounds of an iteration: each with its controller and its scalings, as arrays and back."""
+"""Rounds of an iteration with their controllers and scalings, and their storage as arrays."""
 
 from __future__ import annotations
 
@@ -17,17 +17,18 @@ if TYPE_CHECKING:
     from workbench.executor import Row
 
 
-CONTROLLER, SCALINGS = "controller_", "scalings_"
+CONTROLLER_PREFIX, SCALINGS_PREFIX = "controller_", "scalings_"
+"""Prefixes of the names of arrays."""
 
 
 @dataclass(frozen=True, eq=False)
 class Iterate:
     """One round of an iteration.
 
-    ``peak`` is the largest mixed bound on the round's own frequencies, ``level`` the gamma of its
-    H-infinity controller (NaN: it had none), ``fit`` by how much the fitted scalings miss the bound
-    where it is largest, relative (NaN: there are none). ``K`` is its controller, ``scalings`` by
-    name the parameters (blocks, P) of those fitted to its loop, as in `Scalings`.
+    ``peak`` is the largest mixed bound at the frequencies of the round. ``level`` is the level
+    gamma of its H-infinity controller (NaN: there is none). ``fit`` is the largest relative miss of
+    the fitted scalings (NaN: there are none). ``K`` is the controller. ``scalings`` are the
+    parameters (blocks, P), by name, of the scalings fitted to its loop, as in `Scalings`.
     """
 
     peak: float
@@ -38,17 +39,17 @@ class Iterate:
 
     @property
     def order(self) -> int:
-        """Of the controller."""
+        """Order of the controller."""
         return int(self.K.nstates)
 
     def row(self, number: int) -> Row:
-        """What a table of the rounds shows."""
+        """The row of the table of rounds."""
         numbers = {"peak": self.peak, "level": self.level, "order": self.order, "fit": self.fit}
         return {"round": number, **numbers}
 
 
 def packed(history: Sequence[Iterate]) -> dict[str, NDArray[Any]]:
-    """One round or more as arrays with a round a row; NaN fills what is smaller than the largest.
+    """Rounds, at least one, as arrays with a row for each; NaN fills the smaller matrices.
 
     ``peak``, ``level``, ``fit`` and ``order`` (R,), ``controller_A`` to ``controller_D`` and
     ``scalings_<name>`` (R, rows, columns).
@@ -59,22 +60,22 @@ def packed(history: Sequence[Iterate]) -> dict[str, NDArray[Any]]:
     }
     found["order"] = np.array([each.order for each in history])
     for part in "ABCD":
-        found[CONTROLLER + part] = _filled([getattr(each.K, part) for each in history])
+        found[CONTROLLER_PREFIX + part] = _filled([getattr(each.K, part) for each in history])
     for name in sorted({name for each in history for name in each.scalings}):
         none = np.zeros((0, 0))
-        found[SCALINGS + name] = _filled([each.scalings.get(name, none) for each in history])
+        found[SCALINGS_PREFIX + name] = _filled([each.scalings.get(name, none) for each in history])
     return found
 
 
 def unpacked(arrays: Mapping[str, NDArray[Any]]) -> list[Iterate]:
-    """The rounds of arrays as `packed` makes them."""
-    names = [name for name in arrays if name.startswith(SCALINGS)]
+    """The rounds that `packed` stored in arrays."""
+    names = [name for name in arrays if name.startswith(SCALINGS_PREFIX)]
     history = []
     for place, order in enumerate(arrays["order"].tolist()):
-        A, B, C, D = (arrays[CONTROLLER + part][place] for part in "ABCD")
+        A, B, C, D = (arrays[CONTROLLER_PREFIX + part][place] for part in "ABCD")
         K = realisation((A[:order, :order], B[:order], C[:, :order], D), 0.0)
         scalings = {
-            name.removeprefix(SCALINGS): x
+            name.removeprefix(SCALINGS_PREFIX): x
             for name in names
             if (x := _without_filling(arrays[name][place])).size
         }
@@ -84,7 +85,7 @@ def unpacked(arrays: Mapping[str, NDArray[Any]]) -> list[Iterate]:
 
 
 def _filled(matrices: Sequence[RealArray]) -> RealArray:
-    """Matrices in one array, NaN beyond their rows and columns."""
+    """Matrices in one array (R, rows, columns), with NaN beyond their own rows and columns."""
     shape = np.max([matrix.shape for matrix in matrices], axis=0)
     found = np.full((len(matrices), *shape), np.nan)
     for one, matrix in zip(found, matrices, strict=True):
@@ -93,6 +94,6 @@ def _filled(matrices: Sequence[RealArray]) -> RealArray:
 
 
 def _without_filling(matrix: RealArray) -> RealArray:
-    """The rows and columns that have a number."""
+    """The rows and columns of a matrix that are not all NaN."""
     known = np.isfinite(matrix)
     return matrix[known.any(axis=1)][:, known.any(axis=0)]

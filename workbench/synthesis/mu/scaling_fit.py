@@ -1,9 +1,9 @@
-"""Scalings fitted to a loop: the worst of sigma_max(D M D^-1) over a reference is made least.
+"""Fit of scalings to a loop: minimise the worst ratio of sigma_max(D M D^-1) to a reference.
 
-The worst over frequencies is smoothed as log sum (sigma_j / reference)^s / s over all singular
-values and frequencies, s rising. Each frequency's sum is convex in the logarithms of D, with a
-second derivative in closed form (that of a trace function), so that Newton's method takes tens of
-steps where gradients alone take hundreds.
+The maximum over frequency is replaced by the smooth log sum (sigma_j / reference)^s / s over all
+singular values and frequencies, with rising s. The sum at each frequency is convex in the
+logarithms of D and has a second derivative in closed form, that of a trace function. Newton's
+method therefore takes tens of steps where gradient methods take hundreds.
 """
 
 from __future__ import annotations
@@ -19,34 +19,36 @@ from workbench.synthesis.mu.scalings import Scalings, diagonals
 
 Fitted = tuple[Scalings, RealArray]
 """Scalings and their parameters (blocks, P)."""
-SHARPNESS = (8.0, 60.0, 400.0)
-"""Exponents s, each started from the minimum of the one before."""
-SETTLED = 2e-5
-"""Fall of the logarithm that a step must promise, or bring, for another one."""
-STEPS, FARTHEST = 40, 2.0
-"""Newton steps for an exponent, and the largest, in logarithms of parameters."""
-EASED, TIGHTENED = 0.2, 6.0
-"""Factors on the damping after a step that went as promised, and after one that rose."""
-PLAIN = 1e-4
-"""Weight of the logarithms of damping: what the loop does not need stays plain."""
+SHARPNESS_STAGES = (8.0, 60.0, 400.0)
+"""Exponents s; the fit of each starts from the minimum of the one before."""
+SETTLED_FALL = 2e-5
+"""A fit ends when a step promises, or brings, a smaller fall of the logarithm."""
+MOST_STEPS, LARGEST_STEP = 40, 2.0
+"""Most Newton steps for one exponent, and the largest step in logarithms of parameters."""
+DAMPING_FALL, DAMPING_RISE = 0.2, 6.0
+"""Factors on the Newton damping after a step that fell as promised, and after one that rose."""
+DAMPING_WEIGHT = 1e-4
+"""Weight of the squared logarithms of damping ratios, which keeps them near 1 where the loop does
+not need other values."""
 MOST_BIQUADS = 4
-GOOD = 5e-4
-"""By how much fitted scalings may miss the reference where more biquads are not worth it."""
-SPLIT = 0.3
-"""Logarithm by which a new biquad's zeros and poles start to either side of its place."""
-TINY = 1e-100
-"""Least eigenvalue: of zero rows and columns they are zero."""
-SAME = 1e-7
-"""Relative distance of eigenvalues up to which a divided difference is a derivative."""
-FLAT = 1e-3
-"""Change of the response, relative, up to which a frequency tells nothing beyond the last one."""
+"""Most biquads of a scaling."""
+FIT_TOLERANCE = 5e-4
+"""More biquads must lower the logarithm of the miss by more than this to be used."""
+BIQUAD_SPLIT = 0.3
+"""Distance, in log frequency, of a new biquad's zeros and poles from its place."""
+LEAST_EIGENVALUE = 1e-100
+"""Least eigenvalue used; zero rows and columns give eigenvalues 0 with infinite logarithms."""
+EQUAL_EIGENVALUES = 1e-7
+"""Relative distance of eigenvalues up to which a divided difference is computed as derivative."""
+RESPONSE_CHANGE = 1e-3
+"""A frequency is left out if the response changed by less than this share since the last one."""
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """What scalings of the first blocks of a structure are fitted to.
+    """Data to which scalings of the first blocks of a structure are fitted.
 
-    ``M`` (F, n, n) is the response with zeros that make it square, over the reference.
+    ``M`` (F, n, n) is the response over the reference, made square by zeros.
     """
 
     structure: Structure
@@ -55,7 +57,7 @@ class Fit:
 
     @classmethod
     def of(cls, structure: Structure, omega: RealArray, M: Array, reference: RealArray) -> Fit:
-        """From responses (F, c, r) at omega (F,) [rad/s] and a reference (F,)."""
+        """The data from responses (F, c, r) at omega (F,) [rad/s] and a reference (F,)."""
         kept = _telling(M)
         M = M[kept] / reference[kept, None, None]
         n = max(M.shape[1:])
@@ -71,54 +73,54 @@ class Fit:
         return float(np.log(size[worst])), float(self.omega[worst])
 
     def grown(self, start: Fitted, omega: float) -> Fitted:
-        """With a biquad more about omega [rad/s], split the way that lowers the worst."""
+        """Scalings with one more biquad at omega [rad/s], split in the direction that helps."""
         scalings, x = start[0].grown(start[1], omega, np.zeros(start[0].rows))
-        _, gradient, _ = self._cost(scalings, x.ravel(), SHARPNESS[1])
+        _, gradient, _ = self._cost(scalings, x.ravel(), SHARPNESS_STAGES[1])
         slope = gradient.reshape(x.shape)[:, start[0].size]
-        return start[0].grown(start[1], omega, -SPLIT * np.sign(slope))
+        return start[0].grown(start[1], omega, -BIQUAD_SPLIT * np.sign(slope))
 
     def near(self, scalings: Scalings, x: RealArray) -> RealArray:
-        """The best parameters (blocks, P) near x."""
+        """The best parameters (blocks, P) found from x."""
         low, high = scalings.limits(self.omega[1:-1] if len(self.omega) > 2 else self.omega)
         flat = np.clip(x.ravel(), low, high)
-        for sharpness in SHARPNESS:
+        for sharpness in SHARPNESS_STAGES:
             flat = self._minimum(scalings, flat, sharpness, low, high)
         return flat.reshape(x.shape)
 
     def _minimum(
         self, scalings: Scalings, flat: RealArray, sharpness: float, low: RealArray, high: RealArray
     ) -> RealArray:
-        """Damped Newton steps in a box."""
+        """Minimise the cost within bounds by damped Newton steps."""
         value, gradient, hessian = self._cost(scalings, flat, sharpness)
         damping = 1e-2 * float(np.abs(np.diag(hessian)).max())
-        for _ in range(STEPS):
+        for _ in range(MOST_STEPS):
             free = (flat > low) | (gradient < 0.0)
             free &= (flat < high) | (gradient > 0.0)
             curvature, turn = np.linalg.eigh(hessian[np.ix_(free, free)])
             step = np.zeros_like(flat)
             step[free] = -turn @ ((turn.T @ gradient[free]) / (np.abs(curvature) + damping))
-            step *= min(1.0, FARTHEST / max(float(np.abs(step).max(initial=0.0)), FARTHEST))
+            step *= min(1.0, LARGEST_STEP / max(float(np.abs(step).max(initial=0.0)), LARGEST_STEP))
             trial = np.clip(flat + step, low, high)
             step = trial - flat
-            if -float(gradient @ step) < SETTLED:
+            if -float(gradient @ step) < SETTLED_FALL:
                 break
             promised = -float(gradient @ step + step @ hessian @ step / 2)
             new = self._cost(scalings, trial, sharpness)
             fall = value - new[0]
             if not fall > 0.0:
-                damping *= TIGHTENED
+                damping *= DAMPING_RISE
                 continue
             if fall > promised / 2:
-                damping *= EASED
+                damping *= DAMPING_FALL
             flat, (value, gradient, hessian) = trial, new
-            if fall < SETTLED:
+            if fall < SETTLED_FALL:
                 break
         return flat
 
     def _cost(
         self, scalings: Scalings, flat: RealArray, sharpness: float
     ) -> tuple[float, RealArray, RealArray]:
-        """The smoothed worst, its gradient and Hessian with parameters."""
+        """The smoothed maximum with its gradient and Hessian by the parameters."""
         x = flat.reshape(scalings.rows, scalings.size)
         log, slope = scalings.log_magnitude(x, self.omega)
         value, by_log, bent = self._smoothed(log, sharpness)
@@ -130,21 +132,24 @@ class Fit:
                 hessian[b, :, c] = (slope[b] * bent[b, c]) @ slope[c].T
             hessian[b, :, b] += curved
         hessian = hessian.reshape(B * P, B * P) - sharpness * np.outer(gradient, gradient)
-        plain = PLAIN * scalings.dampings
+        plain = DAMPING_WEIGHT * scalings.dampings
         value += float(plain @ flat**2)
         return value, gradient + 2 * plain * flat, hessian + 2 * np.diag(plain)
 
     def _smoothed(self, log: RealArray, sharpness: float) -> tuple[float, RealArray, RealArray]:
-        """log sum sigma^s / s, its slopes (B, F) with log d, and of the sum within a frequency
-        the second derivatives (B, B, F) over s times the sum.
+        """log sum sigma^s / s with its first and second derivatives by log d.
 
-        With X = Y^H Y of eigenvalues e, the sum of e^m, m = s / 2, has the second differential
-        sum_jk f'[e_j, e_k] |dX_jk|^2 + sum_j f'(e_j) d2X_jj in the basis of its eigenvectors,
-        f'(e) = m e^(m-1) and f'[.,.] its divided differences.
+        The first derivatives have shape (B, F). The second derivatives (B, B, F) are those of the
+        sum at each frequency, over s times the total sum.
+
+        Let X = Y^H Y have eigenvalues e, and f(e) = e^m with m = s / 2. In the basis of the
+        eigenvectors of X, the second differential of sum f(e) is
+        sum_jk f'[e_j, e_k] |dX_jk|^2 + sum_j f'(e_j) d2X_jj with f'(e) = m e^(m-1) and f'[.,.] its
+        divided differences.
         """
         U, size, Vh = np.linalg.svd(self._scaled(log))
         m = sharpness / 2
-        values = np.maximum(size**2, TINY)
+        values = np.maximum(size**2, LEAST_EIGENVALUE)
         exponent = m * np.log(values)
         most = float(exponent.max())
         weight = np.exp(exponent - most)
@@ -172,6 +177,7 @@ class Fit:
         return value, slopes, bent
 
     def _scaled(self, log: RealArray) -> Array:
+        """D M D^-1 (F, n, n) for log d (B, F)."""
         rows, columns = diagonals(self.structure, log)
         scaled = self.M.copy()
         scaled[:, : rows.shape[1], : columns.shape[1]] *= np.exp(
@@ -181,7 +187,7 @@ class Fit:
 
 
 def _products(left: Array, right: Array) -> RealArray:
-    """Sums over entries of left_b conj(right_c), real parts: (B, F, n, n) twice to (F, B, B)."""
+    """Real parts (F, B, B) of the sums over entries of left_b conj(right_c), both (B, F, n, n)."""
     B, F = left.shape[:2]
     a, b = (np.moveaxis(one.reshape(B, F, -1), 0, 1) for one in (left, right))
     product: RealArray = (a @ b.conj().mT).real
@@ -189,10 +195,10 @@ def _products(left: Array, right: Array) -> RealArray:
 
 
 def worth(fit: Fit, start: Fitted) -> tuple[Fitted, float]:
-    """Scalings by as few biquads as do, and the logarithm of what they miss.
+    """Scalings with as few biquads as needed, and the logarithm of what they miss.
 
-    From the start, which may have none: those without the one of its own that matters least, and
-    those with one more where most is missed, again and again while that is worth it.
+    The start may have no biquads. The biquad of the start that matters least is removed on trial.
+    Then biquads are added one by one where the miss is largest, while this lowers the miss enough.
     """
     tried = [_near(fit, start)]
     (scalings, x), _, _ = tried[0]
@@ -201,25 +207,25 @@ def worth(fit: Fit, start: Fitted) -> tuple[Fitted, float]:
         tried.append(_near(fit, min(fewer, key=lambda one: fit.missed(*one)[0])))
         tried.sort(key=lambda one: one[1])
     found, missed, at = tried[0]
-    while missed > GOOD and found[0].biquads < MOST_BIQUADS:
+    while missed > FIT_TOLERANCE and found[0].biquads < MOST_BIQUADS:
         found, missed, at = _near(fit, fit.grown(found, at))
         tried.append((found, missed, at))
     least = min(missed for _, missed, _ in tried)
-    good = [one for one in tried if one[1] <= least + GOOD]
+    good = [one for one in tried if one[1] <= least + FIT_TOLERANCE]
     found, missed, _ = min(good, key=lambda one: (one[0][0].biquads, one[1]))
     return found, missed
 
 
 def _near(fit: Fit, start: Fitted) -> tuple[Fitted, float, float]:
-    """The best scalings near some, what they miss, and where."""
+    """The best scalings found from a start, their miss, and its frequency [rad/s]."""
     found = start[0], fit.near(*start)
     return found, *fit.missed(*found)
 
 
 def _divided(values: RealArray, first: RealArray, m: float) -> RealArray:
-    """Divided differences (F, n, n) of f' between eigenvalues; first is f' (F, n)."""
+    """Divided differences (F, n, n) of f' between eigenvalues (F, n); `first` is f' (F, n)."""
     a, b = values[:, :, None], values[:, None, :]
-    near = np.abs(a - b) < SAME * (a + b)
+    near = np.abs(a - b) < EQUAL_EIGENVALUES * (a + b)
     with np.errstate(all="ignore"):
         apart = (first[:, :, None] - first[:, None, :]) / (a - b)
     same = (m - 1) * (first / values)
@@ -227,11 +233,11 @@ def _divided(values: RealArray, first: RealArray, m: float) -> RealArray:
 
 
 def _telling(M: Array) -> NDArray[np.bool_]:
-    """Frequencies at which the response differs from that at the last one taken; both ends."""
+    """Mark both ends and the frequencies at which the response differs from the last one marked."""
     kept = np.zeros(len(M), dtype=bool)
     kept[[0, -1]] = True
     last = M[0]
     for k, one in enumerate(M):
-        if np.abs(one - last).max() > FLAT * np.abs(last).max():
+        if np.abs(one - last).max() > RESPONSE_CHANGE * np.abs(last).max():
             kept[k], last = True, one
     return kept

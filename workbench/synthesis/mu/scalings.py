@@ -1,8 +1,8 @@
-"""D scalings of an iteration: stable, minimum-phase, and fitted by what they do to the loop.
+"""D scalings of an iteration: stable, minimum-phase functions.
 
-A block's scaling is a gain times biquads, see `Biquads`. D at a frequency is not unique and means
-nothing where mu is small. So the parameters are not fitted to D at frequencies: they are those for
-which the worst of sigma_max(D M D^-1) over a reference is least.
+The scaling of a block is a gain times biquads, see `Biquads`. D at a frequency is not unique, and
+it is arbitrary where mu is small. The parameters are therefore not fitted to values of D. Instead
+they minimise the worst ratio of sigma_max(D M D^-1) to a reference, see `scaling_fit`.
 """
 
 from __future__ import annotations
@@ -12,30 +12,32 @@ from scipy.optimize import least_squares
 
 from workbench.arrays import RealArray
 from workbench.structure import Structure
-from workbench.synthesis.mu.biquads import DAMPING, LARGEST, Biquads
+from workbench.synthesis.mu.biquads import DAMPING_RANGE, LARGEST_LOG_GAIN, Biquads
 
-BEYOND = 2.0
-"""How far, in natural logarithms, corners may lie beyond the frequencies."""
-STEPS = 80
-STARTS = 7
-"""Log frequencies about which corners start, when they are to follow a target."""
-SPREAD = 0.6
-"""Distance of the corners of a first guess, in natural logarithms."""
+CORNER_MARGIN = 2.0
+"""Distance, in natural logarithms, that corners may lie beyond the frequencies of a loop."""
+MOST_EVALUATIONS = 80
+"""Most evaluations of one least-squares fit to a target."""
+START_COUNT = 7
+"""Number of log frequencies about which corners start in a fit to a target."""
+CORNER_SPREAD = 0.6
+"""Distance between the corners of a first guess, in natural logarithms."""
 
 
 PARAMETERS = "log gain and, for each biquad, log z, log a, log p, log b"
+"""Names of the parameters of a scaling, for labels of datasets."""
 
 
 class Scalings(Biquads):
-    """Scalings of as many scalar blocks as there are rows; parameters are (blocks, P)."""
+    """Scalings of scalar blocks, one row each; their parameters have shape (blocks, P)."""
 
     @classmethod
     def of(cls, x: RealArray) -> Scalings:
-        """Those that parameters (blocks, P) are of."""
+        """The scalings to which parameters (blocks, P) belong."""
         return cls(len(x), (x.shape[1] - 1) // 4)
 
     def log_magnitude(self, x: RealArray, omega: RealArray) -> tuple[RealArray, RealArray]:
-        """As of `Biquads`, all biquads at once, as `bending` has it."""
+        """log|d| and derivatives as `Biquads.log_magnitude`, computed for all biquads at once."""
         r, damped, square, signs = self._relative(x, omega)
         value = x[:, :1] + (signs * np.log(square)).sum(axis=1) / 2
         slope = np.ones((self.rows, self.size, len(omega)))
@@ -60,16 +62,21 @@ class Scalings(Biquads):
     def _relative(
         self, x: RealArray, omega: RealArray
     ) -> tuple[RealArray, RealArray, RealArray, RealArray]:
-        """Of every zero and pole (blocks, corners, F): r = (omega / corner)^2, 4 damping^2 r, and
-        (1 - r)^2 + 4 damping^2 r, the square of its factor; signs (corners, 1), 1 for zeros."""
+        """Relative squares r = (omega / corner)^2 of every zero and pole, and what follows from r.
+
+        Returns r, 4 damping^2 r and (1 - r)^2 + 4 damping^2 r, the square of the factor, each of
+        shape (blocks, corners, F), and the signs (corners, 1), 1 for zeros and -1 for poles.
+        """
         signs = np.tile([[1.0], [-1.0]], (self.biquads, 1))
         r = np.exp(2 * (np.log(omega) - x[:, 1::2, None]))
         damped = 4 * np.exp(2 * x[:, 2::2, None]) * r
         return r, damped, (1 - r) ** 2 + damped, signs
 
     def grown(self, x: RealArray, omega: float, split: RealArray) -> tuple[Scalings, RealArray]:
-        """With a biquad more about omega [rad/s], its zeros by `split` (blocks,), in natural
-        logarithms, above it and its poles below."""
+        """The scalings and parameters with one more biquad at omega [rad/s].
+
+        Its zeros lie by `split` (blocks,), in natural logarithms, above omega, its poles below.
+        """
         larger = Scalings(self.rows, self.biquads + 1)
         y = np.zeros((self.rows, larger.size))
         y[:, : self.size] = x
@@ -77,31 +84,34 @@ class Scalings(Biquads):
         return larger, y
 
     def without(self, x: RealArray, biquad: int) -> tuple[Scalings, RealArray]:
-        """With a biquad less."""
+        """The scalings and parameters without one of the biquads."""
         first = 1 + 4 * biquad
         return Scalings(self.rows, self.biquads - 1), np.delete(x, range(first, first + 4), 1)
 
     def limits(self, omega: RealArray) -> tuple[RealArray, RealArray]:
-        """Least and largest parameters, flat, for frequencies [rad/s]."""
+        """Least and largest values of the flat parameters for frequencies [rad/s] of a loop."""
         low, high = np.log(omega[[0, -1]])
-        least, largest = np.full((2, self.rows, self.size), [[[-LARGEST]], [[LARGEST]]])
+        least, largest = np.full(
+            (2, self.rows, self.size), [[[-LARGEST_LOG_GAIN]], [[LARGEST_LOG_GAIN]]]
+        )
         for first, _ in self.corners:
-            least[:, first], largest[:, first] = low - BEYOND, high + BEYOND
-            least[:, first + 1], largest[:, first + 1] = np.log(DAMPING)
+            least[:, first], largest[:, first] = low - CORNER_MARGIN, high + CORNER_MARGIN
+            least[:, first + 1], largest[:, first + 1] = np.log(DAMPING_RANGE)
         return least.ravel(), largest.ravel()
 
     @property
     def dampings(self) -> RealArray:
-        """1 for the parameters, flat, that are logarithms of damping, 0 for others."""
+        """1 for the flat parameters that are logarithms of damping ratios, 0 for the others."""
         found = np.zeros((self.rows, self.size))
         found[:, [first + 1 for first, _ in self.corners]] = 1.0
         return found.ravel()
 
     def follow(self, target: RealArray, omega: RealArray, weight: RealArray) -> RealArray:
-        """Parameters for which log|d| is near a target (blocks, F), weighted (F,) least squares."""
+        """Parameters that fit log|d| to a target (blocks, F) by weighted least squares."""
         low, high = np.log(omega[[0, -1]])
         bounds = np.array(
-            [[-LARGEST, LARGEST]] + [[low, high], np.log(DAMPING)] * (2 * self.biquads)
+            [[-LARGEST_LOG_GAIN, LARGEST_LOG_GAIN]]
+            + [[low, high], np.log(DAMPING_RANGE)] * (2 * self.biquads)
         )
         bounds = np.tile(bounds, (self.rows, 1)).T
         shape = (self.rows, self.size)
@@ -118,11 +128,15 @@ class Scalings(Biquads):
             return found.reshape(self.rows * len(omega), -1)
 
         gains = np.average(target, axis=1, weights=weight)
-        middles = np.linspace(low, high, STARTS + 2)[1:-1]
-        starts = [self.guess(gains, middle, SPREAD) for middle in middles]
+        middles = np.linspace(low, high, START_COUNT + 2)[1:-1]
+        starts = [self.guess(gains, middle, CORNER_SPREAD) for middle in middles]
         fits = [
             least_squares(
-                missed, np.clip(x.ravel(), *bounds), slopes, bounds=bounds, max_nfev=STEPS
+                missed,
+                np.clip(x.ravel(), *bounds),
+                slopes,
+                bounds=bounds,
+                max_nfev=MOST_EVALUATIONS,
             )
             for x in starts
         ]
@@ -131,7 +145,7 @@ class Scalings(Biquads):
 
 
 def diagonals(structure: Structure, value: RealArray) -> tuple[RealArray, RealArray]:
-    """Rows (F, c) and columns (F, r) of values (B, F) of the first B blocks; 0 of the others."""
+    """Values (B, F) of the first B blocks spread to rows (F, c) and columns (F, r); else 0."""
     rows = np.zeros((value.shape[1], structure.columns))
     columns = np.zeros((value.shape[1], structure.rows))
     places = zip(value, structure.column_slices, structure.row_slices, strict=False)

@@ -12,33 +12,35 @@ from workbench.arrays import RealArray
 from workbench.executor import Context
 from workbench.program import Claim, conic_method
 from workbench.solvers import ConicSolver, Options, Outcome, solve_conic
-from workbench.synthesis.switching.program import ROUNDING, Dwell, SwitchedStability
+from workbench.synthesis.switching.program import FALL_MARGIN, Dwell, SwitchedStability
 
-ACCURACY = 1e-5
-"""Finest accuracy asked of solvers: P is looked for well inside the inequalities."""
-BEGUN = 5
-"""Stays whose inequalities are stated from the start."""
-CUTS = 12
-"""How often stays are added whose inequality did not hold."""
-TURNS, NEAR = 2, 1.01
-"""How often the coordinates are turned to those of the P found, where V nearly falls. A margin that
-is small beside P is lost in the accuracy of a solver; where P is about 1 it shows."""
-FLAT = 1e-6
-"""Least eigenvalue of P for that, relative."""
-LEAST = 1e-9
-"""Margin below which the inequalities count as infeasible, the traces of P being n."""
+FINEST_ACCURACY = 1e-5
+"""Finest accuracy asked of solvers; P is sought well inside the inequalities."""
+FIRST_STAYS = 5
+"""Number of stays of a mode whose inequalities are stated at first."""
+MOST_CUTS = 12
+"""Most rounds in which stays with violated inequalities are added."""
+MOST_TURNS, TURNING_RATIO = 2, 1.01
+"""Most changes to the coordinates of the P found, and the largest ratio of V for which such a
+change is tried. A margin that is small compared with P is lost in the accuracy of a solver; in
+coordinates in which P is near 1 it shows."""
+EIGENVALUE_FLOOR = 1e-6
+"""Eigenvalues of P are raised to this share of the largest one."""
+LEAST_MARGIN = 1e-9
+"""The inequalities count as infeasible if their margin is smaller, for P of trace n."""
 
 
 @conic_method(SwitchedStability, optimal=False)
 def _conic(program: SwitchedStability, context: Context, solver: ConicSolver) -> Claim:
-    """Feasibility of the inequalities by bisection over the dwell time."""
-    options = replace(context.options, tolerance=max(context.options.accuracy, ACCURACY))
+    """Bisection over the dwell time with a feasibility problem for each."""
+    options = replace(context.options, tolerance=max(context.options.accuracy, FINEST_ACCURACY))
     units = coordinates(program)
-    # What a periodic switching excludes need not be tried.
+    # Dwell times that a periodic switching makes unstable need not be tried.
     failed, said = program.destabilising
     sure, step = True, 1
 
     def proven(samples: int) -> Dwell | None:
+        """The dwell with its proof; None where none was found."""
         nonlocal said, sure
         found = None
         for _ in context.track([samples], "dwell time"):
@@ -66,14 +68,14 @@ def _conic(program: SwitchedStability, context: Context, solver: ConicSolver) ->
 
 
 def coordinates(program: SwitchedStability) -> RealArray:
-    """L (n, n) of coordinates L' x in which the states are as large as any mode makes them.
+    """L (n, n) of coordinates L' x in which all states have similar sizes.
 
-    L L' is the sum over modes and plants of what V = x' Q x adds up to while a mode is stayed in,
+    L L' is the sum, over modes and plants, of the values of V = x' Q x during a stay,
 
         sum (A^k)' Q A^k,    k = 0, 1, ..., longest,
 
-    with Q the squares of the units that balance sum |A|. A single mode would leave the scale of
-    those states open that it does not use and another does.
+    where Q holds the squares of the units that balance sum |A|. A single mode would leave open the
+    scale of states that only another mode uses.
     """
     every = np.concatenate([mode.A for mode in program.modes])
     _, (units, _) = matrix_balance(abs(every).sum(axis=0), permute=False, separate=True)
@@ -87,7 +89,7 @@ def coordinates(program: SwitchedStability) -> RealArray:
 
 
 def _summed(A: RealArray, longest: int | None) -> RealArray:
-    """Sum of (A^k)' A^k for k = 0, ..., longest; of all k where there is none, A being stable."""
+    """Sum of (A^k)' A^k for k = 0, ..., longest; for a stable A without a longest stay, all k."""
     if longest is None:
         return np.asarray(solve_discrete_lyapunov(A.T, np.eye(len(A))))
     total = power = np.eye(len(A))
@@ -105,29 +107,36 @@ def _feasible(
     options: Options,
     context: Context,
 ) -> tuple[Dwell | None, str, bool]:
-    """P for a dwell, all inequalities recomputed; None where none was found, and whether there is
-    none as far as the solver can tell."""
+    """A proof P for a dwell time, with all inequalities recomputed; None where none was found.
+
+    Also returns a message, and whether the solver is sure of the result.
+    """
     stays = [_some(program.stays(mode, samples)) for mode in program.modes]
     turns = 0
-    for _ in range(CUTS):
+    for _ in range(MOST_CUTS):
         P, margin, outcome, said = _program(program, stays, L, solver, options, context)
         if P is None:
             return None, said, False
         found = Dwell(samples, np.stack([L @ _positive(Q) @ L.T for Q in P]))
-        checks = {check.name: check for check in program.checks(found, ROUNDING)}
-        if margin >= LEAST and all(check.holds for check in checks.values()):
+        checks = {check.name: check for check in program.checks(found, FALL_MARGIN)}
+        if margin >= LEAST_MARGIN and all(check.holds for check in checks.values()):
             return found, said, True
         if not checks["positive"].holds:
             return None, f"{said}; its P is not positive definite", False
         worst = [program.ratios(found, i) for i in range(len(program.modes))]
-        if margin >= LEAST and _added(program, samples, stays, [ratio for ratio, _ in worst]):
+        if margin >= LEAST_MARGIN and _added(
+            program, samples, stays, [ratio for ratio, _ in worst]
+        ):
             continue
         turns += 1
-        if turns > TURNS or max(max(ratio.max(), decay) for ratio, decay in worst) > NEAR:
-            none = margin < LEAST and outcome is Outcome.SOLVED
+        if (
+            turns > MOST_TURNS
+            or max(max(ratio.max(), decay) for ratio, decay in worst) > TURNING_RATIO
+        ):
+            none = margin < LEAST_MARGIN and outcome is Outcome.SOLVED
             return None, f"{said}; its P does not hold when recomputed", none
         L = L @ np.linalg.cholesky(_positive(np.mean(P, axis=0)))
-    return None, f"{said}; some stay's inequality failed in each of {CUTS} rounds", False
+    return None, f"{said}; some stay's inequality failed in each of {MOST_CUTS} rounds", False
 
 
 def _program(
@@ -138,7 +147,10 @@ def _program(
     options: Options,
     context: Context,
 ) -> tuple[list[RealArray] | None, float, Outcome, str]:
-    """P in coordinates L' x of the largest margin of the inequalities at some stays."""
+    """P, in coordinates L' x, with the largest margin of the inequalities at some stays.
+
+    Returns P (None without a solution), the margin, the outcome and a message.
+    """
     import cvxpy as cp
 
     modes, n = program.modes, program.states
@@ -167,39 +179,40 @@ def _program(
 def _added(
     program: SwitchedStability, samples: int, stays: list[list[int]], ratios: list[RealArray]
 ) -> bool:
-    """Whether there are stays to add whose inequality does not hold; they are."""
+    """Add the stay of each mode with the worst violated inequality; whether any was added."""
     added = False
     for mode, own, ratio in zip(program.modes, stays, ratios, strict=True):
         worst = program.stays(mode, samples)[int(np.argmax(ratio))]
-        if ratio.max() > 1.0 - ROUNDING and worst not in own:
+        if ratio.max() > 1.0 - FALL_MARGIN and worst not in own:
             own.append(worst)
             added = True
     return added
 
 
 def _some(stays: range) -> list[int]:
-    """A few of the stays to begin with, the first and the last among them."""
-    places = np.unique(np.geomspace(1, len(stays), BEGUN).round().astype(int)) - 1
+    """A few of the stays to start with, including the first and the last."""
+    places = np.unique(np.geomspace(1, len(stays), FIRST_STAYS).round().astype(int)) - 1
     return [stays[int(place)] for place in places]
 
 
 def _turned(A: RealArray, L: RealArray) -> RealArray:
-    """A (V, n, n) in coordinates L' x."""
+    """A (V, n, n) transformed to coordinates L' x."""
     return np.asarray(np.linalg.solve(L, (L.T @ A).mT).mT, dtype=float)
 
 
 def _falls(A: RealArray, P: Any, Q: Any, margin: Any) -> Any:
-    """A' P A <= Q with a margin, symmetric by construction."""
+    """The inequality A' P A <= Q with a margin, symmetric by construction."""
     left = A.T @ P @ A
     return Q - (left + left.T) / 2 >> margin * np.eye(len(A))
 
 
 def _symmetric(P: RealArray) -> RealArray:
+    """The symmetric part."""
     both: RealArray = (P + P.T) / 2
     return both
 
 
 def _positive(P: RealArray) -> RealArray:
-    """P with no eigenvalue below FLAT of its largest."""
+    """P with its eigenvalues raised to at least `EIGENVALUE_FLOOR` times the largest."""
     values, vectors = np.linalg.eigh(P)
-    return _symmetric(vectors * np.maximum(values, FLAT * values[-1]) @ vectors.T)
+    return _symmetric(vectors * np.maximum(values, EIGENVALUE_FLOOR * values[-1]) @ vectors.T)

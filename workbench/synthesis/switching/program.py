@@ -1,18 +1,19 @@
-"""Sampled linear systems that switch between modes: how long they must stay for stability.
+"""Dwell times that make sampled switched linear systems stable.
 
     x[k + 1] = A_i x[k]    in mode i, from any mode to any other.
 
-Each mode has a quadratic function of the state at its entry, V_i = x' P_i x. If over every stay n
-that is allowed and for every mode j that may follow
+Each mode has a quadratic function V_i = x' P_i x of the state at its entry. If for every allowed
+stay n and every mode j that may follow
 
     (A_i^n)' P_j A_i^n < P_i,
 
-then V falls from entry to entry and the system is stable. In a mode without a longest stay n is the
-shortest one, and A_i' P_i A_i < P_i carries it on to all longer ones (J. C. Geromel, P. Colaneri,
-Stability and stabilization of discrete time switched systems, Int. J. Control 79 (2006) 719-728).
+then V falls from entry to entry and the system is stable. In a mode without a longest stay, the
+inequality for the shortest n and A_i' P_i A_i < P_i imply it for all longer stays (J. C. Geromel,
+P. Colaneri, Stability and stabilization of discrete time switched systems, Int. J. Control 79
+(2006) 719-728).
 
-Powers of A are known plant by plant. Where the A are vertices of a set, all of which is meant, a
-rate r < 1 keeps the inequalities linear in A:
+Powers of A are computed for each plant on its own. If the A are the vertices of a set and the
+whole set is meant, a rate r < 1 keeps the inequalities linear in A:
 
     A_i' P_i A_i < r^2 P_i,    r^(2 n - 2) A_i' P_j A_i < P_i.
 """
@@ -33,11 +34,11 @@ from workbench.errors import InputError
 from workbench.heavy_types import Dataset, Figure
 from workbench.program import Check, Program
 
-ROUNDING = 1e-9
-"""By which V must fall at least, relative: far more than the rounding of what is recomputed."""
-LATTICE = (80, 12)
-"""Stays of the sought modes and of the others among which an unstable periodic switching is looked
-for; what lies between those of the sought modes is looked at after."""
+FALL_MARGIN = 1e-9
+"""Least relative fall of V, far more than the rounding errors of the recomputed inequalities."""
+SEARCHED_STAYS = (80, 12)
+"""Numbers of stays of the sought mode and of the other mode that are tried in the search for an
+unstable periodic switching. Stays of the sought mode in between are tried afterwards."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,23 +48,23 @@ class Mode:
     Parameters
     ----------
     name
-        For messages and tables.
+        Name for messages and tables.
     A
-        Transition over one sample (n, n), or (V, n, n) of V plants, each of which keeps to itself
-        while the modes change.
+        Transition matrix over one sample (n, n), or (V, n, n) for V plants. The plant stays the
+        same while the modes change.
     shortest
-        Samples that it is stayed in at least; None: that is what is sought.
+        Shortest stay [samples]; None: it is sought.
     longest
-        Samples that it is stayed in at most; None: no limit.
+        Longest stay [samples]; None: no limit.
     rate
-        By which V^(1/2) falls over a sample at least, and A^n is taken as rate^(n - 1) A, so that
-        what is proven holds for the convex hull of the A; None: powers of each A as they are.
+        V^(1/2) must fall by this factor in every sample, and rate^(n - 1) A replaces A^n, so that
+        the proof holds for the convex hull of the A. None: the powers of each A are used.
 
     Raises
     ------
     InputError
-        Matrices that are not square or not finite; stays that are not whole and positive, or in the
-        wrong order; a sought mode with a longest stay; a rate that is not between 0 and 1, or of a
+        A matrix is not square or not finite; stays are not whole and positive, or in the wrong
+        order; a sought mode has a longest stay; or the rate is not between 0 and 1, or belongs to a
         mode with a longest stay.
     """
 
@@ -89,11 +90,11 @@ class Mode:
 
     @property
     def decaying(self) -> RealArray:
-        """A / rate (V, n, n), under which V must fall: A where there is no rate."""
+        """A / rate (V, n, n), under which V must fall; A where there is no rate."""
         return self.A / (self.rate or 1.0)
 
     def over(self, stay: int) -> RealArray:
-        """What stands for A^stay (V, n, n) at the end of a stay."""
+        """The matrix (V, n, n) used for A^stay: the power, or rate^(stay - 1) A with a rate."""
         if self.rate is None:
             return np.linalg.matrix_power(self.A, stay)
         return self.rate ** (stay - 1) * self.A
@@ -105,13 +106,13 @@ class Mode:
         return radius
 
     def powers(self, stays: Any) -> RealArray:
-        """A^n for stays (N,): (N, V, n, n)."""
+        """Powers A^n (N, V, n, n) for stays n (N,)."""
         return np.array([np.linalg.matrix_power(self.A, int(n)) for n in stays])
 
 
 @dataclass(frozen=True, eq=False)
 class Dwell:
-    """``samples``: shortest stay of the sought modes; ``P`` (modes, n, n) prove it."""
+    """Shortest stay ``samples`` of the sought modes, and the ``P`` (modes, n, n) that prove it."""
 
     samples: int
     P: RealArray
@@ -121,21 +122,21 @@ class Dwell:
 class SwitchedStability(Program):
     """The shortest stay in the sought modes for which any switching is stable.
 
-    One family of P proves it for all plants. It is a bound: shorter stays may be stable too, down
-    to ``destabilising``, which some periodic switching makes unstable.
+    One family of P proves stability for all plants. The result is a bound: shorter stays may be
+    stable too, down to ``destabilising``, which some periodic switching makes unstable.
 
     Parameters
     ----------
     modes
-        Two or more, of the same plants and states; at least one with ``shortest`` None.
+        Two or more modes with the same plants and states; at least one has ``shortest`` None.
     limit
-        Longest dwell that is looked at [samples].
+        Longest dwell time that is tried [samples].
 
     Raises
     ------
     InputError
-        Fewer modes, none sought, other numbers of plants or states, a limit that is not positive, a
-        mode without a longest stay that is unstable, a rate that a plant does not reach.
+        There are fewer modes; no mode is sought; modes differ in plants or states; the limit is not
+        positive; a mode without a longest stay is unstable; or a plant does not reach a rate.
     """
 
     modes: tuple[Mode, ...]
@@ -166,17 +167,18 @@ class SwitchedStability(Program):
 
     @property
     def states(self) -> int:
+        """Number of states."""
         return int(self.modes[0].A.shape[-1])
 
     def stays(self, mode: Mode, samples: int) -> range:
-        """Stays that must be looked at one by one if the sought dwell is ``samples``."""
+        """Stays of a mode with inequalities of their own, if the sought dwell is ``samples``."""
         shortest = samples if mode.shortest is None else mode.shortest
         return range(shortest, (mode.longest or shortest) + 1)
 
     def ratios(self, answer: Dwell, i: int) -> tuple[RealArray, RealArray]:
-        """Largest V at the next entry over V_i (stays,), and V_i after a sample over V_i ().
+        """Largest ratios of V at the next entry to V_i (stays,), and of V_i after a sample to V_i.
 
-        The latter is 0 for a mode with a longest stay, which needs no such thing.
+        The second is 0 for a mode with a longest stay, where V_i need not fall in every sample.
         """
         mode, P = self.modes[i], answer.P
         others = [P[j] for j in range(len(self.modes)) if j != i]
@@ -192,7 +194,10 @@ class SwitchedStability(Program):
 
     @cached_property
     def destabilising(self) -> tuple[int, str]:
-        """The longest dwell found that some periodic switching makes unstable, and which one; 0."""
+        """The longest dwell [samples] that a periodic switching found makes unstable, and a text.
+
+        The text says which switching; the dwell is 0 where none was found.
+        """
         best, which = 0, ""
         for i, one in enumerate(self.modes):
             for other in self.modes[i + 1 :]:
@@ -226,7 +231,7 @@ class SwitchedStability(Program):
             worst = int(np.argmax(at_entry))
             statement = "largest V of the next mode at its entry over V of this at its own"
             where = f"after {stays[worst]} samples"
-            limit = 1.0 - ROUNDING
+            limit = 1.0 - FALL_MARGIN
             name = f"{mode.name}, entries"
             found.append(Check(name, statement, float(at_entry[worst]), limit, where))
             if mode.longest is None:
@@ -286,11 +291,11 @@ class SwitchedStability(Program):
         return {"entries": figure}
 
 
-# --- what is given, looked at -----------------------------------------------------------------
+# --- checks of the input ----------------------------------------------------------------------
 
 
 def transitions(name: str, A: Any) -> RealArray:
-    """A (V, n, n) of a mode; raises InputError for anything that is none."""
+    """A (V, n, n) of a mode; raises InputError for anything else."""
     try:
         array = np.asarray(A, dtype=float)
     except (TypeError, ValueError) as error:
@@ -306,7 +311,7 @@ def transitions(name: str, A: Any) -> RealArray:
 
 
 def check_stays(name: str, shortest: int, longest: int | None) -> None:
-    """Raise InputError for stays that are not whole, positive and in order."""
+    """Raise InputError unless the stays are whole, positive and in order."""
     for word, stay in (("shortest", shortest), ("longest", longest)):
         if stay is not None and not (_whole(stay) and stay > 0):
             raise InputError(
@@ -317,7 +322,7 @@ def check_stays(name: str, shortest: int, longest: int | None) -> None:
 
 
 def check_modes(modes: Any) -> None:
-    """Raise InputError unless there are two modes or more, of the same plants and states."""
+    """Raise InputError unless there are at least two modes with the same plants and states."""
     if len(modes) < 2:
         raise InputError(f"{len(modes)} modes are given; switching needs two at least")
     first = modes[0]
@@ -331,15 +336,17 @@ def check_modes(modes: Any) -> None:
 
 
 def _whole(value: Any) -> bool:
+    """Whether a value is an integer."""
     return isinstance(value, (int, np.integer)) and not isinstance(value, bool)
 
 
 def _scaled(P: RealArray, units: RealArray) -> RealArray:
+    """P with rows and columns divided by units."""
     return P / units[:, None] / units
 
 
 def _least(P: RealArray) -> float:
-    """Least eigenvalue of P with unit diagonal; negative where the diagonal is."""
+    """Least eigenvalue of P scaled to unit diagonal; the least diagonal entry if not positive."""
     diagonal = np.diag(P)
     if diagonal.min() <= 0.0:
         return float(diagonal.min())
@@ -347,7 +354,7 @@ def _least(P: RealArray) -> float:
 
 
 def _largest(M: RealArray, P: RealArray) -> float:
-    """Largest x' M x over x' P x, for any of a batch of M; rounded up."""
+    """Largest ratio of x' M x to x' P x over x and a batch of M, rounded up."""
     units = np.sqrt(np.diag(P))
     L = np.linalg.cholesky(_scaled((P + P.T) / 2, units))
     inner = np.linalg.solve(L, np.linalg.solve(L, M / units[:, None] / units).mT)
@@ -355,25 +362,25 @@ def _largest(M: RealArray, P: RealArray) -> float:
 
 
 def outward(P: RealArray) -> float:
-    """By what ratios of quadratic functions to x' P x are to be multiplied for their rounding.
+    """Factor that rounds ratios of quadratic functions to x' P x upward.
 
-    The more P's eigenvalues are apart, its diagonal being 1, the more of it is lost.
+    For P of unit diagonal, the rounding error grows as its least eigenvalue falls.
     """
     return 1.0 + len(P) ** 2 * np.finfo(float).eps / max(_least(P), np.finfo(float).eps)
 
 
 def _unstable(sought: Mode, other: Mode, limit: int) -> tuple[int, int]:
-    """Longest dwell of an unstable periodic switching of two modes, and the stay in the other."""
-    many, few = LATTICE
+    """Longest dwell with an unstable periodic switching of two modes, and the other mode's stay."""
+    many, few = SEARCHED_STAYS
     both = other.shortest is None
-    # A stable mode's power is as good as zero when its radius says so, but for its transients.
+    # Powers of a stable mode beyond this horizon are negligible, except for transients.
     horizon = min(limit, 1000, max(4, math.ceil(40.0 / max(1e-6, 1.0 - sought.radius.max()))))
     n = _spread(1, horizon, many)
     longest = other.longest or max(other.shortest or 1, horizon)
     m = n if both else _spread(other.shortest or 1, longest, few)
     radius = _radii(sought.powers(n), other.powers(m))
     dwell = np.minimum(n[:, None], m) if both else np.broadcast_to(n[:, None], radius.shape)
-    unstable = np.where(radius > 1.0 + ROUNDING, dwell, 0)
+    unstable = np.where(radius > 1.0 + FALL_MARGIN, dwell, 0)
     best = int(unstable.max())
     if best == 0 or both:
         place = np.unravel_index(int(np.argmax(unstable)), unstable.shape)
@@ -382,18 +389,18 @@ def _unstable(sought: Mode, other: Mode, limit: int) -> tuple[int, int]:
     after = n[n > best]
     between = np.arange(best, int(after[0]) if after.size else best + 1)
     fine = _radii(sought.powers(between), other.powers([stay]))[:, 0]
-    return int(between[fine > 1.0 + ROUNDING].max()), int(stay)
+    return int(between[fine > 1.0 + FALL_MARGIN].max()), int(stay)
 
 
 def _radii(first: RealArray, second: RealArray) -> RealArray:
-    """Largest spectral radius over the plants of products (N, M)."""
+    """Spectral radii (N, M) of the products of N and M powers, the largest over the plants."""
     product = first[:, None] @ second[None]
     radius: RealArray = np.abs(np.linalg.eigvals(product)).max(axis=(-2, -1))
     return radius
 
 
 def _spread(first: int, last: int, count: int) -> NDArray[np.int64]:
-    """Whole numbers from first to last, all of them or as many on a logarithmic scale."""
+    """Integers from first to last: all of them, or at most `count` on a logarithmic scale."""
     if last - first < count:
         return np.arange(first, last + 1)
     return np.unique(np.geomspace(first, last, count).round().astype(np.int64))

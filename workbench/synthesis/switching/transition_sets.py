@@ -1,7 +1,7 @@
-"""Sets of transitions: how a quadratic function changes over all of them, and held plants as such.
+"""Sets of transition matrices: bounds of quadratic functions over a set, and sets of held plants.
 
-A set is {sum w_v A_v + R: w_v >= 0, sum w_v = 1, |R| <= S entry by entry}, the convex hull of
-vertices and a remainder. Since a norm is convex, its largest value over the hull is at a vertex.
+A set is {sum w_v A_v + R: w_v >= 0, sum w_v = 1, |R| <= S entry by entry}: the convex hull of
+vertices plus a remainder. Since a norm is convex, a vertex attains its largest value over the hull.
 """
 
 from __future__ import annotations
@@ -19,18 +19,19 @@ from workbench.arrays import RealArray
 from workbench.errors import InputError
 from workbench.synthesis.switching.program import outward
 
-OUTWARD = 1e-9
-"""By which bounds are rounded up, relative."""
-EXPONENTIAL = 1e-14
-"""Rounding of exponentials of matrices of magnitudes up to LARGEST, relative."""
-LARGEST = 10.0
+OUTWARD_ROUNDING = 1e-9
+"""Share by which bounds are rounded up."""
+EXPONENTIAL_ROUNDING = 1e-14
+"""Relative rounding error of the exponential of a matrix with entries up to `LARGEST_EXPONENT`."""
+LARGEST_EXPONENT = 10.0
+"""Largest entry of a matrix whose exponential is computed."""
 
 
 @dataclass(frozen=True, eq=False)
 class TransitionSet:
-    """``vertices`` (V, n, n) and ``remainder`` (n, n), S above.
+    """A set with ``vertices`` A_v (V, n, n) and ``remainder`` S (n, n).
 
-    Raises InputError for other sizes, entries that are not finite and a negative remainder.
+    Raises InputError for other sizes, entries that are not finite, and a negative remainder.
     """
 
     vertices: RealArray
@@ -48,7 +49,7 @@ class TransitionSet:
             raise InputError("the remainder bounds magnitudes; it must not be negative")
 
     def ratio(self, P: RealArray, Q: RealArray) -> float:
-        """An upper bound of (A x)' Q (A x) over x' P x, over the set and x.
+        """Upper bound of the ratio of (A x)' Q (A x) to x' P x over the set and all x.
 
         Raises InputError unless P and Q are positive definite.
         """
@@ -59,32 +60,32 @@ class TransitionSet:
         back = np.linalg.inv(root_P.T)
         hull = np.linalg.norm(root_Q.T @ self.vertices @ back, 2, axis=(-2, -1)).max()
         rest = np.linalg.norm(abs(root_Q.T) @ self.remainder @ abs(back), 2)
-        return float((1.0 + OUTWARD) * outward(P) * (hull + rest) ** 2)
+        return float((1.0 + OUTWARD_ROUNDING) * outward(P) * (hull + rest) ** 2)
 
 
 def held_set(centre: Any, slopes: Sequence[Any], duration: float) -> TransitionSet:
-    """exp(h (M_0 + sum d_i M_i)) over |d_i| <= 1: the vertices of its linear part, and the rest.
+    """A set that contains exp(h (M_0 + sum d_i M_i)) for all |d_i| <= 1.
 
-    With [A B; 0 0] for M a plant whose inputs are held over h. With X = h M_0, Y = h sum d_i M_i
-    and L the part that is linear in Y,
+    Its vertices are those of the linear part, and its remainder bounds the rest. With
+    M = [A B; 0 0] it describes a plant whose inputs are held over h. Let X = h M_0 and
+    Y = h sum d_i M_i, and let L be the part of the exponential that is linear in Y. Then
 
         |exp(X + Y) - exp(X) - L(X, Y)| <= exp(|X| + |Y|) - exp(|X|) - L(|X|, |Y|)
 
-    entry by entry, whatever does not commute: every product of the series is at most that of the
-    magnitudes. |Y| is at most h sum |M_i|.
+    entry by entry, also for matrices that do not commute, since every product in the series is at
+    most the product of the magnitudes. |Y| is at most h sum |M_i|.
 
     Parameters
     ----------
     centre, slopes
-        M_0 and M_i (n, n).
+        M_0 and M_i, each (n, n).
     duration
-        h [s].
+        Duration h [s].
 
     Raises
     ------
     InputError
-        Matrices that are not finite, of other sizes or badly scaled; a duration that is not
-        positive.
+        A matrix is not finite, of another size or badly scaled; or the duration is not positive.
     """
     M, parts = np.asarray(centre, float), [np.asarray(each, float) for each in slopes]
     n = len(M)
@@ -93,10 +94,10 @@ def held_set(centre: Any, slopes: Sequence[Any], duration: float) -> TransitionS
     if not 0.0 < duration < math.inf:
         raise InputError(f"duration is {duration}; it must be positive and finite")
     X, steps = duration * M, [duration * Y for Y in parts]
-    if abs(X).max(initial=0.0) > LARGEST:
+    if abs(X).max(initial=0.0) > LARGEST_EXPONENT:
         raise InputError(
             f"an entry of duration times centre is {abs(X).max():.3g}; scale states and inputs so "
-            f"that none is above {LARGEST:g}, or the rounding is not bounded"
+            f"that none is above {LARGEST_EXPONENT:g}, or the rounding is not bounded"
         )
     zero = np.zeros((n, n))
     linear = [_derivative(X, Y) for Y in steps]
@@ -107,13 +108,13 @@ def held_set(centre: Any, slopes: Sequence[Any], duration: float) -> TransitionS
     )
     size, far = abs(X), sum((abs(Y) for Y in steps), zero)
     grown, base = expm(size + far), expm(size)
-    rounding = EXPONENTIAL * grown
+    rounding = EXPONENTIAL_ROUNDING * grown
     remainder = np.maximum(grown - base - _derivative(size, far), 0.0) + rounding
-    return TransitionSet(vertices, (1.0 + OUTWARD) * remainder)
+    return TransitionSet(vertices, (1.0 + OUTWARD_ROUNDING) * remainder)
 
 
 def _derivative(X: RealArray, Y: RealArray) -> RealArray:
-    """Of the exponential at X along Y: the corner of that of [X Y; 0 X]."""
+    """Derivative of the exponential at X in the direction Y: a block of exp([X Y; 0 X])."""
     n = len(X)
     whole = expm(np.block([[X, Y], [np.zeros((n, n)), X]]))
     corner: RealArray = whole[:n, n:]

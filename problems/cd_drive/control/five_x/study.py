@@ -19,7 +19,7 @@ from workbench.executor import Context
 from workbench.heavy_types import DataArray, Dataset, StateSpace
 from workbench.mu import performance_peak, performance_sweep
 from workbench.study import Study, array, arrays, check, dim, figure, metric, part, system, table
-from workbench.synthesis import equalising_gain, least_mu, reduced
+from workbench.synthesis import approximated, equalising_gain, least_mu
 from workbench.synthesis.implementation.reduction import Method
 from workbench.synthesis.mu.equalising_gain import MOST_GAIN
 from workbench.uncertainty import GeneralisedPlant, UncertaintyModel
@@ -115,7 +115,7 @@ class FiveX(Study):
         found = {}
         for method in get_args(Method):
             weighting = plant if method == "weighted" else None
-            K = reduced(self.designed.answer.K, ORDER, method, weighting)
+            K = approximated(self.designed.answer.K, ORDER, method, weighting)
             top = performance_peak(plants["both"], K, PEAK_TOLERANCE)
             found[method] = K, top.upper if top else np.inf
         return found

@@ -1,4 +1,4 @@
-"""D steps: the scalings of a round, for the loop that it made."""
+"""D steps: scalings fitted to the loop of a round."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from workbench.heavy_types import StateSpace
 from workbench.mu import upper_bound
 from workbench.structure import Real as RealScalar
 from workbench.structure import Structure
-from workbench.synthesis.mu.biquads import SPREAD, Range
+from workbench.synthesis.mu.biquads import CORNER_SPREADS, Range
 from workbench.synthesis.mu.multipliers import triangles
 from workbench.synthesis.mu.multipliers.fit import fit_multipliers
 from workbench.synthesis.mu.multipliers.functions import Multipliers
@@ -24,27 +24,29 @@ if TYPE_CHECKING:
     from workbench.mu import UpperBound
 
 
-OUTSIDE = np.exp(1.5 * np.arange(1.0, 5.0))
-"""Where scalings are looked at outside the loop's own frequencies, in shares of the outermost."""
-BEYOND = 3.0
-"""How far outside a loop's own frequencies corners of scalings may lie."""
+OUTER_RATIOS = np.exp(1.5 * np.arange(1.0, 5.0))
+"""Additional frequencies at which scalings are evaluated, as multiples of the loop's highest
+frequency and as divisors of its lowest."""
+CORNER_REACH = 3.0
+"""Factor by which corners of scalings may lie outside the loop's own frequencies."""
 MOST_BIQUADS = 4
-GOOD = 0.002
-"""By how much fitted scalings may miss the bound where more biquads are not worth it, relative."""
-FLOOR, TILT = 0.5, 0.25
-"""Share of the peak below which scalings need not follow the bound; exponent of the share that is
-the reference of scalings with G. They cannot follow the bound everywhere; asked to, they miss it at
-the peak, and rounds do not settle."""
-NEAR = 0.8
-"""Share of the largest bound at which a frequency has a say in a guess."""
+"""Most biquads of a multiplier."""
+FIT_TOLERANCE = 0.002
+"""More biquads must lower the relative miss of the bound by more than this to be used."""
+REFERENCE_FLOOR, REFERENCE_EXPONENT = 0.5, 0.25
+"""Scalings need not follow the bound below the first share of its peak. With G the reference is the
+share of the peak raised to the second number: scalings with G cannot follow the bound everywhere,
+and if they had to, they would miss it at the peak and the rounds would not settle."""
+GUESS_SHARE = 0.8
+"""A first guess uses the frequencies with a bound above this share of the largest."""
 
 
 @dataclass(frozen=True, eq=False)
 class Loop:
-    """A closed loop at frequencies ``omega`` (F,) [rad/s] that its poles ask for, and its response.
+    """The response ``M`` of a closed loop at frequencies ``omega`` (F,) [rad/s] from its poles.
 
-    Some lie farther out, where the loop does not change any more but scalings may. ``corners`` is
-    where these may have theirs [rad/s].
+    Some frequencies lie farther out, where the loop no longer changes but scalings may. ``corners``
+    is the range [rad/s] of the corners of scalings.
     """
 
     omega: RealArray
@@ -53,26 +55,28 @@ class Loop:
 
     @classmethod
     def of(cls, system: StateSpace) -> Loop:
+        """The response of a stable closed loop."""
         inside = frequencies_of(system)
-        omega = np.concatenate([inside[0] / OUTSIDE[::-1], inside, inside[-1] * OUTSIDE])
-        corners = float(inside[0]) / BEYOND, float(inside[-1]) * BEYOND
+        omega = np.concatenate([inside[0] / OUTER_RATIOS[::-1], inside, inside[-1] * OUTER_RATIOS])
+        corners = float(inside[0]) / CORNER_REACH, float(inside[-1]) * CORNER_REACH
         return cls(omega, response(system, omega), corners)
 
 
 def d_step(
     structure: Structure, loop: Loop, within: Range, before: tuple[Multipliers, RealArray] | None
 ) -> tuple[tuple[Multipliers, RealArray], float]:
-    """Multipliers of all blocks but the last, by as many biquads as are worth it, and the miss.
+    """Multipliers of all blocks but the last with as few biquads as needed, and what they miss.
 
-    Those of real scalars have G. What is missed is the logarithm of the worst bound that they prove
-    over a reference: the upper bound, or FLOOR of its peak where that is larger; with G it is
-    nearer to the peak. Corners are within frequencies [rad/s].
+    Multipliers of real scalars have G. The miss is the logarithm of the worst ratio of the bound
+    that they prove to a reference. The reference is the upper bound, or `REFERENCE_FLOOR` times its
+    peak where this is larger; with G it is nearer to the peak. Corners lie `within` frequencies
+    [rad/s].
     """
     found = upper_bound(loop.M, structure)
     blocks = Structure(structure.blocks[:-1])
-    share = np.maximum(found.value / found.value.max(), FLOOR)
+    share = np.maximum(found.value / found.value.max(), REFERENCE_FLOOR)
     if any(isinstance(block, RealScalar) for block in blocks):
-        share = share**TILT
+        share = share**REFERENCE_EXPONENT
     reference = share * found.value.max()
     middle = float(np.log(loop.omega[np.argmax(found.value)]))
     least = max(0, before[0].biquads - 1) if before else 0
@@ -82,25 +86,25 @@ def d_step(
         scalings = Multipliers(blocks, biquads)
         known = [each for each in (before, best and best[0]) if each]
         starts = [scalings.carried(*each, middle) for each in known if each[0].biquads <= biquads]
-        # a guess knows D alone: where there is G to carry on with it is worth little
+        # a guess has D only, so it is of little use where earlier multipliers have G
         if tried is None or not (tried == biquads or scalings.real.size):
-            starts += [_guess(scalings, found, middle, spread) for spread in SPREAD]
+            starts += [_guess(scalings, found, middle, spread) for spread in CORNER_SPREADS]
         fits = [fit_multipliers(scalings, loop.M, loop.omega, reference, x, within) for x in starts]
         if not fits:
             continue
         x, missed = min(fits, key=lambda fit: fit[1])
-        if best is None or missed < best[1] - GOOD:
+        if best is None or missed < best[1] - FIT_TOLERANCE:
             best = (scalings, x), missed
-        if missed < GOOD:
+        if missed < FIT_TOLERANCE:
             break
     assert best is not None
     return best
 
 
 def _guess(scalings: Multipliers, found: UpperBound, middle: float, spread: float) -> RealArray:
-    """Parameters near the constant D of the largest bounds, corners about a log frequency."""
+    """Parameters near the constant D of the largest bounds, with corners about a log frequency."""
     bound, D = found.value, found.D_left
-    high, worst = bound > NEAR * bound.max(), int(np.argmax(bound))
+    high, worst = bound > GUESS_SHARE * bound.max(), int(np.argmax(bound))
     size = np.sqrt(D[:, -1, -1].real)
     functions = scalings.functions.rows
     x = np.zeros((scalings.rows, scalings.functions.size))

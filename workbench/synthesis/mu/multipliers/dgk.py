@@ -1,7 +1,7 @@
 """(D, G)-K iteration, and D-K iteration with a full D for repeated scalars.
 
-D-K iteration counts real scalars as complex. With G beside D their bound is that of mixed mu. Both
-are absorbed in the plant as multipliers (see `scaled_plant`), for which a controller is then made.
+D-K iteration treats real scalars as complex. G in addition to D gives the bound of mixed mu. The
+plant absorbs both as multipliers (see `scaled_plant`), and a controller is made for this plant.
 P. Young, Controller design with mixed uncertainties, American Control Conference (1994).
 """
 
@@ -24,7 +24,14 @@ from workbench.program import Claim, method
 from workbench.solvers import Outcome
 from workbench.structure import Full, Structure
 from workbench.synthesis.mu.biquads import Range
-from workbench.synthesis.mu.dk import FARTHER, PATIENCE, REACHED, ROUNDS, SETTLED, iterated
+from workbench.synthesis.mu.dk import (
+    EXTRAPOLATIONS,
+    MOST_ROUNDS,
+    PATIENCE,
+    SETTLED_FALL,
+    TARGET_REACHED,
+    iterated,
+)
 from workbench.synthesis.mu.multipliers.d_step import Loop, d_step
 from workbench.synthesis.mu.multipliers.functions import Multipliers
 from workbench.synthesis.mu.multipliers.k_step import k_step
@@ -34,7 +41,7 @@ from workbench.synthesis.mu.rounds import Iterate, packed, unpacked
 
 @method(MuSynthesis, "dk", optimal=False)
 def _dk(program: MuSynthesis, context: Context) -> Claim:
-    """D-K iteration: real scalars count as complex; scalings fitted by their effect on the loop."""
+    """D-K iteration with real scalars as complex ones and scalings fitted by their effect."""
     structure = program.closed.complexified()
     repeated = any(block.rows > 1 for block in structure if not isinstance(block, Full))
     return _from_dk(program, context, structure if repeated else None)
@@ -42,26 +49,33 @@ def _dk(program: MuSynthesis, context: Context) -> Claim:
 
 @method(MuSynthesis, "dgk", optimal=False)
 def _dgk(program: MuSynthesis, context: Context) -> Claim:
-    """(D, G)-K iteration: D-K iteration, then rounds in which real scalars have G as well."""
+    """(D, G)-K iteration: D-K iteration, then rounds in which real scalars also have G."""
     real = program.closed != program.closed.complexified()
     return _from_dk(program, context, program.closed if real else None)
 
 
 def _from_dk(program: MuSynthesis, context: Context, structure: Structure | None) -> Claim:
-    """D-K iteration with a function a block, then multipliers of a structure; None: no more."""
+    """D-K iteration with one function per block, then rounds with multipliers of a structure.
+
+    Without a structure (None) the second part is left out.
+    """
     kept = context.checkpoint.load()
     if structure is not None and kept is not None and "multipliers" in kept:
         return multiplied(program, context, structure, Standing.restored(structure, kept))
     begun = iterated(program, context, 0.0)
-    if begun[0] is None or structure is None or begun[2] == REACHED:
+    if begun[0] is None or structure is None or begun[2] == TARGET_REACHED:
         return begun
     return multiplied(program, context, structure, Standing(list(begun[0].history)))
 
 
 @dataclass(eq=False)
 class Standing:
-    """Where the rounds with multipliers stand: all rounds, of which ``first`` are D-K iteration's,
-    the parameters of the last multipliers and of those before; corners are ``within`` [rad/s]."""
+    """State of the rounds with multipliers.
+
+    ``history`` has all rounds; the first ``first`` of them are those of D-K iteration. ``used`` are
+    the last multipliers and ``before`` those before them. Corners lie ``within`` frequencies
+    [rad/s]. ``tried`` is the number of rounds tried.
+    """
 
     history: list[Iterate]
     first: int = 0
@@ -74,7 +88,7 @@ class Standing:
         self.first = self.first or len(self.history)
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """All of it by name."""
+        """The whole state as arrays by name, for a checkpoint."""
         assert self.used is not None and self.within is not None
         found = packed(self.history) | {
             "first": np.array(self.first),
@@ -89,7 +103,7 @@ class Standing:
 
     @classmethod
     def restored(cls, structure: Structure, arrays: Any) -> Standing:
-        """From its arrays."""
+        """The state that `arrays` gave."""
         blocks = Structure(structure.blocks[:-1])
 
         def pair(x: str, biquads: str) -> tuple[Multipliers, RealArray] | None:
@@ -109,13 +123,16 @@ class Standing:
 def multiplied(
     program: MuSynthesis, context: Context, structure: Structure, now: Standing
 ) -> Claim:
-    """Rounds with multipliers of the structure, from the best of those begun; the best is kept."""
-    said = f"stopped after {ROUNDS} rounds"
+    """Iterate K and D steps with multipliers of a structure and return the best controller.
+
+    The first round starts from the best controller so far.
+    """
+    said = f"stopped after {MOST_ROUNDS} rounds"
     K: StateSpace | None = None
     if now.used is None:
         K = min(now.history, key=lambda each: each.peak).K
     level = np.nan
-    for tried in context.rounds(ROUNDS, "multipliers", now.tried):
+    for tried in context.rounds(MOST_ROUNDS, "multipliers", now.tried):
         if K is None:
             assert now.used is not None
             try:
@@ -131,7 +148,7 @@ def multiplied(
         peak = float(upper_bound(loop.M, program.closed).value.max())
         now.within = now.within or loop.corners
         start = now.used
-        if start is None:  # D first, which G goes on from
+        if start is None:  # fit D first, as the start of D and G
             start = d_step(structure.complexified(), loop, now.within, None)[0]
         now.before = now.used
         now.used, missed = d_step(structure, loop, now.within, start)
@@ -139,7 +156,7 @@ def multiplied(
         last = Iterate(peak, level, fit, K, {"multipliers": now.used[1]})
         reached = program.reaching(K, peak, (*now.history, last))
         if reached is not None:
-            return reached, Outcome.SOLVED, REACHED
+            return reached, Outcome.SOLVED, TARGET_REACHED
         now.history.append(last)
         context.record(last.row(len(now.history)))
         K = None
@@ -153,11 +170,13 @@ def multiplied(
 
 
 def _settled(peaks: Sequence[float]) -> bool:
-    """Whether the least peak has not fallen for some rounds, nor falls now."""
+    """Whether the least peak has not fallen for `PATIENCE` rounds and does not fall now."""
     least = np.minimum.accumulate(peaks)
-    falls = len(peaks) > 1 and peaks[-1] < (1 - SETTLED) * peaks[-2]
+    falls = len(peaks) > 1 and peaks[-1] < (1 - SETTLED_FALL) * peaks[-2]
     return bool(
-        len(peaks) > PATIENCE and least[-1] > (1 - SETTLED) * least[-1 - PATIENCE] and not falls
+        len(peaks) > PATIENCE
+        and least[-1] > (1 - SETTLED_FALL) * least[-1 - PATIENCE]
+        and not falls
     )
 
 
@@ -167,13 +186,16 @@ def _best_step(
     now: tuple[Multipliers, RealArray],
     near: float,
 ) -> tuple[StateSpace, float, tuple[Multipliers, RealArray]]:
-    """The controller of least bound, multipliers as they are or farther along their last change."""
+    """The controller with the least bound, this bound, and its multipliers.
+
+    Multipliers are used as they are and moved farther in the direction of their last change.
+    """
     multipliers, x = now
     K, level = k_step(program, multipliers, x, near)
     best = K, level, now
     if before is None or before[0] != multipliers:
         return best
-    for share in FARTHER:
+    for share in EXTRAPOLATIONS:
         candidate = x + share * (x - before[1])
         try:
             K, level = k_step(program, multipliers, candidate, near)

@@ -1,8 +1,8 @@
-"""Multipliers fitted by what they do to a loop.
+"""Fit of multipliers to a loop by the bound that they prove.
 
-Multipliers at a frequency are not unique and mean nothing where mu is small. So the parameters are
-not fitted to values of multipliers: the fit minimises the largest ratio, over frequency, of the
-bound that the multipliers prove to a reference.
+Multipliers at a frequency are not unique, and they are arbitrary where mu is small. The parameters
+are therefore not fitted to values of multipliers: the fit minimises the largest ratio, over
+frequency, of the bound that the multipliers prove to a reference.
 """
 
 from __future__ import annotations
@@ -16,9 +16,10 @@ from workbench.synthesis.mu.multipliers import triangles
 from workbench.synthesis.mu.multipliers.functions import Multipliers
 from workbench.synthesis.mu.multipliers.scaled_loop import ScaledLoop
 
-SHARPNESS = (6.0, 25.0, 100.0, 400.0)
-"""Exponents of the mean that stands for the worst, each started from the one before."""
-STEPS = 80
+SHARPNESS_STAGES = (6.0, 25.0, 100.0, 400.0)
+"""Exponents of the mean that replaces the maximum; each fit starts from the one before."""
+MOST_ITERATIONS = 80
+"""Most L-BFGS iterations for one exponent."""
 
 
 def fit_multipliers(
@@ -59,8 +60,8 @@ def fit_multipliers(
         at = ScaledLoop.of(multipliers, M, omega, flat.reshape(x.shape))
         return float(np.max(at.log_beta - log_reference))
 
-    found = [x.ravel()]  # which may be the best already
-    for sharpness in SHARPNESS:
+    found = [x.ravel()]  # the start may be the best already
+    for sharpness in SHARPNESS_STAGES:
         stage = minimize(
             cost,
             found[-1],
@@ -68,7 +69,7 @@ def fit_multipliers(
             jac=True,
             method="L-BFGS-B",
             bounds=bounds,
-            options={"maxiter": STEPS},
+            options={"maxiter": MOST_ITERATIONS},
         )
         found.append(stage.x)
     best = min(found, key=missed)
@@ -76,6 +77,7 @@ def fit_multipliers(
 
 
 def _bounds(multipliers: Multipliers, within: Range) -> list[tuple[float, float]]:
+    """Bounds of all parameters."""
     row = multipliers.functions.bounds(within)
     no_gain = [(0.0, 0.0), *row[1:]]
     entry = triangles.bounds(multipliers.functions.size, within)

@@ -1,10 +1,10 @@
-"""Multipliers of an iteration: stable, minimum-phase functions of few parameters.
+"""Multipliers of an iteration: stable, minimum-phase functions with few parameters.
 
-A complex block has a function d as D. A channel of a real scalar has two, of a multiplier
-m = m_+ m_-~ = D^2 (1 + jF) with |arg m| < pi/2 (F as in `scaled_bound`): |m| and arg m are free of
-each other. All are biquad functions. The n channels of a repeated scalar are mixed first by a
-stable T with a stable inverse (see `triangles`), in units that gains bring to one size: D is
-diag(d) T diag(gains).
+A complex block has a function d as D. A channel of a real scalar has two functions m_+ and m_- of a
+multiplier m = m_+ m_-~ = D^2 (1 + jF) with |arg m| < pi/2 (F as in `scaled_bound`), so that |m| and
+arg m are independent. All these are biquad functions. The n channels of a repeated scalar are
+scaled by gains to similar sizes and then mixed by a stable T with a stable inverse (see
+`triangles`): D is diag(d) T diag(gains).
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from workbench.synthesis.mu.biquads import Biquads
 
 
 class Place(NamedTuple):
-    """Of a block: the size of D, its channels, its entries of T, its outputs and inputs."""
+    """Places of a block: the size of D, its channels, its entries of T, its outputs and inputs."""
 
     n: int
     channels: slice
@@ -34,11 +34,11 @@ class Place(NamedTuple):
 
 @dataclass(frozen=True)
 class Multipliers:
-    """Multipliers of a structure by functions of so many biquads; parameters are (rows, P).
+    """Multipliers of a structure by functions with a number of biquads; parameters are (rows, P).
 
-    Rows are d or m_+ of every channel (a full block has one), m_- of the real channels, whose gain
-    is that of m_+, and the entries of every T. A loop may have more channels than the structure; D
-    is 1 there.
+    The rows are first d or m_+ of every channel (a full block has one channel), then m_- of the
+    real channels, whose gain is that of m_+, and then the entries of every T. A loop may have more
+    channels than the structure; D is 1 there.
     """
 
     structure: Structure
@@ -46,16 +46,17 @@ class Multipliers:
 
     @cached_property
     def places(self) -> tuple[Place, ...]:
-        """Of each block."""
+        """The places of each block."""
         return tuple(self._places())
 
     @cached_property
     def channels(self) -> int:
+        """Number of channels."""
         return sum(place.n for place in self.places)
 
     @cached_property
     def real(self) -> Array:
-        """Of each real channel its number, and its places among inputs and outputs, (3, k)."""
+        """Number of each real channel, and its places among inputs and outputs, shape (3, k)."""
         found = [
             (place.channels.start + i, place.column.start + i, place.row.start + i)
             for block, place in zip(self.structure, self.places, strict=True)
@@ -66,22 +67,24 @@ class Multipliers:
 
     @property
     def minus(self) -> slice:
-        """The rows of m_-."""
+        """The rows of parameters that belong to m_-."""
         return slice(self.channels, self.channels + self.real.shape[1])
 
     @cached_property
     def functions(self) -> Biquads:
-        """The rows of d, m_+ and m_-."""
+        """The functions of the rows of d, m_+ and m_-."""
         return Biquads(self.channels + self.real.shape[1], self.biquads)
 
     @property
     def rows(self) -> int:
+        """Number of rows of parameters."""
         return self.functions.rows + sum(place.n * (place.n - 1) for place in self.places)
 
     def carried(self, other: Multipliers, x: RealArray, middle: float) -> RealArray:
-        """Parameters that do what those of other scalings of the blocks, of no more biquads, do.
+        """Parameters of these multipliers with the same effect as parameters of `other` ones.
 
-        New corners are at the log frequency ``middle``, where they do nothing yet.
+        The others belong to the same blocks and have no more biquads. New corners lie at the log
+        frequency ``middle`` and have no effect yet.
         """
         known = other.functions.rows
         x = np.hstack([x, np.zeros((len(x), 4 * (self.biquads - other.biquads)))])
@@ -94,6 +97,7 @@ class Multipliers:
         return np.insert(x, self.channels, minus, axis=0)
 
     def _places(self) -> Iterator[Place]:
+        """The places of each block, one after the other."""
         first = second = 0
         s = self.structure
         for block, row, column in zip(s, s.column_slices, s.row_slices, strict=True):

@@ -1,4 +1,4 @@
-"""K steps with multipliers: the controller that lowers what they prove."""
+"""K steps with multipliers: the controller that lowers the bound that they prove."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from workbench.errors import SolverError
 from workbench.heavy_types import StateSpace
 from workbench.synthesis.hinf.levels import level_at
 from workbench.synthesis.hinf.normalised import scaled
-from workbench.synthesis.hinf.riccati import BACK_OFF, Central, central, central_of
+from workbench.synthesis.hinf.riccati import LEVEL_RISES, Central, central, central_of
 from workbench.synthesis.mu.multipliers.functions import Multipliers
 from workbench.synthesis.mu.multipliers.scaled_plant import Multiplied, scaled_by_D
 
@@ -19,18 +19,18 @@ if TYPE_CHECKING:
     from workbench.synthesis.mu.program import MuSynthesis
 
 
-LEVEL = 2e-3
+LEVEL_TOLERANCE = 2e-3
 """Relative width of the interval in which the least bound of a K step is found."""
-FIRST, SQUARINGS = 1.02, 10
-"""First factor between bounds until the least is bracketed, and how often it is squared."""
+FIRST_FACTOR, SQUARINGS = 1.02, 10
+"""First factor between the bounds tried to bracket the least, and most squarings of this factor."""
 
 
 def k_step(
     program: MuSynthesis, multipliers: Multipliers, x: RealArray, near: float
 ) -> tuple[StateSpace, float]:
-    """The best controller for multipliers of parameters x, and the bound that they then prove.
+    """The best controller for multipliers with parameters x, and the bound that they then prove.
 
-    The search begins at a bound `near`. Raises SolverError where none is found.
+    The search starts from the bound `near`. Raises SolverError where no controller is found.
     """
     import control
 
@@ -40,35 +40,35 @@ def k_step(
         return control.ss(*made.K), beta
     system = scaled_by_D(plant, multipliers, x)
     made = central(
-        system.A, system.B, system.C, system.D, plant.controls, plant.measurements, LEVEL
+        system.A, system.B, system.C, system.D, plant.controls, plant.measurements, LEVEL_TOLERANCE
     )
     return control.ss(*made.K), made.gamma
 
 
 def _least(family: Multiplied, near: float) -> tuple[float, Central]:
-    """The least beta whose plant has a controller of norm 1, and the controller."""
+    """The least beta for whose plant a controller has norm 1, and this controller."""
 
     def feasible(beta: float) -> bool:
         level = level_at(scaled(family.plant(beta)).plant, 1.0)
         return level is not None and level.feasible
 
     low, high = _bracket(feasible, near)
-    while high > (1 + LEVEL) * low:
+    while high > (1 + LEVEL_TOLERANCE) * low:
         middle = math.sqrt(low * high)
         low, high = (low, middle) if feasible(middle) else (middle, high)
     reached = ""
-    for share in BACK_OFF:
-        beta = high * (1 + LEVEL * share)
+    for share in LEVEL_RISES:
+        beta = high * (1 + LEVEL_TOLERANCE * share)
         try:
-            return beta, central_of(scaled(family.plant(beta)), LEVEL, 1.0)
+            return beta, central_of(scaled(family.plant(beta)), LEVEL_TOLERANCE, 1.0)
         except SolverError as error:
             reached = str(error)
     raise SolverError(reached)
 
 
 def _bracket(feasible: Callable[[float], bool], near: float) -> tuple[float, float]:
-    """An infeasible and a feasible beta, one of them found by steps away from `near`."""
-    factor, beta = FIRST, near
+    """An infeasible and a feasible beta, found by growing steps away from `near`."""
+    factor, beta = FIRST_FACTOR, near
     down = feasible(near)
     for _ in range(SQUARINGS):
         last, beta = beta, beta / factor if down else beta * factor

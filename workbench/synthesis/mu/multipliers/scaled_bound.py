@@ -1,11 +1,11 @@
-"""The bound of mixed mu that given scalings prove, with its derivatives, over a batch.
+"""The bound of mixed mu that given scalings prove, with its derivatives, for a batch.
 
-With Y = D M D^-1 and F real and diagonal on the channels of real scalars, zero elsewhere, mu is at
-most the least beta for which
+Let Y = D M D^-1, and let F be real and diagonal on the channels of real scalars, zero elsewhere.
+Mu is at most the least beta for which
 
     Y^H Y + j beta (F Y - Y^H F) <= beta^2.
 
-That is the upper bound of `workbench.mu` with D^H D and G = beta D^H F D. By a Schur complement
+This is the upper bound of `workbench.mu` with D^H D and G = beta D^H F D. By a Schur complement,
 beta is the largest eigenvalue of [j (F Y - Y^H F), Y^H; Y, 0]; without F it is sigma_max(Y).
 """
 
@@ -21,10 +21,11 @@ from workbench.arrays import Array, RealArray
 
 @dataclass(frozen=True, eq=False)
 class ScaledBound:
-    """``beta`` (F,) and what makes its derivatives.
+    """Bounds ``beta`` (F,) and the vectors that give their derivatives.
 
-    beta changes by beta * Re tr((p q^H - s t^H) dD D^-1), D in its two sizes, and by
-    beta * by_turn dF; p and q (F, c), s and t (F, r), by_turn (F, k).
+    beta changes by beta * Re tr((p q^H - s t^H) dD D^-1), where D has its size at the outputs for
+    p, q and its size at the inputs for s, t; it also changes by beta * by_turn dF. Shapes are
+    (F, c) of p and q, (F, r) of s and t, and (F, k) of by_turn.
     """
 
     beta: RealArray
@@ -35,20 +36,20 @@ class ScaledBound:
     by_turn: RealArray
 
     def change(self, row: slice, column: slice) -> Array:
-        """p q^H - s t^H (F, n, n) of a square block."""
+        """p q^H - s t^H (F, n, n) for a square block."""
         p, q, s, t = self.p[:, row], self.q[:, row], self.s[:, column], self.t[:, column]
         out: Array = np.einsum("fi,fj->fij", p, q.conj()) - np.einsum("fi,fj->fij", s, t.conj())
         return out
 
     def trace(self, row: slice, column: slice) -> RealArray:
-        """Of p q^H - s t^H (F,), the block square or not."""
+        """Trace of p q^H - s t^H (F,) for a block, square or not."""
         out = np.einsum("fi,fi->f", self.p[:, row], self.q[:, row].conj())
         into = np.einsum("fi,fi->f", self.s[:, column], self.t[:, column].conj())
         return np.asarray((out - into).real)
 
 
 def scaled_bound(Y: Array, F: RealArray, into: Any, out: Any) -> ScaledBound:
-    """Of Y (F, c, r) and F (F, k) at columns ``into`` and rows ``out`` of Y."""
+    """The bound for Y (F, c, r) and F (F, k) on columns `into` and rows `out` of Y."""
     c, r = Y.shape[1:]
     adjoint = Y.conj().mT
     if not F.shape[1]:

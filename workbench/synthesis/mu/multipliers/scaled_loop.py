@@ -1,4 +1,4 @@
-"""A loop with scalings: the bound that they prove, its slopes by their parameters, their price."""
+"""Bound that scalings prove for a loop, its derivatives by their parameters, and a penalty."""
 
 from __future__ import annotations
 
@@ -11,20 +11,22 @@ from workbench.synthesis.mu.multipliers import triangles
 from workbench.synthesis.mu.multipliers.functions import Multipliers
 from workbench.synthesis.mu.multipliers.scaled_bound import ScaledBound, scaled_bound
 
-PLAIN, NARROW = 1e-4, 1e-5
-"""Weights of log dampings, and of log distances of zeros from poles, squared: what the loop does
-not need stays plain, and near 1."""
-STEEP, STEEPEST, FENCE = 1.5, 1.565, 300.0
-"""|arg m| up to which it is free, and at all [rad], and the weight of its mean square excess."""
+DAMPING_WEIGHT, DISTANCE_WEIGHT = 1e-4, 1e-5
+"""Weights, in the penalty, of squared logarithms of damping ratios and of ratios of zeros to poles.
+They keep both near 1 where the loop does not need other values."""
+FREE_PHASE, LARGEST_PHASE, PHASE_WEIGHT = 1.5, 1.565, 300.0
+"""Largest |arg m| [rad] without a penalty, largest |arg m| at all, and weight of the mean square
+excess over the first."""
 
 
 @dataclass(frozen=True, eq=False)
 class ScaledLoop:
-    """What scalings of parameters ``x`` make of a loop.
+    """A loop with scalings of parameters ``x``, and the derivatives of the scalings.
 
-    ``log_d`` (channels, F), ``phase`` (k, F) of the real channels' m and ``entries`` of T, with
-    what their slopes by x are made of: ``functions_by_x`` of the logs of d, m_+ and m_-,
-    ``phases_by_x`` of the phases of m_+ and m_-~, ``entries_by_x``, each (rows, P, F).
+    ``log_d`` (channels, F) are log d, ``phase`` (k, F) is arg m of the real channels, and
+    ``entries`` are those of T. Their derivatives by x, each of shape (rows, P, F), are
+    ``functions_by_x`` of the logarithms of d, m_+ and m_-, ``phases_by_x`` of the phases of m_+ and
+    m_-~, and ``entries_by_x``.
     """
 
     scalings: Multipliers
@@ -39,15 +41,15 @@ class ScaledLoop:
 
     @classmethod
     def of(cls, scalings: Multipliers, M: Array, omega: RealArray, x: RealArray) -> ScaledLoop:
-        """M (F, c, r) at omega (F,) [rad/s]."""
+        """The loop with response M (F, c, r) at omega (F,) [rad/s]."""
         functions, channels = scalings.functions, scalings.channels
         plus, into, out = scalings.real
         log_d, functions_by_x = functions.log_magnitude(x[: functions.rows], omega)
         first, first_by_x = functions.phase(x[plus], omega)
         second, second_by_x = functions.phase(x[scalings.minus], omega)
         phase = first - second
-        theta = np.clip(phase, -STEEPEST, STEEPEST)
-        # D^2 = |m| cos(arg m), and the gain is that of D
+        theta = np.clip(phase, -LARGEST_PHASE, LARGEST_PHASE)
+        # D^2 = |m| cos(arg m); the gain parameter is that of D
         log_d[plus] += log_d[scalings.minus] + x[plus, :1] + np.log(np.cos(theta))
         log_d[plus] /= 2
         log_d = log_d[:channels]
@@ -67,11 +69,11 @@ class ScaledLoop:
 
     @property
     def log_beta(self) -> RealArray:
-        """Of the bound (F,)."""
+        """Logarithm of the bound (F,)."""
         return np.log(self.bound.beta)
 
     def slope(self, weight: RealArray) -> RealArray:
-        """Slopes (rows, P) of log beta, summed with weights (F,)."""
+        """Derivatives (rows, P) of the sum of log beta with weights (F,)."""
         scalings, bound = self.scalings, self.bound
         by_d, by_gain = np.empty_like(self.log_d), np.empty(scalings.channels)
         by_entry = np.empty_like(self.entries)
@@ -87,10 +89,10 @@ class ScaledLoop:
             by_T, by_entry[beside] = triangles.change(self.entries[beside], n, change)
             by_gain[at] = weight @ np.diagonal(by_T, axis1=1, axis2=2).real
         plus = scalings.real[0]
-        F = np.tan(np.clip(self.phase, -STEEPEST, STEEPEST))
+        F = np.tan(np.clip(self.phase, -LARGEST_PHASE, LARGEST_PHASE))
         by_phase = bound.by_turn.T * (1 + F**2) - F * by_d[plus] / 2
-        by_phase *= np.abs(self.phase) < STEEPEST
-        by_d[plus] /= 2  # d is the root of |m|
+        by_phase *= np.abs(self.phase) < LARGEST_PHASE
+        by_d[plus] /= 2  # d is the square root of |m|
         functions, total = scalings.functions.rows, np.empty_like(self.x)
         total[:functions] = _sum(np.concatenate([by_d, by_d[plus]]) * weight, self.functions_by_x)
         total[functions:] = _sum(by_entry * weight, self.entries_by_x)
@@ -99,23 +101,23 @@ class ScaledLoop:
         return total
 
     def price(self) -> tuple[float, RealArray]:
-        """Of dampings, of distances, and of phases near a right angle; its slopes (rows, P)."""
+        """Penalty of dampings, distances and phases near a right angle; derivatives (rows, P)."""
         x, functions = self.x, self.scalings.functions.rows
         slope = np.zeros_like(x)
-        slope[:functions, 2::2] = 2 * PLAIN * x[:functions, 2::2]
-        slope[functions:, 2::4] = 2 * PLAIN * x[functions:, 2::4]
+        slope[:functions, 2::2] = 2 * DAMPING_WEIGHT * x[:functions, 2::2]
+        slope[functions:, 2::4] = 2 * DAMPING_WEIGHT * x[functions:, 2::4]
         distance = x[:functions, 1::4] - x[:functions, 3::4]
-        slope[:functions, 1::4] += 2 * NARROW * distance
-        slope[:functions, 3::4] -= 2 * NARROW * distance
+        slope[:functions, 1::4] += 2 * DISTANCE_WEIGHT * distance
+        slope[:functions, 3::4] -= 2 * DISTANCE_WEIGHT * distance
         price = float(np.sum(slope * x)) / 2  # a quadratic form so far
         if self.phase.size:
-            excess = np.maximum(np.abs(self.phase) - STEEP, 0.0)
-            price += FENCE * float(np.mean(excess**2))
-            self._add_phases(slope, 2 * FENCE * excess * np.sign(self.phase) / excess.size)
+            excess = np.maximum(np.abs(self.phase) - FREE_PHASE, 0.0)
+            price += PHASE_WEIGHT * float(np.mean(excess**2))
+            self._add_phases(slope, 2 * PHASE_WEIGHT * excess * np.sign(self.phase) / excess.size)
         return price, slope
 
     def _add_phases(self, slope: RealArray, by_phase: RealArray) -> None:
-        """To slopes (rows, P), those by arg m (k, F)."""
+        """Add to slopes (rows, P) those that act through arg m, given slopes by arg m (k, F)."""
         turned = _sum(np.concatenate([by_phase, by_phase]), self.phases_by_x)
         slope[self.scalings.real[0]] += turned[: len(by_phase)]
         slope[self.scalings.minus] += turned[len(by_phase) :]
@@ -140,5 +142,5 @@ def _scaled(
 
 
 def _sum(by: Array, slopes: Array) -> RealArray:
-    """Over frequency: (rows, F) times (rows, P, F)."""
+    """Sums over frequency of (rows, F) times (rows, P, F), real parts."""
     return np.asarray(np.einsum("bf,bpf->bp", by, slopes).real)

@@ -1,14 +1,16 @@
-"""Plants with scalings absorbed: what the controller of a K step is made for.
+"""Plants that absorb scalings; the controller of a K step is made for them.
 
 A channel w -> z of a real scalar with multiplier m = m_+ m_-~ and bound beta has
 
     Re( conj(m_- (w + z / beta)) m_+ (w - z / beta) ) = |w'|^2 - |z'|^2,
-    w' = (m_- (w + z / beta) + m_+ (w - z / beta)) / 2,    z' the same with a minus between,
+    w' = (m_- (w + z / beta) + m_+ (w - z / beta)) / 2,
+    z' = (m_- (w + z / beta) - m_+ (w - z / beta)) / 2.
 
-so that the scalings prove beta where the norm of the loop from w' to z' and so on is 1. Solved for
-w and z' this is a feedback around the plant, stable since |arg m| < pi/2, and without a direct term
-if m_+ and m_- are equal at infinity. By small gain a controller that holds norm 1 around it
-stabilises the plant itself: with w = 0 the two are in feedback with a contraction.
+The scalings prove beta if the loop from w' and the other inputs to z' and the other outputs has
+norm 1. Solving for w and z' gives a feedback around the plant. It is stable because |arg m| < pi/2,
+and has no direct term if m_+ and m_- are equal at infinity. By the small-gain theorem a controller
+that gives norm 1 also stabilises the plant itself: with w = 0 the loop is in feedback with a
+contraction.
 
 M. Safonov, R. Chiang, Real/complex K_m-synthesis without curve fitting, Control and Dynamic Systems
 56 (1993) 303-324; P. Young, Controller design with mixed uncertainties, American Control Conference
@@ -37,9 +39,9 @@ from workbench.systems.standard_plant import StandardPlant
 
 
 def scaled_by_D(plant: GeneralisedPlant, scalings: Multipliers, x: RealArray) -> StateSpace:
-    """The system with D at its perturbation's outputs and D^-1 at its inputs.
+    """The system with D at its perturbation outputs and D^-1 at its perturbation inputs.
 
-    Of the D of real channels only T and the gains.
+    For real channels only T and the gains of D are absorbed.
     """
     import control
 
@@ -57,7 +59,7 @@ def scaled_by_D(plant: GeneralisedPlant, scalings: Multipliers, x: RealArray) ->
 def _D(
     scalings: Multipliers, x: RealArray, place: Place, dynamic: bool
 ) -> tuple[StateSpace, StateSpace]:
-    """D of a block, of d only the gain where that is not to be dynamic, and its inverse."""
+    """D of a block and its inverse; if not `dynamic`, with the gains in the place of d."""
     import control
 
     functions = scalings.functions if dynamic else Biquads(place.n, 0)
@@ -68,7 +70,7 @@ def _D(
         g = np.exp(rows[:, 0])
         entries = x[scalings.functions.rows :][place.entries]
         T, back = triangles.systems(entries, place.n)
-        # d T gains, where out has the gains in d
+        # diag(d) T diag(gains), where `out` includes the gains in d
         out = out * np.diag(1 / g) * T * np.diag(g)
         into = np.diag(1 / g) * back * np.diag(g) * into
     return out, into
@@ -76,10 +78,11 @@ def _D(
 
 @dataclass(frozen=True, eq=False)
 class Multiplied:
-    """A plant with scalings, G among them: a standard plant for every beta.
+    """A plant with scalings D and G, from which a standard plant follows for every beta.
 
-    ``into`` and ``out`` are the real channels' places among its inputs and outputs. Of m_- and m_+,
-    x' = A x + B_w w + B_z z / beta, direct w = w' - C_w x and z' = direct z / beta + C_z x.
+    ``into`` and ``out`` are the places of the real channels among its inputs and outputs. m_- and
+    m_+ are realised by x' = A x + B_w w + B_z z / beta, direct w = w' - C_w x and
+    z' = direct z / beta + C_z x.
     """
 
     system: StateSpace
@@ -96,7 +99,10 @@ class Multiplied:
 
     @classmethod
     def of(cls, plant: GeneralisedPlant, scalings: Multipliers, x: RealArray) -> Multiplied:
-        """Raises SolverError where |arg m| is not below a right angle at every frequency."""
+        """The plant with multipliers of parameters x.
+
+        Raises SolverError where |arg m| is not below a right angle at every frequency.
+        """
         number, into, out = scalings.real
         rows = np.vstack([x[number], x[scalings.minus]])
         rows[:, 0] = 0.0  # the gains are in D
@@ -111,13 +117,13 @@ class Multiplied:
         return cls(system, *sizes, into, out, A, B_w, B_z, C_w, C_z, direct)
 
     def plant(self, beta: float) -> StandardPlant:
-        """The standard plant in which norm 1 proves beta."""
+        """The standard plant for which a loop of norm 1 proves beta."""
         system, into, out = self.system, self.into, self.out
         shrink = np.ones(system.noutputs)
         shrink[: system.noutputs - self.measurements] = 1 / beta
         A, B = system.A, system.B
         C, D = shrink[:, None] * system.C, shrink[:, None] * system.D
-        # the inputs are enters u' + feedback x
+        # the inputs of the plant are enters u' + feedback x
         enters = np.eye(system.ninputs)
         enters[into, into] = 1 / self.direct
         feedback = np.zeros((system.ninputs, len(self.A)))
@@ -140,13 +146,13 @@ class Multiplied:
 
 
 def _channel(plus: StateSpace, minus: StateSpace) -> tuple[RealArray, ...]:
-    """A, B_w, B_z, C_w, C_z and direct of one channel, m_+ and m_- made equal at infinity."""
+    """A, B_w, B_z, C_w, C_z and direct of one channel, with m_+ and m_- made equal at infinity."""
     direct = np.sqrt(plus.D * minus.D)
     C_plus, C_minus = direct * plus.C / plus.D / 2, direct * minus.C / minus.D / 2
     A = block_diag(minus.A, plus.A)
     B_w, B_z = np.vstack([minus.B, plus.B]), np.vstack([minus.B, -plus.B])
     C_w, C_z = np.hstack([C_minus, C_plus]), np.hstack([C_minus, -C_plus])
-    # w from z / beta where w' is 0: (m_+ - m_-) / (m_+ + m_-)
+    # the transfer function from z / beta to w for w' = 0: (m_+ - m_-) / (m_+ + m_-)
     contraction: Matrices = (A - B_w @ C_w / direct, B_z, -C_w / direct, np.zeros((1, 1)))
     if not norm(contraction) < 1.0:
         raise SolverError("the phase of a real scalar's multiplier exceeds a right angle")

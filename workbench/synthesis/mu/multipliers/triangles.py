@@ -1,7 +1,7 @@
-"""Stable matrices with stable inverses: T = U L, triangular with ones on their diagonals.
+"""Stable transfer matrices T = U L with stable inverses, for mixing repeated channels.
 
-U is upper and L lower triangular, and the n (n - 1) entries beside the diagonals are any stable
-functions, here sums of sections of second order,
+U is upper triangular and L lower triangular, both with ones on the diagonal. Their n (n - 1) other
+entries may be any stable functions; here they are sums of second-order sections,
 
     u(s) = c + sum (e + f s / p) / (s^2 / p^2 + 2 b s / p + 1),    p, b > 0.
 """
@@ -14,16 +14,16 @@ import numpy as np
 
 from workbench.arrays import Array, RealArray
 from workbench.heavy_types import StateSpace
-from workbench.synthesis.mu.biquads import DAMPING, LARGEST, Range
+from workbench.synthesis.mu.biquads import DAMPING_RANGE, LARGEST_LOG_GAIN, Range
 
 
 def beside(n: int) -> Any:
-    """Places (2, n (n - 1)) beside the diagonal, row by row: the order of the entries."""
+    """Rows and columns of the n (n - 1) places off the diagonal, in the order of the entries."""
     return np.nonzero(~np.eye(n, dtype=bool))
 
 
 def factors(entries: Array, n: int) -> tuple[Array, Array]:
-    """U and L (F, n, n) of entries (n (n - 1), F)."""
+    """U and L (F, n, n) with given entries (n (n - 1), F)."""
     T = np.zeros((entries.shape[1], n, n), complex)
     i, j = beside(n)
     T[:, i, j] = entries.T
@@ -31,9 +31,10 @@ def factors(entries: Array, n: int) -> tuple[Array, Array]:
 
 
 def change(entries: Array, n: int, by: Array) -> tuple[Array, Array]:
-    """What multiplies dT T^-1's causes in Re tr(by dT T^-1), by (F, n, n).
+    """Derivatives of Re tr(by dT T^-1), where `by` has shape (F, n, n).
 
-    Returns T^-1 by T, of a change T^-1 dT, and for each entry (n (n - 1), F) what multiplies it.
+    Returns T^-1 by T, which multiplies the change T^-1 dT in the trace, and the factor
+    (n (n - 1), F) that multiplies the change of each entry.
     """
     U, L = factors(entries, n)
     i, j = beside(n)
@@ -44,9 +45,10 @@ def change(entries: Array, n: int, by: Array) -> tuple[Array, Array]:
 
 
 def responses(x: RealArray, omega: RealArray) -> tuple[Array, Array]:
-    """Entries (rows, F) at frequencies [rad/s] of parameters (rows, P); slopes (rows, P, F).
+    """Entries (rows, F) at frequencies [rad/s], and derivatives (rows, P, F) by their parameters.
 
-    A row is c and, for each section, log p, log b, e, f: as many as of a gain and as many biquads.
+    The parameters x have shape (rows, P). A row is c and, for each section, log p, log b, e, f. It
+    has as many parameters as a gain with the same number of biquads.
     """
     value = np.repeat(x[:, :1], len(omega), axis=1).astype(complex)
     slope = np.zeros((*x.shape, len(omega)), complex)
@@ -58,7 +60,7 @@ def responses(x: RealArray, omega: RealArray) -> tuple[Array, Array]:
         below = 1.0 / (s**2 + 2 * damping * s + 1)
         section = (e + f * s) * below
         value += section
-        # s changes by -s with log p
+        # ds / d log p = -s
         slope[:, first] = -f * s * below + section * below * (2 * s**2 + 2 * damping * s)
         slope[:, first + 1] = -section * below * 2 * damping * s
         slope[:, first + 2], slope[:, first + 3] = below, s * below
@@ -66,19 +68,19 @@ def responses(x: RealArray, omega: RealArray) -> tuple[Array, Array]:
 
 
 def bounds(size: int, within: Range) -> list[tuple[float, float]]:
-    """Of the parameters of a row, the corners within frequencies [rad/s]."""
+    """Bounds of the parameters of a row, with corners within frequencies [rad/s]."""
     low, high = np.log(within)
     section = [
         (float(low), float(high)),
-        (float(np.log(DAMPING[0])), float(np.log(DAMPING[1]))),
-        (-LARGEST, LARGEST),
-        (-LARGEST, LARGEST),
+        (float(np.log(DAMPING_RANGE[0])), float(np.log(DAMPING_RANGE[1]))),
+        (-LARGEST_LOG_GAIN, LARGEST_LOG_GAIN),
+        (-LARGEST_LOG_GAIN, LARGEST_LOG_GAIN),
     ]
-    return [(-LARGEST, LARGEST), *section * (size // 4)]
+    return [(-LARGEST_LOG_GAIN, LARGEST_LOG_GAIN), *section * (size // 4)]
 
 
 def systems(x: RealArray, n: int) -> tuple[StateSpace, StateSpace]:
-    """T and its inverse."""
+    """T and its inverse as systems, for parameters (n (n - 1), P)."""
     import control
 
     parts = [(i, j, _entry(row)) for i, j, row in zip(*beside(n), x, strict=True)]
@@ -93,6 +95,7 @@ def systems(x: RealArray, n: int) -> tuple[StateSpace, StateSpace]:
 
 
 def _entry(row: RealArray) -> StateSpace:
+    """An entry as a system."""
     import control
 
     sections = row[1:].reshape(-1, 4)
@@ -106,6 +109,7 @@ def _entry(row: RealArray) -> StateSpace:
 
 
 def _inverse(T: StateSpace) -> StateSpace:
+    """Inverse of a system with an invertible direct term."""
     import control
 
     back = np.linalg.inv(T.D)

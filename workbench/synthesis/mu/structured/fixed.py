@@ -1,4 +1,4 @@
-"""Controllers of fixed structure: mixed mu's peak minimised over their parameters.
+"""Mu synthesis of controllers with fixed structure by nonsmooth optimisation of the parameters.
 
 The peak is a maximum over frequency of functions that are smooth almost everywhere, with known
 gradients. A step minimises the largest of their linearisations at all frequencies near the peak,
@@ -23,29 +23,34 @@ from workbench.program import Claim, method
 from workbench.solvers import Outcome
 from workbench.structure import Structure
 from workbench.synthesis.mu.families import Family, Modal
-from workbench.synthesis.mu.program import TOLERANCE, MuSynthesis
+from workbench.synthesis.mu.program import PEAK_TOLERANCE, MuSynthesis
 from workbench.synthesis.mu.rounds import Iterate, packed, unpacked
 from workbench.systems.frequency_grid import frequencies_of
 from workbench.systems.generalised_plant import GeneralisedPlant, response
 
-ROUNDS = 300
-NEAR = 0.6
-"""Share of the peak from which a frequency's bound is among those that a step lowers."""
-TOP, FLAT, HALVINGS = 0.8, 5e-4, 5
-"""Maxima above that share of the peak are resolved to where neighbours are as near, relative."""
-FIRST, LARGEST, SMALLEST = 0.1, 2.0, 1e-8
-"""Trust radius, in units of the parameters."""
-TAKEN, SHRUNK, GROWN = 0.02, 0.25, 0.7
-"""Shares of the promised fall at which a step is taken, and its radius halved or enlarged."""
-SPREAD, DRAWS = 0.5, 20
-"""Of random starts, in units of the parameters, and how many are drawn for each that is wanted."""
-SETTLED, PATIENCE = 1e-4, 12
-"""Relative fall of the peak over so many rounds at which it counts as settled."""
+MOST_ROUNDS = 300
+"""Most steps of the optimisation."""
+LOWERED_SHARE = 0.6
+"""A step lowers the bounds at all frequencies where they are above this share of the peak."""
+RESOLVED_SHARE, MAXIMUM_TOLERANCE, GRID_REFINEMENTS = 0.8, 5e-4, 5
+"""Maxima above the first share of the peak are refined until neighbours differ by less than the
+second share of the peak, at most as often as the third number says."""
+FIRST_RADIUS, LARGEST_RADIUS, SMALLEST_RADIUS = 0.1, 2.0, 1e-8
+"""First, largest and smallest trust radius, in units of the parameters."""
+ACCEPTED_SHARE, SHRINKING_SHARE, GROWING_SHARE = 0.02, 0.25, 0.7
+"""Shares of the promised fall above which a step is taken, below which the radius is halved, and
+above which it may grow."""
+START_SPREAD, DRAWS_PER_START = 0.5, 20
+"""Standard deviation of random starts, in units of the parameters, and the most draws per start
+that is wanted."""
+SETTLED_FALL, PATIENCE = 1e-4, 12
+"""The optimisation is settled if the peak falls by less than this share over this number of
+rounds."""
 
 
 @method(MuSynthesis, "fixed", optimal=False)
 def _fixed(program: MuSynthesis, context: Context) -> Claim:
-    """Parameters of the start's structure, or of its order, by nonsmooth optimisation."""
+    """Nonsmooth optimisation over the start's family, or over all controllers of its order."""
     if program.start is None:
         raise InputError("a controller to start from is needed: give start, of the order wanted")
     family, x = program.family, None
@@ -54,7 +59,7 @@ def _fixed(program: MuSynthesis, context: Context) -> Claim:
     else:
         x = family.parameters(program.start)
     problem = _Problem(program.plant, program.closed, family)
-    target = (program.target or 0.0) / (1 + TOLERANCE)
+    target = (program.target or 0.0) / (1 + PEAK_TOLERANCE)
     beside = Context(context.options, context.progress, started=context.started)
     minima = [
         _minimised(problem, x, context, target),
@@ -70,11 +75,11 @@ def _fixed(program: MuSynthesis, context: Context) -> Claim:
 def _members(
     problem: _Problem, x: RealArray, count: int, rng: np.random.Generator
 ) -> Iterator[RealArray]:
-    """Random parameters about x whose loops are stable; fewer than asked for where few are."""
+    """Random parameters around x with stable loops; fewer than `count` where few are stable."""
     units = problem.family.units(x)
     found = 0
-    for _ in range(DRAWS * count):
-        member = x + SPREAD * units * rng.normal(size=x.size)
+    for _ in range(DRAWS_PER_START * count):
+        member = x + START_SPREAD * units * rng.normal(size=x.size)
         if found < count and problem.loop(member) is not None:
             found += 1
             yield member
@@ -82,7 +87,7 @@ def _members(
 
 @dataclass(frozen=True, eq=False)
 class _Problem:
-    """Mixed mu of the loop with a member of a family."""
+    """Mixed mu of the loop as a function of the parameters of a family."""
 
     plant: GeneralisedPlant
     structure: Structure
@@ -94,10 +99,10 @@ class _Problem:
         return loop if stability_of(loop).holds else None
 
     def curve(self, loop: StateSpace) -> tuple[RealArray, RealArray]:
-        """Frequencies [rad/s], its maxima resolved, and bounds (F,)."""
+        """Frequencies (F,) [rad/s] that resolve the maxima of the upper bound, and bounds (F,)."""
         omega = frequencies_of(loop)
         bound = self._bound(loop, omega)
-        for _ in range(HALVINGS):
+        for _ in range(GRID_REFINEMENTS):
             new = _beside(omega, bound)
             if not new.size:
                 break
@@ -107,7 +112,7 @@ class _Problem:
         return omega, bound
 
     def linear(self, x: RealArray, omega: RealArray) -> tuple[RealArray, RealArray]:
-        """Bounds (F,) at frequencies and their gradients (F, k) with the parameters."""
+        """Bounds (F,) at frequencies [rad/s] and their gradients (F, k) by the parameters."""
         P = response(self.plant.system, omega)
         m, p = self.plant.controls, self.plant.measurements
         K, slopes = self.family.response(x, omega)
@@ -121,21 +126,22 @@ class _Problem:
         return bound.value, np.einsum("fij,fkji->fk", with_K, slopes).real
 
     def iterate(self, x: RealArray, bound: RealArray) -> Iterate:
-        """The round that ends at x, with its bounds (F,)."""
+        """The round that ends at x with bounds (F,)."""
         return Iterate(float(bound.max()), np.nan, np.nan, self.family.system(x))
 
     def _bound(self, loop: StateSpace, omega: RealArray) -> RealArray:
+        """Upper bounds of mixed mu (F,) at frequencies [rad/s]."""
         value: RealArray = upper_bound(response(loop, omega), self.structure).value
         return value
 
 
 def _beside(omega: RealArray, bound: RealArray) -> RealArray:
-    """Frequencies on either side of maxima that are not resolved."""
+    """Frequencies to add on either side of maxima that are not resolved."""
     top = bound.max()
     left = np.concatenate([[0.0], bound[:-1]])
     right = np.concatenate([bound[1:], [0.0]])
-    peak = (bound >= left) & (bound >= right) & (bound > TOP * top)
-    steep = np.abs(np.diff(bound)) > FLAT * top
+    peak = (bound >= left) & (bound >= right) & (bound > RESOLVED_SHARE * top)
+    steep = np.abs(np.diff(bound)) > MAXIMUM_TOLERANCE * top
     wanted = steep & (peak[1:] | peak[:-1])
     middle: RealArray = np.sqrt(omega[1:] * omega[:-1])[wanted]
     return middle
@@ -144,26 +150,29 @@ def _beside(omega: RealArray, bound: RealArray) -> RealArray:
 def _minimised(
     problem: _Problem, x: RealArray, context: Context, target: float
 ) -> tuple[list[Iterate], str]:
-    """The rounds, each better than the one before, and why they ended."""
-    radius, hessian = FIRST, np.zeros((x.size, x.size))
+    """Minimise the peak from parameters x.
+
+    Returns the rounds, each better than the one before, and the reason why they ended.
+    """
+    radius, hessian = FIRST_RADIUS, np.zeros((x.size, x.size))
     kept = context.checkpoint.load()
     if kept is not None:
         x, radius, hessian = kept["x"], float(kept["radius"]), kept["hessian"]
     loop = problem.loop(x)
-    assert loop is not None  # a start stabilises, as its Program has seen
+    assert loop is not None  # the Program has tested that the start stabilises
     omega, bound = problem.curve(loop)
     history = unpacked(kept) if kept is not None else [problem.iterate(x, bound)]
     for number, each in enumerate(history, start=1):
         context.record(each.row(number))
-    for _ in context.rounds(ROUNDS, "fixed structure", len(history) - 1):
+    for _ in context.rounds(MOST_ROUNDS, "fixed structure", len(history) - 1):
         peak = history[-1].peak
         if peak <= target:
             return history, "reached the target"
         units = problem.family.units(x)
-        near = omega[bound > NEAR * peak]
+        near = omega[bound > LOWERED_SHARE * peak]
         value, slope = problem.linear(x, near)
         step = None
-        while radius > SMALLEST:
+        while radius > SMALLEST_RADIUS:
             scaled = hessian * units[:, None] * units
             step, level, weights = _step(scaled, slope * units, value, radius)
             promised = peak - level
@@ -174,7 +183,7 @@ def _minimised(
             if loop is not None:
                 omega_, bound_ = problem.curve(loop)
                 share = (peak - float(bound_.max())) / promised
-                if share > TAKEN:
+                if share > ACCEPTED_SHARE:
                     break
             radius = 0.35 * min(radius, float(np.abs(step).max()))
         else:
@@ -182,26 +191,28 @@ def _minimised(
         _, slope_ = problem.linear(trial, near)
         hessian = _updated(hessian, trial - x, (slope_ - slope).T @ weights)
         at_bound = float(np.abs(step).max()) > 0.8 * radius
-        if share > GROWN and at_bound:
-            radius = min(2.5 * radius, LARGEST)
-        elif share < SHRUNK:
+        if share > GROWING_SHARE and at_bound:
+            radius = min(2.5 * radius, LARGEST_RADIUS)
+        elif share < SHRINKING_SHARE:
             radius *= 0.5
         x, omega, bound = trial, omega_, bound_
         history.append(problem.iterate(x, bound))
         context.record(history[-1].row(len(history)))
         earlier = history[:-PATIENCE]
-        if earlier and history[-1].peak > (1 - SETTLED) * earlier[-1].peak:
+        if earlier and history[-1].peak > (1 - SETTLED_FALL) * earlier[-1].peak:
             return history, "settled"
         state = {"x": x, "radius": np.array(radius), "hessian": hessian}
         context.checkpoint.save(state | packed(history))
-    return history, f"stopped after {ROUNDS} rounds"
+    return history, f"stopped after {MOST_ROUNDS} rounds"
 
 
 def _step(
     hessian: RealArray, slope: RealArray, value: RealArray, radius: float
 ) -> tuple[RealArray, float, RealArray]:
-    """The step d that minimises max(value + slope d) + d H d / 2 in a box, the level of the
-    maximum, and the weights of the values in it."""
+    """The step d that minimises max(value + slope d) + d H d / 2 in a box.
+
+    Returns d, the level of the maximum, and the weights (multipliers) of the values in it.
+    """
     import clarabel
     from scipy.sparse import block_diag, csc_matrix, triu
 
@@ -226,7 +237,7 @@ def _step(
 
 
 def _updated(hessian: RealArray, step: RealArray, change: RealArray) -> RealArray:
-    """Powell's damped BFGS update of the Hessian by a step and the gradient's change along it."""
+    """Powell's damped BFGS update of a Hessian by a step and the change of the gradient."""
     along = hessian @ step
     curved, seen = float(step @ along), float(step @ change)
     if curved <= 0.0:

@@ -1,4 +1,4 @@
-"""Families of controllers with a name: PID, PI with lead and roll-off, decentralised."""
+"""Families of common controllers: PID, PI with lead and roll-off, decentralised."""
 
 from __future__ import annotations
 
@@ -13,20 +13,22 @@ from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.synthesis.mu.families import Family
 
-LEAST_GAIN = 1e-12
-"""Of a PID's gains, relative to the largest, at which one counts as absent."""
-SAME = 1e-6
-"""Relative distance of a pole from the one that a family fixes."""
+LEAST_GAIN_SHARE = 1e-12
+"""Least unit of a gain of a PID controller, relative to the largest gain; smaller gains count as
+absent."""
+ROOT_TOLERANCE = 1e-6
+"""Relative distance up to which a root counts as real, and a pole as the fixed pole of a family."""
 
 
 @dataclass(frozen=True)
 class LeadLag(Family):
-    """PI, lead and roll-off in factors, one input and one output,
+    """PI with lead and roll-off as a product of factors, with one input and one output,
 
         K(s) = sign g (s + z_1) ... (s + z_m) / ((s + leak) (s + p_1) ... (s + p_n)),
 
-    with g, z and p positive: parameters are log g, log z, log p. With m = n = 2 the integral zero,
-    the lead's zero and pole, and the roll-off; ``leak`` [rad/s] is the integrator's fixed pole.
+    with g, z and p positive. The parameters are log g, log z and log p. For m = n = 2 these are the
+    zero of the PI part, zero and pole of the lead, and the roll-off. ``leak`` [rad/s] is the size
+    of the fixed pole of the integrator.
     """
 
     leak: float
@@ -43,9 +45,10 @@ class LeadLag(Family):
 
     @classmethod
     def of(cls, K: Any) -> tuple[LeadLag, RealArray]:
-        """The family of a controller with real roots left of the axis, the slowest pole its leak.
+        """The family that contains a controller, and the controller's parameters.
 
-        Raises InputError for others.
+        Its roots must be real and not right of the imaginary axis; the slowest pole is the leak.
+        Raises InputError for other controllers.
         """
         import control
 
@@ -56,7 +59,7 @@ class LeadLag(Family):
         roots = np.concatenate([zeros, poles])
         if (
             not len(poles)
-            or (np.abs(roots.imag) > SAME * np.abs(roots)).any()
+            or (np.abs(roots.imag) > ROOT_TOLERANCE * np.abs(roots)).any()
             or roots.real.max() > 0
         ):
             raise InputError(
@@ -89,7 +92,7 @@ class LeadLag(Family):
 
     def parameters(self, K: StateSpace) -> RealArray:
         family, x = LeadLag.of(K)
-        near = abs(family.leak - self.leak) <= SAME * max(self.leak, family.leak)
+        near = abs(family.leak - self.leak) <= ROOT_TOLERANCE * max(self.leak, family.leak)
         if not near or (family.zeros, family.poles, family.sign) != (
             self.zeros,
             self.poles,
@@ -102,15 +105,16 @@ class LeadLag(Family):
         return np.ones_like(x)
 
     def _roots(self, x: RealArray) -> tuple[RealArray, RealArray]:
+        """Sizes of the zeros and of the poles, the leak first [rad/s]."""
         zeros, poles = np.split(np.exp(x[1:]), [self.zeros])
         return zeros, np.concatenate([[self.leak], poles])
 
 
 @dataclass(frozen=True)
 class PID(Family):
-    """K(s) = P + I / (s + leak) + D s / (T s + 1), one input and one output.
+    """K(s) = P + I / (s + leak) + D s / (T s + 1), with one input and one output.
 
-    Parameters are P, I, D, each over a unit of its own (``gains``), and log T.
+    The parameters are P, I and D, each divided by its own unit (``gains``), and log T.
     """
 
     gains: tuple[float, float, float]
@@ -118,7 +122,7 @@ class PID(Family):
 
     @classmethod
     def of(cls, P: float, I: float, D: float, T: float, leak: float = 0.0) -> tuple[PID, RealArray]:  # noqa: E741
-        """The family about given gains, and its parameters; T [s] and leak [rad/s]."""
+        """The family with units from given gains, and its parameters; T [s] and leak [rad/s]."""
         given = np.array([P, I, D], dtype=float)
         if not (np.isfinite(given).all() and T > 0.0 and leak >= 0.0 and given.any()):
             raise InputError(
@@ -126,7 +130,7 @@ class PID(Family):
                 "all zero, T positive, the leak not negative"
             )
         size = np.abs(given) / np.array([1.0, 1.0 / T, T])  # in units of P
-        size = np.maximum(size, LEAST_GAIN * size.max()) * np.array([1.0, 1.0 / T, T])
+        size = np.maximum(size, LEAST_GAIN_SHARE * size.max()) * np.array([1.0, 1.0 / T, T])
         units = tuple(float(each) for each in size)
         return cls((units[0], units[1], units[2]), leak), np.append(given / size, np.log(T))
 
@@ -162,11 +166,11 @@ class PID(Family):
                 "states; a PID one has one, one and two, so that neither I nor D may be zero: give "
                 "a small gain"
             )
-        if abs(-poles[1] - self.leak) > SAME * max(abs(poles[0]), self.leak):
+        if abs(-poles[1] - self.leak) > ROOT_TOLERANCE * max(abs(poles[0]), self.leak):
             raise InputError(f"the controller's slow pole is {poles[1]}, the family's {-self.leak}")
         T = -1.0 / poles[0]
         G = control.ss(K)
-        # Residues by values: three numbers determine P, I and D.
+        # Values of K at three points determine P, I and D.
         s = 1j / T * np.array([0.3, 1.0, 3.0])
         basis = np.stack([np.ones_like(s), 1 / (s + self.leak), s / (T * s + 1)], axis=1)
         values = np.array([complex(G(each)) for each in s])
@@ -181,18 +185,19 @@ class PID(Family):
 
 @dataclass(frozen=True)
 class Decentralised(Family):
-    """One controller with one input and one output for each channel: a diagonal K."""
+    """A diagonal K: a controller with one input and one output for each channel."""
 
     channels: tuple[Family, ...]
     counts: tuple[int, ...]
 
     @classmethod
     def of(cls, members: Sequence[tuple[Family, RealArray]]) -> tuple[Decentralised, RealArray]:
-        """From families with parameters, as their `of` gives them."""
+        """The family and its parameters from families and parameters as their `of` gives them."""
         families, parts = zip(*members, strict=True)
         return cls(tuple(families), tuple(len(x) for x in parts)), np.concatenate(parts)
 
     def _split(self, x: RealArray) -> list[RealArray]:
+        """The parameters of each channel."""
         return np.split(x, np.cumsum(self.counts)[:-1])
 
     def system(self, x: RealArray) -> StateSpace:
@@ -226,7 +231,7 @@ class Decentralised(Family):
 
 
 def _channel(K: StateSpace, i: int) -> StateSpace:
-    """One diagonal element without the states of the others; raises InputError for a coupled K."""
+    """One diagonal element of K without the states of the others; InputError for a coupled K."""
     import control
 
     for j in range(K.ninputs):
