@@ -1,4 +1,4 @@
-"""A lens on a spring behind a filter that a rotating disc disturbs, and records of it."""
+"""A lens on a spring, disturbed by a rotating disc and measured by a filter; records of it."""
 
 import control
 import numpy as np
@@ -7,16 +7,18 @@ from workbench.diagnosis import DisturbedPlant, Rotation
 from workbench.simulation import hold, sampled
 
 PERIOD = 1e-3
+"""Sample time [s]."""
 
 
 def lens():
-    """u, disturbance -> filtered position, position; 12 Hz and a filter at 80 Hz."""
+    """The lens (12 Hz) and its filter (80 Hz): u, disturbance -> filtered position, position."""
     a = [[0.0, 1.0, 0.0], [-((2 * np.pi * 12) ** 2), -25.0, 0.0], [500.0, 0.0, -500.0]]
     b = [[0.0, 0.0], [3000.0, -3000.0], [0.0, 0.0]]
     return sampled(control.ss(a, b, [[0, 0, 1.0], [1.0, 0, 0]], 0.0), PERIOD)
 
 
 def disturbed(rotation=None, coloured=False, beside=False):
+    """The model of the disturbed lens, with coloured noise and a motor beside it if asked for."""
     noise, motor = None, None
     if coloured:
         phi, _ = hold([[0.0, 1.0], [-4e4, -280.0]], np.zeros((2, 1)), PERIOD)
@@ -27,7 +29,7 @@ def disturbed(rotation=None, coloured=False, beside=False):
 
 
 def record(rotation=5.0, samples=4000, noise=0.0, seed=0, harmonics=(1.0,)):
-    """y, u, true position and disturbance of the lens: a sum of sines, and a known input."""
+    """A record of the lens: y, the known u, the true position, the disturbance (a sum of sines)."""
     rng = np.random.default_rng(seed)
     time = PERIOD * np.arange(samples)
     shape = [a * np.sin(2 * np.pi * h * rotation * time + h) for h, a in enumerate(harmonics, 1)]

@@ -1,4 +1,4 @@
-"""Models with faults for tests, and residuals computed from nothing but matrices."""
+"""Models with faults for tests, and residuals computed from their matrices alone."""
 
 import control
 import numpy as np
@@ -7,7 +7,7 @@ from workbench.diagnosis import FaultModel
 
 
 def random_model(seed, states=4, outputs=3, controls=1, disturbances=1, faults=2, dt=0.0):
-    """A model without structure; stable where sampled, else mostly."""
+    """A random model: always stable if sampled, mostly stable in continuous time."""
     rng = np.random.default_rng(seed)
     A = rng.standard_normal((states, states))
     if states:
@@ -32,7 +32,7 @@ def random_model(seed, states=4, outputs=3, controls=1, disturbances=1, faults=2
 
 
 def response_at(system, s, columns=None):
-    """C (s - A)^-1 B + D at one complex number."""
+    """The response C (s - A)^-1 B + D at one complex number s."""
     A, B, C, D = (np.asarray(getattr(system, part)) for part in "ABCD")
     if columns is not None:
         B, D = B[:, columns], D[:, columns]
@@ -40,7 +40,7 @@ def response_at(system, s, columns=None):
 
 
 def residual_at(Q, model, name, s):
-    """What r = Q [y; u] gets of one input at s."""
+    """The response at s from one input of the model to r = Q [y; u]."""
     G = response_at(model.system, s, [list(model.system.input_labels).index(name)])
     given = np.array([[name == u] for u in model.controls], dtype=float)
     return response_at(Q, s) @ np.vstack([G, given.reshape(len(model.controls), 1)])

@@ -12,7 +12,7 @@ from workbench.diagnosis.models.decoupling import Parity
 
 
 def polynomial_at(parity, s):
-    """N(s) of the outputs themselves, (rows, p), at a number that is not scaled."""
+    """The basis N(s) (rows, p) in the outputs' own units, at an s that is not scaled."""
     powers = [(s / parity.rate) ** np.arange(len(v)) for v in parity.basis]
     rows = [power @ v for power, v in zip(powers, parity.basis, strict=True)]
     return np.array(rows) / parity.y_units
@@ -56,7 +56,7 @@ def test_no_row_vanishes_at_a_zero_of_the_disturbance():
 
 
 def test_states_that_only_faults_reach_are_not_decoupled():
-    """Order 0 does for y = [u + f / (s + 1), u]: the pole is the fault's own."""
+    """Order 0 is enough for y = [u + f / (s + 1), u], because only the fault excites the pole."""
     system = control.ss(
         [[-1.0]], [[0.0, 1.0]], [[1.0], [0.0]], [[1.0, 0.0], [1.0, 0.0]], inputs=["u", "f"]
     )

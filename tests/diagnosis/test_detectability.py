@@ -138,7 +138,7 @@ def test_a_mode_that_only_faults_reach_makes_a_zero_of_the_residual():
 
 
 def test_what_masks_a_fault():
-    """d1 acts as f1 does, d2 elsewhere."""
+    """The disturbance d1 acts as f1 does, d2 acts elsewhere."""
     B = np.array([[1.0, 0.0, 2.0, 0.0], [0.0, 1.0, 0.0, 1.0], [0.0, 0.0, 0.0, 1.0]])
     system = control.ss(
         -np.diag([1.0, 2.0, 3.0]), B, np.eye(3), np.zeros((3, 4)), inputs=["d1", "d2", "f1", "f2"]

@@ -1,4 +1,4 @@
-"""What diagnosis is given that it cannot take: errors that name it."""
+"""Errors of diagnosis for unsuitable input, which name it."""
 
 import math
 
@@ -57,7 +57,7 @@ RAGGED = [[1.0], [1.0, 2.0]]
 
 
 def refused(cases):
-    """Parameters of a test from {name: (call, words of its message)}."""
+    """The parameters of a test, from {name: (call, words of its message)}."""
     return pytest.mark.parametrize(
         "call, words", [pytest.param(*case, id=name) for name, case in cases.items()]
     )

@@ -1,4 +1,4 @@
-"""The estimator of constant gain: its step, its open loop, the rotation followed, bad input."""
+"""The estimator of constant gain: its step, open loop, following of the rotation, bad input."""
 
 import time
 
@@ -25,7 +25,7 @@ def designed(rotation=None, decay=8.0, **parts):
 
 
 def reference(model, gain, y, u, quality):
-    """The same recursion with whole matrices and a rotation that stays."""
+    """The same recursion with whole matrices, for a constant rotation."""
     x, padded = np.zeros(len(model.A)), np.zeros(len(model.A))
     padded[: model.seen] = gain
     outputs, disturbance = [], []
@@ -113,7 +113,7 @@ def test_the_rotation_is_found_from_far(start):
 
 @pytest.mark.parametrize("rate", [0.25, 0.5, 1.0])
 def test_the_rotation_settles_at_the_stated_rate(rate):
-    """e'' + a e' + a g e = 0: the slow root for small errors, once the fast one has gone."""
+    """Small errors obey e'' + a e' + a g e = 0; they decay with its slow root in the end."""
     decay = 8.0
     y, u, _, _ = record(samples=16_000)
     rotation = Rotation(5.02, adaptation=rate)

@@ -1,4 +1,4 @@
-"""Residual evaluation and thresholds: the streaming definition against the formula, guarantees."""
+"""Residual evaluation and thresholds: streaming steps against formulas, and their guarantees."""
 
 import time
 
@@ -82,7 +82,7 @@ def test_a_level_below_the_noise_names_both():
 @settings(max_examples=30, deadline=None)
 @given(seeds, st.floats(0.0, 0.95), st.floats(0.01, 3.0))
 def test_the_bounds_cover_every_model_error_below_them(seed, decay, gain):
-    """Neither threshold is passed by a residual of a model error within its bound."""
+    """A residual of a model error within its bound passes neither threshold."""
     rng = np.random.default_rng(seed)
     v, samples = rng.standard_normal(120), 120
     h = gain * decay ** np.arange(samples) * rng.uniform(-1, 1, samples)

@@ -1,4 +1,4 @@
-"""Residual generators of least order: decoupled, stable, with the structure asked for."""
+"""Residual generators of least order: decoupled, stable, with the wanted structure."""
 
 import control
 import numpy as np
@@ -25,6 +25,7 @@ from workbench.diagnosis import (
 from workbench.errors import InputError, SolverError
 
 POINTS = (0.3 + 0.7j, 1.9 - 0.4j, 0.1 + 4.0j)
+"""Values of s or z at which residuals are computed from the matrices."""
 
 
 @settings(max_examples=30, deadline=None)
@@ -70,7 +71,7 @@ def test_strong_structures_react_at_their_frequencies():
 
 
 def test_the_published_residual_of_an_unstable_plant():
-    """Example 5.4 of Varga (2017): order 1, unique to its gain."""
+    """Example 5.4 of Varga (2017): the generator has order 1 and is unique up to its gain."""
     model = unstable_sensor()
     found = fault_detection(model, -3.0, omega=0.0)
     assert found.Q.nstates == 1

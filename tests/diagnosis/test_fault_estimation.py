@@ -1,4 +1,4 @@
-"""Fault estimation: agreement of methods, members of the set, requirements, what is refused."""
+"""Fault estimation: agreement of methods, members of the set, requirements, refused input."""
 
 import control
 import numpy as np

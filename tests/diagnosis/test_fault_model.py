@@ -1,4 +1,4 @@
-"""Faults of every kind enter where the equations say."""
+"""Faults of every kind enter a model as the equations state."""
 
 import control
 import numpy as np
@@ -33,7 +33,7 @@ def test_a_process_fault_is_equation_7_5():
 
 
 def test_a_parameter_of_one_entry_is_equation_7_2():
-    """A change of a_21 enters by I_2: with f = delta x_1 the model moves as the changed one."""
+    """A change of a_21 enters by I_2: with f = delta x_1 the model moves like the changed model."""
     dA = np.array([[0.0, 0.0], [1.0, 0.0]])
     model = MODEL.with_multiplicative_fault("stiffness", dA)
     assert model.faults == ("stiffness",)

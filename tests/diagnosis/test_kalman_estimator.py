@@ -1,4 +1,4 @@
-"""The Kalman filter whose noise follows the quality, against recursions and least squares."""
+"""The Kalman filter with noise given by the quality, against recursions and least squares."""
 
 import time
 
@@ -24,7 +24,7 @@ def variance(quality):
 
 
 def recursion(kalman, y, u, quality):
-    """The textbook's recursion with whole matrices: outputs (N, z), gains (N, seen)."""
+    """The textbook recursion with whole matrices: its outputs (N, z) and gains (N, seen)."""
     model, n = kalman.model, kalman.model.seen
     A, B, C, Z = model.A[:n, :n], model.B[:n], model.C[:n], model.Z[:, :n]
     x, P, outputs, gains = np.zeros(n), kalman.stationary, [], []
@@ -43,7 +43,7 @@ def recursion(kalman, y, u, quality):
 
 
 def simulated(kalman, samples, seed, quality):
-    """A record that is what the filter believes, and the state behind it."""
+    """A record made by the filter's own model, and the true state."""
     rng, model, n = np.random.default_rng(seed), kalman.model, kalman.model.seen
     root = np.linalg.cholesky(kalman.Q + 1e-18 * np.eye(n))
     x = np.linalg.cholesky(kalman.stationary) @ rng.standard_normal(n)
@@ -81,7 +81,7 @@ def test_stationary_covariance_is_where_the_recursion_ends():
 
 
 def test_a_short_record_against_weighted_least_squares():
-    """The last estimate is that of one least-squares problem over all states and noises."""
+    """The last estimate solves one least-squares problem over all states and noises."""
     samples = 30
     kalman = filtering()
     model, n = kalman.model, kalman.model.seen

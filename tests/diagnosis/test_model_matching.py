@@ -20,7 +20,7 @@ LOW_PASS = realisation((-10 * np.eye(2), np.eye(2), 10 * np.eye(2), np.zeros((2,
 
 
 def with_faults_and_noise(G_f, G_w):
-    """y = G_f f + G_w w, for a row of faults and one of noises."""
+    """The model y = G_f f + G_w w with a row of faults and a row of noises."""
     faults = [f"f{k}" for k in range(len(G_f))]
     noise = [f"w{k}" for k in range(len(G_w))]
     system = control.ss(control.combine_tf([[*G_f, *G_w]]), inputs=[*faults, *noise], outputs=["y"])

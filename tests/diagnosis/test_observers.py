@@ -1,4 +1,4 @@
-"""Observer gains: poles where they were wanted, whatever the scaling, and what has no gain."""
+"""Observer gains place the wanted poles in any scaling; plants that have no gain are named."""
 
 import numpy as np
 import pytest
@@ -12,6 +12,7 @@ from workbench.diagnosis.estimators.observers import placement_residual
 from workbench.errors import InputError
 
 PERIOD = 1 / 35e3
+"""Sample time [s]."""
 
 
 def chain(n, rng):

@@ -11,10 +11,11 @@ from workbench.diagnosis import FaultModel, parity_relation
 from workbench.errors import InputError
 
 ORDER = 4
+"""Samples before the present one in the window of a parity relation."""
 
 
 def recorded(model, rng, steps=40, quiet=()):
-    """Inputs by name and outputs of a run from a random state."""
+    """The inputs, by name, and the outputs of a simulation from a random state."""
     inputs = {
         name: rng.standard_normal(steps) * (name not in quiet) for name in model.system.input_labels
     }
@@ -65,7 +66,7 @@ def test_the_filter_is_the_sum():
 
 
 def test_no_other_vector_has_a_smaller_index():
-    """Disturbances as many as outputs: the index is that of a generalised eigenvalue."""
+    """With as many disturbances as outputs the index follows from a generalised eigenvalue."""
     model = random_model(8, 3, 2, 1, 2, 1, 0.1)
     relation = parity_relation(model, ORDER)
     assert relation.index > 0.0

@@ -1,4 +1,4 @@
-"""False alarms, missed faults, delays and ROC curves against counting by hand and SciPy."""
+"""False alarms, missed faults, delays and ROC curves, against counts by hand and SciPy."""
 
 import numpy as np
 import pytest

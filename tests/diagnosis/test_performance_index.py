@@ -1,4 +1,4 @@
-"""The index of equation 7.23 against dense grids and by hand."""
+"""The index of equation 7.23 against dense grids and results by hand."""
 
 import control
 import numpy as np
@@ -69,7 +69,7 @@ def test_decoupled_disturbances_have_the_index_0():
 
 
 def test_faults_that_vanish_in_the_range_make_it_infinite():
-    """f through s^2 + 4 over (s + 1)^2, nothing at 2 rad/s."""
+    """The fault enters by (s^2 + 4) / (s + 1)^2, which is 0 at 2 rad/s."""
     s = control.tf("s")
     row = control.combine_tf([[1 / (s + 1), (s**2 + 4) / (s + 1) ** 2]])
     model = FaultModel(control.ss(row, inputs=["d", "f"]), (), ("d",), ("f",))

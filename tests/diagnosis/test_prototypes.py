@@ -1,4 +1,4 @@
-"""Prototype poles against SciPy, the printed ones, and the integral that ITAE is to make least."""
+"""Prototype poles against SciPy, against printed ones, and against the least ITAE integral."""
 
 import numpy as np
 import pytest
@@ -12,10 +12,11 @@ from workbench.diagnosis.estimators.prototypes import ITAE
 from workbench.errors import InputError
 
 TIME = np.linspace(0.0, 40.0, 4001)
+"""Times [s] of the step responses."""
 
 
 def cost(inner):
-    """Integral of t |1 - y(t)| of 1 / (s^n + ... + 1), its inner coefficients given."""
+    """The integral of t |1 - y(t)| for 1 / (s^n + ... + 1) with the given inner coefficients."""
     polynomial = np.array([1.0, *inner, 1.0])
     if np.roots(polynomial).real.max() >= 0.0:
         return 1e3
@@ -33,6 +34,7 @@ EXCESS = [
     pytest.param(7, 1.42, marks=SLOW),
     pytest.param(8, 1.42, marks=SLOW),
 ]
+"""Orders, and the largest ratio of the printed polynomial's integral to the least one."""
 
 
 @pytest.mark.parametrize("order, excess", EXCESS)

@@ -1,4 +1,4 @@
-"""Residuals with noise of gain 1: by hand, against other generators, and published gaps."""
+"""Residuals with noise of gain 1: against results by hand, other generators, published gaps."""
 
 import control
 import numpy as np
@@ -24,7 +24,7 @@ def scalar(noise_zero, direct=1.0):
 
 
 def noisy(seed, dt=0.0):
-    """Two outputs, a control, two faults, three noises, two of them at the outputs."""
+    """A model with two outputs, a control, two faults and three noises, two at the outputs."""
     model = random_model(seed, 3, 2, 1, 0, 3, dt)
     faults, noise = model.faults[:2], model.faults[2:]
     model = FaultModel(model.system, model.controls, (), faults, noise).with_sensor_faults()

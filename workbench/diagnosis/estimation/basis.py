@@ -1,10 +1,11 @@
-"""Filters over a fixed stable basis: a convex problem for given multipliers.
+"""Filters over a fixed stable basis, by a convex problem for given multipliers.
 
 A filter u_f = (C (sI - A)^-1 B + D) y enters every channel affinely, and for given multipliers D, G
-the bound of mixed mu is convex in the channel. So C and D that lower the largest bound over a grid
-are a semidefinite program, and multipliers for them the mu upper bound: in turn, both only lower
-it. Channels are bounded each on its own, at their own frequencies, and certified between those of
-the grid; where that shows more, the next grid has it.
+the upper bound of mixed mu is convex in the channel. Two steps alternate. A semidefinite program
+finds the C and D with the least largest bound over a grid of frequencies; the mu upper bound then
+finds new multipliers for that filter. Neither step can raise the bound. Every channel has its own
+bound on its own grid. After each round the peak is certified between grid points as well; the
+frequency of that peak joins the next grid.
 """
 
 from __future__ import annotations
@@ -25,35 +26,41 @@ from workbench.systems.frequency_grid import frequencies_of
 from workbench.systems.generalised_plant import response
 from workbench.systems.realisation import realisation
 
-ROUNDS = 15
-SETTLED, PATIENCE = 1e-3, 3
-"""Relative fall of the peak, in so many rounds, below which it counts as settled."""
+MOST_ROUNDS = 15
+"""Largest number of rounds of the two steps."""
+SETTLED_FALL, PATIENCE = 1e-3, 3
+"""The iteration ends when the peak falls by less than this share in this number of rounds."""
 
 
 @dataclass(frozen=True, eq=False)
 class Basis:
-    """Filters C (sI - A)^-1 B + D of given A (n, n) and B (n, p)."""
+    """All filters C (sI - A)^-1 B + D with the given A (n, n) and B (n, p)."""
 
     A: Array
     B: Array
     outputs: int
 
     def response(self, omega: Array) -> Array:
-        """[(j omega - A)^-1 B; I] (F, n + p, p)."""
+        """Response [(j omega - A)^-1 B; I] of the basis at `omega` [rad/s] (F,): (F, n + p, p)."""
         n, p = self.B.shape
         system = realisation((self.A, self.B, np.eye(n), np.zeros((n, p))), 0.0)
         states = response(system, omega) if n else np.zeros((len(omega), 0, p))
         return np.concatenate([states, np.broadcast_to(np.eye(p), (len(omega), p, p))], axis=1)
 
     def filter(self, parameters: Array) -> StateSpace:
-        """The filter of [C D] (outputs, n + p)."""
+        """The filter with the parameters [C D], an array (outputs, n + p)."""
         n = len(self.A)
         return realisation((self.A, self.B, parameters[:, :n], parameters[:, n:]), 0.0)
 
 
 @dataclass(frozen=True, eq=False)
 class Constraint:
-    """t D_r >= M^H D_l M + j (G M - M^H G^H), M = M0 + U [C D] V, at frequencies (F,)."""
+    """The bound of one channel at its frequencies (F,), an inequality in the filter's [C D] and t.
+
+    t D_r >= M^H D_l M + j (G M - M^H G^H),    M = M0 + U [C D] V
+
+    `bound` has the multipliers D_l, D_r and G at each frequency.
+    """
 
     M0: Array
     U: Array
@@ -64,7 +71,10 @@ class Constraint:
     def of(
         cls, program: FaultEstimation, K: StateSpace, basis: Basis, channel: Channel, more: Array
     ) -> Constraint:
-        """At the frequencies that the loop of K asks for, and some more [rad/s]."""
+        """The constraint of a channel, with the multipliers of the loop closed by the filter K.
+
+        Its frequencies are those that resolve that loop, the ends of the band, and `more` [rad/s].
+        """
         loop = program.loop(K, channel)
         low, high = channel.band
         own = frequencies_of(loop.system)
@@ -82,7 +92,7 @@ class Constraint:
 
 @method(FaultEstimation, "basis", optimal=False)
 def _basis(program: FaultEstimation, context: Context) -> Claim:
-    """C and D of the start (of method "riccati"): largest bound of each channel over the set."""
+    """Least worst bound on the set, over the poles of the start or of "riccati"; convex steps."""
     start = program.start
     if start is None:
         found, outcome, said = nominal_filter(program, context, "riccati")
@@ -95,7 +105,7 @@ def _basis(program: FaultEstimation, context: Context) -> Claim:
     history = [best.upper]
     beside: list[list[float]] = [[] for _ in program.channels]
     said = ""
-    for _ in context.rounds(ROUNDS, "basis"):
+    for _ in context.rounds(MOST_ROUNDS, "basis"):
         constraints = [
             Constraint.of(program, best.K, basis, channel, np.array(more))
             for channel, more in zip(program.channels, beside, strict=True)
@@ -111,7 +121,7 @@ def _basis(program: FaultEstimation, context: Context) -> Claim:
             best = trial
         history.append(best.upper)
         context.record({"peak": best.upper})
-        if len(history) > PATIENCE and history[-1] > (1 - SETTLED) * history[-1 - PATIENCE]:
+        if len(history) > PATIENCE and history[-1] > (1 - SETTLED_FALL) * history[-1 - PATIENCE]:
             break
     return program.answer(best.K, tuple(history)), Outcome.SOLVED, said
 
@@ -119,11 +129,11 @@ def _basis(program: FaultEstimation, context: Context) -> Claim:
 def _step(
     constraints: list[Constraint], basis: Basis, context: Context
 ) -> tuple[Array | None, Outcome, str]:
-    """[C D] of the least t that all constraints allow."""
+    """The parameters [C D] with the least t that all constraints allow, and the solver's claim."""
     import cvxpy as cp
 
     with context.stating():
-        # Unknowns in which the basis is orthonormal over the grid.
+        # The unknowns x are scaled so that the basis is orthonormal over the grid.
         stacked = np.concatenate([each.V.transpose(0, 2, 1).reshape(-1, each.V.shape[1])
                                   for each in constraints])  # fmt: skip
         parts = np.vstack([stacked.real, stacked.imag])

@@ -13,18 +13,19 @@ from workbench.synthesis.hinf.program import HinfSynthesis
 from workbench.synthesis.mu.program import MuSynthesis
 
 ITERATIONS = ("dk", "mu-dk", "dgk")
-NO_BETTER = 2e-3
-"""Distance from the norm of u_f = 0, relative, within which a filter is of no use."""
+"""Methods of `MuSynthesis` that estimation offers under the same names."""
+USELESS_FILTER_MARGIN = 2e-3
+"""A filter is of no use if its norm is less than this share below the norm without a filter."""
 
 
 def nominal_filter(program: FaultEstimation, context: Context, name: str) -> Claim:
-    """The filter of least stacked norm without uncertainty, by a method of `HinfSynthesis`."""
+    """The filter of least stacked norm on the nominal plant, by a method of `HinfSynthesis`."""
     synthesis = HinfSynthesis(program.nominal)
     found, outcome, said = find_method(synthesis, name).answer(synthesis, context)
     if found is None:
         return None, outcome, said
     without = certified_norm(_unfiltered(program))
-    if found.norm > (1.0 - NO_BETTER) * without:
+    if found.norm > (1.0 - USELESS_FILTER_MARGIN) * without:
         said = (
             f"no filter does better than u_f = 0, whose norm is {without:.4g}: with these weights "
             f"faults cannot be told from disturbances; {said}"
@@ -45,10 +46,13 @@ def _conic(program: FaultEstimation, context: Context, solver: ConicSolver) -> C
 
 
 def _certain(program: FaultEstimation) -> str | None:
+    """Why mu synthesis cannot take a program: its plant has no uncertainty. None if it can."""
     return None if program.plant.structure else "its plant has no uncertainty; take riccati"
 
 
 def _iteration(name: str) -> None:
+    """Register the method of `MuSynthesis` with this name for fault estimation."""
+
     def iterate(program: FaultEstimation, context: Context) -> Claim:
         synthesis = MuSynthesis(program.plant, start=program.start)
         found, outcome, said = find_method(synthesis, name).answer(synthesis, context)
@@ -66,7 +70,7 @@ for _name in ITERATIONS:
 
 
 def _unfiltered(program: FaultEstimation) -> Any:
-    """(w_d, w_f) -> z of the nominal plant with u_f = 0."""
+    """The nominal plant from (w_d, w_f) to z without a filter: u_f = 0."""
     nominal = program.nominal
     return nominal.close(_zero(nominal.controls, nominal.measurements))
 

@@ -32,13 +32,14 @@ from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import GeneralisedPlant, Signals
 from workbench.systems.storage import restored, stored
 
-TOLERANCE = 1e-3
-"""Of certified peaks, relative."""
-ROUNDING = 1e-9
+PEAK_TOLERANCE = 1e-3
+"""Relative width of the interval that certifies a peak."""
+LOWER_BOUND_ROUNDING = 1e-9
+"""Share by which rounding may lift a claimed lower bound above the certified upper bound."""
 
 
 class Channel(NamedTuple):
-    """A requirement in the weighted plant: its exogenous inputs, by number, at frequencies."""
+    """A requirement in the weighted plant: its exogenous inputs, by number, its band [rad/s]."""
 
     name: str
     inputs: tuple[int, ...]
@@ -47,11 +48,12 @@ class Channel(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class FaultFilter:
-    """u_f = K y with certified bounds for the whole set of plants, as shares of what is required.
+    """A filter u_f = K y with certified bounds of its errors on the whole set of plants.
 
-    ``peaks`` (requirements, 2): the lower and upper bound of each; ``stacked`` (2,): of all at
-    once, at all frequencies. ``least``: no lower norm of all at once was found for the nominal
-    plant (NaN: not looked for).
+    Bounds are divided by those required: a peak below 1 meets its requirement. ``peaks``
+    (requirements, 2) has the lower and the upper bound of every requirement. ``stacked`` (2,) has
+    those of all requirements together, at all frequencies. ``least`` is the least norm of all
+    requirements together that was found for the nominal plant; NaN if none was looked for.
     """
 
     K: StateSpace
@@ -63,16 +65,18 @@ class FaultFilter:
 
     @property
     def upper(self) -> float:
+        """The largest upper bound of a requirement."""
         return float(self.peaks[:, 1].max())
 
     @property
     def lower(self) -> float:
+        """The largest lower bound of a requirement."""
         return float(self.peaks[:, 0].max())
 
 
 @dataclass(frozen=True, eq=False, init=False)
 class FaultEstimation(Program):
-    """The stable K that meets its requirements best, for every plant of the set.
+    """The stable filter K that meets its requirements best, for every plant of the set.
 
         z = f - K y,    ||W_i w_i -> z|| < bound_i  at frequencies of band_i
 
@@ -84,14 +88,17 @@ class FaultEstimation(Program):
     Parameters
     ----------
     plant
-        What the filter sits on, a controller included where there is one: stable, (perturbation,
-        disturbances and faults) -> (perturbation, measurements); no controls and no performance.
+        The plant that the filter observes, stable, its controller included if it has one. Its
+        inputs are (perturbation, disturbances and faults), its outputs (perturbation,
+        measurements); it has no controls and no performance outputs.
     faults
         Names or numbers of the exogenous inputs to be estimated.
     requirements
-        Of faults and of disturbances; by default both, each with weight and bound 1.
+        What the error may be for faults and for disturbances. None: one requirement for the
+        faults and one for the disturbances, each with weight and bound 1.
     start
-        A filter whose poles and input matrix method "basis" keeps; None: that of method "riccati".
+        A filter. Method "basis" keeps its poles and its input matrix. None: the filter of method
+        "riccati".
 
     Raises
     ------
@@ -141,15 +148,15 @@ class FaultEstimation(Program):
         return self.plant.nominal()
 
     def loop(self, K: StateSpace, channel: Channel | None = None) -> GeneralisedPlant:
-        """(perturbation, w) -> (perturbation, z), of one channel or of all."""
+        """The plant closed by a filter, (perturbation, w) -> (perturbation, z); None: every w."""
         closed = GeneralisedPlant(self.plant.close(K), self.plant.structure, 0, 0)
         return closed if channel is None else closed.channel(None, list(channel.inputs))
 
     def certified(self, K: StateSpace, channel: Channel | None = None) -> Peak:
-        """The peak of one channel, or of all together, of a stable filter."""
+        """The certified peak that a stable filter has in one channel; None: in all together."""
         loop = self.loop(K, channel)
         band = EVERYWHERE if channel is None else channel.band
-        return peak(loop.system, loop.performance_structure, TOLERANCE, band=band)
+        return peak(loop.system, loop.performance_structure, PEAK_TOLERANCE, band=band)
 
     def answer(
         self, K: StateSpace, history: tuple[float, ...] = (), least: float = math.nan
@@ -179,9 +186,11 @@ class FaultEstimation(Program):
             name = TOGETHER if channel is None else channel.name
             again = self.certified(K, channel).upper
             statement = "certified supremum of mixed mu over the claimed bound, less 1"
-            found.append(Check(f"{name}: peak", statement, again / upper - 1, TOLERANCE))
+            found.append(Check(f"{name}: peak", statement, again / upper - 1, PEAK_TOLERANCE))
             statement = "claimed lower over certified upper bound, less 1"
-            found.append(Check(f"{name}: lower", statement, lower / again - 1, ROUNDING))
+            found.append(
+                Check(f"{name}: lower", statement, lower / again - 1, LOWER_BOUND_ROUNDING)
+            )
         return found
 
     def metrics(self, answer: FaultFilter) -> dict[str, float]:

@@ -22,30 +22,34 @@ from workbench.systems.generalised_plant import (
 )
 
 EVERYWHERE = (0.0, math.inf)
+"""The band [rad/s] of a requirement that holds at all frequencies."""
 TOGETHER = "all together"
-"""What all requirements at once are called in results."""
-BLIND = 1e-9
-"""Share of the largest response below which a fault is not seen."""
+"""Name in results of all requirements taken together."""
+UNSEEN_FAULT_SHARE = 1e-9
+"""A fault is not seen if its response is below this share of the largest fault's response."""
 
 
 @dataclass(frozen=True, eq=False)
 class Requirement:
-    """||W w -> z|| < bound where W w drives disturbances or faults.
+    """A bound on the error z for some disturbances or faults: ||W w -> z|| < bound.
+
+    The norm is that of the map from w to z, in which W w drives those disturbances or faults.
 
     Parameters
     ----------
     name
-        What it is called in results.
+        Its name in results.
     signals
-        Names or numbers of the plant's exogenous inputs that it is about.
+        Names or numbers of the exogenous inputs that the requirement is about.
     weight
-        W, stable: a system, or a number or single channel for each signal.
+        W, stable: a system with an output for each signal; or a number or a system with one
+        output, which then weights every signal alike.
     bound
-        In units of the fault.
+        Largest norm of the error, in units of the fault.
     band
-        Frequencies [rad/s] at which it must hold, from and to.
+        Lowest and highest frequency [rad/s] at which the requirement must hold.
 
-    Raises InputError for a bound that is not positive and a band that is none.
+    Raises InputError for a bound that is not positive, or a band that is not two frequencies.
     """
 
     name: str
@@ -69,7 +73,10 @@ class Requirement:
 def estimation_plant(
     plant: GeneralisedPlant, faults: Signals, requirements: Sequence[Requirement] | None
 ) -> tuple[GeneralisedPlant, Sequence[Requirement], list[int]]:
-    """(perturbation, w, u_f) -> (perturbation, z, y), the requirements, and where their w begin.
+    """The weighted plant of a fault estimation, its requirements, and where their inputs w begin.
+
+    The plant maps (perturbation, w, u_f) to (perturbation, z, y). The requirement i has the inputs
+    w from the number ends[i] to ends[i + 1].
 
     Raises InputError as `FaultEstimation`.
     """
@@ -131,7 +138,7 @@ def estimation_plant(
 
 
 def _need_requirements(requirements: Any) -> None:
-    """Raise InputError for what are no requirements, each with a name of its own."""
+    """Raise InputError unless these are requirements, each with a name of its own."""
     if not isinstance(requirements, list | tuple):
         raise InputError(f"requirements are {requirements!r}; a list of Requirement is needed")
     for each in requirements:
@@ -145,14 +152,14 @@ def _need_requirements(requirements: Any) -> None:
 
 
 def names_of(plant: GeneralisedPlant, signals: Signals) -> list[str]:
-    """Names of some exogenous inputs of a plant, or of all."""
+    """The names of the given exogenous inputs of a plant; of all of them for None."""
     chosen = plant.channel(None, signals)
     labels = list(chosen.system.input_labels)
     return labels[len(labels) - chosen.controls - chosen.exogenous : len(labels) - chosen.controls]
 
 
 def _need_filtered(plant: Any) -> None:
-    """Raise InputError for a plant that no filter can sit on."""
+    """Raise InputError for a plant that no filter can observe."""
     need_plant(plant)
     if plant.controls or plant.performance or not plant.measurements:
         raise InputError(
@@ -174,16 +181,19 @@ def _need_filtered(plant: Any) -> None:
 
 
 def _shown(plant: GeneralisedPlant, faults: list[str]) -> None:
-    """Raise InputError where the measurements do not show the faults, or not apart."""
+    """Raise InputError if the measurements do not show a fault, or cannot tell faults apart."""
     system = plant.system
     omega = frequencies_of(system)
     measured = response(system, omega)[:, system.noutputs - plant.measurements :, -len(faults) :]
     size = np.abs(measured).max(axis=(0, 1))
     for name, largest in zip(faults, size, strict=True):
-        if not largest > BLIND * size.max(initial=0.0):
+        if not largest > UNSEEN_FAULT_SHARE * size.max(initial=0.0):
             raise InputError(f"no measurement shows the fault {name!r}: it cannot be estimated")
     values = np.linalg.svd(measured / size, compute_uv=False)
-    if len(faults) > plant.measurements or not (values[:, -1] > BLIND * values[:, 0]).any():
+    if (
+        len(faults) > plant.measurements
+        or not (values[:, -1] > UNSEEN_FAULT_SHARE * values[:, 0]).any()
+    ):
         raise InputError(
             f"the faults {faults} cannot be told from each other by {plant.measurements} "
             "measurements: their responses are linearly dependent at every frequency"

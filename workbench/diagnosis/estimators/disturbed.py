@@ -19,17 +19,17 @@ from workbench.heavy_types import StateSpace
 
 @dataclass(frozen=True, eq=False)
 class DisturbedPlant:
-    """What an estimator of positions and disturbances believes.
+    """The model on which an estimator of positions and disturbances is based.
 
-    plant     discrete; inputs: the known u and the disturbance; outputs: the measured y and then
-              whatever is to be estimated; strictly proper;
+    plant     discrete and strictly proper; inputs: the known u and the disturbance; outputs: the
+              measured y, then whatever else is to be estimated;
     rotation  the disturbance: the sum of the first states of the oscillators;
     colour    discrete, driven by white noise of variance 1, its output added to y; or None;
-    beside    discrete, stable, driven by u alone, its outputs estimated too: what moves with u and
-              does not show in y; or None.
+    beside    discrete and stable, driven by u alone, for what moves with u and does not show in
+              y; its outputs are estimated too; or None.
 
-    The state is (plant, oscillators, colour, beside). Raises InputError when something does not
-    fit or an observable part is missing (it names the mode).
+    The state is (plant, oscillators, colour, beside). Raises InputError if something does not
+    fit, or if a mode does not show in y; the message names the mode.
     """
 
     plant: StateSpace
@@ -87,7 +87,7 @@ class DisturbedPlant:
 
     @property
     def slices(self) -> tuple[slice, slice, slice, slice]:
-        """Where plant, oscillators, colour and what is beside stand in the state."""
+        """The places in the state of plant, oscillators, colour and beside."""
         sizes = [self.plant.nstates, 2 * len(self.rotation.harmonics)]
         sizes += [0 if one is None else one.nstates for one in (self.colour, self.beside)]
         ends = accumulate(sizes, initial=0)
@@ -96,12 +96,12 @@ class DisturbedPlant:
 
     @property
     def seen(self) -> int:
-        """How many states, the first ones, the measurement shows."""
+        """How many states the measurement shows; they are the first ones."""
         return self.slices[2].stop
 
     @cached_property
     def A(self) -> RealArray:
-        """Transition (n, n) at the rotation's own frequency."""
+        """The transition matrix (n, n) over a sample, at the rotation's own frequency."""
         plant, turning, _, _ = self.slices
         parts = [self.plant.A, self.rotation.oscillators(self.period)]
         parts += [one.A for one in (self.colour, self.beside) if one is not None]
@@ -111,7 +111,7 @@ class DisturbedPlant:
 
     @cached_property
     def B(self) -> RealArray:
-        """Effect of u (n,)."""
+        """The effect (n,) of u on the next state."""
         effect = np.zeros(len(self.A))
         effect[self.slices[0]] = self.plant.B[:, 0]
         if self.beside is not None:
@@ -120,7 +120,7 @@ class DisturbedPlant:
 
     @cached_property
     def C(self) -> RealArray:
-        """Measurement (n,), its coloured noise included."""
+        """The row (n,) that gives the measurement, its coloured noise included."""
         row = np.zeros(len(self.A))
         row[self.slices[0]] = self.plant.C[0]
         if self.colour is not None:
@@ -129,8 +129,11 @@ class DisturbedPlant:
 
     @cached_property
     def Z(self) -> RealArray:
-        """What is estimated (z, n): outputs of the plant, y without its noise the first, and of
-        what is beside."""
+        """The rows (z, n) that give the estimated outputs.
+
+        The outputs of the plant come first, beginning with y without its noise; then those of
+        `beside`.
+        """
         rows = [self.plant.C, np.zeros((0, self.seen - self.plant.nstates))]
         rows += [] if self.beside is None else [self.beside.C]
         outputs: RealArray = block_diag(*rows)
@@ -138,13 +141,13 @@ class DisturbedPlant:
 
     @cached_property
     def disturbance(self) -> RealArray:
-        """The disturbance (n,): the sum of the first states of the oscillators."""
+        """The row (n,) that gives the disturbance, the sum of the oscillators' first states."""
         row = np.zeros(sum(part.stop - part.start for part in self.slices))
         row[self.slices[1]][::2] = 1.0
         return row
 
 
 def need_model(model: Any) -> None:
-    """Raise InputError where something else is given in a DisturbedPlant's place."""
+    """Raise InputError unless the model is a DisturbedPlant."""
     if not isinstance(model, DisturbedPlant):
         raise InputError(f"model must be a DisturbedPlant, not {type(model).__name__}")

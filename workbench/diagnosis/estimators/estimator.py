@@ -1,4 +1,4 @@
-"""Positions and disturbances estimated sample by sample, as far as the measurement can be trusted.
+"""Estimators of positions and disturbances, corrected by the measurement as far as it is trusted.
 
     corrected:   x^ + w M (y - C x^)          w: quality of the measurement, 0 to 1
     predicted:   A x^ + B u
@@ -33,14 +33,15 @@ from workbench.input_checks import as_array, need_numbers
 from workbench.simulation import Controller, play
 
 MEASURED = ("measurement", "input", "quality")
-"""What a streaming estimator is given each sample: y, the u that acts from this sample to the next,
-and the quality of y."""
+"""Inputs of a streaming estimator at each sample: y, the u that acts until the next sample, and the
+quality of y."""
 
 
 class Estimate(NamedTuple):
-    """An estimator over a record of N samples; each value from what was known at that sample.
+    """Estimates over a record of N samples; each uses the record up to its own sample only.
 
-    outputs (N, z) as `DisturbedPlant.Z`; disturbance (N,); frequency of the rotation (N,) [Hz].
+    outputs (N, z) in the order of `DisturbedPlant.Z`; disturbance (N,); frequency (N,) [Hz] of the
+    rotation.
     """
 
     outputs: RealArray
@@ -52,9 +53,10 @@ class Estimate(NamedTuple):
 class Estimator:
     """An observer of a disturbed plant with constant gain, scaled by the quality of its input.
 
-    model  what it believes; gain M (seen,) of the correction, see the module.
+    model  of the plant and its disturbance;
+    gain   M (seen,) of the correction in the module's first equation.
 
-    Raises InputError when the gain has another shape or leaves the observer unstable.
+    Raises InputError if the gain has another shape or leaves the observer unstable.
     """
 
     model: DisturbedPlant
@@ -71,9 +73,9 @@ class Estimator:
             raise InputError(f"the observer with this gain is unstable: |z| = {radius:.6g}")
 
     def poles(self, quality: float = 1.0) -> ComplexArray:
-        """Discrete poles (seen,) of the observer at a quality that stays, 0 to 1.
+        """The discrete poles (seen,) of the observer at a constant quality, 0 to 1.
 
-        A gain that is stable whole need not be so in part: look at the qualities between.
+        An observer that is stable at quality 1 may be unstable at a lower one: check those too.
         """
         need_numbers(quality=quality)
         if not 0.0 <= quality <= 1.0:
@@ -84,7 +86,7 @@ class Estimator:
 
     @cached_property
     def controller(self) -> Controller:
-        """The streaming estimator: `MEASURED` -> outputs (z,), disturbance, frequency [Hz].
+        """The streaming estimator, from `MEASURED` to outputs (z,), disturbance and frequency [Hz].
 
         A quality outside 0 to 1 makes its outputs NaN, which every run reports.
         """
@@ -98,7 +100,7 @@ class Estimator:
 
 
 def placed(model: DisturbedPlant, poles: ArrayLike) -> Estimator:
-    """The estimator whose `seen` poles are these discrete ones; InputError as `observer_gain`."""
+    """The estimator with these discrete poles (seen,); raises InputError as `observer_gain`."""
     need_model(model)
     n = model.seen
     A, C = model.A[:n, :n], model.C[None, :n]
@@ -109,9 +111,10 @@ def placed(model: DisturbedPlant, poles: ArrayLike) -> Estimator:
 def estimate(
     controller: Controller, measurement: ArrayLike, known: ArrayLike, quality: ArrayLike
 ) -> Estimate:
-    """Run a streaming estimator over a record: y, u and quality, each (N,).
+    """The estimates of a streaming estimator over a record of y, u and quality, each (N,).
 
-    Raises InputError for lengths that differ, values that are not finite, a quality outside 0 to 1.
+    Raises InputError for lengths that differ, values that are not finite, or a quality outside 0
+    to 1.
     """
     given = dict(zip(MEASURED, (measurement, known, quality), strict=True))
     columns = [as_array(values, f"the {name}") for name, values in given.items()]

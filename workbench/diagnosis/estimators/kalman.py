@@ -2,13 +2,15 @@
 
     R(w) = r^2 + d^2 (1/w^2 - 1)
 
-r: white noise of a good measurement; d: what a bad one may be off by. At quality 0 nothing is
-learnt. With the covariance P of the prediction x^,
+w is the quality, r the standard deviation of the white noise of a good measurement, and d the error
+that a bad one may have. At quality 0 the measurement is not used. The covariance P of the
+prediction x^,
 
     S = C P C' + R(w),   M = P C' / S,   P := A (P - M C P) A' + Q        (Kalman, 1960)
 
-is run on line, for the gain has to grow while nothing is learnt and to fall again afterwards; it
-rests where it has settled. A sample of nine states costs three times what it does at rest.
+is computed at every sample, because the gain must grow while no measurement is used and fall again
+afterwards. It is computed no longer once the gain has settled; a sample of nine states then takes a
+third of the time.
 """
 
 from __future__ import annotations
@@ -37,24 +39,24 @@ from workbench.errors import InputError, SolverError
 from workbench.input_checks import need_numbers
 from workbench.simulation import Controller
 
-SETTLED = 1e-9
-"""Relative change of the gain a sample at which the covariance rests."""
-DOUBLINGS = 60
-"""Of the horizon of a stationary covariance; far fewer do."""
-SOLVED = 1e-6
-"""Largest relative residual of the stationary covariance."""
+SETTLED_GAIN_CHANGE = 1e-9
+"""The covariance is kept once the gain changes by less than this share in a sample."""
+MOST_DOUBLINGS = 60
+"""Largest number of doublings of the horizon; a stationary covariance needs far fewer."""
+COVARIANCE_RESIDUAL = 1e-6
+"""Largest relative residual of the stationary covariance in its equation."""
 
 
 @dataclass(frozen=True)
 class Noise:
-    """Standard deviations a sample of what is white.
+    """Standard deviations of white noises at each sample.
 
-    known        of the input u of the plant, in its unit;
-    disturbance  of the steps of every oscillator state, in the unit of the disturbance;
-    measurement  r of y at quality 1; defect: d, that at quality w adds d sqrt(1/w^2 - 1);
-                 both in the unit of y. The coloured noise is the model's.
+    known        noise on the input u of the plant, in the unit of u;
+    disturbance  steps of every oscillator state, in the unit of the disturbance;
+    measurement  r, noise of y at quality 1, in the unit of y; coloured noise is in the model;
+    defect       d, in the unit of y; a quality w adds the noise d sqrt(1/w^2 - 1) to y.
 
-    Raises InputError unless finite, measurement and disturbance positive, the others not negative.
+    Raises InputError unless all are finite and not negative, measurement and disturbance positive.
     """
 
     known: float
@@ -75,10 +77,11 @@ class Noise:
 
 @dataclass(frozen=True, eq=False)
 class KalmanEstimator:
-    """The least-variance estimator of a disturbed plant, its noise following the quality.
+    """The estimator with the least variance, its measurement noise given by the quality.
 
-    Adaptation of the rotation, if the model has it, moves the oscillators; the covariance keeps the
-    rotation's first frequency. Raises SolverError when there is no stationary filter to start at.
+    If the model adapts the rotation, the oscillators follow its frequency; the covariance is
+    computed for the first frequency. Raises SolverError if there is no stationary filter to start
+    from.
     """
 
     model: DisturbedPlant
@@ -91,7 +94,7 @@ class KalmanEstimator:
 
     @cached_property
     def Q(self) -> RealArray:
-        """Covariance (seen, seen) of what drives the state in a sample."""
+        """Covariance (seen, seen) of the noise that enters the state in a sample."""
         model, noise = self.model, self.noise
         plant = np.outer(model.plant.B[:, 0], model.plant.B[:, 0]) * noise.known**2
         turning = np.eye(2 * len(model.rotation.harmonics)) * noise.disturbance**2
@@ -103,9 +106,9 @@ class KalmanEstimator:
 
     @cached_property
     def stationary(self) -> RealArray:
-        """Covariance (seen, seen) of the prediction when all of a long record was good."""
+        """Covariance (seen, seen) of the prediction after a long record of quality 1."""
         n, r = self.model.seen, self.noise.measurement
-        # In units of the states' own size and of the noise: the equation's solver needs it.
+        # The solver of the equation needs states scaled to one size, and y in units of its noise.
         A, scale = balanced(self.model.A[:n, :n])
         C = self.model.C[:n] * scale / r
         Q = self.Q / np.outer(scale, scale)
@@ -116,7 +119,7 @@ class KalmanEstimator:
             raise SolverError(f"no stationary Kalman filter: {fault}") from fault
         M = P @ C / (C @ P @ C + 1.0)
         residual = A @ (P - np.outer(M, C @ P)) @ A.T + Q - P
-        if not abs(residual).max() <= SOLVED * abs(P).max():
+        if not abs(residual).max() <= COVARIANCE_RESIDUAL * abs(P).max():
             worst = abs(residual).max() / abs(P).max()
             raise SolverError(f"the stationary covariance has the relative residual {worst:.2g}")
         found: RealArray = P * np.outer(scale, scale)
@@ -124,15 +127,15 @@ class KalmanEstimator:
 
     @cached_property
     def settled(self) -> Estimator:
-        """The estimator of constant gain that this one is on a long good record."""
+        """The estimator of constant gain that this one becomes on a long record of quality 1."""
         C, P = self.model.C[: self.model.seen], self.stationary
         return Estimator(self.model, P @ C / (C @ P @ C + self.noise.measurement**2))
 
     @cached_property
     def controller(self) -> Controller:
-        """The streaming filter: `estimator.MEASURED` -> outputs (z,), disturbance, frequency [Hz].
+        """The streaming filter: `estimator.MEASURED` to outputs (z,), disturbance, frequency [Hz].
 
-        Starts with the stationary covariance. A quality outside 0 to 1 makes its outputs NaN.
+        It starts with the stationary covariance. A quality outside 0 to 1 makes its outputs NaN.
         """
         model, m, n = self.model, self.model.seen, len(self.model.A)
         gain = np.zeros(n)
@@ -155,14 +158,14 @@ class KalmanEstimator:
 
 
 def _doubled(A: RealArray, G: RealArray, Q: RealArray) -> RealArray:
-    """P = A P (I + G P)^-1 A^T + Q, its solution with all of A that is left decaying.
+    """The stabilising solution of P = A P (I + G P)^-1 A^T + Q, by structure-preserving doubling.
 
-    Structure-preserving doubling: each step is as long as all before it. Undamped oscillators put
-    the equation's eigenvalues next to the unit circle, where sorting them by Schur's form may fail.
-    (E. Chu, H. Fan, W. Lin, C. Wang, Int. J. Control 77, 767-788, 2004.)
+    Each step doubles the horizon. A method that sorts the equation's eigenvalues by Schur's form
+    may fail here, because undamped oscillators put them next to the unit circle. (E. Chu, H. Fan,
+    W. Lin, C. Wang, Int. J. Control 77, 767-788, 2004.)
     """
     A, P, one = A.T, Q, np.eye(len(A))
-    for _ in range(DOUBLINGS):
+    for _ in range(MOST_DOUBLINGS):
         right = np.linalg.solve(one + G @ P, A)
         step = A.T @ P @ right
         G = G + A @ np.linalg.solve(one + G @ P, G) @ A.T
@@ -174,7 +177,7 @@ def _doubled(A: RealArray, G: RealArray, Q: RealArray) -> RealArray:
 
 
 def _entries(A: RealArray) -> RealArray:
-    """Of each row of A (m, m) how many entries are not zero and in which columns (m (m + 1),)."""
+    """For each row of A (m, m), the count and the columns of its nonzero entries: (m (m + 1),)."""
     rows = np.zeros((len(A), len(A) + 1))
     for row, entries in zip(rows, A, strict=True):
         columns = np.flatnonzero(entries)
@@ -185,7 +188,7 @@ def _entries(A: RealArray) -> RealArray:
 
 @kernel
 def _own(p: RealArray) -> int:
-    """Where this filter's own parameters start: r^2, d^2, Q, entries of A."""
+    """The place where this filter's own parameters start: r^2, d^2, Q, entries of A."""
     n, z, h = int(p[0]), int(p[1]), int(p[3])
     return HEADER + h + (3 + z) * n + n * n
 
@@ -199,7 +202,7 @@ def _step(
     moving = quality != 1.0 or state[3 * n + 1] == 0.0
     if moving:
         change = _weigh(state, parameters, quality, gain)
-        state[3 * n + 1] = 1.0 if quality == 1.0 and change < SETTLED else 0.0
+        state[3 * n + 1] = 1.0 if quality == 1.0 and change < SETTLED_GAIN_CHANGE else 0.0
     error = surprise(state, parameters, measurement[0])
     correct(state, parameters, error, gain)
     tell(state, parameters, quality, output)
@@ -210,7 +213,7 @@ def _step(
 
 @kernel
 def _weigh(state: RealArray, p: RealArray, quality: float, gain: RealArray) -> float:
-    """Set the gain M of a quality; its largest change relative to its own size."""
+    """Set the gain M for a quality, and return its largest relative change."""
     n, h, m = int(p[0]), int(p[3]), int(p[4])
     at_c, at_p, own = HEADER + h + 2 * n, 3 * n + 2, _own(p)
     shown = state[at_p + m * m : at_p + m * m + m]
@@ -234,7 +237,7 @@ def _weigh(state: RealArray, p: RealArray, quality: float, gain: RealArray) -> f
 
 @kernel
 def _spread(state: RealArray, p: RealArray, gain: RealArray) -> None:
-    """P := A (P - M C P) A' + Q of the states that are seen; C P as `_weigh` left it."""
+    """Set P := A (P - M C P) A' + Q for the states that are seen; `_weigh` has left C P."""
     n, z, h, m = int(p[0]), int(p[1]), int(p[3]), int(p[4])
     at_a, at_q, at_p = HEADER + h + (3 + z) * n, _own(p) + 2, 3 * n + 2
     A = p[at_a : at_a + n * n].reshape(n, n)

@@ -1,8 +1,8 @@
 """Observer gains by pole placement, for plants in any scaling.
 
-    x^ = A x^ + B u + L (y - C x^)        poles of A - L C wanted
+    x^ := A x^ + B u + L (y - C x^)        L places the poles of A - L C
 
-in continuous time (x^ its derivative) and discrete time (x^ the next one) alike.
+On the left x^ stands for its derivative in continuous time, for the next estimate in discrete time.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError, SolverError
 from workbench.input_checks import as_array, need_numbers
 
-UNSEEN = 1e-11
-"""Relative distance from a system with an unobservable mode below which there is one."""
-PLACED = 1e-9
-"""Largest relative residual of a placed pole."""
+UNOBSERVABLE_DISTANCE = 1e-11
+"""A mode counts as unobservable if a system this near, relatively, has an unobservable mode."""
+POLE_RESIDUAL = 1e-9
+"""Largest relative residual of a placed pole, see `placement_residual`."""
 
 
 def observer_gain(
@@ -28,34 +28,35 @@ def observer_gain(
 ) -> RealArray:
     """Gain L (n, p) that gives A - L C (n, n) the wanted poles (n,); outputs y = C x, C (p, n).
 
-    period: sample time [s]; None in continuous time. The states are balanced first, so those in
-    micrometres and those in metres per second fare alike; the placement is SLICOT's SB01BD, and
-    every pole is checked afterwards.
+    period: sample time [s]; None in continuous time. The states are balanced first, so that their
+    units do not matter; the placement is SLICOT's SB01BD, and every pole is checked afterwards.
 
     Raises InputError for wrong shapes, for poles that are unstable or not in conjugate pairs, and
-    for a mode that the outputs do not show, which it names. SolverError when a pole is missed.
+    for a mode that the outputs do not show; the message names the mode. Raises SolverError if a
+    pole is missed.
     """
     a, c, wanted = _checked(A, C, poles, period)
     scaled, scale = balanced(a)
     seen = c * scale
     size = abs(seen).max(axis=1, keepdims=True)
     check_observable(scaled, seen, period)
-    # Sampled fast, all poles crowd about 1: shift and stretch before placing.
+    # With fast sampling all poles crowd about 1: shift and stretch them before placing.
     shift, stretch = (0.0, 1.0) if period is None else (1.0, period)
     shifted = (scaled - shift * np.eye(len(a))) / stretch
     gain = _place(shifted, seen / size, (wanted - shift) / stretch) * stretch / size.T
     residual = placement_residual(scaled, seen, gain, wanted)
-    if not residual <= PLACED:
-        raise SolverError(f"poles were missed: residual {residual:.2g}, wanted {PLACED:.0e}")
+    if not residual <= POLE_RESIDUAL:
+        raise SolverError(f"poles were missed: residual {residual:.2g}, wanted {POLE_RESIDUAL:.0e}")
     placed: RealArray = scale[:, None] * gain
     return placed
 
 
 def placement_residual(A: RealArray, C: RealArray, gain: RealArray, poles: ComplexArray) -> float:
-    """How far A - L C is, relative to A - I or A, from matrices that have the poles, the largest.
+    """The largest relative distance of A - L C from a matrix that has one of the poles.
 
-    A smallest singular value for each pole: unlike computed eigenvalues it stays small where poles
-    are multiple. A shift by 1 is taken out of fast sampled systems.
+    The distance for a pole p is the smallest singular value of A - L C - p I. Unlike the error of
+    computed eigenvalues it stays small for multiple poles. It is relative to the size of A or of
+    A - I, whichever is smaller, because a fast sampled A is near I.
     """
     closed, unit = A - gain @ C, np.eye(len(A))
     size = max(min(np.linalg.norm(A, 2), np.linalg.norm(A - unit, 2)), abs(gain @ C).max())
@@ -64,15 +65,16 @@ def placement_residual(A: RealArray, C: RealArray, gain: RealArray, poles: Compl
 
 
 def balanced(A: ArrayLike) -> tuple[RealArray, RealArray]:
-    """D^-1 A D (n, n) with rows and columns of like size, and the diagonal of D (n,)."""
+    """D^-1 A D (n, n), its rows and columns of about equal size, and the diagonal of D (n,)."""
     scaled, (scale, _) = matrix_balance(np.asarray(A, float), permute=False, separate=True)
     return scaled, scale
 
 
 def check_observable(A: RealArray, C: RealArray, period: float | None = None) -> None:
-    """Raise InputError that names a mode which y = C x does not show (Popov, Belevitch, Hautus).
+    """Raise InputError if y = C x does not show a mode (Popov, Belevitch, Hautus); it is named.
 
-    Give A balanced: the distance to the nearest such system is compared with the sizes of A and C.
+    A must be balanced: the distance to the nearest such system is compared with the sizes of A and
+    C.
     """
     unit = np.eye(len(A))
     drift = A if period is None else A - unit
@@ -80,7 +82,7 @@ def check_observable(A: RealArray, C: RealArray, period: float | None = None) ->
     level = max(float(np.linalg.norm(C, 2)), np.finfo(float).tiny)
     for mode in np.linalg.eigvals(A):
         pencil = np.vstack([(A - mode * unit) / rate, C / level])
-        if np.linalg.svd(pencil, compute_uv=False)[-1] < UNSEEN:
+        if np.linalg.svd(pencil, compute_uv=False)[-1] < UNOBSERVABLE_DISTANCE:
             raise InputError(
                 f"the mode at {_described(mode, period)} does not show in the measurement; "
                 "leave it out of the model or measure something that moves with it"

@@ -1,7 +1,7 @@
-"""Prototype poles: where to put the poles of an observer or a filter of a wanted bandwidth.
+"""Prototype poles: pole patterns for an observer or a filter with a wanted bandwidth.
 
-Both families have the constant coefficient 1: the product of the poles' magnitudes is that of the
-bandwidth. For slow sampling map them by z = exp(s T).
+The polynomials of both families have the constant coefficient 1, so that the poles' magnitudes have
+the bandwidth as their geometric mean. For a sampled system map the poles by z = exp(s T).
 """
 
 from __future__ import annotations
@@ -29,19 +29,20 @@ ITAE = {
     8: (1.0, 5.2, 12.8, 21.6, 25.75, 22.2, 13.3, 5.15, 1.0),
 }
 """Polynomials of D. Graham and R. C. Lathrop, The synthesis of optimum transient response,
-Trans. AIEE 72 (1953). Found by hand on an analogue computer: near the least integral of time times
-absolute error of a step, not at it: the integral is above the least one by 4 % up to order 4, by
-15 % at orders 5 and 6 and by two fifths at 7 and 8. They are kept because they are what the field
-means by ITAE poles."""
+Trans. AIEE 72 (1953). They were found by hand on an analogue computer and only approach the least
+integral of time times absolute error (ITAE) of a step: their integral is above the least one by 4 %
+up to order 4, by 15 % at orders 5 and 6 and by two fifths at orders 7 and 8. They are kept because
+they are what the field means by ITAE poles."""
 
 
 def prototype_poles(kind: Prototype, order: int, bandwidth: float) -> ComplexArray:
-    """Poles [rad/s] (order,) of a prototype of this bandwidth [rad/s], sorted by magnitude.
+    """The poles [rad/s] (order,) of a prototype with this bandwidth [rad/s], sorted by magnitude.
 
-    "itae": nearly least integral of t |1 - y(t)| of the step response y, orders 1 to 8;
-    "bessel": flattest group delay, roots of the reverse Bessel polynomial, orders 1 to 16 (beyond,
-    they lose digits).
-    Raises InputError for another kind or order and unless the bandwidth is positive and finite.
+    "itae": nearly the least integral of t |1 - y(t)| of the step response y, orders 1 to 8.
+    "bessel": the flattest group delay, roots of the reverse Bessel polynomial, orders 1 to 16;
+    higher orders lose digits.
+
+    Raises InputError for another kind or order, or a bandwidth that is not positive and finite.
     """
     limit = {"itae": max(ITAE), "bessel": 16}.get(str(kind))
     if limit is None:
@@ -57,14 +58,14 @@ def prototype_poles(kind: Prototype, order: int, bandwidth: float) -> ComplexArr
 
 
 def _bessel_roots(order: int) -> ComplexArray:
-    """Roots of theta_n(s) = sum_k (2n - k)! / ((n - k)! k! 2^(n - k)) s^k, their product made 1."""
+    """Roots of theta_n(s) = sum_k (2n - k)! / ((n - k)! k! 2^(n - k)) s^k, scaled to product 1."""
     n = order
     rising = [
         factorial(2 * n - k) // (factorial(n - k) * factorial(k) * 2 ** (n - k))
         for k in range(n + 1)
     ]
     scale = float(rising[0]) ** (1 / n)
-    # s = scale * r brings coefficients that span many decades near 1.
+    # The coefficients span many decades; the substitution s = scale * r brings them near 1.
     scaled = [coefficient * scale ** (k - n) for k, coefficient in enumerate(rising)]
     roots: ComplexArray = np.roots(scaled[::-1]).astype(complex)
     return roots

@@ -1,11 +1,11 @@
-"""Periodic disturbances of something that rotates: oscillators, and their frequency followed.
+"""Periodic disturbances of a rotation, modelled by oscillators whose frequency is followed.
 
     p, q at the next sample = p cos(h w T) - q sin(h w T),  p sin(h w T) + q cos(h w T)
 
-is the disturbance at harmonic h of the rotation w: an internal model. An observer corrects (p, q)
-by what it did not expect. Where w is wrong, the corrections turn the vector (p, q) on average by
-just what is missing each sample, the true w T less the assumed one: they are the phase detector of
-a phase-locked loop whose integrator is w.
+is an internal model of the disturbance at harmonic h of a rotation w [rad/s], sampled every T [s].
+An observer corrects (p, q) by its prediction error. If w is wrong, the corrections turn the vector
+(p, q) on average by the angle that is missing in each sample, the true w T less the assumed one.
+They are therefore the phase detector of a phase-locked loop whose integrator is w.
 """
 
 from __future__ import annotations
@@ -26,16 +26,18 @@ class Rotation:
     """A rotation frequency [Hz] and the harmonics of it that disturb.
 
     adaptation  rate of the frequency loop [1/s]; 0: the frequency stays;
-    range       that the followed frequency is kept in [Hz]; None: half of it to twice;
-    floor       amplitude of the first harmonic about which adaptation fades: what turns no more
-                tells no frequency. In the unit of the disturbance.
+    range       lowest and highest frequency that may be followed [Hz]; None: half of `frequency`
+                and twice that;
+    floor       amplitude of the first harmonic below which adaptation fades, because a small
+                oscillation tells little of its frequency; in the unit of the disturbance.
 
     With an observer whose first oscillator settles at the rate a [1/s], frequency and phase errors
-    obey e'' + a e' + a g e = 0 for g = adaptation, on average and while both are small: stable for
-    every g, without overshoot up to a/4, and then settling about exp(-g t). The frequency settles
-    on the true one: a constant offset or another frequency in the record moves it only in passing.
+    obey e'' + a e' + a g e = 0 with g = adaptation, on average and while both are small. This is
+    stable for every g and has no overshoot for g up to a/4; it then settles about as exp(-g t). The
+    frequency settles on the true one; a constant offset or another frequency in the record moves it
+    for a while only.
 
-    Raises InputError for a frequency, harmonics, range, rate or floor that make no sense.
+    Raises InputError for a frequency, harmonics, range, rate or floor that is not possible.
     """
 
     frequency: float
@@ -76,15 +78,15 @@ class Rotation:
 
     @property
     def limits(self) -> tuple[float, float]:
-        """Lowest and highest frequency that it may be taken to have [Hz]."""
+        """The lowest and the highest frequency [Hz] that may be followed."""
         if self.adaptation == 0.0:
             return self.frequency, self.frequency
         return self.range or (self.frequency / 2, 2 * self.frequency)
 
     def oscillators(self, period: float) -> RealArray:
-        """Transition (2 h, 2 h) of the oscillators over a sample of `period` [s].
+        """The transition matrix (2 h, 2 h) of the oscillators over a sample of `period` [s].
 
-        Raises InputError when a harmonic reaches half the sampling frequency.
+        Raises InputError if a harmonic reaches half the sampling frequency.
         """
         _need_period(period)
         highest = max(self.harmonics) * self.limits[1]
@@ -99,7 +101,7 @@ class Rotation:
         return transition
 
     def poles(self, period: float, decay: float) -> ComplexArray:
-        """Discrete poles (2 h,) of the oscillators moved to settle at the rate `decay` [1/s]."""
+        """Discrete poles (2 h,) for an observer of the oscillators that settles at `decay` 1/s."""
         _need_period(period)
         need_numbers(decay=decay)
         if not (math.isfinite(decay) and decay > 0.0):

@@ -1,6 +1,6 @@
-"""What the streaming estimators do each sample, compiled: surprise, correct, tell, predict.
+"""The compiled steps of a streaming estimator at each sample: surprise, correct, tell, predict.
 
-The state is (x^, room for the next x^, rotation frequency [Hz]); a filter may keep more behind it.
+The state is (x^, room for the next x^, rotation frequency [Hz]); a filter may append more to it.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ from workbench.compiled import kernel
 from workbench.diagnosis.estimators.disturbed import DisturbedPlant
 
 HEADER = 10
-"""Numbers in front of the harmonics and the matrices among the parameters of a step: states,
-outputs, states of the plant, oscillators, states seen, period, and the four of the frequency loop:
-rate, lowest, highest, floor."""
+"""Length of the header of a step's parameters, which stands before the harmonics and the matrices.
+It has the numbers of states, outputs, plant states, oscillators and seen states, the period, and
+of the frequency loop the rate, the lowest and the highest frequency and the floor."""
 
 
 def layout(model: DisturbedPlant, gain: RealArray) -> RealArray:
-    """Parameters of a step: sizes, frequency loop, harmonics, then M, B, C, Z, A."""
+    """The parameters of a step: the header, the harmonics, then M, B, C, Z, A."""
     rotation, (plant, _, colour, _) = model.rotation, model.slices
     header = np.zeros(HEADER)
     header[:5] = len(model.A), len(model.Z), plant.stop, len(rotation.harmonics), colour.stop
@@ -29,7 +29,7 @@ def layout(model: DisturbedPlant, gain: RealArray) -> RealArray:
 
 @kernel
 def surprise(state: RealArray, p: RealArray, measured: float) -> float:
-    """What was measured less what was expected."""
+    """The prediction error: the measurement less its prediction C x^."""
     n, h, seen = int(p[0]), int(p[3]), int(p[4])
     at_c = HEADER + h + 2 * n
     for i in range(seen):
@@ -39,9 +39,9 @@ def surprise(state: RealArray, p: RealArray, measured: float) -> float:
 
 @kernel
 def correct(state: RealArray, p: RealArray, step: float, gain: RealArray) -> None:
-    """Correct the state by gain times `step`, w (y - C x^), and follow the frequency.
+    """Correct the state by gain times `step`, which is w (y - C x^), and follow the frequency.
 
-    The correction turns the first oscillator by the rotation that is missing.
+    The frequency moves by the angle through which the correction turns the first oscillator.
     """
     q, seen, at_frequency = int(p[2]), int(p[4]), 2 * int(p[0])
     if p[6] > 0.0:
@@ -72,12 +72,12 @@ def tell(state: RealArray, p: RealArray, quality: float, output: RealArray) -> N
 
 @kernel
 def predict(state: RealArray, p: RealArray, known: float) -> None:
-    """Advance the state by one sample, by blocks; the oscillators at the followed frequency."""
+    """Advance the state by one sample, block by block, oscillators at the followed frequency."""
     n, z, q, h, seen = int(p[0]), int(p[1]), int(p[2]), int(p[3]), int(p[4])
     at_b, at_a = HEADER + h + n, HEADER + h + (3 + z) * n
     disturbance = _disturbance(state, q, h)
     for i in range(q):
-        # Every oscillator enters the plant alike, so the first one's column serves them all.
+        # Every oscillator enters the plant in the same way, so the column of the first serves all.
         state[n + i] = p[at_b + i] * known + p[at_a + i * n + q] * disturbance
         for j in range(q):
             state[n + i] += p[at_a + i * n + j] * state[j]

@@ -1,4 +1,4 @@
-"""Change detection: abrupt faults by a level with hysteresis, small or slow ones by CUSUM and GLR.
+"""Change detection: levels with hysteresis for abrupt faults, CUSUM and GLR for small or slow ones.
 
 E. S. Page, Continuous inspection schemes, Biometrika 41 (1954); D. Siegmund, Sequential Analysis
 (1985); M. Basseville and I. V. Nikiforov, Detection of Abrupt Changes (1993), chapter 2.
@@ -17,16 +17,17 @@ from workbench.errors import InputError
 from workbench.input_checks import need_numbers, need_places, need_whole
 from workbench.simulation import Controller
 
-OVERSHOOT = 1.166
-"""By how many standard deviations a sum of Gaussian steps passes a boundary: twice Siegmund's
-0.583."""
+OVERSHOOT_DEVIATIONS = 1.166
+"""Mean overshoot of a sum of Gaussian steps at a boundary, in standard deviations; it is twice the
+0.583 of Siegmund, for the two ends of the sum's range."""
 
 
 def hysteresis(on: float, off: float, signal: int = 0, falling: bool = False) -> Controller:
-    """Alarm (0 or 1) that is raised above `on` and stays until the signal is below `off`.
+    """An alarm (0 or 1) that is raised when a signal is above `on` and ends when it is below `off`.
 
-    falling: the other way round, raised below `on` until the signal is above `off`. Raises
-    InputError unless off <= on, falling off >= on.
+    With `falling` the alarm is raised when the signal is below `on` and ends when it is above
+    `off`. `signal` is the number of the measurement. Raises InputError unless off <= on, or
+    off >= on with `falling`.
     """
     need_numbers(on=on, off=off)
     need_places(signal=signal)
@@ -47,10 +48,10 @@ def cusum(
         g+[k] = max(0, g+[k - 1] + r[k] - mean - drift),
         g-[k] = max(0, g-[k - 1] - r[k] + mean - drift).
 
-    Outputs g+ and g-, for a threshold to decide on. `drift`, half the smallest change of interest,
-    is what the sums forget a sample; the smaller, the slower the fault that is still found.
-    `ceiling` stops the sums, so that they fall back within ceiling / drift samples of a fault that
-    is over.
+    The outputs are g+ and g-, which are compared with a threshold. In each sample the sums lose
+    `drift`, which is usually half the smallest change of interest; a smaller drift finds slower
+    faults. The sums stay below `ceiling`, so that they return to 0 within ceiling / drift samples
+    after the end of a fault.
 
     Raises InputError unless drift >= 0 and ceiling > 0.
     """
@@ -66,15 +67,15 @@ def cusum(
 
 
 def cusum_threshold(run_length: float, drift: float, deviation: float) -> float:
-    """Threshold of one of the sums at which white Gaussian noise alarms once in `run_length`.
+    """The threshold of a sum that white Gaussian noise passes once in `run_length` samples.
 
     Siegmund's approximation, with b = h / sigma + 1.166 and d = drift / sigma:
 
         run_length = (exp(2 d b) - 2 d b - 1) / (2 d^2).
 
-    Coloured noise alarms more often: take the threshold from records then. `run_length` in samples,
-    `deviation` is sigma of the residual. Raises InputError unless all are positive and the run
-    length is more than one of the threshold 0.
+    Coloured noise passes it more often; take the threshold from records then. `deviation` is sigma,
+    the standard deviation of the residual. Raises InputError unless all are positive and the run
+    length is longer than that of the threshold 0.
     """
     need_numbers(run_length=run_length, drift=drift, deviation=deviation)
     if not (0.0 < run_length < math.inf and 0.0 < drift < math.inf and 0.0 < deviation < math.inf):
@@ -94,25 +95,29 @@ def cusum_threshold(run_length: float, drift: float, deviation: float) -> float:
         return excess - fixed
 
     wanted = math.log(run_length)
-    if log_run_length(OVERSHOOT) > wanted:
+    if log_run_length(OVERSHOOT_DEVIATIONS) > wanted:
         raise InputError(
             f"a run length of {run_length} samples is below that of a threshold of 0, "
-            f"exp({log_run_length(OVERSHOOT):.4g})"
+            f"exp({log_run_length(OVERSHOOT_DEVIATIONS):.4g})"
         )
-    top = OVERSHOOT
+    top = OVERSHOOT_DEVIATIONS
     while log_run_length(top) < wanted:
         top *= 2.0
-    b = brentq(lambda b: log_run_length(b) - wanted, OVERSHOOT, top) if top > OVERSHOOT else top
-    return (float(b) - OVERSHOOT) * deviation
+    b = (
+        brentq(lambda b: log_run_length(b) - wanted, OVERSHOOT_DEVIATIONS, top)
+        if top > OVERSHOOT_DEVIATIONS
+        else top
+    )
+    return (float(b) - OVERSHOOT_DEVIATIONS) * deviation
 
 
 def glr(window: int, deviation: float, mean: float = 0.0, signal: int = 0) -> Controller:
-    """Generalised likelihood ratio of a change of the mean, by any size, within the last samples.
+    """Generalised likelihood ratio of a change of the mean, of any size, in the last samples.
 
         g[k] = max over j = 1 ... window of (sum of the last j of r - mean)^2 / (2 sigma^2 j).
 
-    Outputs g, the j that gives it (the change is j - 1 samples old), and the estimated change. The
-    noise is taken as white Gaussian with the given deviation sigma.
+    The outputs are g, the j that gives it (the change is j - 1 samples old) and the estimated
+    change. The noise is assumed white and Gaussian with the standard deviation sigma, `deviation`.
 
     Raises InputError unless window >= 1 and deviation > 0.
     """
@@ -156,7 +161,7 @@ def _cusum(
 def _glr(
     state: RealArray, parameters: RealArray, measurement: RealArray, output: RealArray
 ) -> None:
-    """State: samples seen, then the last `window` changes in a ring."""
+    """One sample. The state is the number of samples, then a ring of the last `window` changes."""
     window, seen = int(parameters[0]), int(state[0])
     place = 1 + seen % window
     state[place] = measurement[int(parameters[2])] - parameters[1]

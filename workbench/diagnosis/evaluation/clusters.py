@@ -1,4 +1,4 @@
-"""Isolation by clusters: each kind of fault is a Gaussian cloud of features."""
+"""Isolation by clusters: the features of each kind of fault have a Gaussian distribution."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from workbench.input_checks import as_array, need_numbers, need_whole
 Whole = NDArray[np.int64]
 
 UNKNOWN = -1
-"""Far from every cluster."""
-CONDITION = 1e10
-"""Condition of a correlation matrix beyond which its cluster counts as flat."""
+"""The number for features that are far from every cluster."""
+LARGEST_CONDITION = 1e10
+"""Largest condition number of a cluster's correlation matrix; beyond it the cluster is flat."""
 
 
 @dataclass(frozen=True, eq=False)
 class Clusters:
-    """One Gaussian for each kind of fault: means (K, n) and Cholesky factors (K, n, n)."""
+    """A Gaussian for each kind of fault: means (K, n), covariances' Cholesky factors (K, n, n)."""
 
     names: tuple[str, ...]
     means: RealArray
@@ -32,11 +32,12 @@ class Clusters:
 
     @classmethod
     def fit(cls, features: ArrayLike, labels: ArrayLike, names: Sequence[str]) -> Clusters:
-        """Mean and covariance of the features (N, n) of each kind; labels (N,) number the names.
+        """The clusters with the mean and the covariance of the features (N, n) of each kind.
 
-        Raises InputError for shapes that do not match, features that are not finite, labels without
-        a name, and for a kind whose covariance is singular: it has too few samples, or a feature
-        that does not vary or is a combination of others.
+        The label of a sample (N,) is the place of its kind among the names. Raises InputError for
+        shapes that do not match, features that are not finite, and labels without a name; and for a
+        kind with a singular covariance: it has too few samples, or a feature does not vary or is a
+        combination of others.
         """
         if not isinstance(names, Sequence):
             raise InputError(f"names are {names!r}; a list of names is needed")
@@ -48,7 +49,7 @@ class Clusters:
         return cls(tuple(names), np.array(means), np.array(factors))
 
     def distances(self, features: ArrayLike) -> RealArray:
-        """Squared Mahalanobis distances of features (N, n) from every cluster: (N, K)."""
+        """Squared Mahalanobis distances (N, K) of features (N, n) from every cluster."""
         points = _features(features)
         if points.shape[1] != self.means.shape[1]:
             raise InputError(
@@ -61,10 +62,11 @@ class Clusters:
         return np.stack([np.sum(one**2, axis=0) for one in white], axis=1)
 
     def classify(self, features: ArrayLike, reject: float = 0.0) -> Whole:
-        """The likeliest kind of each (N,), all being equally frequent beforehand.
+        """The most likely kind (N,) of each sample, if all kinds are equally frequent.
 
-        UNKNOWN where the point is farther from every cluster than a share `reject` of the cluster's
-        own points. Raises InputError unless 0 <= reject < 1, and as `distances`.
+        A sample is UNKNOWN if it is so far from every cluster that only a share `reject` of the
+        cluster's own samples are farther. Raises InputError unless 0 <= reject < 1, and as
+        `distances`.
         """
         need_numbers(reject=reject)
         if not 0.0 <= reject < 1.0:
@@ -77,10 +79,10 @@ class Clusters:
 
 
 def confusion(true: ArrayLike, found: ArrayLike, kinds: int) -> Whole:
-    """How many of each kind (row) were taken for each kind (column): (K, K + 1).
+    """The confusion matrix (K, K + 1): how many of a true kind (row) were taken for which (column).
 
-    The last column counts what was found to be none of them, a negative number. Raises InputError
-    for different lengths and for numbers of kinds that there are not.
+    The last column counts negative numbers, which stand for none of the kinds. Raises InputError
+    for different lengths and for numbers of kinds that do not exist.
     """
     need_whole(kinds, "kinds")
     rows = _labels("true", true, kinds)
@@ -106,7 +108,7 @@ def _gaussian(name: str, points: RealArray) -> tuple[RealArray, RealArray]:
     if still.size:
         raise InputError(f"{flat}; features {still.tolist()} do not vary")
     correlation = np.atleast_2d(np.corrcoef(points, rowvar=False))
-    if np.linalg.cond(correlation) > CONDITION:
+    if np.linalg.cond(correlation) > LARGEST_CONDITION:
         raise InputError(f"{flat}; a feature is a combination of others")
     return points.mean(axis=0), spread[:, None] * np.linalg.cholesky(correlation)
 

@@ -1,4 +1,4 @@
-"""How good a detector is over records: false alarms, missed faults, delays, ROC curves."""
+"""Performance of a detector on records: false alarms, missed faults, delays, ROC curves."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from workbench.errors import InputError
 from workbench.input_checks import as_array, need_numbers, need_whole
 
 Interval = tuple[int, int]
-"""First sample, and one after the last."""
+"""The number of the first sample, and of the one after the last."""
 
 
 def intervals(flags: ArrayLike) -> list[Interval]:
-    """Where a series (N,) is true: first sample and one after the last of each stretch."""
+    """The stretches in which a series (N,) is true."""
     series("flags", flags)
     edges = np.flatnonzero(np.diff(np.asarray(flags, bool).astype(int), prepend=0, append=0))
     return [(int(start), int(end)) for start, end in edges.reshape(-1, 2)]
@@ -27,12 +27,12 @@ def intervals(flags: ArrayLike) -> list[Interval]:
 
 @dataclass(frozen=True, eq=False)
 class Detection:
-    """What a detector did over a record.
+    """The performance of a detector on a record.
 
-    delays            (F,) from each fault's start to its alarm [s]; NaN where it was missed;
-    false_alarms      stretches of alarm that touch no fault;
-    fault_free        time without fault [s];
-    false_alarm_share of the fault-free samples at which there was an alarm.
+    delays            (F,) [s], from the start of each fault to its alarm; NaN if it was missed;
+    false_alarms      the number of alarms that overlap no fault;
+    fault_free        the time without a fault [s];
+    false_alarm_share the share of the fault-free samples with an alarm.
     """
 
     delays: RealArray
@@ -42,26 +42,27 @@ class Detection:
 
     @property
     def missed(self) -> float:
-        """Share of the faults that were missed; NaN without faults."""
+        """The share of the faults that were missed; NaN without faults."""
         return float(np.isnan(self.delays).mean()) if self.delays.size else float("nan")
 
     @property
     def false_alarm_rate(self) -> float:
-        """False alarms a second of fault-free time; NaN without such time."""
+        """False alarms per second of fault-free time; NaN without such time."""
         return self.false_alarms / self.fault_free if self.fault_free else float("nan")
 
 
 def detection(
     alarm: ArrayLike, faults: Sequence[Interval], period: float, tail: int = 0
 ) -> Detection:
-    """Compare an alarm (N,) with the faults that there were.
+    """The performance of an alarm (N,), given the faults of the record.
 
-    faults: first sample and one after the last of each, in order. An alarm belongs to a fault from
-    its start to `tail` samples behind its end, for detectors that lag and effects that last. One
-    that stood before the fault came and still stands has delay 0.
+    faults: their stretches, in order. An alarm belongs to a fault if it falls between the start of
+    the fault and `tail` samples after its end; the tail is for detectors that lag and for effects
+    that last. The delay is 0 if the alarm was already raised when the fault came. period: sample
+    time [s].
 
-    Raises InputError for faults outside the record, empty or overlapping ones (tails included), and
-    a record that is empty or not finite.
+    Raises InputError for faults that are outside the record, empty, or overlap (tails included),
+    and for a record that is empty or not finite.
     """
     raised = series("alarm", alarm) != 0.0
     need_numbers(period=period)
@@ -96,10 +97,12 @@ def detection(
 class Roc:
     """Receiver operating characteristic: detection rate over false-alarm rate as the level falls.
 
-    levels (K,) falling from infinity; false_alarm and detection (K,) rising from 0 to 1: shares of
-    fault-free and of faulty scores at or above the level. area under the curve: the probability
-    that a faulty score is above a fault-free one, ties counting half. deviation: its standard error
-    (J. A. Hanley and B. J. McNeil, Radiology 143, 1982).
+    levels       (K,), falling from infinity;
+    false_alarm  (K,), the share of fault-free scores at or above the level, rising from 0 to 1;
+    detection    (K,), the share of faulty scores at or above the level, rising from 0 to 1;
+    area         under the curve: the probability that a faulty score is above a fault-free one,
+                 ties counting half;
+    deviation    standard error of the area (J. A. Hanley and B. J. McNeil, Radiology 143, 1982).
     """
 
     levels: RealArray
@@ -110,9 +113,9 @@ class Roc:
 
 
 def roc(clean: ArrayLike, faulty: ArrayLike) -> Roc:
-    """ROC curve of scores without fault (N,) and with one (M,), large scores meaning a fault.
+    """The ROC curve of fault-free scores (N,) and faulty ones (M,); a large score means a fault.
 
-    Raises InputError for scores that are not finite, or none.
+    Raises InputError if there are no scores, or some are not finite.
     """
     without, given = np.sort(series("clean", clean)), np.sort(series("faulty", faulty))
     levels = np.concatenate([[np.inf], np.unique(np.concatenate([without, given]))[::-1]])

@@ -1,4 +1,4 @@
-"""Residual evaluation: the size J(r) of a residual over a window that moves with it."""
+"""Residual evaluation: the size J(r) of a residual over a moving window."""
 
 from __future__ import annotations
 
@@ -16,12 +16,13 @@ from workbench.simulation import Controller
 
 
 def moving_rms(window: int, signals: Sequence[int] = (0,)) -> Controller:
-    """Root mean square, over the last `window` samples, of the Euclidean norm of some signals.
+    """The root mean square of the Euclidean norm of some signals over the last `window` samples.
 
         J[k]^2 = mean of r_1[i]^2 + ... + r_m[i]^2 over i = k - window + 1 ... k,
 
-    over fewer samples at the start. `signals` says which of the measurements are the residuals.
-    Raises InputError for a window below one sample, and without signals.
+    At the start of a record the mean is over the samples so far. `signals` are the numbers of the
+    measurements that are residuals. Raises InputError if the window is shorter than one sample or
+    there are no signals.
     """
     need_whole(window, "window")
     if not isinstance(signals, Sequence):
@@ -38,7 +39,7 @@ def moving_rms(window: int, signals: Sequence[int] = (0,)) -> Controller:
 def _moving_rms(
     state: RealArray, parameters: RealArray, measurement: RealArray, output: RealArray
 ) -> None:
-    """State: samples seen, sum of the squares in the window, the squares themselves in a ring."""
+    """One sample. The state is the number of samples, the sum of squares, and a ring of squares."""
     window = int(parameters[0])
     seen, place = int(state[0]), 2 + int(state[0]) % window
     square = 0.0
@@ -46,7 +47,7 @@ def _moving_rms(
         square += measurement[int(parameters[j])] ** 2
     state[1] += square - state[place]
     state[place] = square
-    if place == 1 + window:  # rounding must not gather: sum anew once a window
+    if place == 1 + window:  # sum anew once a window, so that rounding errors do not accumulate
         state[1] = 0.0
         for i in range(2, 2 + window):
             state[1] += state[i]
@@ -57,7 +58,7 @@ def _moving_rms(
 def series(name: str, values: ArrayLike) -> RealArray:
     """A record as an array (N,).
 
-    Raises InputError, by its name, unless it is 1-D, finite and has a sample.
+    Raises InputError, with the record's name, unless it is 1-D, finite and not empty.
     """
     array = as_array(values, name)
     if array.ndim != 1 or not array.size:

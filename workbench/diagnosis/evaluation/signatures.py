@@ -1,8 +1,9 @@
-"""Isolation by a residual set: which residuals fired says which fault it is.
+"""Isolation by a set of residuals: the fault follows from which residuals have fired.
 
-The structure matrix is True where a residual (row) answers to a fault (column). In a dedicated
-scheme it is the identity, in a generalised one everything but (J. Chen and R. J. Patton, Robust
-Model-Based Fault Diagnosis for Dynamic Systems, 1999, section 2.5).
+The structure matrix is True where a residual (row) reacts to a fault (column); a column is the
+signature of its fault. In a dedicated scheme the matrix is the identity, in a generalised scheme
+the complement of the identity (J. Chen and R. J. Patton, Robust Model-Based Fault
+Diagnosis for Dynamic Systems, 1999, section 2.5).
 """
 
 from __future__ import annotations
@@ -16,22 +17,23 @@ from workbench.arrays import BoolArray
 from workbench.errors import InputError
 
 NO_FAULT, AMBIGUOUS = -1, -2
-"""No residual fired; several faults are equally near to what fired."""
+"""Numbers for no fired residual, and for several faults whose signatures are equally near."""
 
 
 def isolable(structure: ArrayLike) -> bool:
-    """Whether every fault of the structure matrix (R, F) fires residuals, and no two the same."""
+    """Whether every fault of a structure matrix (R, F) has a signature of its own that is not 0."""
     columns = _structure(structure).T
     distinct = len(np.unique(columns, axis=0)) == len(columns)
     return bool(distinct and columns.any(axis=1).all())
 
 
 def isolate(structure: ArrayLike, fired: ArrayLike) -> NDArray[np.int64]:
-    """Number of the fault whose signature is nearest to what fired (N, R), in residuals: (N,).
+    """The number (N,) of the fault whose signature is nearest to the fired residuals (N, R).
 
-    Where nothing fired it is NO_FAULT, where two signatures are equally near AMBIGUOUS. One missed
-    residual must not lead to another fault: signatures should differ by more than one.
-    Raises InputError when the numbers of residuals differ, and for entries that are not boolean.
+    The distance is the number of residuals that differ. The result is NO_FAULT where no residual
+    has fired, AMBIGUOUS where two signatures are equally near. Signatures should differ in more
+    than one residual, so that a single missed one does not point to another fault. Raises
+    InputError if the numbers of residuals differ or entries are not boolean.
     """
     matrix = _structure(structure)
     flags = _flags(fired, "fired")

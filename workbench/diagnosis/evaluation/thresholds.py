@@ -1,4 +1,4 @@
-"""Thresholds: from fault-free records, from bounds of what the residual may be, and adaptive ones.
+"""Thresholds of residuals: from fault-free records, from bounds on its causes, and adaptive ones.
 
 M. Basseville and I. V. Nikiforov, Detection of Abrupt Changes (1993); J. Chen and R. J. Patton,
 Robust Model-Based Fault Diagnosis for Dynamic Systems (1999), chapter 2.
@@ -23,10 +23,12 @@ from workbench.simulation import Controller
 
 @dataclass(frozen=True)
 class Threshold:
-    """A level, and how often a fault-free value is above it.
+    """A level, and the share of fault-free values above it.
 
-    rate is the expected share; it lies in `interval` with probability `confidence`, over fault-free
-    records like the one used, of which there were `samples` values.
+    level       the threshold;
+    rate        the expected share of fault-free values above the level;
+    interval    contains that share with the probability `confidence`;
+    samples     the number of fault-free values (or blocks of them) that the level was taken from.
     """
 
     level: float
@@ -39,14 +41,14 @@ class Threshold:
 def quantile_threshold(
     clean: ArrayLike, false_alarm_rate: float, confidence: float = 0.95, block: int = 1
 ) -> Threshold:
-    """The least of the fault-free values (N,) that a new one exceeds with the given rate at most.
+    """The least of the fault-free values (N,) that a new value exceeds at most at the given rate.
 
     The share of new values above the k-th smallest of n is distributed as Beta(n + 1 - k, k),
-    whatever the values' own (continuous) distribution, when they are independent. Neighbouring
-    samples seldom are: with `block` above 1 the largest of each block counts, and the rate is that
-    of blocks. Blocks must be longer than the residual's memory.
+    whatever their own (continuous) distribution, if the values are independent. Neighbouring
+    samples seldom are. With `block` above 1 the largest value of each block of samples is taken,
+    and the rate is that of blocks; they must be longer than the residual's memory.
 
-    Raises InputError when there are too few values for the rate, or they are not finite.
+    Raises InputError if there are too few values for the rate, or they are not finite.
     """
     values = series("clean", clean)
     need_numbers(false_alarm_rate=false_alarm_rate, confidence=confidence)
@@ -57,7 +59,7 @@ def quantile_threshold(
             "need rates between 0 and 1 and a block of 1 or more"
         )
     n = len(values) // block
-    # The slack keeps a rate of 1/100 with 99 values from asking for the hundredth.
+    # Without the 1e-9, rounding would ask for the hundredth of 99 values at a rate of 1/100.
     k = math.ceil((n + 1) * (1.0 - false_alarm_rate) - 1e-9)
     if n < 1 or k > n:
         raise InputError(
@@ -71,15 +73,16 @@ def quantile_threshold(
 
 
 def bounded_threshold(gains: ArrayLike, bounds: ArrayLike, noise: float = 0.0) -> float:
-    """The level that no fault-free residual exceeds: the sum of gain times bound over its causes.
+    """The level that no fault-free residual exceeds: the sum over disturbances of gain times bound.
 
-    gains   (M,) from each disturbance to the residual, bounds over the whole uncertainty set, for
-            instance of the H-infinity norm for signals measured by their 2-norm, or of the impulse
-            response's 1-norm for peaks;
-    bounds  (M,) of the disturbances, in the norm that belongs to the gains.
+    gains   (M,), from each disturbance to the residual, the largest over the whole uncertainty set;
+            H-infinity norms for signals measured by their 2-norm, 1-norms of the impulse responses
+            for signals measured by their peak;
+    bounds  (M,), of the disturbances, in the norm that belongs to the gains;
+    noise   rms of the noise in the residual, if it is not among the disturbances.
 
-    Raises InputError for different lengths, negative values, and for a level that is not above the
-    `noise` (rms) of the residual, when the noise was left out of the disturbances.
+    Raises InputError for different lengths, negative values, and a level that is not above the
+    noise.
     """
     gain, bound = series("gains", gains), series("bounds", bounds)
     if gain.shape != bound.shape or min(gain.min(), bound.min()) < 0.0:
@@ -90,7 +93,7 @@ def bounded_threshold(gains: ArrayLike, bounds: ArrayLike, noise: float = 0.0) -
 
 
 def above_noise(level: float, noise: float) -> float:
-    """The level itself; InputError unless it is finite and above the noise."""
+    """The given level. Raises InputError unless it is finite and above the noise."""
     need_numbers(level=level, noise=noise)
     if not (math.isfinite(level) and 0.0 <= noise < math.inf):
         raise InputError(f"level {level}, noise {noise}: both must be finite, noise not negative")
@@ -105,13 +108,14 @@ def above_noise(level: float, noise: float) -> float:
 def adaptive_alarm(
     base: float, gain: float, decay: float, residual: int = 0, known: int = 1
 ) -> Controller:
-    """Alarm while |r| > T, where T follows a known signal v: an input or a disturbance's level.
+    """An alarm while |r| > T, where the threshold T follows a known signal v.
 
         T[k] = base + gain m[k],    m[k] = decay m[k - 1] + |v[k]|.
 
-    When the model error lets v into the residual by an impulse response |h[i]| <= gain decay^i, and
-    everything else by no more than `base`, no fault-free residual is ever above T. Outputs: alarm
-    (0 or 1) and T. `residual` and `known` say which measurements r and v are.
+    The signal v is an input, or the level of a disturbance. Suppose the model error lets v into the
+    residual by an impulse response with |h[i]| <= gain decay^i, and everything else adds no more
+    than `base`: then no fault-free residual is ever above T. The outputs are the alarm (0 or 1) and
+    T. `residual` and `known` are the numbers of the measurements r and v.
 
     Raises InputError unless base > 0, gain >= 0 and 0 <= decay < 1.
     """

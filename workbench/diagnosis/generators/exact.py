@@ -1,9 +1,9 @@
 """Residual generators of least order that decouple controls and disturbances exactly.
 
-For every residual the row of least order nu is searched in the left null space (see
-`decoupling`); divided by a stable polynomial of degree nu it is a generator with the poles given
-(Frank and Ding, J. Process Control 7 (1997); Varga, Solving Fault Diagnosis Problems (2017),
-sections 5.2 and 5.4). Sampled systems with all poles at 0 have parity relations.
+For every residual the left null space (see `decoupling`) is searched for a row of least order nu.
+Divided by a stable polynomial of degree nu, the row is a generator with the given poles (Frank and
+Ding, J. Process Control 7 (1997); Varga, Solving Fault Diagnosis Problems (2017),
+sections 5.2 and 5.4). For a sampled system with all poles at 0 it is a parity relation.
 """
 
 from __future__ import annotations
@@ -38,45 +38,46 @@ from workbench.input_checks import as_array
 from workbench.systems.generalised_plant import response
 from workbench.systems.realisation import realisation
 
-SHOWN = 1e-10
-"""What rows leave of a detectable fault below this share of what there was is rounding."""
-LEAK = 1e-6
-"""Gain from what is decoupled, relative to the largest from a fault, that a residual may have."""
-CANDIDATES = 400
-"""Combinations of rows among which the one with the largest least sensitivity is taken."""
-GRID = np.geomspace(1e-2, 1e2, 33)
-"""Frequencies of that choice, in units of the model's fastest pole."""
-CHECKED = np.array([0.0173, 0.061, 0.23, 0.71])
-"""Frequencies at which the result is looked at, in those units or in those of pi / dt."""
+FAULT_EFFECT_ROUNDING = 1e-10
+"""The effect of a fault on a row counts as 0 below this share of its effect on the outputs."""
+LARGEST_LEAK = 1e-6
+"""Largest gain from a decoupled input to a residual, relative to the largest from a fault."""
+RANDOM_COMBINATIONS = 400
+"""Random combinations of rows that are tried for the largest least sensitivity to a fault."""
+SENSITIVITY_GRID = np.geomspace(1e-2, 1e2, 33)
+"""Frequencies at which sensitivities are compared, in units of the model's fastest pole."""
+LEAK_FREQUENCIES = np.array([0.0173, 0.061, 0.23, 0.71])
+"""Frequencies at which leaks are measured, in units of the fastest pole, sampled of pi / dt."""
 
 
 def fault_detection(
     model: FaultModel, poles: Poles, *, omega: ArrayLike | None = None
 ) -> ResidualGenerator:
-    """One residual of least order that shows every fault, and neither controls nor disturbances.
+    """The generator of one residual, of least order, that reacts to faults alone and to every one.
 
     Parameters
     ----------
     model
-        With one fault at least; noise is not looked at.
+        With one fault at least; its noise is ignored.
     poles
-        One for all, or a list of which the first are taken, in s or z.
+        One pole for all, or a list from which the first ones are taken, in s or z.
     omega
-        Frequencies [rad/s] at which every fault must have an effect (strong detection): 0 for
-        constant faults. None: a generic effect.
+        Frequencies [rad/s] at which every fault must have an effect (strong detection), for
+        instance 0 for constant faults. None: an effect at almost all frequencies is enough.
 
     Returns
     -------
     ResidualGenerator
-        Scaled so that the largest gain from a fault is 1: at the first of `omega`, or its peak.
+        Scaled so that the largest gain from a fault is 1 at the first of `omega`; if that is None,
+        at the peak.
 
     Raises
     ------
     InputError
-        Some fault cannot be detected: which, and what masks it. Poles that are unstable, too few
-        or without their conjugates.
+        A fault cannot be detected; the message names it and what masks it. Poles are unstable,
+        too few or without their conjugates.
     SolverError
-        Rounding spoils the decoupling, of orders from about 20 on.
+        Rounding spoils the decoupling, at orders from about 20 on.
     """
     need_faults(model)
     return fault_isolation(model, np.ones((1, len(model.faults)), dtype=bool), poles, omega=omega)
@@ -85,27 +86,27 @@ def fault_detection(
 def fault_isolation(
     model: FaultModel, structure: ArrayLike, poles: Poles, *, omega: ArrayLike | None = None
 ) -> ResidualGenerator:
-    """Residuals of least order, each of which shows exactly the faults its row has.
+    """The generator of residuals of least order that show exactly the faults of their rows.
 
     Parameters
     ----------
     structure
-        (q, k) of 0 and 1: whether residual i shows fault j.
+        An array (q, k) of 0 and 1: whether residual i shows fault j.
     model, poles, omega
-        As of `fault_detection`; every residual takes its poles from the front of the list.
+        As for `fault_detection`; every residual takes its poles from the front of the list.
 
     Raises
     ------
     InputError
-        As of `fault_detection`; a structure of another shape, with other entries, with a row of
-        zeros, or with a row that is not attainable: which faults cannot be told from which.
+        As for `fault_detection`. A structure has another shape, other entries, a row of zeros, or
+        a row that is not attainable; the message says which faults cannot be told from which.
     """
     need_faults(model)
     rows = _structure(model, structure)
     at = None if omega is None else frequencies(model, omega)
     if at is not None and not at.size:
         raise InputError("omega is empty; give a frequency [rad/s], or None for a generic effect")
-    denominator(poles, 0, model.dt)  # what is wrong with every order is said at once
+    denominator(poles, 0, model.dt)  # poles that are wrong at every order are refused at once
     return stacked([_residual(model, i, row, poles, at) for i, row in enumerate(rows)])
 
 
@@ -132,7 +133,7 @@ def _residual(
     poles: Poles,
     omega: Array | None,
 ) -> ResidualGenerator:
-    """The residual with one row of a structure."""
+    """The generator of the residual with one row of a structure."""
     hidden = unattainable(model, row, omega)
     if hidden:
         raise InputError(_why(model, number, row, hidden, omega))
@@ -155,29 +156,37 @@ def _residual(
 def _combination(
     parity: Parity, order: int, shown: Sequence[str], poles: Poles, omega: Array | None
 ) -> Array | None:
-    """The row whose least sensitivity, relative to what is possible, is largest.
+    """The row of an order with the largest least sensitivity, relative to what is possible.
 
-    None where rows of that order show not all.
+    None if the rows of that order do not show every fault.
     """
     rows = parity.rows(order)
     if not len(rows):
         return None
     model = parity.model
     d = denominator(poles, order, model.dt, parity.rate)
-    grid = GRID * parity.rate if not model.dt else np.geomspace(1e-3, 1.0, 33) * np.pi / model.dt
+    grid = (
+        SENSITIVITY_GRID * parity.rate
+        if not model.dt
+        else np.geomspace(1e-3, 1.0, 33) * np.pi / model.dt
+    )
     at = grid if omega is None else omega
     points = parity.points_at(at)
     before = parity.effects(order, shown, points)
     after = rows @ before  # (points, rows, faults)
-    if omega is None:  # what counts is the sum over the grid
-        seen = np.linalg.norm(after, axis=(0, 1)) > SHOWN * np.linalg.norm(before, axis=(0, 1))
+    if omega is None:  # the sum over the grid counts
+        seen = np.linalg.norm(after, axis=(0, 1)) > FAULT_EFFECT_ROUNDING * np.linalg.norm(
+            before, axis=(0, 1)
+        )
     else:
-        seen = np.linalg.norm(after, axis=1) > SHOWN * np.linalg.norm(before, axis=1)
+        seen = np.linalg.norm(after, axis=1) > FAULT_EFFECT_ROUNDING * np.linalg.norm(
+            before, axis=1
+        )
     if not seen.all():
         return None
     after = after / np.abs(np.polynomial.polynomial.polyval(points, d))[:, None, None]
     rng = np.random.default_rng(0)
-    tried = np.vstack([np.eye(len(rows)), rng.standard_normal((CANDIDATES, len(rows)))])
+    tried = np.vstack([np.eye(len(rows)), rng.standard_normal((RANDOM_COMBINATIONS, len(rows)))])
     tried /= np.linalg.norm(tried, axis=1, keepdims=True)
     gain = np.abs(np.einsum("cr,srf->csf", tried, after))
     if omega is None:
@@ -191,9 +200,9 @@ def _combination(
 def _normalised(
     found: ResidualGenerator, shown: Sequence[str], omega: Array | None, rate: float
 ) -> ResidualGenerator:
-    """With the largest gain from a fault at the first of omega, or its peak on the grid, at 1."""
+    """The generator scaled to a largest fault gain of 1, at the first of omega or on the grid."""
     dt = float(found.Q.dt or 0.0)
-    grid = GRID * rate if not dt else np.geomspace(1e-3, 1.0, 33) * np.pi / dt
+    grid = SENSITIVITY_GRID * rate if not dt else np.geomspace(1e-3, 1.0, 33) * np.pi / dt
     places = [found.faults.index(name) for name in shown]
     gains = response(found.R, grid if omega is None else omega[:1])[:, 0, places]
     k, j = np.unravel_index(int(np.abs(gains).argmax()), gains.shape)
@@ -203,14 +212,14 @@ def _normalised(
 
 
 def _need_decoupled(found: ResidualGenerator, parity: Parity, shown: Sequence[str]) -> None:
-    """Raise SolverError where rounding lets more than LEAK of what is decoupled through."""
+    """Raise SolverError if rounding leaves a gain above LARGEST_LEAK from a decoupled input."""
     model = parity.model
     names = (*model.controls, *parity.decoupled, *shown)
     dt = model.dt
-    at = CHECKED * (np.pi / dt if dt else parity.rate)
+    at = LEAK_FREQUENCIES * (np.pi / dt if dt else parity.rate)
     gains = np.abs(transfer(found.Q, model, names, at)).max(axis=(0, 1))
     leak, most = gains[: -len(shown)].max(initial=0.0), gains[-len(shown) :].max()
-    if not leak <= LEAK * most:
+    if not leak <= LARGEST_LEAK * most:
         worst = names[int(gains[: -len(shown)].argmax())]
         raise SolverError(
             f"the residual of {', '.join(shown)} has order {found.Q.nstates}, at which rounding "
@@ -219,7 +228,7 @@ def _need_decoupled(found: ResidualGenerator, parity: Parity, shown: Sequence[st
 
 
 def _over(system: StateSpace, gain: float) -> StateSpace:
-    """The system's outputs divided by a gain."""
+    """A system with its outputs divided by a gain."""
     return realisation(
         (system.A, system.B, system.C / gain, system.D / gain),
         float(system.dt or 0.0),
@@ -235,7 +244,7 @@ def _why(
     hidden: Sequence[str],
     omega: Array | None,
 ) -> str:
-    """Which faults of a row cannot be shown, and why."""
+    """A message that says which faults of a row no residual shows, and why."""
     zeros = tuple(name for name, one in zip(model.faults, row, strict=True) if not one)
     test = detectability(model, 0.0 if omega is None else omega, decoupled=zeros)
     reasons = []

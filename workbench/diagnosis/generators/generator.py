@@ -1,4 +1,4 @@
-"""Residual generators: a filter of measurements and controls, and what it leaves of the rest."""
+"""Residual generators: filters of measurements and controls that react to faults and noise."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from workbench.systems.generalised_plant import response
 from workbench.systems.realisation import realisation
 
 Poles = complex | Sequence[complex]
-CANCELLED = 1e-8
-"""See `structure_matrix`."""
-SPREAD = 12
-"""Frequencies at which a weak structure is looked at."""
-CONJUGATE = 1e-9
-"""How far a polynomial's coefficients may be from real, relative."""
+CANCELLED_GAIN_SHARE = 1e-8
+"""A gain counts as 0 below this share of the sum of its parts, see `structure_matrix`."""
+RANDOM_FREQUENCIES = 12
+"""Number of random frequencies at which a weak structure is determined."""
+IMAGINARY_COEFFICIENT_SHARE = 1e-9
+"""Largest imaginary part of a polynomial's coefficients, relative to the largest coefficient."""
 
 
 @dataclass(frozen=True, eq=False)
 class ResidualGenerator:
-    """r = Q [y; u], and on the model it was made for r = R [f; w].
+    """A residual generator r = Q [y; u]; on its own model r = R [f; w].
 
-    ``R``, from faults and noise, holds no mode that cancels, so that its poles and its response
-    at a pole of the plant are those of the residual.
+    ``R``, from faults and noise, has no mode that cancels. Its poles are therefore those of the
+    residual, and its response is right at poles of the plant too.
     """
 
     Q: StateSpace
@@ -44,16 +44,16 @@ class ResidualGenerator:
 def transfer(
     Q: StateSpace, model: FaultModel, names: Sequence[str], omega: ArrayLike
 ) -> NDArray[np.complex128]:
-    """From inputs of the model to the residuals r = Q [y; u] at `omega` [rad/s]: (F, q, k).
+    """The response (F, q, k) from k inputs of the model to the residuals r = Q [y; u].
 
-    With the faults this is the fault transfer matrix G_rf of equation 7.10. By responses of Q and
-    of the model alone.
+    `omega` [rad/s] are the frequencies (F,). For the faults this is the fault transfer matrix G_rf
+    of equation 7.10 of the thesis. It is computed from the responses of Q and of the model alone.
 
     Raises
     ------
     InputError
-        Q with other inputs than outputs and controls of the model, or sampled differently; a pole
-        of either at one of the frequencies.
+        The inputs of Q are not the outputs and controls of the model; the sampling times differ; Q
+        or the model has a pole at one of the frequencies.
     UnknownNameError
         A name that is no input of the model.
     """
@@ -77,35 +77,36 @@ def transfer(
 def structure_matrix(
     Q: StateSpace, model: FaultModel, omega: ArrayLike | None = None
 ) -> NDArray[np.bool_]:
-    """Which residual reacts to which fault: (q, k).
+    """The structure matrix (q, k): whether residual i reacts to fault j.
 
-    A gain counts as 0 below `CANCELLED` of what the outputs' parts of it would add up to without
-    cancelling.
+    A gain is a sum of parts, one through each output. It counts as 0 below `CANCELLED_GAIN_SHARE`
+    times the sum of the magnitudes of its parts.
 
     Parameters
     ----------
     omega
-        Frequencies [rad/s] at every one of which a residual must react (strong structure); None:
-        it must at one of some that are spread at random over the model's poles (weak structure).
+        Frequencies [rad/s] at all of which a residual must react (strong structure), as for
+        `detectability`. None: it must react at one of some random frequencies around the model's
+        poles (weak structure).
 
-    Raises InputError as `transfer`; frequencies as of `detectability`.
+    Raises InputError as `transfer` does.
     """
     need_faults(model)
     if omega is None:
         rate = float(np.abs(model.system.poles()).max(initial=0.0)) or 1.0
-        spread = np.random.default_rng(7).uniform(-1.5, 1.5, SPREAD)
+        spread = np.random.default_rng(7).uniform(-1.5, 1.5, RANDOM_FREQUENCIES)
         at = np.pi / model.dt * 10.0 ** (spread - 1.6) if model.dt else rate * 10.0**spread
     else:
         at = frequencies(model, omega)
     found = np.abs(transfer(Q, model, model.faults, at))
     parts = np.abs(response(Q, at)[:, :, : len(model.outputs)])
-    reacts = found > CANCELLED * (parts @ np.abs(model.response(model.faults, at)))
+    reacts = found > CANCELLED_GAIN_SHARE * (parts @ np.abs(model.response(model.faults, at)))
     over = np.any if omega is None else np.all
     return np.asarray(over(reacts, axis=0))
 
 
 def stacked(generators: Sequence[ResidualGenerator]) -> ResidualGenerator:
-    """Several generators of one model as one, its residuals r1, r2, ... in their order."""
+    """One generator with the residuals r1, r2, ... of several generators of one model."""
     first = generators[0]
     return ResidualGenerator(
         _stack([each.Q for each in generators]),
@@ -116,19 +117,19 @@ def stacked(generators: Sequence[ResidualGenerator]) -> ResidualGenerator:
 
 
 def realised(parity: Parity, rows: Sequence[Array], poles: Poles) -> ResidualGenerator:
-    """The generator with the rows' polynomials over those with the poles given.
+    """The generator whose numerators are the rows and whose denominators have the given poles.
 
     Parameters
     ----------
     rows
         Coefficients (order_i + 1, p) of rising powers, in the units of `parity`.
     poles
-        One for all, or a list of which each residual takes as many as its order, in s or z.
+        One pole for all, or a list from which each residual takes as many as its order, in s or z.
 
     Raises
     ------
     InputError
-        As `denominator`.
+        As `denominator` does.
     """
     model = parity.model
     inner = (*model.faults, *model.noise)
@@ -149,7 +150,7 @@ def realised(parity: Parity, rows: Sequence[Array], poles: Poles) -> ResidualGen
         kept.append(_observer_form(np.hstack([T_f, from_b]), d))
     A, B, C, D = _diagonal(kept)
     k, states, n_b = len(inner), len(A), len(A_b)
-    # b' = A_b b + P' B_f f drives the polynomials
+    # the states b, with b' = A_b b + P' B_f f, drive the polynomials
     A_R = np.block([[A, B[:, k:]], [np.zeros((n_b, states)), A_b]])
     B_R, C_R = np.vstack([B[:, :k], into_b]), np.hstack([C, D[:, k:]])
     A_Q, B_Q, C_Q, D_Q = _diagonal(outer)
@@ -168,10 +169,10 @@ def realised(parity: Parity, rows: Sequence[Array], poles: Poles) -> ResidualGen
 
 
 def denominator(poles: Poles, order: int, dt: float, rate: float = 1.0) -> Array:
-    """Coefficients of rising powers of s / rate (z / rate) with the first `order` of the poles.
+    """The monic polynomial with the first `order` of the poles, in s / rate (sampled: z / rate).
 
-    Raises InputError for poles that are not finite, not stable, too few, or whose complex ones are
-    not in conjugate pairs.
+    The coefficients are those of rising powers. Raises InputError for poles that are not finite,
+    not stable, too few, or complex without their conjugates.
     """
     try:
         given = np.asarray(poles, dtype=complex).reshape(-1)
@@ -196,7 +197,7 @@ def denominator(poles: Poles, order: int, dt: float, rate: float = 1.0) -> Array
             f"not {where}"
         )
     found = np.atleast_1d(np.poly(chosen / rate))[::-1]
-    if np.abs(np.imag(found)).max() > CONJUGATE * np.abs(found).max():
+    if np.abs(np.imag(found)).max() > IMAGINARY_COEFFICIENT_SHARE * np.abs(found).max():
         raise InputError(
             f"the first {order} of the poles are {chosen}: complex ones must come in conjugate "
             "pairs, both or none among as many as the order"
@@ -205,7 +206,7 @@ def denominator(poles: Poles, order: int, dt: float, rate: float = 1.0) -> Array
 
 
 def _observer_form(N: Array, d: Array) -> tuple[Array, Array, Array, Array]:
-    """N(s) / d(s) with the coefficients of rising powers N (order + 1, inputs), d monic."""
+    """A, B, C, D of N(s) / d(s); coefficients of rising powers N (order + 1, inputs), d monic."""
     order = len(d) - 1
     A = np.eye(order, k=-1)
     if order:
@@ -214,7 +215,7 @@ def _observer_form(N: Array, d: Array) -> tuple[Array, Array, Array, Array]:
 
 
 def _diagonal(parts: Sequence[tuple[Array, ...]]) -> tuple[Array, Array, Array, Array]:
-    """Systems with common inputs, their outputs stacked."""
+    """A, B, C, D of several systems with common inputs, their outputs stacked."""
     from scipy.linalg import block_diag
 
     A = block_diag(*[part[0] for part in parts])

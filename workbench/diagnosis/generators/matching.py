@@ -1,10 +1,10 @@
-"""Residuals that follow a reference model of the faults as well as noise allows.
+"""Residuals that follow a reference model of the faults as closely as noise allows.
 
-Every stable generator that decouples controls and disturbances is Q = K Q_1, Q_1 a proper basis of
-the left null space from a minimal polynomial one and K stable. With Q_1 [G_f G_w; 0] = R_1 the
-error is E = K R_1 - [M_r 0]: an H-infinity problem with D12 = I and no feedback, whose stabilising
-controllers are the stable K (Varga, Solving Fault Diagnosis Problems (2017), section 5.6; Frank
-and Ding (1997)).
+Every stable generator that decouples controls and disturbances is Q = K Q_1. Here K is stable, and
+Q_1 is a proper basis of the left null space, made from a minimal polynomial basis. With
+Q_1 [G_f G_w; 0] = R_1 the error is E = K R_1 - [M_r 0]. This is an H-infinity problem with
+D12 = I and no feedback, whose stabilising controllers are the stable K (Varga, Solving Fault
+Diagnosis Problems (2017), section 5.6; Frank and Ding (1997)).
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import GeneralisedPlant, response
 from workbench.systems.realisation import realisation
 
-RANK = 1e-10
-"""Singular values of responses below this share of the largest count as 0."""
+RESPONSE_RANK_SHARE = 1e-10
+"""A singular value of a response counts as 0 below this share of the largest."""
 
 
 @dataclass(frozen=True, eq=False)
 class ModelMatch:
-    """A generator, its error R - [M_r 0] from faults and noise, and that error's certified norm."""
+    """A generator, its error R - [M_r 0] from faults and noise, and the error's certified norm."""
 
     generator: ResidualGenerator
     error: StateSpace
@@ -52,32 +52,33 @@ def model_matching(
     regularisation: float = 1e-3,
     method: str | None = None,
 ) -> ModelMatch:
-    """The stable generator with the least H-infinity norm of R - [M_r 0], controls decoupled.
+    """The stable generator with the least H-infinity norm of its error R - [M_r 0].
 
     Parameters
     ----------
     model
-        With one fault at least. Disturbances are decoupled exactly, noise counts in the error.
+        With one fault at least. Controls and disturbances are decoupled exactly; noise counts in
+        the error.
     reference
-        M_r, StateSpace or TransferFunction, stable: from the faults to as many residuals as it
-        has outputs. Where faults move the outputs through an integration or more, an M_r that does
+        M_r, a stable StateSpace or TransferFunction from the faults to the residuals. Where faults
+        move the outputs through an integration or more, an M_r that does
         not roll off cannot be matched at high frequencies: its gain there stays in the error.
     poles
-        Of the basis Q_1, some of which cancel; one for all, or a list of which each of its rows
-        takes as many as its order.
+        Poles of the basis Q_1, some of which cancel: one for all, or a list from which each row of
+        Q_1 takes as many as its order.
     gamma, method
-        As of `workbench.synthesis.hinf`; gamma None: nearly the least.
+        As for `workbench.synthesis.hinf`; gamma None: nearly the least level.
     regularisation
-        Relative size of the noise that is added where faults and noise do not reach every
-        direction of R_1 (at high frequencies, or at a zero on the stability boundary).
+        Relative size of the noise that is added if faults and noise do not reach every direction
+        of R_1 (at high frequencies, or at a zero on the stability boundary).
 
     Raises
     ------
     InputError
-        No fault; a reference that is unstable or does not fit; disturbances that leave no null
-        space; poles as of `generators.denominator`.
+        The model has no fault; the reference is unstable or does not fit; disturbances leave no
+        null space; the poles are refused by `generator.denominator`.
     SolverError
-        As `workbench.synthesis.hinf`; an error that rounding makes unstable.
+        As `workbench.synthesis.hinf`; or rounding makes the error unstable.
     """
     need_faults(model)
     M_r = _reference(model, reference)
@@ -111,7 +112,7 @@ def model_matching(
 def null_space_generator(model: FaultModel, poles: Poles) -> ResidualGenerator:
     """A proper basis Q_1 of all generators that decouple controls and disturbances.
 
-    Raises InputError where disturbances leave none, and as `generators.denominator`.
+    Raises InputError if the disturbances leave none, and as `generator.denominator` does.
     """
     need_faults(model)
     parity = Parity(model, model.disturbances)
@@ -128,10 +129,10 @@ def null_space_generator(model: FaultModel, poles: Poles) -> ResidualGenerator:
 def matching_bound(
     model: FaultModel, Q_1: StateSpace, reference: Any, omega: ArrayLike
 ) -> NDArray[np.float64]:
-    """A lower bound of any generator's matching error at `omega` [rad/s]: (F,), causal or not.
+    """A lower bound (F,) at `omega` [rad/s] on the matching error of any generator, even acausal.
 
-    What of [M_r 0] the rows of Q_1 [G_f G_w; 0] do not span there. Raises InputError as
-    `generators.transfer` and for a reference that does not fit.
+    It is the norm of the part of [M_r 0] that the rows of Q_1 [G_f G_w; 0] do not span there.
+    Raises InputError as `generator.transfer` does, and for a reference that does not fit.
     """
     need_faults(model)
     M_r = _reference(model, reference)
@@ -140,7 +141,7 @@ def matching_bound(
     target = np.concatenate([target, np.zeros((*target.shape[:2], len(model.noise)))], axis=2)
     rows = transfer(Q_1, model, (*model.faults, *model.noise), omega)
     _, sizes, V = np.linalg.svd(rows, full_matrices=False)
-    V = V * (sizes > RANK * sizes.max(axis=1, keepdims=True))[:, :, None]
+    V = V * (sizes > RESPONSE_RANK_SHARE * sizes.max(axis=1, keepdims=True))[:, :, None]
     left = target - (target @ V.conj().swapaxes(1, 2)) @ V
     return np.linalg.norm(left, 2, axis=(1, 2))
 
@@ -151,7 +152,7 @@ def _reference(model: FaultModel, reference: Any) -> StateSpace:
         raise InputError(
             f"the reference has {M_r.ninputs} inputs; the model has {len(model.faults)} faults"
         )
-    # a static system is one of any sampling
+    # a static system may have any sampling time
     if M_r.nstates and float(M_r.dt or 0.0) != model.dt:
         raise InputError(
             f"the reference has the sampling time {M_r.dt}, the model {model.dt} (0: continuous)"
@@ -162,7 +163,7 @@ def _reference(model: FaultModel, reference: Any) -> StateSpace:
 
 
 def series(K: StateSpace, first: StateSpace, names: list[str]) -> StateSpace:
-    """K after the first, with every state."""
+    """The series connection: K after the first system, with the states of both."""
     matrices = (
         np.block([[first.A, np.zeros((first.nstates, K.nstates))], [K.B @ first.C, K.A]]),
         np.vstack([first.B, K.B @ first.D]),

@@ -1,4 +1,4 @@
-"""Parity relations of sampled systems: residuals that are sums over a window of samples."""
+"""Parity relations of sampled systems: residuals that are weighted sums over some samples."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh, null_space
 
 from workbench.diagnosis.generators.generator import ResidualGenerator, realised
-from workbench.diagnosis.models.decoupling import NULL, Parity
-from workbench.diagnosis.models.detectability import EFFECT, need_faults
+from workbench.diagnosis.models.decoupling import NULL_SPACE_SHARE, Parity
+from workbench.diagnosis.models.detectability import FAULT_EFFECT_SHARE, need_faults
 from workbench.diagnosis.models.fault_model import FaultModel
 from workbench.errors import InputError
 from workbench.input_checks import need_whole
 
-RIDGE = 1e-12
-"""Share of the identity in the denominator of the index where noise does not reach all rows."""
+NOISE_RIDGE = 1e-12
+"""The noise matrix may be singular; this share of its trace, times the identity, is added to it."""
 
 
 @dataclass(frozen=True, eq=False)
 class ParityRelation:
     """r(k) = sum_i v_i y(k - order + i) - w_i u(k - order + i), with v of size 1.
 
-    ``v`` is (order + 1, p), ``w`` (order + 1, m), ``generator`` the same as a filter. ``index`` is
-    the size of what disturbances and noise of unit size in the window add, over that of the faults:
-    equation 7.23 on a window; 0 where they are decoupled.
+    ``v`` is (order + 1, p), ``w`` (order + 1, m), ``generator`` the same relation as a filter.
+    ``index`` is equation 7.23 of the thesis on a window: the norm of the row from disturbances and
+    noise to r, over that of the row from the faults; 0 if disturbances and noise are decoupled.
     """
 
     v: NDArray[np.float64]
@@ -38,20 +38,21 @@ class ParityRelation:
 def parity_relation(model: FaultModel, order: int) -> ParityRelation:
     """The parity relation over order + 1 samples with the least index.
 
-    Initial states are always decoupled. Disturbances are where that leaves something of the
-    faults; else they count as noise, and so does a unit norm of v where there is neither.
+    Initial states are always decoupled. Disturbances are decoupled if that leaves an effect of the
+    faults; otherwise they count as noise. If neither disturbances nor noise remain, the norm of v
+    takes their place.
 
     Parameters
     ----------
     model
         Sampled, with one fault at least; disturbances, noise and faults in units of one size.
     order
-        Samples before the present one, from 0 on.
+        Number of samples before the present one, 0 or more.
 
     Raises
     ------
     InputError
-        A model in continuous time, an order that is negative or that leaves nothing of the faults.
+        The model is in continuous time; the order is negative, or too low to show a fault.
 
     References
     ----------
@@ -68,12 +69,16 @@ def parity_relation(model: FaultModel, order: int) -> ParityRelation:
         )
     parity = Parity(model, ())
     seen = parity.observability(order)
-    rows = null_space(seen.T, rcond=NULL).T if len(parity.A) else np.eye(len(seen))
+    rows = null_space(seen.T, rcond=NULL_SPACE_SHARE).T if len(parity.A) else np.eye(len(seen))
     T_u, T_d, T_f = (
         parity.toeplitz(order, *parity.entry(names))
         for names in (model.controls, model.disturbances, model.faults)
     )
-    exact = null_space((rows @ T_d).T, rcond=NULL).T @ rows if T_d.size and len(rows) else rows
+    exact = (
+        null_space((rows @ T_d).T, rcond=NULL_SPACE_SHARE).T @ rows
+        if T_d.size and len(rows)
+        else rows
+    )
     if _leaves(exact, T_f):
         rows, T_n = exact, parity.toeplitz(order, *parity.entry(model.noise))
     elif _leaves(rows, T_f):
@@ -84,9 +89,9 @@ def parity_relation(model: FaultModel, order: int) -> ParityRelation:
             f"model is {len(parity.A)}), or measure more"
         )
     gain, cost = rows @ T_f, rows @ T_n
-    noisy = bool(np.linalg.norm(cost) > EFFECT * np.linalg.norm(T_n))
+    noisy = bool(np.linalg.norm(cost) > FAULT_EFFECT_SHARE * np.linalg.norm(T_n))
     size = cost @ cost.T if noisy else np.eye(len(rows))
-    size += RIDGE * np.trace(size) * np.eye(len(size))
+    size += NOISE_RIDGE * np.trace(size) * np.eye(len(size))
     v = eigh(gain @ gain.T, size)[1][:, -1] @ rows
     v /= np.linalg.norm(v.reshape(order + 1, -1) / parity.y_units)
     index = float(np.linalg.norm(v @ T_n) / np.linalg.norm(v @ T_f)) if noisy else 0.0
@@ -100,4 +105,6 @@ def parity_relation(model: FaultModel, order: int) -> ParityRelation:
 
 
 def _leaves(rows: NDArray[Any], T_f: NDArray[Any]) -> bool:
-    return bool(len(rows)) and bool(np.linalg.norm(rows @ T_f) > EFFECT * np.linalg.norm(T_f))
+    return bool(len(rows)) and bool(
+        np.linalg.norm(rows @ T_f) > FAULT_EFFECT_SHARE * np.linalg.norm(T_f)
+    )

@@ -1,8 +1,8 @@
-"""How much of a residual is disturbance, how much fault: the index of equation 7.23.
+"""The ratio of disturbances to faults in a residual: the index of equation 7.23 of the thesis.
 
-I = ||G_rd(j omega)|| / ||G_rf(j omega)||, for each residual the largest over a range of
-frequencies. (The printed denominator lacks the generator: it carries H_photo K_optFn like the
-numerator, so that both are what arrives at the residual.)
+The index of a residual is the largest I = ||G_rd(j omega)|| / ||G_rf(j omega)|| over a range of
+frequencies. The printed denominator lacks the residual generator. It has the factor H_photo K_optFn
+like the numerator, so both are meant as gains to the residual.
 """
 
 from __future__ import annotations
@@ -23,20 +23,21 @@ from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_positive
 from workbench.systems.bilinear import to_continuous
 
-GRID = 60
-"""Frequencies that the search starts from."""
-ROUNDS = 60
-AXIS = 1e-6
-"""Zeros nearer to the axis than this share of their size count as on it."""
-SMALL = 1e-10
-"""An index below this is 0 to rounding."""
-VANISHED = 1e-6
-"""A gain from the faults below this share of the largest, at a zero on the axis, is 0."""
+FIRST_FREQUENCIES = 60
+"""Number of frequencies with which the search starts."""
+MOST_LEVELS = 60
+"""Largest number of levels that are tried."""
+AXIS_DISTANCE_SHARE = 1e-6
+"""A zero counts as on the imaginary axis if it is nearer to it than this share of its size."""
+NEGLIGIBLE_INDEX = 1e-10
+"""An index below this counts as 0: it may be rounding."""
+VANISHED_GAIN_SHARE = 1e-6
+"""At a zero on the axis, a gain from the faults counts as 0 below this share of the largest."""
 
 
 @dataclass(frozen=True, eq=False)
 class PerformanceIndex:
-    """For each residual the index lies between ``lower``, reached at ``omega``, and ``upper``."""
+    """Bounds of every residual's index; ``lower`` is its value at ``omega`` [rad/s]."""
 
     lower: NDArray[np.float64]
     upper: NDArray[np.float64]
@@ -54,38 +55,38 @@ def performance_index(
 ) -> PerformanceIndex:
     """The largest ratio of disturbances to faults in each residual over a range of frequencies.
 
-    Between grid points it is certified: at the level ``upper`` the spectrum
-    upper^2 G_f G_f* - G_d G_d* of a residual has no zero in the range, from the eigenvalues of its
-    system pencil, and where one is found the level rises (as the norm's, Bruinsma and Steinbuch,
-    Systems and Control Letters 14 (1990)).
+    ``upper`` is certified between grid points as well: at this level the spectrum
+    upper^2 G_f G_f* - G_d G_d* of a residual has no zero in the range. Zeros are eigenvalues of its
+    system pencil; if there is one in the range, the level rises, as in the computation of the norm
+    by Bruinsma and Steinbuch, Systems and Control Letters 14 (1990).
 
     Parameters
     ----------
     Q
-        Of r = Q [y; u], as `ResidualGenerator.Q`.
+        The filter of r = Q [y; u], as `ResidualGenerator.Q`.
     band
         Two frequencies [rad/s], 0 < low < high, below pi / dt where sampled.
     disturbances, faults
-        Names of inputs, with their weights in the model; None: the model's disturbances and
-        noise, and all its faults.
+        Names of inputs, whose weights are in the model. None: the model's disturbances and noise;
+        all its faults.
     tolerance
         Relative distance of ``upper`` from ``lower``.
 
     Returns
     -------
     PerformanceIndex
-        Infinite where the faults vanish at a frequency of the range and disturbances do not; 0
-        where disturbances are decoupled.
+        The index is infinite if the faults vanish at a frequency of the range and disturbances do
+        not, and 0 if disturbances are decoupled.
 
     Raises
     ------
     UnknownNameError
-        A fault or disturbance that the model has not.
+        The model has no such fault or disturbance.
     InputError
-        A range that is none, no fault or disturbance, a residual that shows none of the faults;
-        as `generators.transfer`.
+        The band is not a range of frequencies; there is no fault or no disturbance; a residual
+        shows none of the faults; as `generator.transfer`.
     SolverError
-        The zeros do not settle.
+        The level does not settle.
     """
     need_faults(model)
     over = tuple(model.faults if faults is None else faults)
@@ -116,7 +117,7 @@ def _peak(
     high: float,
     tolerance: float,
 ) -> tuple[float, float, float]:
-    """Lower and upper value, and its frequency."""
+    """The lower and upper bound of a residual's index, and the frequency of the lower one."""
 
     def ratio(omega: Array) -> Array:
         top = np.linalg.norm(transfer(Q, model, disturbances, omega)[:, residual], axis=1)
@@ -125,21 +126,21 @@ def _peak(
     def fault_gain(omega: Array) -> Array:
         return np.linalg.norm(transfer(Q, model, faults, omega)[:, residual], axis=1)
 
-    omega = np.geomspace(low, high, GRID)
+    omega = np.geomspace(low, high, FIRST_FREQUENCIES)
     values = ratio(omega)
     best, at = float(values.max()), float(omega[values.argmax()])
-    if best < SMALL:
-        return 0.0, SMALL, at
+    if best < NEGLIGIBLE_INDEX:
+        return 0.0, NEGLIGIBLE_INDEX, at
     vanish = _axis_zeros(_joined(Q, model, residual, faults), np.ones(len(faults)), model.dt)
     vanish = vanish[(vanish >= low) & (vanish <= high)]
     if vanish.size:
         least = fault_gain(vanish)
-        if least.min() < VANISHED * fault_gain(omega).max():
+        if least.min() < VANISHED_GAIN_SHARE * fault_gain(omega).max():
             return np.inf, np.inf, float(vanish[least.argmin()])
     system = _joined(Q, model, residual, (*faults, *disturbances))
-    for _ in range(ROUNDS):
+    for _ in range(MOST_LEVELS):
         level = (1.0 + tolerance) * best
-        # the spectrum over level^2, whose pencil has entries of one size
+        # divided by level^2 the spectrum has a pencil with entries of one size
         weights = np.array([1.0] * len(faults) + [-1.0 / level**2] * len(disturbances))
         zeros = _axis_zeros(system, weights, model.dt)
         inside = np.sort(zeros[(zeros > low) & (zeros < high)])
@@ -149,8 +150,8 @@ def _peak(
         tried = np.unique(np.concatenate([np.sqrt(edges[1:] * edges[:-1]), inside]))
         values = ratio(tried)
         if values.max() <= best:
-            # Near a narrow peak zeros beside the axis count too. Every true one is among them, and
-            # between them no point exceeds the level.
+            # Near a narrow peak, zeros beside the axis were counted as well. Every true zero is
+            # among them, and no point between them exceeds the level.
             return best, level, at
         best, at = float(values.max()), float(tried[values.argmax()])
     raise SolverError(f"the index of residual {residual + 1} does not settle; give a narrower band")
@@ -181,7 +182,7 @@ def _joined(
 
 
 def _minimal(A: Array, B: Array, C: Array, D: Array) -> tuple[Array, ...]:
-    """SLICOT TB01PD: the controllable and observable part."""
+    """The controllable and observable part of a system, by SLICOT TB01PD."""
     from slycot import tb01pd
 
     n, m, p = len(A), B.shape[1], len(C)
@@ -195,7 +196,10 @@ def _minimal(A: Array, B: Array, C: Array, D: Array) -> tuple[Array, ...]:
 
 
 def _axis_zeros(system: tuple[Array, ...], weights: Array, dt: float) -> Array:
-    """Frequencies [rad/s] of zeros on the boundary of N J N~, N the system, J = diag(weights)."""
+    """Frequencies [rad/s] of the zeros of N J N~ on the stability boundary.
+
+    N is the system, J = diag(weights), N~ its para-Hermitian conjugate.
+    """
     A, B, C, D = to_continuous(system) if dt else system  # type: ignore[arg-type]
     n, J = len(A), np.diag(weights)
     spectrum = np.block(
@@ -208,7 +212,7 @@ def _axis_zeros(system: tuple[Array, ...], weights: Array, dt: float) -> Array:
     E = np.diag([1.0] * (2 * n) + [0.0])
     zeros = eigvals(spectrum, E)
     zeros = zeros[np.isfinite(zeros)]
-    found = np.abs(zeros.imag[np.abs(zeros.real) <= AXIS * np.abs(zeros)])
+    found = np.abs(zeros.imag[np.abs(zeros.real) <= AXIS_DISTANCE_SHARE * np.abs(zeros)])
     # s = (z - 1) / (z + 1) takes exp(j omega dt) to j tan(omega dt / 2)
     return 2.0 / dt * np.arctan(found) if dt else found
 

@@ -1,10 +1,10 @@
-"""Residuals in which faults stand out of noise as far as they can.
+"""Residuals in which faults stand out from noise as far as possible.
 
 With a basis Q_1 of all generators (see `matching`) and Q_1 [G_f G_w; 0] = [R_f R_w], the residual
 W R_w^{-1} in which noise is co-inner, of gain 1 in every direction at every frequency, is the best
 for every fault at once: no stable generator has a larger ||fault to r|| / ||noise to r|| (Ding,
 Jeinsch, Frank, Ding, Int. J. Adaptive Control and Signal Processing 14 (2000): the unified
-solution). It is the innovation of the Kalman filter of Q_1's noise.
+solution). It is the innovation of the Kalman filter for the noise of Q_1.
 """
 
 from __future__ import annotations
@@ -26,13 +26,16 @@ from workbench.heavy_types import StateSpace
 from workbench.input_checks import is_real
 from workbench.systems.realisation import Matrices, realisation
 
-RANK = 1e-9
-"""Of the noise's direct term: singular values below this share of the largest count as 0."""
+NOISE_RANK_SHARE = 1e-9
+"""A singular value of the noise's direct term counts as 0 below this share of the largest."""
 
 
 @dataclass(frozen=True, eq=False)
 class WhitenedResidual:
-    """``gaps`` (k,): of each fault at least ||fault to r|| / ||noise to r||, H-infinity norms."""
+    """A generator, and for each fault a lower bound on its gap to noise.
+
+    The gap (k,) of a fault is ||fault to r|| / ||noise to r||, with H-infinity norms.
+    """
 
     generator: ResidualGenerator
     gaps: NDArray[np.float64]
@@ -48,18 +51,18 @@ def whitened_residual(
     model
         With faults and noise; disturbances are decoupled.
     poles
-        Of the basis Q_1, as of `model_matching`; they cancel.
+        Poles of the basis Q_1, as for `model_matching`; they cancel.
     regularisation
-        Size of a noise added to every row of Q_1's output, relative to the norm of what noise does
-        there. 0 where noise reaches all of them at high frequencies (R_w of full row rank at
-        infinity). Otherwise the gap grows without bound as it becomes smaller, if faults reach
-        high frequencies: it is then the bandwidth that is chosen by it.
+        Size of a noise added to every output of Q_1, relative to the norm from the model's noise
+        to those outputs. Take 0 if noise reaches all of them at high frequencies (R_w has full row
+        rank at infinity). Otherwise, if faults reach high frequencies, the gap grows without bound
+        as the regularisation falls: choose the bandwidth of the residual by it.
 
     Raises
     ------
     InputError
-        No fault, no noise, noise that does not reach every direction without regularisation, or
-        at a frequency does not; as `null_space_generator`.
+        The model has no fault or no noise; without regularisation, noise does not reach every
+        direction at high frequencies, or at some frequency; as `null_space_generator`.
 
     Notes
     -----
@@ -75,7 +78,7 @@ def whitened_residual(
     A, B, C, D = (np.asarray(getattr(noise, part)) for part in "ABCD")
     extra = regularisation * certified_norm(noise) if regularisation else 0.0
     sizes = np.linalg.svd(D, compute_uv=False)
-    full = len(sizes) == len(C) and sizes[-1] > RANK * sizes[0]
+    full = len(sizes) == len(C) and sizes[-1] > NOISE_RANK_SHARE * sizes[0]
     if not (extra or full or model.dt):
         raise InputError(
             f"noise does not reach all {len(C)} rows of the residuals at high frequencies; give a "
@@ -104,7 +107,7 @@ def _innovations(
     extra: float,
     sampled: bool,
 ) -> Matrices:
-    """The filter whose output is white of size 1 where its input is (A, B, C, D) of white noise."""
+    """The filter that whitens the output of (A, B, C, D) driven by white noise, to intensity 1."""
     R, S = D @ D.T + extra**2 * np.eye(len(C)), B @ D.T
     try:
         if not len(A):
@@ -125,7 +128,7 @@ def _innovations(
 
 
 def _channel(generator: ResidualGenerator, first: int, last: int | None) -> StateSpace:
-    """Some columns of R."""
+    """R from the inputs first to last - 1 alone; last None: to the end."""
     R = generator.R
     columns = slice(first, last)
     return realisation((R.A, R.B[:, columns], R.C, R.D[:, columns]), float(R.dt or 0.0))

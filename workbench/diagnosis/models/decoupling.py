@@ -1,17 +1,18 @@
-"""The left null space of a system's disturbances and states: what residuals can be made of.
+"""The left null space of a system's states and disturbances, from which residuals are made.
 
 Stack y and its derivatives (or its next samples) up to order nu. With x = W a + P b,
 
     Y = O W a + O P b + T_u U + T_d D + T_f F,
 
-where the columns of W span what controls and disturbances reach and every unstable mode; P spans
-the rest, which faults and noise alone excite. A row v with v [O W, T_d] = 0 leaves
-v (Y - T_u U) = v O P b + v T_f F: a residual, its order nu (Chow and Willsky, IEEE TAC 29 (1984)).
-Rows that are no combination of delayed earlier ones form a minimal polynomial basis, as many as
-there are outputs less the generic rank of the disturbances (Forney, SIAM J. Control 13 (1975)).
+where the columns of W and P together are an orthonormal basis of the state space. W spans the
+states that controls and disturbances reach, and the unstable modes. P spans the rest, which only
+faults and noise excite. A row v with v [O W, T_d] = 0 leaves v (Y - T_u U) = v O P b + v T_f F,
+which is a residual of order nu (Chow and Willsky, IEEE TAC 29 (1984)). The rows that are no
+combination of delayed earlier ones form a minimal polynomial basis. Their number is that of the
+outputs less the generic rank of the disturbances (Forney, SIAM J. Control 13 (1975)).
 
-Continuous time is counted in units of the fastest pole here, outputs and inputs in units of their
-rows and columns; `Parity` hides that.
+Computations are scaled: continuous time is in units of the fastest pole, outputs and inputs are in
+units of their rows and columns. `Parity` converts from and to them.
 """
 
 from __future__ import annotations
@@ -28,22 +29,23 @@ from workbench.diagnosis.models.fault_model import FaultModel
 from workbench.errors import SolverError
 from workbench.systems.frequency_response import frequency_response
 
-REACH = 1e-9
-"""Directions below this share of the largest count as not reached."""
-NULL = 1e-10
-"""Singular values of [O W, T_d] below this share of the largest count as 0."""
-GENERIC = 1e-8
-"""Singular values of a scaled response at random points below this share count as 0."""
-BOUNDARY = 1e-9
-"""Modes nearer than this to the stability boundary, of the fastest, count as unstable."""
-NEAR_ZERO = 1e-7
-"""A singular value of a pencil below this share of the largest may be a zero's."""
-POINTS = 5
+REACHED_SHARE = 1e-9
+"""A direction of the state space counts as not reached below this share of the largest."""
+NULL_SPACE_SHARE = 1e-10
+"""A singular value of [O W, T_d] counts as 0 below this share of the largest."""
+GENERIC_RANK_SHARE = 1e-8
+"""A singular value of a response with columns of size 1, at a random point, is 0 below this."""
+BOUNDARY_DISTANCE = 1e-9
+"""A mode counts as unstable if it is nearer to the boundary than this share of the fastest."""
+PENCIL_RANK_SHARE = 1e-7
+"""A pencil loses rank, at a zero, if a singular value is below this share of the largest."""
+RANDOM_POINTS = 5
+"""Number of random points at which generic ranks are determined."""
 
 
 @dataclass(frozen=True, eq=False)
 class Parity:
-    """The rows that decouple `decoupled` inputs, beside the controls, from a model's outputs."""
+    """The rows that decouple a model's controls, and the inputs `decoupled`, from its outputs."""
 
     model: FaultModel
     decoupled: tuple[str, ...]
@@ -60,7 +62,7 @@ class Parity:
 
     @cached_property
     def _balanced(self) -> tuple[Array, Array, Array]:
-        """A, the states' units, and C: balanced, in units of time."""
+        """The balanced A in units of `rate`, the units of the states, and C in those units."""
         system = self.model.system
         if not system.nstates:
             return np.asarray(system.A), np.ones(0), np.asarray(system.C)
@@ -69,7 +71,7 @@ class Parity:
 
     @cached_property
     def y_units(self) -> Array:
-        """Units (p,) of the outputs: the sizes of their rows."""
+        """Units (p,) of the outputs: the norms of their rows of the system."""
         A, _, C = self._balanced
         names = self.model.system.input_labels
         B, D = self._entry(names)
@@ -78,17 +80,17 @@ class Parity:
         return np.where(size > 0.0, size, 1.0)
 
     def _entry(self, names: Sequence[str]) -> tuple[Array, Array]:
-        """B and D of inputs in units of time and states."""
+        """B and D of inputs, in units of time and states."""
         B, D = self.model.matrices(names)
         return B / self._balanced[1][:, None] / self.rate, D
 
     def entry(self, names: Sequence[str]) -> tuple[Array, Array]:
-        """B and D of inputs, outputs in their units."""
+        """B and D of inputs, in units of time, states and outputs."""
         B, D = self._entry(names)
         return B, D / self.y_units[:, None]
 
     def scaled_entry(self, names: Sequence[str]) -> tuple[Array, Array, Array]:
-        """As `entry` with columns of size 1, and their sizes."""
+        """B and D of inputs as from `entry` with columns scaled to size 1, and those sizes."""
         B, D = self.entry(names)
         size: Array = np.linalg.norm(np.vstack([B, D]), axis=0)
         size = np.where(size > 0.0, size, 1.0)
@@ -106,7 +108,7 @@ class Parity:
 
     @cached_property
     def _split(self) -> tuple[Array, Array]:
-        """Orthonormal W and P."""
+        """The orthonormal bases W and P of the module's docstring."""
         n = len(self.A)
         B, _, _ = self.scaled_entry((*self.model.controls, *self.decoupled))
         basis = _span(np.hstack([B, self._unstable]))
@@ -120,39 +122,41 @@ class Parity:
 
     @cached_property
     def _unstable(self) -> Array:
-        """Orthonormal basis of the unstable modes."""
+        """An orthonormal basis of the unstable modes."""
         if not len(self.A):
             return np.zeros((0, 0))
-        edge = (1.0 - BOUNDARY) / self.rate
+        edge = (1.0 - BOUNDARY_DISTANCE) / self.rate
 
         def is_unstable(real: float, imaginary: float) -> bool:
-            return np.hypot(real, imaginary) >= edge if self.model.dt else real >= -BOUNDARY
+            return (
+                np.hypot(real, imaginary) >= edge if self.model.dt else real >= -BOUNDARY_DISTANCE
+            )
 
         _, Z, count = schur(self.A, sort=is_unstable)
         return Z[:, :count]
 
     @cached_property
     def rest(self) -> tuple[Array, Array]:
-        """A of the states b that faults and noise alone excite, and P."""
+        """A_b of the states b that only faults and noise excite, and P."""
         P = self._split[1]
         return P.T @ self.A @ P, P
 
     @cached_property
     def count(self) -> int:
-        """Rows of a basis: outputs less the generic rank of the decoupled inputs."""
+        """Number of rows of a basis: outputs less the generic rank of the decoupled inputs."""
         return len(self.C) - generic_rank(self, self.decoupled)
 
     # --- null spaces --------------------------------------------------------------------------
 
     def observability(self, order: int) -> Array:
-        """O = [C; C A; ...], ((order + 1) p, n)."""
+        """The observability matrix O = [C; C A; ...], ((order + 1) p, n)."""
         blocks = [self.C]
         for _ in range(order):
             blocks.append(blocks[-1] @ self.A)
         return np.vstack(blocks)
 
     def toeplitz(self, order: int, B: Array, D: Array) -> Array:
-        """T, ((order + 1) p, (order + 1) k), of inputs with B and D."""
+        """The Toeplitz matrix T of k inputs with B and D, ((order + 1) p, (order + 1) k)."""
         p, k = D.shape
         markov = [D, *np.split(self.observability(order) @ B, order + 1)[:order]]
         T = np.zeros(((order + 1) * p, (order + 1) * k))
@@ -162,21 +166,21 @@ class Parity:
         return T
 
     def rows(self, order: int) -> Array:
-        """Orthonormal rows v (count, (order + 1) p), all of that order or less."""
+        """An orthonormal basis (count, (order + 1) p) of all rows v of that order or less."""
         B, D, _ = self.scaled_entry(self.decoupled)
         O_W = self.observability(order) @ self._split[0]
         stacked = np.hstack([O_W, self.toeplitz(order, B, D)])
         if not stacked.any():
             return np.eye(len(stacked))
-        found: Array = null_space(stacked.T, rcond=NULL).T
+        found: Array = null_space(stacked.T, rcond=NULL_SPACE_SHARE).T
         return found
 
     @cached_property
     def complete(self) -> int:
-        """The least order that holds a whole basis.
+        """The least order at which the rows contain a whole basis.
 
-        Raises SolverError where rounding hides it: within n orders each more must add as many rows
-        as a basis has.
+        From there on each further order adds as many rows as a basis has, which must come about
+        within n orders. Raises SolverError where rounding hides it.
         """
         before = 0
         for order in range(len(self.A) + 1):
@@ -192,7 +196,7 @@ class Parity:
 
     @cached_property
     def basis(self) -> list[Array]:
-        """Rows (order_i + 1, p) of a minimal polynomial basis, coefficients of rising powers."""
+        """Rows (order_i + 1, p) of a minimal polynomial basis: coefficients of rising powers."""
         p = len(self.C)
         found: list[Array] = []
         for order in range(self.complete + 1):
@@ -208,12 +212,12 @@ class Parity:
             found += [v.reshape(order + 1, p) for v in space]
         return found
 
-    # --- what a row leaves of an input ----------------------------------------------------------
+    # --- the effect of an input on a row --------------------------------------------------------
 
     def effects(self, order: int, names: Sequence[str], points: Array) -> Array:
-        """T_f [1; s; ...] + O P (s - A_b)^-1 P' B_f at scaled points (S,): (S, rows, k).
+        """The effect (S, rows, k) of inputs on the stacked outputs at scaled points s (S,).
 
-        A row v times it is what v leaves of the inputs at s.
+        It is E = T_f [1; s; ...] + O P (s - A_b)^-1 P' B_f; the effect on a row v is v E.
         """
         B, D, _ = self.scaled_entry(names)
         A_b, P = self.rest
@@ -226,11 +230,11 @@ class Parity:
         return direct + (self.observability(order) @ P) @ resolvent
 
     def left_at(self, names: Sequence[str], point: complex) -> tuple[Array, Array] | None:
-        """What a whole basis leaves of inputs at one scaled point, (rows, k), and sizes (k,).
+        """The effect (rows, k) of inputs on a whole basis at one scaled point s, and sizes (k,).
 
-        From the left null space (xi, eta) of [W'(A - s) W, W' B_d; C W, D_d], without powers of A.
-        The sizes are what would be left without cancelling. None where the pencil has a zero at
-        the point: its null space there is larger than the basis.
+        It comes from the left null space (xi, eta) of [W'(A - s) W, W' B_d; C W, D_d], without
+        powers of A. The sizes are those of the effect before anything cancels. None if the pencil
+        has a zero at the point: its null space is larger than the basis there.
         """
         W, P = self._split
         A_b, _ = self.rest
@@ -241,7 +245,7 @@ class Parity:
         )
         U, sizes, _ = np.linalg.svd(pencil)
         rank = len(pencil) - self.count
-        if rank and sizes[rank - 1] <= NEAR_ZERO * sizes[0]:
+        if rank and sizes[rank - 1] <= PENCIL_RANK_SHARE * sizes[0]:
             return None
         rows = U[:, rank:].conj().T
         b = np.linalg.solve(point * np.eye(len(A_b)) - A_b, P.T @ B_f)
@@ -249,21 +253,24 @@ class Parity:
         return rows @ reached, np.linalg.norm(reached, axis=0)
 
     def points_at(self, omega: Array) -> Array:
-        """Scaled points on the stability boundary of `omega` [rad/s]."""
+        """The scaled points on the stability boundary at the frequencies `omega` [rad/s]."""
         dt = self.model.dt
         return (np.exp(1j * omega * dt) if dt else 1j * omega) / self.rate
 
 
 def random_points(parity: Parity) -> Array:
-    """Fixed random points (POINTS,), scaled, away from the stable region's boundary and poles."""
+    """Fixed random scaled points (S,), in the unstable region and away from its boundary."""
     rng = np.random.default_rng(20170)
-    angle, size = rng.uniform(-0.4, 0.4, POINTS) * np.pi, rng.uniform(1.2, 3.0, POINTS)
+    angle, size = (
+        rng.uniform(-0.4, 0.4, RANDOM_POINTS) * np.pi,
+        rng.uniform(1.2, 3.0, RANDOM_POINTS),
+    )
     points: Array = size * np.exp(1j * angle)
     return points
 
 
 def scaled_response(parity: Parity, names: Sequence[str]) -> Array:
-    """Response of inputs at the random points (S, p, k), columns of size 1 where not 0."""
+    """The response (S, p, k) of inputs at the random points, nonzero columns scaled to size 1."""
     B, D, _ = parity.scaled_entry(names)
     n = len(parity.A)
     M = np.block([[parity.A, B], [parity.C, D]])
@@ -273,16 +280,16 @@ def scaled_response(parity: Parity, names: Sequence[str]) -> Array:
 
 
 def generic_rank(parity: Parity, names: Sequence[str]) -> int:
-    """Rank of the inputs' transfer matrix at almost every s: the largest at the random points."""
+    """The rank of the inputs' transfer matrix at almost every s, found at the random points."""
     if not names:
         return 0
     sizes = np.linalg.svd(scaled_response(parity, names), compute_uv=False)
-    return int((sizes > GENERIC).sum(axis=1).max())
+    return int((sizes > GENERIC_RANK_SHARE).sum(axis=1).max())
 
 
 def _span(vectors: Array) -> Array:
-    """Orthonormal basis of the columns' span."""
+    """An orthonormal basis of the span of the columns."""
     if not vectors.size:
         return np.zeros((len(vectors), 0))
     U, sizes, _ = np.linalg.svd(vectors, full_matrices=False)
-    return U[:, sizes > REACH * max(float(sizes[0]), 1.0)]
+    return U[:, sizes > REACHED_SHARE * max(float(sizes[0]), 1.0)]

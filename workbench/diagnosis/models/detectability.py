@@ -1,11 +1,11 @@
-"""Which faults can be detected, told apart, and by which structures of residuals.
+"""Which faults can be detected and isolated, and by which structures of residuals.
 
-Fault j is detectable (thesis, equation 7.11) where a residual exists that controls and
-disturbances do not reach and the fault does: generically, rank [G_d g_j] > rank G_d. It is
+Fault j is detectable (thesis, equation 7.11) if some residual reacts to the fault but not to
+controls and disturbances: generically, rank [G_d g_j] > rank G_d. It is
 strongly detectable (7.12) at a frequency where its response there can be made nonzero, by a stable
 generator, so that a lasting fault of that frequency has a lasting effect; equation 7.12 is
-omega = 0. With other faults counted as disturbances the same tests tell which faults can be
-isolated and which rows of a structure matrix are attainable (Varga, Solving Fault Diagnosis
+omega = 0. If other faults count as disturbances, the same tests tell which faults can be isolated
+and which rows of a structure matrix are attainable (Varga, Solving Fault Diagnosis
 Problems (2017), section 3.3).
 """
 
@@ -19,25 +19,25 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from workbench.diagnosis.models.decoupling import GENERIC, Parity, scaled_response
+from workbench.diagnosis.models.decoupling import GENERIC_RANK_SHARE, Parity, scaled_response
 from workbench.diagnosis.models.fault_model import FaultModel
 from workbench.errors import InputError, UnknownNameError
 from workbench.input_checks import as_array
 
-EFFECT = 1e-7
-"""What rows leave of a fault below this share of what there was counts as 0."""
-MOST = 12
-"""Faults whose structures are enumerated."""
+FAULT_EFFECT_SHARE = 1e-7
+"""The effect of a fault on the rows counts as 0 below this share of its effect on the outputs."""
+MOST_FAULTS = 12
+"""Largest number of faults whose structures are enumerated."""
 
 
 @dataclass(frozen=True, eq=False)
 class Detectability:
-    """For each of the faults: a generic test, and one at each of the frequencies.
+    """Whether each fault is detectable generically (weak), and at each frequency (strong).
 
-    ``weak`` (k,) and ``strong`` (k, F) are booleans, ``omega`` (F,) [rad/s]. ``remaining`` (k,)
-    is the share of the fault's response, at random points of the s-plane, that the disturbances
-    do not span; ``masked_by`` are, for a fault that is not detectable, disturbances that hide it:
-    none of them can be left out.
+    ``weak`` (k,) and ``strong`` (k, F) are booleans, ``omega`` (F,) are frequencies [rad/s].
+    ``remaining`` (k,) is the share of the fault's response that the disturbances do not span, at
+    random points of the s-plane. ``masked_by`` has, for a fault that is not detectable, a least set
+    of disturbances that hide it: none of them can be left out.
     """
 
     faults: tuple[str, ...]
@@ -58,16 +58,16 @@ def detectability(
     model
         With one fault at least.
     omega
-        Frequencies [rad/s] of the strong test; below pi / dt where sampled.
+        Frequencies [rad/s] of the strong test; up to pi / dt for a sampled model.
     decoupled
-        Faults that count as disturbances; they are left out of the result.
+        Faults that count as disturbances; they are not in the result.
 
     Raises
     ------
     InputError
-        No fault left, frequencies negative or not finite.
+        No fault is left; frequencies are negative or not finite.
     UnknownNameError
-        A decoupled name that is no fault.
+        A name in `decoupled` is not that of a fault.
     """
     need_faults(model)
     at = frequencies(model, omega)
@@ -80,7 +80,7 @@ def detectability(
         raise InputError("every fault is decoupled; one to be detected is needed")
     parity = Parity(model, (*model.disturbances, *decoupled))
     remaining = _remaining(parity, faults)
-    weak = remaining > GENERIC
+    weak = remaining > GENERIC_RANK_SHARE
     strong = np.zeros((len(faults), at.size), dtype=bool)
     if weak.any() and at.size:
         strong = weak[:, None] & _left(parity, faults, at)
@@ -92,27 +92,27 @@ def detectability(
 
 
 def masking(model: FaultModel, fault: str, among: Sequence[str]) -> tuple[str, ...]:
-    """Inputs that together hide a fault, none of which can be left out.
+    """A least set of the inputs `among` that hides a fault: none of them can be left out.
 
-    Empty where the fault moves no output at all. Raises InputError for a fault that they do not
-    hide.
+    It is empty if the fault moves no output at all. Raises InputError if the inputs do not hide
+    the fault.
     """
     need_faults(model)
     kept = list(among)
-    if _remaining(Parity(model, tuple(kept)), [fault])[0] > GENERIC:
+    if _remaining(Parity(model, tuple(kept)), [fault])[0] > GENERIC_RANK_SHARE:
         raise InputError(f"{', '.join(among) or 'nothing'} does not hide the fault {fault!r}")
     for name in among:
         fewer = [other for other in kept if other != name]
-        if _remaining(Parity(model, tuple(fewer)), [fault])[0] <= GENERIC:
+        if _remaining(Parity(model, tuple(fewer)), [fault])[0] <= GENERIC_RANK_SHARE:
             kept = fewer
     return tuple(kept)
 
 
 def isolability(model: FaultModel) -> NDArray[np.bool_]:
-    """Whether fault j (row) can be detected with fault k (column) decoupled: (k, k).
+    """Whether fault i (row) can be detected with fault j (column) decoupled: (k, k).
 
-    The diagonal has the detectability with all other faults decoupled at once: that it is true
-    everywhere means that all faults are isolable even where they occur together.
+    On the diagonal all other faults are decoupled at once. If the diagonal is True everywhere, all
+    faults can be isolated even if they occur together.
 
     Raises InputError without a fault.
     """
@@ -121,32 +121,34 @@ def isolability(model: FaultModel) -> NDArray[np.bool_]:
     found = np.zeros((len(faults), len(faults)), dtype=bool)
     for k, other in enumerate(faults):
         parity = Parity(model, (*model.disturbances, other))
-        found[:, k] = _remaining(parity, faults) > GENERIC
+        found[:, k] = _remaining(parity, faults) > GENERIC_RANK_SHARE
         rest = tuple(name for name in faults if name != other)
         alone = Parity(model, (*model.disturbances, *rest))
-        found[k, k] = _remaining(alone, [other])[0] > GENERIC
+        found[k, k] = _remaining(alone, [other])[0] > GENERIC_RANK_SHARE
     return found
 
 
 def attainable_structures(model: FaultModel, omega: ArrayLike | None = None) -> NDArray[np.bool_]:
-    """Every row that a structure matrix can have: which faults one residual can react to, (R, k).
+    """The attainable rows (R, k) of structure matrices: sets of faults that a residual can show.
 
     Parameters
     ----------
     model
         With 1 to 12 faults: 2^k - 1 rows are tested.
     omega
-        Frequencies [rad/s] at which every fault of a row must have an effect (strong structure);
-        None: a generic effect (weak structure).
+        Frequencies [rad/s] at which every fault of a row must have an effect (strong structure).
+        None: an effect at almost all frequencies is enough (weak structure).
 
     Raises
     ------
     InputError
-        No fault or too many, frequencies negative or not finite.
+        There is no fault or there are too many; frequencies are negative or not finite.
     """
     need_faults(model)
-    if len(model.faults) > MOST:
-        raise InputError(f"{len(model.faults)} faults have too many structures; {MOST} can be done")
+    if len(model.faults) > MOST_FAULTS:
+        raise InputError(
+            f"{len(model.faults)} faults have too many structures; {MOST_FAULTS} can be done"
+        )
     rows = [
         row
         for row in product((False, True), repeat=len(model.faults))
@@ -158,10 +160,10 @@ def attainable_structures(model: FaultModel, omega: ArrayLike | None = None) -> 
 def unattainable(
     model: FaultModel, row: ArrayLike, omega: ArrayLike | None = None
 ) -> tuple[str, ...]:
-    """The faults of a structure's row that no residual shows when those with 0 are decoupled.
+    """The faults with 1 in a structure's row that no residual shows if those with 0 are decoupled.
 
-    Empty where the row is attainable: residuals that each show one of its faults have a
-    combination that shows all. Parameters and errors as of `attainable_structures`.
+    The result is empty if the row is attainable, because residuals that each show one of its faults
+    have a combination that shows all. Parameters and errors are those of `attainable_structures`.
     """
     need_faults(model)
     chosen = np.asarray(row)
@@ -170,14 +172,14 @@ def unattainable(
     zeros = tuple(name for name, one in zip(model.faults, chosen, strict=True) if not one)
     ones = [name for name, one in zip(model.faults, chosen, strict=True) if one]
     parity = Parity(model, (*model.disturbances, *zeros))
-    seen: NDArray[np.bool_] = np.asarray(_remaining(parity, ones) > GENERIC)
+    seen: NDArray[np.bool_] = np.asarray(_remaining(parity, ones) > GENERIC_RANK_SHARE)
     if omega is not None and seen.all():
         seen = np.all(_left(parity, ones, frequencies(model, omega)), axis=1)
     return tuple(name for name, shown in zip(ones, seen, strict=True) if not shown)
 
 
 def frequencies(model: FaultModel, omega: ArrayLike) -> NDArray[np.float64]:
-    """As an array (F,); raises InputError for what is negative, not finite or above pi / dt."""
+    """Frequencies [rad/s] as an array (F,); InputError if negative, not finite or above pi / dt."""
     at = np.atleast_1d(as_array(omega, "omega"))
     if at.ndim != 1 or not (np.isfinite(at).all() and (at >= 0.0).all()):
         raise InputError(f"omega is {omega!r}; frequencies [rad/s] from 0 on are needed")
@@ -190,7 +192,7 @@ def frequencies(model: FaultModel, omega: ArrayLike) -> NDArray[np.float64]:
 
 
 def need_faults(model: FaultModel) -> None:
-    """Raise InputError for what is no model with a fault."""
+    """Raise InputError unless this is a FaultModel with a fault."""
     if not isinstance(model, FaultModel):
         raise InputError(f"model must be a FaultModel, not {type(model).__name__}")
     if not model.faults:
@@ -198,17 +200,17 @@ def need_faults(model: FaultModel) -> None:
 
 
 def _remaining(parity: Parity, faults: Sequence[str]) -> NDArray[Any]:
-    """Share (k,) of the faults' responses outside the span of what is decoupled."""
+    """The share (k,) of the faults' responses outside the span of the decoupled inputs."""
     G_f = scaled_response(parity, faults)
     if parity.decoupled:
         U, sizes, _ = np.linalg.svd(scaled_response(parity, parity.decoupled), full_matrices=False)
-        U = U * (sizes > GENERIC)[:, None, :]
+        U = U * (sizes > GENERIC_RANK_SHARE)[:, None, :]
         G_f = G_f - U @ (U.conj().swapaxes(1, 2) @ G_f)
     return np.linalg.norm(G_f, axis=1).max(axis=0)
 
 
 def _left(parity: Parity, faults: Sequence[str], omega: NDArray[Any]) -> NDArray[np.bool_]:
-    """Whether rows of a whole basis leave anything of the faults at `omega`: (k, F)."""
+    """Whether the rows of a whole basis show the faults at `omega` [rad/s]: (k, F)."""
     shown = np.zeros((len(faults), omega.size), dtype=bool)
     if not parity.count:
         return shown
@@ -219,5 +221,5 @@ def _left(parity: Parity, faults: Sequence[str], omega: NDArray[Any]) -> NDArray
             there = parity.effects(order, faults, np.array([point]))[0]
             direct = parity.rows(order) @ there, np.linalg.norm(there, axis=0)
         left, size = direct
-        shown[:, place] = np.linalg.norm(left, axis=0) > EFFECT * size
+        shown[:, place] = np.linalg.norm(left, axis=0) > FAULT_EFFECT_SHARE * size
     return shown

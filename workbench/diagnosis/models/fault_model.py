@@ -1,11 +1,11 @@
-"""Plants with faults: which inputs are controls, disturbances, faults and noise.
+"""Plants with faults, whose inputs are controls, disturbances, faults and noise.
 
 Thesis, equation 7.5: x' = A x + B u + R1 f, y = C x + D u + R2 f. An actuator fault enters where
 its control does, a sensor fault at its output, a process fault by R1 and R2 of its own. A
 multiplicative fault, a parameter that changes by delta, adds delta dM [x; u] to [x'; y]
-(equation 7.2). With dM = L R of full rank that is the additive fault f = delta R [x; u], which
-enters by the columns of L: exact, only that f is then no free signal. What keeps that dependence
-is the linear fractional transformation of `multiplicative_lft`.
+(equation 7.2). With dM = L R of full rank this is exactly the additive fault f = delta R [x; u],
+which enters by the columns of L; but f depends on x and u then and is no free signal. The linear
+fractional transformation of `multiplicative_lft` keeps that dependence.
 """
 
 from __future__ import annotations
@@ -26,28 +26,30 @@ from workbench.systems.generalised_plant import response
 from workbench.systems.realisation import realisation
 
 KINDS = ("controls", "disturbances", "faults", "noise")
+"""Kinds of inputs."""
 
 
 @dataclass(frozen=True, eq=False)
 class FaultModel:
-    """A system whose every input is a control, a disturbance, a fault or noise, by name.
+    """A system with named inputs, each a control, a disturbance, a fault or noise.
 
-    Disturbances are to be decoupled from residuals exactly, noise only to be kept small.
+    Residuals are to be decoupled from disturbances exactly; the effect of noise on them is only to
+    be small.
 
     Parameters
     ----------
     system
         StateSpace, continuous or sampled, with named inputs; its outputs are the measurements.
     controls, disturbances, faults, noise
-        Names of its inputs, each in one of the four.
+        Names of the system's inputs, each in one of the four.
 
     Raises
     ------
     InputError
-        No StateSpace, no output, entries that are not finite, a sampling time not given, an input
-        in two groups or in none.
+        The system is no StateSpace, has no output, entries that are not finite or an unknown
+        sampling time; an input is in two groups or in none.
     UnknownNameError
-        A name that is no input of the system.
+        A name is not that of an input of the system.
     """
 
     system: StateSpace
@@ -82,11 +84,11 @@ class FaultModel:
                 "noise; name each in one of the four"
             )
 
-    # --- what it is made of -------------------------------------------------------------------
+    # --- parts of the model -------------------------------------------------------------------
 
     @property
     def dt(self) -> float:
-        """Sampling time [s], 0: continuous."""
+        """Sampling time [s]; 0 for a continuous system."""
         return float(self.system.dt or 0.0)
 
     @property
@@ -94,7 +96,7 @@ class FaultModel:
         return tuple(self.system.output_labels)
 
     def columns(self, names: Sequence[str]) -> list[int]:
-        """Numbers of inputs; UnknownNameError for a name that is none."""
+        """The numbers of the named inputs; raises UnknownNameError for a name that is no input."""
         inputs = list(self.system.input_labels)
         if isinstance(names, str) or not isinstance(names, Sequence):
             raise InputError(f"names are {names!r}; a list of names of inputs is needed")
@@ -104,14 +106,14 @@ class FaultModel:
         return [inputs.index(name) for name in names]
 
     def matrices(self, names: Sequence[str]) -> tuple[Array, Array]:
-        """B (n, k) and D (p, k) of k inputs."""
+        """B (n, k) and D (p, k) of the k named inputs."""
         places = self.columns(names)
         return np.asarray(self.system.B)[:, places], np.asarray(self.system.D)[:, places]
 
     def response(self, names: Sequence[str], omega: ArrayLike) -> Array:
-        """From k inputs to the outputs at `omega` [rad/s] (F,): (F, p, k).
+        """The response (F, p, k) from k inputs to the outputs at `omega` [rad/s] (F,).
 
-        Raises InputError at a pole, and for what are no frequencies.
+        Raises InputError at a pole, and for frequencies that are not finite.
         """
         at = as_array(omega, "omega").reshape(-1)
         if not np.isfinite(at).all():
@@ -121,10 +123,10 @@ class FaultModel:
     # --- faults -------------------------------------------------------------------------------
 
     def with_fault(self, name: str, R1: ArrayLike, R2: ArrayLike | None = None) -> FaultModel:
-        """With a process fault that enters the states by R1 (n,) and the outputs by R2 (p,).
+        """The model with a process fault that enters the states by R1 (n,), the outputs by R2 (p,).
 
-        Raises InputError for another shape, entries that are not finite, both zero, or a name
-        that is taken.
+        Raises InputError for another shape, entries that are not finite, R1 and R2 both zero, or a
+        name that is taken.
         """
         p = len(self.outputs)
         if not isinstance(name, str):
@@ -162,7 +164,7 @@ class FaultModel:
         )
 
     def with_actuator_faults(self, *controls: str) -> FaultModel:
-        """With a fault ``f_<control>`` where each of these controls enters; none named: all."""
+        """The model with an actuator fault ``f_<control>`` of each named control, or of all."""
         model = self
         for name in controls or self.controls:
             if name not in self.controls:
@@ -172,7 +174,7 @@ class FaultModel:
         return model
 
     def with_sensor_faults(self, *outputs: str) -> FaultModel:
-        """With a fault ``f_<output>`` added to each of these outputs; none named: all."""
+        """The model with a sensor fault ``f_<output>`` at each named output, or at all."""
         model = self
         for name in outputs or self.outputs:
             if name not in self.outputs:
@@ -189,16 +191,18 @@ class FaultModel:
         dC: ArrayLike | None = None,
         dD: ArrayLike | None = None,
     ) -> FaultModel:
-        """With a parameter fault as additive inputs, one for each rank of [dA dB; dC dD].
+        """The model with a parameter fault: as many additive inputs as [dA dB; dC dD] has rank.
 
-        Where the matrices are not affine in the parameter, give their derivatives at the nominal
-        one: the fault is then that of first order. Inputs are called `name`, or ``<name>_1`` and
-        so on where there are several. Shapes as those of A, B of the controls, C and D.
+        If the model is not affine in the parameter, give the derivatives of its matrices at the
+        nominal value; the fault is then right to first order. The input is called `name`; several
+        are called ``<name>_1`` and so on. The matrices have the shapes of A, of B of the controls,
+        of C and of D of the controls.
 
         Raises
         ------
         InputError
-            Another shape, entries that are not finite, all zero, or a name that is taken.
+            A matrix has another shape or entries that are not finite; all are zero; the name is
+            taken.
         """
         n = int(self.system.nstates)
         sizes = n, len(self.outputs), len(self.controls)

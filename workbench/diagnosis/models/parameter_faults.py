@@ -18,20 +18,21 @@ from workbench.systems.realisation import realisation
 def multiplicative_lft(
     model: FaultModel, changes: Mapping[str, tuple[ArrayLike | None, ...]]
 ) -> GeneralisedPlant:
-    """The system as a linear fractional transformation of its parameter faults delta: exact.
+    """The system as an exact linear fractional transformation of its parameter faults delta.
 
     Parameters
     ----------
     model
-        Its other inputs stay, controls last; its outputs are the measurements.
+        Its inputs become the exogenous inputs and, last, the controls; its outputs become the
+        measurements.
     changes
-        For each parameter its (dA, dB, dC, dD), None: zero. A parameter of rank k is the block
-        `Real(k)` of its name, in that order.
+        (dA, dB, dC, dD) for each parameter; None stands for zero. A parameter of rank k becomes the
+        block `Real(k)` with its name, in the order given.
 
     Raises
     ------
     InputError
-        As `FaultModel.with_multiplicative_fault`; no parameter.
+        As `FaultModel.with_multiplicative_fault`; or there is no parameter.
     """
     if not changes:
         raise InputError("changes is empty; it needs the matrices of one parameter or more")

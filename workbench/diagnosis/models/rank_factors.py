@@ -9,8 +9,8 @@ from workbench.arrays import Array
 from workbench.errors import InputError
 from workbench.input_checks import as_array
 
-RANK = 1e-12
-"""Singular values of a parameter's matrix below this share of the largest count as zero."""
+PARAMETER_RANK_SHARE = 1e-12
+"""A singular value of a parameter's matrix counts as 0 below this share of the largest."""
 
 
 def rank_factors(
@@ -49,7 +49,7 @@ def rank_factors(
     if not dM.any():
         raise InputError(f"fault {name!r} changes nothing: dA, dB, dC and dD are zero")
     U, sizes, V = np.linalg.svd(dM)
-    rank = int((sizes > RANK * sizes[0]).sum())
+    rank = int((sizes > PARAMETER_RANK_SHARE * sizes[0]).sum())
     if rank == 1:  # one column of a matrix stays what it was, as I_i in equation 7.2
         pivot = int(np.abs(dM).sum(axis=0).argmax())
         L = dM[:, [pivot]]
