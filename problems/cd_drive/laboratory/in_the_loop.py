@@ -79,7 +79,7 @@ def measure(record: Record, error: RealArray, sine: SteppedSine, turning: bool) 
 
 
 def noise_colour(scatter: ComplexArray) -> RealArray:
-    """Ratio (F,): variance of a mean over the one that the scatter (F, M) of M periods suggests.
+    """Ratio (F,) of the variance of a mean to the one that the scatter (F, M) suggests.
 
     One period resolves an octave, the mean of ten periods a tenth of it. So the two variances
     differ where the noise is not white, and because the end of a period is the start of the next.
