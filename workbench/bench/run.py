@@ -32,7 +32,7 @@ from workbench.study import Study
 
 @dataclass(frozen=True)
 class Bench:
-    """Where results go, how runs show themselves, whether stored answers may be reused."""
+    """Settings of runs: results folder, options, progress display, reuse of stored answers."""
 
     store: Store
     options: Options
@@ -137,7 +137,7 @@ class Bench:
         return Run(path, note="; ".join(notes))
 
     def _checkpoint(self, question: Question, code: str, writer: Writer) -> FileCheckpoint:
-        """Where the question's iteration was stopped, whatever its time limit was."""
+        """The stored state of the question's iteration, which is the same for every time limit."""
         untimed = question.untimed
         file = self.store.checkpoint(untimed.problem, untimed.key)
         mark = digest(canonical(asdict(untimed)) + code)
