@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from workbench.bench.results import Run
 
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+"""Environment variables that limit the threads of linear algebra."""
 
 
 def ended(

@@ -26,11 +26,11 @@ def compiled(function: Callable[..., Any]) -> Any:
 
 
 def kernel(function: Callable[..., Any]) -> Any:
-    """As `compiled`, for a small function that is called very often and makes no array.
+    """Compile a small function that is called very often and makes no array.
 
     Numba counts the references to every array that a function is given, which takes longer than
-    the arithmetic of a small one. Here it does not; a function that does make an array does not
-    compile. Slices of what is given are no new arrays.
+    the arithmetic of a small function. Here that is switched off, so a function that makes an array
+    does not compile; slices of given arrays are allowed. Otherwise as `compiled`.
     """
     return _kept(function, {"_nrt": False})
 

@@ -56,7 +56,7 @@ def shown(value: float | int | str) -> str:
 
 
 class Checkpoint:
-    """Where an iteration leaves its state after a round; here nothing is kept."""
+    """Store of an iteration's state after each round; this base class keeps nothing."""
 
     def save(self, state: Mapping[str, NDArray[Any]]) -> None:
         """Keep a state, arrays of numbers by name, in place of the one before."""
@@ -201,7 +201,7 @@ def _each(function: Callable[[T], S], items: Sequence[T]) -> list[S]:
 
 @dataclass
 class Context:
-    """What a method is given besides its Program: options, progress, clock and randomness.
+    """The second argument of every method: options, progress, clock and randomness.
 
     An iteration goes over `rounds`, tells each by `record`, and leaves its state in ``checkpoint``.
     ``rows`` are the rounds told so far; ``stopped`` says how the time limit ended an iteration.

@@ -1,4 +1,4 @@
-"""What functions are given, checked before anything is done with it."""
+"""Checks of arguments, made before anything is computed."""
 
 from __future__ import annotations
 
@@ -50,15 +50,15 @@ def need_whole(value: Any, name: str) -> None:
 
 
 def is_real(value: Any) -> bool:
-    """Whether it is a real number, truth values left out."""
+    """Whether a value is a real number; True and False are not."""
     return isinstance(value, numbers.Real) and not isinstance(value, bool)
 
 
 def as_array(values: ArrayLike, name: str, *, dtype: type = float) -> NDArray[Any]:
-    """As an array of numbers.
+    """Convert values to an array of numbers.
 
-    Raises InputError for rows of different lengths, for what is no number, and for complex numbers
-    where `dtype` is real.
+    Raises InputError for rows of different lengths, for entries that are no numbers, and for
+    complex numbers where `dtype` is real.
     """
     try:
         given = np.asarray(values)

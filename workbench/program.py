@@ -44,7 +44,7 @@ class Check:
 
     @property
     def margin(self) -> float:
-        """By how much it holds; negative where it does not, NaN where the value is."""
+        """Limit less value: negative where the check fails, NaN where the value is NaN."""
         return self.limit - self.value
 
     @property
@@ -139,14 +139,14 @@ def _read(stored: Mapping[str, Any], derived: str) -> dict[str, Any]:
 
 
 Claim = tuple[Any, Outcome, str]
-"""What a method returns: an answer or None, what it says of it, and the solver's own words."""
+"""Return value of a method: an answer or None, its outcome by the method, the solver's message."""
 
 
 # --- programs and studies ---------------------------------------------------------------------
 
 
 class Task(ABC):
-    """What programs and studies share: an answer that can be checked, stored and shown."""
+    """A Program or a Study: its answer can be checked, stored and shown."""
 
     headline: ClassVar[str] = ""
     """The metric that stands for the task in tables."""

@@ -22,7 +22,7 @@ ACCURACY: Mapping[str, float] = {"low": 1e-3, "middle": 1e-6, "high": 1e-9}
 
 
 class Outcome(StrEnum):
-    """What came of a question, in the same words for every solver."""
+    """Outcome of a solve or a run, in the same words for every solver."""
 
     SOLVED = "solved"
     INACCURATE = "inaccurate"
@@ -50,7 +50,7 @@ _ADVICE = {
 
 @dataclass(frozen=True)
 class Options:
-    """What may be asked of any method.
+    """Options that every method understands.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ class Options:
 
 
 class Stopwatch(Protocol):
-    """Where a solver call books the time of its statement, apart from that of its solve."""
+    """Clock of a solver call: it books the time of the statement apart from that of the solve."""
 
     def stating(self) -> AbstractContextManager[None]: ...
 

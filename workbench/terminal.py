@@ -1,4 +1,4 @@
-"""What the command line prints: tables, verdicts, JSON, progress bars."""
+"""Output of the command line: tables, verdicts, JSON, progress bars."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 ROUNDS = 15
-"""Rounds of an iteration that are shown at a time."""
+"""Number of the last rounds of an iteration in its live table."""
 
 
 def print_json(value: Any) -> None:
@@ -29,7 +29,7 @@ def print_json(value: Any) -> None:
 
 
 def verdict(one: Run) -> str:
-    """What the certificate says of a run, in a line."""
+    """The outcome of a run and its reason in one line."""
     said = "certificate holds" if one.holds else f"{one.outcome}: {_reason(one)}"
     return said + (" (stored)" if one.reused else "")
 

@@ -1,4 +1,4 @@
-"""Narrowest stadiums through CVXPY: convex at a given angle, so angles are scanned."""
+"""Narrowest stadiums through CVXPY: the problem is convex at a given angle, so scan the angles."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from workbench.executor import Context
 from workbench.solvers import Options, Outcome, conic_solvers, solve_conic
 
 COARSE, FINE, ROUNDS = 24, 4, 5
-"""Angles of the first scan; then around the best as many more, each round four times closer."""
+"""Angles of the first scan; factor by which each further round is finer; further rounds."""
 
 
 class ScannedStadiums:
@@ -29,7 +29,7 @@ class ScannedStadiums:
     def narrowest(
         self, sets: np.ndarray, center: complex | None, what: str
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Least radius (F,) over the angles tried, and the angle."""
+        """Smallest radius (F,) over the angles tried, and its angle (F,)."""
         found = []
         for points in self._context.track(list(sets), what):
             step = np.pi / COARSE
@@ -46,7 +46,7 @@ class ScannedStadiums:
         return radius, np.mod(angle, np.pi)
 
     def at(self, sets: np.ndarray, angles: np.ndarray, what: str) -> np.ndarray:
-        """Least radius (F,) about 0 at given angles."""
+        """Smallest radius (F,) about 0 at given angles (F,)."""
         pairs = self._context.track(list(zip(sets, angles, strict=True)), what)
         return np.array([self._radius(points, angle, 0.0) for points, angle in pairs])
 

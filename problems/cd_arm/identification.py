@@ -13,7 +13,7 @@ from workbench.identification.state_space.program import StateSpaceFit
 
 RECORD = "data/CD_player_arm.dat"
 ESTIMATION = 1024
-"""Samples that may be used to estimate and to choose the order; the other half judges."""
+"""Number of samples to estimate models and choose their order; the rest judges the models."""
 
 
 @problem("cd-arm/identification", data=RECORD)
@@ -24,8 +24,8 @@ def identification(
 
     Two inputs, two outputs, 2048 samples (DaISy 96-007); the sampling time is not given, so
     frequencies are in cycles per sample. Estimation and choice of orders use the first 1024
-    samples, the fits are those of the rest, the initial state coming from its first 50 samples. The
-    model to predict and the model to simulate are chosen each by validation in its own use.
+    samples. The fits are those of the rest, whose first 50 samples give the initial state. The
+    model to predict and the model to simulate are each chosen by validation in its own use.
 
     highest_order: orders from 2 to this one, in steps of two, are tried.
     """

@@ -1,4 +1,4 @@
-"""The loop of the two masses by its element equations: what its analysis is checked with."""
+"""Element equations of the loop of the two masses, with which its analysis is checked."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from scipy.optimize import minimize_scalar
 
 from .plant import B1, B2, CORNER, GAIN, K2, M1, M2, SPRING, weights
 
-POINTS = 4001
-"""Springs of either sign among which the worst is looked for."""
-REACH = (1e-4, 1e5)
-"""Their least and largest |delta|."""
+SPRINGS_TRIED = 4001
+"""Number of springs of either sign among which the worst is searched."""
+DELTA_RANGE = (1e-4, 1e5)
+"""Smallest and largest |delta| of these springs."""
 
 
 def determinant(omega: float, Delta: np.ndarray) -> complex:
     """det(I - N Delta) at `omega` [rad/s], by the element equations and not by N.
 
-    Delta (4, 4) maps (y_m, z_k1, z_p, z_u) to (u_m, w_k1, d, n). In the unknowns z1, z2, u, d, n
-    the loop with Delta has that determinant, over that of the loop without it.
+    Delta (4, 4) maps (y_m, z_k1, z_p, z_u) to (u_m, w_k1, d, n). It is the
+    determinant of the loop's equations in z1, z2, u, d, n with Delta, over that without Delta.
     """
     s = 1j * omega
     W = {name: complex(weight(s)) for name, weight in weights().items()}
@@ -76,10 +76,10 @@ def _real_spring_mu(omega: float) -> float:
         return largest
 
     best = np.inf
-    logs = np.linspace(np.log(REACH[0]), np.log(REACH[1]), POINTS)
+    logs = np.linspace(np.log(DELTA_RANGE[0]), np.log(DELTA_RANGE[1]), SPRINGS_TRIED)
     for sign in (-1.0, 1.0):
         k = int(size(sign * np.exp(logs)).argmin())
-        ends = logs[max(k - 1, 0)], logs[min(k + 1, POINTS - 1)]
+        ends = logs[max(k - 1, 0)], logs[min(k + 1, SPRINGS_TRIED - 1)]
         found = minimize_scalar(
             lambda x, sign=sign: float(size(sign * np.exp(np.array([x])))[0]),
             bounds=ends,

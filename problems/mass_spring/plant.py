@@ -28,14 +28,14 @@ K2, B1, B2 = 1.0, 0.05, 0.05
 SPRING = Parameter("k1", 2.0, 0.4)
 """Spring between the masses [N/m]: 2 + 0.8 delta."""
 GAIN, CORNER = 0.005, 0.1
-"""Of the simple controller u = GAIN s / (s + CORNER) y: [N/m] and [rad/s]."""
+"""Gain [N/m] and corner frequency [rad/s] of the simple controller u = GAIN s / (s + CORNER) y."""
 
 
 def weights() -> dict[str, TransferFunction]:
-    """W_p of z2, W_u of u, W_d of d, W_n of n, and W_m of the unmodelled dynamics.
+    """The weights W_p of z2, W_u of u, W_d of d, W_n of n, and W_m of the unmodelled dynamics.
 
-    |W_m| is above |exp(-s tau) - 1| for delays tau up to 0.058 s. For the 0.06 s that the paper
-    means it to cover it is up to 1.5 % below, from 28 to 46 rad/s.
+    |W_m| exceeds |exp(-s tau) - 1| for delays tau up to 0.058 s. The paper means it to cover
+    0.06 s; for that delay it is up to 1.5 % too small, from 28 to 46 rad/s.
     """
     import control
 
@@ -86,7 +86,7 @@ def two_mass_plant() -> GeneralisedPlant:
 
 
 def simple_controller() -> StateSpace:
-    """u = 0.005 s / (s + 0.1) y: it leaves the masses nearly alone, for analysis only.
+    """The controller u = 0.005 s / (s + 0.1) y, for analysis only: it hardly moves the masses.
 
     The nominal loop is stable with either sign of it, and with the wall at either mass: stability
     does not tell the readings apart, so wall and sign are those of the paper.

@@ -27,7 +27,7 @@ After = Literal["", "dk", "mu-dk", "dgk"]
 
 
 def earlier(plant: str, after: After = "", **_: Any) -> dict[str, Any]:
-    """The controller that a chain goes on from."""
+    """A reference to the controller from which a chain continues; none without ``after``."""
     return {"start": ref(f"{plant}/controller", method=after)} if after else {}
 
 

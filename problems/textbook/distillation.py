@@ -15,9 +15,9 @@ from workbench.structure import Complex
 from workbench.uncertainty import GeneralisedPlant, generalised_plant
 
 GAINS = np.array([[87.8, -86.4], [108.2, -109.6]])
-LAG = 75.0
-"""[min]"""
-LEAK = 1e-6
+TIME_CONSTANT = 75.0
+"""Time constant of the column [min]."""
+NEAR_INTEGRATOR = 1e-6
 """Pole of the performance weight in place of an integrator [rad/min]."""
 
 
@@ -25,9 +25,9 @@ def distillation_column() -> GeneralisedPlant:
     """The plant with two complex scalars at its inputs and a 2-by-2 performance."""
     import control
 
-    column = control.ss(-np.eye(2) / LAG, np.eye(2), GAINS / LAG, 0.0)
+    column = control.ss(-np.eye(2) / TIME_CONSTANT, np.eye(2), GAINS / TIME_CONSTANT, 0.0)
     uncertain = control.tf([1.0, 0.2], [0.5, 1.0])
-    performance = control.tf([0.5, 0.05], [1.0, LEAK])
+    performance = control.tf([0.5, 0.05], [1.0, NEAR_INTEGRATOR])
     return generalised_plant(
         [
             (column, ["v1", "v2"], ["g1", "g2"]),

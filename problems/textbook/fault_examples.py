@@ -16,7 +16,7 @@ from workbench.systems.realisation import realisation
 YUAN_ROWS = {"weak": 18, "strong": 12}
 """Attainable rows of `four_compartments`: generic, and at 0 and 1 rad/s."""
 SUBOPTIMAL = 2e-3
-"""How near to the best error the book's generator for `two_actuators` comes, for its own M_r."""
+"""Distance of the error of the book's generator for `two_actuators` from the best, for its M_r."""
 
 
 def two_actuators() -> FaultModel:
@@ -38,7 +38,7 @@ def two_actuators() -> FaultModel:
 
 
 def uncertain_dynamics(rho1: float, rho2: float) -> np.ndarray:
-    """A of `two_actuators` with its two parameters off by these shares."""
+    """Matrix A of `two_actuators` with its two parameters changed by these fractions."""
     real, imaginary = -0.5 * (1.0 + rho1), 0.6 * (1.0 + rho2)
     return np.array([[-0.8, 0.0, 0.0], [0.0, real, imaginary], [0.0, -imaginary, real]])
 
@@ -57,7 +57,7 @@ def unstable_sensor() -> FaultModel:
 
 
 def unstable_sensor_residual(s: np.ndarray) -> np.ndarray:
-    """Its published residual generator from (y1, y2, u) with the pole -3, (F, 1, 3), to a gain."""
+    """Published generator (F, 1, 3) from (y1, y2, u) of `unstable_sensor`, with the pole -3."""
     row = np.array([0.0 * s, (s - 3.0) / (s + 3.0), -(s + 2.0) / (s + 3.0)])
     return row.T[:, None, :]
 

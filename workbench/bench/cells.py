@@ -18,7 +18,7 @@ from workbench.errors import TimeLimitError
 from workbench.program import Program, methods, solve
 from workbench.solvers import Options, Outcome
 
-WARM = 20.0
+COMPILED_AFTER = 20.0
 """A solve faster than this [s] is timed a second time: its first call may have compiled."""
 
 
@@ -63,7 +63,7 @@ def run_cell(
     if reason:
         return Cell(UNFIT, "", reason)
     solution = solve(task, method, options)
-    if solution.seconds["solve"] < WARM:
+    if solution.seconds["solve"] < COMPILED_AFTER:
         solution = solve(task, method, options)
     gap = solution.certificate.gap if solution.certificate else None
     return Cell(

@@ -61,7 +61,7 @@ class FileCheckpoint(Checkpoint):
 
     @property
     def kept(self) -> bool:
-        """Whether there is a state to go on from."""
+        """Whether there is a stored state from which to continue."""
         return self._read() is not None
 
     def drop(self) -> None:

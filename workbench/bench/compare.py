@@ -25,7 +25,7 @@ from workbench.solvers import ACCURACY, Options
 
 @dataclass(frozen=True)
 class Cells:
-    """What a comparison computes: every problem by every method at every accuracy level."""
+    """A comparison: every problem by every method at every accuracy level."""
 
     problems: tuple[str, ...]
     methods: tuple[str, ...]

@@ -10,14 +10,18 @@ from __future__ import annotations
 import inspect
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
+
+if TYPE_CHECKING:
+    from rocrate.rocrate import ROCrate
 
 # RO-Crate wants http identifiers; this one names the workbench and, being reserved, never resolves.
 HOME = "https://workbench.example/"
+PYPI = "https://pypi.org/project/"
 PROFILE = "https://w3id.org/ro/wfrun/process/0.5"
 LICENSE = "https://creativecommons.org/licenses/by/4.0/"
 
@@ -53,76 +57,94 @@ def write_crate(folder: Path, run: Mapping[str, Any], help: str) -> None:
     `run` is the content of run.json; `help` is the problem's documentation, whose first paragraph
     describes the crate.
     """
-    from rocrate.model import ContextEntity  # slow to import, and only written runs need it
-    from rocrate.rocrate import ROCrate
+    from rocrate.rocrate import ROCrate  # slow to import, and only written runs need it
 
     crate = ROCrate(version="1.1")
-
-    def add(id: str, type: str, **properties: Any) -> ContextEntity:
-        return crate.add(ContextEntity(crate, id, {"@type": type, **properties}))
-
-    title = f"{run['problem']}, run {run['key']}"
-    description = " ".join(inspect.cleandoc(help).split("\n\n")[0].split()) or title
-
     # Whoever ran it is not named, yet the profile asks for an agent.
-    everyone = add(
-        f"{HOME}#people", "Organization", name="Users and developers of the workbench", url=HOME
-    )
-    license = add(
-        LICENSE,
-        "CreativeWork",
-        name="Creative Commons Attribution 4.0 International",
-        description="Free to share and adapt, provided credit is given",
-    )
-    profile = add(PROFILE, "CreativeWork", name="Process Run Crate", version="0.5")
+    words = "Users and developers of the workbench"
+    people = _entity(crate, f"{HOME}#people", "Organization", name=words, url=HOME)
+    software = _software(crate, run["versions"])
+    inputs, files = _inputs(crate, run), _files(crate, folder)
+    action = _action(crate, run, software, inputs, files, people)
+    _describe(crate, run, help, files, people, action)
+    # crate.write(folder) would also write the files, crate.metadata.write spends half on blanks.
+    text = json.dumps(crate.metadata.generate(), separators=(",", ":"), sort_keys=True)
+    (folder / crate.metadata.id).write_text(text + "\n", encoding="utf-8")
+
+
+def _entity(crate: ROCrate, id: str, type: str, **properties: Any) -> Any:
+    """A new entity of the crate."""
+    from rocrate.model import ContextEntity
+
+    return crate.add(ContextEntity(crate, id, {"@type": type, **properties}))
+
+
+def _software(crate: ROCrate, versions: Mapping[str, str]) -> Any:
+    """The workbench as a piece of software that requires Python and the solvers."""
+
+    def application(id: str, name: str, version: str, url: str, **properties: Any) -> Any:
+        about = {"name": name, "softwareVersion": version, "url": url, **properties}
+        return _entity(crate, id, "SoftwareApplication", **about)
 
     libraries = [
-        add(
-            f"https://pypi.org/project/{quote(name)}/{quote(version)}/",
-            "SoftwareApplication",
-            name=name,
-            softwareVersion=version,
-            url=f"https://pypi.org/project/{quote(name)}/",
+        application(
+            f"{PYPI}{quote(name)}/{quote(version)}/", name, version, f"{PYPI}{quote(name)}/"
         )
-        for name, version in sorted(run["versions"].items())
+        for name, version in sorted(versions.items())
         if name not in ("workbench", "python")
     ]
-    python = add(
-        f"https://www.python.org/#{quote(run['versions']['python'])}",
-        "SoftwareApplication",
-        name="Python",
-        softwareVersion=run["versions"]["python"],
-        url="https://www.python.org/",
-    )
-    workbench = add(
-        f"{HOME}#{quote(run['versions']['workbench'])}",
-        "SoftwareApplication",
-        name="workbench",
-        softwareVersion=run["versions"]["workbench"],
-        url=HOME,
-        softwareRequirements=_unpack([python, *libraries]),
-    )
+    site, own, version = "https://www.python.org/", versions["workbench"], versions["python"]
+    python = application(f"{site}#{quote(version)}", "Python", version, site)
+    needed = _unpack([python, *libraries])
+    return application(f"{HOME}#{quote(own)}", "workbench", own, HOME, softwareRequirements=needed)
 
-    inputs = [
-        add(
-            f"#{quote(f'{kind}/{name}')}", "PropertyValue", name=name, value=value, description=kind
+
+def _inputs(crate: ROCrate, run: Mapping[str, Any]) -> list[Any]:
+    """Method, parameters, options and needs of the run."""
+    given = [("method", "method", run["method"])] if run["method"] else []
+    for kind, key in (("parameter", "parameters"), ("option", "options"), ("need", "needs")):
+        given += [(kind, name, _value(value)) for name, value in run[key].items()]
+    return [
+        _entity(
+            crate,
+            f"#{quote(f'{kind}/{name}')}",
+            "PropertyValue",
+            name=name,
+            value=value,
+            description=kind,
         )
-        for kind, name, value in _inputs(run)
+        for kind, name, value in given
     ]
+
+
+def _files(crate: ROCrate, folder: Path) -> list[Any]:
+    """The files of the folder, sorted by name."""
+    paths = (p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file())
     # Without a source there is nothing that the library could copy or read.
-    files = [
+    return [
         crate.add_file(
             dest_path=name,
             properties={
                 "name": name,
-                "description": _describe(name),
+                "description": DESCRIPTIONS.get(name, name),
                 "encodingFormat": FORMATS.get(Path(name).suffix, "application/octet-stream"),
                 "contentSize": str((folder / name).stat().st_size),
             },
         )
-        for name in _files(folder)
+        for name in sorted(paths)
+        if name not in UNLISTED
     ]
 
+
+def _action(
+    crate: ROCrate,
+    run: Mapping[str, Any],
+    software: Any,
+    inputs: list[Any],
+    files: list[Any],
+    people: Any,
+) -> Any:
+    """What was done: the software made the files from the inputs, and how that ended."""
     using = f" by {run['method']}" if run["method"] else ""
     status: dict[str, Any] = {"actionStatus": "http://schema.org/CompletedActionStatus"}
     if run["outcome"] not in COMPLETED:
@@ -131,8 +153,8 @@ def write_crate(folder: Path, run: Mapping[str, Any], help: str) -> None:
             "actionStatus": "http://schema.org/FailedActionStatus",
             "error": f"The run ended as {run['outcome']!r}; see run.json and log.txt",
         }
-    action = crate.add_action(
-        workbench,
+    return crate.add_action(
+        software,
         "#run",
         object=_unpack(inputs),
         result=_unpack(files),
@@ -141,50 +163,48 @@ def write_crate(folder: Path, run: Mapping[str, Any], help: str) -> None:
             "description": f"{run['problem']} run{using}; outcome: {run['outcome']}",
             "startTime": _time(run["started"]),
             "endTime": _time(run["finished"]),
-            "agent": everyone,
+            "agent": people,
             **status,
         },
     )
 
-    root = crate.root_dataset
-    root["name"] = title
-    root["description"] = description
-    root["datePublished"] = _time(run["finished"])
-    root["license"] = license
-    root["author"] = everyone
-    root["publisher"] = everyone
-    root["conformsTo"] = profile
-    root["mentions"] = action
-    root["hasPart"] = _unpack(files)
 
-    # crate.write(folder) would also write the files, crate.metadata.write spends half on blanks.
-    text = json.dumps(crate.metadata.generate(), separators=(",", ":"), sort_keys=True)
-    (folder / crate.metadata.id).write_text(text + "\n", encoding="utf-8")
+def _describe(
+    crate: ROCrate,
+    run: Mapping[str, Any],
+    help: str,
+    files: list[Any],
+    people: Any,
+    action: Any,
+) -> None:
+    """Say what the crate as a whole is: title, description, date, license, profile, contents."""
+    title = f"{run['problem']}, run {run['key']}"
+    license = _entity(
+        crate,
+        LICENSE,
+        "CreativeWork",
+        name="Creative Commons Attribution 4.0 International",
+        description="Free to share and adapt, provided credit is given",
+    )
+    profile = _entity(crate, PROFILE, "CreativeWork", name="Process Run Crate", version="0.5")
+    about = {
+        "name": title,
+        "description": " ".join(inspect.cleandoc(help).split("\n\n")[0].split()) or title,
+        "datePublished": _time(run["finished"]),
+        "license": license,
+        "author": people,
+        "publisher": people,
+        "conformsTo": profile,
+        "mentions": action,
+        "hasPart": _unpack(files),
+    }
+    for name, value in about.items():
+        crate.root_dataset[name] = value
 
 
 def _unpack(entities: list[Any]) -> Any:
     """A list, or its only element: RO-Crate 1.1 asks for no lists of one."""
     return entities[0] if len(entities) == 1 else entities
-
-
-def _files(folder: Path) -> list[str]:
-    """What the crate describes, as sorted relative paths."""
-    names = (p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file())
-    return sorted(name for name in names if name not in UNLISTED)
-
-
-def _describe(name: str) -> str:
-    """What a file of a run folder holds, in one line."""
-    return DESCRIPTIONS.get(name, name)
-
-
-def _inputs(run: Mapping[str, Any]) -> Iterator[tuple[str, str, Any]]:
-    """Everything that went into the run, as (kind, name, value)."""
-    if run["method"]:
-        yield "method", "method", run["method"]
-    for kind, key in (("parameter", "parameters"), ("option", "options"), ("need", "needs")):
-        for name, value in run[key].items():
-            yield kind, name, _value(value)
 
 
 def _value(value: Any) -> str | int | float:

@@ -1,4 +1,4 @@
-"""What ``workbench show`` says of a problem."""
+"""The description of a problem that ``workbench show`` prints."""
 
 from __future__ import annotations
 

@@ -113,7 +113,7 @@ def _join(data: xr.Dataset) -> xr.Dataset:
 
 
 def differences(old: xr.Dataset, new: xr.Dataset, tolerance: float) -> list[str]:
-    """Where datasets differ by more than a tolerance, relative to each array's largest entry."""
+    """Names and sizes of differences above a tolerance relative to the array's largest entry."""
     found = [f"{name} is missing" for name in new.variables if name not in old.variables]
     found += [f"{name} is unexpected" for name in old.variables if name not in new.variables]
     for name, array in new.variables.items():

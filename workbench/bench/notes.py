@@ -1,4 +1,4 @@
-"""What a run tells of itself: its notes and its log."""
+"""The notes and the log of a run."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from workbench.solvers import Options, Outcome
 
 
 def went_on(solution: Solution, checkpoint: FileCheckpoint) -> list[str]:
-    """Whether an iteration went on where it was stopped, and whether it may again."""
+    """Notes on an iteration that continued where it was stopped, or that can be continued."""
     notes = []
     if checkpoint.earlier:
         notes.append(f"went on where a run was stopped after {checkpoint.earlier:.3g} s")
@@ -25,7 +25,7 @@ def went_on(solution: Solution, checkpoint: FileCheckpoint) -> list[str]:
 
 
 def compared(earlier: Run | None, data: Dataset, options: Options) -> list[str]:
-    """Whether an answer agrees with the one that was there."""
+    """A note on whether the arrays agree with those of an earlier answer, where there is one."""
     if earlier is None:
         return []
     found = netcdf.differences(earlier.data, data, options.accuracy)

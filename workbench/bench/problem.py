@@ -31,7 +31,7 @@ class Problem:
         self.entry = entry
         self.name = entry.name
         self.sources = sources(self.folder)
-        """As they are imported now, whatever is edited later."""
+        """Names and hashes of the source files as they were at import."""
         self.function = getattr(_import(entry), entry.function)
         self.settings: Settings = getattr(self.function, PLACEMENT)
         self.signature = inspect.signature(self.function)

@@ -32,6 +32,7 @@ from workbench.program import Certificate, Task
 from workbench.solvers import Outcome
 
 FORMAT = 2
+"""Version of the layout of a results folder."""
 COMPARISON = "compare"
 """The problem of comparisons, which the bench makes itself."""
 

@@ -24,14 +24,15 @@ from workbench.bench.results import FORMAT, Run
 from workbench.bench.store import Store, Writer, damage
 from workbench.errors import InputError, RegistryError, ResultError
 from workbench.executor import Context, Progress, Watch, silent, unwatched
-from workbench.program import Certificate, Program, Task, find_method, solve
+from workbench.heavy_types import Dataset
+from workbench.program import Certificate, Program, Solution, Task, find_method, solve
 from workbench.solvers import Options, Outcome, versions
 from workbench.study import Study
 
 
 @dataclass(frozen=True)
 class Bench:
-    """Where results go, how runs show themselves, whether stored answers may be reused."""
+    """Settings of runs: results folder, options, progress display, reuse of stored answers."""
 
     store: Store
     options: Options
@@ -102,37 +103,25 @@ class Bench:
     ) -> Run:
         """Answer a question, certify the answer and publish the folder."""
         earlier = _earlier(writer.final, question)
-        started = datetime.datetime.now(datetime.UTC)
-        clock = time.perf_counter()
-        task = bound.task
+        started, clock = _now(), time.perf_counter()
         checkpoint = self._checkpoint(question, code, writer)
         context = Context(self.options, self.progress, self.watch, checkpoint)
-        solution = solve(task, question.method, context=context)
+        solution = solve(bound.task, question.method, context=context)
         notes = went_on(solution, checkpoint)
-        if solution.certificate is not None and isinstance(task, Study):
+        if solution.certificate is not None and isinstance(bound.task, Study):
             solution = replace(solution, certificate=bound.inherit(solution.certificate))
 
         folder = writer.start()
-        if solution.certificate is not None:
-            data = task.to_dataset(solution.answer)
-            netcdf.write(data, folder / "data.nc")
-            write_json(folder / "certificate.json", solution.certificate.to_json())
-            write_json(folder / "metrics.json", task.metrics(solution.answer))
+        data = _write_answer(folder, bound.task, solution)
+        if data is not None:
             notes += compared(earlier, data, self.options)
-        info = {
-            "format": FORMAT,
-            **{name: getattr(question, name) for name in question.__dataclass_fields__},
-            "key": question.key,
-            "kind": "study" if isinstance(task, Study) else "program",
-            "headline": task.headline,
-            "claim": solution.claim,
-            "outcome": solution.outcome,
-            "message": solution.message,
-            "started": started.isoformat(timespec="seconds"),
-            "finished": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
-            "seconds": dict(solution.seconds)
-            | {"total": time.perf_counter() - clock}
-            | ({"earlier": checkpoint.earlier} if checkpoint.earlier else {}),
+        seconds = dict(solution.seconds) | {"total": time.perf_counter() - clock}
+        if checkpoint.earlier:
+            seconds["earlier"] = checkpoint.earlier
+        info = _information(bound.task, question, solution) | {
+            "started": started,
+            "finished": _now(),
+            "seconds": seconds,
             "code": code,
             "versions": environment(),
             "platform": f"{platform.system()} {platform.machine()}",
@@ -148,7 +137,7 @@ class Bench:
         return Run(path, note="; ".join(notes))
 
     def _checkpoint(self, question: Question, code: str, writer: Writer) -> FileCheckpoint:
-        """Where the question's iteration was stopped, whatever its time limit was."""
+        """The stored state of the question's iteration, which is the same for every time limit."""
         untimed = question.untimed
         file = self.store.checkpoint(untimed.problem, untimed.key)
         mark = digest(canonical(asdict(untimed)) + code)
@@ -221,6 +210,35 @@ class Bound:
             for check in run.certificate.checks
         ]
         return replace(own, checks=(*checks, *own.checks))
+
+
+def _write_answer(folder: Path, task: Task, solution: Solution) -> Dataset | None:
+    """Write arrays, certificate and metrics; nothing, and None, where there is no answer."""
+    if solution.certificate is None:
+        return None
+    data = task.to_dataset(solution.answer)
+    netcdf.write(data, folder / "data.nc")
+    write_json(folder / "certificate.json", solution.certificate.to_json())
+    write_json(folder / "metrics.json", task.metrics(solution.answer))
+    return data
+
+
+def _information(task: Task, question: Question, solution: Solution) -> dict[str, Any]:
+    """The part of run.json that says what was asked and how it ended."""
+    return {
+        "format": FORMAT,
+        **{name: getattr(question, name) for name in question.__dataclass_fields__},
+        "key": question.key,
+        "kind": "study" if isinstance(task, Study) else "program",
+        "headline": task.headline,
+        "claim": solution.claim,
+        "outcome": solution.outcome,
+        "message": solution.message,
+    }
+
+
+def _now() -> str:
+    return datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
 
 
 def environment() -> dict[str, str]:

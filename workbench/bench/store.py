@@ -37,11 +37,11 @@ class Store:
         self.root = Path(root)
 
     def folder(self, problem: str, key: str) -> Path:
-        """Where the result of a question stands."""
+        """The results folder of a question."""
         return self.root / problem / key
 
     def checkpoint(self, problem: str, key: str) -> Path:
-        """Where an iteration that is asked a question leaves its state."""
+        """The file in which an iteration keeps its state between rounds."""
         return _partial(self.root, problem, key, ".npz")
 
     def folders(self) -> list[Path]:
@@ -149,7 +149,7 @@ def file_hash(file: Path) -> str:
 
 
 def damage(folder: Path) -> list[str]:
-    """What differs from the folder's checksums, a sentence per file."""
+    """A sentence for each file that differs from the folder's checksums."""
     sums = folder / CHECKSUMS
     if not sums.is_file():
         return [f"{CHECKSUMS} is missing: the folder is not a finished result"]

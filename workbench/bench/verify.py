@@ -23,16 +23,16 @@ from workbench.program import Certificate, Program, Solution, find_method
 from workbench.solvers import Options, Outcome
 from workbench.study import Study
 
-SAME = 1e-9
+SAME_NUMBER = 1e-9
 """Relative difference at which recomputed numbers count as the stored ones."""
 
 
 @dataclass(frozen=True)
 class Verification:
-    """What verifying a folder found.
+    """The result of verifying a folder.
 
-    ``problems`` are what is wrong, ``notes`` what is worth knowing; ``certificate`` is the one
-    recomputed here, None where it could not be.
+    ``problems`` says what is wrong, ``notes`` what else is worth knowing. ``certificate`` is
+    recomputed here; None where that was impossible.
     """
 
     path: Path
@@ -126,7 +126,7 @@ def _recheck(run: Run, bound: Bound) -> tuple[Certificate | None, list[str]]:
         rebuilt = task.to_dataset(answer)
     except (KeyError, ValueError, InputError) as error:
         return None, [f"data.nc holds no answer to the question: {error}"]
-    wrong = [f"data.nc: {text}" for text in netcdf.differences(run.data, rebuilt, SAME)]
+    wrong = [f"data.nc: {text}" for text in netcdf.differences(run.data, rebuilt, SAME_NUMBER)]
     claim = Outcome(run.info["claim"])
     optimal = isinstance(task, Program) and find_method(task, run.method).optimal
     optimal = optimal and claim is not Outcome.TIME_LIMIT
@@ -146,7 +146,10 @@ def _recheck(run: Run, bound: Bound) -> tuple[Certificate | None, list[str]]:
 
 
 def _apart(stored: Any, fresh: Any, path: str = "", floor: float = 0.0) -> list[str]:
-    """Where two JSON values differ, numbers by more than ``SAME`` of them or of the floor."""
+    """Places where two JSON values differ.
+
+    Numbers differ when they are further apart than ``SAME_NUMBER`` of them or of the floor.
+    """
     if isinstance(stored, Mapping) and isinstance(fresh, Mapping):
         return [
             text
@@ -160,7 +163,7 @@ def _apart(stored: Any, fresh: Any, path: str = "", floor: float = 0.0) -> list[
             for text in _apart(*pair, f"{path}[{i}]", floor)
         ]
     if isinstance(stored, float | int) and isinstance(fresh, float | int):
-        same = abs(stored - fresh) <= SAME * max(floor, abs(fresh))
+        same = abs(stored - fresh) <= SAME_NUMBER * max(floor, abs(fresh))
         return [] if same else [f"{path} says {stored:.12g}, recomputed {fresh:.12g}"]
     if path.endswith("where"):  # the place of the worst of equal values is arbitrary
         return []

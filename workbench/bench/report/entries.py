@@ -1,4 +1,4 @@
-"""What the report shows of a run."""
+"""Runs, figures and tables as the report shows them."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Entry:
 
     @property
     def state(self) -> str:
-        """What the certificate says, in a word."""
+        """The outcome of the certificate in one word."""
         if self.run.certificate is None:
             return "uncertified"
         if self.run.best_so_far:
@@ -92,7 +92,7 @@ class Embedded:
 
     @property
     def source(self) -> Markup:
-        """As a data URI; base64, so that nothing in it can be taken for markup."""
+        """The picture as a data URI in base64, in which nothing can be mistaken for markup."""
         svg, png = self.picture.svg, self.picture.png
         kind, content = ("svg+xml", svg) if len(svg) <= len(png) else ("png", png)
         code = base64.b64encode(content).decode()
