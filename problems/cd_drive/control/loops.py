@@ -10,7 +10,7 @@ CD-players (2003).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -152,9 +152,9 @@ def margins(loop: StateSpace) -> Margins:
     )
 
 
-def each_margin(rows: Iterable[Mapping[str, StateSpace]]) -> dict[str, list[list[float]]]:
+def each_margin(rows: Iterable[Iterable[StateSpace]]) -> dict[str, list[list[float]]]:
     """Margins of rows of loops, one array for each name of MARGIN_UNITS."""
-    found = [[margins(loop) for loop in row.values()] for row in rows]
+    found = [[margins(loop) for loop in row] for row in rows]
     return {name: [[getattr(one, name) for one in row] for row in found] for name in MARGIN_UNITS}
 
 
