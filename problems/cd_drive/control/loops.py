@@ -28,13 +28,13 @@ from ..laboratory.bench_setup import PERIOD, RATE
 
 SCALES = {"full": 1.0, "third": 1 / 3}
 """Gains of the controller in figure 6.6, relative to eq. 6.12."""
-POINTS = 600
-"""Frequencies among which crossings are looked for."""
+CROSSING_POINTS = 600
+"""Number of frequencies of the grid on which crossings are searched."""
 LOWEST, HIGHEST = 1.0, 1e5
-"""Where they are looked for [Hz], in sampled loops up to half the sampling frequency."""
+"""Ends of that grid [Hz]; in sampled loops it ends at half the sampling frequency."""
 NYQUIST = 0.999 * RATE / 2
 HALF_POWER = 2**-0.5
-"""-3 dB."""
+"""Magnitude of -3 dB."""
 
 Curve = Callable[[RealArray], Any]
 
@@ -65,7 +65,7 @@ def loop_response(loop: StateSpace, frequency: RealArray) -> ComplexArray:
 
 def search_grid(loop: StateSpace, lowest: float = LOWEST) -> RealArray:
     """Frequencies [Hz] of a loop among which crossings are looked for."""
-    return np.geomspace(lowest, NYQUIST if loop.dt else HIGHEST, POINTS)
+    return np.geomspace(lowest, NYQUIST if loop.dt else HIGHEST, CROSSING_POINTS)
 
 
 def crossings(curve: Curve, frequency: RealArray) -> RealArray:
@@ -91,7 +91,7 @@ def bands(curve: Curve, frequency: RealArray) -> list[tuple[float, float]]:
 
 @dataclass(frozen=True)
 class Margins:
-    """What a loop's gain may be multiplied by, and its phase margin [deg].
+    """Gain margins of a loop as factors, and its phase margin [deg].
 
     ``decrease`` < 1 < ``increase`` are the ends of the stable range about the loop's own gain;
     0 and infinity where there is none. The loop oscillates there at ``decrease_hz`` and

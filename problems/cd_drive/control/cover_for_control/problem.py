@@ -48,7 +48,7 @@ PARTS = ("nominal", "W_c", "W_r")
 """Rational functions of an uncertainty model."""
 
 Step = tuple[str, float]
-"""What was optimised, and the certified upper bound then."""
+"""Parts that a step optimised, and the certified upper bound after it."""
 
 
 def needs(

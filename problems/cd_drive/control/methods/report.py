@@ -16,7 +16,7 @@ from .designs import FULL_ORDER
 
 Rows = tuple[list[str], list[list[str]]]
 """Heads and rows of a table."""
-aligned = markdown
+aligned = markdown  # until every table is made by `markdown` itself
 CLAIMS = {
     "reference": "not in the table",
     "LQG": "not in the table: no model uncertainty (section 5.1)",
@@ -70,7 +70,7 @@ def uncertainty_table(peak: DataArray) -> Rows:
 
 
 def claims_table(peak: DataArray) -> Rows:
-    """What Table 5.1 and section 5.1 say, and what was found here."""
+    """Statements of Table 5.1 and section 5.1, beside the numbers found."""
     upper = peak.sel(bound="upper")
     names = upper["design"].values.tolist()
 

@@ -92,7 +92,7 @@ class TwoControllers(Study):
 
     @property
     def relaxed(self) -> float:
-        """How much larger than acceptable the error may be before focus, or the track, is lost."""
+        """Error at which focus or the track is lost, over the acceptable error."""
         return CAPTURE[self.axis] / ACCEPTABLE_ERROR[self.axis]
 
     # --- the front ----------------------------------------------------------------------------
