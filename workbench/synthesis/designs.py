@@ -180,7 +180,7 @@ DESIGNS: dict[str, Callable[[DesignTask, Context], StateSpace]] = {
 
 
 def _answer(program: Program, context: Context, method: str | None = None) -> Any:
-    """What a method answers, certified; its rounds and checkpoints are its own.
+    """Certified answer of a method, which keeps its own rounds and checkpoints.
 
     Raises SolverError where it has no valid answer.
     """

@@ -9,7 +9,7 @@ of a sampled loop with an integrator lose all digits.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -115,9 +115,9 @@ MARGIN_UNITS = {
 """Fields of Margins, and the unit of each."""
 
 
-def each_margin(rows: Iterable[Mapping[str, StateSpace]]) -> dict[str, list[list[float]]]:
+def each_margin(rows: Iterable[Iterable[StateSpace]]) -> dict[str, list[list[float]]]:
     """Margins of rows of loops: a list of rows for each name of MARGIN_UNITS."""
-    found = [[margins(loop) for loop in row.values()] for row in rows]
+    found = [[margins(loop) for loop in row] for row in rows]
     return {name: [[getattr(one, name) for one in row] for row in found] for name in MARGIN_UNITS}
 
 

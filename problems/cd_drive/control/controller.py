@@ -14,7 +14,6 @@ from workbench import Run, problem, ref
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.synthesis import MuSynthesis, approximated
-from workbench.systems.storage import restored
 
 from ..drive.plants import Gain
 from ..drive.plants import controller as reference
@@ -27,13 +26,13 @@ Speed = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 
 
 class LoopController(MuSynthesis):
-    """Mu synthesis that goes on from a controller at hand."""
+    """Mu synthesis that starts from a given controller."""
 
     default_method: ClassVar[str] = "fixed"
 
 
 def needs(axis: str, after: After = "reference", **parameters: Any) -> dict[str, Any]:
-    """The cover, and the controller that a chain goes on from."""
+    """The cover, and the controller of the method before in a chain."""
     found = cover_of(axis, **parameters)
     if after not in ("", "reference"):
         parameters.pop("order", None)
@@ -68,7 +67,7 @@ def controller(
 
         K = control.ss(reference(axis))
     elif start is not None:
-        K = restored(start.data, "controller")
+        K = start.answer.K
     if order is not None:
         if K is None:
             raise InputError(f"order = {order} reduces a controller: say after which")

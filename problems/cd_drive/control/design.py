@@ -1,4 +1,4 @@
-"""What the design problems of a CD drive share: the plant to design for, and its uncertainty."""
+"""The plant that controllers of a CD drive are designed for, and its uncertainty."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .control_problem import generalised
 Form = Literal["parametric", "circle", "stadium"]
 Cover = Literal["steps", "joint"]
 NOISE = 0.1
-"""Of f_en above the filter's corner: a controller's fastest pole is then near 0.4 MHz."""
+"""Measurement noise above the filter's corner, relative to f_en; it keeps poles below 0.4 MHz."""
 
 
 def cover_of(
@@ -36,7 +36,7 @@ def cover_of(
 
 
 def uncertainty(axis: Axis, covered: Run | None) -> UncertaintyModel | ParametricModel:
-    """Of u [V] -> f_en [units]: that of a cover's run, or the parametric one."""
+    """Uncertain plant u [V] -> f_en [units]: that of a cover's run, or the parametric one."""
     if covered is None:
         return parametric_plant(axis)
     nominal, W_c, W_r = (rational(covered.data, name) for name in ("nominal", "W_c", "W_r"))

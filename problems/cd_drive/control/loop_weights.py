@@ -1,4 +1,4 @@
-"""What closed forms of mu and bounds on every controller need to know of a CD drive's loop."""
+"""Weights of a CD drive's loop, for closed forms of mu and for bounds on every controller."""
 
 from __future__ import annotations
 

@@ -17,6 +17,7 @@ from workbench import Check, Run, figures, problem
 from workbench.heavy_types import Figure, StateSpace
 from workbench.mu import performance_sweep
 from workbench.synthesis import LeadLag, MuController, MuSynthesis
+from workbench.tables import markdown
 
 from ..drive.plants import Gain
 from ..drive.plants import controller as reference
@@ -26,9 +27,9 @@ from .controller import Speed
 from .design import Cover, Form, cover_of, synthesis_plant, uncertainty
 
 FREQUENCIES = np.geomspace(1.0, 5e4, 240)
-"""Of the curves [Hz]."""
-NAMES = ("integral_zero", "lead_zero", "lead_pole", "roll_off")
-"""Of the corners of a lead-lag controller, in the order of its parameters."""
+"""Frequencies of the curves [Hz]."""
+CORNERS = ("integral_zero", "lead_zero", "lead_pole", "roll_off")
+"""Corners of a lead-lag controller, in the order of its parameters."""
 
 
 @problem("cd/{axis}/mu-pid", axis=("focus", "radial"), needs=cover_of, data=TABLES)
@@ -47,8 +48,9 @@ def mu_pid(
     From the reference controller (eq. 6.12 and its radial variant) and from random ones about it;
     no controller of full order is designed and reduced.
 
-    form: of the uncertainty. cover, gain, frequencies: of the circles' and stadiums' models.
-    speed: X of the disc. random: how many random starts.
+    form: form of the uncertainty. cover, gain, frequencies: those of the circles' and stadiums'
+    models. speed: speed of the disc, in multiples of the nominal one. random: number of random
+    starts.
     """
     import control
 
@@ -65,7 +67,7 @@ class MuPid(MuSynthesis):
 
     @cached_property
     def reference_peak(self) -> float:
-        """Certified upper bound of the reference controller's loop."""
+        """Certified upper bound on the peak of mu with the reference controller."""
         assert self.start is not None
         found = self.certified(self.start)
         assert found is not None  # a start stabilises
@@ -77,16 +79,15 @@ class MuPid(MuSynthesis):
         return [*super().checks(answer, tolerance), beside]
 
     def metrics(self, answer: MuController) -> dict[str, float]:
-        return (
-            super().metrics(answer) | self.gains(answer.K) | {"peak_reference": self.reference_peak}
-        )
+        reference = {"peak_reference": self.reference_peak}
+        return super().metrics(answer) | self.gains(answer.K) | reference
 
     def gains(self, K: StateSpace) -> dict[str, float]:
         """Proportional gain [V/unit], between integral action and lead, and corners [Hz]."""
         family, x = LeadLag.of(K)
         zeros, poles = np.split(np.exp(x[1:]), [family.zeros])
         proportional = float(np.exp(x[0])) * np.prod(zeros[1:]) / np.prod(poles)
-        corners = dict(zip(NAMES, np.exp(x[1:]) / (2 * np.pi), strict=True))
+        corners = dict(zip(CORNERS, np.exp(x[1:]) / (2 * np.pi), strict=True))
         return {"proportional_gain": float(proportional)} | {
             name: float(value) for name, value in corners.items()
         }
@@ -94,13 +95,17 @@ class MuPid(MuSynthesis):
     def tables(self, answer: MuController) -> dict[str, str]:
         assert self.start is not None
         before, after = self.gains(self.start), self.gains(answer.K)
-        lines = ["| | reference | designed |", "| --- | ---: | ---: |"]
-        units = {"proportional_gain": "V/unit"}
-        for name, value in before.items():
-            unit = units.get(name, "Hz")
-            lines.append(f"| {name.replace('_', ' ')} [{unit}] | {value:.5g} | {after[name]:.5g} |")
-        lines.append(f"| certified peak of mu | {self.reference_peak:.4f} | {answer.upper:.4f} |")
-        return {"gains": "\n".join(lines) + "\n"}
+        rows = [
+            [
+                f"{name.replace('_', ' ')} [{'V/unit' if name == 'proportional_gain' else 'Hz'}]",
+                f"{value:.5g}",
+                f"{after[name]:.5g}",
+            ]
+            for name, value in before.items()
+        ]
+        peaks = [f"{peak:.4f}" for peak in (self.reference_peak, answer.upper)]
+        rows.append(["certified peak of mu", *peaks])
+        return {"gains": markdown(["", "reference", "designed"], rows)}
 
     def figures(self, answer: MuController) -> dict[str, Figure]:
         assert self.start is not None
@@ -114,10 +119,9 @@ class MuPid(MuSynthesis):
             size.loglog(FREQUENCIES, np.abs(response), dash, color=colour)
             phase.semilogx(FREQUENCIES, figures.phase(response), dash, color=colour)
         mu.axhline(1.0, color="0.4", linewidth=0.8)
-        mu.set_ylabel("mu of robust performance")
-        size.set_ylabel("|K| [V/unit]")
-        phase.set_ylabel("arg K [deg]")
-        phase.set_xlabel("frequency [Hz]")
+        figures.label(mu, y="$\\mu$ of robust performance")
+        figures.label(size, y="$|K|$ [V/unit]")
+        figures.label(phase, "frequency [Hz]", "$\\arg K$ [deg]")
         figures.legend_below(figure, mu)
         rounds = {k: v for k, v in super().figures(answer).items() if k == "rounds"}
         return {"mu-pid": figure} | rounds

@@ -39,15 +39,15 @@ from .control_problem import control_weight, optical_gain, performance_weight
 
 CHANNELS = ("z_p", "z_sd", "z_u")
 SHOCK = 5.0
-"""Of shocks at the lens, relative to w, where the actuator answers them most."""
-LEAST, MOST = 0.01, 30.0
-"""Weights of the control channel among which the one is looked for that makes c = 1."""
+"""Size of shocks at the lens relative to w, at the frequency where the actuator answers most."""
+LEAST_SIGMA, LARGEST_SIGMA = 0.01, 30.0
+"""Range of the search for the control channel's weight sigma that makes c = 1."""
 EFFORT, RAISES = 0.99, 20
-"""What c is made, so that rounding leaves it below 1, and how often sigma is raised for that."""
+"""Target of c, which leaves it below 1 after rounding, and how often sigma is raised for that."""
 SPLIT = 3
 """Order of the filters that share out the frequencies between the channels of a bound."""
 CORNERS = (10.0, 3e4)
-"""Between which the corners of those filters are looked for [Hz]."""
+"""Least and largest corner of those filters [Hz] in the search."""
 OUTSIDE = 5.0
 """Price of zeta above the bound in that search, per unit."""
 TRIALS = 60
@@ -151,9 +151,11 @@ class TradeOff:
         def excess(log_sigma: float) -> float:
             return math.log(self.effort(made(math.exp(log_sigma))) / EFFORT)
 
-        sigma = LEAST
-        if excess(math.log(LEAST)) > 0:
-            sigma = math.exp(brentq(excess, math.log(LEAST), math.log(MOST), xtol=1e-3))
+        sigma = LEAST_SIGMA
+        if excess(math.log(LEAST_SIGMA)) > 0:
+            sigma = math.exp(
+                brentq(excess, math.log(LEAST_SIGMA), math.log(LARGEST_SIGMA), xtol=1e-3)
+            )
         for _ in range(RAISES):  # levels are found to 1e-3 only, and c jumps with them
             K = made(sigma)
             if self.effort(K) < (1 + EFFORT) / 2:

@@ -94,7 +94,7 @@ def test_covers_are_plants_too(covered):
     for design in ("LQG", "mixed sensitivity"):
         loop = task.plant.nominal().close(DESIGNS[design](task, Context()))
         assert loop.poles().real.max() < 0
-    away = abs(_plants(Methods("focus", answer.model, 20, ()), 0.5, HERTZ) / G - 1)
+    away = abs(_plants("focus", answer.model, 0.5, HERTZ) / G - 1)
     np.testing.assert_allclose(away, 0.5 * abs(answer.model.W_c.response(omega))[None] + 0 * away)
 
 

@@ -86,8 +86,8 @@ def test_what_is_bearable_is_what_the_pickup_catches():
 def test_choice():
     study = TwoControllers("focus", 4, LENGTH, 20)
     worst = np.array([[1.1, 0.5], [1.0, 0.4], [2.9, 0.2], [3.1, 0.1]])
-    assert study.chosen(worst) == [1, 2]
-    assert study.chosen(worst + np.array([5.0, 0.0])) == [
+    assert study.choice(worst) == [1, 2]
+    assert study.choice(worst + np.array([5.0, 0.0])) == [
         1,
         1,
     ]  # none is bearable: the least bad one

@@ -27,8 +27,8 @@ from workbench.synthesis.limits.allowed_sets import AllowedSets
 
 COARSE, FINE = 300, 1000
 """Parts of the frequency range on which h is found, and on which it is judged."""
-STEPS = 8
-"""Levels tried."""
+BISECTION_LEVELS = 8
+"""Number of levels of mu tried by bisection."""
 SOLVER_ACCURACY = 1e-5
 """Accuracy asked of the solver. Any h that proves the level will do."""
 
@@ -133,7 +133,7 @@ def highest_proven(
         The solver gives no answer for a level.
     """
     best = None
-    for _ in range(STEPS):
+    for _ in range(BISECTION_LEVELS):
         level = float(np.sqrt(low * high))
         found = _candidate(sets, basis, level, context)
         fine, coarse = (found.integral(sets, parts) for parts in (FINE, COARSE))

@@ -23,7 +23,7 @@ from workbench.uncertainty import UncertaintyModel
 
 @dataclass(frozen=True)
 class LoopWeights:
-    """What mu of w -> (z_p, z_u) depends on beside T, at frequencies (F,).
+    """Weights that mu of w -> (z_p, z_u) depends on beside T, at frequencies (F,).
 
     Numbers are taken for every frequency. Raises InputError for a size that is not finite, a
     performance that is not positive, and another size that is negative.

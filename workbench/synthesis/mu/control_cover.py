@@ -32,18 +32,18 @@ from workbench.uncertainty.covers.weights import (
 
 POWERS = (8, 32, 128)
 """Powers of the means over frequency that stand for the largest mu, one after the other."""
-STEPS = 100
-"""Most steps of BFGS for each power."""
-EXTRA = 0.05
+BFGS_STEPS = 100
+"""Largest number of steps of BFGS for each power."""
+COMPLEX_EXCESS = 0.05
 """Relative rise of the largest mu that an excess of W_c may cause before it counts."""
-ROOM = 0.03
-"""Least relative excess of the radius that counts as room."""
+RADIUS_ROOM = 0.03
+"""Least relative margin of the useful |W_c| over the radius; it caps the weight of the fit."""
 RESPONSE_ROUNDING = 1e-9
 """Rounding of a response, relative to the plants, that radii are increased by."""
 PER_DECADE = 10
 """Frequencies per decade where no response is known."""
-UNSTABLE = 1e6
-"""Mu that an unstable loop counts as: differences of infinities are no slopes."""
+UNSTABLE_MU = 1e6
+"""Mu assigned to an unstable loop; infinity would leave the optimiser no slope."""
 LEAST_UNIT = 1e-3
 """Unit of a parameter that starts near zero."""
 
@@ -54,7 +54,7 @@ Name = Literal["nominal", "real", "controller"]
 
 
 class Loop(NamedTuple):
-    """What mu depends on, at the frequencies (F,) of a `ControlCover`."""
+    """Quantities that mu depends on, at the frequencies (F,) of a `ControlCover`."""
 
     T: ComplexArray
     weights: LoopWeights
@@ -136,7 +136,7 @@ class ControlCover:
 
         y = x / units
         for power in context.track(POWERS, " and ".join(moving)):
-            y = minimize(largest, y, (power,), "BFGS", options={"maxiter": STEPS}).x
+            y = minimize(largest, y, (power,), "BFGS", options={"maxiter": BFGS_STEPS}).x
             vectors = zip(sections.items(), np.split(y * units, ends), strict=True)
             found = {name: part.rational(vector) for (name, part), vector in vectors}
             if "real" in found:
@@ -165,10 +165,12 @@ class ControlCover:
             raise InputError("the nominal loop is unstable with this controller: start at another")
         omega = self.responses.omega
         # What |W_c| may be where mu is at most a little above its largest.
-        most = loop.weights.largest_circular(loop.T, (1 + EXTRA) * loop.weights.mu(loop.T).max())
+        most = loop.weights.largest_circular(
+            loop.T, (1 + COMPLEX_EXCESS) * loop.weights.mu(loop.T).max()
+        )
         log = np.log(self.omega)
         radius, most = (np.interp(np.log(omega), log, values) for values in (loop.radius, most))
-        weight = 1 / np.maximum(most / radius - 1, ROOM)
+        weight = 1 / np.maximum(most / radius - 1, RADIUS_ROOM)
         nominal, W_r = parts["nominal"], parts["real"]
         needed = self._radius(nominal.response(omega), W_r.response(omega))
         W_c = complex_weight(omega, needed, weight, self.complex_order, context)
@@ -198,14 +200,14 @@ class ControlCover:
 def _norm(loop: Loop | None, power: int) -> float:
     """The largest mu, smoothed: the power mean of mu over frequency."""
     if loop is None:
-        return UNSTABLE
+        return UNSTABLE_MU
     mu = loop.weights.mu(loop.T)
     top = float(mu.max())
     return top * float(np.mean((mu / top) ** power)) ** (1 / power)
 
 
 def _encirclements(L: ComplexArray) -> int:
-    """How often L encircles -1 over frequencies of either sign; L vanishes at the last.
+    """Number of times that L encircles -1 over frequencies of either sign; L vanishes at the last.
 
     The path is closed through the positive real axis at the first: L(0) > -1, or one integrator.
     """

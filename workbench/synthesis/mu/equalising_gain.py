@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 from workbench.mu import performance_peak
 from workbench.systems.generalised_plant import GeneralisedPlant
 
-MOST_GAIN = 30.0
+LARGEST_GAIN = 30.0
 """Largest factor on the controller that is tried. The least is 1."""
 PEAK_TOLERANCE = 1e-2
 """Relative width of the intervals that certify the peaks compared."""
@@ -33,7 +33,7 @@ def equalising_gain(falling: GeneralisedPlant, rising: GeneralisedPlant, K: Any)
     Returns
     -------
     float
-        NaN where no factor up to MOST_GAIN, or up to that of instability, does.
+        NaN where no factor up to LARGEST_GAIN, or up to that of instability, does.
     """
 
     def apart(log_gain: float) -> float:
@@ -44,7 +44,7 @@ def equalising_gain(falling: GeneralisedPlant, rising: GeneralisedPlant, K: Any)
             return np.nan
         return float(np.log(one.upper / other.upper))
 
-    logs = np.log(np.geomspace(1.0, MOST_GAIN, 12))
+    logs = np.log(np.geomspace(1.0, LARGEST_GAIN, 12))
     distance = np.array([apart(each) for each in logs])
     crossing = np.flatnonzero((distance[:-1] > 0) & (distance[1:] <= 0))
     if not crossing.size:

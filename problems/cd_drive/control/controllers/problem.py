@@ -8,16 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from workbench import Check, Run, Study, problem, ref
+from workbench import Run, problem, ref
+from workbench.arrays import RealArray
 from workbench.executor import Context
-from workbench.heavy_types import Dataset, Figure
+from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.mu import performance_peak, performance_sweep
+from workbench.study import Study, array, check, dim, figure, metric, part, table
 from workbench.synthesis import largest_least_mu, least_mu
-from workbench.systems.storage import restored
 from workbench.uncertainty import GeneralisedPlant, UncertaintyModel
 
 from ...drive.plants import Gain, controller
@@ -35,20 +36,30 @@ DESIGNS = {
     "(mu, D)-K": ("mu-dk", ""),
     "(D, G)-K": ("dgk", ""),
 }
-"""Method, and where it starts."""
+"""Synthesis method, and the controller that it starts from."""
 MODELS = {
     "parametric": ("parametric", "steps", tuple(DESIGNS)),
     "circle": ("circle", "steps", ("third order", "D-K")),
     "circle, joint nominal": ("circle", "joint", ("D-K",)),
     "stadium": ("stadium", "steps", tuple(DESIGNS)),
 }
-"""Form of the uncertainty, method of its cover, and designs: circles have no real scalar, and the
-reference controller does not stabilise the jointly chosen nominal."""
+"""Form of the uncertainty, method of its cover, and designs made for it.
+
+Circles have no real scalar, so methods that use one are left out; the reference controller does not
+stabilise the jointly chosen nominal, so no third-order design starts from it."""
 CONTROLLERS = ("mu-PID", *DESIGNS)
 FREQUENCIES = np.geomspace(1.0, 5e4, 240)
-"""Of the curves [Hz]."""
-TOLERANCE = 1e-3
-"""Of certified peaks, relative."""
+"""Frequencies of the curves [Hz]."""
+PEAK_TOLERANCE = 1e-3
+"""Relative width of the interval that certifies a peak."""
+
+
+class Judged(NamedTuple):
+    """Peaks, curves and orders, with NaN where a design is not made for a model or is unstable."""
+
+    peaks: RealArray
+    curves: RealArray
+    orders: RealArray
 
 
 def needs(axis: str, frequencies: int = 400, gain: Gain = "own", **_: Any) -> dict[str, Any]:
@@ -98,120 +109,117 @@ class Controllers(Study):
         covered = self.covers[model - 1] if model else None
         return generalised(self.axis, uncertainty(self.axis, covered))
 
-    def compute(self, context: Context) -> Dataset:
+    def weights(self, model: int) -> Any:
+        """Weights of the loop of a model, a function of frequencies [rad/s]."""
+        found = uncertainty(self.axis, self.covers[model - 1])
+        assert isinstance(found, UncertaintyModel)
+        return lambda omega: loop_weights(self.axis, found, 1.0, omega)
+
+    model, controller, channel = dim(MODELS), dim(CONTROLLERS), dim(CHANNELS)
+    bound, frequency = dim("lower", "upper"), dim(FREQUENCIES, unit="Hz")
+    over = (model, controller, channel)
+
+    @part
+    def judged(self, context: Context) -> Judged:
         import control
-        import xarray as xr
 
         omega = 2 * np.pi * FREQUENCIES
         shape = len(MODELS), len(CONTROLLERS), len(CHANNELS)
         peaks, curves = np.full((*shape, 2), np.nan), np.full((*shape, 2, len(omega)), np.nan)
         orders = np.full(shape[:2], np.nan)
-        least, bounds = (
-            np.full((len(MODELS), len(omega)), np.nan),
-            np.full((len(MODELS), 2), np.nan),
-        )
         runs = iter(self.designed)
         for m, (_, _, designs) in enumerate(context.track(list(MODELS.values()), "models")):
             whole = self.plant(m)
             used = {"mu-PID": control.ss(controller(self.axis))}
-            for name in designs:
-                used[name] = restored(next(runs).data, "controller")
+            used |= {name: next(runs).answer.K for name in designs}
             for name, K in used.items():
                 k = CONTROLLERS.index(name)
                 orders[m, k] = K.nstates
                 for c, (performance, exogenous) in enumerate(CHANNELS.values()):
                     plant = whole.channel(performance, exogenous)
-                    found = performance_peak(plant, K, TOLERANCE)
-                    if found is None:
-                        continue
-                    peaks[m, k, c] = found.lower, found.upper
-                    curve = performance_sweep(plant, K, omega)
-                    curves[m, k, c] = curve.lower, curve.upper
-            if m:
-                weights = self.weights(m)
-                least[m] = least_mu(weights(omega)).lower
-                bound, where = largest_least_mu(weights, omega)
-                bounds[m] = bound, where / (2 * np.pi)
-        one = {"units": "1"}
-        names = ("model", "controller", "channel")
-        return xr.Dataset(
-            {
-                "peak": (
-                    (*names, "bound"),
-                    peaks,
-                    one | {"long_name": "certified bounds of the supremum of mu"},
-                ),
-                "mu": (
-                    (*names, "bound", "frequency"),
-                    curves,
-                    one | {"long_name": "mu of robust performance"},
-                ),
-                "order": (names[:2], orders, {"long_name": "states of the controller"}),
-                "least_mu": (
-                    ("model", "frequency"),
-                    least,
-                    one | {"long_name": "mu that every controller leaves, both channels"},
-                ),
-                "least_peak": ("model", bounds[:, 0], one | {"long_name": "the largest of them"}),
-                "least_peak_frequency": ("model", bounds[:, 1], {"units": "Hz"}),
-            },
-            coords={
-                "model": list(MODELS),
-                "controller": list(CONTROLLERS),
-                "channel": list(CHANNELS),
-                "bound": ["lower", "upper"],
-                "frequency": ("frequency", FREQUENCIES, {"units": "Hz"}),
-            },
-        )
+                    found = performance_peak(plant, K, PEAK_TOLERANCE)
+                    if found is not None:
+                        peaks[m, k, c] = found.lower, found.upper
+                        curve = performance_sweep(plant, K, omega)
+                        curves[m, k, c] = curve.lower, curve.upper
+        return Judged(peaks, curves, orders)
 
-    def weights(self, model: int) -> Any:
-        """Weights of the loop of a model over frequencies [rad/s]."""
-        found = uncertainty(self.axis, self.covers[model - 1])
-        assert isinstance(found, UncertaintyModel)
-        return lambda omega: loop_weights(self.axis, found, 1.0, omega)
+    @part
+    def least(self) -> list[tuple[float, float]]:
+        """Largest least mu of each model over frequency, and its frequency [Hz]."""
+        omega = 2 * np.pi * FREQUENCIES
+        found = (largest_least_mu(self.weights(m), omega) for m in range(1, len(MODELS)))
+        return [(np.nan, np.nan), *((bound, where / (2 * np.pi)) for bound, where in found)]
 
-    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
-        upper, lower = (answer["peak"].sel(bound=bound) for bound in ("upper", "lower"))
-        both = upper.sel(channel="both")
-        statement = "largest lower over upper bound of a peak, less 1"
-        checks = [Check("bounds", statement, float((lower / upper).max()) - 1, 0.0)]
-        statement = "the least mu of any controller over a controller's peak, less 1"
-        beaten = float((answer["least_peak"] / both).max()) - 1
-        checks.append(Check("least mu", statement, beaten, TOLERANCE))
-        statement = "peak of a single channel over that of both, less 1"
-        single = float((upper / both).max()) - 1
-        checks.append(Check("channels", statement, single, 2 * TOLERANCE))
-        parametric = float(both.sel(model="parametric").min())
-        statement = "least peak with parametric uncertainty, which the thesis has below 1"
-        checks.append(Check("parametric", statement, parametric, 1.0))
-        return checks
+    peak = array((*over, bound), "1", "certified bounds of the supremum of mu")(
+        lambda judged: judged.peaks
+    )
+    mu = array((*over, bound, frequency), "1", "mu of robust performance")(
+        lambda judged: judged.curves
+    )
+    order = array((model, controller), "", "states of the controller")(lambda judged: judged.orders)
 
-    def metrics(self, answer: Dataset) -> dict[str, float]:
+    @array((model, frequency), "1", "mu that every controller leaves, both channels")
+    def least_mu(self) -> list[RealArray]:
+        omega = 2 * np.pi * FREQUENCIES
+        found = (least_mu(self.weights(m)(omega)).lower for m in range(1, len(MODELS)))
+        return [np.full(omega.shape, np.nan), *found]
+
+    least_peak = array(model, "1", "the largest of them", lambda least: [mu for mu, _ in least])
+    least_peak_frequency = array(model, "Hz", "", lambda least: [where for _, where in least])
+
+    bounds = check(
+        "bounds",
+        "largest lower over upper bound of a peak, less 1",
+        lambda peak: float((peak.sel(bound="lower") / peak.sel(bound="upper")).max()) - 1,
+        at_most=0.0,
+    )
+    not_beaten = check(
+        "least mu",
+        "the least mu of any controller over a controller's peak, less 1",
+        lambda peak, least_peak: float((least_peak / _both(peak)).max()) - 1,
+        at_most=PEAK_TOLERANCE,
+    )
+    channels = check(
+        "channels",
+        "peak of a single channel over that of both, less 1",
+        lambda peak: float((peak.sel(bound="upper") / _both(peak)).max()) - 1,
+        at_most=2 * PEAK_TOLERANCE,
+    )
+    parametric = check(
+        "parametric",
+        "least peak with parametric uncertainty, which the thesis has below 1",
+        lambda peak: float(_both(peak).sel(model="parametric").min()),
+        at_most=1.0,
+    )
+
+    @metric
+    def numbers(self, peak: DataArray, least_peak: DataArray) -> dict[str, float]:
         numbers = {}
         for model in MODELS:
-            at = answer.sel(model=model)
+            at, key = peak.sel(model=model, channel="both"), _key(model)
             for name in CONTROLLERS:
-                bounds = at["peak"].sel(controller=name, channel="both")
-                key = _key(model, name)
-                numbers[f"peak_{key}"] = float(bounds.sel(bound="upper"))
-                numbers[f"peak_lower_{key}"] = float(bounds.sel(bound="lower"))
-            least = at["peak"].sel(channel="both", bound="upper").min()
-            numbers[f"peak_{_key(model)}"] = float(least)
+                bounds, design = at.sel(controller=name), _key(model, name)
+                numbers[f"peak_{design}"] = float(bounds.sel(bound="upper"))
+                numbers[f"peak_lower_{design}"] = float(bounds.sel(bound="lower"))
+            numbers[f"peak_{key}"] = float(at.sel(bound="upper").min())
             if model != "parametric":
-                numbers[f"least_possible_{_key(model)}"] = float(at["least_peak"])
+                numbers[f"least_possible_{key}"] = float(least_peak.sel(model=model))
         return numbers
 
-    def tables(self, answer: Dataset) -> dict[str, str]:
-        return {"peaks": peaks_table(answer)}
+    peaks = table(lambda answer: peaks_table(answer))
 
-    def figures(self, answer: Dataset) -> dict[str, Figure]:
-        return {
-            "disturbance": figure_6_4(self.axis, answer, "disturbance"),
-            "both": figure_6_4(self.axis, answer, "both"),
-        }
+    @figure
+    def drawn(self, answer: Dataset) -> dict[str, Figure]:
+        return {name: figure_6_4(self.axis, answer, name) for name in ("disturbance", "both")}
+
+
+def _both(peak: DataArray) -> DataArray:
+    """Upper bounds of the peaks of both channels together."""
+    return peak.sel(bound="upper", channel="both")
 
 
 def _key(*names: str) -> str:
-    """Of a metric."""
+    """A model, and a design, as they stand in the name of a metric."""
     kept = "".join(c if c.isalnum() else " " for c in " ".join(names))
     return "_".join(kept.split())

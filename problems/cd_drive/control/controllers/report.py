@@ -14,7 +14,7 @@ LOOKS = {
     "(mu, D)-K": ("-.", figures.SKY),
     "(D, G)-K": ("-", figures.BLUE),
 }
-SIGNALS = {"disturbance": "w_p to z_p", "both": "w_p to both"}
+SIGNALS = {"disturbance": "$w_p$ to $z_p$", "both": "$w_p$ to both"}
 
 
 def figure_6_4(axis: Axis, answer: Dataset, channel: str) -> Figure:
@@ -30,22 +30,19 @@ def figure_6_4(axis: Axis, answer: Dataset, channel: str) -> Figure:
             panel.fill_between(answer["frequency"], 1e-3, at["least_mu"], color="0.85", label=label)
         panel.axhline(1.0, color="0.4", linewidth=0.8)
         panel.set_ylim(0.05, 10.0)
-        panel.set_title(f"{axis}, 1X, {model}")
+        figures.label(panel, title=f"{axis}, 1X, {model}")
     for panel in panels[2:]:
-        panel.set_xlabel("frequency [Hz]")
+        figures.label(panel, "frequency [Hz]")
     for panel in panels[::2]:
-        panel.set_ylabel(f"mu, {SIGNALS[channel]}")
+        figures.label(panel, y=f"$\\mu$, {SIGNALS[channel]}")
     figures.legend_below(figure, panels[-1], columns=5)
     return figure
 
 
-def peaks_table(answer: Dataset) -> str:
+def peaks_table(answer: Dataset) -> tuple[list[str], list[list[str]]]:
     """Certified upper bounds, a line for every controller and model."""
     channels = answer["channel"].values
-    lines = [
-        f"| uncertainty | controller | order | {' | '.join(channels)} | no controller below |",
-        "| --- | --- | ---: |" + " ---: |" * (len(channels) + 1),
-    ]
+    rows = []
     for model in answer["model"].values:
         for name in answer["controller"].values:
             at = answer.sel(model=model, controller=name)
@@ -54,7 +51,5 @@ def peaks_table(answer: Dataset) -> str:
             peaks = [f"{float(at['peak'].sel(channel=c, bound='upper')):.4f}" for c in channels]
             bound, where = float(at["least_peak"]), float(at["least_peak_frequency"])
             least = "" if bound != bound else f"{bound:.4f} at {where:.1f} Hz"
-            lines.append(
-                f"| {model} | {name} | {int(at['order'])} | {' | '.join(peaks)} | {least} |"
-            )
-    return "\n".join(lines) + "\n"
+            rows.append([model, name, str(int(at["order"])), *peaks, least])
+    return ["uncertainty", "controller", "order", *channels, "no controller below"], rows

@@ -6,22 +6,23 @@ Section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
 
-from workbench import Check, Run, Study, problem, ref
+from workbench import Check, Run, problem, ref
 from workbench.certify.stability import stability_of
 from workbench.errors import SolverError
 from workbench.executor import Context
 from workbench.fitting.rational import Rational, from_system
 from workbench.fitting.storage import function, roots
-from workbench.heavy_types import Dataset, Figure, StateSpace
+from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.mu import performance_peak, performance_sweep
 from workbench.program import solve
+from workbench.study import Study, figure, metric, table
 from workbench.synthesis import ControlCover, MuSynthesis
 from workbench.synthesis.mu.control_cover import Name
 from workbench.systems.storage import restored, stored
@@ -34,19 +35,20 @@ from ...drive.tables import Axis
 from ...uncertainty.measured_drives import Order, measured_drives
 from ..design import Cover, synthesis_plant, uncertainty
 from ..loop_weights import control_cover
-from .report import cover_figures, rounds_table
+from .report import cover_figures
 
 if TYPE_CHECKING:
     Stage = tuple[UncertaintyModel, StateSpace]
 
 STAGES = ("narrowest", "controller for it", "in turn", "together")
 LAST = STAGES[-1]
-TOLERANCE = 1e-3
-"""Of certified peaks, relative, as of `MuSynthesis`."""
+PEAK_TOLERANCE = 1e-3
+"""Relative width of the interval that certifies a peak, as in `MuSynthesis`."""
 PARTS = ("nominal", "W_c", "W_r")
+"""Rational functions of an uncertainty model."""
 
 Step = tuple[str, float]
-"""What was optimised, and the certified upper bound then."""
+"""Parts that a step optimised, and the certified upper bound after it."""
 
 
 def needs(
@@ -130,7 +132,7 @@ class CoverForControl(Study):
             plant = synthesis_plant(self.axis, one)
             found = performance_sweep(plant, used, omega)
             curves.append([found.lower, found.upper])
-            certified = performance_peak(plant, used, TOLERANCE)
+            certified = performance_peak(plant, used, PEAK_TOLERANCE)
             assert certified is not None  # every stage has a finite peak
             bounds.append([certified.lower, certified.upper])
             variables |= stored(f"controller{number}", used)
@@ -183,7 +185,7 @@ class CoverForControl(Study):
                 break
             K = self._designed(model, K)
             steps.append(("controller", self._peak(model, K)))
-            if steps[-1][1] >= self._peak(*best) * (1 - TOLERANCE):
+            if steps[-1][1] >= self._peak(*best) * (1 - PEAK_TOLERANCE):
                 break
             best = model, K
         return best
@@ -237,25 +239,16 @@ class CoverForControl(Study):
             model, K = self.stage(answer, number)
             inside = contains(model, self.responses)
             statement = "largest distance of a drive beyond its stadium, relative to the radius"
+            title = f"{name}: containment"
             checks.append(
-                Check(
-                    f"{name}: containment",
-                    statement,
-                    inside.worst,
-                    CONTAINMENT_TOLERANCE,
-                    inside.where,
-                )
+                Check(title, statement, inside.worst, CONTAINMENT_TOLERANCE, inside.where)
             )
-            loop = synthesis_plant(self.axis, model).close(K)
-            stability = stability_of(loop)
-            checks.append(
-                Check(f"{name}: {stability.name}", stability.statement, stability.value,
-                      stability.limit, stability.where)
-            )  # fmt: skip
+            stability = stability_of(synthesis_plant(self.axis, model).close(K))
+            checks.append(replace(stability, name=f"{name}: {stability.name}"))
             bound = float(answer["peak"].sel(stage=name, bound="upper"))
             statement = "certified supremum of mu over the bound that is claimed, less 1"
             again = self._peak(model, K) / bound - 1
-            checks.append(Check(f"{name}: peak", statement, again, TOLERANCE))
+            checks.append(Check(f"{name}: peak", statement, again, PEAK_TOLERANCE))
         uppers = answer["peak"].sel(bound="upper").values
         for number, name in ((2, "in turn"), (3, "together")):
             statement = f"peak {name} over that of the stage before"
@@ -263,22 +256,22 @@ class CoverForControl(Study):
             checks.append(Check(f"{name}: lower", statement, value, 1.0))
         return checks
 
-    def metrics(self, answer: Dataset) -> dict[str, float]:
-        upper = answer["peak"].sel(bound="upper")
-        K = restored(answer, "controller3")
-        return {
-            "peak": float(upper.sel(stage=LAST)),
-            "peak_lower": float(answer["peak"].sel(stage=LAST, bound="lower")),
-            "peak_in_turn": float(upper.sel(stage="in turn")),
-            "peak_narrowest": float(upper.sel(stage="narrowest")),
-            "peak_controller_only": float(upper.sel(stage="controller for it")),
-            "order": float(K.nstates),
-            "iterations": float(answer.sizes["step"]),
-        }
+    peak = metric(lambda peak: peak.sel(stage=LAST, bound="upper"))
+    peak_lower = metric(lambda peak: peak.sel(stage=LAST, bound="lower"))
+    peak_in_turn = metric(lambda peak: peak.sel(stage="in turn", bound="upper"))
+    peak_narrowest = metric(lambda peak: peak.sel(stage="narrowest", bound="upper"))
+    peak_controller_only = metric(lambda peak: peak.sel(stage="controller for it", bound="upper"))
+    order = metric(lambda controller3_A: len(controller3_A))
+    iterations = metric(lambda step: step.size)
 
-    def tables(self, answer: Dataset) -> dict[str, str]:
-        return {"rounds": rounds_table(answer)}
+    @table
+    def made(self, step: DataArray, step_peak: DataArray) -> dict[str, Any]:
+        """Certified peaks step by step."""
+        peaks = zip(step.values, step_peak.values, strict=True)
+        rows = [[number, what, f"{peak:.4f}"] for number, (what, peak) in enumerate(peaks)]
+        return {"rounds": (["step", "optimised", "certified peak"], rows)}
 
-    def figures(self, answer: Dataset) -> dict[str, Figure]:
+    @figure
+    def drawn(self, answer: Dataset) -> dict[str, Figure]:
         sizes = [self.stage(answer, number)[0].sizes(self.responses.omega) for number in (0, 3)]
         return cover_figures(self.axis, answer, sizes)

@@ -25,29 +25,16 @@ def cover_figures(
         curve = answer["mu"].sel(stage=name, bound="upper")
         panel.loglog(answer["frequency"], curve, dash, color=colour, label=label)
     panel.axhline(1.0, color="0.4", linewidth=0.8)
-    panel.set_xlabel("frequency [Hz]")
-    panel.set_ylabel("mu of robust performance")
-    panel.set_title(f"{axis}, 1X")
+    figures.label(panel, "frequency [Hz]", "$\\mu$ of robust performance", f"{axis}, 1X")
     figures.legend_below(mu, panel, columns=1)
 
     size, panels = figures.axes(1, 2, size=(10.0, 4.4), sharex=True, sharey=True)
-    for panel, which, title in zip(panels, (0, 1), ("|W_c|", "|W_r|"), strict=True):
+    for panel, which, title in zip(panels, (0, 1), ("$|W_c|$", "$|W_r|$"), strict=True):
         for name, one in zip(("narrowest", "together"), sizes, strict=True):
             dash, colour, _ = LOOKS[name]
             label = "narrowest" if name == "narrowest" else "for control"
             panel.loglog(answer["frequency"], one[which], dash, color=colour, label=label)
-        panel.set_title(f"{axis}, {title}")
-        panel.set_xlabel("frequency [Hz]")
-    panels[0].set_ylabel("relative to the nominal")
+        figures.label(panel, "frequency [Hz]", title=f"{axis}, {title}")
+    figures.label(panels[0], y="relative to the nominal")
     figures.legend_below(size, panels[0])
     return {"mu": mu, "weights": size}
-
-
-def rounds_table(answer: Dataset) -> str:
-    """Certified peaks step by step."""
-    lines = ["| step | optimised | certified peak |", "| ---: | --- | ---: |"]
-    for number, (what, peak) in enumerate(
-        zip(answer["step"].values, answer["step_peak"].values, strict=True)
-    ):
-        lines.append(f"| {number} | {what} | {float(peak):.4f} |")
-    return "\n".join(lines) + "\n"

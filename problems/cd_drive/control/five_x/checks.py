@@ -141,7 +141,7 @@ def _cauchy(T: ComplexArray, h: ComplexArray, frequency: RealArray) -> float:
 
 
 def _sampled(uncertain: UncertainLoop, sets: SetsAt, nominal: bool, level: float) -> float:
-    """By how much random T that a level allows lie outside the sets, in random directions."""
+    """Largest distance outside the sets of random T that a level allows, in random directions."""
     rng = np.random.default_rng(0)
     omega = 2 * np.pi * np.exp(rng.uniform(np.log(LOWEST), np.log(HIGHEST), SAMPLES))
     s = 1j * omega

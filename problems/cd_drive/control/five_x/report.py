@@ -73,7 +73,7 @@ def peaks_table(answer: Dataset) -> str:
 
 
 def conclusions_table(axis: Axis, numbers: Mapping[str, float]) -> str:
-    """What section 6.3.2 concludes, and what was found."""
+    """Conclusions of section 6.3.2, beside the numbers found."""
 
     def three(*names: str) -> str:
         return " and ".join(f"{numbers[name]:.3g}" for name in names)

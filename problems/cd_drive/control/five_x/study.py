@@ -21,7 +21,7 @@ from workbench.mu import performance_peak, performance_sweep
 from workbench.study import Study, array, arrays, check, dim, figure, metric, part, system, table
 from workbench.synthesis import approximated, equalising_gain, least_mu
 from workbench.synthesis.implementation.reduction import Method
-from workbench.synthesis.mu.equalising_gain import MOST_GAIN
+from workbench.synthesis.mu.equalising_gain import LARGEST_GAIN
 from workbench.uncertainty import GeneralisedPlant, UncertaintyModel
 from workbench.uncertainty.covers.storage import shape
 
@@ -105,7 +105,7 @@ class FiveX(Study):
     def adjusted_gain(self, plants: Plants) -> float:
         gain = equalising_gain(plants["disturbance"], plants["control"], controller(self.axis))
         if np.isnan(gain):
-            raise SolverError(f"no gain up to {MOST_GAIN:g} makes both channels equally bad")
+            raise SolverError(f"no gain up to {LARGEST_GAIN:g} makes both channels equally bad")
         return gain
 
     @part

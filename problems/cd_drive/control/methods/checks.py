@@ -27,19 +27,21 @@ from ...uncertainty.parametric_model import uncertain_parameters
 Controllers = dict[str, "StateSpace"]
 Uncertain = UncertaintyModel | ParametricModel
 HERTZ = np.geomspace(0.01, 1e5, 5000)
-"""Where criteria are evaluated [Hz]."""
+"""Frequencies at which criteria are evaluated [Hz]."""
 WIDE = np.geomspace(1e-6, 1e8, 8000)
-"""Where mean squares are summed [Hz]."""
+"""Frequencies over which mean squares are integrated [Hz]."""
 QUADRATURE = 1e-4
-"""Their error, relative."""
-MADE = 2e-3
-"""By how much controllers may miss the least level, relative: they keep 1e-3 from it."""
-SEARCHED = 2.5e-2
-"""The same where the level was searched among sizes."""
-ROUNDING = 1e-6
+"""Relative error of that integral."""
+LEVEL_EXCESS = 2e-3
+"""Largest relative excess of a controller over the least level; they are made 1e-3 above it."""
+SEARCHED_EXCESS = 2.5e-2
+"""The same for a controller whose level was searched over a grid of signal sizes."""
+BOUND_ROUNDING = 1e-6
+"""Rounding of poles [rad/s] and of ratios of certified bounds."""
 COMPLEX_PART = 1.01
 """Robust stability is certified with 1 % of complex uncertainty added to real scalars."""
 SAMPLES = 100
+"""Number of random plants."""
 
 
 def method_checks(
@@ -51,30 +53,39 @@ def method_checks(
 ) -> list[Check]:
     """That all stabilise, peaks are in order, each method is best at what it minimises."""
     names = list(controllers)
-    poles = [_rightmost(task, K) for K in controllers.values()]
+    poles = [rightmost_pole(task, K) for K in controllers.values()]
     right, where = worst(poles, lambda i: names[i[0]])
     statement = "rightmost pole of G K / (1 + G K) [rad/s]"
-    found = [Check("nominal stability", statement, right, -ROUNDING, where)]
+    found = [Check("nominal stability", statement, right, -BOUND_ROUNDING, where)]
     found += [*_order(answer), _sampled(axis, uncertain, task, controllers, answer)]
     criteria = {
-        "LQG": (_mean_squares, QUADRATURE, "its mean square over the least of the others, less 1"),
-        "mixed sensitivity": (_stacks, MADE, "its eq. 5.6 over the least of the others, less 1"),
-        "full block": (_full_blocks, SEARCHED, "its norm over the least of the others, less 1"),
+        "LQG": (_mean_squares, QUADRATURE, "mean square"),
+        "mixed sensitivity": (
+            _stacks,
+            LEVEL_EXCESS,
+            "eq. 5.6",
+        ),
+        "full block": (
+            _full_blocks,
+            SEARCHED_EXCESS,
+            "norm",
+        ),
     }
-    for name, (criterion, slack, statement) in criteria.items():
+    for name, (criterion, slack, quantity) in criteria.items():
         if name in controllers:
             values = criterion(task, controllers)
             others = min(value for each, value in values.items() if each != name)
             excess = values[name] / others - 1
+            statement = f"its {quantity} over the least of the others, less 1"
             found.append(Check(f"{name} is best at its own", statement, excess, slack))
     if "loop shaping" in controllers:
         statement = "1 less its margin over the largest, by the Hankel norm"
         missed = _margin_missed(task, controllers["loop shaping"])
-        found.append(Check("loop shaping is best at its own", statement, missed, MADE))
+        found.append(Check("loop shaping is best at its own", statement, missed, LEVEL_EXCESS))
     return found
 
 
-def _rightmost(task: DesignTask, K: StateSpace) -> float:
+def rightmost_pole(task: DesignTask, K: StateSpace) -> float:
     """Largest real part of the roots of den G den K + num G num K."""
     import control
 
@@ -97,7 +108,7 @@ def _order(answer: Dataset) -> list[Check]:
         ratio = lower / (factor * peak.sel(condition=large, bound="upper").values)
         value, where = worst(ratio - 1, lambda i: str(names[i[0]]))
         statement = f"lower bound of {small} over the upper one of {large}, less 1"
-        found.append(Check(f"{small} below {large}", statement, value, ROUNDING, where))
+        found.append(Check(f"{small} below {large}", statement, value, BOUND_ROUNDING, where))
     return found
 
 

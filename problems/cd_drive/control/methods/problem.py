@@ -8,29 +8,36 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
 
-from workbench import Check, Run, Study, problem
+from workbench import Check, Run, problem
 from workbench.arrays import RealArray
 from workbench.executor import Context
-from workbench.heavy_types import Dataset, Figure, StateSpace
+from workbench.heavy_types import DataArray, Dataset, StateSpace
 from workbench.mu import Peak, conditions, performance_peak, performance_sweep
 from workbench.structure import Full, Structure
+from workbench.study import Study, array, check, dim, figure, metric, part, system, table
+from workbench.study.declarations import identifier
 from workbench.synthesis import DESIGNS, DesignTask
 from workbench.systems.generalised_plant import response
-from workbench.systems.storage import restored, stored
 from workbench.uncertainty import GeneralisedPlant, ParametricModel, UncertaintyModel
 
 from ...drive.plants import Gain
 from ...drive.shared_parameters import TABLES
 from ...drive.tables import Axis
 from ..design import Cover, Form, cover_of, uncertainty
-from .checks import method_checks
+from .checks import Controllers, method_checks, rightmost_pole
 from .designs import design_task
-from .report import method_figures, method_tables
+from .report import (
+    claims_table,
+    methods_table,
+    mu_figure,
+    sensitivity_figure,
+    uncertainty_table,
+)
 
 CONDITIONS = (
     "nominal performance",
@@ -40,9 +47,10 @@ CONDITIONS = (
     "complex scalars",
     "full block",
 )
-"""Of which the last three are robust performance: of z_p alone, and with a larger uncertainty."""
-TOLERANCE = 1e-3
-"""Of the certified peaks, relative."""
+"""Conditions of a peak; the last three are robust performance of z_p alone, and with a larger
+uncertainty."""
+PEAK_TOLERANCE = 1e-3
+"""Relative width of the interval that certifies a peak."""
 LOW, HIGH = 1.0, 20e3
 """Ends of the frequencies shown [Hz]."""
 
@@ -85,74 +93,49 @@ class Methods(Study):
     def task(self) -> DesignTask:
         return design_task(self.axis, self.uncertain)
 
-    @cached_property
-    def frequency(self) -> RealArray:
-        """Frequencies of the curves [Hz] (F,)."""
-        return np.geomspace(LOW, HIGH, self.frequencies)
+    design, condition = dim(lambda self: self.names), dim(CONDITIONS)
+    bound = dim("lower", "upper")
+    frequency = dim(
+        lambda self: np.geomspace(LOW, HIGH, self.frequencies), unit="Hz", meaning="frequency"
+    )
+    omega = part(lambda frequency: 2 * np.pi * frequency.values)
 
-    def compute(self, context: Context) -> Dataset:
-        import xarray as xr
+    @system(design, called="{}")
+    def controllers(self, context: Context) -> dict[str, StateSpace]:
+        return {name: DESIGNS[name](self.task, context) for name in self.names}
 
-        task = self.task
-        made = {name: DESIGNS[name](task, context) for name in self.names}
-        judged = context.track(list(made.values()), "judging")
-        found = [self._peaks(K) for K in judged]
-        omega = 2 * np.pi * self.frequency
-        one = {"units": "1"}
-        weight = abs(response(task.W_S, omega)[:, 0, 0])
-        return xr.Dataset(
-            {
-                "peak": (
-                    ("design", "condition", "bound"),
-                    [[(each.lower, each.upper) for each in row] for row in found],
-                    one | {"long_name": "certified bounds of the peak over all frequencies"},
-                ),
-                "peak_frequency": (
-                    ("design", "condition"),
-                    [[each.omega / (2 * np.pi) for each in row] for row in found],
-                    {"units": "Hz"},
-                ),
-                "pole": (
-                    "design",
-                    [self._pole(K) for K in made.values()],
-                    {"units": "rad/s", "long_name": "largest real part of the nominal loop's"},
-                ),
-                "order": ("design", [K.nstates for K in made.values()], one),
-                "mu": (
-                    ("design", "bound", "frequency"),
-                    [self._curve(K) for K in made.values()],
-                    one | {"long_name": "mu of robust performance"},
-                ),
-                "S": (
-                    ("design", "frequency"),
-                    [self._sensitivity(K) for K in made.values()],
-                    one | {"long_name": "magnitude of the nominal sensitivity"},
-                ),
-                "permitted": ("frequency", 1 / weight, one | {"long_name": "1/|W_p|"}),
-                **{
-                    key: value
-                    for name, K in made.items()
-                    for key, value in stored(_key(name), K).items()
-                },
-            },
-            coords={
-                "design": list(made),
-                "condition": list(CONDITIONS),
-                "bound": ["lower", "upper"],
-                "frequency": (
-                    "frequency",
-                    self.frequency,
-                    {"units": "Hz", "long_name": "frequency"},
-                ),
-            },
-        )
+    @part
+    def peaks(self, controllers: Controllers, context: Context) -> list[list[Peak]]:
+        return [self._peaks(K) for K in context.track(list(controllers.values()), "judging")]
 
-    def controllers(self, answer: Dataset) -> dict[str, StateSpace]:
-        """The controllers of an answer by method."""
-        return {name: restored(answer, _key(name)) for name in answer["design"].values.tolist()}
+    peak = array(
+        (design, condition, bound), "1", "certified bounds of the peak over all frequencies"
+    )(lambda peaks: [[(each.lower, each.upper) for each in row] for row in peaks])
+    peak_frequency = array((design, condition), "Hz")(
+        lambda peaks: [[each.omega / (2 * np.pi) for each in row] for row in peaks]
+    )
+    pole = array(design, "rad/s", "largest real part of the nominal loop's")(
+        lambda self, controllers: [rightmost_pole(self.task, K) for K in controllers.values()]
+    )
+    order = array(design, "1")(lambda controllers: [K.nstates for K in controllers.values()])
+
+    @array((design, bound, frequency), "1", "mu of robust performance")
+    def mu(self, controllers: Controllers, omega: RealArray) -> list[Any]:
+        curves = (performance_sweep(self.task.plant, K, omega) for K in controllers.values())
+        return [(curve.lower, curve.upper) for curve in curves]
+
+    @array((design, frequency), "1", "magnitude of the nominal sensitivity")
+    def S(self, controllers: Controllers, omega: RealArray) -> list[RealArray]:
+        G = response(self.task.G, omega)
+        loops = ((G * response(K, omega))[:, 0, 0] for K in controllers.values())
+        return [abs(1 / (1 + L)) for L in loops]
+
+    permitted = array(frequency, "1", "1/|W_p|")(
+        lambda self, omega: 1 / abs(response(self.task.W_S, omega)[:, 0, 0])
+    )
 
     def structures(self) -> dict[str, Structure]:
-        """Of the plant's perturbation: as it is, its scalars complex, one full block."""
+        """Structures of the perturbation: as it is, with complex scalars, and as one full block."""
         structure = self.task.structure
         return {
             "robust performance": structure,
@@ -161,9 +144,9 @@ class Methods(Study):
         }
 
     def _peaks(self, K: StateSpace) -> list[Peak]:
-        """Of every condition; a controller that does not stabilise is an error of its method."""
+        """Peaks of all conditions; a controller that does not stabilise is its method's error."""
         plant = self.task.plant
-        found = conditions(plant, K, tolerance=TOLERANCE)
+        found = conditions(plant, K, tolerance=PEAK_TOLERANCE)
         assert found.nominal_performance is not None
         assert found.robust_stability is not None
         robust = {
@@ -175,53 +158,31 @@ class Methods(Study):
         robust["robust stability"] = found.robust_stability
         return [robust[name] for name in CONDITIONS]
 
-    def _curve(self, K: StateSpace) -> RealArray:
-        """Lower and upper bound of robust performance (2, F)."""
-        found = performance_sweep(self.task.plant, K, 2 * np.pi * self.frequency)
-        return np.array([found.lower, found.upper])
+    @check()
+    def methods_judged(self, answer: Dataset) -> list[Check]:
+        return method_checks(self.axis, self.uncertain, self.task, self.controllers(answer), answer)
 
-    def _sensitivity(self, K: StateSpace) -> RealArray:
-        omega = 2 * np.pi * self.frequency
-        L = response(self.task.G, omega) * response(K, omega)
-        size: RealArray = abs(1 / (1 + L[:, 0, 0]))
-        return size
-
-    def _pole(self, K: StateSpace) -> float:
-        """Of the loop of plant and controller alone; that of W_p is at -0.001 rad/s always."""
-        import control
-
-        return float(control.feedback(self.task.G * K, 1).poles().real.max())
-
-    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
-        controllers = self.controllers(answer)
-        return method_checks(self.axis, self.uncertain, self.task, controllers, answer)
-
-    def metrics(self, answer: Dataset) -> dict[str, float]:
-        upper = answer["peak"].sel(bound="upper")
+    @metric
+    def orders_and_peaks(self, peak: DataArray, order: DataArray) -> dict[str, float]:
         numbers = {}
-        for name in answer["design"].values.tolist():
-            numbers[f"order_{_key(name)}"] = float(answer["order"].sel(design=name))
+        for name in self.names:
+            key = identifier(name)
+            numbers[f"order_{key}"] = float(order.sel(design=name))
             for condition in CONDITIONS:
-                short = "" if condition == "robust performance" else f"_{_key(condition)}"
-                value = upper.sel(design=name, condition=condition)
-                numbers[f"peak{short}_{_key(name)}"] = float(value)
+                short = "" if condition == "robust performance" else f"_{identifier(condition)}"
+                value = peak.sel(design=name, condition=condition, bound="upper")
+                numbers[f"peak{short}_{key}"] = float(value)
         return numbers
 
-    def tables(self, answer: Dataset) -> dict[str, str]:
-        return method_tables(answer)
-
-    def figures(self, answer: Dataset) -> dict[str, Figure]:
-        return method_figures(self.axis, answer)
+    methods = table(lambda answer: methods_table(answer))
+    uncertainty = table(lambda peak: uncertainty_table(peak))
+    claims = table(lambda peak: claims_table(peak))
+    mu_figure = figure(lambda self, answer: {"mu": mu_figure(self.axis, answer)})
+    sensitivity = figure(lambda self, answer: sensitivity_figure(self.axis, answer))
 
 
 def _robust(plant: GeneralisedPlant, K: StateSpace) -> Peak:
     """Peak of robust performance of a loop that is known to be stable."""
-    found = performance_peak(plant, K, TOLERANCE)
+    found = performance_peak(plant, K, PEAK_TOLERANCE)
     assert found is not None
     return found
-
-
-def _key(name: str) -> str:
-    """A name as it stands in names of variables and metrics."""
-    parts = "".join(letter if letter.isalnum() else " " for letter in name.lower()).split()
-    return "_".join(parts)

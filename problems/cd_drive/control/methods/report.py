@@ -5,16 +5,18 @@ Table numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Any
 
 from workbench import figures
 from workbench.heavy_types import DataArray, Dataset, Figure
+from workbench.tables import markdown
 
+from ...drive.tables import Axis
 from .designs import FULL_ORDER
 
-if TYPE_CHECKING:
-    from ...drive.tables import Axis
-
+Rows = tuple[list[str], list[list[str]]]
+"""Heads and rows of a table."""
+aligned = markdown  # until every table is made by `markdown` itself
 CLAIMS = {
     "reference": "not in the table",
     "LQG": "not in the table: no model uncertainty (section 5.1)",
@@ -38,15 +40,7 @@ LOOKS = {
 }
 
 
-def method_tables(answer: Dataset) -> dict[str, str]:
-    return {
-        "methods": _methods(answer),
-        "uncertainty": _uncertainty(answer),
-        "claims": _claims(answer),
-    }
-
-
-def _methods(answer: Dataset) -> str:
+def methods_table(answer: Dataset) -> Rows:
     """Certified upper bounds; "yes" where that proves the condition, "no" where it is refuted."""
     shown = ("nominal performance", "robust stability", "robust performance", "disturbance alone")
     heads = ["method", "order", "nominal stability", *shown[:3], "RP of z_p alone", "Table 5.1"]
@@ -56,32 +50,32 @@ def _methods(answer: Dataset) -> str:
         stable = "yes" if float(one["pole"]) < 0 else "no"
         peaks = [_judged(one["peak"].sel(condition=condition)) for condition in shown]
         rows.append([name, str(int(one["order"])), stable, *peaks, CLAIMS[name]])
-    return aligned(heads, rows)
+    return heads, rows
 
 
-def _uncertainty(answer: Dataset) -> str:
+def uncertainty_table(peak: DataArray) -> Rows:
     """Robust performance by what a method can see of the uncertainty; the least of each starred."""
     conditions = ("robust performance", "complex scalars", "full block")
-    upper = answer["peak"].sel(bound="upper")
+    upper = peak.sel(bound="upper")
     heads = ["method", "scalars as they are", "scalars complex", "one full block"]
     rows = []
-    for name in answer["design"].values.tolist():
+    for name in upper["design"].values.tolist():
         cells = []
         for condition in conditions:
             value = float(upper.sel(design=name, condition=condition))
             least = value <= float(upper.sel(condition=condition).min())
             cells.append(f"{value:.3f}{' *' if least else ''}")
         rows.append([name, *cells])
-    return aligned(heads, rows)
+    return heads, rows
 
 
-def _claims(answer: Dataset) -> str:
-    """What Table 5.1 and section 5.1 say, and what was found here."""
-    peak = answer["peak"].sel(bound="upper")
-    names = answer["design"].values.tolist()
+def claims_table(peak: DataArray) -> Rows:
+    """Statements of Table 5.1 and section 5.1, beside the numbers found."""
+    upper = peak.sel(bound="upper")
+    names = upper["design"].values.tolist()
 
     def value(name: str, condition: str = "robust performance") -> float:
-        return float(peak.sel(design=name, condition=condition))
+        return float(upper.sel(design=name, condition=condition))
 
     def least(condition: str, among: list[str]) -> tuple[str, float]:
         best = min(among, key=lambda name: value(name, condition))
@@ -109,7 +103,7 @@ def _claims(answer: Dataset) -> str:
         rows.append(["real scalars: (mu,D)-K better than D-K, by mixed mu", cost])
     best, size = least("robust performance", names)
     rows.append(["least peak of mixed mu of all", f"{size:.3f} ({best})"])
-    return aligned(["section 5.1", "found"], rows)
+    return ["section 5.1", "found"], rows
 
 
 def _judged(bounds: DataArray) -> str:
@@ -117,57 +111,34 @@ def _judged(bounds: DataArray) -> str:
     return f"{upper:.3f} {'yes' if upper < 1 else 'no' if lower >= 1 else 'open'}"
 
 
-def aligned(heads: list[str], rows: list[list[str]]) -> str:
-    """A Markdown table with columns of even width."""
-    width = [max(len(row[i]) for row in [heads, *rows]) for i in range(len(heads))]
-    lines = [heads, ["-" * size for size in width], *rows]
-    return "".join(
-        "| " + " | ".join(cell.ljust(size) for cell, size in zip(row, width, strict=True)) + " |\n"
-        for row in lines
-    )
-
-
-def method_figures(axis: Axis, answer: Dataset) -> dict[str, Figure]:
-    return {"mu": _mu(axis, answer), "sensitivity": _sensitivity(axis, answer)}
-
-
-def _mu(axis: Axis, answer: Dataset) -> Figure:
+def mu_figure(axis: Axis, answer: Dataset) -> Figure:
     """Robust performance over frequency; dots are the certified peaks."""
     figure, (panel,) = figures.axes(size=(7.5, 5.2))
     low, high = answer["frequency"].values[[0, -1]]
     for name in answer["design"].values.tolist():
         dash, colour = LOOKS[name]
         one = answer.sel(design=name)
-        order = int(one["order"])
-        label = f"{name}, order {order}"
-        panel.loglog(
-            answer["frequency"], one["mu"].sel(bound="upper"), dash, color=colour, label=label
-        )
+        label, upper = f"{name}, order {int(one['order'])}", one["mu"].sel(bound="upper")
+        panel.loglog(answer["frequency"], upper, dash, color=colour, label=label)
         at = float(one["peak_frequency"].sel(condition="robust performance"))
         top = float(one["peak"].sel(condition="robust performance", bound="upper"))
         if low <= at <= high:
             panel.plot(at, top, "o", color=colour, markersize=4)
     panel.axhline(1.0, color="0.4", linewidth=0.8)
-    panel.set_title(f"{axis}, robust performance of w_p to (z_p, z_u)")
-    panel.set_ylabel("mu [1]")
-    panel.set_xlabel("frequency [Hz]")
+    title = f"{axis}, robust performance of $w_p$ to $(z_p, z_u)$"
+    figures.label(panel, "frequency [Hz]", "$\\mu$ [1]", title)
     figures.legend_below(figure, panel, 3)
     return figure
 
 
-def _sensitivity(axis: Axis, answer: Dataset) -> Figure:
+def sensitivity_figure(axis: Axis, answer: Dataset) -> Figure:
     figure, (panel,) = figures.axes(size=(7.5, 5.2))
     for name in answer["design"].values.tolist():
         dash, colour = LOOKS[name]
-        panel.loglog(
-            answer["frequency"], answer["S"].sel(design=name), dash, color=colour, label=name
-        )
-    panel.loglog(
-        answer["frequency"], answer["permitted"], color="0.6", linewidth=3, zorder=0,
-        label="1/|W_p|",
-    )  # fmt: skip
-    panel.set_title(f"{axis}, nominal sensitivity")
-    panel.set_ylabel("|S| [1]")
-    panel.set_xlabel("frequency [Hz]")
+        S = answer["S"].sel(design=name)
+        panel.loglog(answer["frequency"], S, dash, color=colour, label=name)
+    limit: dict[str, Any] = {"color": "0.6", "linewidth": 3, "zorder": 0}
+    panel.loglog(answer["frequency"], answer["permitted"], **limit, label="$1/|W_p|$")
+    figures.label(panel, "frequency [Hz]", "$|S|$ [1]", f"{axis}, nominal sensitivity")
     figures.legend_below(figure, panel, 3)
     return figure

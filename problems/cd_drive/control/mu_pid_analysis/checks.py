@@ -22,7 +22,7 @@ from ...uncertainty.parametric_model import uncertain_parameters
 from ..control_problem import control_weight, optical_gain, performance_weight
 
 DENSE = 20_000
-"""Frequencies of the closed form that no certified peak may lie below."""
+"""Number of frequencies at which the closed form must stay below a certified peak."""
 MU_ROUNDING = 1e-6
 """Largest relative distance of the closed form outside the bounds of mu."""
 

@@ -130,7 +130,7 @@ def sets_table(set_mu: DataArray) -> Rows:
 
 
 def claims_table(answer: Dataset) -> Rows:
-    """What section 6.3 says of the focus loop, and what was found for this axis."""
+    """Statements of section 6.3 about the focus loop, beside the numbers found for this axis."""
     own = answer.sel(gain="own")
     sets = own["set_mu"].sel(speed=1.0, single="disturbance")
 

@@ -182,7 +182,7 @@ class Nyquist(Study):
 
     @check()
     def claims(self, answer: Dataset) -> list[Check] | None:
-        """What section 6.3.5 says, of sets about one nominal; what holds where that does not."""
+        """Section 6.3.5 on sets around one nominal; where a statement fails, what holds."""
         if self.axis != "focus":
             return None
         numbers = self.metrics(answer)

@@ -18,18 +18,18 @@ from ...drive.tables import Axis, Values
 from ..control_problem import LEAK, WEIGHTS
 from ..loops import SCALES
 
-ASIDE = 1e-3
-"""How far beside a gain limit the poles must be on the right side, relative."""
-ON_BOUNDARY = 1e-6
-"""Distance of the critical pole from its place on the boundary, relative to its frequency."""
-CLOSE = 5e-3
-"""How far a certified peak may lie above what formulas reach, relative."""
-ABOUT = 0.25
-"""What "approx." may mean: relative distance from the thesis' round frequencies."""
+LIMIT_OFFSET = 1e-3
+"""Relative distance from a gain limit at which the poles must lie on the right side of it."""
+POLE_ROUNDING = 1e-6
+"""Largest distance of the critical pole from the stability boundary, relative to its frequency."""
+PEAK_EXCESS = 5e-3
+"""Largest relative excess of a certified peak over the peak by formulas."""
+APPROXIMATE = 0.25
+"""Largest relative distance from frequencies that the thesis gives as approximate."""
 FAILS_BELOW = 500.0
 """Frequency [Hz] below which a third of the gain is said to fail."""
 LIMITS_HZ = (100.0, 4000.0)
-"""Where the loop is said to oscillate as the gain is lowered and raised [Hz]."""
+"""Frequencies [Hz] of oscillation that the thesis gives for the lowered and the raised gain."""
 DELAYS = {"table_a4": 1.0, "bandwidth": 2.0}
 """Delay [samples] beyond the hold's that may explain what the sampled loop alone does not."""
 UNRELATED = 0.5
@@ -42,18 +42,19 @@ def limit_checks(answer: Dataset, every: dict[str, dict[str, StateSpace]]) -> li
     for loop, systems in every.items():
         for drive, L in systems.items():
             one = answer.sel(loop=loop, drive=drive)
-            for side, out in (("decrease", 1 - ASIDE), ("increase", 1 + ASIDE)):
+            for side, out in (("decrease", 1 - LIMIT_OFFSET), ("increase", 1 + LIMIT_OFFSET)):
                 limit, place = float(one[side]), f"{drive}, {loop}, {side}"
                 wrong += [place] * (not _stable(L, limit / out)) + [place] * _stable(L, limit * out)
                 away.append((_off_boundary(L, limit, float(one[f"{side}_hz"])), place))
             wrong += [f"{drive}, {loop}, own gain"] * (not _stable(L, 1.0))
     distance, pole = max(away, key=lambda entry: np.nan_to_num(entry[0], nan=np.inf))
     where = ", ".join(wrong[:3])
-    sides = f"closed loops on the wrong side, at their own gain and {ASIDE:g} beside their limits"
+    beside = f"{LIMIT_OFFSET:g} beside their limits"
+    sides = f"closed loops on the wrong side, at their own gain and {beside}"
     boundary = "distance of a pole from its place on the stability boundary, relative"
     return [
         Check("stability", sides, len(wrong), 0, where),
-        Check("gain limits", boundary, distance, ON_BOUNDARY, pole),
+        Check("gain limits", boundary, distance, POLE_ROUNDING, pole),
     ]
 
 
@@ -66,7 +67,7 @@ def peak_checks(answer: Dataset, axis: Axis, gain: Gain, values: Values) -> list
     compared = [
         ("peaks above", "|W_p S| by formulas over its upper bound", reached / upper, 1 + 1e-9),
         ("peaks reached", "lower bound over |W_p S| by formulas", lower / reached, 1 + 1e-6),
-        ("peaks close", "upper bound above |W_p S| by formulas", upper / reached - 1, CLOSE),
+        ("peaks close", "upper bound above |W_p S| by formulas", upper / reached - 1, PEAK_EXCESS),
     ]
     names = answer["drive"].values
     found = []
@@ -89,7 +90,7 @@ def red_book_check(numbers: dict[str, float]) -> Check:
 
 
 def thesis_checks(answer: Dataset, numbers: dict[str, float]) -> list[Check]:
-    """What section 6.3.3 says of the focus loop; where it does not hold, what does instead."""
+    """Statements of section 6.3.3 about the focus loop; where one fails, what holds."""
     twelve = answer.isel(drive=slice(-1))
     names = twelve["drive"].values
     weighted = twelve["weighted"]
@@ -122,7 +123,7 @@ def thesis_checks(answer: Dataset, numbers: dict[str, float]) -> list[Check]:
                 f"{name} limit",
                 f"frequency of the nominal sampled loop's limit, {found:.0f} Hz, from {said:g} Hz",
                 abs(found / said - 1),
-                ABOUT,
+                APPROXIMATE,
             )
         )
     bandwidth = (

@@ -113,12 +113,13 @@ class Sensitivity(Study):
     )
 
     systems = part(lambda self: {loop: self.loops(loop) for loop in LOOPS})
-    margin = arrays((loop, drive), lambda systems: each_margin(systems.values()), **MARGIN_UNITS)
+    rows = part(lambda systems: [list(one.values()) for one in systems.values()])
+    margin = arrays((loop, drive), lambda rows: each_margin(rows), **MARGIN_UNITS)
     bandwidth = array((loop, drive, definition), "Hz")(
-        lambda systems: _each(systems, lambda L: [*bandwidths(L).values()])
+        lambda rows: [[[*bandwidths(L).values()] for L in row] for row in rows]
     )
     L = array((loop, drive, frequency), "1")(
-        lambda systems, frequency: _each(systems, lambda L: loop_response(L, frequency.values))
+        lambda rows, frequency: [[loop_response(L, frequency.values) for L in row] for row in rows]
     )
 
     @arrays(
@@ -307,11 +308,6 @@ def _zero(curve: Callable[[float], float]) -> float:
     if curve(0.0) * curve(LONGEST_DELAY) > 0:
         return math.nan
     return float(brentq(curve, 0.0, LONGEST_DELAY, xtol=1e-4))
-
-
-def _each(systems: Systems, function: Callable[[StateSpace], Any]) -> list[list[Any]]:
-    """What a function gives for each loop and drive."""
-    return [[function(L) for L in one.values()] for one in systems.values()]
 
 
 def _highest(weighted: DataArray, scale: str) -> DataArray:

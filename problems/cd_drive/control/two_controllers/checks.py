@@ -17,13 +17,15 @@ from ...uncertainty.parametric_model import uncertain_parameters
 from ..trade_off import SPLIT, TradeOff
 
 HERTZ = np.geomspace(0.01, 1e6, 8000)
-"""Where gains are evaluated [Hz]."""
-FOUND = 1e-3
-"""By how much largest gains at those frequencies may miss the certified ones, relative."""
-LEVELS = 2e-3
-"""By which the norms of controllers may miss the least ones, relative."""
-ROUNDING = 1e-6
+"""Frequencies at which gains are evaluated [Hz]."""
+GRID_SHORTFALL = 1e-3
+"""Largest relative distance of the gains at those frequencies below the certified ones."""
+LEVEL_EXCESS = 2e-3
+"""Largest relative excess of the norms of controllers over the least ones."""
+BOUND_ROUNDING = 1e-6
+"""Rounding of poles [rad/s] and of ratios of certified bounds."""
 SAMPLES = 100
+"""Number of random plants."""
 
 
 def two_controllers_checks(
@@ -56,12 +58,12 @@ def two_controllers_checks(
     crossed, where = worst(bounds[..., 0] / bounds[..., 1] - 1, named)
     statement = "rightmost pole of G K / (1 + G K) [rad/s]"
     return [
-        Check("nominal stability", statement, right, -ROUNDING, unstable),
+        Check("nominal stability", statement, right, -BOUND_ROUNDING, unstable),
         Check("gains", "largest at frequencies over the certified ones, less 1", above, 0.0, place),
-        Check("gains reached", "1 less that ratio", missed, FOUND, spot),
+        Check("gains reached", "1 less that ratio", missed, GRID_SHORTFALL, spot),
         Check("effort", "c of the controllers of the front", effort, 1.0, most),
         Check("sampled plants", "their gains over the worst ones, less 1", sampled, 0.0, plant),
-        Check("worst cases", "lower over upper bound, less 1", crossed, ROUNDING, where),
+        Check("worst cases", "lower over upper bound, less 1", crossed, BOUND_ROUNDING, where),
         _front(answer),
         *_bounds(answer, certified, names),
         _filters(answer, omega),
@@ -97,7 +99,7 @@ def _front(answer: Dataset) -> Check:
     better = np.minimum(a[:, None] / a, b[:, None] / b) - 1
     value, where = worst(better, lambda p: f"at share {float(answer['share'][p[0]]):.3g}")
     statement = "excess of a controller's a and b over those of another, less 1"
-    return Check("front", statement, value, LEVELS, where)
+    return Check("front", statement, value, LEVEL_EXCESS, where)
 
 
 def _bounds(answer: Dataset, certified: np.ndarray, names: list[str]) -> list[Check]:
@@ -123,4 +125,4 @@ def _filters(answer: Dataset, omega: np.ndarray) -> Check:
         excess.append(max(float(total.max()) - 1, zeta / level - 1))
     value, where = worst(excess, lambda p: f"at share {float(answer['share'][p[0]]):.3g}")
     statement = "squares of a bound's filters, and zeta over the bound, less 1"
-    return Check("filters", statement, value, ROUNDING, where)
+    return Check("filters", statement, value, BOUND_ROUNDING, where)

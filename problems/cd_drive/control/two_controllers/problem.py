@@ -6,21 +6,23 @@ of CD-players (2003).
 
 from __future__ import annotations
 
-from dataclasses import astuple, dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field
 
-from workbench import Check, Study, problem
+from workbench import Check, problem
 from workbench.arrays import RealArray
 from workbench.certify.norms import certified_norm
 from workbench.executor import Context
-from workbench.heavy_types import Dataset, Figure, StateSpace
+from workbench.heavy_types import DataArray, Dataset, StateSpace
 from workbench.mu import Peak, WorstCaseGain, conditions, worst_case_gain
-from workbench.systems import Margins, bandwidths, margins
+from workbench.study import Study, array, arrays, check, dim, figure, metric, part, table
+from workbench.systems import bandwidths
 from workbench.systems.generalised_plant import response
+from workbench.systems.margins import MARGIN_UNITS, each_margin
 
 from ...drive.disc import VELOCITY
 from ...drive.photo_diodes import CAPTURE
@@ -30,22 +32,25 @@ from ...drive.shared_parameters import TABLES
 from ...drive.tables import Axis
 from ..trade_off import CHANNELS, TradeOff
 from .checks import two_controllers_checks
-from .report import two_controllers_figures, two_controllers_tables
+from .report import cases_table, front_figure, front_table, loops_figure
 
+Bounds = list[tuple[float, RealArray]]
+"""Levels, and their filters (3,)."""
 SHARES = (0.3, 60.0)
-"""Weights of the defects' channel, the disturbances' having 1, from and to."""
+"""Least and largest weight of the defects' channel; that of the disturbances' is 1."""
 GAINS = (1 / 3, 3**-0.5, 1.0, 3**0.5)
 """Factors on the reference controller; figure 6.7 has a third of its gain."""
 CASES = ("high", "low", "reference")
 UNCERTAIN = CHANNELS[:2]
 """Channels whose worst case over the uncertainty is bounded."""
-TOLERANCE = 1e-2
-"""Of the worst-case gains, relative."""
+WORST_CASE_TOLERANCE = 1e-2
+"""Relative width of the interval that certifies a worst-case gain."""
 LOW, HIGH = 1.0, 20e3
 """Ends of the frequencies shown [Hz]."""
-LASTS = 6e-3
+DURATION = 6e-3
 """Time shown [s]."""
 INSTANTS = 600
+"""Number of instants shown."""
 
 
 @problem("cd/{axis}/two-controllers", axis=("focus", "radial"), data=TABLES, slow=True)
@@ -88,99 +93,131 @@ class TwoControllers(Study):
 
     @property
     def relaxed(self) -> float:
-        """How much larger than acceptable the error may be before focus, or the track, is lost."""
+        """Error at which focus or the track is lost, over the acceptable error."""
         return CAPTURE[self.axis] / ACCEPTABLE_ERROR[self.axis]
 
-    def compute(self, context: Context) -> Dataset:
+    # --- the front ----------------------------------------------------------------------------
+
+    share = dim(lambda self: np.geomspace(*SHARES, self.designs), unit="1")
+    gain = dim(lambda: list(GAINS), unit="1")
+    channel, uncertain, bound = dim(CHANNELS), dim(UNCERTAIN), dim("lower", "upper")
+    bandwidth, case = dim(CASES[:2]), dim(CASES)
+    specification = dim("as it is", "while a defect passes")
+    frequency = dim(lambda self: np.geomspace(LOW, HIGH, self.frequencies), unit="Hz")
+    time = dim(lambda: np.linspace(0.0, DURATION, INSTANTS), unit="s")
+
+    @part
+    def designed(self, share: DataArray, context: Context) -> list[tuple[float, StateSpace]]:
+        """Sigma and controller of every share."""
+        return [self.trade_off.design(one) for one in context.track(list(share.values), "designs")]
+
+    front = part(lambda designed: [K for _, K in designed])
+    sigma = array(share, "1")(lambda designed: [sigma for sigma, _ in designed])
+    K_A = array((share, "state", "state_"), "", "A of the controllers' realisations")(
+        lambda front: [K.A for K in front]
+    )
+    K_B = array((share, "state", "measurement"), "", "B of the controllers' realisations")(
+        lambda front: [K.B for K in front]
+    )
+    K_C = array((share, "control", "state"), "", "C of the controllers' realisations")(
+        lambda front: [K.C for K in front]
+    )
+    K_D = array((share, "control", "measurement"), "", "D of the controllers' realisations")(
+        lambda front: [K.D for K in front]
+    )
+
+    @part
+    def judged(self, front: list[StateSpace], context: Context) -> tuple[RealArray, RealArray]:
+        """Nominal gains (controller, 3) and worst ones (controller, 2, 2), the scaled ones last."""
         import control
-        import xarray as xr
 
-        trade = self.trade_off
-        shares = np.geomspace(*SHARES, self.designs)
-        made = [trade.design(share) for share in context.track(list(shares), "designs")]
-        front = [K for _, K in made]
-        reference = control.ss(controller(self.axis))
-        scaled = [gain * reference for gain in GAINS]
-        judged = context.track([*front, *scaled], "judging")
-        found = [(self._gains(K), self._worst(K)) for K in judged]
+        scaled = [gain * control.ss(controller(self.axis)) for gain in GAINS]
+        found = [
+            (self._gains(K), self._worst(K)) for K in context.track([*front, *scaled], "judging")
+        ]
         nominal, worst = (np.array(part) for part in zip(*found, strict=True))
-        bound, filters = self._bounds(context, shares, nominal[: self.designs])
-        count, one = self.designs, {"units": "1"}
-        chosen = self.chosen(worst[:count, :, 1])
-        cases = [front[chosen[0]], front[chosen[1]], reference]
-        kinds = {"": slice(0, count), "reference_": slice(count, None)}
-        places = {"": "share", "reference_": "gain"}
-        gains: dict[str, Any] = {}
-        for kind, part in kinds.items():
-            gains |= {
-                f"{kind}nominal": (
-                    (places[kind], "channel"),
-                    nominal[part],
-                    one | {"long_name": "largest gain of the nominal loop, certified"},
-                ),
-                f"{kind}worst": (
-                    (places[kind], "uncertain", "bound"),
-                    worst[part],
-                    one | {"long_name": "largest gain over all plants, certified"},
-                ),
-            }
-        matrices = {
-            f"K_{name}": (
-                ("share", *dims),
-                [getattr(K, name) for K in front],
-                {"long_name": f"{name} of the controllers' realisations"},
-            )
-            for name, dims in {
-                "A": ("state", "state_"),
-                "B": ("state", "measurement"),
-                "C": ("control", "state"),
-                "D": ("control", "measurement"),
-            }.items()
-        }
-        return xr.Dataset(
-            {
-                **gains,
-                **matrices,
-                **self._of_cases(cases),
-                "sigma": ("share", [sigma for sigma, _ in made], one),
-                "excluded": (
-                    "share",
-                    bound,
-                    one | {"long_name": "level that max(a, share b) cannot be below"},
-                ),
-                "filters": (
-                    ("share", "filter"),
-                    filters,
-                    {"long_name": "logarithms of the bound's corners [rad/s] and zeta"},
-                ),
-                "chosen": (
-                    "bandwidth",
-                    chosen,
-                    {"long_name": "which of the controllers"},
-                ),
-            },
-            coords={
-                "share": ("share", shares, one),
-                "gain": ("gain", list(GAINS), one),
-                "channel": list(CHANNELS),
-                "uncertain": list(UNCERTAIN),
-                "bound": ["lower", "upper"],
-                "bandwidth": list(CASES[:2]),
-                "case": list(CASES),
-                "frequency": ("frequency", self.frequency, {"units": "Hz"}),
-                "time": ("time", self.time, {"units": "s"}),
-            },
-        )
+        return nominal, worst
 
-    @cached_property
-    def frequency(self) -> RealArray:
-        return np.geomspace(LOW, HIGH, self.frequencies)
+    largest = "largest gain of the nominal loop, certified"
+    nominal = array((share, channel), "1", largest)(lambda self, judged: judged[0][: self.designs])
+    reference_nominal = array((gain, channel), "1", largest)(
+        lambda self, judged: judged[0][self.designs :]
+    )
+    over_plants = "largest gain over all plants, certified"
+    worst = array((share, uncertain, bound), "1", over_plants)(
+        lambda self, judged: judged[1][: self.designs]
+    )
+    reference_worst = array((gain, uncertain, bound), "1", over_plants)(
+        lambda self, judged: judged[1][self.designs :]
+    )
+    chosen = array(bandwidth, "", "which of the controllers")(
+        lambda self, worst: self.choice(worst.values[:, :, 1])
+    )
 
-    @cached_property
-    def time(self) -> RealArray:
-        return np.linspace(0.0, LASTS, INSTANTS)
+    @part
+    def bounds(self, share: DataArray, nominal: DataArray, context: Context) -> Bounds:
+        """Levels that no controller is below, and the filters that prove them (3,)."""
+        found: Bounds = []
+        pairs = list(zip(share.values, nominal.values, strict=True))
+        for weight, (a, b, _) in context.track(pairs, "bounds for all controllers"):
+            guess = [2 * np.pi * 500, 2 * np.pi * 5000, 0.7 * max(a, weight * b)]
+            starts = [np.log(guess), *(x for _, x in found[-1:])]
+            found.append(self.trade_off.bound(weight, *starts))
+        return found
 
-    def chosen(self, worst: RealArray) -> list[int]:
+    excluded = array(share, "1", "level that max(a, share b) cannot be below")(
+        lambda bounds: [level for level, _ in bounds]
+    )
+    filters = array((share, "filter"), "", "logarithms of the bound's corners [rad/s] and zeta")(
+        lambda bounds: [x for _, x in bounds]
+    )
+
+    # --- the two, and the reference controller ------------------------------------------------
+
+    @part
+    def cases(self, front: list[StateSpace], chosen: DataArray) -> list[StateSpace]:
+        import control
+
+        high, low = chosen.values
+        return [front[high], front[low], control.ss(controller(self.axis))]
+
+    loops = part(lambda self, cases: [self.trade_off.G * K for K in cases])
+    margin = arrays(
+        case, lambda loops: {k: one for k, (one,) in each_margin([loops]).items()}, **MARGIN_UNITS
+    )
+
+    @arrays(case, bandwidth_S="Hz", bandwidth_T="Hz")
+    def widths(self, loops: list[StateSpace]) -> dict[str, list[float]]:
+        found = [bandwidths(loop) for loop in loops]
+        return {f"bandwidth_{name}": [each[name] for each in found] for name in ("S", "T")}
+
+    omega = part(lambda frequency: 2 * np.pi * frequency.values)
+    sensitivity = part(
+        lambda loops, omega: np.array([1 / (1 + response(L, omega)[:, 0, 0]) for L in loops])
+    )
+    S = array((case, frequency), "1")(lambda sensitivity: abs(sensitivity))
+    T = array((case, frequency), "1")(lambda sensitivity: abs(1 - sensitivity))
+    permitted = array(frequency, "1")(
+        lambda self, omega: 1 / abs(response(self.trade_off.W_p, omega)[:, 0, 0])
+    )
+    defects = array(frequency, "1")(
+        lambda self, omega: abs(response(self.trade_off.W_sd, omega)[:, 0, 0])
+    )
+    false = array(time, "1", "false displacement")(
+        lambda self, time: np.sin(2 * np.pi * np.minimum(time.values * VELOCITY / self.length, 1.0))
+    )
+    step_error = array((case, time), "1", "error after a step of the disc, relative")(
+        lambda loops, time: 1.0 - _follows(loops, time, np.ones(INSTANTS))
+    )
+    defect_error = array((case, time), "1", "error by a surface defect, relative")(
+        lambda loops, time, false: -_follows(loops, time, false.values)
+    )
+
+    @array((case, specification, bound), "1", "peak of robust performance of z_p, certified")
+    def mu(self, cases: list[StateSpace]) -> list[list[tuple[float, float]]]:
+        return [[(p.lower, p.upper) for p in self._robust_performance(K)] for K in cases]
+
+    def choice(self, worst: RealArray) -> list[int]:
         """Which controllers are the two, from the worst a and b (designs, 2) of all."""
         disturbance, defect = worst.T
         high = int(np.argmin(disturbance))
@@ -188,7 +225,7 @@ class TwoControllers(Study):
         return [high, int(np.argmin(np.where(bearable, defect, np.inf)))]
 
     def controllers(self, answer: Dataset) -> list[StateSpace]:
-        """Those of the front, by share."""
+        """Controllers of the front, by share."""
         import control
 
         return [
@@ -207,78 +244,13 @@ class TwoControllers(Study):
         structure = uncertain.structure
         assert structure is not None
         found: list[WorstCaseGain] = [
-            worst_case_gain(uncertain.channel(z, "w").close(K), structure, TOLERANCE)
+            worst_case_gain(uncertain.channel(z, "w").close(K), structure, WORST_CASE_TOLERANCE)
             for z in UNCERTAIN
         ]
         return [(each.lower, each.upper) for each in found]
 
-    def _bounds(
-        self, context: Context, shares: RealArray, nominal: RealArray
-    ) -> tuple[RealArray, RealArray]:
-        """The levels that no controller is below, and their filters (designs, 3)."""
-        levels: list[float] = []
-        filters: list[RealArray] = []
-        for share, (a, b, _) in context.track(
-            list(zip(shares, nominal, strict=True)), "bounds for all controllers"
-        ):
-            guess = [2 * np.pi * 500, 2 * np.pi * 5000, 0.7 * max(a, share * b)]
-            starts = [np.log(guess), *filters[-1:]]
-            level, x = self.trade_off.bound(share, *starts)
-            levels.append(level)
-            filters.append(x)
-        return np.array(levels), np.array(filters)
-
-    def _of_cases(self, cases: list[StateSpace]) -> dict[str, Any]:
-        """Margins, robust performance and responses of the two and of the reference controller."""
-        import control
-
-        G, omega, one = self.trade_off.G, 2 * np.pi * self.frequency, {"units": "1"}
-        loops = [G * K for K in cases]
-        found = [margins(loop) for loop in loops]
-        widths = [bandwidths(loop) for loop in loops]
-        units = dict.fromkeys([field.name for field in fields(Margins)], "1")
-        units |= {"decrease_hz": "Hz", "increase_hz": "Hz", "crossover_hz": "Hz", "phase": "deg"}
-        data: dict[str, Any] = {
-            name: ("case", [astuple(each)[k] for each in found], {"units": unit})
-            for k, (name, unit) in enumerate(units.items())
-        }
-        for name in ("S", "T"):
-            data[f"bandwidth_{name}"] = ("case", [each[name] for each in widths], {"units": "Hz"})
-        S = [1 / (1 + response(loop, omega)[:, 0, 0]) for loop in loops]
-        passing = np.minimum(self.time * VELOCITY / self.length, 1.0)
-        inputs = {"step": np.ones(INSTANTS), "defect": np.sin(2 * np.pi * passing)}
-        T = [control.feedback(loop, 1) for loop in loops]
-        follows = {
-            name: np.array([control.forced_response(each, self.time, u).outputs for each in T])
-            for name, u in inputs.items()
-        }
-        mu = [self._robust_performance(K) for K in cases]
-        return data | {
-            "S": (("case", "frequency"), np.abs(S), one),
-            "T": (("case", "frequency"), np.abs(1 - np.array(S)), one),
-            "permitted": ("frequency", 1 / abs(response(self.trade_off.W_p, omega)[:, 0, 0]), one),
-            "defects": ("frequency", abs(response(self.trade_off.W_sd, omega)[:, 0, 0]), one),
-            "step_error": (
-                ("case", "time"),
-                1.0 - follows["step"],
-                one | {"long_name": "error after a step of the disc, relative"},
-            ),
-            "false": ("time", inputs["defect"], one | {"long_name": "false displacement"}),
-            "defect_error": (
-                ("case", "time"),
-                -follows["defect"],
-                one | {"long_name": "error by a surface defect, relative"},
-            ),
-            "mu": (
-                ("case", "specification", "bound"),
-                [[(each.lower, each.upper) for each in row] for row in mu],
-                one | {"long_name": "peak of robust performance of z_p, certified"},
-            ),
-            "specification": ["as it is", "while a defect passes"],
-        }
-
     def _robust_performance(self, K: StateSpace) -> list[Peak]:
-        """Of the disturbance: with W_p, and with what is bearable while a defect passes."""
+        """Peaks of mu of z_p: with W_p, and with the error bearable while a defect passes."""
         channel = self.trade_off.uncertain.channel("z_p", "w")
         peaks = [
             conditions(channel.weighted([1 / size]), K).robust_performance
@@ -286,28 +258,47 @@ class TwoControllers(Study):
         ]
         return [peak for peak in peaks if peak is not None]
 
-    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
+    @check()
+    def gains_and_bounds(self, answer: Dataset) -> list[Check]:
         return two_controllers_checks(self.trade_off, self.controllers(answer), answer)
 
-    def metrics(self, answer: Dataset) -> dict[str, float]:
+    @metric
+    def of_the_two(self, answer: Dataset) -> dict[str, float]:
         upper, numbers = answer["worst"].sel(bound="upper"), {}
-        a, b = (answer["nominal"].sel(channel=z) for z in UNCERTAIN)
-        ratio = np.maximum(a, answer["share"] * b) / answer["excluded"]
         for place, name in enumerate(CASES[:2]):
             one = {"share": int(answer["chosen"][place])}
             for channel, word in zip(UNCERTAIN, ("disturbance", "defect"), strict=True):
                 numbers[f"{word}_{name}"] = float(answer["nominal"].sel(channel=channel)[one])
                 numbers[f"worst_{word}_{name}"] = float(upper.sel(uncertain=channel)[one])
-        for case in CASES:
-            one_case = answer.sel(case=case)
-            numbers[f"crossover_{case}_hz"] = float(one_case["crossover_hz"])
-            numbers[f"phase_margin_{case}_deg"] = float(one_case["phase"])
-            numbers[f"mu_{case}"] = float(one_case["mu"][0, 1])
-        numbers["largest_distance_from_bound"] = float(ratio.max()) - 1
         return numbers
 
-    def tables(self, answer: Dataset) -> dict[str, str]:
-        return two_controllers_tables(answer, self.relaxed)
+    crossover = metric("crossover_{case}_hz", lambda crossover_hz: crossover_hz)
+    phase_margin = metric("phase_margin_{case}_deg", lambda phase: phase)
+    peak_of_mu = metric("mu_{case}", lambda mu: mu[:, 0, 1])
 
-    def figures(self, answer: Dataset) -> dict[str, Figure]:
-        return two_controllers_figures(self.axis, answer, self.relaxed)
+    @metric
+    def largest_distance_from_bound(self, answer: Dataset) -> float:
+        a, b = (answer["nominal"].sel(channel=z) for z in UNCERTAIN)
+        ratio = np.maximum(a, answer["share"] * b) / answer["excluded"]
+        return float(ratio.max()) - 1
+
+    tables_of_two = table(
+        lambda self, answer: {
+            "front": front_table(answer),
+            "two": cases_table(answer, self.relaxed),
+        }
+    )
+    drawn = figure(
+        lambda self, answer: {
+            "front": front_figure(self.axis, answer, self.relaxed),
+            "loops": loops_figure(self.axis, answer),
+        }
+    )
+
+
+def _follows(loops: list[StateSpace], time: DataArray, reference: RealArray) -> RealArray:
+    """Outputs (loop, time) of closed loops that follow a reference (time,)."""
+    import control
+
+    closed = [control.feedback(loop, 1) for loop in loops]
+    return np.array([control.forced_response(T, time.values, reference).outputs for T in closed])

@@ -3,27 +3,21 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from workbench import figures
 from workbench.heavy_types import Axes, DataArray, Dataset, Figure
 
-from ..methods.report import aligned
-
-if TYPE_CHECKING:
-    from ...drive.tables import Axis
+from ...drive.tables import Axis
+from ..methods.report import Rows
 
 LOOKS = {"high": ("-", figures.BLUE), "low": ("--", figures.ORANGE), "reference": (":", "0.2")}
 WORDS = {"high": "high bandwidth", "low": "low bandwidth", "reference": "reference controller"}
 
 
-def two_controllers_tables(answer: Dataset, relaxed: float) -> dict[str, str]:
-    return {"front": _front_table(answer), "two": _two(answer, relaxed)}
-
-
-def _front_table(answer: Dataset) -> str:
+def front_table(answer: Dataset) -> Rows:
     """Certified gains of every controller, and how small max(a, share b) of any may be."""
     heads = ["controller", "a", "b", "c", "worst a", "worst b", "max(a, share b)", "its bound"]
     rows = []
@@ -40,10 +34,10 @@ def _front_table(answer: Dataset) -> str:
         worst = [f"{value:.3f}" for value in one["reference_worst"].sel(bound="upper").values]
         numbers = [f"{value:.3f}" for value in one["reference_nominal"].values]
         rows.append([f"reference x {gain:.3g}", *numbers, *worst, "", ""])
-    return aligned(heads, rows)
+    return heads, rows
 
 
-def _two(answer: Dataset, relaxed: float) -> str:
+def cases_table(answer: Dataset, relaxed: float) -> Rows:
     """Margins of the nominal loops in continuous time, and certified robust performance of z_p."""
     heads = [
         "controller", "order", "crossover [Hz]", "|S| below -3 dB to [Hz]", "|T| above to [Hz]",
@@ -53,20 +47,13 @@ def _two(answer: Dataset, relaxed: float) -> str:
     for case in answer["case"].values.tolist():
         one = answer.sel(case=case)
         order = answer.sizes["state"] if case in ("high", "low") else 3
-        rows.append(
-            [
-                WORDS[case],
-                str(order),
-                *(
-                    f"{float(one[key]):.0f}"
-                    for key in ("crossover_hz", "bandwidth_S", "bandwidth_T")
-                ),
-                f"{float(one['phase']):.1f}",
-                f"{_decibel(one['decrease'])}, {_decibel(one['increase'])}",
-                *(f"{value:.3f}" for value in one["mu"].sel(bound="upper").values),
-            ]
-        )
-    return aligned(heads, rows)
+        widths = (one[key] for key in ("crossover_hz", "bandwidth_S", "bandwidth_T"))
+        gain_margin = f"{_decibel(one['decrease'])}, {_decibel(one['increase'])}"
+        peaks = [f"{value:.3f}" for value in one["mu"].sel(bound="upper").values]
+        hertz = [f"{float(value):.0f}" for value in widths]
+        phase = f"{float(one['phase']):.1f}"
+        rows.append([WORDS[case], str(order), *hertz, phase, gain_margin, *peaks])
+    return heads, rows
 
 
 def _decibel(factor: DataArray) -> str:
@@ -75,32 +62,19 @@ def _decibel(factor: DataArray) -> str:
     return f"{20 * math.log10(size):+.1f}" if 0 < size < math.inf else "none"
 
 
-def two_controllers_figures(axis: Axis, answer: Dataset, relaxed: float) -> dict[str, Figure]:
-    return {"front": _front(axis, answer, relaxed), "loops": _loops(axis, answer)}
-
-
-def _front(axis: Axis, answer: Dataset, relaxed: float) -> Figure:
+def front_figure(axis: Axis, answer: Dataset, relaxed: float) -> Figure:
     """b over a: nominal and worst cases, the reference controller, and what is out of reach."""
     figure, (panel,) = figures.axes(size=(7.5, 5.6))
     nominal, worst = answer["nominal"].values, answer["worst"].sel(bound="upper").values
-    panel.loglog(
-        nominal[:, 0], nominal[:, 1], "o-", color=figures.BLUE, markersize=3.5,
-        label="H-infinity, nominal",
-    )  # fmt: skip
-    panel.loglog(
-        worst[:, 0], worst[:, 1], "o--", color=figures.SKY, markersize=3.5,
-        label="H-infinity, worst plant",
-    )  # fmt: skip
     reference = answer["reference_nominal"].values
     reference_worst = answer["reference_worst"].sel(bound="upper").values
-    panel.loglog(
-        reference[:, 0], reference[:, 1], "s-", color="0.2", markersize=3.5,
-        label="reference x gain, nominal",
-    )  # fmt: skip
-    panel.loglog(
-        reference_worst[:, 0], reference_worst[:, 1], "s--", color="0.55", markersize=3.5,
-        label="reference x gain, worst plant",
-    )  # fmt: skip
+    for gains, style, colour, label in (
+        (nominal, "o-", figures.BLUE, "H-infinity, nominal"),
+        (worst, "o--", figures.SKY, "H-infinity, worst plant"),
+        (reference, "s-", "0.2", "reference x gain, nominal"),
+        (reference_worst, "s--", "0.55", "reference x gain, worst plant"),
+    ):
+        panel.loglog(gains[:, 0], gains[:, 1], style, color=colour, markersize=3.5, label=label)
     unity = int(np.argmin(abs(answer["gain"].values - 1)))
     panel.plot(*reference[unity, :2], "D", color="0.2", markersize=8, label="reference controller")
     for name, place in zip(answer["bandwidth"].values, answer["chosen"].values, strict=True):
@@ -112,9 +86,8 @@ def _front(axis: Axis, answer: Dataset, relaxed: float) -> Figure:
     panel.axvline(relaxed, color="0.6", linewidth=0.8, linestyle=":")
     panel.set_xlim(left=left)
     panel.set_ylim(bottom=bottom)
-    panel.set_title(f"{axis}, disturbances against surface defects")
-    panel.set_xlabel("a, largest |W_p S| [1]")
-    panel.set_ylabel("b, largest |W_sd T| [1]")
+    title = f"{axis}, disturbances against surface defects"
+    figures.label(panel, "$a$, largest $|W_p S|$ [1]", "$b$, largest $|W_{sd} T|$ [1]", title)
     figures.legend_below(figure, panel, 3)
     return figure
 
@@ -125,13 +98,11 @@ def _shade(panel: Axes, answer: Dataset, left: float, bottom: float) -> None:
     a = np.geomspace(left, level.max(), 2000)
     inside = a[:, None] < level
     b = np.where(inside, level / share, 0.0).max(axis=1)
-    panel.fill_between(
-        a, bottom, np.maximum(b, bottom), color="0.88", linewidth=0,
-        label="out of reach, c <= 1",
-    )  # fmt: skip
+    top, label = np.maximum(b, bottom), "out of reach, $c \\leq 1$"
+    panel.fill_between(a, bottom, top, color="0.88", linewidth=0, label=label)
 
 
-def _loops(axis: Axis, answer: Dataset) -> Figure:
+def loops_figure(axis: Axis, answer: Dataset) -> Figure:
     figure, (S, T, step, defect) = figures.axes(2, 2, size=(10.0, 7.2))
     frequency, time = answer["frequency"].values, 1e3 * answer["time"].values
     for case, (dash, colour) in LOOKS.items():
@@ -140,24 +111,17 @@ def _loops(axis: Axis, answer: Dataset) -> Figure:
         T.loglog(frequency, one["T"], dash, color=colour)
         step.plot(time, one["step_error"], dash, color=colour)
         defect.plot(time, one["defect_error"], dash, color=colour)
-    S.loglog(
-        frequency, answer["permitted"], color="0.7", linewidth=3, zorder=0,
-        label="1/|W_p|; |W_sd|; false displacement",
-    )  # fmt: skip
-    T.loglog(frequency, answer["defects"], color="0.7", linewidth=3, zorder=0)
+    limit: dict[str, Any] = {"color": "0.7", "linewidth": 3, "zorder": 0}
+    label = "$1/|W_p|$; $|W_{sd}|$; false displacement"
+    S.loglog(frequency, answer["permitted"], **limit, label=label)
+    T.loglog(frequency, answer["defects"], **limit)
     T.set_ylim(bottom=1e-3)
-    defect.plot(time, answer["false"], color="0.7", linewidth=3, zorder=0)
-    S.set_title(f"{axis}, sensitivity")
-    T.set_title("complementary sensitivity")
-    step.set_title("after a step of the disc")
-    defect.set_title("while a surface defect passes, and after")
-    S.set_ylabel("|S| [1]")
-    T.set_ylabel("|T| [1]")
-    step.set_ylabel("error over the step [1]")
-    defect.set_ylabel("error over the false displacement [1]")
-    for panel in (S, T):
-        panel.set_xlabel("frequency [Hz]")
-    for panel in (step, defect):
-        panel.set_xlabel("time [ms]")
+    defect.plot(time, answer["false"], **limit)
+    hertz, milliseconds = "frequency [Hz]", "time [ms]"
+    figures.label(S, hertz, "$|S|$ [1]", f"{axis}, sensitivity")
+    figures.label(T, hertz, "$|T|$ [1]", "complementary sensitivity")
+    figures.label(step, milliseconds, "error over the step [1]", "after a step of the disc")
+    passing = "while a surface defect passes, and after"
+    figures.label(defect, milliseconds, "error over the false displacement [1]", passing)
     figures.legend_below(figure, S)
     return figure
