@@ -26,7 +26,7 @@ from workbench.synthesis import (
 )
 from workbench.synthesis.switching.cells import Cell
 from workbench.synthesis.switching.controllers import split_slowest
-from workbench.systems.generalised_plant import generalised_plant
+from workbench.systems.connection import generalised_plant
 from workbench.systems.sampling import sampled
 
 PERIOD = 0.1
