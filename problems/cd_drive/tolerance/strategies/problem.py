@@ -23,13 +23,13 @@ from workbench.tables import markdown
 
 from ...drive.shared_parameters import TABLES
 from ...drive.tables import Axis, Values, drives
-from ...laboratory.bench_setup import PERIOD, RATE
+from ...laboratory.bench_setup import PERIOD
 from ...laboratory.experiment import Laboratory
 from ...laboratory.record import Record
 from ..strategy_looks import titled
 from ..tactics import STRATEGIES, Strategies, stand_in_filter
 from .figures import strategy_figures
-from .runs import ROTATION, WINDOW, Experiment, Outcome, envelope
+from .runs import ROTATION, Experiment, Outcome, envelope
 from .stability import estimated_decay, repetitive_level
 
 SHOWN = ("u", "f_en", "error", "w_Q")
@@ -130,29 +130,27 @@ class StrategiesStudy(Study):
     seed = part(lambda context: int(context.rng.integers(2**31)))
 
     @part
-    def outcomes(self, context: Context, seed: int) -> list[tuple[Outcome, Record | None]]:
-        """Outcome of each drive and strategy in turn, with the record of the nominal drive."""
-        found: list[tuple[Outcome, Record | None]] = []
+    def runs(self, context: Context, seed: int) -> tuple[Any, list[Record]]:
+        """Outcomes (drives, strategies, 3), and the records of the nominal drive."""
         pairs = [(drive, strategy) for drive in self.names for strategy in STRATEGIES]
+        outcomes: list[Outcome] = []
+        nominal: list[Record] = []
         for drive, strategy in context.track(pairs, "drives and strategies"):
             record = self.played(drive, strategy, seed)
-            kept = record if drive == "nominal" else None
-            found.append((self.experiment.outcome(record), kept))
-        return found
+            outcomes.append(self.experiment.outcome(record))
+            nominal += [record] if drive == "nominal" else []
+        return np.reshape(outcomes, (-1, len(STRATEGIES), 3)), nominal
 
-    @arrays((drive, strategy), excursion="m", periodic="m", events="")
-    def scores(self, outcomes: list[tuple[Outcome, Record | None]]) -> dict[str, Any]:
-        every = np.reshape([outcome for outcome, _ in outcomes], (-1, len(STRATEGIES), 3))
-        return {name: every[..., n] for n, name in enumerate(Outcome._fields)}
-
-    @part
-    def nominal(self, outcomes: list[tuple[Outcome, Record | None]]) -> list[Record]:
-        """Records of the nominal drive, one for each strategy."""
-        return [record for _, record in outcomes if record is not None]
+    scores = arrays(
+        (drive, strategy),
+        lambda runs: {name: runs[0][..., n] for n, name in enumerate(Outcome._fields)},
+        excursion="m", periodic="m", events="",
+    )  # fmt: skip
+    nominal = part(lambda runs: runs[1])
 
     @part
     def finer(self, context: Context, seed: int) -> list[Record]:
-        """The same at half the step."""
+        """Records of the nominal drive at half the step."""
         names = context.track(list(STRATEGIES), "half the step")
         return [self.played("nominal", name, seed, refine=2) for name in names]
 
@@ -177,21 +175,14 @@ class StrategiesStudy(Study):
 
     # --- signals of the nominal drive ---------------------------------------------------------
 
-    @part
-    def envelopes(self, nominal: list[Record]) -> list[Any]:
-        """Envelopes of whole runs, and the times of their stretches."""
-        return [[envelope(_signals(record)[name]) for name in WIDE] for record in nominal]
-
+    envelopes = part(lambda nominal: [[envelope(_signals(r)[s]) for s in WIDE] for r in nominal])
     time = dim(lambda envelopes: envelopes[0][0][1], unit="s")
     whole = array(
         (strategy, wide_signal, side, time),
         value=lambda envelopes: [[one for one, _ in run] for run in envelopes],
     )
 
-    @dim(unit="ms")
-    def zoomed(self) -> Any:
-        window = next(iter(self.experiment.windows().values()))
-        return 1e3 * (WINDOW[0] + np.arange(window.stop - window.start) / RATE)
+    zoomed = dim(lambda self: self.experiment.window_times, unit="ms")
 
     @array((strategy, stage, signal, zoomed), meaning="u [V], f_en [1], error [m], w_Q [1]")
     def zoom(self, nominal: list[Record]) -> Any:
