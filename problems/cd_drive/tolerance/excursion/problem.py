@@ -7,25 +7,28 @@ CD-players (2003).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import product
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
 
-from workbench import Check, Run, Study, problem, ref
+from workbench import Run, problem, ref
 from workbench.executor import Context
-from workbench.heavy_types import Dataset, Figure
-from workbench.systems.storage import restored
+from workbench.heavy_types import DataArray, Dataset
+from workbench.study import Study, array, arrays, check, dim, figure, metric, table
+from workbench.synthesis import discretised
+from workbench.tables import markdown
 
 from ...drive.disc import VELOCITY
 from ...drive.photo_diodes import CAPTURE
 from ...drive.red_book import ACCEPTABLE_ERROR
 from ...drive.shared_parameters import TABLES
 from ...drive.tables import Axis, red_book
+from ...laboratory.bench_setup import PERIOD
+from ..strategy_looks import titled
 from ..tactics import STRATEGIES
-from .checks import checks_of
-from .report import figures_of, tables_of
+from .checks import disc_difference, flight_difference, half_step_change
+from .figures import against_theory, maps
 from .runs import Cell, Crossing, excursion_of
 from .theory import WORST, standing
 
@@ -33,6 +36,13 @@ LENGTHS = (0.3e-3, 2.5e-3)
 """Shortest and longest defect [m]; the error correction repairs 2.5 mm."""
 SHARES = (0.25, 0.5, 1.0, 1.5, 2.0)
 """Amplitudes of the disc's deviation over what the Red Book allows."""
+LENSES = {
+    "standing": "stops (eq. 8.1)",
+    "free": "free, voltage held",
+    "driven": "driven by the blind controller",
+}
+"""What the lens does during a defect, by the theories of `theory`."""
+WORST_CASE = "eq. 8.1 at 500 um, 9 Hz, 1.9 ms"
 
 
 @problem(
@@ -63,8 +73,8 @@ def excursion(
     fastest) to below 180 degrees. lengths: how many from 0.3 to 2.5 mm. depth: share of the light
     that the defect takes. swing: its false displacement as a share of the acceptable error.
     """
-    replacement = restored(slower.data, "sampled")
-    crossing = Crossing(axis, replacement, drive, rotation, depth, swing)
+    K_prime = discretised(slower.answer.K, PERIOD)
+    crossing = Crossing(axis, K_prime, drive, rotation, depth, swing)
     return Excursion(crossing, angles, lengths)
 
 
@@ -78,81 +88,167 @@ class Excursion(Study):
 
     headline: ClassVar[str] = "survived_reference"
 
-    def compute(self, context: Context) -> Dataset:
-        import xarray as xr
+    strategy = dim(STRATEGIES)
+    angle = dim(
+        lambda self: np.pi * np.arange(self.angles) / self.angles,
+        unit="rad",
+        meaning="middle of the defect",
+    )
+    theta = dim(
+        lambda angle: np.unique(np.append(np.radians(np.arange(0, 181, 3)), angle.values)),
+        unit="rad",
+        meaning="middle, finer",
+    )
+    length = dim(lambda self: np.linspace(*LENGTHS, self.lengths), unit="m")
+    share = dim(SHARES, meaning="deviation over the Red Book's")
 
-        crossing = self.crossing
-        angle = np.pi * np.arange(self.angles) / self.angles
-        length = np.linspace(*LENGTHS, self.lengths)
-        share = np.array(SHARES)
-        grid = list(product(range(self.angles), range(self.lengths), range(len(share))))
-        shape = (len(STRATEGIES), self.angles, self.lengths, len(share))
-        peak, end = np.zeros(shape), np.zeros(shape)
-        seeds = context.rng.integers(2**31, size=len(grid))
-        for place, seed in context.track(list(zip(grid, seeds, strict=True)), "defects"):
-            i, j, k = place
-            cell = Cell(angle[i], length[j], share[k] * crossing.allowed)
+    @array((angle, length, share))
+    def seed(self, context: Context) -> Any:
+        return context.rng.integers(2**31, size=(self.angles, self.lengths, len(SHARES)))
+
+    @arrays(
+        (strategy, angle, length, share),
+        peak=("m", "largest true error, defect and 5 ms after"),
+        end=("m", "true error at the defect's end"),
+    )
+    def errors(
+        self, context: Context, seed: DataArray, angle: DataArray, length: DataArray
+    ) -> dict[str, Any]:
+        """Errors of every strategy in every defect."""
+        found = np.zeros((len(STRATEGIES), *seed.shape, 2))
+        for i, j, k in context.track(list(np.ndindex(seed.shape)), "defects"):
+            deviation = SHARES[k] * self.crossing.allowed
+            cell = Cell(float(angle[i]), float(length[j]), deviation)
             for s, name in enumerate(STRATEGIES):
-                record = crossing.run(cell, name, int(seed))
-                peak[s, i, j, k], end[s, i, j, k] = excursion_of(record, cell.length)
-        time = length / VELOCITY
-        free, driven = (crossing.blind_lens(driven) for driven in (False, True))
-        everywhere, along = ("strategy", "angle", "length", "share"), ("theta", "length")
-        units, theta = {"units": "m"}, np.unique(np.append(np.radians(np.arange(0, 181, 3)), angle))
-        theory = {
-            "standing": standing(crossing.allowed, crossing.rotation, time, theta[:, None]),
-            "free": np.transpose([free.error(each, theta) for each in time]),
-            "driven": np.transpose([driven.error(each, theta) for each in time]),
-        }
-        return xr.Dataset(
-            {
-                "peak": (
-                    everywhere,
-                    peak,
-                    units | {"long_name": "largest true error, defect and 5 ms after"},
-                ),
-                "end": (everywhere, end, units | {"long_name": "true error at the defect's end"}),
-                **{name: (along, values, units) for name, values in theory.items()},
-                "seed": (everywhere[1:], seeds.reshape(shape[1:])),
-            },
-            coords={
-                "strategy": list(STRATEGIES),
-                "angle": ("angle", angle, {"units": "rad", "long_name": "middle of the defect"}),
-                "theta": ("theta", theta, {"units": "rad", "long_name": "middle, finer"}),
-                "length": ("length", length, {"units": "m"}),
-                "share": ("share", share, {"long_name": "deviation over the Red Book's"}),
-            },
-        )
+                record = self.crossing.run(cell, name, int(seed[i, j, k]))
+                found[s, i, j, k] = excursion_of(record, cell.length)
+        return {"peak": found[..., 0], "end": found[..., 1]}
 
-    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
-        return checks_of(self.crossing, answer)
-
-    def metrics(self, answer: Dataset) -> dict[str, float]:
-        kept = answer["peak"] <= CAPTURE[self.crossing.axis]
-        numbers = {
-            "thesis_um": 1e6 * float(standing(red_book("focus").deviation, *WORST, 0.0)),
+    @arrays((theta, length), standing="m", free="m", driven="m")
+    def theory(self, theta: DataArray, length: DataArray) -> dict[str, Any]:
+        """Errors at the end of a defect on the Red Book's disc, by the three theories."""
+        crossing, time, middle = self.crossing, length.values / VELOCITY, theta.values
+        lenses = {"free": crossing.blind_lens(False), "driven": crossing.blind_lens(True)}
+        return {
+            "standing": standing(crossing.allowed, crossing.rotation, time, middle[:, None]),
             **{
-                f"{name}_um": 1e6 * float(abs(answer[name]).max())
-                for name in ("standing", "free", "driven")
+                name: np.transpose([lens.error(each, middle) for each in time])
+                for name, lens in lenses.items()
             },
         }
+
+    # --- checks -------------------------------------------------------------------------------
+
+    disc = check(
+        "equation 8.1",
+        "difference from the disc [m]",
+        lambda self, standing: disc_difference(self.crossing, standing),
+        at_most=1e-9,
+    )
+    worst_case = check(
+        "53.7 um", "relative difference", lambda: abs(_thesis() / 53.7e-6 - 1.0), at_most=1e-3
+    )
+    flight = check(
+        "lens in flight",
+        "difference from an integration",
+        lambda self, answer: flight_difference(self.crossing, answer),
+        at_most=1e-6,
+    )
+    order = check(
+        "order",
+        "free over standing lens, worst angle and length",
+        lambda free, standing: float(abs(free).max()) / float(abs(standing).max()),
+        at_most=0.1,
+    )
+
+    @check("reference strategy", at_most=0.3)
+    def reference(self, answer: Dataset) -> float:
+        """its end off the blind controller's, over the worst angle's and the swing"""
+        crossing, one = self.crossing, answer.sel(strategy="reference", share=1.0)
+        driven = answer["driven"].sel(theta=answer["angle"]).drop_vars("theta")
+        # The false displacement gets through while the light fades and comes back.
+        scale = abs(driven).max("angle") + crossing.swing * ACCEPTABLE_ERROR[crossing.axis]
+        linear = one["peak"] < CAPTURE[crossing.axis] / 2  # the diodes are about linear there
+        return float((abs(one["end"] - driven) / scale).where(linear).max())
+
+    replay = check(
+        "replay",
+        "change of a kept peak at half the step",
+        lambda self, answer: half_step_change(self.crossing, answer),
+        at_most=0.02,
+    )
+
+    @check("harder", at_most=0.05)
+    def reversed(self, peak: DataArray) -> float:
+        """share of defects kept though lost at a smaller deviation, reference"""
+        kept = self.kept(peak).sel(strategy="reference").values
+        return float((kept[..., 1:] & ~kept[..., :-1]).mean())
+
+    # --- what is told -------------------------------------------------------------------------
+
+    def kept(self, peak: DataArray) -> DataArray:
+        """Whether the true error stays within the diodes' capture range."""
+        return peak <= CAPTURE[self.crossing.axis]
+
+    thesis_um = metric(lambda: 1e6 * _thesis())
+    theory_um = metric(
+        lambda standing, free, driven: {
+            f"{one.name}_um": 1e6 * float(abs(one).max()) for one in (standing, free, driven)
+        }
+    )
+    survived = metric(
+        "survived_{strategy}",
+        lambda self, peak: self.kept(peak).mean(["angle", "length", "share"]),
+    )
+    survived_red_book = metric(
+        "survived_red_book_{strategy}",
+        lambda self, peak: self.kept(peak).sel(share=1.0).mean(["angle", "length"]),
+    )
+    in_spec = metric(
+        "in_spec_red_book_{strategy}",
+        lambda self, peak: (peak.sel(share=1.0) <= ACCEPTABLE_ERROR[self.crossing.axis]).mean(
+            ["angle", "length"]
+        ),
+    )
+    worst = metric(
+        "worst_red_book_{strategy}_um",
+        lambda peak: 1e6 * peak.sel(share=1.0).max(["angle", "length"]),
+    )
+
+    @metric("first_lost_{strategy}_mm")
+    def first_lost(self, peak: DataArray, length: DataArray) -> DataArray:
+        """Shortest defect that is lost at some angle; NaN where none is."""
+        safe = self.kept(peak).sel(share=1.0).all("angle")
+        return 1e3 * length.where(~safe).min("length")
+
+    @table
+    def survival(self, answer: Dataset) -> Any:
+        """What each strategy survives."""
+        numbers = self.metrics(answer)
+        heads = ["strategy", "kept, all", "kept, Red Book", "in spec, Red Book", "worst [um]"]
+        rows = []
         for name in answer["strategy"].values:
-            own, held = answer["peak"].sel(strategy=name), kept.sel(strategy=name)
-            safe = held.sel(share=1.0).all("angle")
-            beyond = answer["length"].where(~safe).min()
-            numbers |= {
-                f"survived_{name}": float(held.mean()),
-                f"survived_red_book_{name}": float(held.sel(share=1.0).mean()),
-                f"in_spec_red_book_{name}": float(
-                    (own.sel(share=1.0) <= ACCEPTABLE_ERROR[self.crossing.axis]).mean()
-                ),
-                f"worst_red_book_{name}_um": 1e6 * float(own.sel(share=1.0).max()),
-                f"first_lost_{name}_mm": 1e3 * float(beyond),
-            }
-        return numbers
+            keys = ("survived", "survived_red_book", "in_spec_red_book")
+            shares = [f"{numbers[f'{key}_{name}']:.1%}" for key in keys]
+            worst, lost = numbers[f"worst_red_book_{name}_um"], numbers[f"first_lost_{name}_mm"]
+            first = "none" if np.isnan(lost) else f"{lost:.2f}"
+            rows.append([titled(name), *shares, f"{worst:.2f}", first])
+        return [*heads, "shortest defect lost [mm]"], rows
 
-    def tables(self, answer: Dataset) -> dict[str, str]:
-        return tables_of(answer, self.metrics(answer))
+    @table
+    def theories(self, answer: Dataset) -> Any:
+        """The three theories, and the worst case of the thesis."""
+        numbers, words = self.metrics(answer), {**LENSES, "thesis": WORST_CASE}
+        rows = [[text, f"{numbers[f'{key}_um']:.2f}"] for key, text in words.items()]
+        heads = ["lens during the longest defect, worst angle", "error [um]"]
+        return {"theory": markdown(heads, rows)}
 
-    def figures(self, answer: Dataset) -> dict[str, Figure]:
-        return figures_of(answer, self.crossing.axis)
+    @figure
+    def both(self, answer: Dataset) -> Any:
+        axis = self.crossing.axis
+        return {"equation-8-1": against_theory(answer, axis), "survival": maps(answer, axis)}
+
+
+def _thesis() -> float:
+    """Equation 8.1 [m] for the worst case of the thesis."""
+    return float(standing(red_book("focus").deviation, *WORST, 0.0))

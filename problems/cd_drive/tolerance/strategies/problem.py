@@ -7,33 +7,44 @@ CD-players (2003).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
-from workbench import Check, Run, Study, problem, ref
+from workbench import Run, problem, ref
 from workbench.errors import InputError
 from workbench.executor import Context
-from workbench.heavy_types import Dataset, Figure, StateSpace
+from workbench.heavy_types import DataArray, StateSpace
+from workbench.study import Study, array, arrays, check, dim, figure, metric, part, table
+from workbench.synthesis import discretised
 from workbench.systems.storage import restored
+from workbench.tables import markdown
 
 from ...drive.shared_parameters import TABLES
 from ...drive.tables import Axis, Values, drives
-from ...laboratory.bench_setup import RATE
+from ...laboratory.bench_setup import PERIOD
 from ...laboratory.experiment import Laboratory
+from ...laboratory.record import Record
+from ..strategy_looks import titled
 from ..tactics import STRATEGIES, Strategies, stand_in_filter
-from .checks import checks_of
-from .report import figures_of, numbers_of, tables_of
-from .runs import ROTATION, WINDOW, Experiment, envelope
+from .figures import strategy_figures
+from .runs import ROTATION, Experiment, Outcome, envelope
 from .stability import estimated_decay, repetitive_level
 
-if TYPE_CHECKING:
-    from ...laboratory.record import Record
-
 SHOWN = ("u", "f_en", "error", "w_Q")
-"""Signals about a scratch."""
-
+"""Signals that are stored about a scratch."""
+WIDE = ("u", "f_en")
+"""Signals that are stored over a whole run."""
+EXCURSION_SHARE = {"A": 0.5, "B": 0.5, "C": 2 / 3, "K_prime": 2 / 3}
+"""Largest excursion of each strategy, as a share of the reference strategy's."""
+PERIODIC_SHARE = 0.1
+"""Largest periodic error of strategies A and B, as a share of the reference strategy's."""
+PERIODIC_DIFFERENCE = 0.1
+"""Largest relative difference of strategy C's periodic error from the reference strategy's, whose
+open loop is the same (section 8.6)."""
+HALF_STEP_CHANGE = 0.05
+"""Largest relative change of an excursion when the simulation's step is halved."""
 
 Filter = Literal["high-pass", "robust"]
 
@@ -82,14 +93,14 @@ def strategies(
         if designed is None:
             raise InputError(f"there is no robust fault filter for {axis}; ask for the high-pass")
         F = restored(designed.data, "discrete")
-    replacement = restored(slower.data, "sampled")
+    K_prime = discretised(slower.answer.K, PERIOD)
     experiment = Experiment(axis, values, depth, displacement)
-    return StrategiesStudy(experiment, drive_count, F, replacement)
+    return StrategiesStudy(experiment, drive_count, F, K_prime)
 
 
 @dataclass(frozen=True, eq=False)
 class StrategiesStudy(Study):
-    """All strategies on the nominal drive and on others, the same noise for all."""
+    """All strategies on the nominal drive and on others, with the same noise for all."""
 
     experiment: Experiment
     drive_count: int
@@ -98,104 +109,190 @@ class StrategiesStudy(Study):
 
     headline: ClassVar[str] = "excursion_A"
 
-    def compute(self, context: Context) -> Dataset:
-        import xarray as xr
+    @property
+    def names(self) -> list[str]:
+        """The nominal drive and the first of the twelve."""
+        twelve = drives(self.experiment.axis, self.experiment.values)
+        return ["nominal", *(drive.name for drive in twelve[: self.drive_count])]
 
-        seed, experiment = int(context.rng.integers(2**31)), self.experiment
+    drive = dim(lambda self: self.names)
+    strategy = dim(STRATEGIES)
+    stage = dim(lambda self: list(self.experiment.windows()))
+    signal = dim(SHOWN)
+    wide_signal = dim(WIDE)
+    side = dim("least", "largest")
+
+    def played(self, drive: str, strategy: str, seed: int, refine: int = 1) -> Record:
+        """The experiment on a drive; ``refine`` divides the step of the simulation."""
         designs: dict[str, Any] = {"F": self.F, "replacement": self.replacement}
-        axis, values = experiment.axis, experiment.values
-        twelve = [drive.name for drive in drives(axis, values)][: self.drive_count]
-        names, cases = ("nominal", *twelve), tuple(STRATEGIES)
-        outcome = np.zeros((len(names), len(cases), 3))
-        shown: dict[str, Record] = {}
-        pairs = [(i, j) for i in range(len(names)) for j in range(len(cases))]
-        for i, j in context.track(pairs, "drives and strategies"):
-            record = experiment.run(names[i], cases[j], seed, **designs)
-            outcome[i, j] = experiment.outcome(record)
-            if i == 0:
-                shown[cases[j]] = record
-        finer = {
-            name: experiment.run("nominal", name, seed, refine=2, **designs)
-            for name in context.track(cases, "half the step")
-        }
-        benches = [Laboratory(axis, name, values) for name in names]
+        return self.experiment.run(drive, strategy, seed, refine, **designs)
+
+    seed = part(lambda context: int(context.rng.integers(2**31)))
+
+    @part
+    def runs(self, context: Context, seed: int) -> tuple[Any, list[Record]]:
+        """Outcomes (drives, strategies, 3), and the records of the nominal drive."""
+        pairs = [(drive, strategy) for drive in self.names for strategy in STRATEGIES]
+        outcomes: list[Outcome] = []
+        nominal: list[Record] = []
+        for drive, strategy in context.track(pairs, "drives and strategies"):
+            record = self.played(drive, strategy, seed)
+            outcomes.append(self.experiment.outcome(record))
+            nominal += [record] if drive == "nominal" else []
+        return np.reshape(outcomes, (-1, len(STRATEGIES), 3)), nominal
+
+    scores = arrays(
+        (drive, strategy),
+        lambda runs: {name: runs[0][..., n] for n, name in enumerate(Outcome._fields)},
+        excursion="m", periodic="m", events="",
+    )  # fmt: skip
+    nominal = part(lambda runs: runs[1])
+
+    @part
+    def finer(self, context: Context, seed: int) -> list[Record]:
+        """Records of the nominal drive at half the step."""
+        names = context.track(list(STRATEGIES), "half the step")
+        return [self.played("nominal", name, seed, refine=2) for name in names]
+
+    excursion_half_step = array(
+        strategy, "m", "", lambda self, finer: [self.experiment.outcome(r).excursion for r in finer]
+    )
+    half_step = array(
+        strategy,
+        "m",
+        "largest difference of the lens position",
+        lambda finer, nominal: [abs(a.x - b.x).max() for a, b in zip(finer, nominal, strict=True)],
+    )
+
+    def on_drives(self, level: Any) -> list[float]:
+        """A stability measure of the strategies' loops with each drive."""
+        axis, values = self.experiment.axis, self.experiment.values
         believed = Strategies(axis, 1.0, ROTATION)
-        meter: dict[str, str] = {"units": "m"}
-        per = ("drive", "strategy")
-        return xr.Dataset(
-            {
-                "excursion": (per, outcome[:, :, 0], meter),
-                "periodic": (per, outcome[:, :, 1], meter),
-                "events": (per, outcome[:, :, 2]),
-                "excursion_half_step": (
-                    "strategy",
-                    [experiment.outcome(finer[name]).excursion for name in cases],
-                    meter,
-                ),
-                "half_step": (
-                    "strategy",
-                    [float(abs(finer[name].x - shown[name].x).max()) for name in cases],
-                    meter | {"long_name": "largest difference of the lens position"},
-                ),
-                "repetitive_level": (
-                    "drive",
-                    [repetitive_level(believed, bench) for bench in benches],
-                ),
-                "estimated_decay": (
-                    "drive",
-                    [estimated_decay(believed, bench) for bench in benches],
-                    {"units": "1/s"},
-                ),
-                **self._traces(shown),
-            },
-            {
-                "drive": list(names),
-                "strategy": list(cases),
-                "stage": list(experiment.windows()),
-                "signal": list(SHOWN),
-                "side": ["least", "largest"],
-            },
+        return [level(believed, Laboratory(axis, name, values)) for name in self.names]
+
+    repetitive_level = array(drive, "", "", lambda self: self.on_drives(repetitive_level))
+    estimated_decay = array(drive, "1/s", "", lambda self: self.on_drives(estimated_decay))
+
+    # --- signals of the nominal drive ---------------------------------------------------------
+
+    envelopes = part(lambda nominal: [[envelope(_signals(r)[s]) for s in WIDE] for r in nominal])
+    time = dim(lambda envelopes: envelopes[0][0][1], unit="s")
+    whole = array(
+        (strategy, wide_signal, side, time),
+        value=lambda envelopes: [[one for one, _ in run] for run in envelopes],
+    )
+
+    zoomed = dim(lambda self: self.experiment.window_times, unit="ms")
+
+    @array((strategy, stage, signal, zoomed), meaning="u [V], f_en [1], error [m], w_Q [1]")
+    def zoom(self, nominal: list[Record]) -> Any:
+        """Signals about a scratch before and after the strategy is engaged."""
+        windows, runs = self.experiment.windows().values(), map(_signals, nominal)
+        return np.array(
+            [[[run[name][window] for name in SHOWN] for window in windows] for run in runs],
+            np.float32,
         )
 
-    def _traces(self, shown: dict[str, Record]) -> dict[str, Any]:
-        """Whole runs as envelopes, and windows about a scratch, of the nominal drive."""
-        windows = self.experiment.windows()
-        runs = [_signals(record) for record in shown.values()]
-        zoom = [
-            [[run[signal][window] for signal in SHOWN] for window in windows.values()]
-            for run in runs
-        ]
-        whole = [[envelope(run[signal])[0] for signal in ("u", "f_en")] for run in runs]
-        size = len(zoom[0][0][0])
+    # --- checks -------------------------------------------------------------------------------
+
+    @check(
+        "excursion {strategy}",
+        "largest excursion after the scratch over that of the reference strategy",
+        at_most=EXCURSION_SHARE,
+        each="strategy",
+        where="at {drive}",
+    )
+    def smaller(self, excursion: DataArray) -> DataArray:
+        return _over_reference(excursion).sel(strategy=list(EXCURSION_SHARE))
+
+    @check(
+        "periodic {strategy}",
+        "largest periodic error over that of the reference strategy",
+        at_most=PERIODIC_SHARE,
+        each="strategy",
+        where="at {drive}",
+    )
+    def suppressed(self, periodic: DataArray) -> DataArray:
+        return _over_reference(periodic).sel(strategy=["A", "B"])
+
+    equal = check(
+        "periodic C",
+        "largest difference of the periodic error from the reference strategy's, relative",
+        lambda periodic: abs(_over_reference(periodic).sel(strategy="C") - 1.0),
+        at_most=PERIODIC_DIFFERENCE,
+        where="at {drive}",
+    )
+    kept = check(
+        "kept",
+        "times that focus or track was lost or regained, all drives",
+        lambda events: events.sel(strategy=["reference", *EXCURSION_SHARE]).sum(),
+        at_most=0.0,
+    )
+    repetitive_loop = check(
+        "repetitive loop",
+        "largest |Q (1 - g T)| of strategy A, 1 is the limit of the small gain theorem",
+        lambda repetitive_level: repetitive_level,
+        at_most=1.0 - 1e-6,
+        where="at {drive}",
+    )
+    estimated_loop = check(
+        "estimated loop",
+        "growth of the slowest mode of strategy B [1/s]",
+        lambda estimated_decay: -estimated_decay,
+        at_most=0.0,
+        where="at {drive}",
+    )
+    replayed = check(
+        "half the step",
+        "largest relative change of an excursion when the optics are followed twice as finely",
+        lambda excursion_half_step, excursion: abs(
+            excursion_half_step / excursion.sel(drive="nominal") - 1.0
+        ),
+        at_most=HALF_STEP_CHANGE,
+        where="at {strategy}",
+    )
+
+    # --- what is told -------------------------------------------------------------------------
+
+    nominal_excursion = metric(
+        "excursion_{strategy}", lambda excursion: excursion.sel(drive="nominal")
+    )
+    worst_excursion = metric("excursion_{strategy}_worst", lambda excursion: excursion.max("drive"))
+    nominal_periodic = metric("periodic_{strategy}", lambda periodic: periodic.sel(drive="nominal"))
+    worst_periodic = metric("periodic_{strategy}_worst", lambda periodic: periodic.max("drive"))
+    all_events = metric("events_{strategy}", lambda events: events.sum("drive"))
+    worst_level = metric("repetitive_level", lambda repetitive_level: repetitive_level.max())
+    estimated_decay_per_s = metric(lambda estimated_decay: estimated_decay.min())
+    half_step_m = metric(lambda half_step: half_step.max())
+
+    @table
+    def errors(self, excursion: DataArray, periodic: DataArray) -> dict[str, str]:
+        """Excursion and periodic error by drive and strategy."""
+        titles = (
+            "Largest true error within 5 ms after the 1.2 mm scratch [um]",
+            "Amplitude of the true error at the rotation frequency [um]",
+        )
         return {
-            "whole": (("strategy", "wide_signal", "side", "time"), whole),
-            "wide_signal": ["u", "f_en"],
-            "time": ("time", envelope(runs[0]["u"])[1], {"units": "s"}),
-            "zoom": (
-                ("strategy", "stage", "signal", "zoomed"),
-                np.array(zoom, np.float32),
-                {"long_name": "u [V], f_en [1], error [m], w_Q [1]"},
-            ),
-            "zoomed": ("zoomed", 1e3 * (WINDOW[0] + np.arange(size) / RATE), {"units": "ms"}),
+            str(values.name): f"{title}.\n\n" + _by_drive(1e6 * values)
+            for values, title in zip((excursion, periodic), titles, strict=True)
         }
 
-    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
-        return checks_of(answer)
-
-    def metrics(self, answer: Dataset) -> dict[str, float]:
-        return numbers_of(answer)
-
-    def tables(self, answer: Dataset) -> dict[str, str]:
-        return tables_of(answer)
-
-    def figures(self, answer: Dataset) -> dict[str, Figure]:
-        return figures_of(answer, self.experiment.axis)
+    @figure
+    def signals(self, answer: Any) -> Any:
+        return strategy_figures(answer, self.experiment.axis)
 
 
 def _signals(record: Record) -> dict[str, Any]:
-    return {
-        "u": record.u_dac,
-        "f_en": record.f_en,
-        "error": record.x_cd - record.x,
-        "w_Q": record.signals["w_Q"],
-    }
+    error, quality = record.x_cd - record.x, record.signals["w_Q"]
+    return {"u": record.u_dac, "f_en": record.f_en, "error": error, "w_Q": quality}
+
+
+def _over_reference(values: DataArray) -> DataArray:
+    """Values of every strategy over those of the reference strategy."""
+    return values / values.sel(strategy="reference")
+
+
+def _by_drive(values: DataArray) -> str:
+    heads = ["drive", *(titled(name) for name in values["strategy"].values)]
+    rows = zip(values["drive"].values, values.values, strict=True)
+    return markdown(heads, [[drive, *(f"{one:.3g}" for one in row)] for drive, row in rows])

@@ -23,28 +23,29 @@ from ...laboratory.record import Record
 from ..scenario import Scenario, Stage
 
 ROTATION = 5.5
-"""Of the disc [Hz] (eq. 7.31)."""
+"""Rotation frequency of the disc [Hz] (eq. 7.31)."""
 ENGAGED = 1.0
-"""When the other strategy takes over from the reference strategy [s] (appendix A.3)."""
+"""Time [s] at which the other strategy takes over from the reference strategy (appendix A.3)."""
 AFTER = 5e-3
-"""How long after the scratch the excursion counts [s]."""
+"""Time [s] after the scratch during which the largest error is the excursion."""
 ANGLE = {"focus": 0.0, "radial": 0.2}
-"""Where the 1.2 mm scratch starts [revolutions]: in focus where the disc is fastest, so that
-eq. 8.1 is near its worst; there the radial loop loses the track with the reference strategy."""
+"""Angle [revolutions] at which the 1.2 mm scratch starts. In focus the disc is fastest there, so
+that eq. 8.1 is near its worst. The radial loop would lose the track there with the reference
+strategy."""
 LENGTH, MINOR = 1.2e-3, 0.4e-3
-"""Of the scratches along the track [m]; the minor one is on the other side of the disc."""
+"""Lengths of the two scratches along the track [m]; the minor one is on the disc's other side."""
 SCRATCHED = 0.3
-"""From when on the disc is scratched [s]."""
+"""Time [s] from which on the scratches are present."""
 FALSE = 0.6, 1e-3
-"""When the first false detection is, and how long it lasts [s]; the second is as late in a turn."""
+"""Start and duration [s] of the first false detection; the second comes at the same angle."""
 WINDOW = (-1.5e-3, 6.5e-3)
-"""Shown about the start of the 1.2 mm scratch [s]."""
+"""Times [s] between which signals are shown, from the start of the 1.2 mm scratch."""
 BINS = 500
-"""A whole run is shown by the least and the largest value of so many stretches."""
+"""Stretches into which a whole run is cut; of each the least and the largest value are shown."""
 
 
 class Outcome(NamedTuple):
-    """excursion and periodic error [m]; how often focus or track was lost or regained."""
+    """Excursion and periodic error [m], and how often focus or track was lost or regained."""
 
     excursion: float
     periodic: float
@@ -55,8 +56,9 @@ class Outcome(NamedTuple):
 class Experiment:
     """The experiment on one drive: first the reference strategy, then another.
 
-    depth and displacement (in errors that can be read) of both scratches; revolutions of the disc
-    after the other strategy has settled, whose scratches count.
+    depth, displacement: of both scratches; the displacement in errors that can be read.
+    settling: revolutions in which the other strategy settles. revolutions: those after it, whose
+    scratches are evaluated.
     """
 
     axis: Axis
@@ -68,7 +70,7 @@ class Experiment:
 
     @property
     def first(self) -> float:
-        """From when on the other strategy is evaluated [s]: at the start of a revolution."""
+        """Start [s] of the first revolution in which the other strategy is evaluated."""
         return float(np.ceil(ENGAGED * ROTATION) + self.settling) / ROTATION
 
     @property
@@ -106,7 +108,7 @@ class Experiment:
         return self.scenario(drive, strategy, seed, refine).run(**designs)
 
     def outcome(self, record: Record) -> Outcome:
-        """Of the strategy that was engaged."""
+        """Outcome of the strategy that took over."""
         error = record.x_cd - record.x
         turning = slice(*(round(t * RATE) for t in (self.first, self._last)))
         wave = np.exp(-2j * np.pi * ROTATION * record.time[turning])
@@ -124,7 +126,7 @@ class Experiment:
 
     @property
     def starts(self) -> Any:
-        """When the 1.2 mm scratch is met [s], as long as `AFTER` is within the record."""
+        """Times [s] at which the 1.2 mm scratch is met, as long as `AFTER` is within the record."""
         turns = np.arange(np.ceil(self.duration * ROTATION)) + ANGLE[self.axis]
         times = turns / ROTATION
         late = self.duration - LENGTH / VELOCITY - 2 * AFTER
@@ -139,9 +141,15 @@ class Experiment:
             for name, at in chosen.items()
         }
 
+    @property
+    def window_times(self) -> RealArray:
+        """Times [ms] of a window, from the start of the scratch on."""
+        window = next(iter(self.windows().values()))
+        return 1e3 * (WINDOW[0] + np.arange(window.stop - window.start) / RATE)
+
 
 def envelope(values: RealArray) -> tuple[RealArray, RealArray]:
-    """Least and largest value of BINS stretches of (N,): (2, BINS); and the stretches' ends."""
+    """Least and largest values (2, BINS) of BINS stretches of (N,), and the ends [s] of these."""
     edges = np.linspace(0, len(values), BINS + 1).astype(int)
     found = np.array(
         [np.minimum.reduceat(values, edges[:-1]), np.maximum.reduceat(values, edges[:-1])]

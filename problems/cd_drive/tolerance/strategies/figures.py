@@ -1,4 +1,4 @@
-"""Figures 8.7-8.9 and A.1-A.6, the drives, and the tables of the strategies.
+"""Figures 8.7-8.9 and A.1-A.6, and the errors of all drives.
 
 Figure numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
 """
@@ -20,40 +20,8 @@ from .runs import ENGAGED
 STEMS = {"A": "figure-8-7", "B": "figure-8-8", "C": "figure-8-9", "K_prime": "figure-8-6"}
 
 
-def numbers_of(answer: Dataset) -> dict[str, float]:
-    """Excursion and periodic error [m] of the nominal drive and the worst of all; events."""
-    numbers = {}
-    for name in answer["strategy"].values:
-        for what in ("excursion", "periodic"):
-            one = answer[what].sel(strategy=name)
-            numbers[f"{what}_{name}"] = float(one.sel(drive="nominal"))
-            numbers[f"{what}_{name}_worst"] = float(one.max())
-        numbers[f"events_{name}"] = float(answer["events"].sel(strategy=name).sum())
-    numbers["repetitive_level"] = float(answer["repetitive_level"].max())
-    numbers["estimated_decay_per_s"] = float(answer["estimated_decay"].min())
-    numbers["half_step_m"] = float(answer["half_step"].max())
-    return numbers
-
-
-def tables_of(answer: Dataset) -> dict[str, str]:
-    """Excursion and periodic error by drive and strategy."""
-    names = [str(name) for name in answer["strategy"].values]
-    found = {}
-    for what, title in (
-        ("excursion", "Largest true error within 5 ms after the 1.2 mm scratch [um]"),
-        ("periodic", "Amplitude of the true error at the rotation frequency [um]"),
-    ):
-        lines = ["| drive | " + " | ".join(titled(name) for name in names) + " |"]
-        lines.append("| --- |" + " ---: |" * len(names))
-        for drive in answer["drive"].values:
-            row = 1e6 * answer[what].sel(drive=drive)
-            lines.append(f"| {drive} | " + " | ".join(f"{float(v):.3g}" for v in row) + " |")
-        found[what] = f"{title}.\n\n" + "\n".join(lines) + "\n"
-    return found
-
-
-def figures_of(answer: Dataset, axis: Axis) -> dict[str, Figure]:
-    """A figure of each strategy against the reference, and of all drives."""
+def strategy_figures(answer: Dataset, axis: Axis) -> dict[str, Figure]:
+    """A figure of each strategy beside the reference strategy, and one of all drives, by name."""
     found = {stem: _against(answer, name, axis) for name, stem in STEMS.items()}
     return found | {"drives": _drives(answer, axis)}
 
@@ -69,8 +37,7 @@ def _against(answer: Dataset, name: str, axis: Axis) -> Figure:
         for part, shade in ((time <= ENGAGED, COLOURS["reference"]), (time >= ENGAGED, colour)):
             panel.fill_between(time[part], low[part], high[part], color=shade, linewidth=0.4)
         panel.axvline(ENGAGED, color="0.5", linestyle="--", linewidth=0.9)
-        panel.set_xlabel("time [s]")
-        panel.set_ylabel(label)
+        figures.label(panel, "time [s]", label)
     rows = (("f_en", 1.0, f"error {_seen(axis)} [1], mean taken out"), ("error", 1e6, _true(axis)))
     for row, (signal, unit, label) in enumerate(rows, start=1):
         pair = panels[2 * row : 2 * row + 2]
@@ -82,9 +49,7 @@ def _against(answer: Dataset, name: str, axis: Axis) -> Figure:
             _shade(panel, one, stage)
             panel.plot(one["zoomed"], values, color=shade)
             title = "reference strategy" if stage == "before" else _title(name)
-            panel.set_title(title)
-            panel.set_ylabel(label)
-            panel.set_xlabel("time from the start of the scratch [ms]")
+            figures.label(panel, "time from the start of the scratch [ms]", label, title)
         low = min(panel.get_ylim()[0] for panel in pair)
         high = max(panel.get_ylim()[1] for panel in pair)
         for panel in pair:
@@ -97,15 +62,11 @@ def _against(answer: Dataset, name: str, axis: Axis) -> Figure:
 
 
 def _shade(panel: Axes, one: Dataset, stage: str) -> None:
-    quality = one["zoom"].sel(stage=stage, signal="w_Q").values
+    """Shade where the quality w_Q is below 1."""
+    bad = one["zoom"].sel(stage=stage, signal="w_Q").values < 1.0
+    look: dict[str, Any] = {"color": "0.88", "linewidth": 0.0}
     panel.fill_between(
-        one["zoomed"].values,
-        0.0,
-        1.0,
-        where=quality < 1.0,
-        transform=panel.get_xaxis_transform(),
-        color="0.88",
-        linewidth=0.0,
+        one["zoomed"].values, 0.0, 1.0, where=bad, transform=panel.get_xaxis_transform(), **look
     )
 
 
@@ -118,7 +79,7 @@ def _seen(axis: Axis) -> str:
 
 
 def _true(axis: Axis) -> str:
-    return "true error $e_x$ [um]" if axis == "focus" else "true error $e_y$ [um]"
+    return f"true error ${'e_x' if axis == 'focus' else 'e_y'}$ [um]"
 
 
 def _drives(answer: Dataset, axis: Axis) -> Figure:
@@ -133,18 +94,12 @@ def _drives(answer: Dataset, axis: Axis) -> Figure:
         for k, name in enumerate(names):
             places = np.arange(answer.sizes["drive"]) + 0.1 * (k - (len(names) - 1) / 2)
             values = 1e6 * answer[what].sel(strategy=name).values
-            look: dict[str, Any] = {
-                "color": COLOURS[name],
-                "marker": "os^vD"[k],
-                "linestyle": "none",
-            }
-            panel.plot(places, values, label=titled(name), **look)
+            panel.plot(places, values, "os^vD"[k], color=COLOURS[name], label=titled(name))
         panel.set_ylabel(label)
     panels[0].set_ylim(bottom=0.0)
-    panels[1].set_yscale("log")
     limit = 1e6 * ACCEPTABLE_ERROR[axis]
     panels[0].axhline(limit, color="0.4", linestyle="--", linewidth=0.9, label="allowed (Red Book)")
     panels[1].set_xticks(range(answer.sizes["drive"]), answer["drive"].values)
-    panels[1].set_xlabel("drive")
+    figures.label(panels[1], "drive", log="y")
     figures.legend_below(figure, panels[0], columns=6)
     return figure

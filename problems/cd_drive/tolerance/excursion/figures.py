@@ -1,8 +1,7 @@
-"""Figures and tables of `cd/{axis}/excursion`: eq. 8.1 against the loop, maps of survival."""
+"""Figures of `cd/{axis}/excursion`: eq. 8.1 against the loop, maps of survival."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -14,11 +13,6 @@ from ...drive.photo_diodes import CAPTURE
 from ...drive.red_book import ACCEPTABLE_ERROR
 from ...drive.tables import Axis
 from ..strategy_looks import titled
-
-
-def figures_of(answer: Dataset, axis: Axis) -> dict[str, Figure]:
-    """Both figures, by file stem."""
-    return {"equation-8-1": against_theory(answer, axis), "survival": maps(answer, axis)}
 
 
 def against_theory(answer: Dataset, axis: Axis) -> Figure:
@@ -37,19 +31,18 @@ def against_theory(answer: Dataset, axis: Axis) -> Figure:
         turn = str(array.dims[0])
         panels[0].plot(1e3 * array["length"], 1e6 * abs(array).max(turn), **look)
         panels[1].plot(np.degrees(array[turn]), 1e6 * array.isel(length=-1), **look)
-    panels[0].set_xlabel("length of the defect [mm]")
-    panels[0].set_title("worst angle")
-    panels[1].set_xlabel("middle of the defect [deg of the deviation]")
-    panels[1].set_title(f"{1e3 * float(answer['length'][-1]):.1f} mm")
     capture, spec = 1e6 * CAPTURE[axis], 1e6 * ACCEPTABLE_ERROR[axis]
-    panels[0].set_yscale("log")
     panels[0].set_ylim(bottom=spec / 20)
     panels[1].set_yscale("symlog", linthresh=spec, linscale=0.5)
     panels[1].axhline(-capture, color=figures.PURPLE, lw=1.0, ls=":")
     for panel in panels:
         panel.axhline(capture, color=figures.PURPLE, lw=1.0, ls=":", label="capture")
-    panels[0].set_ylabel("|true error| at the defect's end [um]")
-    panels[1].set_ylabel("true error at the defect's end [um]")
+    end = "at the defect's end [um]"
+    figures.label(
+        panels[0], "length of the defect [mm]", f"|true error| {end}", "worst angle", log="y"
+    )
+    longest = f"{1e3 * float(answer['length'][-1]):.1f} mm"
+    figures.label(panels[1], "middle of the defect [deg]", f"true error {end}", longest)
     figures.legend_below(figure, panels[0], 3)
     return figure
 
@@ -67,46 +60,25 @@ def maps(answer: Dataset, axis: Axis) -> Figure:
     spec = 1e6 * ACCEPTABLE_ERROR[axis]
     scale = LogNorm(spec / 5, 20 * spec)
     angle, length = np.degrees(answer["angle"].values), 1e3 * answer["length"].values
-    above = below = None
-    for n, name in enumerate(names):
-        upper, lower = panels[n], panels[len(names) + n]
-        above = upper.pcolormesh(
-            angle,
-            length,
-            survived[n].T,
-            norm=BoundaryNorm(edges, 256),
-            cmap="viridis",
-            shading="nearest",
-        )
-        below = lower.pcolormesh(
-            angle,
-            length,
-            size.sel(strategy=name).values.T,
-            norm=scale,
-            cmap="magma_r",
-            shading="nearest",
-        )
+    rows = panels[: len(names)], panels[len(names) :]
+    looks = (BoundaryNorm(edges, 256), "viridis"), (scale, "magma_r")
+    meshes = []
+    for row, values, (norm, colours) in zip(rows, (survived, size.values), looks, strict=True):
+        for panel, one in zip(row, values, strict=True):
+            shown: Any = {"norm": norm, "cmap": colours, "shading": "nearest"}
+            mesh = panel.pcolormesh(angle, length, one.T, **shown)
+            panel.grid(False)
+        row[0].set_ylabel("length [mm]")
+        meshes.append(mesh)
+    for upper, lower, name in zip(*rows, names, strict=True):
         upper.set_title(titled(name))
         lower.set_xlabel("middle [deg]")
-        for panel in (upper, lower):
-            panel.grid(False)
-    for panel in panels[:: len(names)]:
-        panel.set_ylabel("length [mm]")
-    assert above is not None and below is not None
-    bar = figure.colorbar(
-        above,
-        ax=panels[: len(names)],
-        label="deviation survived [Red Book's]",
-        ticks=(edges[1:] + edges[:-1]) / 2,
-    )
+    middles = (edges[1:] + edges[:-1]) / 2
+    words = "deviation survived [Red Book's]"
+    bar = figure.colorbar(meshes[0], ax=rows[0], label=words, ticks=middles)
     bar.ax.tick_params(size=0)
     bar.ax.set_yticklabels(["none", *(f"{one:g}" for one in share)])
-    figure.colorbar(
-        below,
-        ax=panels[len(names) :],
-        label="largest error [um]",
-        extend="both",
-    )
+    figure.colorbar(meshes[1], ax=rows[1], label="largest error [um]", extend="both")
     return figure
 
 
@@ -116,35 +88,3 @@ def survived_share(one: Dataset, axis: Axis) -> np.ndarray:
     count = np.cumprod(kept, axis=-1).sum(axis=-1)
     shares: np.ndarray = np.concatenate([[0.0], one["share"].values])[count]
     return shares
-
-
-def tables_of(answer: Dataset, numbers: Mapping[str, float]) -> dict[str, str]:
-    """What each strategy survives, and the three answers for the reference strategy."""
-    rows = [
-        "| strategy | kept, all | kept, Red Book | in spec, Red Book | worst [um] | "
-        "shortest defect lost [mm] |",
-        "| --- | --- | --- | --- | --- | --- |",
-    ]
-    for name in answer["strategy"].values:
-        lost = numbers[f"first_lost_{name}_mm"]
-        rows.append(
-            f"| {titled(str(name))} | {numbers[f'survived_{name}']:.1%} "
-            f"| {numbers[f'survived_red_book_{name}']:.1%} "
-            f"| {numbers[f'in_spec_red_book_{name}']:.1%} "
-            f"| {numbers[f'worst_red_book_{name}_um']:.2f} "
-            f"| {'none' if np.isnan(lost) else f'{lost:.2f}'} |"
-        )
-    theory = [
-        "| lens during the longest defect, worst angle | error [um] |",
-        "| --- | --- |",
-        *(
-            f"| {label} | {numbers[f'{key}_um']:.2f} |"
-            for key, label in (
-                ("standing", "stops (eq. 8.1)"),
-                ("free", "free, voltage held"),
-                ("driven", "driven by the blind controller"),
-            )
-        ),
-        f"| eq. 8.1 at 500 um, 9 Hz, 1.9 ms | {numbers['thesis_um']:.2f} |",
-    ]
-    return {"survival": "\n".join(rows), "theory": "\n".join(theory)}
