@@ -29,16 +29,7 @@ DOTS: dict[str, Any] = {
 """How clouds of points are drawn."""
 
 
-def figures_of(answer: Dataset, detectors: Detectors) -> dict[str, Figure]:
-    """The three figures, by file stem."""
-    return {
-        "figure-7-5-7-10": _plane(answer, detectors),
-        "figure-7-11": _over_time(answer),
-        "kinds": _clusters(answer),
-    }
-
-
-def _plane(answer: Dataset, detectors: Detectors) -> Figure:
+def plane(answer: Dataset, detectors: Detectors) -> Figure:
     """The triangle, the linear area, the clean ellipse and a trace of each kind."""
     figure, panels = figures.axes(1, 2, size=(10.0, 5.6))
     clean = answer["clean"].values
@@ -86,7 +77,7 @@ def ellipse(centre: RealArray, covariance: RealArray) -> RealArray:
     return outline
 
 
-def _over_time(answer: Dataset) -> Figure:
+def over_time(answer: Dataset) -> Figure:
     """Quality over revolutions, and over one scratch with the binary detector."""
     figure, (above, below) = figures.axes(2, 1, size=(7.5, 6.0))
     time, zoom = answer["block_time"], 1e3 * answer["zoom_time"]
@@ -106,7 +97,7 @@ def _over_time(answer: Dataset) -> Figure:
     return figure
 
 
-def _clusters(answer: Dataset) -> Figure:
+def clusters(answer: Dataset) -> Figure:
     """Held-out events in two pairs of features with the clusters' 99 % ellipses."""
     figure, panels = figures.axes(1, 2, size=(10.0, 4.6))
     names = [n if "[" in n else f"{n} [1]" for n in map(str, answer["feature"].values)]

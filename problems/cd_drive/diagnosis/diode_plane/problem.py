@@ -17,7 +17,7 @@ from scipy import stats
 from workbench import Check, problem
 from workbench.diagnosis.evaluation.quality import FARTHEST
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure
+from workbench.heavy_types import DataArray, Dataset
 from workbench.study import Study, array, arrays, dim, figure, metric, part, table
 from workbench.tables import crossed, markdown
 
@@ -25,7 +25,7 @@ from ...drive.shared_parameters import TABLES
 from ...drive.tables import Axis
 from ..defect_events import FEATURES
 from ..defect_kinds import KINDS
-from .figures import figures_of
+from . import figures
 from .runs import CLEAN_TIME, CONDITIONS, DETECTORS, Detectors, OneDrive, isolated
 
 TRAINED = tuple(f"CD{n}" for n in range(1, 7))
@@ -89,8 +89,6 @@ class DiodePlane(Study):
     zooms = arrays("zoom", lambda shown: shown, zoom_time="s", zoom_quality="", zoom_binary="")
     zoom_diodes = array(("zoom", diode), value=lambda shown: shown["zoom_diodes"])
 
-    # --- detection ---
-
     delays = part(lambda every: np.concatenate([one.delays for one in every], axis=1))
 
     @arrays((kind, detector), delay=("s", "mean over what was found"), missed="1")
@@ -119,8 +117,6 @@ class DiodePlane(Study):
         lambda every: [one.coupling for one in every],
     )
     lost = array(value=lambda every: sum(one.lost for one in every))
-
-    # --- kinds ---
 
     @part
     def isolation(self, every: list[OneDrive]) -> dict[str, Any]:
@@ -189,9 +185,8 @@ class DiodePlane(Study):
             "detection": "\n".join(markdown(*one) for one in detection),
         }
 
-    @figure
-    def all_figures(self, answer: Dataset) -> dict[str, Figure]:
-        return figures_of(answer, self.detectors)
+    figure_7_5_7_10 = figure(lambda self, answer: figures.plane(answer, self.detectors))
+    figure_7_11, kinds = figure(figures.over_time), figure(figures.clusters)
 
 
 def _share(confusion: DataArray) -> float:

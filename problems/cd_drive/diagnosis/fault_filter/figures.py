@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -41,19 +40,8 @@ def total(front: Any) -> Any:
     return front.sel(quantity="leakage") + 3 * front.sel(quantity="noise")
 
 
-def figures_of(
-    loop: FaultLoop, filters: Mapping[str, StateSpace], answer: Dataset
-) -> dict[str, Figure]:
-    """All figures of a study with the sampled loop; filters: continuous and sampled."""
-    return {
-        "front": _front(answer),
-        "figure-7-12": _filters(filters["full"], filters["discrete"]),
-        "estimate": _channel(loop, filters["discrete"]),
-        "figure-7-13": _defects(answer),
-    }
-
-
-def _front(answer: Dataset) -> Figure:
+def front(answer: Dataset) -> Figure:
+    """Leakage and noise over the relative error: fronts, their bound, and the filters."""
     figure, (panel,) = figures.axes(1, 1, size=(7.4, 5.2))
     looks = (("o--", figures.GREEN), ("s-", figures.BLUE))
     for kind, (dash, colour) in zip(answer["kind"].values, looks, strict=True):
@@ -73,12 +61,12 @@ def _front(answer: Dataset) -> Figure:
     return figure
 
 
-def _filters(full: StateSpace, few: StateSpace) -> Figure:
+def filters(full: StateSpace, discrete: StateSpace) -> Figure:
     """Both filters over frequency, from displacement in units of the loop's error."""
     frequency = np.geomspace(1.0, 0.499 * RATE, 600)
     K_optn = optical_gain("focus")
     figure, (gain, phase) = figures.axes(2, 1, size=(7.4, 6.4), sharex=True)
-    for K, dash, words in ((full, "-", "continuous"), (few, "--", "sampled")):
+    for K, dash, words in ((full, "-", "continuous"), (discrete, "--", "sampled")):
         values = response(K, 2 * np.pi * frequency)[:, 0, 0]
         size = 20 * np.log10(np.abs(values) / K_optn)
         gain.plot(frequency, size, dash, label=f"{words}, order {K.nstates}")
@@ -93,7 +81,7 @@ def _filters(full: StateSpace, few: StateSpace) -> Figure:
     return figure
 
 
-def _channel(loop: FaultLoop, K: StateSpace) -> Figure:
+def channel(loop: FaultLoop, K: StateSpace) -> Figure:
     """Gain from a defect to its estimate and relative error: nominal, and extremes of the set."""
     front = FaultFront(loop, grid(loop))
     T = front.estimate(bilinear_continuous(K))
@@ -116,7 +104,8 @@ def _channel(loop: FaultLoop, K: StateSpace) -> Figure:
     return figure
 
 
-def _defects(answer: Dataset) -> Figure:
+def defects(answer: Dataset) -> Figure:
+    """Every shape of defect and its estimates on the drives, by each filter."""
     shapes, names = answer["shape"].values, answer["filter"].values.tolist()
     figure, panels = figures.axes(
         len(shapes), len(names), size=(11.0, 7.4), sharex=True, sharey=True

@@ -27,7 +27,7 @@ from workbench.diagnosis import (
 from workbench.errors import SolverError
 from workbench.executor import Context
 from workbench.fitting.storage import function
-from workbench.heavy_types import Dataset, Figure, StateSpace
+from workbench.heavy_types import Dataset, StateSpace
 from workbench.study import Study, array, dim, figure, part, system, table
 from workbench.study.declarations import identifier
 from workbench.systems.bilinear import bilinear_sampled
@@ -37,9 +37,10 @@ from ...control.cover_for_control.problem import PARTS, STAGES
 from ...drive.plants import Gain, controller
 from ...drive.shared_parameters import TABLES, Frequencies
 from ...laboratory.bench_setup import PERIOD
+from . import figures
 from .checks import filter_checks
 from .defect_estimates import SHAPES, estimates, sampled_defect
-from .figures import NAMES, figures_of, shape_errors, total
+from .figures import NAMES, shape_errors, total
 from .loop import BOUND_CORNER, CORNER, fault_loop, fine_grid, grid
 from .peers import peer_filters
 
@@ -116,8 +117,6 @@ class FaultFilterStudy(Study):
         loop = self.loops[which]
         return [FaultFront(loop, grid(loop), kind == KINDS[0]) for kind in KINDS]
 
-    # --- the front ---
-
     kind, bound = dim(KINDS), dim("lower", "upper")
     point = dim(ERRORS, unit="1", meaning="relative error allowed")
     quantity = dim("error", "leakage", "noise")
@@ -139,8 +138,6 @@ class FaultFilterStudy(Study):
     def least_total(self) -> list[float]:
         demands = self.loops["full"].demands
         return [least_total(demands, error, BOUND_CORNER) for error in ERRORS]
-
-    # --- filters at one of its points ---
 
     design = dim("full", "discrete")
     requirement = dim(
@@ -180,8 +177,6 @@ class FaultFilterStudy(Study):
         fronts = self.fronts("discrete")
         return [[each.judged(each.estimate(F)) for each in fronts] for F in filters.values()]
 
-    # --- defects that they estimate ---
-
     shape = dim(SHAPES)
     seen = part(lambda: [sampled_defect(shape) for shape in SHAPES])
     time = dim(lambda seen: seen[0][0], unit="s")
@@ -204,11 +199,11 @@ class FaultFilterStudy(Study):
         for name, K in self.stored(answer).items():
             found["peak" if name == "discrete" else "peak_full"] = float(worst.sel(design=name))
             found[f"order_{name}"] = float(K.nstates)
-        for name in answer["filter"].values:
-            end = "" if name == "robust" else f"_{str(name).replace('-', '_')}"
+        for name in answer["filter"].values.tolist():
+            end = "" if name == "robust" else f"_{name.replace('-', '_')}"
             for shape in SHAPES:
-                largest = float(shape_errors(answer, str(name), shape).max())
-                found[f"estimation_error_{identifier(shape)}{end}"] = largest
+                errors = shape_errors(answer, name, shape)
+                found[f"estimation_error_{identifier(shape)}{end}"] = float(errors.max())
         return found
 
     @table
@@ -232,9 +227,11 @@ class FaultFilterStudy(Study):
             "filters": (heads, filters),
         }
 
-    @figure
-    def all_figures(self, answer: Dataset) -> dict[str, Figure]:
-        return figures_of(self.loops["discrete"], self.stored(answer), answer)
+    front_, figure_7_13 = figure(figures.front), figure(figures.defects)
+    figure_7_12 = figure(lambda stored: figures.filters(**stored))
+    estimate_ = figure(
+        lambda self, stored: figures.channel(self.loops["discrete"], stored["discrete"])
+    )
 
 
 def _or_none(value: float) -> str:

@@ -25,18 +25,8 @@ TRUE: dict[str, Any] = {"color": figures.BLACK, "linewidth": 0.9}
 """How the truth is drawn."""
 
 
-def figures_of(answer: Dataset, axis: Axis) -> dict[str, Figure]:
-    """All figures of a study."""
-    return {
-        "figure-7-14": _effort(answer),
-        "figure-7-15": _error(answer, axis),
-        "rotation": _rotation(answer),
-        "drives": _drives(answer),
-        "graded-quality": _growth(answer),
-    }
-
-
-def _effort(answer: Dataset) -> Figure:
+def effort(answer: Dataset) -> Figure:
+    """The control that makes the lens follow the disc, whole and about one scratch."""
     figure, (whole, zoom, quality) = figures.axes(
         3, 1, size=(7.2, 8.0), height_ratios=(1.0, 1.0, 0.45)
     )
@@ -57,7 +47,8 @@ def _effort(answer: Dataset) -> Figure:
     return figure
 
 
-def _error(answer: Dataset, axis: Axis) -> Figure:
+def error(answer: Dataset, axis: Axis) -> Figure:
+    """The estimated error about one scratch."""
     figure, (above, below, quality) = figures.axes(
         3, 1, size=(7.2, 8.0), sharex=True, height_ratios=(1.0, 1.0, 0.4)
     )
@@ -86,7 +77,8 @@ def _quality(panel: Axes, answer: Dataset) -> None:
     label(panel, "time from the start of the scratch [ms]", "$w_Q$ [1]")
 
 
-def _rotation(answer: Dataset) -> Figure:
+def rotation(answer: Dataset) -> Figure:
+    """The rotation followed, and what it is worth."""
     figure, (frequency, errors) = figures.axes(1, 2, size=(8.4, 3.8))
     time = np.concatenate([answer["early"], answer["time"]])
     cases, width = answer["case"].values, 0.38
@@ -104,7 +96,8 @@ def _rotation(answer: Dataset) -> Figure:
     return figure
 
 
-def _drives(answer: Dataset) -> Figure:
+def drives(answer: Dataset) -> Figure:
+    """Largest errors of the rivals on all drives."""
     figure, panels = figures.axes(2, 1, size=(7.2, 6.0), sharex=True)
     names, width = answer["drive"].values, 0.27
     bars = [("measured", answer["drive_measured"], "0.55")]
@@ -125,7 +118,8 @@ def _drives(answer: Dataset) -> Figure:
     return figure
 
 
-def _growth(answer: Dataset) -> Figure:
+def growth(answer: Dataset) -> Figure:
+    """Growth of the slowest mode over a quality that stays."""
     figure, (panel,) = figures.axes(size=(7.0, 4.2))
     for name in answer["fixed"].values.tolist():
         one = answer["growth"].sel(fixed=name)

@@ -16,7 +16,7 @@ from workbench import Check, problem
 from workbench.arrays import RealArray
 from workbench.diagnosis import Estimator, KalmanEstimator, Rotation, estimate
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure
+from workbench.heavy_types import DataArray, Dataset
 from workbench.study import Study, array, arrays, check, dim, figure, metric, part, table
 from workbench.study.declarations import identifier
 from workbench.tables import markdown
@@ -27,8 +27,8 @@ from ...drive.shared_parameters import TABLES
 from ...drive.tables import Axis, Values, drives, red_book
 from ...laboratory.bench_setup import PERIOD, RATE
 from ...laboratory.experiment import Laboratory
+from . import figures
 from .exact_gain import exact_companion_gain
-from .figures import figures_of
 from .model import (
     FAST_BANDWIDTH,
     PRINTED_K_OBS,
@@ -127,8 +127,6 @@ class PositionEstimator(Study):
         law = self.designed(name, case).controller
         return estimate(law, trial.record.f_en, trial.known, trial.quality)
 
-    # --- the nominal drive ---
-
     estimator, fixed, rival, case = dim(ESTIMATORS), dim(FIXED), dim(RIVALS), dim(CASES)
     phase, size = dim("during", "after", "quiet"), dim("rms", "largest")
     noise, quality_level = dim("present", "absent"), dim(QUALITIES)
@@ -148,9 +146,8 @@ class PositionEstimator(Study):
     def error(self, trial: Trial, runs: Any) -> list[Any]:
         return [[trial.errors(runs[n, c].outputs[:, 1]) for c in CASES] for n in ESTIMATORS]
 
-    error_measured = array(
-        (phase, size), "m", "", lambda trial, gain: trial.errors(trial.record.f_en / gain)
-    )
+    measured = part(lambda trial, gain: trial.record.f_en / gain)
+    error_measured = array((phase, size), "m", "", lambda trial, measured: trial.errors(measured))
 
     @arrays((), nominal_events="", false_alarms="", missed="", position_error="m")
     def scalars(self, trial: Trial, runs: Any) -> dict[str, float]:
@@ -175,27 +172,18 @@ class PositionEstimator(Study):
     early = dim(lambda trial: trial.record.time[EARLY], unit="s")
 
     true_error = array(zoomed, "m", "", lambda trial, zoom: trial.error[zoom])
-    measured_error = array(
-        zoomed, "m", "", lambda trial, zoom, gain: trial.record.f_en[zoom] / gain
-    )
+    measured_error = array(zoomed, "m", "", lambda measured, zoom: measured[zoom])
     quality = array(zoomed, "1", "", lambda trial, zoom: trial.quality[zoom])
     shown = (estimator, zoomed)
     estimated_error = array(shown, "m", "", lambda known, zoom: [r.outputs[zoom, 1] for r in known])
     effort_zoomed = array(shown, "V", "", lambda known, zoom: [r.disturbance[zoom] for r in known])
-    effort = array(
-        (estimator, time),
-        "V",
-        "u_p",
-        lambda known: np.float32([r.disturbance[KEPT] for r in known]),
-    )
-    true_effort = array(time, "V", "", lambda self, time: np.float32(self.true_u_p(time.values)))
+    courses = (estimator, time)
+    effort = array(courses, "V", "u_p", lambda known: _kept([one.disturbance for one in known]))
+    true_effort = array(time, "V", "", lambda self, time: self.true_u_p(time.values).astype("f4"))
 
     adapted = part(lambda runs: [runs[name, "adapted"].frequency for name in RIVALS])
     followed = array(
-        (rival, time),
-        "Hz",
-        "rotation frequency followed",
-        lambda adapted: _kept(adapted),
+        (rival, time), "Hz", "rotation frequency followed", lambda adapted: _kept(adapted)
     )
     followed_start = array(
         (rival, early), "Hz", "", lambda adapted: [one[EARLY] for one in adapted]
@@ -208,8 +196,6 @@ class PositionEstimator(Study):
         swing = red_book(self.axis).deviation / lens
         effort: RealArray = (swing * np.exp(2j * np.pi * ROTATION * time)).imag
         return effort
-
-    # --- gains, an undelayed quality, other drives ---
 
     K_obs = array("state", value=lambda self: companion_gain(self.axis))
     K_obs_printed = array(
@@ -294,7 +280,7 @@ class PositionEstimator(Study):
         return quiet.sel(case="adapted") / quiet.sel(case="wrong")
 
     @check("rotation", at_most=2e-3)
-    def rotation(self, followed: DataArray) -> DataArray:
+    def rotation_found(self, followed: DataArray) -> DataArray:
         """relative error of the frequency followed"""
         return abs(followed[:, -1] / ROTATION - 1).max()
 
@@ -365,14 +351,15 @@ class PositionEstimator(Study):
         ]
         return ["K_obs", "printed", "computed", "deviation"], rows
 
-    @figure
-    def every(self, answer: Dataset) -> dict[str, Figure]:
-        return figures_of(answer, self.axis)
+    figure_7_14 = figure(figures.effort)
+    figure_7_15 = figure(lambda self, answer: figures.error(answer, self.axis))
+    rotation, drives = figure(figures.rotation), figure(figures.drives)
+    graded_quality = figure(figures.growth)
 
 
 def _kept(courses: list[RealArray]) -> Any:
     """The samples kept of whole runs, in single precision."""
-    return np.float32([one[KEPT] for one in courses])
+    return np.array([one[KEPT] for one in courses], np.float32)
 
 
 def _kalman(error: DataArray, case: str) -> DataArray:
@@ -385,7 +372,11 @@ def _in_scratch(error: DataArray) -> DataArray:
     return error.sel(phase="during", size="largest")
 
 
-def growth_rates(estimator: Estimator) -> RealArray:
-    """Growth rate [1/s] of the slowest mode at each of QUALITIES, which scales the gain."""
+def growth_rates(estimator: Estimator | KalmanEstimator) -> RealArray:
+    """Growth rate [1/s] of the slowest mode at each of QUALITIES, which scales the gain.
+
+    estimator: one of constant gain.
+    """
+    assert isinstance(estimator, Estimator)
     radii = [abs(estimator.poles(quality)).max() for quality in QUALITIES]
     return np.log(radii) / PERIOD

@@ -22,11 +22,6 @@ SHOWN = 0.1
 """Depth of the defects whose curves are shown over length and noise."""
 
 
-def figures_of(answer: Dataset) -> dict[str, Figure]:
-    """ROC curves, and areas and delays over depth."""
-    return {"roc": curves(answer), "area": areas(answer)}
-
-
 def curves(answer: Dataset) -> Figure:
     """A panel for each length (column) and noise (row), defects of one depth."""
     lengths, noises = answer["length"].values, answer["noise"].values

@@ -18,7 +18,7 @@ from workbench import Check, problem
 from workbench.arrays import RealArray
 from workbench.diagnosis import quantile_threshold, roc
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset, Figure
+from workbench.heavy_types import DataArray, Dataset
 from workbench.study import Study, array, arrays, dim, figure, metric, part, table
 from workbench.tables import crossed, markdown
 
@@ -32,7 +32,7 @@ from ..defect_events import LATE
 from ..defect_runs import SPACING, DefectRun, run
 from ..defect_statistics import STATISTICS, peaks, statistics_of
 from ..diode_plane.problem import DIST_MIN
-from .figures import NAMES, figures_of
+from . import figures
 from .sets import FAULTS, RESIDUALS, STRUCTURE, fading, isolation
 
 DEPTHS = (0.05, 0.1, 0.2, 0.4)
@@ -112,8 +112,6 @@ class ResidualCurves(Study):
     fault, isolated_as = dim(FAULTS), dim(*FAULTS, "none or several")
     residual, way = dim(RESIDUALS), dim("level", "slow sum")
 
-    # --- runs without a defect, at each noise ---
-
     quiet = part(lambda self, context: [self._quiet(each, context.rng) for each in FACTORS])
     level = array((noise, statistic), value=lambda quiet: [one.level for one in quiet])
     promised = array((noise, statistic), value=lambda quiet: [one.promised for one in quiet])
@@ -142,8 +140,6 @@ class ResidualCurves(Study):
             promised.append(threshold.interval[1])
             fresh.append((int(np.sum(again > threshold.level)), len(again)))
         return Quiet(clean, level, promised, fresh, _lost(runs))
-
-    # --- runs with defects ---
 
     @part
     def judged(self, quiet: list[Quiet], context: Context) -> dict[str, Any]:
@@ -196,8 +192,6 @@ class ResidualCurves(Study):
     detection = array((*condition, rate), "1", "", lambda judged: judged["detection"])
     lost = array(value=lambda quiet, judged: sum(one.lost for one in quiet) + judged["lost"])
 
-    # --- a laser that fades; isolation ---
-
     seeds = part(lambda judged, context: context.rng.integers(2**31, size=8).tolist())
     fade = array(way, "1", "", lambda self, seeds: fading(self.bench(), seeds[:4]))
     fired_and_found = part(lambda self, seeds: isolation(self.bench(), seeds[4:]))
@@ -249,7 +243,7 @@ class ResidualCurves(Study):
     @table
     def areas(self, area: DataArray) -> tuple[list[str], list[list[str]]]:
         """Areas of all conditions."""
-        heads = ["light taken", "length [mm]", "noise [um]", *NAMES.values()]
+        heads = ["light taken", "length [mm]", "noise [um]", *figures.NAMES.values()]
         conditions = area.stack(condition=("depth", "length", "noise")).transpose("condition", ...)
         return heads, [
             [f"{depth:.0%}", f"{1e3 * length:g}", f"{1e6 * noise:.3g}", *map("{:.3f}".format, one)]
@@ -264,9 +258,7 @@ class ResidualCurves(Study):
         shares = crossed(fired, "{:.2f}", "share that fired")
         return markdown(*crossed(confusion)) + "\n" + markdown(*shares)
 
-    @figure
-    def all_figures(self, answer: Dataset) -> dict[str, Figure]:
-        return figures_of(answer)
+    roc, area_ = figure(figures.curves), figure(figures.areas)
 
 
 def _lost(runs: list[DefectRun]) -> int:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workbench.arrays import RealArray
 from workbench.diagnosis import confusion, cusum, isolate, quantile_threshold
@@ -78,7 +79,7 @@ def residual_set(one: DefectRun) -> dict[str, RealArray]:
     return {"sum": lost, "fast error": abs(high_passed(difference)), "slow error": abs(slow)}
 
 
-def isolation(bench: Laboratory, seeds: list[int]) -> tuple[list[RealArray], RealArray]:
+def isolation(bench: Laboratory, seeds: list[int]) -> tuple[list[RealArray], NDArray[np.int64]]:
     """How often black dots, scratches and shocks are told apart by what they make fire.
 
     Returns the share of each fault at which each residual fired (fault, residual), and how many of
