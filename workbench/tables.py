@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from workbench.heavy_types import DataArray
+
 
 def markdown(heads: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
     """A Markdown table with columns of even width.
@@ -28,6 +30,20 @@ def markdown(heads: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
 
     rule = ["-" * (size - 1) + (":" if r else "-") for size, r in zip(width, right, strict=True)]
     return "".join(line(row) for row in [heads, rule, *cells])
+
+
+def crossed(
+    values: DataArray, form: str = "{}", corner: str = ""
+) -> tuple[list[str], list[list[str]]]:
+    """Heads and rows of a matrix: a row for each label of its first dimension.
+
+    The second dimension gives the columns. corner: the first head, the first dimension's name where
+    left out.
+    """
+    rows, columns = (values[name].values.tolist() for name in values.dims)
+    cells = zip(rows, values.values.tolist(), strict=True)
+    heads = [corner or str(values.dims[0]), *map(str, columns)]
+    return heads, [[str(label), *map(form.format, row)] for label, row in cells]
 
 
 def _text(cell: Any) -> str:

@@ -17,20 +17,20 @@ from ..laboratory.bench_setup import PERIOD
 from .defect_runs import DefectRun
 
 FEATURES = ("log10 of duration [s]", "largest dist", "mean over largest dist", "log10 of swing")
-"""Of an event; the swing is how far d1n - d2n goes from its mean, in either direction."""
+"""Features of an event; the swing is how far d1n - d2n goes from its mean, in either direction."""
 APART = 35
-"""Samples between two events; what is closer is one."""
+"""Least number of samples between two events; closer ones are joined into one."""
 LATE = 20
-"""Samples after a defect in which filter and hysteresis may still show it."""
+"""Samples after the end of a defect in which filter and hysteresis may still show it."""
 
 
 def defect_events(dist: RealArray, dist_min: float) -> list[Interval]:
-    """Where dist (N,) is above dist_min, until it is below half of it."""
+    """Events in which dist (N,) rises above dist_min, until it is below half of dist_min."""
     return events(dist, dist_min, 0.5 * dist_min, APART)
 
 
 def features(run: DefectRun, dist: RealArray, event: Interval) -> RealArray:
-    """FEATURES of an event (4,)."""
+    """The FEATURES (4,) of an event."""
     inside = slice(*event)
     difference = run.diodes[inside, 0] - run.diodes[inside, 1]
     # A step of the converter stands in for no swing at all.

@@ -35,7 +35,7 @@ Draw = Callable[[np.random.Generator, float], Defect]
 
 
 def _scratch(rng: np.random.Generator, error: float) -> Defect:
-    """0.2 to 0.5 mm wide, refracting by 0.3 to 0.6 of the acceptable error."""
+    """A scratch 0.2 to 0.5 mm wide, refracting by 0.3 to 0.6 of the acceptable error."""
     width = rng.uniform(0.2e-3, 0.5e-3)
     return Defect(
         length=width + BEAM,
@@ -46,7 +46,7 @@ def _scratch(rng: np.random.Generator, error: float) -> Defect:
 
 
 def _black_dot(rng: np.random.Generator, error: float) -> Defect:
-    """0.45 to 0.65 mm in diameter, opaque, not refracting.
+    """A black dot 0.45 to 0.65 mm in diameter, opaque, not refracting.
 
     Larger ones, 0.7 mm and more, leave so little light that the loop may lose the focus.
     """
@@ -59,7 +59,10 @@ def _black_dot(rng: np.random.Generator, error: float) -> Defect:
 
 
 def _finger_print(rng: np.random.Generator, error: float) -> Defect:
-    """4 to 10 mm long, takes a quarter to half of the light, refracts by up to 0.2 of the error."""
+    """A finger print 4 to 10 mm long.
+
+    It takes a quarter to half of the light and refracts by up to 0.2 of the acceptable error.
+    """
     return Defect(
         length=rng.uniform(4e-3, 10e-3),
         depth=rng.uniform(0.3, 0.55),
@@ -69,7 +72,7 @@ def _finger_print(rng: np.random.Generator, error: float) -> Defect:
 
 
 def _dropout(rng: np.random.Generator, error: float) -> Defect:
-    """0.15 to 0.5 mm of the reflecting layer missing, sharp edges."""
+    """A dropout: 0.15 to 0.5 mm of the reflecting layer missing, with sharp edges."""
     return Defect(
         length=rng.uniform(0.15e-3, 0.5e-3),
         depth=rng.uniform(0.6, 0.9),

@@ -25,11 +25,11 @@ from ..laboratory.record import Record
 from .defect_kinds import SHOCK, shocks
 
 ROTATION = 5.5
-"""Of the disc [Hz] (eq. 7.31)."""
+"""Rotation frequency of the disc [Hz] (eq. 7.31)."""
 SETTLING = 0.4
 """Time [s] for the disc to run up and the loop to settle; nothing is evaluated before."""
 SLOTS = 4
-"""Defects in a revolution."""
+"""Number of defects in a revolution."""
 SPACING = 1.0 / (SLOTS * ROTATION)
 """Time from one defect to the next [s]."""
 SHOCK_PERIOD = 0.05
@@ -38,9 +38,9 @@ SHOCK_PERIOD = 0.05
 
 @dataclass(frozen=True, eq=False)
 class DefectRun:
-    """A record from SETTLING on, the clean disc's level of its sum [V], and its defects in order.
+    """A record from SETTLING on, the level [V] of its sum on a clean disc, and its defects.
 
-    Of each the first sample, and one after the last.
+    faults: first sample, and one after the last, of each defect in order.
     """
 
     record: Record
@@ -72,11 +72,11 @@ def run(
     spacing: float = SPACING,
     disc: Disc | None = None,
 ) -> DefectRun:
-    """The reference controller on a disc that has one defect after the other.
+    """Run of the reference controller on a disc that has one defect after the other.
 
     Each defect is met once, `spacing` [s] after the one before. Shocks of a peak `acceleration`
-    [m/s^2] follow each other in SHOCK_PERIOD. `duration` [s] is what is evaluated; as long as the
-    defects need when left out. `disc`: the wobbling one when left out.
+    [m/s^2] follow each other in SHOCK_PERIOD. duration: evaluated time [s]; by default as long as
+    the defects need. disc: by default the wobbling one.
     """
     disc = disc or wobbling(bench.axis)
     evaluated = spacing * len(defects) if duration is None else duration

@@ -1,4 +1,4 @@
-"""What may be compared with a threshold to find a defect: statistics of a run, sample by sample."""
+"""Statistics of a run, sample by sample, that a threshold turns into detectors of defects."""
 
 from __future__ import annotations
 
@@ -16,24 +16,25 @@ from .defect_runs import DefectRun
 from .quality import diode_quality
 
 STATISTICS = ("sum", "quality", "error", "cusum", "glr")
-CORNER = 500.0
-"""Of the high-pass [Hz] that takes disc deviation and shocks out of the error."""
-DRIFT = 0.05
-"""Of the cumulative sum: half of the smallest share of light lost that is of interest."""
-MEMORY = 64
+"""Names of the statistics."""
+ERROR_CORNER = 500.0
+"""Corner [Hz] of the high-pass that takes disc deviation and shocks out of the error."""
+SUM_DRIFT = 0.05
+"""Drift of the cumulative sum: half of the smallest share of light lost that is of interest."""
+RATIO_WINDOW = 64
 """Window of the likelihood ratio [samples]: 2.4 mm of the track."""
 
 
 def high_passed(signal: RealArray) -> RealArray:
-    """A series (N,) without what is below CORNER."""
+    """A series (N,) high-passed at ERROR_CORNER."""
     import control
 
-    corner = 2 * math.pi * CORNER
+    corner = 2 * math.pi * ERROR_CORNER
     return play(linear(control.tf([1.0, 0.0], [1.0, corner]), PERIOD), signal[:, None])[:, 0]
 
 
 def statistics_of(run: DefectRun, dist_min: float, dist_max: float) -> dict[str, RealArray]:
-    """Each of STATISTICS over a run (N,), large when there is a defect.
+    """The STATISTICS of a run by name, (N,) each: large where there is a defect.
 
     sum      share of the light that is lost: what the binary detector compares with its level;
     quality  1 - quality of eq. 7.13: the same light, clipped and in either direction;
@@ -47,11 +48,11 @@ def statistics_of(run: DefectRun, dist_min: float, dist_max: float) -> dict[str,
         "sum": lost,
         "quality": 1.0 - signal,
         "error": abs(high_passed(run.record.f_en)),
-        "cusum": play(cusum(DRIFT), lost[:, None])[:, 0],
-        "glr": play(glr(MEMORY, 1.0), lost[:, None])[:, 0],
+        "cusum": play(cusum(SUM_DRIFT), lost[:, None])[:, 0],
+        "glr": play(glr(RATIO_WINDOW, 1.0), lost[:, None])[:, 0],
     }
 
 
 def peaks(statistic: RealArray, windows: list[Interval]) -> list[float]:
-    """The largest value in each window, LATE samples behind its end included."""
+    """The largest value in each window, with LATE samples after its end."""
     return [float(statistic[start : end + LATE].max()) for start, end in windows]

@@ -10,13 +10,13 @@ import numpy as np
 
 from workbench.heavy_types import StateSpace
 
-CORNER = 450.0
-"""Of the low-pass that the filter leaves of the error [Hz]."""
+ERROR_CORNER = 450.0
+"""Corner [Hz] of the low-pass that remains of the error behind the filter."""
 
 
 def low_pass() -> StateSpace:
-    """1 - F (continuous, first order): K (1 - F) has the margins of figure 8.10 with it."""
+    """1 - F, continuous, of first order: with it K (1 - F) has the margins of figure 8.10."""
     import control
 
-    corner = 2 * np.pi * CORNER
+    corner = 2 * np.pi * ERROR_CORNER
     return control.ss(-corner, corner, 1.0, 0.0)

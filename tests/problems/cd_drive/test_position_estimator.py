@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from workbench.plants.cd_drive.diagnosis.position_estimator.checks import (
+from workbench.plants.cd_drive.diagnosis.position_estimator.exact_gain import (
     PRINTED_POLES,
     exact_companion_gain,
 )
@@ -16,7 +16,7 @@ from workbench.plants.cd_drive.diagnosis.position_estimator.model import (
     itae,
     kalman,
     model,
-    of_the_thesis,
+    thesis_estimator,
 )
 from workbench.plants.cd_drive.diagnosis.position_estimator.problem import (
     CASES,
@@ -93,7 +93,7 @@ def test_equation_7_33():
 
 
 def test_equation_7_35_a_sample_settles_and_with_the_other_sign_does_not():
-    thesis = of_the_thesis("focus", ROTATION)
+    thesis = thesis_estimator("focus", ROTATION)
     decay = -np.log(abs(thesis.poles()).max()) / PERIOD
     assert 30.0 < decay < 60.0
     A, C = thesis.model.A[:7, :7], thesis.model.C[:7]

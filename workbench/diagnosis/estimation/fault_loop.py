@@ -32,7 +32,7 @@ BOUNDARY_POINTS = 24
 
 @dataclass(frozen=True, eq=False)
 class EstimationDemands:
-    """Where the estimate of a fault must be right, and what may disturb it.
+    """Demands on the estimate of a fault: where it must be right, and what may disturb it.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ class FaultLoop:
     filter
         H, continuous, stable.
     demands
-        On the estimate of the fault.
+        Demands on the estimate of the fault.
     period
         Sampling period [s]; None: the loop is continuous.
     delay

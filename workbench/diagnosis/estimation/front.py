@@ -29,8 +29,8 @@ from workbench.systems.generalised_plant import response
 from workbench.systems.realisation import realisation
 
 GRID_MARGIN = 0.01
-"""Relative tightening of the limits on the grid, for what lies between its frequencies and between
-the boundary points of the set of plants."""
+"""Relative tightening of the limits on the grid: they must also hold between its frequencies and
+between the boundary points of the set of plants."""
 
 
 @dataclass(frozen=True)
@@ -138,7 +138,10 @@ class FaultFront:
 
 
 def solve_in_place(problem: Any) -> str:
-    """Solve a cone program by the default solver; its message. Variables are None if it failed."""
+    """Solve a cone program by the default solver and return its message.
+
+    Variables are None if the solver failed.
+    """
     context = Context()
     outcome, said = solve_conic(problem, conic_solvers()[0], context.options, context)
     if outcome not in (Outcome.SOLVED, Outcome.INACCURATE):
@@ -148,7 +151,7 @@ def solve_in_place(problem: Any) -> str:
 
 
 def near_poles(loop: FaultLoop, frequency: RealArray, poles: ComplexArray) -> RealArray:
-    """A grid [Hz] (F,) with frequencies about poles [rad/s] added, nearer if less damped."""
+    """A grid [Hz] (F,) with frequencies about poles [rad/s] added, closer for less damped poles."""
     upper = poles[poles.imag > 0.0]
     near = (upper.imag[:, None] + upper.real[:, None] * np.linspace(-3.0, 3.0, 13)).ravel()
     found = np.interp(near, loop.warped(frequency), frequency)

@@ -27,9 +27,9 @@ CIRCLE = 2**14
 """Points on the unit circle at which the modulus of a weight is given."""
 WEIGHT_FLOOR = 1e-2
 """Value, in the unit of the demands, of weights that should be zero in a band: outer functions are
-nowhere zero. What it adds to the bound is taken off again."""
+nowhere zero. The amount that it adds to the bound is subtracted again."""
 FIRST_VECTORS = 24
-"""Windowed waves, of as many frequencies, with which each limit is stated at first."""
+"""Number of windowed waves, one a frequency, with which each limit is stated at first."""
 ROUNDS = 25
 """Largest number of programs that are solved, each with the most violated vectors added."""
 CUTS = 3
@@ -52,20 +52,20 @@ class Limit:
 def least_total(
     demands: EstimationDemands, error: float, corner: float, coefficients: int = COEFFICIENTS
 ) -> float:
-    """E + 3 rms below which no stable filter comes with this relative error on the nominal plant.
+    """Lower bound on E + 3 rms of all stable filters with this relative error, nominal plant.
 
-    In the unit of the fault, for any plant and controller of a continuous loop.
+    It is in the unit of the fault and holds for any plant and controller of a continuous loop.
 
     Parameters
     ----------
     demands
-        On the estimate of the fault.
+        Demands on the estimate of the fault.
     error
-        Relative, from demands.error_above on.
+        Relative error allowed from demands.error_above on.
     corner
-        a [rad/s], about where the demands lie.
+        Corner a [rad/s] of z, about where the demands lie.
     coefficients
-        Number of t_k.
+        Number of coefficients t_k.
 
     Raises
     ------

@@ -27,7 +27,7 @@ REDUCTIONS = ("weighted", "balanced", "hankel")
 
 @dataclass(frozen=True, eq=False)
 class FrontFilter:
-    """A filter F e -> u_f, continuous, how it does on a grid, and its certified answer."""
+    """A continuous filter F e -> u_f, its point of the front, and its certified answer."""
 
     F: StateSpace
     point: FrontPoint
@@ -58,8 +58,8 @@ def few_states(
 ) -> FrontFilter:
     """The best filter with the poles of a reduction of F to at most an order.
 
-    Of those that are certified to meet all requirements, if there are any. frequency: grid [Hz]
-    (F,), to which those about the reduced poles are added. Raises SolverError where no reduction
+    Filters that are certified to meet all requirements come first. frequency: grid [Hz] (F,), to
+    which frequencies about the reduced poles are added. Raises SolverError where no reduction
     has poles that meet the relative error and the leakage.
     """
     program = estimation(loop, error, leakage)

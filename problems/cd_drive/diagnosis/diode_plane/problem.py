@@ -7,27 +7,31 @@ CD-players (2003).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from itertools import chain
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
 from scipy import stats
 
-from workbench import Check, Study, problem
+from workbench import Check, problem
 from workbench.diagnosis.evaluation.quality import FARTHEST
 from workbench.executor import Context
-from workbench.heavy_types import Dataset, Figure
+from workbench.heavy_types import DataArray, Dataset
+from workbench.study import Study, array, arrays, dim, figure, metric, part, table
+from workbench.tables import crossed, markdown
 
 from ...drive.shared_parameters import TABLES
 from ...drive.tables import Axis
 from ..defect_events import FEATURES
 from ..defect_kinds import KINDS
-from .report import figures_of, tables_of
-from .runs import CLEAN_TIME, CONDITIONS, DETECTORS, Detectors, isolated
+from . import figures
+from .runs import CLEAN_TIME, CONDITIONS, DETECTORS, Detectors, OneDrive, isolated
 
 TRAINED = tuple(f"CD{n}" for n in range(1, 7))
+"""Drives whose defects the clusters are made of."""
 HELD_OUT = tuple(f"CD{n}" for n in range(7, 13))
-"""Drives whose defects the clusters are made of, and those they are tested on."""
+"""Drives whose defects the clusters are tested on."""
 DIST_MIN = {"focus": 0.18, "radial": 0.06}
 """Security margin: five and a half times the noise of dist on the noisiest drive."""
 Fraction = Annotated[float, Field(gt=0, lt=1)]
@@ -66,120 +70,132 @@ class DiodePlane(Study):
 
     headline: ClassVar[str] = "isolated"
 
-    def compute(self, context: Context) -> Dataset:
-        import xarray as xr
+    kind, detector, condition = dim(KINDS), dim(DETECTORS), dim(CONDITIONS)
+    drive, diode = dim(*TRAINED, *HELD_OUT), dim("d1n", "d2n")
+    feature, found = dim(FEATURES), dim(*KINDS, "missed")
 
-        names = [*TRAINED, *HELD_OUT]
-        every = [
-            self.detectors.on_drive(name, self.defects, context.rng)
-            for name in context.track(names, "drives")
-        ]
+    @part
+    def every(self, context: Context) -> list[OneDrive]:
+        """What the detectors find, drive by drive."""
+        names = context.track([*TRAINED, *HELD_OUT], "drives")
+        return [self.detectors.on_drive(name, self.defects, context.rng) for name in names]
+
+    # What the figures show is seeded after the drives' runs.
+    shown = part(lambda self, every, context: self.detectors.shown(context.rng))
+    linear = array(value=lambda shown: shown["linear"])
+    points = arrays(("point", diode), lambda shown: shown, clean="", shaken="")
+    trace = array((kind, "along", diode), value=lambda shown: shown["trace"])
+    blocks = arrays("block", lambda shown: shown, block_time="s", block_quality="", block_sum="")
+    zooms = arrays("zoom", lambda shown: shown, zoom_time="s", zoom_quality="", zoom_binary="")
+    zoom_diodes = array(("zoom", diode), value=lambda shown: shown["zoom_diodes"])
+
+    delays = part(lambda every: np.concatenate([one.delays for one in every], axis=1))
+
+    @arrays((kind, detector), delay=("s", "mean over what was found"), missed="1")
+    def detected(self, every: list[OneDrive], delays: Any) -> dict[str, Any]:
         labels = np.concatenate([one.labels for one in every])
-        delays = np.concatenate([one.delays for one in every], axis=1)
-        found = ~np.isnan(delays)
-        both = found[0] & found[1]
-        of_kind = [labels == k for k in range(len(KINDS))]
-        mean = [
-            [float(row[hit].mean()) if hit.any() else np.nan for row, hit in zip(*one, strict=True)]
-            for one in ((delays[:, own], found[:, own]) for own in of_kind)
-        ]
-        missed = [1.0 - found[:, own].mean(axis=1) for own in of_kind]
-        trained = [point for one in every[: len(TRAINED)] for point in one.points]
-        held_out = [point for one in every[len(TRAINED) :] for point in one.points]
-        detected, counted = ("kind", "detector"), ("detector", "condition")
-        return xr.Dataset(
-            {
-                **self.detectors.shown(int(context.rng.integers(2**31))),
-                **isolated(trained, held_out),
-                "delay": (detected, mean, {"units": "s", "long_name": "mean over what was found"}),
-                "missed": (detected, missed, {"units": "1"}),
-                "lead": ((), float(np.mean(delays[0, both] - delays[1, both])), {"units": "s"}),
-                "false_alarms": (counted, sum(one.false_alarms for one in every)),
-                "fault_free": ((), CLEAN_TIME * len(every), {"units": "s"}),
-                "coupling": (
-                    "drive",
-                    [one.coupling for one in every],
-                    {"long_name": "squared correlation of sum and error under shocks"},
-                ),
-                "lost": sum(one.lost for one in every),
-            },
-            coords={
-                "kind": list(KINDS),
-                "detector": list(DETECTORS),
-                "condition": list(CONDITIONS),
-                "drive": names,
-                "feature": list(FEATURES),
-                "diode": ["d1n", "d2n"],
-                "found": [*KINDS, "missed"],
-            },
-        )
+        of_kind = [delays[:, labels == k] for k in range(len(KINDS))]
+        found = [[row[~np.isnan(row)] for row in own] for own in of_kind]
+        return {
+            "delay": [[row.mean() if row.size else np.nan for row in own] for own in found],
+            "missed": [1.0 - (~np.isnan(own)).mean(axis=1) for own in of_kind],
+        }
+
+    @array((), "s")
+    def lead(self, delays: Any) -> float:
+        both = ~np.isnan(delays[:2]).any(axis=0)
+        return float(np.mean(delays[0, both] - delays[1, both]))
+
+    false_alarms = array(
+        (detector, condition), value=lambda every: sum(one.false_alarms for one in every)
+    )
+    fault_free = array((), "s", "", lambda every: CLEAN_TIME * len(every))
+    coupling = array(
+        drive,
+        "",
+        "squared correlation of sum and error under shocks",
+        lambda every: [one.coupling for one in every],
+    )
+    lost = array(value=lambda every: sum(one.lost for one in every))
+
+    @part
+    def isolation(self, every: list[OneDrive]) -> dict[str, Any]:
+        """Clusters of the trained drives' events, and what they say of the held-out ones."""
+        points = [one.points for one in every]
+        cut = len(TRAINED)
+        return isolated(list(chain(*points[:cut])), list(chain(*points[cut:])))
+
+    confusion = array((kind, found), value=lambda isolation: isolation["confusion"])
+    features = array(("event", feature), value=lambda isolation: isolation["features"])
+    event_kind = array("event", value=lambda isolation: isolation["event_kind"])
+    cluster_mean = array((kind, feature), value=lambda isolation: isolation["cluster_mean"])
+    cluster_factor = array(
+        (kind, feature, "also"), value=lambda isolation: isolation["cluster_factor"]
+    )
 
     def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
-        sums = answer["false_alarms"].sel(detector=["binary", "quality"])
-        felt = answer["false_alarms"].sel(detector="error", condition="shock")
-        numbers = self.metrics(answer)
+        alarms, coupling = answer["false_alarms"], float(answer["coupling"].max())
+        in_sums = float(alarms.sel(detector=["binary", "quality"]).sum())
+        felt = float(alarms.sel(detector="error", condition="shock"))
+        missed = float(answer["missed"].sel(detector="quality").mean())
+        # The third side of the triangle is the noise's.
+        outside = -min(float(answer[name].min()) for name in ("clean", "shaken", "trace"))
+        ellipse = "share of the clean points outside the 99 % ellipse"
         return [
             Check("loop", "times that it was lost or regained", float(answer["lost"]), 0.0),
-            Check("equation 7.13", "largest difference from it", *self._quality_off(answer)),
-            Check(
-                "triangle", "farthest point outside, clean and traces", self._outside(answer), 0.02
-            ),
-            Check(
-                "clean ellipse",
-                "share of the clean points outside the 99 % ellipse",
-                self._beyond_ellipse(answer),
-                0.02,
-            ),
-            Check("decoupled", "false alarms of the sum in all", float(sums.sum()), 0.0),
-            Check("shocks are felt", "minus the error's alarms under shock", -float(felt), -1.0),
-            Check("coupling", "largest squared correlation", float(answer["coupling"].max()), 0.01),
-            Check("quality finds all", "share missed", numbers["missed_quality"], 0.0),
+            Check("equation 7.13", "largest difference from it", self._quality_off(answer), 1e-9),
+            Check("triangle", "farthest point outside, clean and traces", outside, 0.02),
+            Check("clean ellipse", ellipse, _beyond_ellipse(answer), 0.02),
+            Check("decoupled", "false alarms of the sum in all", in_sums, 0.0),
+            Check("shocks are felt", "minus the error's alarms under shock", -felt, -1.0),
+            Check("coupling", "largest squared correlation", coupling, 0.01),
+            Check("quality finds all", "share missed", missed, 0.0),
             Check("quality is not later", "minus its lead [s]", -float(answer["lead"]), 0.0),
-            Check("kinds", "share not isolated", 1.0 - numbers["isolated"], 0.1),
+            Check("kinds", "share not isolated", 1.0 - _share(answer["confusion"]), 0.1),
         ]
 
-    def _quality_off(self, answer: Dataset) -> tuple[float, float]:
-        """Stored quality against eq. 7.13 of the stored diodes, all samples at once."""
+    def _quality_off(self, answer: Dataset) -> float:
+        """Largest difference of the stored quality from eq. 7.13 of the stored diodes."""
         law = self.detectors
         dist = abs(1.0 - answer["zoom_diodes"].sum("diode").values) * FARTHEST
         ramp = np.clip((law.dist_max - dist) / (law.dist_max - law.dist_min), 0.0, 1.0)
-        return float(abs(ramp**law.alpha - answer["zoom_quality"].values).max()), 1e-9
+        return float(abs(ramp**law.alpha - answer["zoom_quality"].values).max())
 
-    def _outside(self, answer: Dataset) -> float:
-        """How far any point is below d1n = 0 or d2n = 0; the third side is the noise's."""
-        return -min(float(answer[name].min()) for name in ("clean", "shaken", "trace"))
+    isolated = metric(lambda confusion: _share(confusion))
+    quality_leads_binary_us = metric(lambda lead: 1e6 * lead)
+    largest_coupling = metric("coupling", lambda coupling: coupling.max())
+    missed_mean = metric("missed_{detector}", lambda missed: missed.mean("kind"))
+    delay_us = metric("delay_{detector}_{kind}_us", lambda delay: 1e6 * delay)
+    false_alarm_rate = metric(
+        "false_alarms_{detector}_{condition}_per_s",
+        lambda false_alarms, fault_free: false_alarms / fault_free,
+    )
+    clean_deviation = metric("clean_deviation_{diode}", lambda clean: clean.std("point"))
 
-    def _beyond_ellipse(self, answer: Dataset) -> float:
-        points = answer["clean"].values - answer["clean"].values.mean(axis=0)
-        squared = np.sum(points @ np.linalg.inv(np.cov(points.T)) * points, axis=1)
-        return float(np.mean(squared > stats.chi2.isf(0.01, 2)))
-
-    def metrics(self, answer: Dataset) -> dict[str, float]:
-        counts = answer["confusion"].values
-        numbers = {
-            "isolated": float(np.trace(counts) / counts.sum()),
-            "quality_leads_binary_us": 1e6 * float(answer["lead"]),
-            "coupling": float(answer["coupling"].max()),
+    @table
+    def all_tables(self, answer: Dataset) -> dict[str, Any]:
+        rate = answer["false_alarms"] / answer["fault_free"]
+        detection = (
+            crossed(1e6 * answer["delay"], "{:.0f}", "delay [us]"),
+            crossed(answer["missed"], "{:.1%}", "missed"),
+            crossed(rate, "{:.2f}", "false alarms a second"),
+        )
+        return {
+            "confusion": crossed(answer["confusion"]),
+            "detection": "\n".join(markdown(*one) for one in detection),
         }
-        for detector in DETECTORS:
-            one = answer.sel(detector=detector)
-            numbers[f"missed_{detector}"] = float(one["missed"].mean())
-            for kind in answer["kind"].values:
-                place = f"{detector}_{str(kind).replace(' ', '_')}"
-                numbers[f"delay_{place}_us"] = 1e6 * float(one["delay"].sel(kind=kind))
-            for condition in CONDITIONS:
-                rate = one["false_alarms"].sel(condition=condition) / answer["fault_free"]
-                numbers[f"false_alarms_{detector}_{condition.replace(' ', '_')}_per_s"] = float(
-                    rate
-                )
-        width = answer["clean"].std("point")
-        for diode in answer["diode"].values:
-            numbers[f"clean_deviation_{diode}"] = float(width.sel(diode=diode))
-        return numbers
 
-    def tables(self, answer: Dataset) -> dict[str, str]:
-        return tables_of(answer)
+    figure_7_5_7_10 = figure(lambda self, answer: figures.plane(answer, self.detectors))
+    figure_7_11, kinds = figure(figures.over_time), figure(figures.clusters)
 
-    def figures(self, answer: Dataset) -> dict[str, Figure]:
-        law = self.detectors
-        return figures_of(answer, law.axis, law.dist_min, law.dist_max)
+
+def _share(confusion: DataArray) -> float:
+    """Share of the held-out defects whose kind was told rightly."""
+    return float(np.trace(confusion.values) / confusion.values.sum())
+
+
+def _beyond_ellipse(answer: Dataset) -> float:
+    """Share of the clean points outside the 99 % ellipse of their Gaussian."""
+    points = answer["clean"].values - answer["clean"].values.mean(axis=0)
+    squared = np.sum(points @ np.linalg.inv(np.cov(points.T)) * points, axis=1)
+    return float(np.mean(squared > stats.chi2.isf(0.01, 2)))

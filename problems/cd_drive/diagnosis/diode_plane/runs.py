@@ -34,11 +34,13 @@ from ..defect_runs import ROTATION, DefectRun, run
 from ..quality import dimming_detector, diode_quality
 
 DETECTORS = ("binary", "quality", "error")
+"""Detectors that are compared."""
 CONDITIONS = ("still disc", "deviation", "shock")
+"""Conditions without a defect under which false alarms are counted."""
 REVOLUTIONS = 5
-"""Shown in figure 7.11."""
+"""Revolutions shown in figure 7.11."""
 POINTS = 1500
-"""Of a clean record, shown in the plane."""
+"""Points of a clean record shown in the plane."""
 BLOCK = 35
 """Samples of which the overview keeps the lowest: a millisecond."""
 AHEAD, SHOWN = 70, 400
@@ -46,19 +48,20 @@ AHEAD, SHOWN = 70, 400
 ERROR_ALARMS = 0.01
 """False-alarm rate of the error's threshold on a wobbling disc, per block of ERROR_BLOCK."""
 ERROR_BLOCK = 350
-
+"""Samples of a block: 10 ms."""
 CLEAN_TIME = 1.0
-"""Of each run without defects [s]."""
+"""Duration of each run without defects [s]."""
 
 Point = tuple[int, RealArray | None]
-"""Kind of a defect and the features of its event; None where it made none."""
+"""Kind of a defect and the features of its event, or None where it made no event."""
 
 
 class OneDrive(NamedTuple):
-    """Of one drive: kind (F,) and delays (detector, F) of its defects, their events, false alarms.
+    """What the detectors find on one drive.
 
-    False alarms (detector, condition) are counted; coupling is the squared correlation of sum and
-    error under shocks; lost, how often the loop was lost or regained.
+    labels (F,): kinds of its defects. delays (detector, F) [s]: NaN where missed. points: their
+    events. false_alarms (detector, condition): how many. coupling: squared correlation of sum and
+    error under shocks. lost: how often the loop was lost or regained.
     """
 
     labels: NDArray[np.int64]
@@ -71,7 +74,7 @@ class OneDrive(NamedTuple):
 
 @dataclass(frozen=True)
 class Detectors:
-    """Quality signal and binary detector with their parameters, see `quality`, and the error."""
+    """Quality signal and binary detector with their parameters (see `quality`), and the error."""
 
     axis: Axis
     dist_min: float
@@ -97,7 +100,7 @@ class Detectors:
         return self.binary(one), self.quality(one)[:, 0] < 1.0, above
 
     def on_drive(self, name: str, defects: int, rng: np.random.Generator) -> OneDrive:
-        """What they find on a drive: so many defects of each kind, clean discs, shocks."""
+        """What they find on a drive with so many defects of each kind, clean discs and shocks."""
         bench = Laboratory(self.axis, name)
         first, *seeds, last = rng.integers(2**31, size=len(CONDITIONS) + 2).tolist()
         error = abs(run(bench, [], first, duration=CLEAN_TIME).record.f_en)
@@ -132,53 +135,63 @@ class Detectors:
             run(bench, [], shaken, SHOCK_PEAK[bench.axis], CLEAN_TIME),
         ]
 
-    def shown(self, seed: int) -> dict[str, Any]:
-        """What the figures show: the nominal drive, a trace of each kind, a scratch passing by."""
+    def shown(self, rng: np.random.Generator) -> dict[str, Any]:
+        """What the figures show of the nominal drive, by the name of its array."""
+        seed = int(rng.integers(2**31))
         bench, rng = Laboratory(self.axis, "nominal"), np.random.default_rng(seed)
+        return self._plane(bench, rng, seed) | self._turning(bench, rng, seed)
+
+    def _plane(self, bench: Laboratory, rng: np.random.Generator, seed: int) -> dict[str, Any]:
+        """Clean points, points under shocks and a trace of each kind in the plane of the diodes."""
         clean = run(bench, [], seed, duration=1.0).diodes[:: round(RATE / POINTS)]
         shaken = run(bench, [], seed, SHOCK_PEAK[self.axis], 1.0).diodes[:: round(RATE / POINTS)]
         examples = run(bench, [draw(kind, rng, self.axis) for kind in KINDS], seed)
         windows = np.array([np.arange(SHOWN) + start - AHEAD for start, _ in examples.faults])
+        linear = bench.parameters.K_optn * ACCEPTABLE_ERROR[self.axis]
+        trace = examples.diodes[windows]
+        return {"linear": linear, "clean": clean, "shaken": shaken, "trace": trace}
+
+    def _turning(self, bench: Laboratory, rng: np.random.Generator, seed: int) -> dict[str, Any]:
+        """A scratch that passes once a revolution: blocks of the run, and samples of one pass."""
         scratch = draw("scratch", rng, self.axis)
         turning = run(bench, [scratch] * REVOLUTIONS, seed, spacing=1.0 / ROTATION)
-        signal, alarm = self.quality(turning)[:, 0], self.binary(turning)
-        total = turning.record.sum / turning.level
+        signal = self.quality(turning)[:, 0]
         start = turning.faults[1][0] - AHEAD
         zoom = slice(start, start + AHEAD + 100)
-        blocks = len(total) // BLOCK
+        blocks = len(signal) // BLOCK
 
         def lowest(values: RealArray) -> RealArray:
             least: RealArray = values[: blocks * BLOCK].reshape(blocks, BLOCK).min(axis=1)
             return least
 
         return {
-            "linear": bench.parameters.K_optn * ACCEPTABLE_ERROR[self.axis],
-            "clean": (("point", "diode"), clean),
-            "shaken": (("point", "diode"), shaken),
-            "trace": (("kind", "along", "diode"), examples.diodes[windows]),
-            "block_time": ("block", np.arange(blocks) * BLOCK * PERIOD, {"units": "s"}),
-            "block_quality": ("block", lowest(signal)),
-            "block_sum": ("block", lowest(total)),
-            "zoom_time": ("zoom", np.arange(zoom.stop - zoom.start) * PERIOD, {"units": "s"}),
-            "zoom_quality": ("zoom", signal[zoom]),
-            "zoom_binary": ("zoom", alarm[zoom]),
-            "zoom_diodes": (("zoom", "diode"), turning.diodes[zoom]),
+            "block_time": np.arange(blocks) * BLOCK * PERIOD,
+            "block_quality": lowest(signal),
+            "block_sum": lowest(turning.record.sum / turning.level),
+            "zoom_time": np.arange(zoom.stop - zoom.start) * PERIOD,
+            "zoom_quality": signal[zoom],
+            "zoom_binary": self.binary(turning)[zoom],
+            "zoom_diodes": turning.diodes[zoom],
         }
 
 
 def isolated(trained: list[Point], held_out: list[Point]) -> dict[str, Any]:
-    """Clusters of the first events, and what they say of the second."""
-    seen = [(k, x) for k, x in trained if x is not None]
-    kinds, points = np.array([k for k, _ in seen]), np.array([x for _, x in seen])
+    """Clusters of the first events and what they say of the second, by the name of its array."""
+    points, kinds, _ = _split(trained)
+    measured, true, unseen = _split(held_out)
     clusters = Clusters.fit(points, kinds, tuple(KINDS))
-    seen = [(k, x) for k, x in held_out if x is not None]
-    unseen = np.array([k for k, x in held_out if x is None], int)
-    true, measured = np.array([k for k, _ in seen]), np.array([x for _, x in seen])
     said = np.append(clusters.classify(measured), np.full(len(unseen), UNKNOWN))
     return {
-        "confusion": (("kind", "found"), confusion(np.append(true, unseen), said, len(KINDS))),
-        "features": (("event", "feature"), measured),
-        "event_kind": ("event", true),
-        "cluster_mean": (("kind", "feature"), clusters.means),
-        "cluster_factor": (("kind", "feature", "also"), clusters.factors),
+        "confusion": confusion(np.append(true, unseen), said, len(KINDS)),
+        "features": measured,
+        "event_kind": true,
+        "cluster_mean": clusters.means,
+        "cluster_factor": clusters.factors,
     }
+
+
+def _split(points: list[Point]) -> tuple[RealArray, NDArray[np.int64], NDArray[np.int64]]:
+    """Features (E, 4) and kinds (E,) of the events, and kinds of the defects that made none."""
+    seen = [(k, x) for k, x in points if x is not None]
+    unseen = np.array([k for k, x in points if x is None], int)
+    return np.array([x for _, x in seen]), np.array([k for k, _ in seen]), unseen

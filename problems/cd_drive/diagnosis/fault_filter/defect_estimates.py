@@ -16,15 +16,15 @@ from ...drive.tables import Axis
 from ...laboratory.bench_setup import PERIOD, RATE
 
 LONGEST = 1.6e-3
-"""Length along the track [m] (section 7.3.2)."""
+"""Length of the longest defect along the track [m] (section 7.3.2)."""
 SIZE = 1e-6
-"""Of a defect [m]; the loops are linear."""
+"""False displacement of a defect [m]; the loops are linear."""
 FINE = 20
 """Steps per sample in which the anti-aliasing filter is followed."""
 SHAPES = {"bump": 0.4e-3, "doublet": 0.8e-3, "slow bump": LONGEST}
-"""Lengths along the track [m]."""
+"""Shapes of defects and their lengths along the track [m]."""
 BEFORE, AFTER = 1e-3, 6e-3
-"""Time before a defect and after its start that is simulated [s]."""
+"""Simulated time before a defect and after its start [s]."""
 
 
 def defect(shape: str, time: RealArray) -> RealArray:

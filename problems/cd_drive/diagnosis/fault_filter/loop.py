@@ -24,19 +24,19 @@ from ...laboratory.bench_setup import NOISE, PERIOD, RATE
 FAST = 1500.0
 """Frequency [Hz] from which on the relative error of the estimate counts."""
 SLOW = 200.0
-"""Up to which the disc's deviation leaks [Hz]."""
-MOST = 2.0
-"""Gain from a disc or a defect to the estimate that is allowed at any frequency."""
-BAND = 1750.0
-"""Of the measurement's noise [Hz]; white, 0.15 um rms (section 7.3)."""
+"""Frequency [Hz] up to which the leakage of the disc's deviation counts."""
+GAIN = 2.0
+"""Largest gain allowed from disc or defect to the estimate, at any frequency."""
+NOISE_BAND = 1750.0
+"""Bandwidth of the measurement's white noise [Hz], 0.15 um rms (section 7.3)."""
 MICRO = 1e-6
-"""Unit of length [m]."""
+"""Unit of length in the convex problems [m]."""
 CORNER = 2 * np.pi * 600.0
 """Poles of the Laguerre basis [rad/s]."""
 BOUND_CORNER = 2 * np.pi * 400.0
-"""Of the variable z in the bound of the front [rad/s]."""
+"""Corner of the variable z in the bound of the front [rad/s]."""
 RESONANT = (15.0, 60.0)
-"""Where the drives have their first resonances, and the set's sensitivities narrow peaks [Hz]."""
+"""Band [Hz] of the drives' first resonances, where the set's sensitivities have narrow peaks."""
 
 
 def fault_loop(
@@ -50,7 +50,7 @@ def fault_loop(
     import control
 
     filter_ = control.ss(-ANTIALIASING, ANTIALIASING, 1.0, 0.0)
-    demands = EstimationDemands(FAST, SLOW, MOST, disc_weight(axis), NOISE[axis], BAND, MICRO)
+    demands = EstimationDemands(FAST, SLOW, GAIN, disc_weight(axis), NOISE[axis], NOISE_BAND, MICRO)
     if delay is None:
         return FaultLoop(model, K, filter_, demands)
     return FaultLoop(model, K, filter_, demands, PERIOD, delay)
@@ -70,7 +70,7 @@ def disc_weight(axis: Axis) -> StateSpace:
 
 def grid(loop: FaultLoop) -> RealArray:
     """Frequencies [Hz], those where the drives resonate and where requirements end among them."""
-    ends = [SLOW, FAST, BAND]
+    ends = [SLOW, FAST, NOISE_BAND]
     resonances = [np.geomspace(*RESONANT, 80), np.geomspace(350.0, 700.0, 30)]
     top = 0.999 * RATE / 2 if loop.period is not None else 1e5
     return np.unique(np.concatenate([np.geomspace(0.02, top, 220), *resonances, ends]))

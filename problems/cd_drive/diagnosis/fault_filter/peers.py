@@ -14,20 +14,20 @@ from workbench.uncertainty import GeneralisedPlant
 from ..stand_in import low_pass
 
 M, A, X, BANDWIDTH = 250.0, 0.001, 3.0, 2 * np.pi * 230.0
-"""Of eq. 7.32."""
+"""Peak, floor, widening and bandwidth [rad/s] of the weight of eq. 7.32."""
 ELECTRONICS = 1e-9
-"""Of the error as it is read [m]: S alone vanishes where the loop integrates."""
+"""Noise of the error as it is read [m]: S alone vanishes where the loop integrates."""
 
 
 def defect_weight() -> StateSpace:
-    """W_sd of eq. 7.32, 1 at high frequency."""
+    """Weight W_sd of defects (eq. 7.32), 1 at high frequency."""
     zeros = np.full(3, -X * BANDWIDTH * A ** (1 / 3), complex)
     poles = np.full(3, -X * BANDWIDTH * M ** (1 / 3), complex)
     return Rational(zeros, poles, 1.0).state_space()
 
 
 def _nominal(loop: FaultLoop) -> GeneralisedPlant:
-    """(x_cd, f_sd, n) -> e + n of the nominal loop."""
+    """The nominal loop (x_cd, f_sd, n) -> e + n."""
     import control
 
     S = loop.plant.nominal().system
@@ -57,7 +57,4 @@ def peer_filters(loop: FaultLoop, error: float, leakage: float) -> dict[str, Sta
     solution = solve(program, "riccati")
     if solution.answer is None:
         raise SolverError(f"the nominal H-infinity filter: {solution.message}")
-    return {
-        "H-infinity": solution.answer.K,
-        "high-pass": 1 - low_pass(),
-    }
+    return {"H-infinity": solution.answer.K, "high-pass": 1 - low_pass()}

@@ -14,10 +14,11 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from workbench import Check, Run, Study, problem, ref
+from workbench import Check, Run, problem, ref
 from workbench.diagnosis import (
     FaultFront,
     FaultLoop,
+    FrontFilter,
     LaguerreBasis,
     few_states,
     full_order,
@@ -26,26 +27,29 @@ from workbench.diagnosis import (
 from workbench.errors import SolverError
 from workbench.executor import Context
 from workbench.fitting.storage import function
-from workbench.heavy_types import Dataset, Figure
+from workbench.heavy_types import Dataset, StateSpace
+from workbench.study import Study, array, dim, figure, part, system, table
+from workbench.study.declarations import identifier
 from workbench.systems.bilinear import bilinear_sampled
-from workbench.systems.storage import restored, stored
 from workbench.uncertainty import UncertaintyModel
 
 from ...control.cover_for_control.problem import PARTS, STAGES
 from ...drive.plants import Gain, controller
 from ...drive.shared_parameters import TABLES, Frequencies
 from ...laboratory.bench_setup import PERIOD
+from . import figures
 from .checks import filter_checks
 from .defect_estimates import SHAPES, estimates, sampled_defect
+from .figures import NAMES, shape_errors, total
 from .loop import BOUND_CORNER, CORNER, fault_loop, fine_grid, grid
 from .peers import peer_filters
-from .report import filter_figures, filter_tables, shape_errors
 
 ERRORS = (0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6)
-"""Relative errors of the front."""
+"""Relative errors allowed at the points of the front."""
 KINDS = ("nominal plant", "every plant")
+"""Plants for which a filter is judged."""
 CONTINUOUS, SAMPLED = 16, 20
-"""Functions of the basis."""
+"""Functions of the Laguerre basis for the continuous loop and for the sampled one."""
 
 
 def needs(axis: str = "focus", frequencies: int = 120, gain: Gain = "own", **_: Any) -> Any:
@@ -103,95 +107,132 @@ class FaultFilterStudy(Study):
             "discrete": fault_loop("focus", self.model, K, self.delay),
         }
 
-    def compute(self, context: Context) -> Dataset:
-        import xarray as xr
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Relative error and leakage [m] allowed."""
+        return self.error, self.leakage
 
-        loop, sampled = self.loops["full"], self.loops["discrete"]
-        fronts = {name: FaultFront(loop, grid(loop), name == KINDS[0]) for name in KINDS}
-        basis = LaguerreBasis(loop, CORNER)
+    def fronts(self, which: str) -> list[FaultFront]:
+        """The front of a loop for each of KINDS."""
+        loop = self.loops[which]
+        return [FaultFront(loop, grid(loop), kind == KINDS[0]) for kind in KINDS]
+
+    kind, bound = dim(KINDS), dim("lower", "upper")
+    point = dim(ERRORS, unit="1", meaning="relative error allowed")
+    quantity = dim("error", "leakage", "noise")
+
+    @array((kind, point, quantity), "1", "front")
+    def front(self, context: Context) -> Any:
+        basis, fronts = LaguerreBasis(self.loops["full"], CORNER), self.fronts("full")
         front = np.full((len(KINDS), len(ERRORS), 3), np.nan)
-        bound = np.full(len(ERRORS), np.nan)
         for j, error in context.track(list(enumerate(ERRORS)), "front"):
-            for i, each in enumerate(fronts.values()):
+            for i, each in enumerate(fronts):
                 try:
                     point = each.least(basis.response(CONTINUOUS, each.omega), error)
                 except SolverError:  # no filter of the basis: the front ends there
                     continue
                 front[i, j] = point.error, point.leakage, point.noise
-            bound[j] = least_total(loop.demands, error, BOUND_CORNER)
-        limits = self.error, self.leakage
-        full = full_order(loop, grid(loop), basis, CONTINUOUS, *limits)
-        fine_basis = LaguerreBasis(sampled, CORNER)
-        fine = full_order(sampled, grid(sampled), fine_basis, SAMPLED, *limits)
-        few = few_states(sampled, fine_grid(sampled), fine.F, self.order, *limits)
-        filters = {"robust": few.F} | peer_filters(loop, *limits)
-        judges = [FaultFront(sampled, grid(sampled), name == KINDS[0]) for name in KINDS]
-        judged = [[each.judged(each.estimate(F)) for each in judges] for F in filters.values()]
-        played = {name: bilinear_sampled(F, PERIOD) for name, F in filters.items()}
-        shown = [sampled_defect(shape) for shape in SHAPES]
-        runs = np.array(
-            [
-                [estimates("focus", F, shape, self.delay)[2] for shape in SHAPES]
-                for F in context.track(list(played.values()), "defects")
-            ]
-        )
-        metre, one = {"units": "m"}, {"units": "1"}
-        data: dict[str, Any] = {
-            "front": (("kind", "point", "quantity"), front, one | {"long_name": "front"}),
-            "least_total": ("point", bound, metre | {"long_name": "no filter leaks less in all"}),
-            "peak": (
-                ("design", "requirement", "bound"),
-                np.array([full.answer.peaks, few.answer.peaks]),
-                one | {"long_name": "certified bounds of mixed mu"},
-            ),
-            "judged": (("filter", "kind", "quantity"), np.array(judged), one),
-            "defect": (("shape", "time"), [seen for _, seen in shown], metre),
-            "estimate": (("filter", "shape", "drive", "time"), runs, metre),
-            **stored("full", full.F),
-            **stored("discrete", played["robust"]),
-        }
-        return xr.Dataset(
-            data,
-            coords={
-                "kind": list(KINDS),
-                "point": ("point", list(ERRORS), one | {"long_name": "relative error allowed"}),
-                "quantity": ["error", "leakage", "noise"],
-                "design": ["full", "discrete"],
-                "requirement": [each.name for each in loop.requirements(*limits)],
-                "bound": ["lower", "upper"],
-                "filter": list(filters),
-                "shape": list(SHAPES),
-                "time": ("time", shown[0][0], {"units": "s"}),
-            },
-        )
+        return front
 
-    # --- checks and metrics -------------------------------------------------------------------
+    @array(point, "m", "no filter leaks less in all")
+    def least_total(self) -> list[float]:
+        demands = self.loops["full"].demands
+        return [least_total(demands, error, BOUND_CORNER) for error in ERRORS]
+
+    design = dim("full", "discrete")
+    requirement = dim(
+        lambda self: [one.name for one in self.loops["full"].requirements(*self.limits)]
+    )
+
+    @part
+    def designs(self) -> dict[str, FrontFilter]:
+        """The continuous filter of full order, and the one of few states for the sampled loop."""
+        full, fine = (
+            full_order(loop, grid(loop), LaguerreBasis(loop, CORNER), count, *self.limits)
+            for loop, count in zip(self.loops.values(), (CONTINUOUS, SAMPLED), strict=True)
+        )
+        sampled = self.loops["discrete"]
+        few = few_states(sampled, fine_grid(sampled), fine.F, self.order, *self.limits)
+        return {"full": full, "discrete": few}
+
+    @part
+    def filters(self, designs: dict[str, FrontFilter]) -> dict[str, StateSpace]:
+        """The robust filter and its peers, in continuous time."""
+        return {"robust": designs["discrete"].F} | peer_filters(self.loops["full"], *self.limits)
+
+    played = part(lambda filters: {k: bilinear_sampled(F, PERIOD) for k, F in filters.items()})
+    filter = dim(lambda filters: list(filters))
+    stored = system(design, called="{}")(
+        lambda designs, played: {"full": designs["full"].F, "discrete": played["robust"]}
+    )
+    peak = array(
+        (design, requirement, bound),
+        "1",
+        "certified bounds of mixed mu",
+        lambda designs: [one.answer.peaks for one in designs.values()],
+    )
+
+    @array((filter, kind, quantity), "1")
+    def judged(self, filters: dict[str, StateSpace]) -> Any:
+        fronts = self.fronts("discrete")
+        return [[each.judged(each.estimate(F)) for each in fronts] for F in filters.values()]
+
+    shape = dim(SHAPES)
+    seen = part(lambda: [sampled_defect(shape) for shape in SHAPES])
+    time = dim(lambda seen: seen[0][0], unit="s")
+    defect = array((shape, time), "m", "", lambda seen: [defect for _, defect in seen])
+
+    @array((filter, shape, "drive", time), "m")
+    def estimate(self, played: dict[str, StateSpace], context: Context) -> Any:
+        return [
+            [estimates("focus", F, shape, self.delay)[2] for shape in SHAPES]
+            for F in context.track(list(played.values()), "defects")
+        ]
 
     def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
-        return filter_checks(self.loops, self.error, self.leakage, self.order, answer)
+        return filter_checks(self.loops, self.stored(answer), self.order, self.limits, answer)
 
     def metrics(self, answer: Dataset) -> dict[str, float]:
-        judged = answer["judged"].sel(filter="robust", kind=KINDS[1])
-        full, few = (restored(answer, name) for name in ("full", "discrete"))
+        error, leakage, noise = answer["judged"].sel(filter="robust", kind=KINDS[1]).values.tolist()
         worst = answer["peak"].sel(bound="upper").max("requirement")
-        found = {
-            "peak": float(worst.sel(design="discrete")),
-            "peak_full": float(worst.sel(design="full")),
-            "fault_error": float(judged.sel(quantity="error")),
-            "leakage": float(judged.sel(quantity="leakage")),
-            "noise": 3 * float(judged.sel(quantity="noise")),
-            "order_full": float(full.nstates),
-            "order_discrete": float(few.nstates),
-        }
-        for name in answer["filter"].values:
-            end = "" if name == "robust" else f"_{str(name).replace('-', '_')}"
+        found = {"fault_error": error, "leakage": leakage, "noise": 3 * noise}
+        for name, K in self.stored(answer).items():
+            found["peak" if name == "discrete" else "peak_full"] = float(worst.sel(design=name))
+            found[f"order_{name}"] = float(K.nstates)
+        for name in answer["filter"].values.tolist():
+            end = "" if name == "robust" else f"_{name.replace('-', '_')}"
             for shape in SHAPES:
-                errors = shape_errors(answer, str(name), shape)
-                found[f"estimation_error_{shape.replace(' ', '_')}{end}"] = float(errors.max())
+                errors = shape_errors(answer, name, shape)
+                found[f"estimation_error_{identifier(shape)}{end}"] = float(errors.max())
         return found
 
-    def tables(self, answer: Dataset) -> dict[str, str]:
-        return filter_tables(answer)
+    @table
+    def fronts_and_filters(self, answer: Dataset) -> dict[str, Any]:
+        """The front, and what each filter does."""
+        sizes = 1e6 * total(answer["front"])
+        columns = zip(ERRORS, *sizes.values, 1e6 * answer["least_total"].values, strict=True)
+        points = [
+            [f"{error:.2f}", f"{nominal:.3f}", f"{bound:.3f}", _or_none(every)]
+            for error, nominal, every, bound in columns
+        ]
+        filters = []
+        for name in answer["filter"].values.tolist():
+            judged = answer["judged"].sel(filter=name, kind=KINDS[1]).values * (1, 1e6, 3e6)
+            errors = [f"{shape_errors(answer, name, shape).max():.2f}" for shape in SHAPES]
+            filters.append([NAMES[name], *map("{:.3f}".format, judged), *errors])
+        plants = ["nominal plant [um]", "no filter below [um]", "every plant [um]"]
+        heads = ["filter", "error above 1.5 kHz", "leakage [um]", "3 rms [um]", *SHAPES]
+        return {
+            "front": (["relative error allowed", *plants], points),
+            "filters": (heads, filters),
+        }
 
-    def figures(self, answer: Dataset) -> dict[str, Figure]:
-        return filter_figures(self.loops["discrete"], answer)
+    front_, figure_7_13 = figure(figures.front), figure(figures.defects)
+    figure_7_12 = figure(lambda stored: figures.filters(**stored))
+    estimate_ = figure(
+        lambda self, stored: figures.channel(self.loops["discrete"], stored["discrete"])
+    )
+
+
+def _or_none(value: float) -> str:
+    return f"{value:.3f}" if np.isfinite(value) else "none found"

@@ -33,29 +33,31 @@ from ...drive.red_book import ACCEPTABLE_ERROR
 from ...drive.tables import Axis
 from ...laboratory.bench_setup import NOISE, PERIOD, coil_gain, find_drive
 
-OBSERVER = 5000.0
+FAST_BANDWIDTH = 5000.0
 """Bandwidth of the observer in section 7.3.3 [Hz]."""
-SLOW = 300.0
-"""Of one that is to bridge a defect [Hz]: below the loop's crossover, and the noise's band."""
-DECAY = 60.0
+SLOW_BANDWIDTH = 300.0
+"""Bandwidth of an observer that is to bridge a defect [Hz]: below the loop's crossover, and below
+the noise's band."""
+OSCILLATOR_DECAY = 60.0
 """Rate at which placed oscillators settle [1/s]: in a tenth of a revolution."""
 PRINTED_K_OBS = 1e8 * np.array([4.9312, 4.0959, 3.2174, 2.3024, 1.3581])
-"""Equation 7.34."""
+"""Gain of the observer as equation 7.34 prints it."""
 PRINTED_K_P = np.array([45.0, 45.0])
-"""Equation 7.35."""
-KNOWN = 0.05
+"""Gain of the oscillators as equation 7.35 prints it."""
+CONTROL_NOISE = 0.05
 """White uncertainty of u [V rms] in the Kalman filter: a sixtieth of what the largest wobble takes,
 for no drive is the nominal one."""
-WANDER = 3e-4
-"""Step of the oscillators [V rms a sample]: a hundredth of the wobble's volts in a revolution."""
-WHITE = 1e-3
+OSCILLATOR_STEP = 3e-4
+"""Random step of the oscillators [V rms a sample]: a hundredth of the wobble's volts in a
+revolution."""
+CONVERTER_NOISE = 1e-3
 """White part of the noise of f_en [units rms]: the converter's step."""
 
 
 def model(axis: Axis, rotation: Rotation, coloured: bool) -> DisturbedPlant:
-    """The nominal drive: u, u_p -> f_en [units], e [m], and beside it u -> x [m].
+    """Model of the nominal drive: u, u_p -> f_en [units], e [m], and beside it u -> x [m].
 
-    u is what acts from a sample to the next: with a computer that takes one sample, the last one.
+    u acts from one sample to the next; with a computer that takes one sample, it is the last u.
     """
     import control
 
@@ -77,9 +79,9 @@ def model(axis: Axis, rotation: Rotation, coloured: bool) -> DisturbedPlant:
 
 
 def colour(axis: Axis, band: float = 1750.0) -> StateSpace:
-    """White noise of variance 1 -> noise of f_en of the laboratory's size: a low-pass of order 2.
+    """Low-pass of order 2 from white noise of variance 1 to noise of f_en of the laboratory's size.
 
-    Butterworth's poles, and driven so that the sampled output has the noise's variance.
+    It has Butterworth's poles up to `band` [Hz]; its sampled output has the noise's variance.
     """
     import control
 
@@ -92,21 +94,24 @@ def colour(axis: Axis, band: float = 1750.0) -> StateSpace:
 
 
 def itae(axis: Axis, rotation: Rotation, bandwidth: float) -> Estimator:
-    """ITAE poles of this bandwidth [Hz] for actuator and filter, and oscillators that settle."""
+    """Estimator with ITAE poles for actuator and filter, and oscillators that settle.
+
+    bandwidth: of the ITAE poles [Hz].
+    """
     poles = np.exp(prototype_poles("itae", 5, 2 * np.pi * bandwidth) * PERIOD)
-    together = np.concatenate([poles, rotation.poles(PERIOD, DECAY)])
+    together = np.concatenate([poles, rotation.poles(PERIOD, OSCILLATOR_DECAY)])
     return placed(model(axis, rotation, coloured=False), together)
 
 
-def of_the_thesis(axis: Axis, rotation: Rotation) -> Estimator:
-    """K_obs for actuator and filter alone (eq. 7.33) and K_p of eq. 7.35 beside it.
+def thesis_estimator(axis: Axis, rotation: Rotation) -> Estimator:
+    """Estimator of the thesis: K_obs for actuator and filter alone (eq. 7.33), K_p of eq. 7.35.
 
-    What K_p multiplies is not stated. A sample, and with an oscillator whose second state has the
-    other sign, it makes the oscillator settle at 44 per second in focus; a second, at a thousandth;
-    with the sign of this one the estimator is unstable.
+    The thesis does not state what K_p multiplies. Taken per sample, and with an oscillator whose
+    second state has the other sign, it makes the oscillator settle at 44 per second in focus; taken
+    per second, at a thousandth of that. With the sign of this oscillator the estimator is unstable.
     """
     believed = model(axis, rotation, coloured=False)
-    poles = np.exp(prototype_poles("itae", 5, 2 * np.pi * OBSERVER) * PERIOD)
+    poles = np.exp(prototype_poles("itae", 5, 2 * np.pi * FAST_BANDWIDTH) * PERIOD)
     K_obs = observer_gain(believed.plant.A, believed.plant.C[:1], poles, PERIOD)[:, 0]
     L = np.concatenate([K_obs, PRINTED_K_P * [1.0, -1.0]])
     n = believed.seen
@@ -114,17 +119,21 @@ def of_the_thesis(axis: Axis, rotation: Rotation) -> Estimator:
 
 
 def kalman(axis: Axis, rotation: Rotation) -> KalmanEstimator:
-    """Actuator, filter, oscillators and coloured noise, the white noise growing in a defect."""
+    """Kalman filter of actuator, filter, oscillators and coloured noise.
+
+    Its white noise of the measurement grows in a defect.
+    """
     defect = ACCEPTABLE_ERROR[axis] * find_drive(axis, "nominal").K_optn
     return KalmanEstimator(
-        model(axis, rotation, coloured=True), Noise(KNOWN, WANDER, WHITE, defect)
+        model(axis, rotation, coloured=True),
+        Noise(CONTROL_NOISE, OSCILLATOR_STEP, CONVERTER_NOISE, defect),
     )
 
 
 def companion_gain(axis: Axis) -> RealArray:
-    """K_obs (5,) for the controllable companion form of eq. 3.18 held at 35 kHz (eq. 7.34)."""
+    """Gain K_obs (5,) of the controllable companion form of eq. 3.18 held at 35 kHz (7.34)."""
     system = sampled(plant(nominal_parameters(axis), total_gain(axis)), PERIOD)
-    poles = np.exp(prototype_poles("itae", 5, 2 * np.pi * OBSERVER) * PERIOD)
+    poles = np.exp(prototype_poles("itae", 5, 2 * np.pi * FAST_BANDWIDTH) * PERIOD)
     gain = observer_gain(system.A, system.C, poles, PERIOD)[:, 0]
     form = companion(np.asarray(np.poly(system.A), float))
     there, here = (_reachable(A, B) for A, B in (form, (system.A, system.B)))

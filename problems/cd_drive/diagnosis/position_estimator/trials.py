@@ -24,21 +24,22 @@ from ...laboratory.record import Record
 from ..quality import diode_quality
 
 ROTATION = 5.5
-"""Of the disc [Hz], near the average (section 7.3)."""
+"""Rotation frequency of the disc [Hz], near the average (section 7.3)."""
 DURATION, SCRATCHED, EVALUATED = 1.5, 0.3, 0.55
-"""Length of a run, from when the disc is scratched and from when errors count [s]."""
+"""Length of a run, time from which the disc is scratched, and time from which errors count [s]."""
 AFTER = 5e-3
 """How long after a defect errors count as its aftermath [s]."""
 DIST_MIN, DIST_MAX = 0.16, 0.36
-"""Of the quality (eq. 7.13). The diodes' sum is as noisy as f_en, some 4 % rms of a clean sum in
-focus, so dist is up to 0.03 rms: dist_min is five of these, and no clean sample is called bad;
-at dist_max half of the light is gone."""
+"""Limits of the quality (eq. 7.13). The diodes' sum is as noisy as f_en, some 4 % rms of a clean
+sum in focus, so dist is up to 0.03 rms. dist_min is five times that, so that no clean sample is
+called bad; at dist_max half of the light is gone."""
 
 
 class Trial(NamedTuple):
     """A recorded run, what an estimator is given of it, and which samples count.
 
-    during: quality below 1; after: the samples that follow it for AFTER; quiet: the others.
+    known [V]: the control that acts; quality (0 to 1); error: the true x_cd - x [m]. Samples count
+    as during (quality below 1), after (those that follow for AFTER), or quiet (the others).
     """
 
     record: Record
@@ -49,7 +50,7 @@ class Trial(NamedTuple):
     after: Any
     quiet: Any
 
-    def off(self, estimated: RealArray) -> list[list[float]]:
+    def errors(self, estimated: RealArray) -> list[list[float]]:
         """Rms and largest error [m] of an estimated x_cd - x during, after and otherwise."""
         wrong = estimated - self.error
         return [

@@ -6,9 +6,9 @@ Section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of 
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workbench.arrays import RealArray
 from workbench.diagnosis import confusion, cusum, isolate, quantile_threshold
@@ -23,23 +23,25 @@ from ..defect_statistics import high_passed, peaks
 FADE = 0.05
 """Share of the light that the laser loses a second: ageing, made quick."""
 FADING = 4.0
-"""How long it is watched [s]."""
+"""How long the laser is watched [s]."""
 SLOW_DRIFT = 0.01
-"""Of the slow cumulative sum: it overlooks a loss of a hundredth."""
+"""Drift of the slow cumulative sum: it overlooks a loss of a hundredth."""
 FAULTS = ("black dot", "scratch", "shock")
+"""Faults that are to be told apart."""
 RESIDUALS = ("sum", "fast error", "slow error")
+"""Residuals that tell them apart."""
 STRUCTURE = np.array([[True, True, False], [False, True, False], [False, False, True]])
 """Which residual (row) answers to which fault (column)."""
 SLOW = (30.0, 150.0)
 """Band [Hz] of the slow error: shocks are in it, the disc's rotation is below."""
 COUNT = 60
-"""Of each fault."""
+"""How many of each fault are tried."""
 ALARMS, BLOCK = 0.01, 350
 """False-alarm rate of each residual's threshold, per block of 10 ms."""
 
 
-def fading(bench: Laboratory, seeds: list[int]) -> dict[str, Any]:
-    """Light lost when a laser that fades is noticed: by a level, and by a slow cumulative sum.
+def fading(bench: Laboratory, seeds: list[int]) -> list[float]:
+    """Share of light lost when a fading laser is noticed: by a level, by a slow cumulative sum.
 
     The fault is incipient (section 7.1.2). Both diodes lose the same share, so the normalised error
     and with it the loop do not see it: it is applied to the diodes of a record. Thresholds are the
@@ -58,12 +60,11 @@ def fading(bench: Laboratory, seeds: list[int]) -> dict[str, Any]:
         for way, (watched, *clean) in zip(noticed, (faded, sums), strict=True):
             above = np.flatnonzero(watched > max(float(one.max()) for one in clean))
             way.append(float(share[above[0]]) if above.size else math.inf)
-    median = [float(np.median(way)) for way in noticed]
-    return {"fade": ("way", median, {"units": "1"}), "way": ["level", "slow sum"]}
+    return [float(np.median(way)) for way in noticed]
 
 
 def residual_set(one: DefectRun) -> dict[str, RealArray]:
-    """RESIDUALS over a run (N,): lost light, the diodes' difference above CORNER and within SLOW.
+    """RESIDUALS over a run (N,): lost light, the diodes' difference high-passed and within SLOW.
 
     The difference is taken over the clean disc's level: over their own sum the noise would grow as
     the light falls.
@@ -78,8 +79,12 @@ def residual_set(one: DefectRun) -> dict[str, RealArray]:
     return {"sum": lost, "fast error": abs(high_passed(difference)), "slow error": abs(slow)}
 
 
-def isolation(bench: Laboratory, seeds: list[int]) -> dict[str, Any]:
-    """How often black dots, scratches and shocks are told apart by what they make fire."""
+def isolation(bench: Laboratory, seeds: list[int]) -> tuple[list[RealArray], NDArray[np.int64]]:
+    """How often black dots, scratches and shocks are told apart by what they make fire.
+
+    Returns the share of each fault at which each residual fired (fault, residual), and how many of
+    each fault were taken for which (fault, 4), the last for none or several.
+    """
     rng = np.random.default_rng(seeds[0])
     clean = residual_set(run(bench, [], seeds[1], duration=FADING))
     level = [quantile_threshold(r, ALARMS, block=BLOCK).level for r in clean.values()]
@@ -97,10 +102,4 @@ def isolation(bench: Laboratory, seeds: list[int]) -> dict[str, Any]:
     true = np.append(kinds, np.full(COUNT, 2))
     found = isolate(STRUCTURE, np.vstack(fired))
     share = [np.vstack(fired)[true == k].mean(axis=0) for k in range(len(FAULTS))]
-    return {
-        "confusion": (("fault", "isolated_as"), confusion(true, found, len(FAULTS))),
-        "fired": (("fault", "residual"), share, {"units": "1"}),
-        "structure": (("residual", "fault"), STRUCTURE),
-        "isolated_as": [*FAULTS, "none or several"],
-        "residual": list(RESIDUALS),
-    }
+    return share, confusion(true, found, len(FAULTS))

@@ -1,0 +1,132 @@
+"""Figures 7.14 and 7.15, the rotation followed, and the drives, of the position estimators."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from workbench import figures
+from workbench.figures import label, legend_below
+from workbench.heavy_types import Axes, Dataset, Figure
+
+from ...drive.red_book import ACCEPTABLE_ERROR
+from ...drive.tables import Axis
+
+LOOKS: dict[str, dict[str, Any]] = {
+    "thesis": {"color": figures.PURPLE, "linestyle": ":"},
+    "ITAE 5 kHz": {"color": figures.ORANGE, "linestyle": "--"},
+    "ITAE 300 Hz": {"color": figures.GREEN, "linestyle": "-."},
+    "Kalman settled": {"color": figures.SKY},
+    "Kalman": {"color": figures.BLUE},
+}
+"""How the lines of each estimator are drawn."""
+TRUE: dict[str, Any] = {"color": figures.BLACK, "linewidth": 0.9}
+"""How the truth is drawn."""
+
+
+def effort(answer: Dataset) -> Figure:
+    """The control that makes the lens follow the disc, whole and about one scratch."""
+    figure, (whole, zoom, quality) = figures.axes(
+        3, 1, size=(7.2, 8.0), height_ratios=(1.0, 1.0, 0.45)
+    )
+    for name in ("ITAE 5 kHz", "thesis", "Kalman"):
+        one = answer.sel(estimator=name)
+        whole.plot(one["time"], one["effort"], label=name, **LOOKS[name])
+        zoom.plot(one["zoomed"], one["effort_zoomed"], **LOOKS[name])
+    whole.plot(answer["time"], answer["true_effort"], label="true", **TRUE)
+    swing = float(abs(answer["true_effort"]).max())
+    middle = float(answer.sel(estimator="Kalman")["effort_zoomed"].mean())
+    whole.set_ylim(-2.5 * swing, 2.5 * swing)
+    zoom.set_ylim(middle - swing, middle + swing)
+    label(whole, "time [s]", "$u_p$ [V]")
+    label(zoom, y="$u_p$ [V], one scratch")
+    _quality(quality, answer)
+    quality.sharex(zoom)
+    legend_below(figure, whole)
+    return figure
+
+
+def error(answer: Dataset, axis: Axis) -> Figure:
+    """The estimated error about one scratch."""
+    figure, (above, below, quality) = figures.axes(
+        3, 1, size=(7.2, 8.0), sharex=True, height_ratios=(1.0, 1.0, 0.4)
+    )
+    time = answer["zoomed"]
+    for panel in (above, below):
+        panel.plot(time, 1e6 * answer["measured_error"], color="0.6", label="measured")
+        panel.plot(time, 1e6 * answer["true_error"], label="true", **TRUE)
+    for name in ("thesis", "ITAE 5 kHz", "ITAE 300 Hz", "Kalman"):
+        one = 1e6 * answer["estimated_error"].sel(estimator=name)
+        if name in answer["rival"]:
+            below.plot(time, one, **LOOKS[name])
+        above.plot(time, one, label=name, **LOOKS[name])
+    size = 1e6 * ACCEPTABLE_ERROR[axis]
+    above.set_ylim(-4 * size, 4 * size)
+    label(above, y=r"$x_{cd} - x$ [$\mu$m]", title="all estimators, cropped")
+    words = r"estimated $x_{cd} - x$ [$\mu$m]"
+    label(below, y=words, title="those that bridge the scratch")
+    _quality(quality, answer)
+    legend_below(figure, above, columns=3)
+    return figure
+
+
+def _quality(panel: Axes, answer: Dataset) -> None:
+    panel.plot(answer["zoomed"], answer["quality"], color=figures.BLACK)
+    panel.set_ylim(-0.05, 1.05)
+    label(panel, "time from the start of the scratch [ms]", "$w_Q$ [1]")
+
+
+def rotation(answer: Dataset) -> Figure:
+    """The rotation followed, and what it is worth."""
+    figure, (frequency, errors) = figures.axes(1, 2, size=(8.4, 3.8))
+    time = np.concatenate([answer["early"], answer["time"]])
+    cases, width = answer["case"].values, 0.38
+    for k, name in enumerate(answer["rival"].values):
+        look = LOOKS[str(name)]
+        parts = answer["followed_start"], answer["followed"]
+        course = np.concatenate([part.sel(rival=name) for part in parts])
+        frequency.plot(time, course, label=str(name), **look)
+        rms = 1e6 * answer["error"].sel(estimator=name, phase="quiet", size="rms")
+        errors.bar(np.arange(len(cases)) + (k - 0.5) * width, rms, width, color=look["color"])
+    errors.set_xticks(range(len(cases)), [f"rotation\n{case}" for case in cases])
+    label(frequency, "time [s]", "rotation followed [Hz]")
+    label(errors, y=r"rms error away from scratches [$\mu$m]")
+    legend_below(figure, frequency)
+    return figure
+
+
+def drives(answer: Dataset) -> Figure:
+    """Largest errors of the rivals on all drives."""
+    figure, panels = figures.axes(2, 1, size=(7.2, 6.0), sharex=True)
+    names, width = answer["drive"].values, 0.27
+    bars = [("measured", answer["drive_measured"], "0.55")]
+    bars += [
+        (name, answer["drive_error"].sel(rival=name), LOOKS[name]["color"])
+        for name in answer["rival"].values.tolist()
+    ]
+    phases = {"during": "in a scratch", "after": "in the 5 ms after"}
+    for panel, (phase, words) in zip(panels, phases.items(), strict=True):
+        for k, (rival, one, colour) in enumerate(bars):
+            size = 1e6 * one.sel(phase=phase, size="largest")
+            panel.bar(
+                np.arange(len(names)) + (k - 1) * width, size, width, color=colour, label=rival
+            )
+        label(panel, y=f"largest error [$\\mu$m]\n{words}")
+    panels[1].set_xticks(range(len(names)), names)
+    legend_below(figure, panels[0])
+    return figure
+
+
+def growth(answer: Dataset) -> Figure:
+    """Growth of the slowest mode over a quality that stays."""
+    figure, (panel,) = figures.axes(size=(7.0, 4.2))
+    for name in answer["fixed"].values.tolist():
+        one = answer["growth"].sel(fixed=name)
+        panel.plot(answer["quality_level"], one, label=name, **LOOKS[name])
+    panel.axhline(0.0, color=figures.BLACK, linewidth=0.8)
+    panel.set_yscale("symlog", linthresh=10.0)
+    words = "quality that scales the gain, and stays [1]", "growth of the slowest mode [1/s]"
+    label(panel, *words)
+    legend_below(figure, panel)
+    return figure
