@@ -19,7 +19,7 @@ from workbench.executor import Context
 from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.mu import sweep
 from workbench.synthesis import approximated
-from workbench.synthesis.implementation.reduction import Method
+from workbench.synthesis.implementation.reduction import ReductionMethod
 from workbench.systems.storage import restored, stored
 from workbench.uncertainty import GeneralisedPlant, UncertaintyModel
 from workbench.uncertainty.covers.storage import shape
@@ -151,7 +151,7 @@ class FiveX(Study):
         full = restored(self.designed.data, "controller")
         plant = synthesis_plant(self.axis, self.loop.model, SPEED)
         found = {}
-        for method in get_args(Method):
+        for method in get_args(ReductionMethod):
             K = approximated(full, ORDER, method, plant if method == "weighted" else None)
             top = performance_peak(both, K, TOLERANCE)
             found[method] = K, top.upper if top else np.inf
