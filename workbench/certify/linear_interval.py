@@ -29,14 +29,14 @@ from workbench.certify.interval import (
     positive,
 )
 
-Multipliers = Sequence[Array]
+MultiplierTriple = Sequence[Array]
 """D_left, D_right and G."""
 
 
 def certified_between(
     system: StableSystem,
-    middle: Multipliers,
-    change: Multipliers,
+    middle: MultiplierTriple,
+    change: MultiplierTriple,
     beta: float,
     omega: float,
     half: float,
@@ -85,7 +85,12 @@ def certified_between(
 
 
 def _hamiltonian(
-    system: StableSystem, frame: Frame, change: Multipliers, beta: float, omega: float, half: float
+    system: StableSystem,
+    frame: Frame,
+    change: MultiplierTriple,
+    beta: float,
+    omega: float,
+    half: float,
 ) -> Array | None:
     """The Hamiltonian whose imaginary eigenvalues are the z at which Phi is singular.
 

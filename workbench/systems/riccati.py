@@ -46,7 +46,7 @@ def hamiltonian_solution(H: RealArray) -> RealArray | None:
 
 
 def _balanced_solution(H: RealArray, half: RealArray) -> RealArray | None:
-    """As `hamiltonian_solution`, computed with states scaled by the factors `half` (n,)."""
+    """Solution of `hamiltonian_solution`, computed with states scaled by `half` (n,)."""
     n = len(half)
     scale = np.concatenate([half, 1.0 / half])
     H = H / scale[:, None] * scale

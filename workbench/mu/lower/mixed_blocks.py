@@ -29,7 +29,7 @@ LEVEL_OFFSETS = np.array([-4.0, -2.0, -1.0, -0.5, -0.2, 0.0, 0.2, 0.5, 1.0, 2.0,
 """Distances of further levels from the real part of an eigenvalue of the real blocks' own loop, as
 multiples of its imaginary part."""
 LEVEL_REFINEMENTS, REFINED_LEVELS = 8, 9
-"""How often the levels around the best one are refined, and the number of levels each time."""
+"""Number of refinements of the levels around the best one, and number of levels each time."""
 LEVEL_EXCESS = 1e-6
 """Relative distance above an eigenvalue of the real blocks' own loop at which the complex blocks
 are aligned; also the lowest level as a share of |M|."""

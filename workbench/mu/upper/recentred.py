@@ -38,7 +38,7 @@ WORTHWHILE_RATIO = 0.999
 NEGLIGIBLE_SHARE = 1e-4
 """Bounds below this share of the balanced norm are not improved further."""
 
-Multipliers = tuple[ComplexArray, ComplexArray]
+CompactMultipliers = tuple[ComplexArray, ComplexArray]
 """Compact D and G."""
 
 
@@ -46,7 +46,7 @@ def recentred(
     M: ComplexArray,
     structure: Structure,
     pattern: Pattern,
-    start: Multipliers,
+    start: CompactMultipliers,
     gap: float,
     accuracy: float,
 ) -> tuple[ComplexArray, ComplexArray, float]:
@@ -91,7 +91,7 @@ def recentred(
 
 
 def _proper(
-    M: ComplexArray, structure: Structure, pattern: Pattern, given: Multipliers
+    M: ComplexArray, structure: Structure, pattern: Pattern, given: CompactMultipliers
 ) -> tuple[ComplexArray, ComplexArray, float]:
     """The multipliers with the least bound, and this bound.
 
@@ -129,7 +129,7 @@ def _followed(
     M: ComplexArray,
     structure: Structure,
     pattern: Pattern,
-    given: Multipliers,
+    given: CompactMultipliers,
     value: float,
     accuracy: float,
     inward: float,
@@ -162,7 +162,10 @@ def _followed(
             new_D, new_G = np.zeros_like(D), np.zeros_like(G)
             fill(pattern, x, new_D, new_G)
             there = float(certified(framed, structure, *spread(pattern, new_D, new_G))) * value
-            after: Multipliers = (R.conj().T @ new_D @ R, R.conj().T @ new_G @ R * value + 0j)
+            after: CompactMultipliers = (
+                R.conj().T @ new_D @ R,
+                R.conj().T @ new_G @ R * value + 0j,
+            )
             new_D, new_G, proved = _proper(M, structure, pattern, after)
             # The path's gap does not include the rounding of the transformation back.
             with np.errstate(all="ignore"):

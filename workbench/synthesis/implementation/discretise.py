@@ -19,7 +19,7 @@ from workbench.systems.generalised_plant import response
 from workbench.systems.realisation import realisation
 from workbench.systems.sampling import hold
 
-Method = Literal["tustin", "zoh"]
+DiscretisationMethod = Literal["tustin", "zoh"]
 """Discretisation methods: bilinear transform, and zero-order hold."""
 SEPARATION_NORM = 1e3
 """Largest norm of a transformation that separates blocks; poles that need more stay together."""
@@ -30,7 +30,7 @@ CHECKED_NYQUIST_RATIOS = np.logspace(0.0, 4.0, 2000)
 def discretised(
     K: Any,
     sample_time: float,
-    method: Method = "tustin",
+    method: DiscretisationMethod = "tustin",
     prewarp: float | None = None,
     *,
     plant: Any = None,
@@ -66,8 +66,10 @@ def discretised(
     if K.dt:
         raise InputError(f"K is sampled already (dt = {K.dt}); give the continuous controller")
     need_positive(sample_time, "sample_time")
-    if method not in get_args(Method):
-        raise InputError(f"method is {method!r}; it must be one of {get_args(Method)}")
+    if method not in get_args(DiscretisationMethod):
+        raise InputError(
+            f"method is {method!r}; it must be one of {get_args(DiscretisationMethod)}"
+        )
     if plant is not None:
         plant = as_system(plant, "plant")
         need_fitting(K, plant)

@@ -24,7 +24,7 @@ from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.realisation import realisation
 
-Method = Literal["weighted", "balanced", "hankel"]
+ReductionMethod = Literal["weighted", "balanced", "hankel"]
 """Methods of order reduction; see `approximated`."""
 
 
@@ -70,7 +70,7 @@ class ReducedControllers:
 
 
 def approximated(
-    K: Any, order: int, method: Method = "weighted", plant: GeneralisedPlant | None = None
+    K: Any, order: int, method: ReductionMethod = "weighted", plant: GeneralisedPlant | None = None
 ) -> StateSpace:
     """Approximate a controller by one with at most `order` states.
 
@@ -107,7 +107,7 @@ def reduce_order(
     *,
     target: float = 1.0,
     order: int | None = None,
-    method: Method = "weighted",
+    method: ReductionMethod = "weighted",
     refine: bool = False,
     context: Context | None = None,
 ) -> ReducedControllers:
@@ -217,7 +217,7 @@ def _reducer(
         closed = loop.A, loop.B, loop.C, loop.D
         of = reduction_methods.weighted(parts, plant, closed, peak)
     else:
-        raise InputError(f"method is {method!r}; it must be one of {get_args(Method)}")
+        raise InputError(f"method is {method!r}; it must be one of {get_args(ReductionMethod)}")
     labels = {"inputs": K.input_labels, "outputs": K.output_labels}
     return least, lambda k: realisation(of(k), 0.0, **labels)
 

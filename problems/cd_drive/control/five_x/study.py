@@ -20,7 +20,7 @@ from workbench.heavy_types import DataArray, Dataset, StateSpace
 from workbench.mu import performance_peak, performance_sweep
 from workbench.study import Study, array, arrays, check, dim, figure, metric, part, system, table
 from workbench.synthesis import approximated, equalising_gain, least_mu
-from workbench.synthesis.implementation.reduction import Method
+from workbench.synthesis.implementation.reduction import ReductionMethod
 from workbench.synthesis.mu.equalising_gain import LARGEST_GAIN
 from workbench.uncertainty import GeneralisedPlant, UncertaintyModel
 from workbench.uncertainty.covers.storage import shape
@@ -87,7 +87,7 @@ class FiveX(Study):
 
     bound, bounded, proof = dim("lower", "upper"), dim(BOUNDED), dim(PROOFS)
     controller, channel = dim(CONTROLLERS), dim(CHANNELS)
-    reduction = dim(get_args(Method))
+    reduction = dim(get_args(ReductionMethod))
     cover_frequency = dim(lambda self: self.covered.data["frequency"].values, unit="Hz")
     frequency = dim(
         lambda cover_frequency: np.unique(np.concatenate([cover_frequency.values, FREQUENCIES])),
@@ -113,7 +113,7 @@ class FiveX(Study):
         """The designed controller reduced in every way, and its peak, infinite if unstable."""
         plant = synthesis_plant(self.axis, self.loop.model, SPEED)
         found = {}
-        for method in get_args(Method):
+        for method in get_args(ReductionMethod):
             weighting = plant if method == "weighted" else None
             K = approximated(self.designed.answer.K, ORDER, method, weighting)
             top = performance_peak(plants["both"], K, PEAK_TOLERANCE)
