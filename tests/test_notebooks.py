@@ -16,8 +16,15 @@ OPTIONS = set(inspect.signature(wb.run).parameters)
 """Keywords of ``wb.run`` that are not parameters of a problem."""
 
 NOTEBOOKS = sorted((Path(__file__).parents[1] / "notebooks").glob("*.ipynb"))
-LONG = {"from_uncertainty_to_mu", "from_mu_to_controllers", "from_responses_to_uncertainty"}
-"""Notebooks that take a minute or so: mu, synthesis and covers at full size."""
+LONG = {
+    "from_disc_to_drives",
+    "from_estimates_to_tolerance",
+    "from_faults_to_estimates",
+    "from_mu_to_controllers",
+    "from_responses_to_uncertainty",
+    "from_uncertainty_to_mu",
+}
+"""Notebooks that take from a quarter of a minute to two: what they run is at full size."""
 
 
 def marked(path):

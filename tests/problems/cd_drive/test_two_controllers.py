@@ -36,10 +36,12 @@ def data(solved):
     return solved[1].answer
 
 
+@pytest.mark.slow
 def test_its_certificate_holds(solved):
     assert solved[1].certificate.failures == ()
 
 
+@pytest.mark.slow
 def test_bandwidth_is_traded_for_immunity(data):
     a, b = (data["nominal"].sel(channel=z).values for z in ("z_p", "z_sd"))
     assert a[0] < a[1] and b[0] > 2 * b[1]
@@ -49,6 +51,7 @@ def test_bandwidth_is_traded_for_immunity(data):
     assert data["chosen"].values.tolist() == [0, 1]
 
 
+@pytest.mark.slow
 def test_the_reference_controller_lies_above_the_front(data):
     a, b, _ = data["reference_nominal"].values[0]
     assert a == pytest.approx(0.732, abs=2e-3)
@@ -56,11 +59,13 @@ def test_the_reference_controller_lies_above_the_front(data):
     assert design[0] < 1.1 * a and design[1] < 0.8 * b
 
 
+@pytest.mark.slow
 def test_worst_cases_are_worse(data):
     upper = data["worst"].sel(bound="upper").values
     assert (upper >= data["nominal"].sel(channel=["z_p", "z_sd"]).values * (1 - 1e-6)).all()
 
 
+@pytest.mark.slow
 def test_a_bound_that_is_too_high_is_found(solved, data):
     study, _ = solved
     wrong = data.copy(deep=True)
@@ -69,6 +74,7 @@ def test_a_bound_that_is_too_high_is_found(solved, data):
     assert failed == {"bounds"}
 
 
+@pytest.mark.slow
 def test_tables_and_figures_are_made(solved, data):
     study, _ = solved
     tables = study.tables(data)
