@@ -9,14 +9,12 @@ from typing import Any
 
 from workbench import figures
 from workbench.heavy_types import DataArray, Dataset, Figure
-from workbench.tables import markdown
 
 from ...drive.tables import Axis
 from .designs import FULL_ORDER
 
 Rows = tuple[list[str], list[list[str]]]
 """Heads and rows of a table."""
-aligned = markdown  # until every table is made by `markdown` itself
 CLAIMS = {
     "reference": "not in the table",
     "LQG": "not in the table: no model uncertainty (section 5.1)",

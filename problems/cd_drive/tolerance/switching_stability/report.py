@@ -8,8 +8,8 @@ import numpy as np
 
 from workbench import figures
 from workbench.heavy_types import Dataset, Figure
+from workbench.tables import markdown
 
-from ...control.methods.report import aligned
 from ...drive.disc import VELOCITY
 from ...drive.photo_diodes import CAPTURE
 from ...drive.red_book import ACCEPTABLE_ERROR
@@ -72,7 +72,7 @@ def _loops(answer: Dataset) -> str:
                     f"{1 / upper:.2f}" if late else "",
                 ]
             )
-    return aligned(heads, rows)
+    return markdown(heads, rows)
 
 
 def _dwell(answer: Dataset) -> str:
@@ -98,7 +98,7 @@ def _dwell(answer: Dataset) -> str:
         longest_dwell, best = int(answer["cell_dwell"].max()), float(answer["box_of_cells"])
         below += f"\nSamples between defects that are enough, times {best:g}: {longest_dwell}."
     head = f"Samples of {1e6 * PERIOD:.1f} us; defects of 1 to {longest} samples.\n\n"
-    return head + aligned(heads, rows) + "\n" + below + "\n"
+    return head + markdown(heads, rows) + "\n" + below + "\n"
 
 
 def _errors(axis: Axis, answer: Dataset) -> str:
@@ -126,7 +126,7 @@ def _errors(axis: Axis, answer: Dataset) -> str:
             rows.append(cells)
         cells = [case, "K goes on", f"{float(answer['alone'].sel(case=case).max()):.2f}"]
         rows.append(cells + [""] * 5)
-    return f"All drives; defects {MM * far:.0f} mm apart.\n\n" + aligned(heads, rows)
+    return f"All drives; defects {MM * far:.0f} mm apart.\n\n" + markdown(heads, rows)
 
 
 def _laboratory(answer: Dataset) -> str:
@@ -144,7 +144,7 @@ def _laboratory(answer: Dataset) -> str:
         "Largest true error of all drives at 9 Hz; the bound is for the whole disc. In the "
         "laboratory K and K' follow each other; the bound is for a shared integrator.\n\n"
     )
-    return head + aligned(heads, rows)
+    return head + markdown(heads, rows)
 
 
 def switching_figures(axis: Axis, answer: Dataset) -> dict[str, Figure]:
