@@ -19,7 +19,7 @@ from workbench.plants.cd_drive.tolerance.playability.runs import (
 )
 from workbench.plants.cd_drive.tolerance.playability.search import (
     BOUNDS,
-    LARGEST,
+    LARGEST_SENSITIVITY,
     Search,
     peak_sensitivity,
 )
@@ -119,7 +119,7 @@ def test_sampled_and_continuous_loops_are_as_near_to_instability(axis):
     for gain_db in (-3.0, 0.0, 3.0):
         sampled = peak_sensitivity(axis, sampled_controller(axis, gain_db))
         assert sampled == pytest.approx(continuous_peak(axis, gain_db), rel=0.05)
-    assert peak_sensitivity(axis, sampled_controller(axis, 9.0)) > LARGEST
+    assert peak_sensitivity(axis, sampled_controller(axis, 9.0)) > LARGEST_SENSITIVITY
 
 
 def test_the_search_finds_a_minimum_and_stays_within_bounds():

@@ -13,11 +13,12 @@ from pydantic import Field
 from workbench import Run, problem, ref
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
-from workbench.systems.storage import restored
+from workbench.synthesis import discretised
 
 from ...drive.red_book import AXES
 from ...drive.shared_parameters import TABLES
 from ...drive.tables import Axis
+from ...laboratory.bench_setup import PERIOD
 from ..tactics import STRATEGIES
 from .runs import chosen
 from .study import Playability
@@ -29,7 +30,7 @@ Names = "reference,A,B,C,K_prime"
 
 
 SLOWER = {str(axis): ref(f"cd/{axis}/lower-bandwidth") for axis in AXES}
-"""K' of both axes."""
+"""Problems that design K' of both axes."""
 
 
 @problem("cd/playability", needs=SLOWER, data=(*TABLES, "data/red_book.csv"))
@@ -75,12 +76,15 @@ def playability(
 
 
 def slower(focus: Run, radial: Run) -> dict[Axis, StateSpace]:
-    """K' of both axes, discrete."""
-    return {"focus": restored(focus.data, "sampled"), "radial": restored(radial.data, "sampled")}
+    """Discrete K' of both axes."""
+    return {
+        "focus": discretised(focus.answer.K, PERIOD),
+        "radial": discretised(radial.answer.K, PERIOD),
+    }
 
 
 def named(names: str) -> tuple[str, ...]:
-    """Strategies of a list with commas. Raises InputError for none, unknown ones, and twice one."""
+    """Split a list with commas; InputError for no name, an unknown one, or one given twice."""
     every = tuple(name.strip() for name in names.split(",") if name.strip())
     unknown = [name for name in every if name not in STRATEGIES]
     if not every or unknown or len(set(every)) < len(every):

@@ -34,22 +34,31 @@ from ..ensemble import Circumstance
 from ..tactics import CORNER, STRATEGIES, Strategies, clean_level
 
 SETTLING = 0.4
-"""From when on a run is scored [s]: disc and loop have settled, repetitive control has learnt."""
+"""Time [s] from which on a run is scored: loop and repetitive control have settled."""
 REPAIRED = 2.5e-3
-"""Burst that the error correction repairs, along the track [m] (section 2.5.1)."""
-SCORES = ("out", "losses", "burst", "deviation")
-"""Of a run: share of time out of spec; how often focus, or the track, was lost; longest stretch out
-of spec [m of track]; rms of the true error [m]."""
+"""Longest burst [m of track] that the error correction repairs (section 2.5.1)."""
+SCORE_UNITS = {"out": "1", "losses": "1", "burst": "m", "deviation": "m"}
+"""Scores of a run and their units: share of time out of spec; how often focus, or the track, was
+lost; longest stretch out of spec along the track; rms of the true error."""
+SCORES = tuple(SCORE_UNITS)
 
 
 @dataclass(frozen=True)
 class Design:
     """A strategy and its parameters.
 
-    gain_db   of its controllers over the reference ones [dB];
-    dist_max  of the quality signal (eq. 7.13), from which on nothing is believed;
-    corner    of the repetitive control's low-pass [Hz], where the strategy has one;
-    replacement  K', discrete, of the strategy that switches to it; see `Strategies`.
+    Parameters
+    ----------
+    strategy
+        Name in `STRATEGIES`.
+    gain_db
+        Gain of its controllers over the reference controllers [dB].
+    dist_max
+        Value of the quality's argument (eq. 7.13) from which on no measurement is believed.
+    corner
+        Corner of the repetitive control's low-pass [Hz], where the strategy has one.
+    replacement
+        Discrete K' of the strategy that switches to it; see `Strategies`.
 
     Raises UnknownNameError for a strategy that is none, InputError for a dist_max that is not above
     the dist_min that the noise allows.
@@ -68,7 +77,7 @@ class Design:
             raise InputError(f"dist_max is {self.dist_max}; it must be above {DIST_MIN}, finite")
 
     def made(self, axis: Axis, rotation: float, gain_db: float) -> Cascade:
-        """The strategy for a loop whose gain is off by `gain_db`, for a clean level of 1 V."""
+        """Make the strategy for a clean level of 1 V and a loop gain off by ``gain_db``."""
         total_db = self.gain_db + gain_db
         other = self.replacement
         strategies = Strategies(
@@ -82,7 +91,7 @@ class Design:
         return strategies.named(self.strategy)
 
     def seeing(self, made: Cascade, level: float) -> Cascade:
-        """The same with the detector of a clean disc's level [V] and of this dist_max."""
+        """Return ``made`` with a detector for a clean disc's ``level`` [V] and this dist_max."""
         eye = diode_quality(level, DIST_MIN, self.dist_max)
         parts = [
             replace(one, controller=eye) if one.name == "detector" else one for one in made.parts
@@ -92,7 +101,7 @@ class Design:
 
 @dataclass(frozen=True)
 class Player:
-    """What one circumstance does to designs on several drives: a task for an executor."""
+    """Scores designs on several drives in one circumstance: a task for an executor."""
 
     designs: tuple[Design, ...]
     drives: tuple[str, ...]
@@ -122,10 +131,10 @@ def met(
     progress: Progress,
     what: str,
 ) -> RealArray:
-    """What a task makes of each circumstance, (drives, designs, SCORES), in threads.
+    """Run a task for every circumstance in threads: (designs, drives, circumstances, SCORES).
 
-    As (designs, drives, circumstances, SCORES). The compiled loop lets other threads run, and a
-    thread shares what is compiled.
+    ``task`` gives (drives, designs, SCORES) for one circumstance. The compiled loop lets other
+    threads run, and all threads share what is compiled.
     """
     machine()  # threads that meet it at one time would each compile it
     with Threads(workers) as pool:
@@ -140,7 +149,7 @@ def played(
     made: Cascade | None = None,
     refine: int = 1,
 ) -> Record:
-    """A run of one design; `made`: its strategy, where it was made before."""
+    """Run one design; ``made`` is its strategy, if that was made before."""
     bench = Laboratory(one.axis, drive, refine=refine)
     if made is None:
         made = design.made(one.axis, one.believed, one.gain_db)
@@ -160,17 +169,17 @@ def evaluated(record: Record) -> RealArray:
 
 
 def scored(error: RealArray, axis: Axis) -> Sequence[float]:
-    """SCORES of a true error [m] (N,)."""
+    """Return the SCORES of a true error [m] (N,)."""
     found = error_scores(error, ACCEPTABLE_ERROR[axis], CAPTURE[axis])
     return found.outside, found.losses, float(found.longest) / RATE * VELOCITY, found.rms
 
 
 @lru_cache(maxsize=256)
 def sampled_controller(axis: Axis, gain_db: float = 0.0) -> StateSpace:
-    """K of eq. 6.12, discrete, with its gain changed."""
+    """Discrete controller K of eq. 6.12 with its gain changed by ``gain_db``."""
     return 10.0 ** (gain_db / 20.0) * in_discrete_time(controller(axis), PERIOD)
 
 
 def chosen(count: int) -> tuple[str, ...]:
-    """So many of the twelve drives, evenly spread."""
+    """Names of ``count`` of the twelve drives, evenly spread."""
     return tuple(f"CD{1 + n * 12 // count}" for n in range(count))

@@ -25,17 +25,17 @@ from .runs import Design
 
 PARAMETERS = ("gain_db", "dist_max", "corner")
 BOUNDS = {"gain_db": (-9.0, 9.0), "dist_max": (0.2, 0.7), "corner": (60.0, 600.0)}
-"""Within which the parameters are looked for: gain [dB], threshold [1], corner [Hz]."""
-STEPS = {"gain_db": 2.0, "dist_max": 0.1, "corner": 150.0}
-"""First steps of the simplex from where it starts."""
-LARGEST = 2.0
-"""Sensitivity that no drive's loop may exceed: M of the performance weight (eq. 6.11)."""
+"""Least and largest values of the parameters: gain [dB], threshold [1], corner [Hz]."""
+FIRST_STEPS = {"gain_db": 2.0, "dist_max": 0.1, "corner": 150.0}
+"""Distances of the first simplex's corners from its start, in the units of `BOUNDS`."""
+LARGEST_SENSITIVITY = 2.0
+"""Largest |S| that a drive's loop may have: M of the performance weight (eq. 6.11)."""
 FREQUENCY = np.geomspace(20.0, 15e3, 600)
-"""At which the sensitivity is looked at [Hz]."""
+"""Frequencies [Hz] at which the sensitivity is computed."""
 
 
 def peak_sensitivity(axis: Axis, law: StateSpace) -> float:
-    """Largest |S| of the twelve drives' loops with a discrete controller; unstable: infinite."""
+    """Largest |S| of the twelve drives' loops with a discrete controller; infinite if unstable."""
     import control
 
     K = law(np.exp(2j * np.pi * FREQUENCY * PERIOD))
@@ -51,7 +51,10 @@ def peak_sensitivity(axis: Axis, law: StateSpace) -> float:
 
 @dataclass
 class Search:
-    """At most `trials` designs from a first one on; the corner only where there is one."""
+    """Search for the design of least cost by at most ``trials`` trials, from ``start`` on.
+
+    The corner is searched only for a strategy that has one.
+    """
 
     start: Design
     cost: Callable[[Design], float]
@@ -64,12 +67,12 @@ class Search:
         return list(PARAMETERS if self.start.strategy == "A" else PARAMETERS[:2])
 
     def run(self) -> tuple[Design, RealArray, RealArray]:
-        """The best design met, all of them (trials, PARAMETERS), and their costs (trials,).
+        """Return the best design, all that were tried (trials, PARAMETERS), and their costs.
 
-        What is missing at an early end is the last one again.
+        If the search ends early, the last trial is repeated until there are ``trials`` of them.
         """
         first = np.array([getattr(self.start, name) for name in self.free])
-        scale = np.array([STEPS[name] for name in self.free])
+        scale = np.array([FIRST_STEPS[name] for name in self.free])
         simplex = np.vstack([first, first + np.diag(scale)]) / scale
         bounds = np.array([BOUNDS[name] for name in self.free]) / scale[:, None]
         minimize(

@@ -7,15 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
-from workbench import Check, Study
 from workbench.arrays import RealArray
 from workbench.errors import InputError
 from workbench.executor import Context
-from workbench.heavy_types import Dataset, Figure, StateSpace
+from workbench.heavy_types import DataArray, Dataset, StateSpace
 from workbench.simulation.ensemble_scores import (
     BOOTSTRAP_SAMPLES,
     CONFIDENCE,
@@ -24,16 +23,26 @@ from workbench.simulation.ensemble_scores import (
     group_means,
     percentile_interval,
 )
+from workbench.study import Study, array, arrays, check, dim, figure, metric, part, table
 
 from ...drive.red_book import AXES
 from ...drive.tables import Axis
 from ..ensemble import GROUPS, Circumstance, circumstances, groups
-from .checks import checks_of
-from .report import figures_of, numbers_of, tables_of
-from .runs import SCORES, Design, Player, evaluated, met, played, sampled_controller
-from .search import LARGEST, PARAMETERS, Search, peak_sensitivity
-
-UNITS = {"out": "1", "losses": "1", "burst": "m", "deviation": "m"}
+from ..strategy_looks import titled
+from .checks import continuous_peak, half_step_change, trace_difference
+from .figures import balloons, scores, tuning
+from .runs import (
+    REPAIRED,
+    SCORE_UNITS,
+    SCORES,
+    Design,
+    Player,
+    evaluated,
+    met,
+    played,
+    sampled_controller,
+)
+from .search import BOUNDS, LARGEST_SENSITIVITY, PARAMETERS, Search, peak_sensitivity
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,153 +73,269 @@ class Playability(Study):
 
     @property
     def split(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """Drives that are trained on, and the others; one drive alone is both."""
+        """Drives for tuning, and the other drives; a single drive is in both."""
         return self.drives[::2], self.drives[1::2] or self.drives
 
     def design(self, axis: Axis, name: str) -> Design:
-        """A strategy as it is before it is tuned."""
+        """The untuned design of a strategy."""
         return Design(name, replacement=self.replacements[axis])
 
     def drawn(self, axis: Axis, part: str, seed: int) -> list[Circumstance]:
-        """The circumstances of a part, "training" or "held-out": no seed is in both."""
+        """Circumstances of a part, "training" or "held-out"; no seed is in both."""
         number = 2 * AXES.index(axis) + ("training", "held-out").index(part)
         rng = np.random.default_rng([seed, number])
         count = self.training if part == "training" else self.scenarios
         return circumstances(axis, count, self.duration, rng)
 
-    def scores(
-        self,
-        context: Context,
-        designs: tuple[Design, ...],
-        drives: tuple[str, ...],
-        many: list[Circumstance],
-        what: str,
-    ) -> RealArray:
-        """SCORES of designs: (designs, drives, circumstances, SCORES)."""
-        player = Player(designs, drives, self.duration)
+    def run(self, context: Context, designs: Any, drives: Any, many: Any, what: str) -> RealArray:
+        """Scores of designs (designs, drives, circumstances, SCORES)."""
+        player = Player(tuple(designs), drives, self.duration)
         return met(player, many, self.workers, context.progress, what)
 
-    def compute(self, context: Context) -> Dataset:
-        import xarray as xr
+    def search(self, axis: Axis, seed: int, context: Context) -> tuple[Design, Any, Any]:
+        """Tune a strategy on training discs: the best design, all that were tried, their costs."""
+        training = self.drawn(axis, "training", seed)
 
-        seed = int(context.rng.integers(2**31))
-        every, best, tried, values, traces = [], [], [], [], []
-        for axis in AXES:
-            training = self.drawn(axis, "training", seed)
+        def cost(design: Design) -> float:
+            peak = peak_sensitivity(axis, sampled_controller(axis, design.gain_db))
+            if peak > LARGEST_SENSITIVITY:
+                return 1.0 + peak - LARGEST_SENSITIVITY  # worse than any balloon
+            found = self.run(context, [design], self.split[0], training, f"tuning {axis}")
+            return float(balloon_size(group_means(found[0, ..., 0].mean(axis=0), groups(training))))
 
-            def cost(
-                design: Design, axis: Axis = axis, many: list[Circumstance] = training
-            ) -> float:
-                peak = peak_sensitivity(axis, sampled_controller(axis, design.gain_db))
-                if peak > LARGEST:
-                    return 1.0 + peak - LARGEST  # worse than any balloon
-                found = self.scores(context, (design,), self.split[0], many, f"tuning {axis}")
-                return float(balloon_size(group_means(found[0, ..., 0].mean(axis=0), groups(many))))
+        return Search(self.design(axis, self.tuned), cost, self.trials).run()
 
-            search = Search(self.design(axis, self.tuned), cost, self.trials)
-            found, points, costs = search.run()
-            best.append([getattr(found, name) for name in PARAMETERS])
-            tried.append(points)
-            values.append(costs)
-            held_out = self.drawn(axis, "held-out", seed)
-            designs = (*(self.design(axis, name) for name in self.strategies), found)
-            every.append(self.scores(context, designs, self.drives, held_out, f"ensemble {axis}"))
-            traces.append(
-                evaluated(played(held_out[-1], self.drives[0], designs[0], self.duration))
-            )
-        scored_runs = np.array(every, np.float32)
-        dims = ("axis", "strategy", "drive", "circumstance")
-        rng = np.random.default_rng([seed, 99])
-        group = groups(self.drawn("focus", "held-out", seed))
-        weight = bootstrap_weights(group, BOOTSTRAP_SAMPLES, rng)
-        data = {
-            name: (dims, scored_runs[..., n], {"units": UNITS[name]})
-            for n, name in enumerate(SCORES)
-        }
-        return xr.Dataset(
-            {
-                **data,
-                **self._balloon(np.array(every)[..., 0], group, weight),
-                "best": (("axis", "parameter"), best),
-                "peak": (
-                    "axis",
-                    [
-                        peak_sensitivity(axis, sampled_controller(axis, one[0]))
-                        for axis, one in zip(AXES, best, strict=True)
-                    ],
-                    {"long_name": "largest |S| of the twelve drives with the tuned gain"},
-                ),
-                "tried": (("axis", "trial", "parameter"), tried),
-                "cost": (
-                    ("axis", "trial"),
-                    values,
-                    {"long_name": "size of the balloon on training discs"},
-                ),
-                "trace": (
-                    ("axis", "sample"),
-                    np.array(traces, np.float32),
-                    {"units": "m", "long_name": "true error of the last scenario"},
-                ),
-                "seed": seed,
-            },
-            coords={
-                "axis": list(AXES),
-                "strategy": list(self.names),
-                "drive": list(self.drives),
-                "group": list(GROUPS),
-                "parameter": list(PARAMETERS),
-                "end": ["low", "high"],
-            },
+    axis = dim(AXES)
+    strategy = dim(lambda self: self.names)
+    drive = dim(lambda self: self.drives)
+    group = dim(GROUPS)
+    parameter = dim(PARAMETERS)
+    end = dim("low", "high")
+    measure = dim("balloon", "out")
+
+    seed = array((), value=lambda context: int(context.rng.integers(2**31)))
+    held_out = part(lambda self, seed: [self.drawn(axis, "held-out", int(seed)) for axis in AXES])
+
+    # --- the search for a tuned strategy ------------------------------------------------------
+
+    searches = part(
+        lambda self, seed, context: [self.search(axis, int(seed), context) for axis in AXES]
+    )
+    best = array(
+        (axis, parameter),
+        value=lambda searches: [[getattr(one[0], name) for name in PARAMETERS] for one in searches],
+    )
+    tried = array((axis, "trial", parameter), value=lambda searches: [one[1] for one in searches])
+    cost = array(
+        (axis, "trial"),
+        "",
+        "size of the balloon on training discs",
+        lambda searches: [one[2] for one in searches],
+    )
+    peak = array(
+        axis,
+        "",
+        "largest |S| of the twelve drives with the tuned gain",
+        lambda searches: [
+            peak_sensitivity(axis, sampled_controller(axis, one[0].gain_db))
+            for axis, one in zip(AXES, searches, strict=True)
+        ],
+    )
+
+    # --- the ensemble -------------------------------------------------------------------------
+
+    @part
+    def runs(self, searches: Any, held_out: list[list[Circumstance]], context: Context) -> Any:
+        """Scores (axes, strategies, drives, circumstances, SCORES)."""
+        found = []
+        for axis, (tuned, *_), many in zip(AXES, searches, held_out, strict=True):
+            designs = [*(self.design(axis, name) for name in self.strategies), tuned]
+            found.append(self.run(context, designs, self.drives, many, f"ensemble {axis}"))
+        return np.array(found)
+
+    @arrays((axis, strategy, drive, "circumstance"), **SCORE_UNITS)
+    def scores(self, runs: Any) -> dict[str, Any]:
+        return {name: runs[..., n].astype(np.float32) for n, name in enumerate(SCORES)}
+
+    @array((axis, "sample"), "m", "true error of the last scenario")
+    def trace(self, held_out: list[list[Circumstance]]) -> Any:
+        name, drive = self.strategies[0], self.drives[0]
+        designs = [self.design(axis, name) for axis in AXES]
+        errors = [
+            evaluated(played(many[-1], drive, design, self.duration))
+            for many, design in zip(held_out, designs, strict=True)
+        ]
+        return np.array(errors, np.float32)
+
+    grouped = part(lambda held_out: groups(held_out[0]))
+    present = part(lambda grouped: sorted(set(grouped.tolist())))
+    known = dim(lambda present: [GROUPS[number] for number in present])
+    weight = part(
+        lambda grouped, seed: bootstrap_weights(
+            grouped, BOOTSTRAP_SAMPLES, np.random.default_rng([int(seed), 99])
         )
+    )
 
-    def _balloon(self, out: RealArray, group: np.ndarray, weight: RealArray) -> dict[str, object]:
-        """Arms and sizes with their intervals, and the tuned strategy's differences."""
-        arm, again = (group_means(out.mean(axis=2), group, w) for w in (None, weight))
+    @part
+    def samples(self, runs: Any, grouped: Any, weight: Any) -> Any:
+        """Means of the groups (axes, strategies, GROUPS), and their bootstrap samples."""
+        out = runs[..., 0].mean(axis=2)
+        return [group_means(out, grouped, each) for each in (None, weight)]
+
+    arm = array((axis, strategy, known), value=lambda samples, present: samples[0][..., present])
+    arm_interval = array(
+        (end, axis, strategy, known),
+        value=lambda samples, present: percentile_interval(np.moveaxis(samples[1], 2, -1))[
+            ..., present
+        ],
+    )
+    balloon = array((axis, strategy), value=lambda samples: balloon_size(samples[0]))
+    balloon_interval = array(
+        (end, axis, strategy), value=lambda samples: percentile_interval(balloon_size(samples[1]))
+    )
+
+    @part
+    def gains(self, runs: Any, grouped: Any, weight: Any) -> Any:
+        """Tuned less untuned, by measure, and the bootstrap samples, on unseen discs and drives."""
         fresh = [self.drives.index(name) for name in self.split[1]]
-        base = self.strategies.index(self.tuned)
-        # What is held out for tuning: discs and drives that it has not seen.
-        unseen = out[:, [base, -1]][:, :, fresh].mean(axis=2)
-        pair, pairs = (group_means(unseen, group, w) for w in (None, weight))
-        gain = balloon_size(pair[:, 1]) - balloon_size(pair[:, 0])
-        gains = balloon_size(pairs[:, 1]) - balloon_size(pairs[:, 0])
-        share = (unseen[:, 1] - unseen[:, 0]).mean(axis=-1)
-        shares = np.einsum("ac,wc->aw", unseen[:, 1] - unseen[:, 0], weight) / len(group)
-        known = sorted(set(group.tolist()))
+        pair = [self.strategies.index(self.tuned), -1]
+        unseen = runs[..., 0][:, pair][:, :, fresh].mean(axis=2)
+        means = [group_means(unseen, grouped, each) for each in (None, weight)]
+        sizes = [balloon_size(each[:, 1]) - balloon_size(each[:, 0]) for each in means]
+        less = unseen[:, 1] - unseen[:, 0]
+        shares = less.mean(axis=-1), np.einsum("ac,wc->aw", less, weight) / len(grouped)
+        return list(zip(sizes, shares, strict=True))
+
+    gained = array(
+        (axis, measure),
+        "",
+        "tuned less untuned, on discs and drives it was not tuned on",
+        lambda gains: np.transpose(gains[0]),
+    )
+    gained_interval = array(
+        (end, axis, measure),
+        value=lambda gains: np.stack([percentile_interval(each) for each in gains[1]], axis=-1),
+    )
+
+    # --- checks -------------------------------------------------------------------------------
+
+    @check("stored traces", at_most=1e-6)
+    def traces(self, answer: Dataset) -> float:
+        """score off what the trace says"""
+        first = answer.isel(strategy=0, drive=0, circumstance=-1)
+        return max(trace_difference(axis, first.sel(axis=axis)) for axis in AXES)
+
+    @check("replay", at_most=0.02)
+    def replayed(self, answer: Dataset) -> float:
+        """relative change of the rms error at half the step"""
+        first, off = answer.isel(drive=0, circumstance=0), []
+        for axis in AXES:
+            one = self.drawn(axis, "held-out", int(answer["seed"]))[0]
+            for name in self.strategies:
+                own, design = first.sel(axis=axis, strategy=name), self.design(axis, name)
+                off.append(half_step_change(one, design, self.duration, own))
+        return max(off)
+
+    @check("arms", at_most=1e-6)
+    def arms(self, out: DataArray, arm: DataArray) -> float:
+        """off the mean of the stored runs"""
+        off = 0.0
+        for name in arm["known"].values:
+            own = out.isel(circumstance=slice(GROUPS.index(str(name)), None, len(GROUPS)))
+            mean = own.mean(["drive", "circumstance"])
+            off = max(off, float(abs(mean - arm.sel(known=name)).max()))
+        return off
+
+    bursts = check(
+        "bursts",
+        "longest burst of a run never out of spec [m]",
+        lambda burst, out: burst.where(out == 0.0, 0.0).max(),
+        at_most=0.0,
+    )
+
+    @check("intervals", at_most=0.05)
+    def intervals(self, balloon: DataArray, balloon_interval: DataArray) -> float:
+        """size of a balloon outside its interval"""
+        low, high = (balloon_interval.sel(end=end) for end in ("low", "high"))
+        outside = np.maximum(low - balloon, 0.0) + np.maximum(balloon - high, 0.0)
+        return float(outside.max())
+
+    training_cost = check(
+        "training",
+        "cost of the tuned less that of the untuned",
+        lambda cost: (cost.min("trial") - cost.isel(trial=0)).max(),
+        at_most=0.0,
+    )
+    margin = check(
+        "margin",
+        "largest |S| of a continuous loop, tuned",
+        lambda best: max(continuous_peak(axis, float(best.sel(axis=axis)[0])) for axis in AXES),
+        at_most=1.05 * LARGEST_SENSITIVITY,
+    )
+
+    @check("bounds", at_most=0.0)
+    def bounds(self, best: DataArray) -> float:
+        """parameters outside of theirs"""
+        least, most = np.transpose([BOUNDS[name] for name in PARAMETERS])
+        return float(((best < least - 1e-9) | (best > most + 1e-9)).sum())
+
+    # --- what is told -------------------------------------------------------------------------
+
+    in_spec = metric(
+        "in_spec_{axis}_{strategy}",
+        lambda out: 1.0 - out.mean(["drive", "circumstance"]).astype(float),
+    )
+    lost = metric(
+        "lost_{axis}_{strategy}", lambda losses: (losses > 0).mean(["drive", "circumstance"])
+    )
+    unrepaired = metric(
+        "unrepaired_{axis}_{strategy}",
+        lambda burst: (burst > REPAIRED).mean(["drive", "circumstance"]),
+    )
+    burst_mm = metric(
+        "burst_{axis}_{strategy}_mm",
+        lambda burst: 1e3 * burst.median(["drive", "circumstance"]).astype(float),
+    )
+    balloons = metric("balloon_{axis}_{strategy}", lambda balloon: balloon)
+    tuned_peak = metric("tuned_{axis}_peak_sensitivity", lambda peak: peak)
+    tuned_gain = metric("tuned_{axis}_{measure}", lambda gained: gained)
+    tuned_interval = metric("tuned_{axis}_{measure}_{end}", lambda gained_interval: gained_interval)
+
+    @table
+    def score_table(self, answer: Dataset) -> Any:
+        """Scores of each axis and strategy."""
+        numbers, rows = self.metrics(answer), []
+        for axis in AXES:
+            for name in self.names:
+                own = {"axis": axis, "strategy": name}
+                low, high = answer["balloon_interval"].sel(own).values
+                forms = {"in_spec": "{:.2%}", "lost": "{:.1%}", "unrepaired": "{:.1%}"}
+                shares = [f.format(numbers[f"{key}_{axis}_{name}"]) for key, f in forms.items()]
+                size = f"{numbers[f'balloon_{axis}_{name}']:.3f} ({low:.3f} to {high:.3f})"
+                label = f"{titled(self.tuned)}, tuned" if name == "tuned" else titled(name)
+                burst = f"{numbers[f'burst_{axis}_{name}_mm']:.2f}"
+                rows.append([axis, label, *shares, burst, size])
+        heads = ["axis", "strategy", "in spec", "lost", "burst > 2.5 mm", "median burst [mm]"]
+        return {"scores": ([*heads, "balloon"], rows)}
+
+    @table
+    def tuning(self, answer: Dataset) -> Any:
+        """Tuned parameters, and what they gain."""
+        level, rows = f"{CONFIDENCE:.0%}", []
+        for axis in AXES:
+            one = answer.sel(axis=axis)
+            gains = []
+            for gain, (low, high) in zip(
+                one["gained"].values, one["gained_interval"].values.T, strict=True
+            ):
+                gains += [f"{gain:+.4f}", f"{low:+.4f} to {high:+.4f}"]
+            rows.append([axis, *(f"{value:.3g}" for value in one["best"].values), *gains])
+        return ["axis", *PARAMETERS, "balloon", level, "out of spec", level], rows
+
+    @figure
+    def drawn_figures(self, answer: Dataset) -> Any:
         return {
-            "arm": (("axis", "strategy", "known"), arm[..., known]),
-            "arm_interval": (
-                ("end", "axis", "strategy", "known"),
-                percentile_interval(np.moveaxis(again, 2, -1))[..., known],
-            ),
-            "balloon": (("axis", "strategy"), balloon_size(arm)),
-            "balloon_interval": (
-                ("end", "axis", "strategy"),
-                percentile_interval(balloon_size(again)),
-            ),
-            "known": ("known", [GROUPS[number] for number in known]),
-            "gained": (
-                ("axis", "measure"),
-                np.transpose([gain, share]),
-                {"long_name": "tuned less untuned, on discs and drives it was not tuned on"},
-            ),
-            "gained_interval": (
-                ("end", "axis", "measure"),
-                np.stack([percentile_interval(gains), percentile_interval(shares)], axis=-1),
-            ),
-            "measure": ("measure", ["balloon", "out"]),
+            "balloon": balloons(answer),
+            "scores": scores(answer),
+            "tuning": tuning(answer, self.tuned),
         }
-
-    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
-        seed = int(answer["seed"])
-        first = {axis: self.drawn(axis, "held-out", seed)[0] for axis in AXES}
-        designs = {axis: [self.design(axis, name) for name in self.strategies] for axis in AXES}
-        return checks_of(answer, first, self.duration, designs)
-
-    def metrics(self, answer: Dataset) -> dict[str, float]:
-        return numbers_of(answer)
-
-    def tables(self, answer: Dataset) -> dict[str, str]:
-        return tables_of(answer, self.metrics(answer), self.tuned, CONFIDENCE)
-
-    def figures(self, answer: Dataset) -> dict[str, Figure]:
-        return figures_of(answer, self.tuned)

@@ -6,15 +6,15 @@ Section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
 
-from workbench import Check, Run, Study, problem, ref
+from workbench import Run, figures, problem, ref
 from workbench.arrays import RealArray
 from workbench.executor import Context
-from workbench.heavy_types import Dataset, Figure, StateSpace
+from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.simulation import Cascade, Part, linear
 from workbench.simulation.ensemble_scores import (
     BOOTSTRAP_SAMPLES,
@@ -23,7 +23,8 @@ from workbench.simulation.ensemble_scores import (
     group_means,
     percentile_interval,
 )
-from workbench.systems.storage import restored
+from workbench.study import Study, array, arrays, check, dim, figure, metric, part, table
+from workbench.synthesis import discretised
 
 from ...drive.photo_diodes import CAPTURE
 from ...drive.red_book import ACCEPTABLE_ERROR
@@ -32,12 +33,20 @@ from ...drive.tables import Axis
 from ...laboratory.bench_setup import PERIOD
 from ...laboratory.experiment import MEASUREMENTS, Laboratory
 from ..ensemble import GROUPS, Circumstance, circumstances, groups
-from ..playability.runs import SCORES, chosen, evaluated, met, sampled_controller, scored
-from ..playability.search import LARGEST, peak_sensitivity
+from ..playability.runs import (
+    SCORE_UNITS,
+    SCORES,
+    chosen,
+    evaluated,
+    met,
+    sampled_controller,
+    scored,
+)
+from ..playability.search import LARGEST_SENSITIVITY, peak_sensitivity
 from ..tactics import Strategies, clean_level
-from .report import figures_of, tables_of
 
 CASES = ("fast", "slow", "switched")
+"""Controllers that are compared: each alone, and both switched."""
 
 
 @problem(
@@ -64,7 +73,7 @@ def two_controllers_switched(
     fast_db: gain over the reference controller's [dB]. scenarios: circumstances, 7 kinds in turn.
     drives: how many of the twelve. workers: threads; the answer is the same with any.
     """
-    slow = restored(lower.data, "sampled")
+    slow = discretised(lower.answer.K, PERIOD)
     return SwitchedPair(axis, fast_db, slow, scenarios, chosen(drives), workers)
 
 
@@ -78,7 +87,7 @@ class Pair:
     duration: float = 1.0
 
     def cascade(self, case: str, one: Circumstance, level: float) -> Cascade:
-        """One of CASES for a clean disc's level [V]."""
+        """Controller of one of CASES; ``level`` [V] is that of a clean disc."""
         fast, slow = (10.0 ** (one.gain_db / 20.0) * K for K in (self.fast, self.slow))
         if case == "switched":
             made = Strategies(one.axis, level, one.believed, K=fast, replacement=slow)
@@ -87,7 +96,7 @@ class Pair:
         return Cascade(MEASUREMENTS, [Part("K", alone, ["f_en"], ["u"])])
 
     def error(self, case: str, one: Circumstance, drive: str, refine: int = 1) -> RealArray:
-        """True error [m] of a run, from when it is scored."""
+        """True error [m] (N,) of the part of a run that is scored."""
         bench = Laboratory(one.axis, drive, refine=refine)
         record = bench.closed_loop(
             self.cascade(case, one, clean_level(bench, one.disc.reflectivity)),
@@ -126,87 +135,115 @@ class SwitchedPair(Study):
         return Pair(sampled_controller(self.axis, self.fast_db), self.slow, self.drives)
 
     def drawn(self, seed: int) -> list[Circumstance]:
+        """The circumstances of a seed."""
         rng = np.random.default_rng([seed, 0])
         return circumstances(self.axis, self.scenarios, self.pair.duration, rng)
 
-    def compute(self, context: Context) -> Dataset:
-        import xarray as xr
+    case = dim(CASES)
+    drive = dim(lambda self: self.drives)
+    group = dim(GROUPS)
+    end = dim("low", "high")
 
-        seed = int(context.rng.integers(2**31))
-        many = self.drawn(seed)
+    seed = array((), value=lambda context: int(context.rng.integers(2**31)))
+    many = part(lambda self, seed: self.drawn(int(seed)))
+
+    @arrays((case, drive, "circumstance"), **SCORE_UNITS)
+    def scores(self, many: list[Circumstance], context: Context) -> dict[str, Any]:
         every = met(self.pair, many, self.workers, context.progress, "circumstances")
-        group = groups(many)
-        weight = bootstrap_weights(group, BOOTSTRAP_SAMPLES, np.random.default_rng([seed, 1]))
-        out = every[..., 0].mean(axis=1)
-        arm, again = group_means(out, group), group_means(out, group, weight)
-        sizes, samples = balloon_size(arm), balloon_size(again)
-        dims = ("case", "drive", "circumstance")
-        units = ("1", "1", "m", "m")
-        return xr.Dataset(
-            {
-                **{
-                    name: (dims, every[..., n], {"units": units[n]})
-                    for n, name in enumerate(SCORES)
-                },
-                "arm": (("case", "group"), arm),
-                "arm_interval": (
-                    ("end", "case", "group"),
-                    percentile_interval(np.moveaxis(again, 1, -1)),
-                ),
-                "balloon": ("case", sizes),
-                "balloon_interval": (("end", "case"), percentile_interval(samples)),
-                "gained": ("case", sizes[-1] - sizes, {"long_name": "switched less this one"}),
-                "gained_interval": (("end", "case"), percentile_interval(samples[-1] - samples)),
-                "seed": seed,
-            },
-            coords={
-                "case": list(CASES),
-                "drive": list(self.drives),
-                "group": list(GROUPS),
-                "end": ["low", "high"],
-            },
-        )
+        return {name: every[..., n] for n, name in enumerate(SCORES)}
 
-    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
-        fast, slow = (peak_sensitivity(self.axis, K) for K in (self.pair.fast, self.slow))
-        relaxed = CAPTURE[self.axis] / ACCEPTABLE_ERROR[self.axis]
-        one = self.drawn(int(answer["seed"]))[0]
-        first = answer.isel(drive=0, circumstance=0)
-        kept = [case for case in CASES if not float(first["losses"].sel(case=case))]
-        rms = [
-            scored(self.pair.error(case, one, self.drives[0], 2), self.axis)[-1] for case in kept
-        ]
-        off = abs(np.array(rms) / first["deviation"].sel(case=kept).values - 1.0).max(initial=0.0)
-        every = [slice(n, None, len(GROUPS)) for n in range(len(GROUPS))]
-        means = [
-            answer["out"].isel(circumstance=own).mean(["drive", "circumstance"]) for own in every
-        ]
-        apart = max(
-            float(abs(mean - answer["arm"].isel(group=n)).max()) for n, mean in enumerate(means)
-        )
-        return [
-            Check("fast loop", "largest |S| of the twelve drives", fast, LARGEST),
-            Check("slow loop", "largest |S| of the twelve drives", slow, relaxed * LARGEST),
-            Check("replay", "relative change of the rms error at half the step", float(off), 0.02),
-            Check("arms", "off the mean of the stored runs", apart, 1e-9),
-        ]
+    @part
+    def samples(self, out: DataArray, many: list[Circumstance], seed: DataArray) -> Any:
+        """Arms of the balloons (cases, groups), and their bootstrap samples."""
+        mean, group = out.values.mean(axis=1), groups(many)
+        rng = np.random.default_rng([int(seed), 1])
+        weight = bootstrap_weights(group, BOOTSTRAP_SAMPLES, rng)
+        return group_means(mean, group), group_means(mean, group, weight)
 
-    def metrics(self, answer: Dataset) -> dict[str, float]:
-        numbers: dict[str, float] = {}
+    arm = array((case, group), value=lambda samples: samples[0])
+    arm_interval = array(
+        (end, case, group),
+        value=lambda samples: percentile_interval(np.moveaxis(samples[1], 1, -1)),
+    )
+    sizes = part(lambda samples: tuple(map(balloon_size, samples)))
+    balloon = array(case, value=lambda sizes: sizes[0])
+    balloon_interval = array((end, case), value=lambda sizes: percentile_interval(sizes[1]))
+    gains = part(lambda sizes: [one[-1] - one for one in sizes])
+    gained = array(case, "", "switched less this one", lambda gains: gains[0])
+    gained_interval = array((end, case), value=lambda gains: percentile_interval(gains[1]))
+
+    # --- checks -------------------------------------------------------------------------------
+
+    fast_loop = check(
+        "fast loop",
+        "largest |S| of the twelve drives",
+        lambda self: peak_sensitivity(self.axis, self.pair.fast),
+        at_most=LARGEST_SENSITIVITY,
+    )
+    slow_loop = check(
+        "slow loop",
+        "largest |S| of the twelve drives",
+        lambda self: peak_sensitivity(self.axis, self.slow),
+        at_most=lambda self: CAPTURE[self.axis] / ACCEPTABLE_ERROR[self.axis] * LARGEST_SENSITIVITY,
+    )
+
+    @check("replay", at_most=0.02)
+    def replayed(self, answer: Dataset) -> float:
+        """relative change of the rms error at half the step"""
+        one, worst = self.drawn(int(answer["seed"]))[0], 0.0
         for case in CASES:
-            own = answer.sel(case=case)
-            numbers |= {
-                f"balloon_{case}": float(own["balloon"]),
-                f"in_spec_{case}": 1.0 - float(own["out"].mean()),
-                f"lost_{case}": float((own["losses"] > 0).mean()),
-                f"switched_less_{case}": float(own["gained"]),
-                f"switched_less_{case}_low": float(own["gained_interval"].sel(end="low")),
-                f"switched_less_{case}_high": float(own["gained_interval"].sel(end="high")),
-            }
-        return {key: value for key, value in numbers.items() if "less_switched" not in key}
+            first = answer.sel(case=case).isel(drive=0, circumstance=0)
+            if not float(first["losses"]):  # a lost loop is chaotic
+                rms = scored(self.pair.error(case, one, self.drives[0], 2), self.axis)[-1]
+                worst = max(worst, abs(rms / float(first["deviation"]) - 1.0))
+        return worst
 
-    def tables(self, answer: Dataset) -> dict[str, str]:
-        return tables_of(answer, self.metrics(answer))
+    @check("arms", at_most=1e-9)
+    def means(self, out: DataArray, arm: DataArray) -> float:
+        """off the mean of the stored runs"""
+        every = [out.isel(circumstance=slice(n, None, len(GROUPS))) for n in range(len(GROUPS))]
+        means = [one.mean(["drive", "circumstance"]) for one in every]
+        return float(abs(np.transpose(means) - arm).max())
 
-    def figures(self, answer: Dataset) -> dict[str, Figure]:
-        return figures_of(answer, self.axis)
+    # --- what is told -------------------------------------------------------------------------
+
+    sizes_of_balloons = metric("balloon_{case}", lambda balloon: balloon)
+    in_spec = metric(
+        lambda out: {f"in_spec_{case}": 1.0 - float(out.sel(case=case).mean()) for case in CASES}
+    )
+    lost = metric("lost_{case}", lambda losses: (losses > 0).mean(["drive", "circumstance"]))
+    switched_less = metric("switched_less_{case}", lambda gained: gained.sel(case=["fast", "slow"]))
+    less_interval = metric(
+        "switched_less_{case}_{end}",
+        lambda gained_interval: gained_interval.sel(case=["fast", "slow"]),
+    )
+
+    @table
+    def switched(self, answer: Dataset) -> Any:
+        """Scores of each case, and what switching gains over it."""
+        numbers, rows = self.metrics(answer), []
+        for case in CASES:
+            shares = f"{numbers[f'in_spec_{case}']:.2%}", f"{numbers[f'lost_{case}']:.1%}"
+            low, high = answer["gained_interval"].sel(case=case).values
+            gain = f"{float(answer['gained'].sel(case=case)):+.3f} ({low:+.3f} to {high:+.3f})"
+            own = "" if case == "switched" else gain
+            rows.append([case, *shares, f"{numbers[f'balloon_{case}']:.3f}", own])
+        return ["controller", "in spec", "lost", "balloon", "switched less this one, 95 %"], rows
+
+    @figure
+    def out_of_spec(self, arm: DataArray, arm_interval: DataArray) -> dict[str, Figure]:
+        """Time out of spec of each case, cause by cause."""
+        drawn, (panel,) = figures.axes(size=(8.0, 4.4))
+        place = np.arange(len(GROUPS))
+        for n, case in enumerate(CASES):
+            share = 100 * arm.sel(case=case).values
+            low, high = 100 * arm_interval.sel(case=case).values
+            look: Any = {"yerr": np.maximum([share - low, high - share], 0.0), "capsize": 2}
+            beside = place + 0.27 * (n - 1)
+            panel.bar(beside, share, 0.25, color=figures.CYCLE[n], label=case, **look)
+        panel.set_xticks(place, GROUPS, rotation=25, ha="right")
+        panel.set_yscale("symlog", linthresh=0.1, linscale=0.4)
+        panel.set_ylim(bottom=0.0)
+        figures.label(panel, y="time out of spec, 95 % interval [%]", title=self.axis)
+        figures.legend_below(drawn, panel)
+        return {"switched": drawn}

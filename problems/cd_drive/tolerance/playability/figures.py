@@ -1,11 +1,10 @@
-"""Figures and tables of `cd/playability`: the balloon, the scores, the search.
+"""Figures of `cd/playability`: the balloon, the scores, the search.
 
 Figure numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -18,45 +17,12 @@ from ..strategy_looks import COLOURS, titled
 from .runs import REPAIRED
 
 RINGS = (1e-3, 1e-2, 0.1, 0.5)
-"""Shares of time out of spec that are drawn as circles."""
-
-
-def figures_of(answer: Dataset, tuned: str) -> dict[str, Figure]:
-    """The three figures, by file stem."""
-    return {
-        "balloon": balloons(answer),
-        "scores": scores(answer),
-        "tuning": tuning(answer, tuned),
-    }
+"""Shares of time out of spec at which circles are drawn."""
 
 
 def labels(answer: Dataset) -> list[str]:
+    """Names of the strategies in figures."""
     return [titled(str(name)) for name in answer["strategy"].values]
-
-
-def numbers_of(answer: Dataset) -> dict[str, float]:
-    """Scores of each axis and strategy, and what tuning gains."""
-    numbers: dict[str, float] = {}
-    over = answer["burst"] > REPAIRED
-    for axis in answer["axis"].values:
-        for name in answer["strategy"].values:
-            place, own = f"{axis}_{name}", {"axis": axis, "strategy": name}
-            numbers |= {
-                f"in_spec_{place}": 1.0 - float(answer["out"].sel(own).mean()),
-                f"lost_{place}": float((answer["losses"].sel(own) > 0).mean()),
-                f"unrepaired_{place}": float(over.sel(own).mean()),
-                f"burst_{place}_mm": 1e3 * float(answer["burst"].sel(own).median()),
-                f"balloon_{place}": float(answer["balloon"].sel(own)),
-            }
-        numbers[f"tuned_{axis}_peak_sensitivity"] = float(answer["peak"].sel(axis=axis))
-        for measure in answer["measure"].values:
-            gained = answer["gained_interval"].sel(axis=axis, measure=measure)
-            numbers |= {
-                f"tuned_{axis}_{measure}": float(answer["gained"].sel(axis=axis, measure=measure)),
-                f"tuned_{axis}_{measure}_low": float(gained.sel(end="low")),
-                f"tuned_{axis}_{measure}_high": float(gained.sel(end="high")),
-            }
-    return numbers
 
 
 def balloons(answer: Dataset) -> Figure:
@@ -69,16 +35,8 @@ def balloons(answer: Dataset) -> Figure:
         one = answer.sel(axis=axis)
         for name, label in zip(one["strategy"].values, labels(one), strict=True):
             own, colour = one.sel(strategy=name), COLOURS[str(name)]
-            length, low, high = (
-                np.append(each, each[0])
-                for each in (
-                    own["arm"].values ** ARM_POWER,
-                    *(
-                        own["arm_interval"].sel(end=end).values ** ARM_POWER
-                        for end in ("low", "high")
-                    ),
-                )
-            )
+            shares = own["arm"].values, *own["arm_interval"].transpose("end", "known").values
+            length, low, high = (np.append(each, each[0]) ** ARM_POWER for each in shares)
             dashed = "--" if name == "tuned" else "-"
             panel.plot(angle, length, dashed, color=colour, marker="o", ms=3.0, label=label)
             panel.fill_between(angle, low, high, color=colour, alpha=0.12, lw=0)
@@ -135,48 +93,12 @@ def tuning(answer: Dataset, tuned: str) -> Figure:
         panels[1].errorbar(
             [n], [gained], [[gained - low], [high - gained]], fmt="o", color=colour, capsize=4
         )
-    panels[0].set_xlabel("trial")
-    panels[0].set_ylabel("balloon, training discs; above 1: |S| > 2 [1]")
-    panels[0].set_title(f"{titled(tuned)}: search")
+    y = "balloon, training discs; above 1: $|S|$ > 2 [1]"
+    figures.label(panels[0], "trial", y, f"{titled(tuned)}: search")
     panels[1].axhline(0.0, color=figures.BLACK, lw=0.8)
     panels[1].set_xlim(-0.6, 1.6)
     panels[1].set_xticks([0, 1], [str(axis) for axis in answer["axis"].values])
-    panels[1].set_ylabel("tuned less untuned, 95 % [1]")
-    panels[1].set_title("held-out discs and drives")
+    gain, unseen = "tuned less untuned, 95 % [1]", "held-out discs and drives"
+    figures.label(panels[1], y=gain, title=unseen)
     figures.legend_below(figure, panels[0])
     return figure
-
-
-def tables_of(
-    answer: Dataset, numbers: Mapping[str, float], tuned: str, level: float
-) -> dict[str, str]:
-    """Scores of every strategy; parameters found and what they gain."""
-    rows = [
-        "| axis | strategy | in spec | lost | burst > 2.5 mm | median burst [mm] | balloon |",
-        "| --- | --- | --- | --- | --- | --- | --- |",
-    ]
-    found = [
-        f"| axis | {' | '.join(str(one) for one in answer['parameter'].values)} | balloon | "
-        f"{level:.0%} | out of spec | {level:.0%} |",
-        "| --- " * (len(answer["parameter"]) + 5) + "|",
-    ]
-    for axis in answer["axis"].values:
-        for name, label in zip(answer["strategy"].values, labels(answer), strict=True):
-            place = f"{axis}_{name}"
-            low, high = answer["balloon_interval"].sel(axis=axis, strategy=name).values
-            rows.append(
-                f"| {axis} | {f'{titled(tuned)}, tuned' if name == 'tuned' else label} "
-                f"| {numbers[f'in_spec_{place}']:.2%} | {numbers[f'lost_{place}']:.1%} "
-                f"| {numbers[f'unrepaired_{place}']:.1%} | {numbers[f'burst_{place}_mm']:.2f} "
-                f"| {numbers[f'balloon_{place}']:.3f} ({low:.3f} to {high:.3f}) |"
-            )
-        best = " | ".join(f"{value:.3g}" for value in answer["best"].sel(axis=axis).values)
-        gains = []
-        for measure in answer["measure"].values:
-            place = f"tuned_{axis}_{measure}"
-            gains += [
-                f"{numbers[place]:+.4f}",
-                f"{numbers[f'{place}_low']:+.4f} to {numbers[f'{place}_high']:+.4f}",
-            ]
-        found.append(f"| {axis} | {best} | {' | '.join(gains)} |")
-    return {"scores": "\n".join(rows), "tuning": "\n".join(found)}
