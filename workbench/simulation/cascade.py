@@ -13,14 +13,11 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from workbench.arrays import RealArray
+from workbench.arrays import IntegerArray, RealArray
 from workbench.errors import InputError
 from workbench.simulation.controllers import Controller, idle
 from workbench.simulation.machine import SLOTS, pointer
-
-IntegerArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)

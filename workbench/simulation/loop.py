@@ -24,9 +24,9 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from workbench.arrays import RealArray
+from workbench.arrays import IntegerArray, RealArray
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.simulation.cascade import Cascade, Slots, alone, carried, slots
@@ -34,9 +34,6 @@ from workbench.simulation.controllers import Controller
 from workbench.simulation.machine import machine, pointer
 from workbench.simulation.plain import plain_loop
 from workbench.systems.sampling import hold, lowpass_weights, split_delay
-
-IntegerArray = NDArray[np.int64]
-
 
 Schedule = Sequence[tuple[float, Cascade]]
 """Cascades with the times [s] from which each is in charge, in rising order, the first from 0.

@@ -11,13 +11,10 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from workbench.arrays import RealArray
+from workbench.arrays import IntegerArray, RealArray
 from workbench.compiled import kernel
 from workbench.simulation.converters import convert
-
-IntegerArray = NDArray[np.int64]
 
 SLOTS = 8
 """Largest number of parts of a cascade."""

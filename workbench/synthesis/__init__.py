@@ -18,8 +18,8 @@ from workbench.synthesis.implementation.reduction import (
     reduce_order,
 )
 from workbench.synthesis.implementation.sampled_loop import (
-    Margins,
     SampledConditions,
+    SampledMargins,
     sampled_conditions,
 )
 from workbench.synthesis.implementation.second_order import Sections, second_order_sections
@@ -82,7 +82,6 @@ __all__ = [
     "LeastMu",
     "LoopShaping",
     "LoopWeights",
-    "Margins",
     "MixedSensitivity",
     "Modal",
     "Mode",
@@ -91,6 +90,7 @@ __all__ = [
     "ReducedController",
     "ReducedControllers",
     "SampledConditions",
+    "SampledMargins",
     "SampledPlant",
     "Sections",
     "SetsAt",

@@ -38,7 +38,7 @@ CRITICAL_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Margins:
+class SampledMargins:
     """Stability margins of the loop of one control signal while the other loops stay closed.
 
     gain          factors below and above 1 between which the loop stays stable;
@@ -65,7 +65,7 @@ class SampledConditions:
 
     stable: bool
     pole: complex
-    margins: tuple[Margins, ...]
+    margins: tuple[SampledMargins, ...]
 
 
 def sampled_conditions(
@@ -124,7 +124,7 @@ def need_fitting(K: StateSpace, plant: StateSpace) -> None:
         )
 
 
-def _margins(loop: HeldPlantLoop, channel: int) -> Margins:
+def _margins(loop: HeldPlantLoop, channel: int) -> SampledMargins:
     """Margins of one control signal of a stable loop."""
     angle = loop.angles()
 
@@ -145,10 +145,10 @@ def _margins(loop: HeldPlantLoop, channel: int) -> Margins:
     delay = _delay_margin(loop, channel, angle)
     passing = _crossings(angle, _level(L), lambda x: math.log(abs(at(x))))
     if not passing:
-        return Margins(gain, math.inf, math.nan, delay)
+        return SampledMargins(gain, math.inf, math.nan, delay)
     away = np.abs(np.angle([-at(x) for x in passing]))
     least = int(np.argmin(away))
-    return Margins(gain, math.degrees(away[least]), passing[least] / loop.period, delay)
+    return SampledMargins(gain, math.degrees(away[least]), passing[least] / loop.period, delay)
 
 
 def _delay_margin(loop: HeldPlantLoop, channel: int, grid: RealArray) -> float:
