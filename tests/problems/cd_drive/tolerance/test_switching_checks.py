@@ -10,7 +10,7 @@ from workbench.plants.cd_drive.tolerance.switching_stability.study import Switch
 import workbench as wb
 from workbench.systems.storage import restored
 
-REFERENCE = Path(__file__).parents[3] / "results" / "reference" / "cd"
+REFERENCE = Path(__file__).parents[4] / "results" / "reference" / "cd"
 
 
 @pytest.fixture(scope="module")

@@ -34,7 +34,7 @@ from workbench.fitting.storage import function
 from workbench.systems.generalised_plant import response
 from workbench.uncertainty import UncertaintyModel
 
-REFERENCE = Path(__file__).parents[3] / "results" / "reference"
+REFERENCE = Path(__file__).parents[4] / "results" / "reference"
 
 
 @pytest.fixture(scope="module")
