@@ -199,8 +199,8 @@ def test_the_proven_share_ends_where_a_mode_is_unstable():
         return first_order(-0.5 * share, 0.5 * share, (0.5, 0.0), halved=(0, 0))
 
     found = proven_share(box, (1.0, 2.0), Context())
-    assert found["box_volume"][1] == pytest.approx([0.25 + 0.125 + 0.0625])
-    low, high = (np.sort(found[f"cell_{end}"][1][:, 0]) for end in ("low", "high"))
+    assert found.volumes == pytest.approx([0.25 + 0.125 + 0.0625])
+    low, high = (np.sort(end[:, 0]) for end in (found.low, found.high))
     assert low == pytest.approx([0.0625, 0.125, 0.25])
     assert high == pytest.approx([0.125, 0.25, 0.5])
 

@@ -22,18 +22,19 @@ from ..laboratory.bench_setup import RATE
 from ..laboratory.experiment import Laboratory
 
 GROUPS = ("disc deviation", "shocks", *KINDS, "everything")
-"""What goes wrong: one cause beside the deviation of the disc, or all of them (figure 2.15)."""
+"""Causes of errors: the disc's deviation alone, with one other cause, or with all of them (figure
+2.15)."""
 BEGIN = 0.3
-"""When shocks and defects begin [s]: the disc has run up by then."""
+"""Time [s] from which on there are shocks and defects; the disc has run up by then."""
 GAIN_STEP = 0.5
-"""To which gains are rounded [dB]."""
+"""Step [dB] to which loop gains are rounded."""
 
 Range = tuple[float, float]
 
 
 @dataclass(frozen=True)
 class Spread:
-    """What circumstances are drawn from; ranges are uniform, from and to.
+    """Distributions of the circumstances; a range (from, to) is uniform.
 
     rotation      [Hz]: a disc of constant linear velocity, 9 inside to 3 outside (section 2.5.3);
     deviation     amplitude at the rotation frequency over the Red Book's 500 um or 70 um: not all
@@ -85,7 +86,7 @@ class Spread:
 
 @dataclass(frozen=True)
 class Remembered(Disc):
-    """A disc that one strategy meets after the other: what it does is computed once."""
+    """A disc that remembers its motion, which is computed once for all strategies."""
 
     def deviation(self, axis: Axis, time: RealArray) -> RealArray:
         return _deviation(self, axis, len(time)).copy()
@@ -118,7 +119,7 @@ def _surface(
 class Circumstance:
     """A disc with its defects, shocks (time [s], peak [m/s^2], duration [s]), gain [dB], seed.
 
-    believed: what the strategies take for the rotation [Hz].
+    believed: rotation frequency [Hz] that the strategies assume.
     """
 
     axis: Axis
@@ -131,14 +132,14 @@ class Circumstance:
     seed: int
 
     def excitation(self, bench: Laboratory, duration: float) -> RealArray:
-        """What acts on the lens as the shocks do [V] (N,), see `defect_kinds.shocks`."""
+        """Voltage [V] (N,) that moves the lens as the shocks do, see `defect_kinds.shocks`."""
         return _excitation(bench, self.shocks, round(duration * RATE)).copy()
 
 
 def circumstances(
     axis: Axis, count: int, duration: float, rng: np.random.Generator, spread: Spread | None = None
 ) -> list[Circumstance]:
-    """As many of every group as there are of any other, but for one.
+    """Draw circumstances; the groups' numbers differ by one at most.
 
     Raises InputError for an ensemble of none, and for a duration that ends before BEGIN [s].
     """

@@ -16,7 +16,7 @@ from pydantic import Field
 
 from workbench import Check, figures, problem
 from workbench.heavy_types import Dataset, Figure, StateSpace
-from workbench.mu import Peak, conditions
+from workbench.mu import conditions
 from workbench.synthesis import LeadLag, MuController, MuSynthesis, closed_transition, discretised
 from workbench.systems import loop_response
 from workbench.systems.storage import stored
@@ -34,11 +34,12 @@ THIRD = 1 / 3
 """Gain of the start relative to eq. 6.12, that of figure 6.7."""
 ROLL_OFF = 2000.0
 """Frequency [Hz] from which |K' S| must fall."""
-SPAN = 50.0
-"""Times ROLL_OFF from which the weight stays flat, so that it is proper."""
-LOW, HIGH, POINTS = 1.0, 17.5e3, 300
-DEFECTS = (1000.0, HIGH)
-"""Frequencies [Hz] of surface defects at which K and K' are compared."""
+FLAT_RATIO = 50.0
+"""The weight of K' S is flat from FLAT_RATIO * ROLL_OFF on, so that it is proper."""
+FREQUENCY = np.geomspace(1.0, 17.5e3, 300)
+"""Frequencies [Hz] of the figure."""
+DEFECT_FREQUENCY = np.geomspace(1000.0, 17.5e3, 300)
+"""Frequencies [Hz] of surface defects, at which K and K' are compared."""
 
 
 @problem("cd/{axis}/lower-bandwidth", axis=("focus", "radial"), data=TABLES)
@@ -77,11 +78,12 @@ def lower_bandwidth(
 
 
 def roll_off() -> StateSpace:
-    """Factor of W_u: 1 up to ROLL_OFF, then rising with the frequency."""
+    """Weight factor of W_u: 1 up to ROLL_OFF, then rising in proportion to the frequency."""
     import control
 
     corner = 2 * np.pi * ROLL_OFF
-    return control.ss(-SPAN * corner, corner * SPAN * (1 - SPAN), 1.0, SPAN)
+    ratio = FLAT_RATIO
+    return control.ss(-ratio * corner, corner * ratio * (1 - ratio), 1.0, ratio)
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,17 +95,17 @@ class LowerBandwidth(MuSynthesis):
     default_method: ClassVar[str] = "fixed"
 
     def checks(self, answer: MuController, tolerance: float) -> list[Check]:
-        found = super().checks(answer, tolerance)
-        stability = self.robust_stability(answer.K)
-        upper = np.inf if stability is None else stability.upper
-        statement = "certified mu of robust stability over the parametric set"
-        found.append(Check("robust stability", statement, upper, 1.0))
-        statement = "largest pole in modulus of the nominal loop of the sampled controller"
-        found.append(Check("sampled", statement, self.sampled_radius(answer.K), 1.0))
+        mu, radius = self.robust_stability(answer.K), self.sampled_radius(answer.K)
         T, reference_T = (self.defect_gain(K) for K in (answer.K, self.reference))
-        statement = "largest |T| for defects over that of the reference controller"
-        found.append(Check("immunity", statement, T / reference_T, 0.5))
-        return found
+        robust = "certified mu of robust stability over the parametric set"
+        sampled = "largest pole in modulus of the nominal loop of the sampled controller"
+        immune = "largest |T| for defects over that of the reference controller"
+        return [
+            *super().checks(answer, tolerance),
+            Check("robust stability", robust, mu, 1.0),
+            Check("sampled", sampled, radius, 1.0),
+            Check("immunity", immune, T / reference_T, 0.5),
+        ]
 
     @property
     def reference(self) -> StateSpace:
@@ -111,11 +113,13 @@ class LowerBandwidth(MuSynthesis):
 
         return control.ss(reference(self.axis))
 
-    def robust_stability(self, K: StateSpace) -> Peak | None:
-        return conditions(self.plant, K).robust_stability
+    def robust_stability(self, K: StateSpace) -> float:
+        """Upper bound of mu over all frequencies; infinite for an unstable nominal loop."""
+        peak = conditions(self.plant, K).robust_stability
+        return np.inf if peak is None else peak.upper
 
     def sampled_radius(self, K: StateSpace) -> float:
-        """Of the nominal plant behind a hold, one sample of delay: the largest pole's modulus."""
+        """Largest modulus of the sampled nominal loop's poles, with one sample of delay."""
         nominal = plants(self.axis, "own", "printed")["nominal"]
         return float(
             abs(np.linalg.eigvals(closed_transition(nominal, discretised(K, PERIOD), 1.0))).max()
@@ -127,13 +131,12 @@ class LowerBandwidth(MuSynthesis):
         return 1 / (1 + L), L / (1 + L)
 
     def defect_gain(self, K: StateSpace) -> float:
-        """The largest |T| at the frequencies of defects."""
-        return float(abs(self.responses(K, np.geomspace(*DEFECTS, POINTS))[1]).max())
+        """Largest |T| at the frequencies of surface defects."""
+        return float(abs(self.responses(K, DEFECT_FREQUENCY)[1]).max())
 
     def metrics(self, answer: MuController) -> dict[str, float]:
         found = super().metrics(answer)
-        stability = self.robust_stability(answer.K)
-        found["robust_stability"] = np.inf if stability is None else stability.upper
+        found["robust_stability"] = self.robust_stability(answer.K)
         for name, K in {"": answer.K, "_reference": self.reference}.items():
             found[f"T_defects{name}"] = self.defect_gain(K)
         return found
@@ -143,19 +146,15 @@ class LowerBandwidth(MuSynthesis):
         return super().to_dataset(answer).assign(stored("sampled", sampled))
 
     def figures(self, answer: MuController) -> dict[str, Figure]:
-        frequency = np.geomspace(LOW, HIGH, POINTS)
-        figure, (K_panel, S_panel, T_panel) = figures.axes(3, 1, size=(7.2, 8.6), sharex=True)
+        figure, panels = figures.axes(3, 1, size=(7.2, 8.6), sharex=True)
         looks = {"K, reference": (self.reference, "-", figures.BLUE)}
         looks["K', lower bandwidth"] = (answer.K, "--", figures.ORANGE)
         for name, (K, dash, colour) in looks.items():
-            S, T = self.responses(K, frequency)
-            response: Any = K(2j * np.pi * frequency)
-            K_panel.loglog(frequency, abs(response), dash, color=colour, label=name)
-            S_panel.loglog(frequency, abs(S), dash, color=colour)
-            T_panel.loglog(frequency, abs(T), dash, color=colour)
-        K_panel.set_ylabel("|K| [V/unit]")
-        S_panel.set_ylabel("|S| [1]")
-        T_panel.set_ylabel("|T| [1]")
-        T_panel.set_xlabel("frequency [Hz]")
-        figures.legend_below(figure, K_panel)
+            response: Any = K(2j * np.pi * FREQUENCY)
+            curves = (response, *self.responses(K, FREQUENCY))
+            for panel, curve in zip(panels, curves, strict=True):
+                panel.plot(FREQUENCY, abs(curve), dash, color=colour, label=name)
+        for panel, words in zip(panels, ("$|K|$ [V/unit]", "$|S|$ [1]", "$|T|$ [1]"), strict=True):
+            figures.label(panel, "frequency [Hz]" if panel is panels[-1] else "", words, log="xy")
+        figures.legend_below(figure, panels[0])
         return super().figures(answer) | {"lower-bandwidth": figure}

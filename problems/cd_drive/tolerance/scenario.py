@@ -55,7 +55,7 @@ from .tactics import STRATEGIES, Strategies, clean_level
 @with_config(STRICT)
 @dataclass(frozen=True)
 class Shock:
-    """A half sine of 10 ms that the chassis takes: from when [s], peak acceleration [m/s^2]."""
+    """A half sine of 10 ms on the chassis: its start [s] and peak acceleration [m/s^2]."""
 
     time: float
     acceleration: float
@@ -64,7 +64,7 @@ class Shock:
 @with_config(STRICT)
 @dataclass(frozen=True)
 class Stage:
-    """From a time [s] on a strategy of `STRATEGIES` is in charge."""
+    """A strategy of `STRATEGIES`, which is in charge from a time [s] on."""
 
     strategy: str
     time: float = 0.0
@@ -79,15 +79,28 @@ class Stage:
 class Scenario:
     """A run of the virtual laboratory.
 
-    bench         the drive;
-    disc          and how it turns;
-    defects       on it; each must be met within the run;
-    shocks        of the chassis;
-    false_alarms  when the detector fires although there is no defect, from and until [s];
-    stages        strategies in the order of time, the first from 0 on;
-    rotation      that the strategies believe [Hz]; the disc's own when left out;
-    bumpless      whether K and K' follow each other;
-    duration [s]; seed of the noise.
+    Parameters
+    ----------
+    bench
+        Drive in its laboratory.
+    disc
+        Disc, and how it turns.
+    defects
+        Defects of the disc; each must be met within the run.
+    shocks
+        Shocks of the chassis.
+    false_alarms
+        Start and end [s] of detections where there is no defect.
+    stages
+        Strategies in the order of time, the first from 0 on.
+    rotation
+        Rotation frequency [Hz] that the strategies assume. Default: the disc's own.
+    bumpless
+        Whether K and K' follow each other.
+    duration
+        Length of the run [s].
+    seed
+        Seed of the noise.
 
     Raises InputError for a duration without a sample, for defects that are never met, among them
     all on a disc that stands, for shocks, false alarms or stages outside the run.
@@ -136,7 +149,7 @@ class Scenario:
                 )
 
     def strategies(self, **designs: Any) -> Strategies:
-        """The strategies of this scenario; designs: F, replacement and K of `Strategies`."""
+        """Strategies of this scenario; ``designs``: F, replacement and K of `Strategies`."""
         return Strategies(
             self.bench.axis,
             clean_level(self.bench, self.disc.reflectivity),
@@ -147,7 +160,7 @@ class Scenario:
         )
 
     def run(self, **designs: Any) -> Record:
-        """What happens; InputError where a strategy cannot be made or a part of it fails."""
+        """Simulate; raises InputError where a strategy cannot be made or a part of it fails."""
         strategies = self.strategies(**designs)
         schedule = [(stage.time, strategies.named(stage.strategy)) for stage in self.stages]
         samples = round(self.duration * RATE)
@@ -159,7 +172,7 @@ class Scenario:
 
 
 def scenario(script: Mapping[str, Any]) -> Scenario:
-    """The scenario of a dictionary, see the module.
+    """Make the scenario of a dictionary, see the module.
 
     Raises InputError for keys that are unknown (with those that are known), and for values of
     another type or that make no sense.
@@ -171,7 +184,7 @@ def scenario(script: Mapping[str, Any]) -> Scenario:
 
 
 def read_scenario(path: str | Path) -> Scenario:
-    """The scenario of a TOML file. Raises InputError as `scenario`, and for a file that is none."""
+    """Read the scenario of a TOML file. Raises InputError as `scenario`, and for a bad file."""
     try:
         script = tomllib.loads(Path(path).read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as fault:
@@ -185,7 +198,7 @@ def _adapter() -> TypeAdapter[Scenario]:
 
 
 def _told(error: Any) -> str:
-    """One error of a script: where, and what."""
+    """Message of one error of a script, with its place."""
     place = ".".join(str(step) for step in error["loc"])
     if error["type"] != "unexpected_keyword_argument":
         message = str(error["msg"]).removeprefix("Value error, ")
@@ -195,7 +208,7 @@ def _told(error: Any) -> str:
 
 
 def _holder(path: tuple[str | int, ...]) -> Any:
-    """The class whose fields may stand at a place of a script."""
+    """Class whose fields are allowed at a place of a script."""
     parts = {"bench": Laboratory, "disc": Disc, "defects": Defect, "shocks": Shock, "stages": Stage}
     holder = parts[str(path[0])] if path else Scenario
     return holder

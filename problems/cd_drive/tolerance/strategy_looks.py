@@ -1,4 +1,4 @@
-"""How the strategies are called and coloured, wherever they are drawn."""
+"""Names and colours of the strategies in figures and tables."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """The switched loop in the virtual laboratory: its strategies, optics and quality signal.
 
-What is proven of the linear loop is compared with this. Defects begin and end at once, so that the
-strategy is in charge for as many samples as are asked for and the one in which the light comes
-back; noise and rounding of the converters are left out, which no bound speaks of.
+The bounds of the linear loop are compared with these simulations. Defects begin and end abruptly,
+so that the strategy is in charge for the given number of samples and one more, in which the light
+comes back. The converters' noise and rounding are left out, since the bounds do not include them.
 """
 
 from __future__ import annotations
@@ -20,20 +20,21 @@ from ..laboratory.experiment import Laboratory
 from .tactics import Strategies, clean_level
 
 NAMES = {"open": "reference", "filter": "C", "lower": "K_prime"}
-"""Strategies by what they put in the place of K."""
+"""Names of the strategies in `tactics`, by what replaces K during a defect."""
 FIRST = 3
-"""Revolution of the first defect: the disc has run up, and the loop settled."""
+"""Revolution of the first defect; the disc has run up and the loop has settled by then."""
 ANGLES = (0.0, 0.125, 0.25, 0.375)
-"""Where the defects begin [revolutions], one in each revolution and more than one apart."""
-WITHIN = 1.0 - 1e-9
-"""Of the length, so that the next sample is not on it."""
+"""Angles [revolutions] at which the defects begin, one defect in each revolution."""
+LENGTH_FACTOR = 1.0 - 1e-9
+"""Factor that shortens a defect so that the sample after it is not on it."""
 
 
 @dataclass(frozen=True)
 class Rig:
     """Drives that play a disc at a rotation frequency [Hz].
 
-    size: over the largest deviation, and that of the defects' displacement [m]. delay [samples].
+    size: factor of the disc's largest deviation and of the defects' displacement [m]. delay: that
+    of the computer [samples].
     """
 
     axis: Axis
@@ -49,10 +50,10 @@ class Rig:
         return Disc.along(self.axis, deviation, rotation=self.rotation)
 
     def defects(self, samples: int) -> Sequence[Defect]:
-        """One for every angle, each met in one revolution."""
+        """Defects of a length [samples], one at every angle, each met in one revolution."""
         return [
             Defect(
-                WITHIN * samples / RATE * VELOCITY,
+                LENGTH_FACTOR * samples / RATE * VELOCITY,
                 angle,
                 displacement=self.size * self.displacement,
                 edge=0.0,
@@ -64,7 +65,7 @@ class Rig:
     def largest_error(
         self, drive: str, strategy: str, samples: int, replacement: StateSpace
     ) -> float:
-        """Largest true error [m] of a strategy in NAMES once the loop has settled."""
+        """Largest true error [m] of a strategy in NAMES after the loop has settled."""
         bench = Laboratory(
             self.axis,
             drive,

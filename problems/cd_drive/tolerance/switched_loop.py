@@ -46,14 +46,15 @@ from ..laboratory.bench_setup import PERIOD
 
 Strategy = Literal["none", "open", "filter", "lower"]
 MICRO = 1e-6
+"""A micrometre [m]."""
 
 
 def lens_model(
     parameters: ActuatorParameters, K_total: float, K_optn: float, delay: float
 ) -> SampledPlant:
-    """u [V] -> lens and lens behind the anti-aliasing filter [um], of a drive, held and sampled.
+    """Sampled plant of a drive: u [V] -> lens, and lens behind the anti-aliasing filter [um].
 
-    K_optn [units/m] makes the measured error of the filtered one; delay [samples].
+    K_optn: gain [units/m] from the filtered error to the measured one. delay [samples].
     """
     import control
 
@@ -73,7 +74,7 @@ def lens_model(
 def regulators(
     K: StateSpace, strategy: Strategy, lower: StateSpace | None = None
 ) -> tuple[ControllerMode, ControllerMode]:
-    """In clean parts and during defects; continuous K, and K' for strategy "lower".
+    """Controllers in clean parts and during defects, from continuous K and, for "lower", K'.
 
     Raises InputError for another strategy, a missing K', and one with another slow pole than K.
     """

@@ -40,11 +40,11 @@ if TYPE_CHECKING:
     from control.lti import LTI
 
 CORNER = 200.0
-"""Of the repetitive control's low-pass [Hz]: 36 harmonics of the rotation."""
+"""Corner [Hz] of the repetitive control's low-pass: 36 harmonics of the rotation."""
 
 
 def stand_in_filter() -> StateSpace:
-    """F (discrete), stand-in of the fault filter: what the low-pass takes away."""
+    """Discrete stand-in F of the fault filter: the part of a signal that the low-pass removes."""
     return in_discrete_time(1 - low_pass(), PERIOD)
 
 
@@ -52,17 +52,29 @@ def stand_in_filter() -> StateSpace:
 class Strategies:
     """The strategies of one axis by name.
 
-    level        of the diodes' sum on a clean disc [V];
-    rotation     of the disc [Hz], which A and B have to know;
-    F            discrete: e = f_en / K_optn [m] -> the estimated fault u_f [m] of C; a stand-in
-                 when left out;
-    replacement  K', discrete or continuous, of the strategy that switches to it, such as that of
-                 `cd/<axis>/lower-bandwidth`;
-    bumpless     K and K' follow each other while they are not in charge; else what they gather
-                 drifts apart, and radially the track is lost (see the tests);
-    false        detections where there is no defect, from and until [s];
-    K            the controller; the axis' reference controller when left out;
-    corner       of the repetitive control's low-pass [Hz].
+    Parameters
+    ----------
+    axis
+        Focus or radial.
+    level
+        Level of the diodes' sum on a clean disc [V].
+    rotation
+        Rotation frequency of the disc [Hz], which A and B have to know.
+    F
+        Discrete fault filter of C: e = f_en / K_optn [m] -> estimated fault u_f [m]. Default: a
+        stand-in.
+    replacement
+        Discrete or continuous controller K' of the strategy that switches to it, such as that of
+        `cd/<axis>/lower-bandwidth`.
+    bumpless
+        Whether K and K' follow each other while they are not in charge. Otherwise their integrals
+        drift apart, and radially the track is lost (see the tests).
+    false
+        Start and end [s] of detections where there is no defect.
+    K
+        Controller. Default: the axis' reference controller.
+    corner
+        Corner of the repetitive control's low-pass [Hz].
     """
 
     axis: Axis
@@ -76,7 +88,7 @@ class Strategies:
     corner: float = CORNER
 
     def named(self, name: str) -> Cascade:
-        """The strategy of a name in STRATEGIES. Raises UnknownNameError for another."""
+        """Return a strategy by its name in STRATEGIES. Raises UnknownNameError for another name."""
         if name not in STRATEGIES:
             raise UnknownNameError("strategy", name, STRATEGIES)
         return Cascade(MEASUREMENTS, [*self._detector, *STRATEGIES[name](self)])
@@ -88,12 +100,12 @@ class Strategies:
 
     @property
     def repetitive(self) -> Repetitive:
-        """REP of strategy A. Raises InputError for a rotation frequency of 0."""
+        """Repetitive filter of strategy A. Raises InputError for a rotation frequency of 0."""
         return Repetitive(self.rotation, PERIOD, self.corner)
 
     @property
     def _detector(self) -> list[Part]:
-        """The quality w_Q (eq. 7.13), and 0 in false detections."""
+        """Parts that compute the quality w_Q (eq. 7.13), which is 0 in false detections."""
         seen = diode_quality(self.level, DIST_MIN, DIST_MAX)
         return [
             Part("detector", seen, MEASUREMENTS, ("quality", "dist", "error_read")),
@@ -168,7 +180,7 @@ STRATEGIES: dict[str, Callable[[Strategies], list[Part]]] = {
     "C": Strategies._removed,
     "K_prime": Strategies._replaced,
 }
-"""How the parts of each strategy are made."""
+"""Functions that make the parts of each strategy."""
 
 
 def clean_level(laboratory: Laboratory, reflectivity: float = 1.0) -> float:

@@ -12,11 +12,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench.arrays import Array, RealArray
 from workbench.errors import InputError
 from workbench.program import solve
 from workbench.synthesis.switching.cells import Cell, CellProof
@@ -54,8 +54,6 @@ class SwitchedBox:
         given up.
     dwells
         Samples of the clean mode between defects that are tried, rising; 1 is any switching.
-    label
-        Names and units of the parameters, for stored results.
 
     Raises
     ------
@@ -70,7 +68,6 @@ class SwitchedBox:
     parts: tuple[int, ...]
     halved: tuple[int, ...] = ()
     dwells: tuple[int, ...] = (1, 10, 30)
-    label: str = "parameters"
 
     def __post_init__(self) -> None:
         low, high = self.ends
@@ -187,42 +184,63 @@ class SwitchedBox:
         return done, given_up
 
 
-def proven_share(
-    box: Callable[[float], SwitchedBox], shares: Sequence[float], context: Context
-) -> dict[str, Any]:
-    """Variables of a dataset: the proven volume of multiples of a parametric set, and its cells.
+@dataclass(frozen=True, eq=False)
+class ProvenShare:
+    """Proven volumes of multiples of a set of plants, and the cells of one multiple.
 
-    box: multiple -> its box. shares: rising multiples, tried up to the first of which not all is
-    proven. The cells are those of the largest of which all is, or else of the first.
+    Parameters
+    ----------
+    multiples, volumes
+        Multiples of the set that were tried, and the shares of their volumes that are proven.
+    multiple
+        The multiple that the cells belong to.
+    low, high
+        Lowest and highest parameters of the proven cells (cells, p) each.
+    P
+        Functions of both modes over each cell (cells, 2, n, n).
+    dwell
+        Samples of the clean mode that they prove between defects (cells,).
+    """
+
+    multiples: list[float]
+    volumes: list[float]
+    multiple: float
+    low: RealArray
+    high: RealArray
+    P: RealArray
+    dwell: Array
+
+
+def proven_share(
+    box: Callable[[float], SwitchedBox], multiples: Sequence[float], context: Context
+) -> ProvenShare:
+    """Prove multiples of a set of plants, up to the first of which not all is proven.
+
+    Parameters
+    ----------
+    box
+        Multiple -> its box.
+    multiples
+        Rising multiples of the set. The cells of the result are those of the largest multiple that
+        is proven wholly, or else of the first.
     """
     volumes: list[float] = []
     kept: list[CellProof] = []
-    best = shares[0]
-    for share in shares:
-        done, given_up = box(share).proven(context)
-        low, high = box(share).ends
+    best = multiples[0]
+    for multiple in multiples:
+        done, given_up = box(multiple).proven(context)
+        low, high = box(multiple).ends
         volumes.append(sum(one.cell.volume for one in done) / float(np.prod(high - low)))
         if len(volumes) == 1 or not given_up:
-            kept, best = done, share
+            kept, best = done, multiple
         if given_up:
             break
     one_box = box(best)
     n, p = len(one_box.at(one_box.cells()[0].centre)[0]), len(one_box.ends[0])
-    about = {"long_name": one_box.label}
+    low, high = (
+        np.reshape([getattr(one.cell, end) for one in kept], (len(kept), p))
+        for end in ("low", "high")
+    )
+    P = np.reshape([one.P for one in kept], (len(kept), 2, n, n))
     dwell = np.array([one.dwell for one in kept], dtype=np.int64)
-    tried = list(shares[: len(volumes)])
-    ends = {name: [getattr(one.cell, name) for one in kept] for name in ("low", "high")}
-    return {
-        "box_volume": ("box_share", volumes, {"units": "1", "long_name": "proven volume"}),
-        "box_share": ("box_share", tried, {"units": "1", "long_name": "multiple of the set"}),
-        "box_of_cells": ((), best, {"units": "1", "long_name": "multiple that the cells fill"}),
-        **{
-            f"cell_{name}": (("cell", "parameter"), np.reshape(rows, (len(kept), p)), about)
-            for name, rows in ends.items()
-        },
-        "cell_P": (
-            ("cell", "mode", "state_box", "state_box_"),
-            np.reshape([one.P for one in kept], (len(kept), 2, n, n)),
-        ),
-        "cell_dwell": ("cell", dwell, {"long_name": "proven distance, in samples"}),
-    }
+    return ProvenShare(list(multiples[: len(volumes)]), volumes, best, low, high, P, dwell)

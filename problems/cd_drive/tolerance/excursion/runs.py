@@ -26,9 +26,9 @@ from ..tactics import STRATEGIES, Strategies, clean_level
 from .theory import BlindLens
 
 MET = 0.45
-"""When the defect begins [s]: strategies A and B have learnt the rotation by then."""
+"""Time [s] at which the defect begins; strategies A and B have learnt the rotation by then."""
 AFTER = 5e-3
-"""How long after the defect the error is looked at [s]."""
+"""Time [s] after the defect for which the error is recorded."""
 
 
 class Cell(NamedTuple):
@@ -43,8 +43,8 @@ class Cell(NamedTuple):
 class Crossing:
     """Defects of one depth and false displacement, on one drive at one rotation frequency.
 
-    replacement: K', discrete; rotation [Hz]; depth: share of the light; swing: false displacement
-    as a share of the acceptable error.
+    replacement: discrete K'. rotation: of the disc [Hz]. depth: share of the light that a defect
+    takes. swing: its false displacement as a share of the acceptable error.
     """
 
     axis: Axis
@@ -60,16 +60,17 @@ class Crossing:
         return red_book(self.axis).deviation
 
     def blind_lens(self, driven: bool) -> BlindLens:
-        """On a disc of that deviation, without an error signal."""
+        """Lens on a disc of the allowed deviation, without an error signal."""
         return BlindLens(self.axis, self.drive, self.allowed, self.rotation, driven)
 
     def disc(self, cell: Cell) -> Disc:
+        """Disc whose deviation has the cell's angle in the middle of the defect."""
         middle = MET + cell.length / VELOCITY / 2
         phase = (cell.angle / (2 * np.pi) - self.rotation * middle) % 1.0
         return Disc.along(self.axis, cell.deviation, rotation=self.rotation, phase=phase)
 
     def defect(self, cell: Cell) -> Defect:
-        """Met once, from MET on."""
+        """Defect that is met once, from MET on."""
         where = (self.rotation * MET + self.disc(cell).phase) % 1.0
         return Defect(
             length=cell.length,
@@ -80,7 +81,7 @@ class Crossing:
         )
 
     def run(self, cell: Cell, strategy: str, seed: int, refine: int = 1) -> Record:
-        """The laboratory from the disc's run-up until AFTER the defect."""
+        """Simulate a strategy from the disc's run-up until AFTER the defect."""
         bench = Laboratory(self.axis, self.drive, refine=refine)
         return bench.closed_loop(
             self.strategies[strategy],
@@ -92,7 +93,7 @@ class Crossing:
 
     @cached_property
     def strategies(self) -> dict[str, Cascade]:
-        """All of them, by name."""
+        """All strategies, by name."""
         level = clean_level(Laboratory(self.axis, self.drive))
         made = Strategies(self.axis, level, self.rotation, replacement=self.replacement)
         return {name: made.named(name) for name in STRATEGIES}

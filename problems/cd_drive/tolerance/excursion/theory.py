@@ -1,8 +1,8 @@
 """How far the lens and the disc part while a defect blinds the loop, in closed form (eq. 8.1).
 
-The disc deviates by A sin(w t) and the controller's input is zeroed for dt. Three answers, each
-nearer to the loop than the one before: a lens that stops where it was, a lens that keeps its speed
-and the coil's voltage, and a lens that the controller goes on driving with what it remembers.
+The disc deviates by A sin(w t) and the controller's input is zero for dt. There are three theories,
+each nearer to the loop than the one before: a lens that stops where it was, a lens that keeps its
+speed and the coil's voltage, and a lens that the controller drives on from its own states.
 Equation numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
 """
 
@@ -34,9 +34,9 @@ def standing(
 
         A (sin(m + w dt / 2) - sin(m - w dt / 2)) = 2 A sin(w dt / 2) cos(m),
 
-    m, `middle` [rad], being the disc's angle halfway. Equation 8.1 with its angle counted from
-    where the defect begins is the same for a defect that begins at a zero crossing; the worst
-    defect is symmetric about one, cos(m) = 1.
+    where m, ``middle`` [rad], is the disc's angle in the middle of the defect. Equation 8.1, whose
+    angle counts from the defect's start, is the same for a defect that starts at a zero crossing;
+    the worst defect is symmetric about a zero crossing, cos(m) = 1.
     """
     half = np.pi * rotation * np.asarray(duration, float)
     return np.asarray(2.0 * np.asarray(amplitude) * np.sin(half) * np.cos(middle), float)
@@ -44,10 +44,11 @@ def standing(
 
 @dataclass(frozen=True)
 class BlindLens:
-    """A drive's lens in a steady wobble of `amplitude` [m] at `rotation` [Hz], its loop then blind.
+    """A drive's lens that follows a steady wobble until its loop becomes blind.
 
-    driven: the controller goes on with an error of 0 (figure 8.2); otherwise the loop followed the
-    disc exactly, and the coil keeps its voltage.
+    amplitude [m] and rotation [Hz]: those of the wobble. driven: the controller goes on with an
+    error of 0 (figure 8.2); otherwise the loop followed the disc exactly, and the coil keeps its
+    voltage.
     """
 
     axis: Axis
@@ -62,7 +63,7 @@ class BlindLens:
 
     @cached_property
     def free(self) -> RealArray:
-        """Matrix of x' = F x: states of the lens, and of the voltage's source."""
+        """Matrix F of x' = F x; x has the states of the lens and of the source of its voltage."""
         lens, source, feed = self._parts
         matrix = block_diag(lens.A, source)
         matrix[: lens.nstates, lens.nstates :] = lens.B @ feed
@@ -70,7 +71,7 @@ class BlindLens:
 
     @cached_property
     def steady(self) -> ComplexArray:
-        """Phasor of those states, the disc's being amplitude exp(j w t)."""
+        """Phasor of these states for the disc's motion amplitude exp(j w t)."""
         import control
 
         lens, _, feed = self._parts
@@ -88,7 +89,7 @@ class BlindLens:
         return np.concatenate([there * gain * seen * error, inner * seen * error])
 
     def error(self, duration: float, middle: ArrayLike) -> RealArray:
-        """Error x_cd - x [m] at the end of a defect, its middle at angles [rad] (N,): (N,)."""
+        """Errors x_cd - x [m] (N,) at the end of a defect whose middle is at angles [rad] (N,)."""
         middles = np.atleast_1d(np.asarray(middle, float))
         start = middles - self.omega * duration / 2
         # x_cd = A sin(angle) is the imaginary part of the phasor turned by the angle.
@@ -100,7 +101,7 @@ class BlindLens:
 
     @cached_property
     def _parts(self) -> tuple[StateSpace, RealArray, RealArray]:
-        """Lens [coil V -> m], source's matrix, and what it feeds to the coil [V]."""
+        """Lens [coil V -> m], matrix of the source, and its output matrix to the coil [V]."""
         import control
 
         drive = find_drive(self.axis, self.drive)

@@ -1,4 +1,4 @@
-"""Whether the loops of strategies A and B are stable while nothing is wrong with the disc."""
+"""Stability of the loops of strategies A and B on a clean disc."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ..tactics import Strategies
 
 
 def repetitive_level(strategies: Strategies, bench: Laboratory) -> float:
-    """Largest |Q (1 - g T)| of strategy A on a drive; stable when below 1, see `Repetitive`.
+    """Largest |Q (1 - g T)| of strategy A on a drive; below 1 it is stable, see `Repetitive`.
 
     Certified between grid points, by the Hamiltonians of the continuous system of the same norm:
     SLICOT's norm of this discrete one is 4 % too small. Raises InputError when K alone does not
@@ -28,8 +28,8 @@ def repetitive_level(strategies: Strategies, bench: Laboratory) -> float:
 def estimated_decay(strategies: Strategies, bench: Laboratory) -> float:
     """Rate [1/s] at which the slowest mode of strategy B decays on a drive; below 0 it grows.
 
-    All of the loop at quality 1: drive with its delay, K, and the settled Kalman filter, whose u_p
-    is added to the command of K and which is given the command of the sample before.
+    The loop is closed at quality 1. It has the drive with its delay, K, and the settled Kalman
+    filter, which gets the command of the sample before and whose u_p is added to K's command.
     """
     drive = bench.sampled_error()
     K = in_discrete_time(strategies.controller, PERIOD)

@@ -1,7 +1,7 @@
 """The parametric set as a box of plants between whose controllers surface defects switch.
 
-In g = 1 / (R + r), k1 and k2, the parameters of Table 5.3, the actuator is affine: all of the coil
-that depends on R is Bl g u and the damping Bl^2 g. With one sample of delay.
+The actuator is affine in g = 1 / (R + r), k1 and k2, which follow from the parameters of Table 5.3:
+R enters only by the coil's force Bl g u and by the damping Bl^2 g. The loop is a sample late.
 """
 
 from __future__ import annotations
@@ -22,20 +22,23 @@ from ...uncertainty.parametric_model import two_masses, uncertain_parameters
 from ..switched_loop import MICRO, filtered
 
 NAMES = ("R", "k1", "k2")
-FIRST = (1, 1, 8)
-"""Cells of the whole box at the start, along g, k1 and k2."""
+"""Parameters of Table 5.3 that span the box."""
+LABEL = "g [1/ohm], k1 and k2 [N/m]"
+"""The box's parameters and their units."""
+FIRST_CELLS = (1, 1, 8)
+"""Numbers of cells along g, k1 and k2 into which the whole box is cut at the start."""
 HALVED = (2, 0, 2)
-"""Along which a cell is halved, one after the other, before it is given up."""
+"""Parameters along which a cell is halved, one after the other, before it is given up."""
 DWELLS = (1, 10, 30)
-"""Samples of the clean mode between defects that are tried; the first is any switching."""
+"""Dwells [samples] in the clean mode that are tried; a dwell of 1 allows any switching."""
 UNITS = np.array([1 / MICRO, 1 / MICRO, PERIOD / MICRO, PERIOD / MICRO, 1.0, 1.0])
-"""Of positions, speeds, filter and command over SI."""
+"""Units of the states (positions, speeds, filter and command) over SI units."""
 
 
 def parametric_box(
     axis: Axis, modes: tuple[ControllerMode, ControllerMode], share: float = 1.0
 ) -> SwitchedBox:
-    """The smallest box of g [1/ohm], k1 and k2 [N/m] with a multiple of an axis' set in it.
+    """Smallest box of g [1/ohm], k1 and k2 [N/m] that contains a multiple of an axis' set.
 
     Raises InputError for a share that is not positive, or at which a spring has no stiffness.
     """
@@ -61,8 +64,7 @@ def parametric_box(
         clean, defect = (transition(_late(axis, held), mode) for mode in modes)
         return clean, defect
 
-    label = "g [1/ohm], k1 and k2 [N/m]"
-    return SwitchedBox((low, high), plant, loops, PERIOD, FIRST, HALVED, DWELLS, label)
+    return SwitchedBox((low, high), plant, loops, PERIOD, FIRST_CELLS, HALVED, DWELLS)
 
 
 def _continuous(axis: Axis, parameters: RealArray) -> RealArray:
@@ -83,7 +85,7 @@ def _continuous(axis: Axis, parameters: RealArray) -> RealArray:
 
 
 def _late(axis: Axis, held: RealArray) -> SampledPlant:
-    """The plant of [A B; 0 1], its input a sample late."""
+    """Plant of [A B; 0 1] with an input delay of one sample."""
     A, B = np.zeros((6, 6)), np.zeros((6, 1))
     A[:5], B[5] = held[:5], 1.0
     measured, lens = np.zeros((1, 6)), np.zeros((1, 6))

@@ -1,4 +1,4 @@
-"""What is said of the switched loops, recomputed by other ways than those that found it."""
+"""Checks of the switched loops: their results recomputed in other ways."""
 
 from __future__ import annotations
 
@@ -19,18 +19,22 @@ from ...laboratory.bench_setup import PERIOD
 from ..switched_loop import MICRO
 from .switched_drives import DEFECTS, SwitchedDrives
 
-FALLS = 1.0 - 1e-9
-PLANTS = 200
-"""Random plants of the parametric set."""
-STAYS = (1, 2, 5, 20, 100)
-"""Lengths [samples] of defects of those."""
+LARGEST_RATIO = 1.0 - 1e-9
+"""Largest ratio of V to V before that counts as a decrease."""
+RANDOM_PLANTS = 200
+"""Number of random plants of the parametric set."""
+DEFECT_LENGTHS = (1, 2, 5, 20, 100)
+"""Lengths [samples] of the defects with which random plants are checked."""
 PRINTED = {"gain_margin": (3.0, 1.0), "phase_margin": (8.0, 2.0)}
-"""Of K (1 - F) in figure 8.10, and how near is near: dB and degrees."""
-SAME = 1e-6
-OPTICS = 0.01
-"""What the optics bend a tenth of the error, relative."""
-BETWEEN, CLOSE = 131, 0.02
-"""Frequencies, and how near those stored are to the worst of them, relative."""
+"""Margins of K (1 - F) in figure 8.10, and the largest distance from them: dB and degrees."""
+POLE_TOLERANCE = 1e-6
+"""Largest distance of two computations of a pole."""
+OPTICS_TOLERANCE = 0.01
+"""Relative change of a tenth of the largest error by the optics' nonlinearity."""
+MORE_FREQUENCIES = 131
+"""Number of frequencies at which the error of one defect is computed again."""
+FREQUENCY_TOLERANCE = 0.02
+"""Largest relative amount by which an error may exceed that at the stored frequencies."""
 
 
 def switching_checks(drives: SwitchedDrives, answer: Dataset) -> list[Check]:
@@ -46,7 +50,7 @@ def switching_checks(drives: SwitchedDrives, answer: Dataset) -> list[Check]:
 
 
 def _loops(drives: SwitchedDrives) -> Check:
-    """Poles of every clean loop, from the transfer u -> f_en and K as they stand elsewhere."""
+    """Compare the poles of every clean loop with those of the loop of u -> f_en and K."""
     K = discretised(drives.reference, PERIOD)
     worst, where = 0.0, ""
     for (name, G), loop in zip(drives.alone.plants.items(), drives.loops("open"), strict=False):
@@ -55,7 +59,7 @@ def _loops(drives: SwitchedDrives) -> Check:
         off = float(abs(expected - found).max())
         worst, where = max((worst, where), (off, f"of {name}"))
     statement = "largest distance of a switched loop's poles from those of the loop in eq. 3.18"
-    return Check("loops", statement, worst, SAME, where)
+    return Check("loops", statement, worst, POLE_TOLERANCE, where)
 
 
 def _sorted(poles: Any) -> Any:
@@ -63,7 +67,7 @@ def _sorted(poles: Any) -> Any:
 
 
 def _functions(drives: SwitchedDrives, answer: Dataset, strategy: str) -> Check:
-    """V falls over every stay that is allowed, by generalised eigenvalues."""
+    """Check by generalised eigenvalues that V falls over every stay that is allowed."""
     worst, where = 0.0, ""
     one = answer.sel(strategy=strategy)
     loops = drives.loops(strategy)
@@ -78,7 +82,7 @@ def _functions(drives: SwitchedDrives, answer: Dataset, strategy: str) -> Check:
             name = f"for {one['drive'].values[i]}, one set of functions"
             worst, where = max((worst, where), (value, name))
     statement = "largest V at the next entry, or after a sample of the clean mode, over V before"
-    return Check(f"functions, {strategy}", statement, worst, FALLS, where)
+    return Check(f"functions, {strategy}", statement, worst, LARGEST_RATIO, where)
 
 
 def _worst(loop: SwitchedLoop, P: RealArray, dwell: int, longest: int) -> float:
@@ -104,7 +108,7 @@ def _ratio(A: RealArray, after: RealArray, before: RealArray) -> float:
 
 
 def _ordered(answer: Dataset) -> Check:
-    """No distance is proven that a periodic switching makes unstable."""
+    """Check that no distance is proven that a periodic switching makes unstable."""
     less = (answer["unstable"] + 1 - answer["dwell"]).max()
     statement = "largest distance that periodic defects make unstable, and one, less the proven one"
     return Check("dwell", statement, float(less), 0.0)
@@ -118,16 +122,16 @@ def _bounded(answer: Dataset) -> Check:
 
 
 def _in_laboratory(answer: Dataset) -> Check:
-    """With a disc so small that the optics are linear."""
+    """Compare with the laboratory, for a disc so small that the optics are linear."""
     bound = answer["bound"].sel(case="rotation", length=answer["tested"].values).isel(distance=-1)
     small = answer["laboratory"].isel(size=0).max("drive")
     over = small.values / float(small["size"]) / bound.values
     statement = "largest error in the laboratory over its bound, both for a small disc"
-    return Check("laboratory", statement, float(over.max()), 1.0 + OPTICS)
+    return Check("laboratory", statement, float(over.max()), 1.0 + OPTICS_TOLERANCE)
 
 
 def _replayed(drives: SwitchedDrives, answer: Dataset) -> Check:
-    """The largest error of six defects again, sample by sample in real time, at many phases."""
+    """Simulate six defects again, sample by sample and at many phases."""
     off, where = 0.0, ""
     distances = answer["spaced"].values
     for strategy in answer["strategy"].values:
@@ -144,7 +148,7 @@ def _replayed(drives: SwitchedDrives, answer: Dataset) -> Check:
 def _played(
     drives: SwitchedDrives, loop: SwitchedLoop, case: str, samples: int, distance: int
 ) -> float:
-    """Largest |w - lens x| of discs at 64 phases, from the loop's steady motion on."""
+    """Largest |w - lens x| of discs at 64 phases, which start in the loop's steady motion."""
     amplitude, omega = drives.disc(case)
     worst = 0.0
     for a, w in zip(amplitude, omega, strict=True):
@@ -173,23 +177,25 @@ def _played(
 
 
 def _between(drives: SwitchedDrives, answer: Dataset) -> Check:
-    """Errors of one defect at frequencies between those of the answer."""
+    """Compare errors of one defect at more frequencies with those at the stored ones."""
     worst, where = 0.0, ""
     for strategy in answer["strategy"].values:
         loop = drives.loops(strategy)[0]
         root = np.linalg.cholesky(answer[f"P_{strategy}"].values[0, 0])
         at = drives.deviations(loop, "envelope")
-        omega = np.geomspace(at.omega[0], at.omega[-1], BETWEEN)
+        omega = np.geomspace(at.omega[0], at.omega[-1], MORE_FREQUENCIES)
         amplitude = envelope(drives.axis, omega / (2 * np.pi)) / MICRO
         more = replace(at, amplitude=amplitude, omega=omega)
         value = float((more.single(root) / at.single(root)).max())
         worst, where = max((worst, where), (value, f"of {strategy}"))
-    statement = f"largest error of one defect at {BETWEEN} frequencies over that stored, CD1"
-    return Check("frequencies", statement, worst, 1.0 + CLOSE, where)
+    statement = (
+        f"largest error of one defect at {MORE_FREQUENCIES} frequencies over that stored, CD1"
+    )
+    return Check("frequencies", statement, worst, 1.0 + FREQUENCY_TOLERANCE, where)
 
 
 def _cells(drives: SwitchedDrives, answer: Dataset) -> Check:
-    """Cells within the box that do not overlap fill as much of it as their volumes say."""
+    """Check that the cells lie in the box, do not overlap, and fill the stored share of it."""
     low, high = drives.box(float(answer["box_of_cells"])).ends
     # Relative to the box, which is then 0 to 1.
     a, b = ((answer[f"cell_{end}"].values - low) / (high - low) for end in ("low", "high"))
@@ -203,7 +209,7 @@ def _cells(drives: SwitchedDrives, answer: Dataset) -> Check:
 
 
 def _in_cells(drives: SwitchedDrives, answer: Dataset) -> Check:
-    """V falls from defect to defect at random plants of the set, held and sampled as such."""
+    """Check that V falls from defect to defect at random plants of the set."""
     box = drives.box(float(answer["box_of_cells"]))
     low, high = box.ends
     rng = np.random.default_rng(0)
@@ -211,7 +217,7 @@ def _in_cells(drives: SwitchedDrives, answer: Dataset) -> Check:
     whole = float(answer["box_volume"].sel(box_share=float(answer["box_of_cells"]))) > 1.0 - 1e-9
     missing = np.inf if whole else 0.0  # of a set of which all is proven, no plant may be missing
     cells = list(zip(answer["cell_low"].values, answer["cell_high"].values, strict=True))
-    for point in rng.uniform(low, high, (PLANTS, 3)):
+    for point in rng.uniform(low, high, (RANDOM_PLANTS, 3)):
         inside = [i for i, (a, b) in enumerate(cells) if (a <= point).all() and (point <= b).all()]
         if not inside:
             worst = max(worst, missing)
@@ -220,18 +226,18 @@ def _in_cells(drives: SwitchedDrives, answer: Dataset) -> Check:
         value = _cycle(*box.at(point), P, int(dwell))
         worst, where = max((worst, where), (value, f"at g, k1, k2 = {point.round(4).tolist()}"))
     statement = "largest V of random plants a sample or a defect and a dwell later over V before"
-    return Check("plants of the set", statement, worst, FALLS, where)
+    return Check("plants of the set", statement, worst, LARGEST_RATIO, where)
 
 
 def _cycle(A_c: RealArray, A_o: RealArray, P: RealArray, dwell: int) -> float:
     """Largest V of either mode after a sample, or after a defect and a dwell, over V before."""
-    longer = [_ratio(np.linalg.matrix_power(A_o, n), P[0], P[1]) for n in STAYS]
+    longer = [_ratio(np.linalg.matrix_power(A_o, n), P[0], P[1]) for n in DEFECT_LENGTHS]
     back = _ratio(np.linalg.matrix_power(A_c, dwell), P[1], P[0])
     return max(_ratio(A_c, P[0], P[0]), _ratio(A_o, P[1], P[1]), back * max(longer))
 
 
 def _figure(drives: SwitchedDrives, answer: Dataset) -> list[Check]:
-    """Figure 8.10 has the focus loop only."""
+    """Compare the margins of the focus loop with figure 8.10."""
     if drives.axis != "focus":
         return []
     one = answer.sel(controller="K (1 - F)", sampling="sampled", plant="nominal")

@@ -11,7 +11,6 @@ from typing import Annotated
 from pydantic import Field
 
 from workbench import Run, problem, ref
-from workbench.systems.storage import restored
 
 from ...drive.plants import Gain
 from ...drive.shared_parameters import TABLES
@@ -54,5 +53,5 @@ def switching_stability(
     in acceptable errors. gain: of the twelve loops. common: one set of functions for all drives as
     well, in the coordinates of each drive's resonances (minutes).
     """
-    K_lower = restored(lower.data, "controller")
-    return SwitchingStability(axis, K_lower, defect_mm / 1e3, delay, displacement, gain, common)
+    K = lower.answer.K
+    return SwitchingStability(axis, K, defect_mm / 1e3, delay, displacement, gain, common)

@@ -30,7 +30,7 @@ WORDS = {
 }
 COLOURS = {"open": figures.BLUE, "filter": figures.ORANGE, "lower": figures.GREEN}
 MM = 1e3 * PERIOD * VELOCITY
-"""Of track that passes in a sample [mm]."""
+"""Length [mm] of track that passes in a sample."""
 
 
 def switching_tables(axis: Axis, answer: Dataset) -> dict[str, str]:
@@ -162,8 +162,8 @@ def _open_loops(axis: Axis, answer: Dataset) -> Figure:
     for name, (dash, colour) in LOOKS.items():
         one = answer.sel(controller=name)
         L = one["L_real"].values + 1j * one["L_imag"].values
-        size.loglog(frequency, abs(L), dash, color=colour, label=name)
-        phase.semilogx(frequency, figures.phase(L), dash, color=colour)
+        size.plot(frequency, abs(L), dash, color=colour, label=name)
+        phase.plot(frequency, figures.phase(L), dash, color=colour)
         nyquist.plot(L.real, L.imag, dash, color=colour)
     angle = np.linspace(0, 2 * np.pi, 200)
     nyquist.plot(np.cos(angle), np.sin(angle), color="0.7", linewidth=0.8)
@@ -173,13 +173,10 @@ def _open_loops(axis: Axis, answer: Dataset) -> Figure:
     nyquist.set_aspect("equal")
     size.axhline(1.0, color="0.4", linewidth=0.8)
     phase.axhline(-180.0, color="0.4", linewidth=0.8)
-    phase.set_title(f"{axis}, nominal open loops sampled at 35 kHz")
-    size.set_ylabel("|L| [1]")
-    phase.set_ylabel("arg L [deg]")
-    for panel in (size, phase):
-        panel.set_xlabel("frequency [Hz]")
-    nyquist.set_xlabel("Re L [1]")
-    nyquist.set_ylabel("Im L [1]")
+    title = f"{axis}, nominal open loops sampled at 35 kHz"
+    figures.label(size, "frequency [Hz]", "$|L|$ [1]", log="xy")
+    figures.label(phase, "frequency [Hz]", r"$\arg L$ [deg]", title, log="x")
+    figures.label(nyquist, r"$\mathrm{Re}\,L$ [1]", r"$\mathrm{Im}\,L$ [1]")
     figures.legend_below(figure, size)
     return figure
 
@@ -202,18 +199,17 @@ def _dwell_figure(axis: Axis, answer: Dataset) -> Figure:
                 float(one["dwell_common"]), color=colour, linewidth=1, linestyle=":",
                 label=f"{strategy}, one set of functions",
             )  # fmt: skip
-    panel.set_yscale("log")
     panel.set_ylim(bottom=0.7)
     panel.set_xticks(place, answer["drive"].values)
-    longest = MM * answer.sizes["length"]
-    panel.set_title(f"{axis}, defects up to {longest:.1f} mm: clean samples needed between them")
-    panel.set_ylabel("distance [samples]")
+    longest = f"{axis}, defects up to {MM * answer.sizes['length']:.1f} mm"
+    title = f"{longest}: clean samples needed between them"
+    figures.label(panel, y="distance [samples]", title=title, log="y")
     figures.legend_below(figure, panel, 2)
     return figure
 
 
 def _region(axis: Axis, answer: Dataset) -> Figure:
-    """Where the error of all drives stays within the linear range, and within the capture range."""
+    """Regions where the errors of all drives stay in the linear range and in the capture range."""
     strategies, cases = answer["strategy"].values.tolist(), answer["case"].values.tolist()
     figure, panels = figures.axes(
         len(cases), len(strategies), size=(10.5, 6.6), sharex=True, sharey=True
@@ -244,7 +240,7 @@ def _region(axis: Axis, answer: Dataset) -> Figure:
     for panel in panels[:: len(strategies)]:
         panel.set_ylabel("longest defect [mm]")
     for panel in panels[-len(strategies) :]:
-        panel.set_xlabel("distance between defects [mm]")
+        figures.label(panel, "distance between defects [mm]", log="x")
     assert handles is not None
     figures.legend_below(figure, handles)
     return figure

@@ -7,40 +7,73 @@ CD-players (2003).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from workbench import Check, Study, solve
+from workbench import Check, solve
 from workbench.arrays import RealArray
 from workbench.errors import SolverError
 from workbench.executor import Context
-from workbench.heavy_types import Dataset, Figure
-from workbench.synthesis import SwitchedLoop, SwitchedStability, proven_share
-from workbench.systems.storage import stored
+from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
+from workbench.study import Study, array, arrays, dim, part, system
+from workbench.synthesis import SwitchedStability, proven_share
+from workbench.synthesis.switching.single_loops import SAMPLINGS
 
 from ...drive.photo_diodes import CAPTURE
 from ...drive.red_book import ACCEPTABLE_ERROR
 from ...drive.tables import Axis, drives
 from ..switched_laboratory import Rig
 from ..switched_loop import MICRO
+from .box import LABEL
 from .checks import switching_checks
-from .margins import CONTROLLERS
+from .margins import CONTROLLERS, FREQUENCY
 from .report import proven, switching_figures, switching_tables
 from .switched_drives import DEFECTS, ROTATION, SwitchedDrives
 
 STRATEGIES = ("open", "filter", "lower")
-SHARES: dict[Axis, tuple[float, ...]] = {"focus": (1.0, 2.0), "radial": (1.0,)}
+"""Strategies that are studied, see `switched_loop`."""
+MULTIPLES: dict[Axis, tuple[float, ...]] = {"focus": (1.0, 2.0), "radial": (1.0,)}
 """Multiples of the parametric set that are tried, up to the first that is not proven."""
 CASES = ("rotation", "envelope")
+"""Discs, see `SwitchedDrives.disc`."""
 DISTANCES = np.unique(np.geomspace(30, 4000, 12).round().astype(np.int64))
-"""Between two defects [samples]."""
-SPACED = DISTANCES[::2]
+"""Distances between two defects [samples]."""
 LENGTHS = 12
-"""Of defects that are simulated, up to the longest, at every other distance."""
+"""Number of lengths of simulated defects, up to the longest."""
 SIZES = (0.1, 1.0)
-"""Of the disc in the laboratory over the largest deviation: the optics are linear for the first."""
+"""Sizes of the disc in the laboratory over the largest deviation; for the first the optics are
+linear."""
+
+
+class Functions(NamedTuple):
+    """A proven dwell time, a longer one that is unstable [samples], and the functions P."""
+
+    dwell: float
+    unstable: int
+    P: RealArray
+
+
+def _proof(program: SwitchedStability) -> Functions:
+    """The least dwell time that is found. Raises SolverError where none is proven."""
+    found = solve(program)
+    if found.answer is None or not (found.certificate and found.certificate.valid):
+        raise SolverError(f"no dwell time is proven: {found.message}")
+    return Functions(found.answer.samples, program.destabilising[0], found.answer.P)
+
+
+def _each_drive(strategy: str) -> Any:
+    """Declare the functions of a strategy, drive by drive."""
+    state = f"state_{strategy}"
+    meaning = f"functions of {strategy}, V = x' P x at each mode's entry"
+    over = ("drive", "mode", state, f"{state}_")
+    return array(over, "", meaning, lambda proofs: np.stack([one.P for one in proofs[strategy]]))
+
+
+def _all_drives(strategy: str) -> Any:
+    """Declare the functions of a strategy that hold for all drives at once."""
+    over = ("mode", f"state_{strategy}", f"state_{strategy}_")
+    return array(over, value=lambda together: together[strategy].P if together else None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,149 +84,161 @@ class SwitchingStability(SwitchedDrives, Study):
 
     headline: ClassVar[str] = "dwell_open"
 
-    # --- answer -------------------------------------------------------------------------------
+    strategy = dim(STRATEGIES)
+    case = dim(CASES)
+    drive = dim(lambda self: [one.name for one in drives(self.axis)])
+    mode = dim("clean", "defect")
+    length = dim(lambda self: np.arange(1, self.longest + 1), unit="1")
+    played = dim(lambda self: _lengths(self.longest), unit="1")
+    tested = dim(lambda played: played.values[3::4], unit="1")
+    size = dim(SIZES, unit="1")
+    distance = dim(DISTANCES, unit="1")
+    spaced = dim(DISTANCES[::2], unit="1")
 
-    def compute(self, context: Context) -> Dataset:
-        import xarray as xr
+    @system(called="lower")
+    def K_prime(self) -> StateSpace:
+        return self.lower
 
-        parts: dict[str, Any] = self.alone.margins() | self.alone.robust(context)
-        bounds, sims = [], []
-        dwell: list[list[float]] = []
-        excluded: list[list[int]] = []
-        lengths = self.lengths
-        for strategy in STRATEGIES:
-            loops = self.loops(strategy)
-            tracked = context.track(loops, f"dwell times, {strategy}")
-            found = [self._dwell(self.program([loop])) for loop in tracked]
-            P = np.stack([each[2] for each in found])
-            about = {"long_name": f"functions of {strategy}, V = x' P x at each mode's entry"}
-            state = f"state_{strategy}"
-            parts[f"P_{strategy}"] = (("drive", "mode", state, f"{state}_"), P, about)
-            dwell.append([each[0] for each in found])
-            excluded.append([each[1] for each in found])
-            bound, sim = self._errors(context, loops, P, strategy)
-            bounds.append(bound)
-            sims.append(sim)
-        parts |= self._common(context) | proven_share(self.box, SHARES[self.axis], context)
-        samples, um = {"units": "1"}, {"units": "um"}
-        place = ("strategy", "case", "length", "distance")
-        return xr.Dataset(
-            {
-                **parts,
-                **stored("lower", self.lower),
-                "dwell": (
-                    ("strategy", "drive"),
-                    dwell,
-                    samples | {"long_name": "proven distance between defects, in samples"},
-                ),
-                "unstable": (
-                    ("strategy", "drive"),
-                    excluded,
-                    samples | {"long_name": "distance that a periodic switching makes unstable"},
-                ),
-                "bound": (
-                    place,
-                    bounds,
-                    um | {"long_name": "true error proven at the stored frequencies, all drives"},
-                ),
-                "simulated": (
-                    ("strategy", "case", "drive", "played", "spaced"),
-                    sims,
-                    um | {"long_name": "largest true error of six equal defects, worst phase"},
-                ),
-                "alone": (("case", "drive"), self._alone(), um | {"long_name": "no switching"}),
-                "laboratory": (
-                    ("size", "strategy", "drive", "tested"),
-                    self._laboratory(context),
-                    um | {"long_name": "largest true error in the virtual laboratory"},
-                ),
-            },
-            coords={
-                "strategy": list(STRATEGIES),
-                "case": list(CASES),
-                "drive": [drive.name for drive in drives(self.axis)],
-                "mode": ["clean", "defect"],
-                "length": ("length", np.arange(1, self.longest + 1), samples),
-                "played": ("played", lengths, samples),
-                "tested": ("tested", self.tested, samples),
-                "size": ("size", list(SIZES), {"units": "1"}),
-                "distance": ("distance", DISTANCES, samples),
-                "spaced": ("spaced", SPACED, samples),
-            },
-        )
+    # --- each controller by itself ------------------------------------------------------------
 
-    @property
-    def tested(self) -> Any:
-        """Of the defects in the laboratory, with the sample in which the light comes back."""
-        return self.lengths[3::4]
+    controller = dim(CONTROLLERS)
+    sampling = dim(SAMPLINGS)
+    plant = dim(lambda self: list(self.alone.plants))
+    late = dim("none", "delay")
+    limit = dim("lower", "upper")
+    frequency = dim(FREQUENCY, unit="Hz")
 
-    @cached_property
-    def lengths(self) -> Any:
-        """Of the defects that are simulated [samples]."""
-        return np.unique(np.linspace(1, self.longest, LENGTHS + 1).round().astype(np.int64)[1:])
+    @arrays(
+        (controller, sampling, plant),
+        gain_margin=("dB", "gain margin of the loops that are stable"),
+        phase_margin=("deg", "phase margin of the loops that are stable"),
+        growth=("1/s", "rate of the slowest motion"),
+    )
+    def margins(self) -> dict[str, Any]:
+        found = self.alone.loops.margins()
+        return {
+            "gain_margin": found.gain_db,
+            "phase_margin": found.phase,
+            "growth": found.growth,
+        }
 
-    def _dwell(self, program: SwitchedStability) -> tuple[float, int, RealArray]:
-        """The dwell time, what a periodic switching excludes, and the functions."""
-        found = solve(program)
-        if found.answer is None or not (found.certificate and found.certificate.valid):
-            raise SolverError(f"no dwell time is proven: {found.message}")
-        return found.answer.samples, program.destabilising[0], found.answer.P
+    nominal = part(lambda self: self.alone.nominal(FREQUENCY))
+    L_real = array((controller, frequency), "1", "", lambda nominal: nominal.real)
+    L_imag = array((controller, frequency), "1", "", lambda nominal: nominal.imag)
+    mu = array(
+        (controller, late, limit),
+        "1",
+        "mixed mu of robust stability, parametric set",
+        lambda self, context: self.alone.robust(context),
+    )
 
-    def _errors(
-        self, context: Context, loops: list[SwitchedLoop], P: RealArray, strategy: str
-    ) -> tuple[RealArray, RealArray]:
-        """Bounds (case, length, distance), and simulated (case, drive, played, spaced)."""
-        bound = np.zeros((len(CASES), self.longest, len(DISTANCES)))
-        sim = np.zeros((len(CASES), len(loops), len(self.lengths), len(SPACED)))
-        for i, loop in enumerate(context.track(loops, f"errors, {strategy}")):
-            for c, case in enumerate(CASES):
-                deviations = self.deviations(loop, case)
-                bound[c] = np.maximum(bound[c], deviations.proven(P[i], DISTANCES))
-                sim[c, i] = [
-                    [deviations.simulated(int(n), int(d), DEFECTS) for d in SPACED]
-                    for n in self.lengths
-                ]
-        return bound, sim
+    # --- dwell times --------------------------------------------------------------------------
 
-    def _alone(self) -> RealArray:
-        """Largest error of the loop that never switches (case, drive)."""
-        loops = self.loops("none")
-        return np.array(
-            [
-                [abs(self.deviations(loop, case).steady_error).max() for loop in loops]
-                for case in CASES
+    switched = part(lambda self: {name: self.loops(name) for name in STRATEGIES})
+
+    @part
+    def proofs(self, switched: Any, context: Context) -> dict[str, list[Functions]]:
+        """Dwell times of every drive by strategy."""
+        return {
+            name: [
+                _proof(self.program([loop]))
+                for loop in context.track(loops, f"dwell times, {name}")
             ]
-        )
+            for name, loops in switched.items()
+        }
 
-    def _laboratory(self, context: Context) -> RealArray:
-        """Largest true errors [um] at the fastest rotation (size, strategy, drive, tested)."""
-        found = np.zeros((len(SIZES), len(STRATEGIES), len(self.lenses), len(self.tested)))
-        rigs = [
-            Rig(self.axis, size, ROTATION[-1], self.gain, self.delay, self.false * MICRO)
-            for size in SIZES
-        ]
-        names = [drive.name for drive in drives(self.axis)]
+    @part
+    def together(self, switched: Any, context: Context) -> dict[str, Functions]:
+        """Dwell times with one set of functions for all drives, by strategy, if wanted."""
+        wanted = STRATEGIES if self.common else ()
+        tracked = context.track(list(wanted), "dwell times of all drives at once")
+        return {name: _proof(self.program(switched[name])) for name in tracked}
+
+    dwell = array(
+        (strategy, drive),
+        "1",
+        "proven distance between defects, in samples",
+        lambda proofs: [[one.dwell for one in each] for each in proofs.values()],
+    )
+    unstable = array(
+        (strategy, drive),
+        "1",
+        "distance that a periodic switching makes unstable",
+        lambda proofs: [[one.unstable for one in each] for each in proofs.values()],
+    )
+    dwell_common = array(
+        strategy,
+        "1",
+        "proven distance, one set of functions for all drives",
+        lambda together: [one.dwell for one in together.values()] or None,
+    )
+    P_open, P_filter, P_lower = map(_each_drive, STRATEGIES)
+    P_common_open, P_common_filter, P_common_lower = map(_all_drives, STRATEGIES)
+
+    # --- the parametric set, cell by cell -----------------------------------------------------
+
+    boxes = part(lambda self, context: proven_share(self.box, MULTIPLES[self.axis], context))
+    box_share = dim(lambda boxes: boxes.multiples, unit="1", meaning="multiple of the set")
+    box_volume = array(box_share, "1", "proven volume", lambda boxes: boxes.volumes)
+    box_of_cells = array((), "1", "multiple that the cells fill", lambda boxes: boxes.multiple)
+    cell_low = array(("cell", "parameter"), "", LABEL, lambda boxes: boxes.low)
+    cell_high = array(("cell", "parameter"), "", LABEL, lambda boxes: boxes.high)
+    cell_P = array(("cell", mode, "state_box", "state_box_"), value=lambda boxes: boxes.P)
+    cell_dwell = array("cell", "", "proven distance, in samples", lambda boxes: boxes.dwell)
+
+    # --- true errors --------------------------------------------------------------------------
+
+    @array(
+        (strategy, case, length, distance),
+        "um",
+        "true error proven at the stored frequencies, all drives",
+    )
+    def bound(self, switched: Any, proofs: Any, context: Context) -> RealArray:
+        found = np.zeros((len(STRATEGIES), len(CASES), self.longest, len(DISTANCES)))
+        for s, name in enumerate(context.track(list(STRATEGIES), "bounds of the error")):
+            for loop, proof in zip(switched[name], proofs[name], strict=True):
+                for c, case in enumerate(CASES):
+                    one = self.deviations(loop, case).proven(proof.P, DISTANCES)
+                    found[s, c] = np.maximum(found[s, c], one)
+        return found
+
+    @array(
+        (strategy, case, drive, played, spaced),
+        "um",
+        "largest true error of six equal defects, worst phase",
+    )
+    def simulated(
+        self, switched: Any, played: DataArray, spaced: DataArray, context: Context
+    ) -> RealArray:
+        found = np.zeros((len(STRATEGIES), len(CASES), len(self.lenses), played.size, spaced.size))
+        for s, c, i in context.track(list(np.ndindex(found.shape[:3])), "simulated errors"):
+            deviations = self.deviations(switched[STRATEGIES[s]][i], CASES[c])
+            found[s, c, i] = [
+                [deviations.simulated(int(n), int(d), DEFECTS) for d in spaced] for n in played
+            ]
+        return found
+
+    @arrays((case, drive), alone=("um", "no switching"))
+    def unswitched(self) -> dict[str, Any]:
+        """Largest errors of the loops that never switch."""
+        loops = self.loops("none")
+        errors = [[self.deviations(loop, case).steady_error for loop in loops] for case in CASES]
+        return {"alone": [[abs(one).max() for one in each] for each in errors]}
+
+    @array((size, strategy, drive, tested), "um", "largest true error in the virtual laboratory")
+    def laboratory(self, drive: DataArray, tested: DataArray, context: Context) -> RealArray:
+        """Errors at the fastest rotation.
+
+        Defects last a sample longer there, that in which the light comes back.
+        """
+        found = np.zeros((len(SIZES), len(STRATEGIES), drive.size, tested.size))
+        false = self.false * MICRO
+        rigs = [Rig(self.axis, one, ROTATION[-1], self.gain, self.delay, false) for one in SIZES]
         for place in context.track(list(np.ndindex(found.shape)), "laboratory"):
-            size, strategy, drive, length = place
-            found[place] = rigs[size].largest_error(
-                names[drive], STRATEGIES[strategy], int(self.tested[length]) - 1, self.lower
-            )
+            size, strategy, i, length = place
+            name, samples = str(drive.values[i]), int(tested[length]) - 1
+            found[place] = rigs[size].largest_error(name, STRATEGIES[strategy], samples, self.lower)
         return found / MICRO
-
-    def _common(self, context: Context) -> dict[str, Any]:
-        """With one set of functions for all drives."""
-        if not self.common:
-            return {}
-        found = [
-            self._dwell(self.program(self.loops(strategy)))
-            for strategy in context.track(list(STRATEGIES), "dwell times of all drives at once")
-        ]
-        about = {"units": "1", "long_name": "proven distance, one set of functions for all drives"}
-        parts: dict[str, Any] = {"dwell_common": ("strategy", [each[0] for each in found], about)}
-        for strategy, each in zip(STRATEGIES, found, strict=True):
-            state = f"state_{strategy}"
-            parts[f"P_common_{strategy}"] = (("mode", state, f"{state}_"), each[2])
-        return parts
 
     # --- checks, metrics, report --------------------------------------------------------------
 
@@ -229,3 +274,8 @@ class SwitchingStability(SwitchedDrives, Study):
 
     def figures(self, answer: Dataset) -> dict[str, Figure]:
         return switching_figures(self.axis, answer)
+
+
+def _lengths(longest: int) -> Any:
+    """Lengths of simulated defects [samples]."""
+    return np.unique(np.linspace(1, longest, LENGTHS + 1).round().astype(np.int64)[1:])

@@ -49,7 +49,7 @@ class SwitchedDrives:
         Focus or radial.
     lower
         Controller K' of strategy "lower".
-    length
+    defect_length
         Length of the longest defect [m].
     delay
         Delay of the computer [samples].
@@ -61,7 +61,7 @@ class SwitchedDrives:
 
     axis: Axis
     lower: StateSpace
-    length: float
+    defect_length: float
     delay: float
     displacement: float
     gain: Gain
@@ -69,7 +69,7 @@ class SwitchedDrives:
     @cached_property
     def longest(self) -> int:
         """Samples of the longest defect."""
-        return max(1, math.ceil(self.length / VELOCITY * RATE))
+        return max(1, math.ceil(self.defect_length / VELOCITY * RATE))
 
     @cached_property
     def reference(self) -> StateSpace:
@@ -81,7 +81,9 @@ class SwitchedDrives:
     def alone(self) -> LoopsAlone:
         """Loops of one controller each, with the twelve drives and the nominal one."""
         systems = plants(self.axis, self.gain, "printed")
-        return LoopsAlone(self.axis, self.reference, self.lower, systems, self.delay, self.length)
+        return LoopsAlone(
+            self.axis, self.reference, self.lower, systems, self.delay, self.defect_length
+        )
 
     @cached_property
     def lenses(self) -> list[SampledPlant]:

@@ -221,8 +221,8 @@ def test_a_set_without_a_proven_cell_is_stored_as_such(monkeypatch):
     cells = parametric_box("radial", regulators(K, "lower", LOWER), 1.0).cells()
     monkeypatch.setattr(SwitchedBox, "proven", lambda *_: ([], cells))
     found = proven_share(study.box, (1.0, 2.0), Context())
-    assert np.shape(found["cell_low"][1]) == np.shape(found["cell_high"][1]) == (0, 3)
-    assert found["box_volume"][1] == [0.0]
+    assert found.low.shape == found.high.shape == (0, 3)
+    assert found.volumes == [0.0]
 
 
 @pytest.mark.slow
