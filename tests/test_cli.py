@@ -327,7 +327,7 @@ def test_compare_prints_the_cells(cli):
 
 def test_compare_kills_what_hangs(cli):
     words = ("compare", "toy/root", "--methods", "exact,hanging", "--accuracy", "low")
-    status, out, _ = cli(*words, "--time-limit", "3", "--jobs", "2")
+    status, out, _ = cli(*words, "--time-limit", "10", "--jobs", "2")
     assert status == 1
     assert [line.split()[1:5] for line in out.splitlines()[1:3]] == [
         ["exact", "low", "solved", "solved"],
