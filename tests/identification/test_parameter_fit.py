@@ -226,6 +226,7 @@ def test_what_the_noise_hides_is_named():
     assert any("damping" in text for text in seen.unseen)
 
 
+@pytest.mark.slow
 def test_several_starts_find_the_least_of_several_minima():
     def delay(p, s):
         return np.exp(-s * p["delay"])

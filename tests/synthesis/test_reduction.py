@@ -154,6 +154,7 @@ def test_slow_and_lightly_damped_modes_survive():
 # --- the closed loop --------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_how_low_the_order_can_go(loop):
     plant, K = loop
     found = {

@@ -19,6 +19,7 @@ def solved():
     return study, wb.solve(study)
 
 
+@pytest.mark.slow
 def test_the_times_and_the_peers_radii_are_there(solved):
     study, solution = solved
     assert solution.answer is not None, solution.message
@@ -30,6 +31,7 @@ def test_the_times_and_the_peers_radii_are_there(solved):
     assert 0 < numbers["memory_gib"] < 16
 
 
+@pytest.mark.slow
 def test_the_peer_solves_the_same_problem(solved):
     """The checks that no clock decides hold, and the others have their limits."""
     study, solution = solved
@@ -40,6 +42,7 @@ def test_the_peer_solves_the_same_problem(solved):
     assert checks["large seconds"].limit == SECONDS
 
 
+@pytest.mark.slow
 def test_slowness_is_found(solved):
     study, solution = solved
     answer = solution.answer.copy(deep=True)
@@ -49,6 +52,7 @@ def test_slowness_is_found(solved):
     assert {"steps over conic", "large seconds"} <= failed
 
 
+@pytest.mark.slow
 def test_the_run_is_shown(solved):
     study, solution = solved
     stored = study.from_dataset(study.to_dataset(solution.answer))

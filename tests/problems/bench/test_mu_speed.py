@@ -13,6 +13,7 @@ def solved():
     return study, wb.solve(study)
 
 
+@pytest.mark.slow
 def test_every_peer_was_timed_on_the_same_matrices(solved):
     study, solution = solved
     assert solution.answer is not None, solution.message
@@ -25,6 +26,7 @@ def test_every_peer_was_timed_on_the_same_matrices(solved):
     )
 
 
+@pytest.mark.slow
 def test_the_bound_is_never_above_a_peers(solved):
     """The checks that no clock decides hold, and the others have their limits."""
     study, solution = solved
@@ -34,6 +36,7 @@ def test_the_bound_is_never_above_a_peers(solved):
     assert checks["clarabel at size 4"].limit == 1 / LEAST_RATIO["clarabel"][4]
 
 
+@pytest.mark.slow
 def test_tables_have_a_row_for_each_size_and_count(solved):
     study, solution = solved
     tables = study.tables(solution.answer)

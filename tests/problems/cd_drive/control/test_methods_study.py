@@ -30,10 +30,12 @@ def data(solved):
     return solved[1].answer
 
 
+@pytest.mark.slow
 def test_its_certificate_holds(solved):
     assert solved[1].certificate.failures == ()
 
 
+@pytest.mark.slow
 def test_the_simple_methods_do_not_see_the_resonance_move(data):
     upper = data["peak"].sel(bound="upper")
     assert (upper.sel(condition="nominal performance", design="mixed sensitivity") < 0.71).all()
@@ -45,12 +47,14 @@ def test_the_simple_methods_do_not_see_the_resonance_move(data):
         assert float(at) == pytest.approx(30, abs=3)
 
 
+@pytest.mark.slow
 def test_peaks_grow_with_the_uncertainty(data):
     lower, upper = data["peak"].sel(bound="lower"), data["peak"].sel(bound="upper")
     for small, large in (("robust performance", "complex scalars"), (CONDITIONS[4], CONDITIONS[5])):
         assert (lower.sel(condition=small) <= upper.sel(condition=large)).all()
 
 
+@pytest.mark.slow
 def test_a_controller_that_is_not_the_best_at_its_own_is_found(solved, data):
     study, _ = solved
     worse = data.copy(deep=True)
@@ -60,6 +64,7 @@ def test_a_controller_that_is_not_the_best_at_its_own_is_found(solved, data):
     assert "LQG is best at its own" in failed
 
 
+@pytest.mark.slow
 def test_tables_and_figures_are_made(solved, data):
     study, _ = solved
     tables = study.tables(data)

@@ -26,10 +26,12 @@ def data(solved):
     return solved[1].answer
 
 
+@pytest.mark.slow
 def test_its_certificate_holds(solved):
     assert solved[1].certificate.failures == ()
 
 
+@pytest.mark.slow
 def test_what_holds_of_section_6_3(solved, data):
     numbers = solved[0].metrics(data)
     assert numbers["peak_parametric"] == pytest.approx(0.871, abs=1e-3)
@@ -40,23 +42,27 @@ def test_what_holds_of_section_6_3(solved, data):
     assert numbers["peak_stadium_5X"] == pytest.approx(20, rel=0.1)
 
 
+@pytest.mark.slow
 def test_the_nominal_loop_meets_the_disturbance_and_control_channels_apart_only(data):
     peak = data["peak"].sel(condition="nominal performance", bound="upper", speed=1.0)
     assert (peak.sel(channel=["disturbance", "control"]) < 1).all()
     assert (peak.sel(channel="both") > 1).all()
 
 
+@pytest.mark.slow
 def test_orienting_stadiums_for_mu_is_never_worse_than_narrowest(data):
     sets = data["set_mu"]
     assert (sets.sel(set="stadium for mu") <= (1 + 1e-9) * sets.sel(set="stadium narrowest")).all()
 
 
+@pytest.mark.slow
 def test_the_adjusted_gain_makes_both_channels_equally_bad(data):
     mu = data["adjusted_mu"].sel(bound="upper").max("frequency")
     assert data["adjusted_gain"] > 1
     assert float(mu[0]) == pytest.approx(float(mu[1]), rel=0.05)
 
 
+@pytest.mark.slow
 def test_figures_and_tables_are_made(solved, data):
     study, _ = solved
     assert set(study.figures(data)) == {"one-x", "five-x", "gains"}
