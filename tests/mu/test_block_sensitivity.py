@@ -55,6 +55,11 @@ def test_adds_up_to_one_and_is_never_negative(seed, decades):
     assert found.min() > -1e-4
 
 
+@pytest.mark.xfail(reason="a known defect: the shares of this matrix add up to 0.9905")
+def test_adds_up_to_one_where_the_bound_is_hard_to_differentiate():
+    assert sensitivity(random(429, MIXED), MIXED).sum() == pytest.approx(1, abs=2e-4)
+
+
 def test_of_nothing_and_of_one_block():
     assert (sensitivity(np.zeros((2, 5, 5)), Structure([Full(5, 5)])) == 0).all()
     assert sensitivity(random(3, MIXED, 2, 3), MIXED).shape == (2, 3, 3)
