@@ -124,16 +124,7 @@ class _Computation:
         for one in self.declared.values():
             if isinstance(one, Dim | Array | System):
                 self._make(one)
-        dims = {one.name: one for one in self.declared.values() if isinstance(one, Dim)}
-        used = {
-            name
-            for value in [*self.variables.values(), *self.coordinates.values()]
-            for name in ([value[0]] if isinstance(value[0], str) else value[0])
-        }
-        return xr.Dataset(
-            self.variables,
-            {name: v for name, v in self.coordinates.items() if name not in dims or name in used},
-        )
+        return xr.Dataset(self.variables, self.coordinates)
 
     def get(self, name: str) -> Any:
         """A declared thing by name: made now where it is not yet."""
