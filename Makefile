@@ -4,10 +4,10 @@ PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/.ready
 WORKBENCH := $(BIN)/workbench
-REFERENCE := $(WORKBENCH) --results results/reference run
+REFERENCE := $(WORKBENCH) --results results/reference run --jobs 2
 
 .DELETE_ON_ERROR:
-.PHONY: reproduce reproduce-all test test-all quick lint reference clean
+.PHONY: reproduce reproduce-all test test-all mutants quick lint reference clean
 
 # Run every named problem, print the table, write the HTML index.
 reproduce: $(READY)
@@ -25,6 +25,10 @@ test: lint
 
 test-all: lint
 	$(PYTEST)
+
+# Broken code and planted wrong answers: does every certificate notice?
+mutants: lint
+	$(PYTEST) tests/mutants
 
 # What one runs all day: lint, types, and the tests of what changed since the last commit.
 quick: lint

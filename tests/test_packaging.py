@@ -160,7 +160,7 @@ def test_type_checkers_see_the_types_of_an_installed_wheel(wheel, tmp_path):
     done = subprocess.run(mypy, cwd=tmp_path, env=environment, capture_output=True, text=True)
     first, second, third, *_ = done.stdout.splitlines()
     assert first.endswith('Revealed type is "workbench.bench.results.Run"'), done.stdout
-    assert second.endswith('Revealed type is "workbench.program.Certificate | None"')
+    assert second.endswith('Revealed type is "workbench.certificate.Certificate | None"')
     assert 'incompatible type "int"; expected "str"' in third
 
 

@@ -10,20 +10,11 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from workbench.bench.question import plain
+from workbench.certificate import Certificate, Check, Gap, worst
 from workbench.errors import InputError, RegistryError, UnknownNameError
 from workbench.executor import Context
-from workbench.program import (
-    Certificate,
-    Check,
-    Gap,
-    Program,
-    conic_method,
-    find_method,
-    method,
-    methods,
-    solve,
-    worst,
-)
+from workbench.program import Program, conic_method, find_method, method, methods
+from workbench.solution import solve
 from workbench.solvers import Options, Outcome, conic_solvers
 
 NUMBERS = st.floats() | st.integers(-(10**6), 10**6)

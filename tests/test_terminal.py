@@ -7,7 +7,7 @@ import sys
 import pytest
 
 from workbench.executor import silent, unwatched
-from workbench.terminal import ROUNDS, shown_live
+from workbench.terminal import SHOWN_ROUNDS, shown_live
 
 
 class Terminal(io.StringIO):
@@ -35,18 +35,20 @@ def test_the_last_rounds_are_an_aligned_table_beside_the_bar(seen):
     def work():
         rows = []
         with shown_live("plant") as (progress, watch):
-            for number in range(1, ROUNDS + 4):
+            for number in range(1, SHOWN_ROUNDS + 4):
                 rows.append({"round": number, "peak": 10.0 / number, "fit": float("nan")})
                 watch(rows)
                 progress("mu synthesis", number, 30)
 
     lines = seen(work)
     last = max(i for i, line in enumerate(lines) if "peak" in line)
-    table = [line.rstrip() for line in lines[last : last + ROUNDS + 2]]
+    table = [line.rstrip() for line in lines[last : last + SHOWN_ROUNDS + 2]]
     assert table[0].split() == ["round", "peak", "fit"]
-    found = [line.split() for line in table[1 : ROUNDS + 1]]
-    assert found == [[str(n), f"{10 / n:.4g}", "-"] for n in range(4, ROUNDS + 4)]
-    assert len({len(line) for line in table[: ROUNDS + 1]}) == 1  # numbers end below one another
+    found = [line.split() for line in table[1 : SHOWN_ROUNDS + 1]]
+    assert found == [[str(n), f"{10 / n:.4g}", "-"] for n in range(4, SHOWN_ROUNDS + 4)]
+    assert (
+        len({len(line) for line in table[: SHOWN_ROUNDS + 1]}) == 1
+    )  # numbers end below one another
     assert "plant" in table[-1] and "mu synthesis 18/30" in table[-1]
 
 

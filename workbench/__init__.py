@@ -7,9 +7,13 @@ Nothing heavy is imported until it is used.
 from __future__ import annotations
 
 import importlib
+import time
 from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
+
+IMPORT_TIME = time.time_ns()
+"""When this process imported the workbench [ns since the epoch], before any plant's module."""
 
 if TYPE_CHECKING:
     from workbench.api import compare, load, problems, results, run, verify
@@ -17,8 +21,10 @@ if TYPE_CHECKING:
     from workbench.bench.project import add_problems
     from workbench.bench.report import report
     from workbench.bench.results import Run, open_run
+    from workbench.certificate import Certificate, Check
     from workbench.geometry import narrowest_stadium, smallest_circle
-    from workbench.program import Certificate, Check, Program, Solution, method, solve
+    from workbench.program import Program, method
+    from workbench.solution import Solution, solve
     from workbench.solvers import Options, Outcome
     from workbench.study import Study
 
@@ -29,14 +35,9 @@ _HOME = {
     "workbench.bench.report": ("report",),
     "workbench.bench.results": ("Run", "open_run"),
     "workbench.geometry": ("narrowest_stadium", "smallest_circle"),
-    "workbench.program": (
-        "Certificate",
-        "Check",
-        "Program",
-        "Solution",
-        "method",
-        "solve",
-    ),
+    "workbench.certificate": ("Certificate", "Check"),
+    "workbench.program": ("Program", "method"),
+    "workbench.solution": ("Solution", "solve"),
     "workbench.solvers": ("Options", "Outcome"),
     "workbench.study": ("Study",),
 }

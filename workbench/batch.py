@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import as_completed
+from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -49,8 +50,7 @@ def _several(
 ) -> Iterator[tuple[str, Run | WorkbenchError]]:
     from workbench.executor import Processes
 
-    for variable in THREADS:
-        os.environ.setdefault(variable, str(max(1, (os.cpu_count() or 1) // jobs)))
+    _share_cores(jobs)
     with Processes(jobs) as executor, shown_live(f"{jobs} at once") as (progress, _):
         futures = {
             executor.submit(_run, name, dict(asked), added_problems()): name for name in names
@@ -70,3 +70,22 @@ def _run(name: str, asked: dict[str, Any], folders: Sequence[Path]) -> Run:
     for folder in folders:
         add_problems(folder)
     return workbench.run(name, **asked)
+
+
+def workers(jobs: int) -> Executor:
+    """Where several jobs of many short tasks run: in processes that stay, unlike `Processes`.
+
+    One job runs in this process.
+    """
+    from workbench.executor import InProcess
+
+    if jobs == 1:
+        return InProcess()
+    _share_cores(jobs)
+    return ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"))
+
+
+def _share_cores(jobs: int) -> None:
+    """Share out the cores among the linear algebra of processes that start from now on."""
+    for variable in THREADS:
+        os.environ.setdefault(variable, str(max(1, (os.cpu_count() or 1) // jobs)))

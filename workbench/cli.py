@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 import workbench
-from workbench.batch import ended
+from workbench.batch import ended, workers
 from workbench.bench.project import add_problems, registry, results_root, use_results
 from workbench.errors import WorkbenchError
 from workbench.terminal import (
@@ -76,7 +77,7 @@ def list_(pattern: str, as_json: bool) -> None:
 @click.argument("name")
 @AS_JSON
 def show(name: str, as_json: bool) -> None:
-    """Where a problem is written; its help, parameters and methods."""
+    """Source, help, parameters and methods of a problem."""
     from workbench.bench.describe import describe
 
     described = describe(registry().find(name))
@@ -175,7 +176,7 @@ def compare(
     as_json: bool,
 ) -> None:
     """Every problem that fits PATTERN by every method at every accuracy level."""
-    from workbench.bench.comparison import rows, unfit
+    from workbench.bench.comparison import HEADS, rows, unfit
     from workbench.executor import InProcess, Processes
 
     # Only a process can be killed when its solver does not listen.
@@ -196,8 +197,7 @@ def compare(
     if as_json:
         print_json(row(done) | {"cells": rows(done.data)})
         sys.exit(0 if every else 1)
-    head = ["problem", "method", "accuracy", "outcome", "claim", "success", "correct", "gap"]
-    print_table([*head, "statement [s]", "solve [s]"], rows(done.data), right=3)
+    print_table(HEADS, rows(done.data), right=3)
     for text in unfit(done.data):
         click.echo(f"  unfit: {text}")
     click.echo(done.path)
@@ -210,11 +210,11 @@ def compare(
 @AS_JSON
 def verify(paths: tuple[Path, ...], rerun: bool, as_json: bool) -> None:
     """Verify results folders at or below PATHS [default: the project's results]."""
-    from workbench.bench.verify import finished, verify_folder
+    from workbench.bench.verify import finished_folders, verify_folder
 
     found = []
     for path in paths or (results_root(),):
-        for folder in finished(path):
+        for folder in finished_folders(path):
             found.append(verify_folder(folder, rerun=rerun))
             if not as_json:
                 click.echo(repr(found[-1]))
@@ -247,10 +247,10 @@ def verify(paths: tuple[Path, ...], rerun: bool, as_json: bool) -> None:
 def draw(paths: tuple[Path, ...], folder: Path) -> None:
     """Figures (SVG, PNG) and tables (Markdown) of the results folders at or below PATHS."""
     from workbench.bench.results import Run
-    from workbench.bench.verify import finished
+    from workbench.bench.verify import finished_folders
 
     for path in paths:
-        for found in finished(path):
+        for found in finished_folders(path):
             one = Run(found)
             for file in one.draw(folder / one.problem / one.key):
                 click.echo(file)
@@ -278,11 +278,15 @@ def results(pattern: str, as_json: bool) -> None:
 @click.argument("root", required=False, type=click.Path(path_type=Path))
 @click.option("--output", type=click.Path(path_type=Path), help="The page [ROOT/index.html].")
 @click.option("--open", "open_", is_flag=True, help="Open it in a browser.")
-def report(root: Path | None, output: Path | None, open_: bool) -> None:
+@click.option(
+    "--jobs", type=click.IntRange(min=1), help="Draw this many runs at once [default: every core]."
+)
+def report(root: Path | None, output: Path | None, open_: bool, jobs: int | None) -> None:
     """One self-contained HTML page over the results below ROOT."""
     from workbench.bench.results import damaged
 
-    page = workbench.report(root, output)
+    with shown_live("report") as (progress, _), workers(jobs or os.cpu_count() or 1) as executor:
+        page = workbench.report(root, output, executor=executor, progress=progress)
     for folder, reason in damaged(root or results_root()).items():
         click.echo(f"workbench: left out: {folder}: {reason}", err=True)
     click.echo(page)

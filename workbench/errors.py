@@ -31,6 +31,30 @@ class RegistryError(WorkbenchError):
     """Problem files that contradict each other: duplicate names, cyclic needs, no literal name."""
 
 
+class ContradictionError(WorkbenchError):
+    """Two bounds of the same quantity that cannot both hold: one of their proofs is wrong.
+
+    Parameters
+    ----------
+    what
+        The quantity, and where it is bounded.
+    lower, upper
+        The bounds; the lower one is above the upper one.
+    lower_claim, upper_claim
+        What each bound rests on.
+    """
+
+    def __init__(
+        self, what: str, lower: float, lower_claim: str, upper: float, upper_claim: str
+    ) -> None:
+        self.lower, self.upper = lower, upper
+        super().__init__(
+            f"two certificates contradict each other on {what}: it is at least {lower!r}, because "
+            f"{lower_claim}; and it is at most {upper!r}, because {upper_claim}. At least one of "
+            "them is false; neither may be used"
+        )
+
+
 class SolverError(WorkbenchError):
     """A method that gave no answer; the message carries the solver's own words."""
 

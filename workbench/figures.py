@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ STYLE: Any = {
     "axes.spines.top": False,
     "axes.titlesize": 11,
     "figure.constrained_layout.use": True,
+    "figure.dpi": 120,
     "font.size": 10,
     "grid.alpha": 0.25,
     "grid.linewidth": 0.6,
@@ -74,12 +76,14 @@ def _log_tick(axis: Any, minor: bool) -> Any:
     """Labels of a logarithmic axis: powers of ten, and on a narrow axis 2 and 5 times them."""
     from matplotlib.ticker import FuncFormatter
 
-    def text(value: float, place: int | None = None) -> str:
+    def narrow() -> bool:
         low, high = axis.get_view_interval()
-        narrow = low > 0 and np.log10(high / low) <= NARROW_AXIS
-        exponent = int(np.floor(np.log10(value) + 1e-9))
+        return bool(low > 0 and np.log10(high / low) <= NARROW_AXIS)
+
+    def text(value: float, place: int | None = None) -> str:
+        exponent = math.floor(math.log10(value) + 1e-9)
         digit = round(value / 10.0**exponent)
-        if minor and not (narrow and digit in (2, 5)):
+        if minor and not (digit in (2, 5) and narrow()):
             return ""
         if -3 <= exponent <= 4:
             return f"{value:g}"

@@ -1,8 +1,9 @@
 """The one idea.
 
 A `Program` is one family of optimisation problems: its data and a check of any answer.
-A *method* is anything that answers a Program; it is never believed.
-A `Certificate` says what was checked from the data alone, and by how much it holds.
+A *method* is anything that answers a Program. What a method says is never believed; a small kernel
+decides (`workbench.certify`); a second opinion, made by other mathematics, checks the kernel.
+A `Certificate` (`workbench.certificate`) says what was checked, and by how much it holds.
 A `Study` (see `workbench.study`) has no method to choose: arrays with checks of its own.
 """
 
@@ -10,133 +11,19 @@ from __future__ import annotations
 
 import functools
 import inspect
-import math
 import sys
-import time
-import traceback
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
 
-from workbench.errors import InputError, RegistryError, TimeLimitError, UnknownNameError
+from workbench.certificate import Certificate, Check, Gap, quantified
+from workbench.errors import InputError, RegistryError, UnknownNameError
 from workbench.executor import Context
 from workbench.heavy_types import Dataset, Figure
-from workbench.solvers import ConicSolver, Options, Outcome, conic_solvers
-
-# --- certificates -----------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Check:
-    """One statement that must hold: a measured value that may not exceed a limit.
-
-    ``where`` names the place of the worst value, for instance a frequency.
-    """
-
-    name: str
-    statement: str
-    value: float
-    limit: float
-    where: str = ""
-
-    @property
-    def margin(self) -> float:
-        """Limit less value: negative where the check fails, NaN where the value is NaN."""
-        return self.limit - self.value
-
-    @property
-    def holds(self) -> bool:
-        return self.value <= self.limit  # false for NaN
-
-
-@dataclass(frozen=True)
-class Gap:
-    """How far an answer may be from the best one, by a bound that no method supplied."""
-
-    statement: str
-    value: float
-    tolerance: float
-    required: bool
-
-    @property
-    def closed(self) -> bool:
-        return abs(self.value) <= self.tolerance  # an answer beyond its bound is wrong, or it is
-
-
-@dataclass(frozen=True, repr=False)
-class Certificate:
-    """Validity checks, which must hold, and where there is one the optimality gap."""
-
-    checks: tuple[Check, ...]
-    gap: Gap | None = None
-
-    @property
-    def valid(self) -> bool:
-        return all(check.holds for check in self.checks)
-
-    @property
-    def holds(self) -> bool:
-        """Valid, and as good as the method claims."""
-        return self.valid and (self.gap is None or not self.gap.required or self.gap.closed)
-
-    @property
-    def outcome(self) -> Outcome:
-        """Solved, or inaccurate where only the optimum is missed, or failed."""
-        if self.holds:
-            return Outcome.SOLVED
-        return Outcome.INACCURATE if self.valid else Outcome.FAILED
-
-    @property
-    def failures(self) -> tuple[str, ...]:
-        """A sentence for each thing that does not hold."""
-        failed = [
-            f"{check.name}: {check.value:.6g} exceeds {check.limit:.6g}"
-            + (f" {check.where}" if check.where else "")
-            for check in self.checks
-            if not check.holds
-        ]
-        if self.gap is not None and self.gap.required and not self.gap.closed:
-            failed.append(f"optimality gap: {self.gap.value:.3g} exceeds {self.gap.tolerance:.3g}")
-        return tuple(failed)
-
-    def __repr__(self) -> str:
-        lines = [f"Certificate: {self.outcome}"]
-        lines += [
-            f"  {'holds' if c.holds else 'FAILS'}  {c.name}: {c.value:.6g} <= {c.limit:.6g} "
-            f"{c.where}".rstrip()
-            for c in self.checks
-        ]
-        if self.gap is not None:
-            needed = "required" if self.gap.required else "not claimed"
-            lines.append(f"  gap {self.gap.value:.3g}, {needed} within {self.gap.tolerance:.3g}")
-        return "\n".join(lines)
-
-    def to_json(self) -> dict[str, Any]:
-        checks = [asdict(check) | {"holds": check.holds} for check in self.checks]
-        gap = None if self.gap is None else asdict(self.gap) | {"closed": self.gap.closed}
-        return {"holds": self.holds, "valid": self.valid, "checks": checks, "gap": gap}
-
-    @classmethod
-    def from_json(cls, stored: Mapping[str, Any]) -> Certificate:
-        gap = stored["gap"]
-        return cls(
-            tuple(Check(**_read(check, "holds")) for check in stored["checks"]),
-            gap and Gap(**_read(gap, "closed")),
-        )
-
-
-def _read(stored: Mapping[str, Any], derived: str) -> dict[str, Any]:
-    """Fields from JSON, which has NaN and infinities as their names; ``derived`` is left out."""
-    numbers = {"value", "limit", "tolerance"}
-    return {
-        k: float(v) if k in numbers and isinstance(v, str) else v
-        for k, v in stored.items()
-        if k != derived
-    }
-
+from workbench.solvers import ConicSolver, Outcome, conic_solvers
 
 Claim = tuple[Any, Outcome, str]
 """Return value of a method: an answer or None, its outcome by the method, the solver's message."""
@@ -151,9 +38,31 @@ class Task(ABC):
     headline: ClassVar[str] = ""
     """The metric that stands for the task in tables."""
 
+    @property
+    def quantifier(self) -> str:
+        """What the checks quantify over that do not say it themselves: frequencies, plants, data.
+
+        Such as "at the 400 given frequencies, for these 12 plants".
+        """
+        return ""
+
     @abstractmethod
     def checks(self, answer: Any, tolerance: float) -> Sequence[Check]:
-        """Validity checks of an answer from the data alone, sharing no code with any method."""
+        """Validity checks of an answer from the data alone, decided by the kernel."""
+
+    def witnessed(self, answer: Any) -> Any:
+        """The answer with what its second opinion looks at, found once and stored.
+
+        `solve` asks for it, so that `verify` searches nothing.
+        """
+        return answer
+
+    def second_opinion(self, answer: Any) -> Sequence[Check]:
+        """Checks that share neither code nor mathematics with `checks`, of a valid answer.
+
+        They try the same claims in another way, and fail only if something is wrong.
+        """
+        return ()
 
     def gap(self, answer: Any) -> tuple[str, float] | None:
         """Relative optimality gap by an independent bound, and what it says; None without one."""
@@ -166,6 +75,10 @@ class Task(ABC):
     def figures(self, answer: Any) -> dict[str, Figure]:
         """Figures by file stem; returned, never written."""
         return {}
+
+    def drawings(self, answer: Any) -> dict[str, Callable[[], Mapping[str, Figure]]]:
+        """What draws the figures, by name: each of them can be called where another one fails."""
+        return {"figures": lambda: self.figures(answer)}
 
     def tables(self, answer: Any) -> dict[str, str]:
         """Tables in Markdown by file stem."""
@@ -201,7 +114,10 @@ class Task(ABC):
     def certify(self, answer: Any, tolerance: float, *, optimal: bool = False) -> Certificate:
         """Certificate of an answer; ``optimal`` when whoever gave it claims it is the best."""
         with np.errstate(all="ignore"):  # a wrong answer may make NaN of a check, which fails it
-            checks = tuple(self.checks(answer, tolerance))
+            checks = tuple(quantified(self.quantifier, self.checks(answer, tolerance)))
+            if all(check.holds for check in checks):
+                opinion = quantified(self.quantifier, self.second_opinion(answer))
+                checks += tuple(replace(check, opinion=True) for check in opinion)
             gap = self.gap(answer)
         return Certificate(checks, gap and Gap(gap[0], gap[1], tolerance, required=optimal))
 
@@ -352,97 +268,3 @@ def find_method(program: Program, name: str | None) -> Method:
     if reason:
         raise InputError(f"method {name!r} cannot take this {type(program).__name__}: {reason}")
     return known[name]
-
-
-# --- the verb ---------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Solution:
-    """An answer, what its method claimed, and what the certificate says."""
-
-    answer: Any
-    claim: Outcome
-    message: str
-    certificate: Certificate | None
-    seconds: Mapping[str, float] = field(default_factory=dict)
-    trace: str = ""
-
-    @property
-    def outcome(self) -> Outcome:
-        """Set by the certificate, whatever the method said.
-
-        But a valid answer of a method that the clock stopped is no more than its best so far,
-        unless the gap shows that there is no better one.
-        """
-        if self.certificate is None:
-            claims_an_answer = self.claim in (Outcome.SOLVED, Outcome.INACCURATE)
-            return Outcome.FAILED if claims_an_answer else self.claim
-        gap = self.certificate.gap
-        best = gap is not None and gap.closed
-        if self.claim is Outcome.TIME_LIMIT and self.certificate.valid and not best:
-            return Outcome.TIME_LIMIT
-        return self.certificate.outcome
-
-
-def solve(
-    task: Task,
-    method: str | None = None,
-    options: Options | None = None,
-    context: Context | None = None,
-) -> Solution:
-    """Answer a Program by a method (or compute a Study) and certify the answer.
-
-    Foreign exceptions do not leak: a method that raises one has failed, with its words as message.
-
-    Raises
-    ------
-    UnknownNameError, InputError
-        As `find_method`; or a method was named for a Study, which has none.
-    """
-    context = context or Context(options or Options())
-    if not isinstance(task, Task):
-        raise InputError(f"a Program or a Study is needed, not {type(task).__name__}")
-    optimal = task.claims_optimum(method)
-
-    trace = ""
-    start = time.perf_counter()
-    try:
-        answer, claim, message = task.respond(method, context)
-    except TimeLimitError as error:
-        answer, claim, message = None, Outcome.TIME_LIMIT, str(error)
-    except (KeyboardInterrupt, SystemExit, GeneratorExit):
-        raise
-    except BaseException as error:  # a Rust panic is no Exception
-        answer, claim, message = None, Outcome.FAILED, f"{type(error).__name__}: {error}"
-        trace = traceback.format_exc()
-    total = time.perf_counter() - start
-    if answer is not None and context.stopped:
-        claim, message = Outcome.TIME_LIMIT, context.stopped
-    # Whatever was not booked as statement is solve: a method without a statement books nothing.
-    stated = context.statement_seconds
-    seconds = {"statement": stated, "solve": total - stated}
-    if answer is None:
-        return Solution(None, claim, message, None, seconds, trace)
-
-    start = time.perf_counter()
-    optimal = optimal and claim is not Outcome.TIME_LIMIT
-    try:
-        certificate = task.certify(answer, context.options.accuracy, optimal=optimal)
-    except Exception as error:
-        reason = f"the answer cannot be checked: {type(error).__name__}: {error}"
-        message = f"{reason}; the method said: {message}" if message else reason
-        return Solution(None, claim, message, None, seconds, traceback.format_exc())
-    seconds["check"] = time.perf_counter() - start
-    return Solution(answer, claim, message, certificate, seconds)
-
-
-def worst(values: Any, labels: Callable[[tuple[int, ...]], str]) -> tuple[float, str]:
-    """The largest of an array of values (NaN counts as largest) and the label of its place."""
-    values = np.atleast_1d(np.asarray(values, dtype=float))
-    if values.size == 0:
-        return 0.0, ""
-    place = np.unravel_index(
-        int(np.argmax(np.where(np.isnan(values), math.inf, values))), values.shape
-    )
-    return float(values[place]), labels(tuple(int(i) for i in place))

@@ -9,6 +9,9 @@ import numpy as np
 
 from workbench.heavy_types import DataArray
 
+Rows = tuple[list[str], list[list[str]]]
+"""Heads and rows of a table."""
+
 
 def markdown(heads: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
     """A Markdown table with columns of even width.
@@ -32,9 +35,7 @@ def markdown(heads: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
     return "".join(line(row) for row in [heads, rule, *cells])
 
 
-def crossed(
-    values: DataArray, form: str = "{}", corner: str = ""
-) -> tuple[list[str], list[list[str]]]:
+def crossed(values: DataArray, form: str = "{}", corner: str = "") -> Rows:
     """Heads and rows of a matrix: a row for each label of its first dimension.
 
     The second dimension gives the columns. corner: the first head, the first dimension's name where

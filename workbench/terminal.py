@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from workbench.executor import Progress, Row, Watch
 
 
-ROUNDS = 15
+SHOWN_ROUNDS = 15
 """Number of the last rounds of an iteration in its live table."""
 
 
@@ -160,6 +160,6 @@ def _rounds(rows: Sequence[Row]) -> Table:
     table = Table(*rows[-1], box=None)
     for column in table.columns:
         column.justify = "right"
-    for row in rows[-ROUNDS:]:
+    for row in rows[-SHOWN_ROUNDS:]:
         table.add_row(*map(shown, row.values()))
     return table

@@ -18,8 +18,8 @@ from workbench.identification.state_space.innovations import InnovationsModel
 from workbench.identification.state_space.program import (
     MODELS,
     USES,
-    Fit,
-    Identified,
+    Fitter,
+    IdentifiedModels,
     StateSpaceFit,
 )
 from workbench.identification.state_space.subspace import HORIZONS
@@ -29,7 +29,7 @@ from ..cd_arm.identification import ESTIMATION, RECORD, read_record
 
 ALGORITHMS = ("N4SID", "MOESP", "CVA", "PARSIM-K")
 """Subspace algorithms of the package; its PARSIM-S and PARSIM-P give no stable model here."""
-BLOCK = 50
+BLOCK_LENGTH = 50
 """Length [samples] of the blocks of errors whose means give the standard error."""
 
 
@@ -56,9 +56,13 @@ class PeerComparison(Study):
     """Fits on held-out data of our models and of the package's, each in its use."""
 
     program: StateSpaceFit
-    own: Identified
+    own: IdentifiedModels
 
     headline: ClassVar[str] = "least_advantage"
+
+    @property
+    def quantifier(self) -> str:
+        return "on these records"
 
     def compute(self, context: Context) -> Dataset:
         import xarray as xr
@@ -107,7 +111,7 @@ class PeerComparison(Study):
             attrs=dict(zip(MODELS, labels, strict=True)),
         )
 
-    def _way(self, place: tuple[int, ...]) -> Fit:
+    def _way(self, place: tuple[int, ...]) -> Fitter:
         """The way of fitting at a place (algorithm, horizon, order)."""
         algorithm, horizon, order = place
         return fit(ALGORITHMS[algorithm], HORIZONS[horizon], self.program.orders[order])
@@ -141,8 +145,10 @@ class PeerComparison(Study):
         for use, *models in zip(USES, own, theirs, strict=True):
             ours, other = ((y - getattr(model, use)(u, y, washout))[washout:] for model in models)
             difference = ours**2 - other**2
-            count = len(difference) // BLOCK
-            blocks = difference[: count * BLOCK].reshape(count, BLOCK, -1).mean(axis=1)
+            count = len(difference) // BLOCK_LENGTH
+            blocks = (
+                difference[: count * BLOCK_LENGTH].reshape(count, BLOCK_LENGTH, -1).mean(axis=1)
+            )
             rows.append(blocks.mean(axis=0) / (blocks.std(axis=0, ddof=1) / np.sqrt(count)))
         return np.array(rows)
 
@@ -188,7 +194,7 @@ class PeerComparison(Study):
         return {"fits": figure}
 
 
-def fit(algorithm: str, horizon: int, order: int) -> Fit:
+def fit(algorithm: str, horizon: int, order: int) -> Fitter:
     """A way of fitting by a subspace algorithm of the package; it gives None where that fails."""
     try:
         from sippy_unipi import system_identification

@@ -1,4 +1,4 @@
-"""How fast the exact circles and stadiums are, against conic programs and shapely."""
+"""Speed of the exact circles and stadiums, against conic programs and shapely."""
 
 from __future__ import annotations
 
@@ -70,6 +70,10 @@ class GeometrySpeed(Study):
 
     headline: ClassVar[str] = "circles_over_conic"
 
+    @property
+    def quantifier(self) -> str:
+        return f"for these {self.sets} sets"
+
     @part
     def timed(self, context: Context) -> dict[str, tuple[float, Array]]:
         """Least time [s] and radii of every task."""
@@ -136,7 +140,7 @@ class GeometrySpeed(Study):
 
 
 def _ratios(seconds: DataArray) -> dict[str, float]:
-    """How many times faster than the peer the exact method is."""
+    """Speed of the exact method relative to the peer's."""
     return {
         name: float(seconds.sel(task=peer) / seconds.sel(task=own))
         for name, (peer, own, _) in RATIOS.items()

@@ -36,7 +36,7 @@ PEERS = {
 }
 """Method of each peer, and how many matrices it is given at a time; None: all."""
 LEAST_RATIO = {"ab13md": {3: 5.0, 4: 10.0, 6: 5.0, 10: 5.0, 20: 5.0}, "clarabel": {4: 500.0}}
-"""How many times faster than each peer, per matrix, the batch is asked to be at least, by size."""
+"""Least speed of the batch per matrix relative to each peer's, by size."""
 LARGEST_EXCESS = {"ab13md": 1e-6, "clarabel": 1e-5, "clarabel_once": 1e-5}
 """Largest relative excess over the peer's bound let pass."""
 REPEATS = 3
@@ -75,6 +75,10 @@ class MuSpeed(Study):
     largest: int
 
     headline: ClassVar[str] = "ab13md_4"
+
+    @property
+    def quantifier(self) -> str:
+        return "for these matrices"
 
     by = dim("fast", *PEERS)
     size = dim(lambda self: [size for size in CASES if size <= self.largest])
@@ -175,7 +179,7 @@ class MuSpeed(Study):
 
 
 def _faster(seconds: DataArray) -> DataArray:
-    """How many times faster than each peer the batch is, by peer and size."""
+    """Speed of the batch relative to each peer's, by peer and size."""
     return seconds.sel(by=list(PEERS)) / seconds.sel(by="fast", drop=True)
 
 

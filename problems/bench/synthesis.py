@@ -32,7 +32,7 @@ from .synthesis_plants import drive_plants, random_plant
 from .synthesis_report import of_packages, of_plants, times_and_norms
 
 T = TypeVar("T")
-SIZES = (10, 20, 40)
+PLANT_STATES = (10, 20, 40)
 """States of the random plants."""
 FASTER, SLOWER = 20.0, 5.0
 """Smallest ratio asked for of dkpy's time to ours, and largest of ours to hinfsyn's."""
@@ -44,7 +44,7 @@ CLAIM_FACTOR, NORM_FACTOR = 1.01, 2.0
 """hinfsyn fails where its loop's norm exceeds its claim, or our norm, by more than this factor."""
 REPEATS = 3
 """Runs of our methods, of which the shortest counts."""
-DENSE = np.logspace(-6, 6, 4000)
+DENSE_OMEGA = np.logspace(-6, 6, 4000)
 """Frequencies [rad/s] at which mu of dkpy's loop is computed again."""
 DRIVE = "CD drive"
 
@@ -66,7 +66,7 @@ def synthesis(
     largest: most states of a random plant. plants: random plants of each size. drives: whether the
     CD drive is among the plants. distillation: whether the column is; dkpy must be installed.
     """
-    sizes = tuple(size for size in SIZES if size <= largest) or (largest,)
+    sizes = tuple(size for size in PLANT_STATES if size <= largest) or (largest,)
     return SynthesisSpeed(sizes, plants, drives, distillation)
 
 
@@ -80,6 +80,10 @@ class SynthesisSpeed(Study):
     distillation: bool
 
     headline: ClassVar[str] = "dkpy_over_ours"
+
+    @property
+    def quantifier(self) -> str:
+        return "for these plants"
 
     @property
     def groups(self) -> list[str]:
@@ -184,7 +188,7 @@ class SynthesisSpeed(Study):
 
 
 def failed(some: Dataset) -> BoolArray:
-    """Where hinfsyn gives no controller, one that does not stabilise, or one far from its claim."""
+    """Whether hinfsyn gives no controller, or one that does not stabilise or misses its claim."""
     own, theirs = (some["norm"].sel(by=name).values for name in ("workbench", "hinfsyn"))
     claimed = theirs <= CLAIM_FACTOR * some["claim"].sel(by="hinfsyn").values
     lost: BoolArray = ~(np.isfinite(theirs) & claimed & (theirs <= NORM_FACTOR * own))
@@ -226,7 +230,7 @@ def _dk_iterations(context: Context) -> dict[str, Any]:
     seconds = min(run.seconds["solve"] for run in runs)  # a certified peak among them
     assert theirs.K is not None
     loop = own.close(theirs.K)
-    seen = float(upper_bound(response(loop, DENSE), program.closed).value.max())
+    seen = float(upper_bound(response(loop, DENSE_OMEGA), program.closed).value.max())
     package, one, wall = ("package",), {"units": "1"}, {"units": "s"} | WALL_TIME
     return {
         "package": (package, ["workbench", "dkpy"]),

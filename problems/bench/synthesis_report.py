@@ -6,9 +6,7 @@ import numpy as np
 
 from workbench import figures
 from workbench.heavy_types import Dataset, Figure
-
-Rows = tuple[list[str], list[list[str]]]
-"""Heads and rows of a table."""
+from workbench.tables import Rows
 
 
 def times_and_norms(answer: Dataset) -> Figure:

@@ -12,6 +12,7 @@ from pydantic import Field
 
 from workbench import figures, problem
 from workbench.arrays import Array, ComplexArray
+from workbench.certificate import THIS_SYSTEM
 from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.mu import Conditions, Sweep, conditions, sweep, upper_bound
 from workbench.structure import Structure
@@ -38,7 +39,7 @@ SINGULARITY = 1e-6
 SPRINGS = 201
 """Springs between 1.2 and 2.8 N/m whose loop is checked to be stable."""
 AT_CASE, AT_PEER = "{kind} {question}", "at {peer_omega:.4g}"
-"""How checks say where their largest value is."""
+"""Templates of the place of a check's largest value."""
 SHOWN, LEAST_SHOWN = (1e-2, 1e2), 1e-5
 """Frequencies [rad/s] in the figure, and the smallest mu."""
 Case = tuple[str, str]
@@ -70,6 +71,10 @@ class Analysis(Study):
     peers: int
 
     headline: ClassVar[str] = "peak_mixed"
+
+    @property
+    def quantifier(self) -> str:
+        return "at the frequencies of the sweep"
 
     @part
     def plants(self) -> dict[str, GeneralisedPlant]:
@@ -146,17 +151,27 @@ class Analysis(Study):
 
     # --- checks -------------------------------------------------------------------------------
 
-    @check("nominal stability", "rightmost root of the loop [rad/s]", at_most=0.0)
+    @check("nominal stability", "rightmost root of the loop [rad/s]", at_most=0.0, over=THIS_SYSTEM)
     def nominal_stability(self) -> float:
         return characteristic_roots(0.0).real.max()
 
-    @check("rightmost pole", "distance from that root, relative", at_most=ORDER_SLACK)
+    @check(
+        "rightmost pole",
+        "distance from that root, relative",
+        at_most=ORDER_SLACK,
+        over=THIS_SYSTEM,
+    )
     def pole_distance(self, pole: DataArray) -> float:
         roots = characteristic_roots(0.0)
         right, found = roots[np.argmax(roots.real)], complex(pole)
         return min(abs(found - right), abs(found - right.conjugate())) / abs(right)
 
-    @check("every spring", "rightmost root over 1.2 to 2.8 N/m [rad/s]", at_most=0.0)
+    @check(
+        "every spring",
+        "rightmost root over 1.2 to 2.8 N/m [rad/s]",
+        at_most=0.0,
+        over=f"for {SPRINGS} springs of the range",
+    )
     def every_spring(self) -> float:
         return max(characteristic_roots(d).real.max() for d in np.linspace(-1, 1, SPRINGS))
 
@@ -219,6 +234,7 @@ class Analysis(Study):
         "|det(I - N Delta)| by the element equations",
         at_most=SINGULARITY,
         where=AT_CASE,
+        over="at the frequency of each peak",
     )
     def singular(self, peak_omega: DataArray, Delta: DataArray) -> DataArray:
         rows = zip(peak_omega.values, Delta.values, strict=True)
@@ -230,6 +246,7 @@ class Analysis(Study):
         "times the lower bound, distance from 1",
         at_most=ORDER_SLACK,
         where=AT_CASE,
+        over="at the frequency of each peak",
     )
     def size(self, peak: DataArray, Delta: DataArray) -> DataArray:
         """Distance from 1 of the largest singular value of Delta times the lower bound."""

@@ -11,6 +11,7 @@ from scipy.linalg import expm
 
 from workbench import Check, problem
 from workbench.arrays import Array
+from workbench.certificate import EVERY_FREQUENCY, THIS_SYSTEM
 from workbench.diagnosis import (
     FaultModel,
     ModelMatch,
@@ -24,7 +25,7 @@ from workbench.diagnosis import (
 )
 from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.study import Study, array, check, dim, figure, metric, part, system
-from workbench.systems.realisation import realisation
+from workbench.systems.realisation import Matrices, realisation
 
 from . import fault_detection_figures as drawn
 from .fault_examples import (
@@ -39,9 +40,9 @@ from .fault_examples import (
 
 GENERATORS = ("exact", "approximate")
 INPUTS = ("f_u1", "f_u2", "u1", "u2")
-UNCERTAIN = np.linspace(-0.25, 0.25, 5)
+UNCERTAIN_VALUES = np.linspace(-0.25, 0.25, 5)
 """Values of each of the two uncertain parameters, as the book simulates them."""
-DURATION = 10.0
+STEP_DURATION = 10.0
 """Duration of the step responses [s]."""
 CHECKED = np.geomspace(1.3e-3, 0.7e4, 97)
 """Angular frequencies [rad/s] of the checks."""
@@ -53,7 +54,6 @@ PEAK_DISTANCE = 1e-3
 """Largest relative distance let pass of a peak found again by another algorithm."""
 GENERATOR_DISTANCE = 1e-8
 """Largest relative distance let pass from the published residual generator."""
-Matrices = tuple[Array, Array, Array, Array]
 
 
 @problem("textbook/fault-detection")
@@ -87,6 +87,10 @@ class FaultDetection(Study):
     headline: ClassVar[str] = "norm"
 
     @property
+    def quantifier(self) -> str:
+        return f"at {len(CHECKED)} frequencies, for this one model"
+
+    @property
     def reference(self) -> StateSpace:
         """M_r = -pole / (s - pole) for each fault."""
         one = np.eye(2)
@@ -99,7 +103,7 @@ class FaultDetection(Study):
 
     generator, residual, kind = dim(*GENERATORS), dim("r1", "r2"), dim("weak", "strong")
     curve, input = dim("nominal", "least", "most"), dim(*INPUTS)
-    time = dim(lambda: np.linspace(0.0, DURATION, 151), unit="s")
+    time = dim(lambda: np.linspace(0.0, STEP_DURATION, 151), unit="s")
 
     @part
     def omega(self) -> Array:
@@ -146,17 +150,18 @@ class FaultDetection(Study):
     def decoupled(self, filters: dict[str, StateSpace]) -> list[Check]:
         """Every generator is stable, and no control reaches its residuals."""
         found, statement = [], "largest gain from a control"
+        pole = "real part of its slowest pole [rad/s]"
         for name, Q in filters.items():
             slowest = float(np.linalg.eigvals(Q.A).real.max())
             gain = np.abs(self._through(Q, self.model.controls, CHECKED)).max(axis=(1, 2))
             where = f"at {CHECKED[np.argmax(gain)]:.4g} rad/s"
             found += [
-                Check(f"poles {name}", "real part of its slowest pole [rad/s]", slowest, -1e-9),
+                Check(f"poles {name}", pole, slowest, -1e-9, over=THIS_SYSTEM),
                 Check(f"decoupling {name}", statement, float(gain.max()), LEAKAGE, where),
             ]
         return found
 
-    @check("poles given", "distance of a pole from the one asked", at_most=POLE_DISTANCE)
+    @check("poles given", "distance of a pole from that asked", at_most=POLE_DISTANCE)
     def poles(self, filters: dict[str, StateSpace]) -> float:
         poles: Array = np.linalg.eigvals(filters["exact"].A)
         return float(np.abs(poles / self.pole - 1.0).max())
@@ -171,7 +176,7 @@ class FaultDetection(Study):
         G_rf = self._through(filters["exact"], self.model.faults, np.array([0.0]))
         return float(np.abs(G_rf[0] - np.eye(2)).max())
 
-    @check()
+    @check(over=EVERY_FREQUENCY)
     def best(
         self, filters: dict[str, StateSpace], norm: DataArray, bound: DataArray
     ) -> list[Check]:
@@ -268,8 +273,8 @@ def _envelope(Q: StateSpace, model: FaultModel, time: Array) -> Array:
     """Step responses (3, T, 2, 4) of the nominal plant, and least and most of uncertain plants."""
     curves = [
         _steps(_joined(Q, model, uncertain_dynamics(rho1, rho2)), time)
-        for rho1 in UNCERTAIN
-        for rho2 in UNCERTAIN
+        for rho1 in UNCERTAIN_VALUES
+        for rho2 in UNCERTAIN_VALUES
     ]
     nominal = _steps(_joined(Q, model, uncertain_dynamics(0.0, 0.0)), time)
     return np.array([nominal, np.min(curves, axis=0), np.max(curves, axis=0)])

@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Run, figures, problem, ref
+from workbench.certificate import EVERY_PERTURBATION
 from workbench.executor import Context
 from workbench.heavy_types import DataArray, Figure, StateSpace
 from workbench.study import Study, array, check, dim, figure, metric, part, system
@@ -58,6 +59,10 @@ class ReductionCurve(Study):
     target: float
 
     headline: ClassVar[str] = "least_order"
+
+    @property
+    def quantifier(self) -> str:
+        return EVERY_PERTURBATION
 
     @part
     def plain(self) -> Any:

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import base64
 import hashlib
-import importlib
 import json
-import struct
-import zlib
 from collections.abc import Callable
+from functools import partial
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -16,16 +14,17 @@ from urllib.parse import unquote
 
 import pytest
 
-from workbench.bench.files import Picture
+from workbench import figures
+from workbench.batch import workers
+from workbench.bench.files import png
 from workbench.bench.report import failed_runs, report
-from workbench.bench.report.words import number, pathless, table
+from workbench.bench.report.words import number, pathless, tables_as_html
 from workbench.bench.results import Run
 from workbench.bench.store import seal
 from workbench.errors import ResultError
+from workbench.study import Study
 
 HOSTILE = '<script>alert(1)</script>"><img src=x onerror=alert(2)>'
-SMALL_SVG = b'<svg xmlns="http://www.w3.org/2000/svg"/>'
-LARGE_SVG = SMALL_SVG + b" " * 4000
 
 Make = Callable[..., Path]
 
@@ -107,18 +106,6 @@ def make(root: Path) -> Make:
         return folder
 
     return write
-
-
-def png(width: int, height: int) -> bytes:
-    def chunk(kind: bytes, data: bytes) -> bytes:
-        check = zlib.crc32(kind + data)
-        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", check)
-
-    head = struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)
-    pixels = zlib.compress(b"".join(b"\0" + b"\xff" * width for _ in range(height)))
-    return b"\x89PNG\r\n\x1a\n" + b"".join(
-        chunk(kind, data) for kind, data in ((b"IHDR", head), (b"IDAT", pixels), (b"IEND", b""))
-    )
 
 
 def image(page: Page) -> tuple[str, bytes]:
@@ -231,22 +218,73 @@ def test_the_page_needs_nothing_else(root: Path, make: Make) -> None:
     assert "default-src 'none'" in page.all("meta")[1]["content"]
 
 
-@pytest.mark.parametrize(
-    ("svg", "kind"), [(SMALL_SVG, "data:image/svg+xml"), (LARGE_SVG, "data:image/png")]
-)
-def test_the_smaller_figure_is_embedded(
-    root: Path, make: Make, monkeypatch: pytest.MonkeyPatch, svg: bytes, kind: str
+class Drawn(Study):
+    """Draws figures by name; an error in place of a figure is raised."""
+
+    def __init__(self, **drawn: Any) -> None:
+        self.drawn = drawn
+
+    def drawings(self, answer: Any) -> dict[str, Callable[[], dict[str, Any]]]:
+        return {name: partial(self._draw, name) for name in self.drawn}
+
+    def _draw(self, name: str) -> dict[str, Any]:
+        if isinstance(self.drawn[name], Exception):
+            raise self.drawn[name]
+        return {name: self.drawn[name]}
+
+
+def shown(monkeypatch: pytest.MonkeyPatch, **drawn: Any) -> None:
+    """Let every run have these figures."""
+    monkeypatch.setattr(Run, "task", Drawn(**drawn))
+    monkeypatch.setattr(Run, "answer", None)
+    monkeypatch.setattr(Run, "tables", {})
+
+
+def test_a_figure_is_embedded_as_pixels(
+    root: Path, make: Make, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     make()
-    monkeypatch.setattr(Run, "figures", {"step_response": None})
-    monkeypatch.setattr(Run, "tables", {})
-    drawing = importlib.import_module("workbench.bench.report.entries")
-    monkeypatch.setattr(drawing, "picture", lambda _: Picture(png(8, 6), svg))
+    figure, (panel,) = figures.axes(size=(3.0, 2.0))
+    panel.plot([0.0, 1.0])
+    shown(monkeypatch, **{"figure-7-13": figure})
     page = Page(report(root))
-    assert image(page) == (kind, svg if "svg" in kind else png(8, 6))
+    kind, content = image(page)
+    assert kind == "data:image/png" and content == png(figure)
     attributes = page.all("img")[0]
-    assert attributes["alt"] == "step response: figure of lab/circle by exact"
-    assert (attributes["width"], attributes["height"]) == ("8", "6")
+    assert attributes["alt"] == "figure 7.13: figure of lab/circle by exact"
+    assert (attributes["width"], attributes["height"]) == ("360", "240")
+
+
+def test_a_figure_that_fails_is_named_and_the_others_are_drawn(
+    root: Path, make: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    make()
+    unreadable, (panel,) = figures.axes()
+    panel.set_xlabel(r"$\frac{$")
+    broken = ValueError("no such line")
+    shown(monkeypatch, step_response=broken, bode=figures.axes()[0], nyquist=unreadable)
+    page = Page(report(root))
+    assert [one["alt"].partition(":")[0] for one in page.all("img")] == ["bode"]
+    assert "Figure not drawn: step response: ValueError: no such line" in page.text
+    assert "Figure not drawn: nyquist: ValueError" in page.text
+
+
+def test_progress_tells_how_many_runs_are_drawn(root: Path, make: Make) -> None:
+    make("lab/circle")
+    make("lab/stadium")
+    told: list[tuple[str, int, int]] = []
+    report(root, progress=lambda *one: told.append(one))
+    assert told == [("runs drawn", done, 2) for done in range(3)]
+
+
+def test_several_processes_make_the_same_page(tmp_path: Path) -> None:
+    stored = Path(__file__).parents[2] / "results" / "reference"
+    pages = [tmp_path / f"{jobs}.html" for jobs in (1, 2)]
+    for jobs, page in enumerate(pages, start=1):
+        with workers(jobs) as executor:
+            report(stored, page, "cd/*/linearity", executor=executor)
+    assert len(Page(pages[0]).all("img")) == 2
+    assert pages[0].read_bytes() == pages[1].read_bytes()
 
 
 def test_hostile_words_are_inert(root: Path, make: Make) -> None:
@@ -364,7 +402,7 @@ def test_machine_paths_are_cut(words: str, shown: str | None) -> None:
 
 
 def test_tables_are_shown_as_tables():
-    html = table("| a | b |\n| --- | ---: |\n| <i> | 2 |\n\nUnfit: x & y\n")
+    html = tables_as_html("| a | b |\n| --- | ---: |\n| <i> | 2 |\n\nUnfit: x & y\n")
     assert "<td>&lt;i&gt;</td>" in html
     assert '<td class="num">2</td>' in html
     assert "<p>Unfit: x &amp; y</p>" in html

@@ -121,7 +121,7 @@ def test_a_figure_that_cannot_be_drawn_loses_no_answer(project):
     with pytest.raises(ZeroDivisionError):
         run.show()
     page = wb.report().read_text(encoding="utf-8")
-    assert "Figures and tables cannot be made: ZeroDivisionError" in page and run.key in page
+    assert "Figure not drawn: figures: ZeroDivisionError" in page and run.key in page
 
 
 # --- keys and reuse ---------------------------------------------------------------------------
@@ -227,6 +227,24 @@ def test_code_edited_in_a_long_session_is_what_runs_next(project):
         "from workbench import problem\n@problem('toy/more')\ndef more(): ...\n"
     )
     assert "toy/more" in [entry.name for entry in wb.problems()]
+
+
+EDITED_BEFORE_THE_FIRST_RUN = """
+from pathlib import Path
+import workbench as wb
+import workbench.plants
+
+workbench.plants.__path__[:] = [str(Path("plants").resolve())]
+import workbench.plants.toy.problems as imported
+
+file = Path(imported.__file__)
+file.write_text(file.read_text().replace("OFFSET = 0.0", "OFFSET = 1.0"))
+print(imported.OFFSET, wb.run("toy/root", "rough").data["x"].values.max())
+"""
+
+
+def test_a_module_imported_by_hand_and_edited_before_the_first_run_is_imported_anew(project):
+    assert project.python(EDITED_BEFORE_THE_FIRST_RUN) == "0.0 4.5"
 
 
 # --- needs ------------------------------------------------------------------------------------

@@ -12,7 +12,7 @@ import workbench as wb
 from workbench.bench import netcdf
 from workbench.bench.files import read_json, write_json
 from workbench.bench.store import CHECKSUMS, seal
-from workbench.bench.verify import finished
+from workbench.bench.verify import finished_folders
 from workbench.errors import ResultError
 
 
@@ -419,24 +419,24 @@ def test_a_study_edited_where_no_check_looks_is_found_by_a_rerun(project):
 def test_finished_folders_at_or_below_a_path(project, run):
     other = wb.run("toy/x/root")
     wb.run("toy/root", "lying")
-    assert finished(run.path) == [run.path]
-    assert finished(run.path.parent) == [run.path]
-    assert finished(project.results) == sorted([run.path, other.path])
+    assert finished_folders(run.path) == [run.path]
+    assert finished_folders(run.path.parent) == [run.path]
+    assert finished_folders(project.results) == sorted([run.path, other.path])
 
 
 @pytest.mark.parametrize("below", ["", "toy", "toy/root"])
 def test_reference_results_are_found_by_their_path(project, run, below):
     reference = project.results / "reference"
     copy = shutil.copytree(run.path, reference / "toy" / "root" / run.key)
-    assert finished(reference / below) == [copy]
-    assert finished(project.results) == [run.path]
+    assert finished_folders(reference / below) == [copy]
+    assert finished_folders(project.results) == [run.path]
     assert wb.verify(copy).holds
 
 
 @pytest.mark.parametrize("path", [".", "nowhere"])
 def test_no_folder_is_an_error(project, path):
     with pytest.raises(ResultError, match="no results folder at or below"):
-        finished(Path(path))
+        finished_folders(Path(path))
 
 
 def test_what_is_no_results_folder_is_an_error(project):

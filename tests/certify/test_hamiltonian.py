@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from workbench.certify.interval import certified_interval, stable_system
+from workbench.certify.interval import certified_interval
+from workbench.certify.stable_system import stable_system
 from workbench.errors import InputError
 
 ONE, NONE = np.eye(1), np.zeros((1, 1))

@@ -45,6 +45,7 @@ def program(block=None, **options):
     return FaultEstimation(plant(block), "f", requirements(), **options)
 
 
+@pytest.mark.slow
 def test_riccati_and_every_lmi_agree_on_the_least_stacked_norm():
     least = {}
     for method in ("riccati", "clarabel", "cvxopt", "scs"):

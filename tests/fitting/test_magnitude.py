@@ -12,7 +12,8 @@ from workbench.fitting.magnitude import sb10yd as magnitude_sb10yd  # noqa: F401
 from workbench.fitting.magnitude.program import MagnitudeFit, fit_magnitude
 from workbench.fitting.rational import Rational
 from workbench.geometry import smallest_circle
-from workbench.program import methods, solve
+from workbench.program import methods
+from workbench.solution import solve
 from workbench.solvers import Outcome
 
 OMEGA = np.geomspace(1, 1e4, 200)

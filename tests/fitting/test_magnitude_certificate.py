@@ -8,7 +8,7 @@ from workbench.fitting.magnitude.coverage import least_margin
 from workbench.fitting.magnitude.program import MagnitudeFit
 from workbench.fitting.magnitude.sb10yd import minimum_phase
 from workbench.fitting.rational import Rational
-from workbench.program import solve
+from workbench.solution import solve
 from workbench.solvers import Options, Outcome
 
 OMEGA = np.geomspace(1, 1e4, 200)

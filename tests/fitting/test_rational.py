@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from workbench.errors import InputError, SolverError
-from workbench.fitting.rational import Rational, from_system, paired
+from workbench.fitting.rational import Rational, conjugate_pairs, from_system
 from workbench.fitting.slicot import sb10yd
 
 
@@ -174,19 +174,19 @@ def test_refused_systems(system, words):
 def test_pairs_are_repaired():
     noise = 1e-9 * np.array([1, 1j, -1, 2j, 1 - 1j])
     given_roots = np.array([-1 + 2j, -1 - 2j, -3 + 0.5j, -3 - 0.5j, -7]) + noise
-    repaired = paired(given_roots)
+    repaired = conjugate_pairs(given_roots)
     assert sorted(repaired.imag) == sorted(-repaired.imag)
     assert repaired[repaired.imag == 0].size == 1
     far = np.abs(given_roots[:, None] - repaired[None, :]).min(axis=1)
     assert far.max() < 1e-8
     Rational([], repaired, 1.0)
-    assert paired([2 + 1e-12j]).tolist() == [2]
-    assert paired([]).size == 0
+    assert conjugate_pairs([2 + 1e-12j]).tolist() == [2]
+    assert conjugate_pairs([]).size == 0
 
 
 def test_exact_pairs_stay_as_they_are():
     given_roots = np.array([-1 + 2j, -4, -1 - 2j, 3, -4])
-    assert sorted(paired(given_roots), key=str) == sorted(given_roots, key=str)
+    assert sorted(conjugate_pairs(given_roots), key=str) == sorted(given_roots, key=str)
 
 
 # --- SLICOT ---------------------------------------------------------------------------------------

@@ -9,7 +9,7 @@ from workbench.bench import netcdf
 from workbench.errors import InputError, SolverError
 from workbench.fitting.rational import Rational
 from workbench.fitting.response.program import ResponseFit, fit_response
-from workbench.program import solve
+from workbench.solution import solve
 from workbench.solvers import Options, Outcome
 
 OMEGA = np.geomspace(0.1, 1e3, 60)

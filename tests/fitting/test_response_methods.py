@@ -11,7 +11,8 @@ from workbench.errors import InputError
 from workbench.fitting.rational import Rational
 from workbench.fitting.response.program import ResponseFit
 from workbench.geometry import narrowest_stadium, smallest_circle
-from workbench.program import find_method, methods, solve
+from workbench.program import find_method, methods
+from workbench.solution import solve
 from workbench.solvers import conic_solvers
 
 OMEGA = np.geomspace(1, 1e5, 200)

@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from workbench.geometry import Circle, SmallestCircle, smallest_circle
-from workbench.program import find_method, methods, solve
+from workbench.program import find_method, methods
+from workbench.solution import solve
 from workbench.solvers import Options, Outcome
 
 HIGH = 1e-9

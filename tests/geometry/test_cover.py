@@ -14,7 +14,7 @@ from workbench.geometry import (
     narrowest_stadium,
     smallest_circle,
 )
-from workbench.program import solve
+from workbench.solution import solve
 from workbench.solvers import Options
 
 FUNCTIONS = [smallest_circle, narrowest_stadium]

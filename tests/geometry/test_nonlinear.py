@@ -12,7 +12,8 @@ from workbench.geometry import (
     nonlinear,
     smallest_circle,
 )
-from workbench.program import methods, solve
+from workbench.program import methods
+from workbench.solution import solve
 from workbench.solvers import Options, Outcome
 
 CASES = {

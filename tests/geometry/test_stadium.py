@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from workbench.errors import SolverError
 from workbench.geometry import NarrowestStadium, Stadium, narrowest_stadium
-from workbench.program import find_method, solve
+from workbench.program import find_method
+from workbench.solution import solve
 from workbench.solvers import Options, Outcome
 
 HIGH = 1e-9

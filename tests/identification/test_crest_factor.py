@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 
 from workbench.errors import InputError
 from workbench.identification import CrestFactor, schroeder_phases
-from workbench.program import methods, solve
+from workbench.program import methods
+from workbench.solution import solve
 from workbench.solvers import Outcome
 
 PROBLEMS = {

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from workbench.identification.parameters.complex_pair import Pair
+from workbench.identification.parameters.complex_pair import ComplexPair
 
 FORMULAS = {
     "polynomial": lambda a, b: 2 + 3 * a - b * a**2 + (1 - a) - 1j,
@@ -23,7 +23,7 @@ FORMULAS = {
 def test_pairs_follow_complex_numbers(name, a, b):
     formula = FORMULAS[name]
     x = ca.SX.sym("x", 4)
-    pair = formula(Pair(x[0], x[1]), Pair(x[2], x[3]))
+    pair = formula(ComplexPair(x[0], x[1]), ComplexPair(x[2], x[3]))
     found = ca.Function("f", [x], [pair.real, pair.imag])([a.real, a.imag, b.real, b.imag])
     exact = formula(np.complex128(a), np.complex128(b))
     np.testing.assert_allclose(complex(*map(float, found)), exact, rtol=1e-9, atol=1e-9)
@@ -31,4 +31,4 @@ def test_pairs_follow_complex_numbers(name, a, b):
 
 def test_what_a_pair_cannot_do_is_refused():
     with pytest.raises(TypeError):
-        np.arctan(Pair(ca.SX.sym("x")))
+        np.arctan(ComplexPair(ca.SX.sym("x")))

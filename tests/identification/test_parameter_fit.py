@@ -15,7 +15,8 @@ from workbench.identification import (
     fit_parameters,
     from_periods,
 )
-from workbench.program import methods, solve
+from workbench.program import methods
+from workbench.solution import solve
 from workbench.solvers import Outcome
 
 METHODS = ("ipopt", "scipy")
@@ -263,7 +264,7 @@ def test_answers_are_stored_and_drawn():
         data = program.to_dataset(answer)
         np.testing.assert_array_equal(program.from_dataset(data), answer)
         assert set(program.figures(answer)) == figures
-        assert "| gain |" in program.tables(answer)["parameters"]
+        assert "| gain  " in program.tables(answer)["parameters"]
 
 
 def test_bad_parameters_and_data():

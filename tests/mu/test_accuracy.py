@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import slycot
 
-from workbench.certify.interval import stable_system
+from workbench.certify.stable_system import stable_system
 from workbench.mu.frequency.peak import peak
 from workbench.mu.lower.bound import lower_bound
 from workbench.mu.upper.bound import upper_bound

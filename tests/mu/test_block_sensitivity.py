@@ -55,8 +55,7 @@ def test_adds_up_to_one_and_is_never_negative(seed, decades):
     assert found.min() > -1e-4
 
 
-@pytest.mark.xfail(reason="a known defect: the shares of this matrix add up to 0.9905")
-def test_adds_up_to_one_where_the_bound_is_hard_to_differentiate():
+def test_adds_up_to_one_where_a_kink_is_near():
     assert sensitivity(random(429, MIXED), MIXED).sum() == pytest.approx(1, abs=2e-4)
 
 

@@ -7,14 +7,14 @@ import pytest
 
 from workbench.errors import InputError
 from workbench.mu.lower.bound import LowerBound, MuLowerBound
-from workbench.mu.lower.scaling import scaled
+from workbench.mu.lower.scaling import scaled_matrices
 from workbench.mu.robust.branch import branch_and_bound
 from workbench.structure import Complex, Full, Real, Structure
 
 
 def norms(M, structure):
     """A coarse upper bound: the largest singular value of the balanced matrices."""
-    balanced, exponent = scaled(M, structure)
+    balanced, exponent = scaled_matrices(M, structure)
     return SimpleNamespace(value=np.ldexp(np.linalg.norm(balanced, 2, axis=(1, 2)), exponent))
 
 

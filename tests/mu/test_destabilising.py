@@ -6,7 +6,7 @@ import control
 import numpy as np
 import pytest
 
-from workbench.certify.interval import stable_system
+from workbench.certify.stable_system import stable_system
 from workbench.errors import InputError
 from workbench.mu import destabilising, lower_bound
 from workbench.mu.frequency.peak import Peak, peak

@@ -14,7 +14,7 @@ from workbench.plants.cd_drive.uncertainty.parametric_model import (
     parametric_plant,
 )
 
-from workbench.certify.interval import stable_system
+from workbench.certify.stable_system import stable_system
 from workbench.errors import InputError, UnknownNameError
 from workbench.mu.frequency.peak import peak, with_complex_part
 from workbench.mu.frequency.sweep import sweep

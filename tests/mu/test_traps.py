@@ -11,7 +11,8 @@ from workbench.mu.lower.bound import lower_bound
 from workbench.mu.upper.bound import MuUpperBound, upper_bound
 from workbench.mu.upper.conic import _Statement
 from workbench.mu.upper.pattern import pattern_of
-from workbench.program import find_method, solve
+from workbench.program import find_method
+from workbench.solution import solve
 from workbench.solvers import Options, Outcome
 from workbench.structure import Complex, Full, Real, Structure
 

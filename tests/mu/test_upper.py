@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from workbench.errors import InputError
 from workbench.mu.upper.bound import MuUpperBound, upper_bound
-from workbench.program import methods, solve
+from workbench.program import methods
+from workbench.solution import solve
 from workbench.solvers import Outcome
 from workbench.structure import Complex, Full, Real, Structure
 

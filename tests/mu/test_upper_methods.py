@@ -5,7 +5,7 @@ import pytest
 
 from workbench.errors import InputError
 from workbench.mu.upper.bound import MuUpperBound, upper_bound
-from workbench.program import solve
+from workbench.solution import solve
 from workbench.solvers import Options, Outcome
 from workbench.structure import Complex, Full, Real, Structure
 

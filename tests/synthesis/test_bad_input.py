@@ -340,7 +340,7 @@ def without(**parts):
         ({"structure": Structure([Complex(2)])}, "0 exogenous inputs"),
         ({"start": control.append(K, K)}, "K has 2 inputs and 2 outputs"),
         ({"start": control.ss([], [], [], [[0.0]])}, r"does not stabilise.*real part 1 at 1"),
-        ({"start": control.ss([], [], [], [[1e300]])}, "does not stabilise.*rounding error"),
+        ({"start": control.ss([], [], [], [[1e300]])}, "does not stabilise"),
         ({"start": KD}, "sampling times"),
         ({"family": "PID"}, "family must be a Family, not str"),
         ({"target": "a"}, "target is 'a'"),

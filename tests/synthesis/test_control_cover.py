@@ -1,5 +1,8 @@
 """Covers chosen for a loop: they contain the plants, and lower the mu of the loop."""
 
+from copy import copy
+from dataclasses import replace
+
 import control
 import numpy as np
 import pytest
@@ -9,6 +12,7 @@ from workbench.executor import Context
 from workbench.fitting.rational import Rational, from_system
 from workbench.synthesis import ControlCover
 from workbench.uncertainty import Responses, contains
+from workbench.uncertainty.covers.everywhere import containment_check
 
 OMEGA = np.geomspace(0.05, 20.0, 40)
 
@@ -72,6 +76,15 @@ def test_a_chosen_weight_lowers_mu_and_its_model_holds_the_plants(cover, parts):
     model = cover.model(last, Context())
     assert contains(model, cover.responses)
     assert (model.W_r.poles.real < 0).all()
+
+
+def test_known_plants_are_held_at_every_frequency(cover, parts):
+    systems = [control.tf(g, [1.0, 0.6, k]) for k in (0.7, 1.0, 1.3) for g in (0.9, 1.1)]
+    known = copy(cover)
+    known.responses = replace(cover.responses, known=systems)
+    model = known.model(parts, Context())
+    assert containment_check(model, known.responses).holds
+    assert not containment_check(cover.model(parts, Context()), known.responses).holds
 
 
 def test_an_unstable_loop_has_no_model(cover, parts):

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from workbench.errors import InputError
-from workbench.program import solve
+from workbench.solution import solve
 from workbench.solvers import Outcome
 from workbench.synthesis import HinfController, LoopShaping, MixedSensitivity
 

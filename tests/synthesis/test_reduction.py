@@ -14,7 +14,7 @@ from workbench.mu import conditions
 from workbench.structure import Real, Structure
 from workbench.synthesis import MixedSensitivity, approximated, hinf, reduce_order
 from workbench.systems.generalised_plant import GeneralisedPlant
-from workbench.systems.gramians import factors
+from workbench.systems.gramians import gramian_factors
 
 
 def random_controller(seed, kept=0):
@@ -69,7 +69,7 @@ def test_factors_solve_the_lyapunov_equations(seed):
     K = random_controller(seed)
     rate = np.linalg.norm(K.A)
     A, B, C = K.A / rate, K.B / rate, K.C
-    S, R = factors(A, B, C)
+    S, R = gramian_factors(A, B, C)
     P, Q = S @ S.T, R.T @ R
     assert np.allclose(A @ P + P @ A.T, -B @ B.T, atol=1e-9 * np.linalg.norm(P))
     assert np.allclose(A.T @ Q + Q @ A, -C.T @ C, atol=1e-9 * np.linalg.norm(Q))
@@ -113,7 +113,8 @@ def test_the_error_of_balanced_truncation_is_below_twice_the_rest(seed):
     values = hankel_values(K)
     for order in range(K.nstates):
         error = control.linfnorm(K - approximated(K, order, "balanced"))[0]
-        assert error <= 2 * values[order:].sum() * (1 + 1e-6)
+        rounding = 1e-7 * values.sum()  # of linfnorm, where almost nothing is left out
+        assert error <= 2 * values[order:].sum() * (1 + 1e-6) + rounding
 
 
 @pytest.mark.parametrize("method", ["balanced", "hankel"])

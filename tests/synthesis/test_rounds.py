@@ -58,7 +58,7 @@ def few():
     """Rounds enough to be stopped in the midst of them."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(dk, "MOST_ROUNDS", 5)
-        patch.setattr(fixed, "MOST_ROUNDS", 8)
+        patch.setattr(fixed, "MOST_STEPS", 8)
         yield
 
 
@@ -165,7 +165,7 @@ def test_the_scalings_are_those_that_were_fitted_to_the_loop(program, wholes):
     from workbench.synthesis.mu.scalings import diagonals
 
     for each in wholes["dk"].answer.history:
-        loop = dk.Loop.of(program.plant.close(each.K))
+        loop = dk.LoopResponse.of(program.plant.close(each.K))
         x = each.scalings["D"]
         value, _ = Scalings.of(x).log_magnitude(x, loop.omega)
         rows, columns = diagonals(program.closed, value)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from workbench.mu import upper_bound
 from workbench.structure import Complex, Full, Structure
-from workbench.synthesis.mu.scaling_fit import Fit, worth
+from workbench.synthesis.mu.scaling_fit import ScalingFit, worth
 from workbench.synthesis.mu.scalings import Scalings, diagonals
 
 OMEGA = np.geomspace(0.01, 100.0, 60)
@@ -49,7 +49,7 @@ def test_a_fit_undoes_a_scaling_that_it_can_express():
     M = rng.normal(size=(1, 4, 3)) + 1j * rng.normal(size=(1, 4, 3))
     M = np.exp(rows)[:, :, None] * M * np.exp(-columns)[:, None, :]
     bound = upper_bound(M, structure).value
-    fit = Fit.of(structure, OMEGA, M, bound)
+    fit = ScalingFit.of(structure, OMEGA, M, bound)
     found, missed = worth(fit, (Scalings(2, 0), np.zeros((2, 1))))
     assert missed == pytest.approx(0.0, abs=1e-3)
     log = found[0].log_magnitude(found[1], OMEGA)[0]
@@ -65,7 +65,7 @@ def test_slopes_and_curvature_of_the_smoothed_worst(seed, sharpness):
     structure = Structure([Complex(1), Full(2, 1), Full(1, 2)])
     scalings = Scalings(2, 1)
     M = rng.normal(size=(4, 4, 4)) + 1j * rng.normal(size=(4, 4, 4))
-    fit = Fit.of(structure, np.array([0.1, 1.0, 2.0, 10.0]), M, rng.uniform(1, 3, 4))
+    fit = ScalingFit.of(structure, np.array([0.1, 1.0, 2.0, 10.0]), M, rng.uniform(1, 3, 4))
     x = 0.3 * rng.normal(size=(2 * scalings.size))
     _, gradient, hessian = fit._cost(scalings, x, sharpness)
     step = 1e-5
@@ -78,7 +78,7 @@ def test_slopes_and_curvature_of_the_smoothed_worst(seed, sharpness):
 def test_frequencies_that_tell_nothing_are_left_out():
     structure = Structure([Complex(1), Full(1, 1)])
     flat = np.ones((60, 2, 2)) * np.where(OMEGA < 1.0, 1.0, OMEGA)[:, None, None]
-    fit = Fit.of(structure, OMEGA, flat, np.ones(60))
+    fit = ScalingFit.of(structure, OMEGA, flat, np.ones(60))
     assert fit.omega[0] == OMEGA[0]
     assert fit.omega[-1] == OMEGA[-1]
     assert len(fit.omega) == (OMEGA >= 1.0).sum() + 1

@@ -24,7 +24,7 @@ from workbench.synthesis import (
     switched_loop,
     unswitched,
 )
-from workbench.synthesis.switching.cells import Cell
+from workbench.synthesis.switching.cells import ParameterCell
 from workbench.synthesis.switching.controllers import split_slowest
 from workbench.systems.connection import generalised_plant
 from workbench.systems.sampling import sampled
@@ -177,7 +177,7 @@ def exact(p, k):
 
 def test_a_set_holds_every_plant_of_its_cell():
     box = first_order(0.2, 1.0, (0.5, 0.0))
-    cell = Cell(np.array([0.3]), np.array([0.7]))
+    cell = ParameterCell(np.array([0.3]), np.array([0.7]))
     for each, k in zip(box.sets(cell), (0.5, 0.0), strict=True):
         for p in np.linspace(0.3, 0.7, 9):
             assert box.at(np.array([p]))[k == 0.0].item() == pytest.approx(exact(p, k))
@@ -206,7 +206,7 @@ def test_the_proven_share_ends_where_a_mode_is_unstable():
 
 
 def test_halves_fill_their_cell():
-    cell = Cell(np.array([0.0, 1.0, 2.0]), np.array([1.0, 3.0, 5.0]))
+    cell = ParameterCell(np.array([0.0, 1.0, 2.0]), np.array([1.0, 3.0, 5.0]))
     for along in range(3):
         low, high = sorted(cell.halves(along), key=lambda half: half.low[along])
         assert low.volume + high.volume == pytest.approx(cell.volume)

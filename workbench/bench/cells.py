@@ -15,7 +15,8 @@ from workbench.bench.project import add_problems
 from workbench.bench.run import Bench
 from workbench.bench.store import Store
 from workbench.errors import TimeLimitError
-from workbench.program import Program, methods, solve
+from workbench.program import Program, methods
+from workbench.solution import solve
 from workbench.solvers import Options, Outcome
 
 COMPILED_AFTER = 20.0

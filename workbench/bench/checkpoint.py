@@ -26,11 +26,11 @@ class FileCheckpoint(Checkpoint):
     Parameters
     ----------
     file
-        Its place.
+        Path of the checkpoint.
     scratch
-        Where it is written before it is renamed to its place: of this process alone.
+        Path of this process alone, where the file is written before it is renamed to its place.
     mark
-        Of the question and the code: a state with another mark is nobody's.
+        Hash of the question and the code; a state with another mark is not used.
 
     Attributes
     ----------

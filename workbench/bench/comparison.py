@@ -8,17 +8,23 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench import figures
+from workbench.certificate import Check
 from workbench.errors import ResultError
 from workbench.executor import Context
 from workbench.heavy_types import Dataset, Figure
-from workbench.program import Check
 from workbench.solvers import ACCURACY
 from workbench.study import Study
+from workbench.tables import markdown
 
 UNFIT = "unfit"
 """Outcome of a cell whose method cannot take its problem."""
 METHOD = "by_method"
 """The dimension of methods; xarray's ``sel`` keeps the word method for itself."""
+HEADS = [
+    "problem", "method", "accuracy", "outcome", "claim", "success", "correct", "gap",
+    "statement [s]", "solve [s]",
+]  # fmt: skip
+"""Heads of `rows`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +34,10 @@ class Comparison(Study):
     cells: Callable[[Context], Dataset]
 
     headline = "success_rate"
+
+    @property
+    def quantifier(self) -> str:
+        return "for these cells"
 
     @classmethod
     def stored(cls) -> Comparison:
@@ -56,14 +66,8 @@ class Comparison(Study):
         }
 
     def tables(self, answer: Dataset) -> dict[str, str]:
-        head = (
-            "| problem | method | accuracy | outcome | claim | success | correct | gap "
-            "| statement [s] | solve [s] |\n"
-            "| --- | --- | --- | --- | --- | --- | --- | ---: | ---: | ---: |\n"
-        )
-        body = "".join(f"| {' | '.join(row)} |\n" for row in rows(answer))
         reasons = "".join(f"\nUnfit: {text}\n" for text in unfit(answer))
-        return {"comparison": head + body + reasons}
+        return {"comparison": markdown(HEADS, rows(answer)) + reasons}
 
     def figures(self, answer: Dataset) -> dict[str, Figure]:
         return {"accuracy-against-time": accuracy_against_time(answer)}

@@ -144,7 +144,7 @@ def _action(
     files: list[Any],
     people: Any,
 ) -> Any:
-    """What was done: the software made the files from the inputs, and how that ended."""
+    """The action of the crate: the software made the files from the inputs, with this outcome."""
     using = f" by {run['method']}" if run["method"] else ""
     status: dict[str, Any] = {"actionStatus": "http://schema.org/CompletedActionStatus"}
     if run["outcome"] not in COMPLETED:

@@ -1,4 +1,4 @@
-"""How a problem is declared.
+"""Declaration of a problem.
 
 A problem is a function whose signature is the problem's parameters and whose docstring is its
 help::

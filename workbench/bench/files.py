@@ -7,7 +7,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from workbench.bench.question import plain
 from workbench.errors import ResultError
@@ -50,10 +50,33 @@ class Picture:
 
 def picture(figure: Figure) -> Picture:
     """A figure as PNG and SVG."""
-    import matplotlib as mpl
+    _lay_out(figure)
+    return Picture(png(figure), _svg(figure))
 
-    svg, png = io.BytesIO(), io.BytesIO()
+
+def png(figure: Figure) -> bytes:
+    """A figure as pixels, at its own resolution."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    _lay_out(figure)
+    file, canvas = io.BytesIO(), cast(Any, FigureCanvasAgg(figure))
+    canvas.print_png(file, metadata={"Software": None})
+    return file.getvalue()
+
+
+def _svg(figure: Figure) -> bytes:
+    import matplotlib as mpl
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+
+    file, canvas = io.BytesIO(), cast(Any, FigureCanvasSVG(figure))
     with mpl.rc_context({"svg.hashsalt": "workbench"}):
-        figure.savefig(svg, format="svg", metadata={"Date": None})
-        figure.savefig(png, format="png", dpi=120, metadata={"Software": None})
-    return Picture(png.getvalue(), svg.getvalue())
+        canvas.print_svg(file, metadata={"Date": None})
+    return file.getvalue()
+
+
+def _lay_out(figure: Figure) -> None:
+    """Place the parts of a figure, once: ``savefig`` would do it, and draw, twice per format."""
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.execute(figure)
+        figure.set_layout_engine("none")

@@ -10,7 +10,7 @@ from workbench.bench.checkpoint import FileCheckpoint
 from workbench.bench.results import Run
 from workbench.executor import Row, shown
 from workbench.heavy_types import Dataset
-from workbench.program import Solution
+from workbench.solution import Solution
 from workbench.solvers import Options, Outcome
 
 

@@ -14,6 +14,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import workbench
 import workbench.plants
 from workbench.bench.declare import PLACEMENT, Fed, Needs, Ref, Settings
 from workbench.bench.discovery import Entry
@@ -215,8 +216,12 @@ def _import(entry: Entry) -> types.ModuleType:
     """Import a problem file, anew with all of its root where one of them was edited since."""
     package = _package(entry.root)
     state = {file: file.stat().st_mtime_ns for file in entry.root.rglob("*.py")}
-    if _imported.setdefault(package, state) != state:
-        _imported[package] = state
+    if package in _imported:
+        edited = _imported[package] != state
+    else:  # a notebook may have imported a plant's modules by itself, and their files edited since
+        edited = max(state.values()) > workbench.IMPORT_TIME
+    _imported[package] = state
+    if edited:
         for name in [name for name in sys.modules if name.startswith(f"{package}.")]:
             del sys.modules[name]
     parts = entry.file.relative_to(entry.root).with_suffix("").parts

@@ -23,7 +23,7 @@ Keys = Mapping[str, str | list[str]]
 
 @dataclass(frozen=True)
 class Question:
-    """What is asked: everything that may change the answer, the code apart."""
+    """Everything that may change the answer, except the code."""
 
     problem: str
     parameters: Mapping[str, Any]

@@ -26,9 +26,10 @@ from workbench.bench.problem import Problem
 from workbench.bench.project import registry, results_root
 from workbench.bench.question import plain
 from workbench.bench.store import CHECKSUMS, Store, damage
+from workbench.certificate import Certificate
 from workbench.errors import ResultError
 from workbench.heavy_types import Dataset, Figure
-from workbench.program import Certificate, Task
+from workbench.program import Task
 from workbench.solvers import Outcome
 
 FORMAT = 2

@@ -22,10 +22,12 @@ from workbench.bench.project import registry, results_root
 from workbench.bench.question import Question, asked, canonical, code_hash, digest
 from workbench.bench.results import FORMAT, Run
 from workbench.bench.store import Store, Writer, damage
+from workbench.certificate import Certificate
 from workbench.errors import InputError, RegistryError, ResultError
 from workbench.executor import Context, Progress, Watch, silent, unwatched
 from workbench.heavy_types import Dataset
-from workbench.program import Certificate, Program, Solution, Task, find_method, solve
+from workbench.program import Program, Task, find_method
+from workbench.solution import Solution, solve
 from workbench.solvers import Options, Outcome, versions
 from workbench.study import Study
 

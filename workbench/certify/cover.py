@@ -4,7 +4,7 @@ Multipliers D and G that prove a bound beta at one frequency prove it on a whole
 this frequency (see `workbench.certify.interval`). Such intervals are removed from the band, worst
 frequencies first, until nothing of the band is left; beta rises wherever a bound lies above it.
 Where the bound is flat over frequency these intervals are short, and multipliers that change with
-frequency are used instead (see `workbench.certify.linear_interval`).
+frequency are used instead.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from typing import Any
 import numpy as np
 
 from workbench.arrays import Array, RealArray
-from workbench.certify.interval import StableSystem, certified_interval
-from workbench.certify.linear_interval import certified_between
+from workbench.certify.interval import certified_interval
+from workbench.certify.stable_system import StableSystem
 from workbench.systems.frequency_grid import starting_grid
 
-LARGEST_LOG_STEP = 0.2
+LARGEST_LOG_CHANGE = 0.2
 """Largest change of the bound's logarithm between neighbouring frequencies of the grid."""
 
 MAXIMUM_TOLERANCE = 1e-3
@@ -67,7 +67,7 @@ BoundsAt = Callable[[RealArray], FrequencyBounds]
 """A function that gives upper bounds at increasing frequencies [rad/s] (F,) by any method."""
 
 
-def refined(bounds_at: BoundsAt, poles: Array) -> FrequencyBounds:
+def refined_bounds(bounds_at: BoundsAt, poles: Array) -> FrequencyBounds:
     """Upper bounds on a grid chosen from the poles, refined at steep slopes and at maxima."""
     found = bounds_at(starting_grid(poles))
     while len(found.omega) < MOST_GRID_POINTS:
@@ -87,7 +87,7 @@ def _wanted(omega: RealArray, bound: RealArray) -> RealArray:
     floor = REFINED_SHARE * bound.max()
     logs = np.log(np.maximum(height, max(floor, np.finfo(float).tiny)))
     steps = np.abs(np.diff(logs))
-    wanted = steps > LARGEST_LOG_STEP
+    wanted = steps > LARGEST_LOG_CHANGE
     # The maximum may lie on either side of a point that is higher than its two neighbours.
     padded = np.concatenate([[-np.inf], logs, [-np.inf]])
     top = (logs >= padded[:-2]) & (logs >= padded[2:]) & (height > 0.5 * bound.max())
@@ -102,6 +102,9 @@ NEGLIGIBLE_BOUND = 1e-9
 
 COARSENING_FACTOR, COARSENINGS = 10.0, 10
 """Factor by which the tolerance grows each time the allowed steps are used up, and how often."""
+
+HOPELESS_RATIO = 1e3
+"""Growth of the bound at which the search stops: rounding hides every proof."""
 
 FIXED_INTERVALS = 15
 """Steps with fixed multipliers before linear multipliers cover the remaining gaps."""
@@ -174,8 +177,9 @@ class BandCover:
             self.open = []
             return "the response is zero"
         asked, largest = self.tolerance, COARSENINGS * steps
+        hopeless, step = HOPELESS_RATIO * self.beta, 0
         for step in range(largest):
-            if not self.open:
+            if not self.open or self.beta > hopeless:
                 break
             if step and step % steps == 0:
                 self.tolerance *= COARSENING_FACTOR
@@ -191,7 +195,11 @@ class BandCover:
                 self._linear_step(wide[-1])
         if self.open:
             gaps = ", ".join(f"{low:.6g} to {high:.6g}" for low, high in self.open[:3])
-            return f"stopped after {largest} steps; not covered: {gaps} rad/s"
+            return (
+                f"stopped after {step} steps; not covered: {gaps} rad/s; the "
+                f"realisation's eigenvectors have condition {self.system.condition:.1g}; give it "
+                "balanced or modal"
+            )
         least = float(self.found.upper.max())
         message = f"{len(self.intervals)} intervals"
         if self.beta > (1 + 2 * asked) * least and self.beta > NEGLIGIBLE_BOUND:
@@ -238,12 +246,11 @@ class BandCover:
         middle = [(a + ratio * b) / 2 for a, b in pairs]
         change = [(ratio * b - a) / 2 for a, b in pairs]
         omega, half = (low + high) / 2, (high - low) / 2
-        ends = certified_between(self.system, middle, change, self.beta, omega, half)
+        slopes = change[0] / half, change[1] / half, change[2] / half
+        D_left, D_right, G = middle
+        ends = certified_interval(self.system, D_left, D_right, G, self.beta, omega, slopes, half)
         if ends is not None and _wide(*ends):
-            slopes = change[0] / half, change[1] / half, change[2] / half
-            self.intervals.append(
-                CertifiedInterval(*ends, omega, middle[0], middle[1], middle[2], slopes)
-            )
+            self.intervals.append(CertifiedInterval(*ends, omega, D_left, D_right, G, slopes))
             self.open = [rest for one in self.open for rest in _without(one, ends)]
         else:
             self.open.remove(gap)

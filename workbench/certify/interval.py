@@ -1,120 +1,68 @@
-"""The interval of frequencies on which fixed multipliers prove a bound of mu.
+"""The interval of frequencies on which given multipliers prove a bound of mu.
 
-Scale the multipliers to near 1 and let Y be the response M in these coordinates. Then
+With t = w - omega, multipliers D(t) and G(t) that are constant or linear in t prove the bound beta
+at all frequencies w at which
 
-    Phi(w) = E - Y^H Y - j (F Y - Y^H F^H) > 0        is the same as
-    beta^2 D_r - M(jw)^H D_l M(jw) - j (G M(jw) - M(jw)^H G^H) > 0.
+    Phi(w) = beta^2 D_r - M^H D_l M - j (G M - M^H G^H) > 0,   M = D + C (jw - A)^-1 B.
 
-Let the inequality hold at a frequency w0. The substitution s = j w0 + 1 / z makes Y(j w0) the
-direct term of a system in z, and Phi the Popov function of that system. Phi(w) is then singular
-exactly where z = 1 / (j (w - w0)) is an eigenvalue of a Hamiltonian. The frequencies nearest to w0
-belong to the largest eigenvalues, which are the most accurate. For w0 at infinity, z is s itself.
+Phi(w) is the Schur complement of jw - A and its adjoint in
+
+           [  A - jw      0       B ]
+    L(w) = [   -Q     -A^H - jw  -S ],     [ Q    S ]   [ C  D ]^H [ -D_l      j G^H     ] [ C  D ]
+           [   S^H       B^H      R ]      [ S^H  R ] = [ 0  1 ]   [ -j G   beta^2 D_r ] [ 0  1 ]
+
+so that it is singular exactly where L is, because A has no eigenvalue on the axis. Where it is
+positive at omega, it stays so up to the nearest such frequency. Fixed multipliers with regular R
+leave an eigenvalue problem, of the Hamiltonian that eliminates the last row (Boyd, Balakrishnan,
+Kabamba, A bisection method for computing the H-infinity norm of a transfer matrix, Math. Control
+Signals Systems 2 (1989) 207-219); linear ones leave the pencil L(omega) + t L_1. In both cases
+discs contain all eigenvalues, despite rounding, and no disc may touch the axis within the interval.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
-from scipy.linalg import solve_triangular
 
-from workbench.arrays import Array, RealArray
-from workbench.errors import InputError
-from workbench.systems.balancing import balancing
-from workbench.systems.frequency_response import CHUNK_ENTRIES
-from workbench.systems.interconnection import part_of
-from workbench.systems.realisation import EPS
+from workbench.arrays import EPS, Array
+from workbench.certify.eigenvalues import (
+    Discs,
+    pencil_discs,
+    static_discs,
+    touched,
+)
+from workbench.certify.hamiltonian import ball_discs
+from workbench.certify.rounding import (
+    Enclosure,
+    exact,
+    nearest_power_of_two,
+    positive_definite,
+    solution,
+    stacked_enclosures,
+)
+from workbench.certify.stable_system import StableSystem, stable_system
 
-RELATIVE_REAL_PART = 1e-6
-"""An eigenvalue counts as imaginary if its real part is below this share of its size."""
-ABSOLUTE_REAL_PART = 1e3 * EPS
-"""An eigenvalue counts as imaginary if its real part is below this share of the Hamiltonian's
-norm."""
 END_MARGIN = 1e-6
-"""Share of the distance to each end that an interval gives up, to allow for rounding."""
+"""Share of the distance to each end that an interval gives up, so that another machine, whose
+discs differ a little, proves the same interval."""
 
-
-@dataclass(frozen=True, eq=False)
-class StableSystem:
-    """A stable continuous-time system with scaled states; ``poles`` (n,) [rad/s]."""
-
-    A: RealArray
-    B: RealArray
-    C: RealArray
-    D: RealArray
-    poles: Array
-
-    @property
-    def scale(self) -> float:
-        """Geometric mean of the sizes of the poles [rad/s]; 1 without poles."""
-        return float(np.exp(np.log(np.abs(self.poles)).mean())) if len(self.poles) else 1.0
-
-    def response(self, omega: ArrayLike) -> Array:
-        """Frequency response at `omega` [rad/s] (F,), infinity allowed, (F, outputs, inputs)."""
-        points = np.atleast_1d(np.asarray(omega, dtype=float))
-        result = np.tile(self.D.astype(complex), (len(points), 1, 1))
-        n = len(self.A)
-        step = max(CHUNK_ENTRIES // max(n * n, 1), 1)
-        finite = np.flatnonzero(np.isfinite(points))
-        for part in np.split(finite, range(step, len(finite), step)):
-            resolvent = 1j * points[part, None, None] * np.eye(n) - self.A
-            result[part] += self.C @ np.linalg.solve(resolvent, self.B.astype(complex))
-        return result
-
-
-def stable_system(system: Any) -> StableSystem:
-    """The realisation of a stable StateSpace or TransferFunction, with its states scaled.
-
-    Raises
-    ------
-    InputError
-        The system has another type; it is sampled, improper or not finite; or it has a pole on the
-        imaginary axis or to the right of it.
-    """
-    if isinstance(system, StableSystem):
-        return system
-    import control
-
-    if not isinstance(system, control.StateSpace | control.TransferFunction):
-        raise InputError(
-            f"a StateSpace or TransferFunction is needed, not {type(system).__name__}; fit "
-            "measured responses first"
-        )
-    part = part_of(system)
-    if part.dt:
-        raise InputError(
-            f"the system is sampled every {part.dt} s, and a continuous-time one is needed; the "
-            "bilinear transformation keeps its values, only not their frequencies"
-        )
-    if not np.isfinite(part.M).all():
-        raise InputError("the system has entries that are not finite")
-    n = part.states
-    scale = balancing(part.M, n)[0][:n]
-    A = part.M[:n, :n] * scale[:, None] / scale
-    poles = np.linalg.eigvals(A).astype(complex)
-    rounding = EPS * max(n, 1) * float(np.linalg.norm(A))
-    bad = poles[poles.real >= -rounding]
-    if len(bad):
-        pole = bad[np.argmax(bad.real)]
-        place = (
-            "is unstable: it has the pole"
-            if pole.real > rounding
-            else "has a pole that cannot be told from the imaginary axis:"
-        )
-        raise InputError(
-            f"the system {place} {pole:.6g} rad/s, and bounds over frequency say "
-            "nothing of it then; close the loop with a stabilising controller, or move an "
-            "integrator a little to the left"
-        )
-    B, C = part.M[:n, n:] * scale[:, None], part.M[n:, :n] / scale
-    return StableSystem(A, B, C, part.M[n:, n:], poles)
+Multipliers = Sequence[Array]
+"""D_left (c, c), D_right (r, r) and G (r, c)."""
 
 
 def certified_interval(
-    system: Any, D_left: Array, D_right: Array, G: Array, beta: float, omega: float
+    system: Any,
+    D_left: Array,
+    D_right: Array,
+    G: Array,
+    beta: float,
+    omega: float,
+    slopes: Multipliers | None = None,
+    half: float = math.inf,
 ) -> tuple[float, float] | None:
     """The interval of frequencies around `omega` on which the multipliers prove the bound `beta`.
 
@@ -123,151 +71,248 @@ def certified_interval(
     system
         Stable continuous-time system with c outputs and r inputs.
     D_left, D_right, G
-        Multipliers (c, c), (r, r), (r, c) as `upper_bound` gives them, D positive definite.
+        Multipliers (c, c), (r, r), (r, c) at `omega` as `upper_bound` gives them.
     beta
         The bound, positive.
     omega
         Frequency [rad/s]; 0 and infinity are allowed.
+    slopes
+        Derivatives of the multipliers by frequency [s], zero if None.
+    half
+        Largest distance [rad/s] of the ends from omega, finite where there are slopes.
 
     Returns
     -------
-    (low, high) within [0, inf]; None where the multipliers do not prove beta at `omega`, or where
-    samples in the interval contradict the proof. Eigenvalues near the imaginary axis count as
-    imaginary.
+    (low, high) within [0, inf], proven despite rounding; None where nothing is proven: D or Phi is
+    not positive definite at `omega`, or rounding hides it.
 
     Raises
     ------
     InputError
         As `stable_system`.
-
-    References
-    ----------
-    Boyd, Balakrishnan, Kabamba, A bisection method for computing the H-infinity norm of a transfer
-    matrix, Math. Control Signals Systems 2 (1989) 207-219, for D = 1 and G = 0.
     """
     system = stable_system(system)
-    frame = frame_of(D_left, D_right, G, beta)
-    if frame is None:
+    multipliers = D_left, D_right, G
+    ends, doubt = _proven(system, multipliers, beta, omega, slopes, half)
+    modal = system.modal() if doubt else None
+    if modal is not None:
+        other, _ = _proven(modal, multipliers, beta, omega, slopes, half)
+        if ends is None or (other is not None and other[1] - other[0] > ends[1] - ends[0]):
+            ends = other
+    if doubt and ends is None and slopes is None:
+        ends = _proven_in_balls(system.source or system, multipliers, beta, omega)
+    return ends
+
+
+def _proven_in_balls(
+    system: StableSystem, multipliers: Multipliers, beta: float, omega: float
+) -> tuple[float, float] | None:
+    """As `certified_interval` for fixed multipliers, in ball arithmetic."""
+    if not all(positive_definite(exact(np.asarray(D))) for D in multipliers[:2]):
         return None
-    about = _about(system, omega)
-    H = _hamiltonian(*about, frame)
-    if H is None:
+    discs = ball_discs(system, multipliers, beta, omega)
+    if discs is None:
         return None
-    z = np.linalg.eigvals(H)
-    largest = float(np.abs(H).max(initial=0.0))
-    limit = RELATIVE_REAL_PART * np.abs(z) + ABSOLUTE_REAL_PART * largest * float(
-        np.linalg.norm(H / (largest or 1.0))
-    )
-    crossing = z.imag[np.abs(z.real) <= limit]
-    low, high = _ends(crossing, omega)
-    suspects = _frequencies(z[np.abs(z.real) < 0.3 * np.abs(z)].imag, omega)
-    scale = omega if 0.0 < omega < math.inf else system.scale
-    points = _between(suspects, low, high, omega, scale)
-    if not all(positive(Phi) for Phi in _values(system.response(points), frame)):
-        return None
-    return low, high
+    below, above, _ = _nearest(discs, omega, math.inf)
+    return _held(below, above, omega, math.inf)
+
+
+def _proven(
+    system: StableSystem,
+    multipliers: Multipliers,
+    beta: float,
+    omega: float,
+    slopes: Multipliers | None,
+    half: float,
+) -> tuple[tuple[float, float] | None, bool]:
+    """As `certified_interval`, and whether rounding may hide a wider interval."""
+    form = _form(system, multipliers, slopes, beta)
+    if form is None:
+        return None, False
+    holds, refuted = _holds_at(form, omega)
+    if not holds:
+        return None, not refuted
+    # The ends themselves are rounded where omega is large.
+    within = half * (1 + 16 * EPS) + 4 * EPS * omega if half < math.inf else math.inf
+    below, above, doubt = _reach(form, omega, within)
+    if slopes is not None and not all(
+        positive_definite(exact(D) + exact(change).times(t))
+        for t in (-below, above)
+        for D, change in zip(multipliers[:2], slopes[:2], strict=True)
+    ):
+        return None, False
+    return _held(below, above, omega, half), doubt
+
+
+def _held(below: float, above: float, omega: float, half: float) -> tuple[float, float] | None:
+    """The interval that reaches `below` and `above` omega, its ends rounded inward."""
+    if math.isinf(omega):
+        return (above * (1 + END_MARGIN), math.inf) if above < math.inf else None
+    low = max(omega - _shortened(below, half), 0.0)
+    high = omega + _shortened(above, half)
+    held = omega - low <= (1 - 4 * EPS) * below and high - omega <= (1 - 4 * EPS) * above
+    return (low, high) if held and low < high else None
+
+
+def _shortened(reach: float, half: float) -> float:
+    """A reach less `END_MARGIN`, or the half-width where that is less."""
+    return min((1 - END_MARGIN) * reach, half) if reach < half else half
 
 
 @dataclass(frozen=True, eq=False)
-class Frame:
-    """Coordinates with multipliers near 1: Y = left M right, and the matrices E and F of Phi."""
+class _Form:
+    """The realisation and the two forms of (y, u), at omega and by frequency, in scaled units.
 
-    left: Array
-    right: Array
-    E: Array
-    F: Array
+    The second form is None for fixed multipliers.
+    """
+
+    A: Enclosure
+    B: Enclosure
+    C: Enclosure
+    D: Enclosure
+    fixed: Enclosure
+    slope: Enclosure | None
 
 
-def frame_of(D_left: Array, D_right: Array, G: Array, beta: float) -> Frame | None:
-    """The coordinates in which D is 1 and G at most 1; None where D is not positive definite."""
+def _form(
+    system: StableSystem, multipliers: Multipliers, slopes: Multipliers | None, beta: float
+) -> _Form | None:
+    """The inequality in units in which M, D and beta are near 1; None where D is not positive."""
+    D_left, D_right, G = (np.asarray(part) for part in multipliers)
+    with np.errstate(all="ignore"):
+        y, u = (nearest_power_of_two(np.sqrt(np.diagonal(D).real)) for D in (D_left, D_right))
+        level = float(nearest_power_of_two(beta))
+        twist = np.abs(G / level / u[:, None] / y)
+        # A large G would hide the other terms of the rows to which it belongs.
+        twisted = nearest_power_of_two(np.sqrt(1.0 + (twist**2).sum(axis=1)))
+    if not all(positive_definite(exact(D)) for D in (D_left, D_right)):
+        return None
+
+    def form(D_left: Array, D_right: Array, G: Array) -> Enclosure:
+        """The form (c + r, c + r) of given multipliers."""
+        left = exact(D_left).scaled(1 / y, 1 / y)
+        right = exact(D_right).scaled(1 / u, 1 / u).times(beta / level).times(beta / level)
+        twist = exact(G).scaled(1 / u, 1 / y).scaled(np.full(len(u), 1 / level), np.ones(len(y)))
+        right, twist = (
+            right.scaled(1 / twisted, 1 / twisted),
+            twist.scaled(1 / twisted, np.ones(len(y))),
+        )
+        twist = Enclosure(1j * twist.mid, twist.rad)
+        return stacked_enclosures([[-left, -twist.H], [-twist, right]])
+
+    A, B, C, D = system.enclosures
+    ones, inputs = np.ones(len(A.mid)), 1 / u / twisted
+    B, C, D = B.scaled(ones, inputs), C.scaled(y / level, ones), D.scaled(y / level, inputs)
+    between = nearest_power_of_two(
+        np.sqrt(np.abs(C.mid).max(initial=0.0)) / np.sqrt(np.abs(B.mid).max(initial=0.0) or 1.0)
+    )
+    B, C = B.scaled(ones * between, np.ones(len(u))), C.scaled(np.ones(len(y)), ones / between)
+    found = _Form(A, B, C, D, form(D_left, D_right, G), None if slopes is None else form(*slopes))
+    parts = (B, C, D, found.fixed, *([] if found.slope is None else [found.slope]))
+    return found if all(part.finite for part in parts) else None
+
+
+def _shifted(A: Enclosure, omega: float) -> Enclosure:
+    """A - j omega."""
+    return A - exact(1j * omega * np.eye(len(A.mid)))
+
+
+def _holds_at(form: _Form, omega: float) -> tuple[bool, bool]:
+    """Whether Phi(omega) > 0 is proven, and whether it is clearly false."""
+    M = form.D
+    if math.isfinite(omega) and len(form.A.mid):
+        states = solution(_shifted(form.A, omega), form.B)
+        if states is None:
+            return False, False
+        M = M - form.C @ states
+    N = stacked_enclosures([[M], [exact(np.eye(form.B.mid.shape[1]))]])
+    Phi = N.H @ (form.fixed @ N)
+    if positive_definite(Phi):
+        return True, False
+    return False, bool((np.diagonal(Phi.mid).real < -np.diagonal(Phi.rad)).any()) or (
+        Phi.finite and float(np.linalg.eigvalsh(Phi.mid)[0]) < -float(np.linalg.norm(Phi.rad))
+    )
+
+
+def _reach(form: _Form, omega: float, half: float) -> tuple[float, float, bool]:
+    """Distances [rad/s] below and above omega, within half, where L is proven to be regular.
+
+    For omega at infinity the second one is the frequency above which it is. Last comes whether
+    the disc that ends an interval is a large one.
+    """
+    slope = form.slope
+    discs = _fixed_discs(form, omega) if slope is None else _linear_discs(form, slope, omega, half)
+    return _nearest(discs, omega, half)
+
+
+def _nearest(discs: Discs, omega: float, half: float) -> tuple[float, float, bool]:
+    """As `_reach`, from the discs that contain all frequencies at which L is singular."""
+    doubt = discs.doubtful > 0
+    first, last = touched(discs)
+    if math.isinf(omega):
+        return 0.0, max(float(last.max(initial=0.0)), 0.0), doubt
+    if ((first <= 0) & (last >= 0)).any():
+        return 0.0, 0.0, doubt
+    below, above = -last[last < 0], first[first > 0]
+    return float(below.min(initial=half)), float(above.min(initial=half)), doubt
+
+
+def _fixed_discs(form: _Form, omega: float) -> Discs:
+    """Discs that contain all t, or all w for omega at infinity, at which L(w) is singular.
+
+    In place of Q, S and R there stand y = C x + D u and its multiple by the form: all blocks are
+    then data, and none of their products is rounded.
+    """
+    n, r = form.B.mid.shape
+    c = len(form.C.mid)
+    A = _shifted(form.A, omega if math.isfinite(omega) else 0.0)
+    zero, wide, high = (exact(np.zeros((n, columns))) for columns in (n, c, r))
+    minus, none = exact(-np.eye(c)), exact(np.zeros((c, c)))
+    (yy, yu), (uy, uu) = _divided(form.fixed, c)
+    return static_discs(
+        _times(-1j, stacked_enclosures([[A, zero], [zero, -A.H]])),
+        _times(-1j, stacked_enclosures([[form.B, wide, wide], [high, wide, -form.C.H]])),
+        stacked_enclosures([[high.H, form.B.H], [form.C, wide.H], [wide.H, wide.H]]),
+        stacked_enclosures([[uu, uy, form.D.H], [form.D, minus, none], [yu, yy, minus]]),
+    )
+
+
+def _linear_discs(form: _Form, slope: Enclosure, omega: float, half: float) -> Discs:
+    """Discs that contain all t of size up to `half` at which L(omega + t) is singular."""
+    n, r = form.B.mid.shape
+    A = _shifted(form.A, omega)
+    zero, high, one = exact(np.zeros((n, n))), exact(np.zeros((n, r))), exact(1j * np.eye(n))
+    (Q, S), (_, R) = _eliminated(form, form.fixed)
+    L = stacked_enclosures([[A, zero, form.B], [-Q, -A.H, -S], [S.H, form.B.H, R]])
+    (Q, S), (_, R) = _eliminated(form, slope)
+    L_1 = stacked_enclosures(
+        [[one, zero, high], [Q, one, S], [-S.H, high.H, -R]]
+    )  # L = L_0 - t L_1
     try:
-        left = np.linalg.cholesky(D_left).conj().T
-        right = np.linalg.cholesky(D_right).conj().T
-        back = _solve(right, np.eye(len(right)))
-        twist = back.conj().T @ G @ _solve(left, np.eye(len(left))) / beta
-        bound = np.linalg.cholesky(np.eye(len(right)) + twist @ twist.conj().T)
+        back = np.linalg.inv(L.mid)
+        V = np.linalg.eig(back @ L_1.mid)[1]
+        W = np.linalg.solve(V, back)
     except (np.linalg.LinAlgError, ValueError):
-        return None
-    shrink = _solve(bound, np.eye(len(bound)), lower=True)
-    return Frame(left / beta, back @ shrink.conj().T, shrink @ shrink.conj().T, shrink @ twist)
+        return Discs(np.zeros(1), np.full(1, np.inf))
+    return pencil_discs(exact(W) @ (L @ exact(V)), exact(W) @ (L_1 @ exact(V)), half)
 
 
-def _solve(triangle: Array, other: Array, lower: bool = False) -> Array:
-    """Solution X of triangle X = other."""
-    return solve_triangular(triangle, other, lower=lower)
+def _eliminated(form: _Form, weight: Enclosure) -> list[list[Enclosure]]:
+    """Q, S, S^H and R of a form of (y, u)."""
+    n, r = form.B.mid.shape
+    N = stacked_enclosures([[form.C, form.D], [exact(np.zeros((r, n))), exact(np.eye(r))]])
+    return _divided(N.H @ (weight @ N), n)
 
 
-def _values(M: Array, frame: Frame) -> Array:
-    """Phi for responses M (..., c, r)."""
-    Y = frame.left @ M @ frame.right
-    twisted = 1j * (frame.F @ Y)
-    return frame.E - Y.conj().mT @ Y - twisted - twisted.conj().mT
+def _times(unit: complex, matrix: Enclosure) -> Enclosure:
+    """The matrix times 1, -1, j or -j."""
+    return Enclosure(unit * matrix.mid, matrix.rad)
 
 
-def positive(Phi: Array) -> bool:
-    """Whether Phi > 0, decided by eigenvalues after scaling its diagonal to 1."""
-    diagonal = np.diagonal(Phi).real
-    if not diagonal.min() > 0:
-        return False
-    root = diagonal**-0.5
-    return bool(np.linalg.eigvalsh(root[:, None] * Phi * root)[0] > 0)
-
-
-def _about(system: StableSystem, omega: float) -> tuple[Array, Array, Array, Array]:
-    """Realisation in z with s = j omega + 1 / z; its direct term is the response at omega."""
-    A, B, C, D = system.A, system.B, system.C, system.D
-    if math.isinf(omega):
-        return A + 0j, B + 0j, C + 0j, D + 0j
-    inverse = np.linalg.inv(A - 1j * omega * np.eye(len(A)))
-    return inverse, -inverse @ B, C @ inverse, D - C @ inverse @ B
-
-
-def _hamiltonian(A: Array, B: Array, C: Array, D: Array, frame: Frame) -> Array | None:
-    """The Hamiltonian whose imaginary eigenvalues are the z at which Phi is singular.
-
-    None where Phi of the direct term is not positive, or where entries overflow.
-    """
-    R = _values(D, frame)
-    if not positive(R):
-        return None
-    try:
-        root = np.linalg.cholesky(R).conj().T
-    except np.linalg.LinAlgError:
-        return None
-    inverse = _solve(root, np.eye(len(root)))
-    C = frame.left @ C
-    S = C.conj().T @ (1j * frame.F.conj().T - frame.left @ D @ frame.right) @ inverse
-    B = B @ frame.right @ inverse
-    corner = A - B @ S.conj().T
-    with np.errstate(over="ignore"):
-        out, into = C.conj().T @ C + S @ S.conj().T, B @ B.conj().T
-    H = np.block([[corner, -into], [out, -corner.conj().T]])
-    return H if np.isfinite(H).all() else None
-
-
-def _frequencies(imaginary: RealArray, omega: float) -> RealArray:
-    """Frequencies [rad/s] that belong to imaginary parts of z."""
-    if math.isinf(omega):
-        return imaginary
-    return omega - 1.0 / imaginary[imaginary != 0.0]
-
-
-def _ends(crossing: RealArray, omega: float) -> tuple[float, float]:
-    """Ends of the interval: the nearest crossings on either side of omega, less `END_MARGIN`."""
-    if math.isinf(omega):
-        return (1 + END_MARGIN) * max(float(crossing.max(initial=0.0)), 0.0), math.inf
-    below, above = float(crossing.max(initial=0.0)), -float(crossing.min(initial=0.0))
-    low = max(omega - (1 - END_MARGIN) / below, 0.0) if below > 0 else 0.0
-    high = omega + (1 - END_MARGIN) / above if above > 0 else math.inf
-    return low, high
-
-
-def _between(suspects: RealArray, low: float, high: float, omega: float, scale: float) -> RealArray:
-    """The suspicious frequencies within the interval, and one frequency in each gap between them.
-
-    The frequency in a gap lies in the middle of its ends on the scale arctan(w / scale).
-    """
-    inside = suspects[(suspects > low) & (suspects < high)]
-    known = np.unique([low, high, omega, *inside])
-    angle = np.arctan(known / scale)  # finite at infinity
-    return np.concatenate([inside, scale * np.tan((angle[1:] + angle[:-1]) / 2)])
+def _divided(matrix: Enclosure, n: int) -> list[list[Enclosure]]:
+    """The four blocks of a matrix that is divided after its first n rows and columns."""
+    parts = slice(None, n), slice(n, None)
+    return [
+        [Enclosure(matrix.mid[row, column], matrix.rad[row, column]) for column in parts]
+        for row in parts
+    ]

@@ -17,9 +17,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.arrays import ComplexArray
+from workbench.arrays import EPS, ComplexArray
 from workbench.structure import Full, Real, Structure
-from workbench.systems.realisation import EPS
 
 CHUNK_MATRICES = 4096
 """Matrices that are bounded in one call; intermediate arrays need many times their memory."""
@@ -63,7 +62,7 @@ def structured(
     return parts[0], parts[1], parts[2]
 
 
-def certified(
+def certified_bound(
     M: ComplexArray,
     structure: Structure,
     D_left: ComplexArray,
@@ -101,7 +100,7 @@ def _certified(
     D_right: ComplexArray,
     G: ComplexArray,
 ) -> NDArray[np.float64]:
-    """As `certified` for one chunk (F, c, r), with multipliers that have the structure exactly."""
+    """As `certified_bound`, for a chunk (F, c, r) and multipliers exactly of the structure."""
     with np.errstate(all="ignore"):
         size = _power(np.abs(M).max((-2, -1), initial=0.0))
         rows, columns = (_power(np.sqrt(_diagonal(D))) for D in (D_left, D_right))

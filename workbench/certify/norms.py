@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from workbench.arrays import RealArray
-from workbench.certify.cover import BandCover, FrequencyBounds, refined
-from workbench.certify.interval import stable_system
-from workbench.certify.mu_bound import certified
+from workbench.certify.cover import BandCover, FrequencyBounds, refined_bounds
+from workbench.certify.mu_bound import certified_bound
+from workbench.certify.stable_system import stable_system
 from workbench.heavy_types import StateSpace
 from workbench.structure import Full, Structure
 from workbench.systems.bilinear import to_continuous
@@ -16,7 +16,7 @@ from workbench.systems.realisation import realisation
 NORM_TOLERANCE = 1e-4
 """Relative tolerance of a certified norm: the bound lies at most this far above the norm."""
 
-INTERVALS_BEFORE_COARSENING = 50
+INTERVALS_BEFORE_COARSENING = 300
 """Number of intervals after which the tolerance becomes ten times as large. A loop whose response
 consists of rounding errors would otherwise need very many intervals."""
 
@@ -40,10 +40,10 @@ def certified_norm(loop: StateSpace) -> float:
         D_left, D_right = (np.tile(np.eye(n, dtype=complex), (F, 1, 1)) for n in (c, r))
         G = np.zeros((F, r, c), complex)
         return FrequencyBounds(
-            omega, M, certified(M, block, D_left, D_right, G), D_left, D_right, G
+            omega, M, certified_bound(M, block, D_left, D_right, G), D_left, D_right, G
         )
 
-    found = refined(bounds_at, system.poles).joined(bounds_at(np.array([0.0, np.inf])))
+    found = refined_bounds(bounds_at, system.poles).joined(bounds_at(np.array([0.0, np.inf])))
     cover = BandCover(system, bounds_at, NORM_TOLERANCE, found)
     cover.complete(INTERVALS_BEFORE_COARSENING)
     return cover.proven

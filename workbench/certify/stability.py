@@ -1,27 +1,68 @@
-"""Internal stability of a closed loop, by its poles."""
+"""Stability of a system or a closed loop, proven by discs that contain its poles."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from workbench.arrays import EPS, Array, RealArray
+from workbench.certificate import THIS_SYSTEM, Check
+from workbench.certify.eigenvalues import Discs, pole_discs
+from workbench.certify.modal_form import PRECISIONS, enclosed_modal_form
+from workbench.certify.rounding import TINY, exact
 from workbench.heavy_types import StateSpace
-from workbench.program import Check
+from workbench.systems.balancing import balancing
 
 
 def stability_of(loop: StateSpace) -> Check:
-    """Check that all poles of a loop are stable by more than their rounding error.
+    """Check that all poles of a loop are proven to be stable.
 
     Stable poles lie left of the imaginary axis in continuous time, within the unit circle in
-    discrete time.
+    discrete time. The value bounds their distance beyond it from above.
     """
-    poles = loop.poles()
-    size = float(np.abs(poles).max(initial=0.0))
-    limits = np.finfo(float)
-    # A pole at 0 is not stable, however small the others are.
-    rounding = max(float(limits.eps) * max(len(poles), 1) * size, float(limits.tiny))
-    distance = np.abs(poles) - 1.0 if loop.dt else poles.real
-    place = int(np.argmax(distance)) if len(poles) else 0
-    value = float(distance[place]) if len(poles) else -np.inf
-    where = f"at {poles[place]:.6g}" if len(poles) else ""
+    A = np.asarray(loop.A, dtype=float)
+    value, worst = pole_bound(A, bool(loop.dt))
+    where = "" if worst is None else f"at {worst:.6g}"
     statement = "distance of the worst closed-loop pole beyond the stability boundary"
-    return Check("internal stability", statement, value, -rounding, where)
+    return Check("internal stability", statement, value, -TINY, where, over=THIS_SYSTEM)
+
+
+def pole_bound(A: RealArray, sampled: bool) -> tuple[float, complex | None]:
+    """Upper bound of the poles' distance beyond the stability boundary, and the worst pole.
+
+    Ball arithmetic is asked where doubles prove neither that all poles of A (n, n) are stable nor
+    that one is not.
+    """
+    if not np.isfinite(A).all():
+        return np.nan, None
+    with np.errstate(all="ignore"):  # an infinite radius proves nothing
+        A, _ = balanced_states(A)
+        discs = pole_discs(exact(A))
+    for bits in (0, *PRECISIONS):
+        if bits:
+            modal = enclosed_modal_form(A, np.zeros((len(A), 0)), np.zeros((0, len(A))), bits)
+            if modal is None:
+                continue
+            discs = pole_discs(modal[0])
+        bound, worst, decided = _worst(discs, sampled)
+        if decided:
+            break
+    return bound, worst
+
+
+def _worst(discs: Discs, sampled: bool) -> tuple[float, complex | None, bool]:
+    """The farthest point of the discs beyond the boundary, its disc, and whether that decides."""
+    if not len(discs.centre):
+        return -np.inf, None, True
+    size = np.abs(discs.centre) * (1 + 4 * EPS)
+    distance = size - 1.0 if sampled else discs.centre.real
+    farthest = distance + discs.radius
+    place = int(np.argmax(farthest))
+    bound = float(farthest[place])
+    decided = bound < 0 or bool((distance > discs.radius).any())
+    return bound, complex(discs.centre[place]), decided
+
+
+def balanced_states(A: RealArray) -> tuple[RealArray, Array]:
+    """A with its states scaled by powers of two, and the factors (n,)."""
+    scale = balancing(A, len(A))[0]
+    return A * scale[:, None] / scale, scale

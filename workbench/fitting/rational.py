@@ -23,8 +23,8 @@ class Rational:
     Parameters
     ----------
     zeros, poles
-        Roots [rad/s], complex ones in exact conjugate pairs (see `paired`); at least as many poles
-        as zeros.
+        Roots [rad/s], complex ones in exact conjugate pairs (see `conjugate_pairs`); at least
+        as many poles as zeros.
     gain
         Real factor of the products.
 
@@ -130,7 +130,7 @@ class Rational:
         ]
 
 
-def paired(roots: ArrayLike) -> ComplexArray:
+def conjugate_pairs(roots: ArrayLike) -> ComplexArray:
     """Roots of a real polynomial in exact conjugate pairs, with rounding errors repaired.
 
     A complex root is paired with the nearest root on the other side of the real axis; one without a
@@ -166,7 +166,7 @@ def from_system(system: StateSpace) -> Rational:
     if system.isdtime(strict=True):
         raise InputError(f"a continuous-time system is needed, dt is {system.dt}")
     scaled, time = _scaled(system)
-    zeros, poles = paired(scaled.zeros() * time), paired(scaled.poles() * time)
+    zeros, poles = conjugate_pairs(scaled.zeros() * time), conjugate_pairs(scaled.poles() * time)
     bare = Rational(zeros, poles, 1.0)
     # take the gain where the function is neither tiny nor huge: off the axis, at a middle frequency
     sizes = np.abs(np.concatenate([zeros, poles]))

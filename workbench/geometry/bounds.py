@@ -10,8 +10,8 @@ from itertools import combinations
 
 import numpy as np
 
-EPS = np.finfo(float).eps
-"""Relative spacing of double-precision numbers."""
+from workbench.arrays import EPS
+
 LONG_EPS = np.finfo(np.longdouble).eps
 """Relative spacing of extended-precision numbers."""
 MAX_SUPPORT_EXCHANGES = 100

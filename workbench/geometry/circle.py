@@ -8,10 +8,11 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from workbench.arrays import EPS
 from workbench.errors import SolverError
 from workbench.executor import Context
 from workbench.geometry.bounds import circle_radius_bound
-from workbench.geometry.cover import EPS, Cover, relative
+from workbench.geometry.cover import Cover, relative
 from workbench.geometry.exact_circle import exact_circle
 from workbench.geometry.thesis import thesis_circle
 from workbench.heavy_types import Dataset

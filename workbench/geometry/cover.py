@@ -6,21 +6,25 @@ The checks share no code with the methods: they work in extended precision from 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
 
+from workbench.arrays import EPS
+from workbench.certificate import Check, worst
 from workbench.errors import InputError
-from workbench.geometry.figures import cover_figures
+from workbench.geometry.figures import shape_figures
 from workbench.geometry.points import as_points
 from workbench.geometry.shapes import Shape
 from workbench.heavy_types import DataArray, Dataset, Figure
-from workbench.program import Check, Program, worst
+from workbench.program import Program
+from workbench.second_opinion.support import reach_beyond
 
-EPS = float(np.finfo(float).eps)
-"""Relative spacing of double-precision numbers."""
+SUPPORT_TOLERANCE = 1e-8
+"""As `CONTAINMENT_TOLERANCE`, for the second opinion in plain double precision."""
 CONTAINMENT_TOLERANCE = 1e-9
 """Largest distance of a point beyond its shape, relative to the radius, in a valid certificate."""
 
@@ -74,6 +78,10 @@ class Cover(Program):
 
     # --- checks -------------------------------------------------------------------------------
 
+    @property
+    def quantifier(self) -> str:
+        return f"for these {math.prod(self.batch)} sets of {self.points.shape[-1]} points"
+
     def checks(self, answer: Any, tolerance: float) -> Sequence[Check]:
         center, radius = np.asarray(answer.center), np.asarray(answer.radius)
         half_length, angle = np.asarray(answer.half_length), np.asarray(answer.angle)
@@ -106,6 +114,14 @@ class Cover(Program):
             where,
         )
         return [properness, containment]
+
+    def second_opinion(self, answer: Any) -> Sequence[Check]:
+        shape = answer.center, answer.radius, answer.half_length, answer.angle
+        excess = reach_beyond(self.points, *map(np.asarray, shape)).max(axis=-1)
+        excess = relative(excess - 8 * EPS * self.reach, answer.radius)
+        value, where = worst(excess, self.place)
+        statement = "how far the points reach beyond their shape in a direction, over the radius"
+        return [Check("support", statement, value, SUPPORT_TOLERANCE, where)]
 
     def distance(self, answer: Shape) -> np.ndarray:
         """Distance (..., N) of every point from its shape's segment, in extended precision."""
@@ -171,7 +187,7 @@ class Cover(Program):
         return xr.Dataset(variables, coords=points.coords)
 
     def figures(self, answer: Any) -> dict[str, Figure]:
-        return cover_figures(self._labelled(), answer, self.windows)
+        return shape_figures(self._labelled(), answer, self.windows)
 
     def _labelled(self) -> DataArray:
         """Points as a labelled array, with plain names for the axes where none were given."""

@@ -13,9 +13,9 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
+from workbench.arrays import EPS
 from workbench.compiled import compiled
 from workbench.geometry.points import (
-    EPS,
     as_batch,
     find_frame,
     length_from_frame,

@@ -20,11 +20,11 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
+from workbench.arrays import EPS
 from workbench.compiled import compiled
 from workbench.geometry.exact_circle import circle_radius, rounded_up
 from workbench.geometry.hull import cross, hull_indices
 from workbench.geometry.points import (
-    EPS,
     as_batch,
     find_frame,
     length_from_frame,

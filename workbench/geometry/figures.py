@@ -17,7 +17,7 @@ FILLED_BELOW = 60
 """Figures with fewer shapes than this fill the shapes and draw their points large."""
 
 
-def cover_figures(
+def shape_figures(
     points: DataArray, answer: Shape, windows: Mapping[str, tuple[float, float]]
 ) -> dict[str, Figure]:
     """Figures of all shapes, of the shapes in each window, and of the sizes over the first axis.
@@ -107,9 +107,7 @@ def sizes(axis: DataArray, answer: Shape, unit: str) -> Figure:
         straight = np.where(np.asarray(answer.half_length) > 0, answer.half_length, np.nan)
         top.plot(axis, straight, color=figures.ORANGE, label="half-length")
     positive = np.asarray(answer.radius)[np.asarray(answer.radius) > 0]
-    if positive.size:
-        top.set_yscale("log")
-    top.set_ylabel(f"size [{unit}]")
+    figures.label(top, y=f"size [{unit}]", log="y" if positive.size else "")
     figures.legend_below(figure, top)
     if stadium:
         panels[1].plot(
@@ -118,10 +116,7 @@ def sizes(axis: DataArray, answer: Shape, unit: str) -> Figure:
         panels[1].set_ylabel("orientation [deg]")
         panels[1].set_ylim(-6, 186)
         panels[1].set_yticks([0, 45, 90, 135, 180])
-    for panel in panels:
-        if _is_logarithmic(axis):
-            panel.set_xscale("log")
-    panels[-1].set_xlabel(_label(axis))
+    figures.label(panels[-1], _label(axis), log="x" if _is_logarithmic(axis) else "")
     return figure
 
 

@@ -12,9 +12,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from workbench.arrays import EPS
 from workbench.compiled import compiled
 from workbench.errors import InputError
-from workbench.geometry.points import EPS, as_points, find_frame, to_frame
+from workbench.geometry.points import as_points, find_frame, to_frame
 
 THINNED_ABOVE = 200
 """Larger sets lose the points inside an octagon before they are sorted."""

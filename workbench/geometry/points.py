@@ -17,8 +17,6 @@ from numpy.typing import ArrayLike
 from workbench.compiled import compiled
 from workbench.errors import InputError
 
-EPS = float(np.finfo(np.float64).eps)
-"""Relative spacing of double-precision numbers."""
 LARGEST_EXPONENT = 1000
 """Largest exponent, of either sign, of a power-of-two scale; its inverse is a normal number too."""
 

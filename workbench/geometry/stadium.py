@@ -12,16 +12,18 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from workbench.arrays import EPS
+from workbench.certificate import Check, worst
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.geometry.bounds import least_half_width
 from workbench.geometry.circle import uncertified_answer
-from workbench.geometry.cover import EPS, Cover, relative
+from workbench.geometry.cover import Cover, relative
 from workbench.geometry.exact_stadium import exact_stadium
 from workbench.geometry.points import canonical_angle
 from workbench.geometry.thesis import thesis_stadium
 from workbench.heavy_types import Dataset
-from workbench.program import Check, Claim, method, worst
+from workbench.program import Claim, method
 from workbench.solvers import Options, Outcome
 
 CENTRE_TOLERANCE = 4 * EPS

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from workbench.arrays import Array, RealArray
 from workbench.geometry.stadium import NarrowestStadium, Stadium
 
-DIRECTIONS = 721
+SEGMENT_POINTS = 721
 """Points of a segment, and half planes, that bound a distance; refined once around the best."""
 
 
@@ -59,7 +59,7 @@ def signed_distance_bounds(point: complex, sets: Stadium) -> tuple[RealArray, Re
         plane: RealArray = (away * normal).real - length * abs(normal.real)
         return plane
 
-    grid = np.broadcast_to(np.linspace(-1, 1, DIRECTIONS), (len(length), DIRECTIONS))
+    grid = np.broadcast_to(np.linspace(-1, 1, SEGMENT_POINTS), (len(length), SEGMENT_POINTS))
     high, low = (_refined(value, grid) for value in (from_points, from_planes))
     return low - sets.radius, -high - sets.radius
 
@@ -68,6 +68,6 @@ def _refined(value: Callable[[RealArray], RealArray], grid: RealArray) -> RealAr
     """Largest value (F,) on a grid (F, N), and between the neighbours of where it is."""
     best = grid[np.arange(len(grid)), value(grid).argmax(axis=1)][:, None]
     step = grid[:, 1:2] - grid[:, :1]
-    finer = np.clip(best + step * np.linspace(-1, 1, DIRECTIONS), -1, 1)
+    finer = np.clip(best + step * np.linspace(-1, 1, SEGMENT_POINTS), -1, 1)
     largest: RealArray = np.maximum(value(finer).max(axis=1), value(best)[:, 0])
     return largest

@@ -21,11 +21,11 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import ArrayLike
 
+from workbench.arrays import EPS
 from workbench.geometry.exact_circle import circle_radius
 from workbench.geometry.exact_stadium import exact_stadium
 from workbench.geometry.hull import hull_indices
 from workbench.geometry.points import (
-    EPS,
     as_batch,
     canonical_angle,
     find_frame,

@@ -37,6 +37,7 @@ from workbench.identification.responses.periodic import (
     from_periods,
 )
 from workbench.identification.responses.spectral import SpectralResponse, spectral_response
+from workbench.identification.state_space import methods as state_space_methods
 from workbench.identification.state_space.innovations import InnovationsModel
 from workbench.identification.state_space.program import StateSpaceFit
 
@@ -75,5 +76,6 @@ __all__ = [
     "schroeder_phases",
     "sine_fit",
     "spectral_response",
+    "state_space_methods",
     "total_harmonic_distortion",
 ]

@@ -24,7 +24,7 @@ tenth of the way to 1."""
 
 
 class ErrorScores(NamedTuple):
-    """How well a loop kept its error small.
+    """Scores of a loop: how small it kept its error.
 
     outside  share of the samples at which the error is above its acceptable size;
     losses   how often it passes the size at which the loop is lost;

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from workbench.certificate import Check, quantified
 from workbench.errors import InputError
-from workbench.program import Check
 from workbench.study.declarations import Declaration, Function
 
 Limit = float | Mapping[str, float]
@@ -27,17 +27,19 @@ class Checked(Declaration):
         at_most: Limit | Callable[[Any], Limit] | None,
         each: tuple[str, ...],
         where: str,
+        over: str | Callable[[Any], str],
     ) -> None:
         super().__init__(function)
         self.title, self.statement, self.at_most = title, statement, at_most
-        self.each, self.where = each, where
+        self.each, self.where, self.over = each, where, over
 
     def checks(self, study: Any, get: Callable[[str], Any]) -> Iterator[Check]:
         value = self.value(study, get)
         if value is None:
             return
+        over = self.over(study) if callable(self.over) else self.over
         if isinstance(value, list):  # checks made by hand
-            yield from value
+            yield from quantified(over, value)
             return
         limit = self.at_most(study) if callable(self.at_most) else self.at_most
         if limit is None:
@@ -47,7 +49,8 @@ class Checked(Declaration):
         for labels, one in _split(value, self.each):
             size, where = _worst(one, self.where)
             most = limit[labels[self.each[0]]] if isinstance(limit, Mapping) else limit
-            yield Check(title.format(**labels), statement.format(**labels), size, most, where)
+            name, words = title.format(**labels), statement.format(**labels)
+            yield Check(name, words, size, most, where, over=over.format(**labels))
 
 
 def check(
@@ -58,6 +61,7 @@ def check(
     at_most: Limit | Callable[[Any], Limit] | None = None,
     each: str | tuple[str, ...] = (),
     where: str = "",
+    over: str | Callable[[Any], str] = "",
 ) -> Any:
     """Declare a check: a function of stored arrays whose value may not exceed ``at_most``.
 
@@ -79,11 +83,14 @@ def check(
     where
         How the place of the largest value is said, as in ``"of {drive} at {frequency:.4g}"``, with
         units. Default: the labels of all its dimensions.
+    over
+        What the statement quantifies over, such as "at the 400 frequencies, for these 12 drives";
+        it may name the labels too, or be a function of the Study.
     """
-    over = (each,) if isinstance(each, str) else each
+    names = (each,) if isinstance(each, str) else each
     if value is not None:
-        return Checked(value, title, statement, at_most, over, where)
-    return lambda function: Checked(function, title, statement, at_most, over, where)
+        return Checked(value, title, statement, at_most, names, where, over)
+    return lambda function: Checked(function, title, statement, at_most, names, where, over)
 
 
 def _split(value: Any, each: tuple[str, ...]) -> Iterator[tuple[dict[str, Any], Any]]:

@@ -1,4 +1,4 @@
-"""What a Study stores, declared once: dimensions, arrays, systems, and parts on the way to them.
+"""Declarations of a Study: its stored dimensions, arrays and systems, and parts used for them.
 
 A declaration is an attribute of a Study's class. Its function takes what it needs by name, as
 pytest fixtures do: other declarations, ``self`` for the Study's own fields, ``context`` for the
@@ -44,7 +44,7 @@ class Declaration:
         return (text or "").partition("\n")[0].removesuffix(".")
 
     def value(self, study: Any, get: Callable[[str], Any]) -> Any:
-        """What the function gives, its needs got by name."""
+        """The function's result; its arguments are found by name."""
         assert self.function is not None
         given = {name: get(name) for name in self.needs}
         if "self" in inspect.signature(self.function).parameters:
@@ -52,13 +52,13 @@ class Declaration:
         return self.function(**given)
 
 
-class Part(Declaration):
-    """Something on the way to arrays, computed once for all that need it, and not stored."""
+class PartDeclaration(Declaration):
+    """An intermediate result: computed once for all that need it, and not stored."""
 
 
 def part(function: Function) -> Any:
-    """Declare something on the way to arrays: computed once, not stored, of any type."""
-    return Part(function)
+    """Declare an intermediate result of any type: computed once, not stored."""
+    return PartDeclaration(function)
 
 
 class Dim(Declaration):
@@ -71,7 +71,7 @@ class Dim(Declaration):
         self.labels, self.unit, self.meaning = labels, unit, meaning
 
     def variable(self, study: Any, get: Callable[[str], Any]) -> tuple[Any, ...]:
-        """What a dataset takes for it."""
+        """Name, labels and attributes, as a dataset takes them."""
         labels = self.labels if self.function is None else self.value(study, get)
         meaning = self.meaning or self.help
         about = {"units": self.unit} if self.unit else {}
@@ -95,7 +95,7 @@ def dim(*labels: Any, unit: str = "", meaning: str = "") -> Any:
     return lambda function: Dim(function, None, unit, meaning)
 
 
-class Array(Declaration):
+class ArrayDeclaration(Declaration):
     """Arrays that are stored, over declared dimensions; several where ``units`` names them."""
 
     def __init__(
@@ -123,7 +123,7 @@ class Array(Declaration):
     def variables(
         self, study: Any, get: Callable[[str], Any], sizes: Mapping[str, Sequence[Any]]
     ) -> dict[str, tuple[Any, ...]]:
-        """What a dataset takes for them; none where the function gives None."""
+        """Variables of a dataset by name; none where the function gives None."""
         value = self.value(study, get)
         if value is None:
             return {}
@@ -194,8 +194,8 @@ def array(
     """
     over = dims if isinstance(dims, tuple) else (dims,)
     if value is not None:
-        return Array(value, over, unit, meaning, coordinate, attributes)
-    return lambda function: Array(function, over, unit, meaning, coordinate, attributes)
+        return ArrayDeclaration(value, over, unit, meaning, coordinate, attributes)
+    return lambda function: ArrayDeclaration(function, over, unit, meaning, coordinate, attributes)
 
 
 def arrays(dims: Dims = (), value: Function | None = None, /, **units: Any) -> Any:
@@ -206,8 +206,8 @@ def arrays(dims: Dims = (), value: Function | None = None, /, **units: Any) -> A
     """
     over = dims if isinstance(dims, tuple) else (dims,)
     if value is not None:
-        return Array(value, over, units, "", False, {})
-    return lambda function: Array(function, over, units, "", False, {})
+        return ArrayDeclaration(value, over, units, "", False, {})
+    return lambda function: ArrayDeclaration(function, over, units, "", False, {})
 
 
 def _unit_and_meaning(about: str | tuple[str, str]) -> tuple[str, str]:
@@ -229,13 +229,13 @@ class System(Declaration):
         return self._over.name if isinstance(self._over, Declaration) else self._over
 
     def prefix(self, label: Any) -> str:
-        """How the arrays of one system begin."""
+        """Prefix of the names of one system's arrays."""
         if self.over is None:
             return self.called or self.name
         return (self.called or f"{self.name}_{{}}").format(identifier(label))
 
     def variables(self, value: Any, labels: Sequence[Any]) -> dict[str, Any]:
-        """What a dataset takes for the systems that the function gave."""
+        """Variables of a dataset for the systems that the function gave."""
         if value is None:
             return {}
         if self.over is None:

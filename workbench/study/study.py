@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from typing import Any, TypeVar
 
+from workbench.certificate import Check
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.heavy_types import DataArray, Dataset, Figure
-from workbench.program import Check, Claim, Task
+from workbench.program import Claim, Task
 from workbench.solvers import Outcome
 from workbench.study.checks import Checked
-from workbench.study.declarations import Array, Declaration, Dim, Part, System
-from workbench.study.views import Drawn, Metric, Table
+from workbench.study.declarations import ArrayDeclaration, Declaration, Dim, PartDeclaration, System
+from workbench.study.views import Drawn, Metric, Table, stem
 
 Kind = TypeVar("Kind", bound=Declaration)
 
@@ -53,9 +55,17 @@ class Study(Task):
         return {name: table for some in made for name, table in some.items()}
 
     def figures(self, answer: Dataset) -> dict[str, Figure]:
+        drawings = self._drawings(answer).values()
+        return {name: figure for draw in drawings for name, figure in draw().items()}
+
+    def drawings(self, answer: Dataset) -> dict[str, Callable[[], Mapping[str, Figure]]]:
+        if type(self).figures is not Study.figures:  # defined, not declared
+            return super().drawings(answer)
+        return self._drawings(answer)
+
+    def _drawings(self, answer: Dataset) -> dict[str, Callable[[], Mapping[str, Figure]]]:
         get = self._getter(answer)
-        drawn = (one.figures(self, get) for one in self._declared(Drawn))
-        return {name: figure for some in drawn for name, figure in some.items()}
+        return {stem(one.name): partial(one.figures, self, get) for one in self._declared(Drawn)}
 
     def respond(self, method: str | None, context: Context) -> Claim:
         return self.compute(context), Outcome.SOLVED, ""
@@ -70,9 +80,9 @@ class Study(Task):
         return (one for one in declarations(type(self)).values() if isinstance(one, kind))
 
     def _getter(self, answer: Dataset) -> Callable[[str], Any]:
-        """What checks, metrics, tables and figures are given by name: stored things alone."""
+        """Function that gives checks, metrics, tables and figures stored values by name."""
         systems = {one.name: one for one in self._declared(System)}
-        optional = {name for one in self._declared(Array) for name in one.names}
+        optional = {name for one in self._declared(ArrayDeclaration) for name in one.names}
 
         def get(name: str) -> Any:
             if name == "answer":
@@ -110,7 +120,7 @@ class _Computation:
         self.home = {
             name: one
             for one in self.declared.values()
-            if isinstance(one, Array)
+            if isinstance(one, ArrayDeclaration)
             for name in one.names
         }
         self.coordinates: dict[str, Any] = {}
@@ -122,7 +132,7 @@ class _Computation:
         import xarray as xr
 
         for one in self.declared.values():
-            if isinstance(one, Dim | Array | System):
+            if isinstance(one, Dim | ArrayDeclaration | System):
                 self._make(one)
         return xr.Dataset(self.variables, self.coordinates)
 
@@ -162,7 +172,7 @@ class _Computation:
                 coords={one.name: self.coordinates[one.name]},
                 attrs=self.coordinates[one.name][2],
             )
-        elif isinstance(one, Array):
+        elif isinstance(one, ArrayDeclaration):
             declared = [name for name in one.dims if isinstance(self.declared.get(name), Dim)]
             sizes = {name: self.get(name).values for name in declared}
             made = one.variables(self.study, self.get, sizes)
@@ -174,7 +184,7 @@ class _Computation:
             labels = [] if one.over is None else self.get(one.over).values.tolist()
             self.values[one.name] = value = one.value(self.study, self.get)
             self.variables |= one.variables(value, labels)
-        elif isinstance(one, Part):
+        elif isinstance(one, PartDeclaration):
             self.values[one.name] = one.value(self.study, self.get)
         else:
             raise InputError(f"{one.name!r} is made from stored arrays; no array may need it")

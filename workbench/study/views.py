@@ -48,7 +48,7 @@ def _named(label: Any) -> str:
 def metric(template: Function | str = "", value: Function | None = None) -> Any:
     """Declare a metric: a function of stored arrays that gives a number.
 
-    Of an array it makes one metric for each label; they are named by a template, as in
+    An array gives one metric for each label; they are named by a template, as in
     ``metric("error_{quantity}", lambda error: abs(error).max("drive"))``. A mapping is taken by its
     names; None is left out. Without a function this is a decorator.
     """

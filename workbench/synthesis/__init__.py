@@ -15,6 +15,7 @@ from workbench.synthesis.implementation.reduction import (
     ReducedController,
     ReducedControllers,
     approximated,
+    approximations,
     reduce_order,
 )
 from workbench.synthesis.implementation.sampled_loop import (
@@ -23,14 +24,11 @@ from workbench.synthesis.implementation.sampled_loop import (
     sampled_conditions,
 )
 from workbench.synthesis.implementation.second_order import Sections, second_order_sections
-from workbench.synthesis.limits.allowed_sets import AllowedSets, allowed_discs, allowed_polygons
-from workbench.synthesis.limits.dual_bound import (
-    AnalyticBasis,
-    DualCertificate,
-    SetsAt,
-    highest_proven,
-)
+from workbench.synthesis.limits.analytic_basis import AnalyticBasis
+from workbench.synthesis.limits.dual_bound import DualCertificate
+from workbench.synthesis.limits.dual_search import highest_proven
 from workbench.synthesis.limits.least_mu import LeastMu, largest_least_mu, least_mu
+from workbench.synthesis.limits.loop_functions import LoopFunctions
 from workbench.synthesis.limits.loop_weights import LoopWeights
 from workbench.synthesis.mu import dk
 from workbench.synthesis.mu.control_cover import ControlCover
@@ -57,13 +55,13 @@ from workbench.synthesis.switching.loops import (
     closed_transition,
     switched_loop,
 )
-from workbench.synthesis.switching.program import Dwell, Mode, SwitchedStability
+from workbench.synthesis.switching.modes import Mode
+from workbench.synthesis.switching.program import Dwell, SwitchedStability
 from workbench.synthesis.switching.single_loops import SingleLoops
 
 __all__ = [
     "DESIGNS",
     "PID",
-    "AllowedSets",
     "AnalyticBasis",
     "ControlCover",
     "ControllerMode",
@@ -80,6 +78,7 @@ __all__ = [
     "Iterate",
     "LeadLag",
     "LeastMu",
+    "LoopFunctions",
     "LoopShaping",
     "LoopWeights",
     "MixedSensitivity",
@@ -93,14 +92,12 @@ __all__ = [
     "SampledMargins",
     "SampledPlant",
     "Sections",
-    "SetsAt",
     "SingleLoops",
     "SwitchedBox",
     "SwitchedLoop",
     "SwitchedStability",
-    "allowed_discs",
-    "allowed_polygons",
     "approximated",
+    "approximations",
     "closed_transition",
     "controller_replaced",
     "dgk",

@@ -17,7 +17,8 @@ import numpy as np
 from workbench.errors import InputError, SolverError
 from workbench.executor import Context
 from workbench.heavy_types import StateSpace
-from workbench.program import Program, solve
+from workbench.program import Program
+from workbench.solution import solve
 from workbench.structure import Structure
 from workbench.synthesis.hinf.loop_shaping import LoopShaping
 from workbench.synthesis.hinf.mixed_sensitivity import MixedSensitivity
@@ -27,8 +28,8 @@ from workbench.synthesis.mu.program import MuSynthesis
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.norms import norm
 
-GAINS = tuple(np.geomspace(0.5, 4.0, 13))
-SIZES = tuple(np.geomspace(1e-8, 1e2, 31))
+DESIGN_GAINS = tuple(np.geomspace(0.5, 4.0, 13))
+SIGNAL_SIZES = tuple(np.geomspace(1e-8, 1e2, 31))
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +39,7 @@ class DesignTask:
     Parameters
     ----------
     plant
-        What controllers are judged on; loop shaping takes the best nominal performance on it.
+        Plant that controllers are judged on; loop shaping takes the best nominal performance on it.
     regular
         What H-infinity and mu controllers are made for: the same, made regular (`regularised`).
     quadratic
@@ -68,8 +69,8 @@ class DesignTask:
     W_S: Any
     W_KS: Any
     reference: StateSpace
-    gains: Sequence[float] = GAINS
-    sizes: Sequence[float] = SIZES
+    gains: Sequence[float] = DESIGN_GAINS
+    sizes: Sequence[float] = SIGNAL_SIZES
 
     def __post_init__(self) -> None:
         if self.plant.structure is None or self.regular.structure is None:

@@ -14,8 +14,8 @@ from workbench.systems.interconnection import (
     Names,
     common_dt,
     connected,
+    named_realisation,
     names_of,
-    part_of,
     perturbation_of,
     state_space,
     sum_of,
@@ -72,7 +72,10 @@ def generalised_plant(
     ...     exogenous="r", control="u", performance="e", measurement="e",
     ... )
     """
-    parts = [*(part_of(block) for block in blocks), *(sum_of(*item) for item in sums.items())]
+    parts = [
+        *(named_realisation(block) for block in blocks),
+        *(sum_of(*item) for item in sums.items()),
+    ]
     deltas, reads, drives = perturbation_of(perturbation, blocks)
     externals = (*drives, *names_of(exogenous), *names_of(control))
     results = (*reads, *names_of(performance), *names_of(measurement))

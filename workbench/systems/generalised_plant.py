@@ -20,7 +20,7 @@ from workbench.errors import InputError, UnknownNameError
 from workbench.heavy_types import StateSpace
 from workbench.structure import Full, Structure
 from workbench.systems.frequency_response import frequency_response
-from workbench.systems.interconnection import common_dt, connected, part_of, state_space
+from workbench.systems.interconnection import common_dt, connected, named_realisation, state_space
 
 Signals = str | int | Sequence[str | int] | None
 """A choice from a list of signals: one or several names or numbers; None for all."""
@@ -179,8 +179,8 @@ class GeneralisedPlant:
         or a TransferFunction. Raises InputError where its size or sampling time does not fit, or
         where the loop through the direct terms of P and K is singular.
         """
-        plant = part_of(self.system)
-        controller = part_of(K)
+        plant = named_realisation(self.system)
+        controller = named_realisation(K)
         if (len(controller.outputs), len(controller.inputs)) != (self.controls, self.measurements):
             raise InputError(
                 f"K has {len(controller.inputs)} inputs and {len(controller.outputs)} outputs; the "
@@ -227,7 +227,7 @@ def response(system: StateSpace, omega: ArrayLike) -> Array:
 
     Raises InputError at a pole.
     """
-    part = part_of(system)
+    part = named_realisation(system)
     s = 1j * np.atleast_1d(np.asarray(omega, dtype=float))
     return frequency_response(part.M, part.states, np.exp(s * part.dt) if part.dt else s)
 

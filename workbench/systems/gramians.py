@@ -11,12 +11,11 @@ import warnings
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench.arrays import EPS, RealArray
 from workbench.errors import InputError
-from workbench.systems.realisation import EPS
 
 
-def factors(A: RealArray, B: RealArray, C: RealArray) -> tuple[RealArray, RealArray]:
+def gramian_factors(A: RealArray, B: RealArray, C: RealArray) -> tuple[RealArray, RealArray]:
     """Factors S and R of the Gramians P = S S^T and Q = R^T R of a stable system.
 
     Raises InputError where the Gramians do not exist.
@@ -50,7 +49,7 @@ def _hammarling(A: RealArray, C: RealArray) -> RealArray:
 def balancing_projections(S: RealArray, R: RealArray) -> tuple[RealArray, RealArray, RealArray]:
     """Left and right projections onto the minimal part, and its (weighted) Hankel singular values.
 
-    S and R are factors of the Gramians as `factors` gives them.
+    S and R are factors of the Gramians as `gramian_factors` gives them.
     """
     if not S.size:
         return np.zeros((0, len(S))), np.zeros((len(S), 0)), np.zeros(0)

@@ -37,7 +37,7 @@ class UncertainPart(ABC):
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class NamedRealisation:
     """A realisation M = [A B; C D] with named signals; dt None fits every sampling time."""
 
     M: Array
@@ -47,7 +47,7 @@ class Part:
     outputs: tuple[str, ...]
 
 
-def part_of(block: Any) -> Part:
+def named_realisation(block: Any) -> NamedRealisation:
     """The realisation of a block of a connection, with the names of its signals.
 
     A block is a StateSpace, a TransferFunction, an `UncertainPart`, or a tuple of one of these with
@@ -82,7 +82,7 @@ def part_of(block: Any) -> Part:
         M, states = _companion(block) if siso else _stacked(control.ss(block))
     else:
         M, states = _stacked(block)
-    return Part(M, states, block.dt, inputs, outputs)
+    return NamedRealisation(M, states, block.dt, inputs, outputs)
 
 
 def _stacked(system: StateSpace) -> tuple[Array, int]:
@@ -109,7 +109,7 @@ def _companion(system: Any) -> tuple[Array, int]:
     return rows[:, None] * M * columns, n
 
 
-def sum_of(name: str, terms: str) -> Part:
+def sum_of(name: str, terms: str) -> NamedRealisation:
     """A summing junction, such as ("e", "r - y"), as a part without states."""
     if not re.fullmatch(r"\s*[+-]?\s*[^\s+-]+(\s*[+-]\s*[^\s+-]+)*\s*", terms):
         raise InputError(
@@ -117,7 +117,7 @@ def sum_of(name: str, terms: str) -> Part:
         )
     found = re.findall(r"([+-]?)\s*([^\s+-]+)", terms)
     signs = [[-1.0 if sign == "-" else 1.0 for sign, _ in found]]
-    return Part(np.array(signs), 0, None, tuple(term for _, term in found), (name,))
+    return NamedRealisation(np.array(signs), 0, None, tuple(term for _, term in found), (name,))
 
 
 def perturbation_of(
@@ -150,7 +150,7 @@ def perturbation_of(
 
 
 def connected(
-    parts: Sequence[Part], links: Array, enters: Array, leaves: Array
+    parts: Sequence[NamedRealisation], links: Array, enters: Array, leaves: Array
 ) -> tuple[Array, int]:
     """Realisation [A B; C D] of connected parts, and its number of states.
 
@@ -172,7 +172,7 @@ def connected(
     return np.vstack([x, leaves @ y]), n
 
 
-def _split(part: Part) -> tuple[Array, Array, Array, Array]:
+def _split(part: NamedRealisation) -> tuple[Array, Array, Array, Array]:
     """The matrices A, B, C and D of a part."""
     n = part.states
     return part.M[:n, :n], part.M[:n, n:], part.M[n:, :n], part.M[n:, n:]
@@ -190,7 +190,7 @@ def _check_loops(direct: Array, loop: Array, names: list[str]) -> None:
             )
 
 
-def common_dt(parts: Sequence[Part]) -> float | None:
+def common_dt(parts: Sequence[NamedRealisation]) -> float | None:
     """The sampling time [s] of all parts, None if it is open; InputError where they differ."""
     times = {part.dt for part in parts if part.dt is not None}
     if len(times) > 1:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from workbench.arrays import RealArray
 from workbench.heavy_types import StateSpace
 
@@ -18,7 +16,3 @@ def realisation(matrices: Matrices, dt: float, **labels: Any) -> StateSpace:
     import control
 
     return control.StateSpace(*matrices, dt, remove_useless_states=False, **labels)
-
-
-EPS = float(np.finfo(float).eps)
-"""Machine epsilon, the relative spacing of floating-point numbers."""

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import LinAlgError, matrix_balance, schur
 
-from workbench.arrays import RealArray
-from workbench.systems.realisation import EPS
+from workbench.arrays import EPS, RealArray
 
 ASYMMETRY_TOLERANCE = 1e-4
 """Largest asymmetry of X1^T X2, relative to its largest entry. Rounding errors cause less than

@@ -17,6 +17,7 @@ from workbench.uncertainty.covers.responses import Responses, responses_of
 from workbench.uncertainty.covers.stadium_cover import StadiumCover
 from workbench.uncertainty.covers.steps import CoverSteps
 from workbench.uncertainty.parametric.lft import inverse, left_divide, matrix
+from workbench.uncertainty.parametric.members import members
 from workbench.uncertainty.parametric.model import ParametricModel, parametric
 from workbench.uncertainty.parametric.parameters import Parameter, levels, samples, vertices
 
@@ -40,6 +41,7 @@ __all__ = [
     "levels",
     "limited",
     "matrix",
+    "members",
     "narrowest",
     "parametric",
     "responses_of",

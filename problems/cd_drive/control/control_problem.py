@@ -39,7 +39,12 @@ def optical_gain(axis: Axis) -> float:
 
 
 def performance_weight(axis: Axis, speed: float = 1.0) -> StateSpace:
-    """W_p of eq. 6.11, e [m] -> z_p [m]; `speed` is the factor X of the disc's nominal one.
+    """W_p of eq. 6.11, e [m] -> z_p [m]; as `performance_function`."""
+    return performance_function(axis, speed).state_space()
+
+
+def performance_function(axis: Axis, speed: float = 1.0) -> Rational:
+    """W_p by its zeros and poles; `speed` is the factor X of the disc's nominal one.
 
     Raises InputError for an unknown axis and a speed that is not positive and finite.
     """
@@ -50,12 +55,17 @@ def performance_weight(axis: Axis, speed: float = 1.0) -> StateSpace:
     w_B, w_I = 2 * np.pi * speed * bandwidth, 2 * np.pi * integral
     zeros = [-w_B * M ** (1 / 3)] * 3 + [-w_I]
     poles = [-w_B * A ** (1 / 3)] * 3 + [-LEAK]
-    return Rational(np.array(zeros), np.array(poles), 1 / M).state_space()
+    return Rational(np.array(zeros), np.array(poles), 1 / M)
 
 
 def control_weight(axis: Axis) -> StateSpace:
     """W_u = 1 / (100 K_optn) of section 6.3, u [V] -> z_u."""
-    return _gain(1 / (100 * optical_gain(axis)))
+    return _gain(control_gain(axis))
+
+
+def control_gain(axis: Axis) -> float:
+    """The number that W_u is."""
+    return 1 / (100 * optical_gain(axis))
 
 
 def generalised(
@@ -66,9 +76,9 @@ def generalised(
     Parameters
     ----------
     uncertainty
-        Of u [V] -> f_en [units] without the anti-aliasing filter. Circles (W_r None) bring one
-        complex scalar, stadiums a real one before it (eq. 6.3), whose weights act as in figure 6.2;
-        a parametric model its repeated real scalars (figure 6.1).
+        Uncertainty of u [V] -> f_en [units] without the anti-aliasing filter. Circles (W_r None)
+        bring one complex scalar, stadiums a real one before it (eq. 6.3), whose weights act as in
+        figure 6.2; a parametric model its repeated real scalars (figure 6.1).
     speed
         Factor X of eq. 6.11.
 

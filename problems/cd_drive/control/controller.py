@@ -19,7 +19,7 @@ from ..drive.plants import Gain
 from ..drive.plants import controller as reference
 from ..drive.shared_parameters import TABLES, Frequencies
 from ..drive.tables import Axis
-from .design import Cover, Form, cover_of, synthesis_plant, uncertainty
+from .design import CoverMethod, UncertaintyForm, cover_of, synthesis_plant, uncertainty
 
 After = Literal["", "reference", "dk", "mu-dk", "dgk"]
 Speed = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
@@ -45,8 +45,8 @@ def controller(
     axis: Axis,
     covered: Run | None = None,
     start: Run | None = None,
-    form: Form = "parametric",
-    cover: Cover = "steps",
+    form: UncertaintyForm = "parametric",
+    cover: CoverMethod = "steps",
     gain: Gain = "own",
     frequencies: Frequencies = 400,
     speed: Speed = 1.0,

@@ -14,16 +14,16 @@ from ..drive.tables import Axis
 from ..uncertainty.parametric_model import parametric_plant
 from .control_problem import generalised
 
-Form = Literal["parametric", "circle", "stadium"]
-Cover = Literal["steps", "joint"]
-NOISE = 0.1
+UncertaintyForm = Literal["parametric", "circle", "stadium"]
+CoverMethod = Literal["steps", "joint"]
+MEASUREMENT_NOISE = 0.1
 """Measurement noise above the filter's corner, relative to f_en; it keeps poles below 0.4 MHz."""
 
 
 def cover_of(
     axis: str,
-    form: Form = "parametric",
-    cover: Cover = "steps",
+    form: UncertaintyForm = "parametric",
+    cover: CoverMethod = "steps",
     frequencies: int = 400,
     gain: Gain = "own",
     **_: Any,
@@ -56,4 +56,6 @@ def synthesis_plant(
 
     Raises InputError as `performance_weight`.
     """
-    return regularised(generalised(axis, uncertain, speed).channel(("z_p", "z_u"), "w_p"), NOISE)
+    return regularised(
+        generalised(axis, uncertain, speed).channel(("z_p", "z_u"), "w_p"), MEASUREMENT_NOISE
+    )

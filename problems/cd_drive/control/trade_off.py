@@ -38,7 +38,7 @@ from ..uncertainty.parametric_model import parametric_plant
 from .control_problem import control_weight, optical_gain, performance_weight
 
 CHANNELS = ("z_p", "z_sd", "z_u")
-SHOCK = 5.0
+SHOCK_SIZE = 5.0
 """Size of shocks at the lens relative to w, at the frequency where the actuator answers most."""
 LEAST_SIGMA, LARGEST_SIGMA = 0.01, 30.0
 """Range of the search for the control channel's weight sigma that makes c = 1."""
@@ -46,7 +46,7 @@ EFFORT, RAISES = 0.99, 20
 """Target of c, which leaves it below 1 after rounding, and how often sigma is raised for that."""
 SPLIT = 3
 """Order of the filters that share out the frequencies between the channels of a bound."""
-CORNERS = (10.0, 3e4)
+FILTER_CORNERS = (10.0, 3e4)
 """Least and largest corner of those filters [Hz] in the search."""
 OUTSIDE = 5.0
 """Price of zeta above the bound in that search, per unit."""
@@ -106,7 +106,7 @@ class TradeOff:
                 (self.W_sd, "x", "z_sd"),
                 (control_weight(self.axis), "u", "z_u"),
                 (_gain(K_optn), "e", "f_en"),
-                (_gain(SHOCK / self._resonance), "v", "shock"),
+                (_gain(SHOCK_SIZE / self._resonance), "v", "shock"),
             ],
             {"e": "w - x", "u_act": "u + shock"},
             exogenous=["w", "v"],
@@ -184,7 +184,7 @@ class TradeOff:
             bound = level(x, FEW)
             return OUTSIDE * max(0.0, math.exp(x[2]) - bound) - bound
 
-        ends = np.log(2 * np.pi * np.array(CORNERS))
+        ends = np.log(2 * np.pi * np.array(FILTER_CORNERS))
         box = [tuple(ends), tuple(ends), (None, None)]
         options = {"maxfev": TRIALS}
         best, at = 0.0, np.zeros(3)

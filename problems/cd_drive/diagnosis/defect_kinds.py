@@ -26,7 +26,7 @@ from ..laboratory.experiment import Laboratory
 
 BEAM = readout_beam(disc_formats()["CD"]).D
 """Diameter of the beam at the surface [m]."""
-SHOCK = 10e-3
+SHOCK_DURATION = 10e-3
 """Duration of a shock [s]: half a sine."""
 SHOCK_PEAK = {"focus": 10.0, "radial": 1.0}
 """Peak acceleration of a shock [m/s^2] that takes the error near the acceptable one."""
@@ -86,7 +86,7 @@ KINDS: dict[str, Draw] = {
     "black dot": _black_dot,
     "dropout": _dropout,
 }
-"""How a defect of each kind is drawn, given the acceptable error of the axis [m]."""
+"""Functions that draw a defect of each kind, given the acceptable error of the axis [m]."""
 
 
 def draw(kind: str, rng: np.random.Generator, axis: Axis) -> Defect:

@@ -22,15 +22,15 @@ from ..drive.tables import Axis, red_book
 from ..laboratory.bench_setup import PERIOD, RATE
 from ..laboratory.experiment import Laboratory
 from ..laboratory.record import Record
-from .defect_kinds import SHOCK, shocks
+from .defect_kinds import SHOCK_DURATION, shocks
 
 ROTATION = 5.5
 """Rotation frequency of the disc [Hz] (eq. 7.31)."""
 SETTLING = 0.4
 """Time [s] for the disc to run up and the loop to settle; nothing is evaluated before."""
-SLOTS = 4
+DEFECT_SLOTS = 4
 """Number of defects in a revolution."""
-SPACING = 1.0 / (SLOTS * ROTATION)
+SPACING = 1.0 / (DEFECT_SLOTS * ROTATION)
 """Time from one defect to the next [s]."""
 SHOCK_PERIOD = 0.05
 """Time from one shock to the next [s]."""
@@ -91,7 +91,7 @@ def run(
         for defect, start in zip(defects, starts, strict=True)
     ]
     times = np.arange(SETTLING, SETTLING + evaluated - SHOCK_PERIOD, SHOCK_PERIOD)
-    played = shocks(bench, [(float(t), acceleration, SHOCK) for t in times], samples)
+    played = shocks(bench, [(float(t), acceleration, SHOCK_DURATION) for t in times], samples)
     law = linear(controller(bench.axis), PERIOD)
     whole = bench.closed_loop(law, played, disc=disc, defects=placed, seed=seed)
     skip = round(SETTLING * RATE)

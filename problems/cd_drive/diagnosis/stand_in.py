@@ -10,7 +10,7 @@ import numpy as np
 
 from workbench.heavy_types import StateSpace
 
-ERROR_CORNER = 450.0
+FILTER_CORNER = 450.0
 """Corner [Hz] of the low-pass that remains of the error behind the filter."""
 
 
@@ -18,5 +18,5 @@ def low_pass() -> StateSpace:
     """1 - F, continuous, of first order: with it K (1 - F) has the margins of figure 8.10."""
     import control
 
-    corner = 2 * np.pi * ERROR_CORNER
+    corner = 2 * np.pi * FILTER_CORNER
     return control.ss(-corner, corner, 1.0, 0.0)

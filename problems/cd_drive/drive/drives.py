@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from itertools import product
-from typing import Any, ClassVar, get_args
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -18,9 +18,8 @@ from .actuator import general_model, resonances, stack, transfer_coefficients
 from .nominal_table import compare_nominal
 from .plants import ANTIALIASING, crossover, nominal_response, phase_margin, responses
 from .shared_parameters import TABLES, WINDOWS, Frequencies, spread
-from .tables import ActuatorParameters, Axis, Drive, Values, drives
+from .tables import AXES, ActuatorParameters, Axis, Drive, Values, drives
 
-AXES: tuple[Axis, ...] = get_args(Axis)
 PARAMETERS = [f.name for f in fields(Drive) if f.name not in ("name", "axis")]
 UNITS = {
     "L": "H", "R_measured": "ohm", "R": "ohm", "Bl": "N/A", "k": "N/m", "b": "N s/m",
@@ -60,6 +59,10 @@ class Drives(Study):
     values: Values
 
     headline: ClassVar[str] = "first_resonance_focus_hz"
+
+    @property
+    def quantifier(self) -> str:
+        return "for these 12 drives of each axis"
 
     axis = dim(AXES)
     drive = dim(lambda twelve: [one.name for one in twelve["focus"]])

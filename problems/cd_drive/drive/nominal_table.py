@@ -29,7 +29,7 @@ def nominal(axis: Axis, values: Values = "printed") -> dict[str, Uncertain]:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class TableEntry:
     """One entry of Table 5.2, printed and computed; nominals in SI units, tolerances relative.
 
     follows says whether drives that round to Tables A.1-A.3 exist whose midrange and half-range
@@ -45,7 +45,7 @@ class Comparison:
     note: str
 
 
-def compare_nominal(axis: Axis, values: Values = "printed") -> list[Comparison]:
+def compare_nominal(axis: Axis, values: Values = "printed") -> list[TableEntry]:
     """Each entry of Table 5.2 beside the recomputed one, and why it does not follow if so."""
     computed = nominal(axis, values)
     rows = []
@@ -62,7 +62,7 @@ def compare_nominal(axis: Axis, values: Values = "printed") -> list[Comparison]:
         else:
             note = _REASONS[axis, name]
         rows.append(
-            Comparison(
+            TableEntry(
                 parameter=name,
                 printed_nominal=printed.nominal,
                 computed_nominal=own.nominal,

@@ -89,6 +89,10 @@ class Optics(Study):
 
     headline: ClassVar[str] = "blocked_by_dust_CD"
 
+    @property
+    def quantifier(self) -> str:
+        return "for these disc formats"
+
     format = dim(lambda formats: list(formats))
     quantity = dim(UNITS)
     obstacle = dim("dust", "hair")
@@ -206,8 +210,8 @@ class Optics(Study):
         gap = 10e-6
         dust_at, hair_at = -(self.dust + gap) / 2, (self.hair + gap) / 2
         return (
-            (dust_at, self.dust, figures.BLUE, f"dust, {self.dust * 1e6:g} um"),
-            (hair_at, self.hair, figures.BLACK, f"hair, {self.hair * 1e6:g} um"),
+            (dust_at, self.dust, figures.BLUE, f"dust, {self.dust * 1e6:g} $\\mu$m"),
+            (hair_at, self.hair, figures.BLACK, f"hair, {self.hair * 1e6:g} $\\mu$m"),
         )
 
 

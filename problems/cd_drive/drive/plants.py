@@ -27,6 +27,7 @@ from .actuator import checked_frequency, specific_model, stack
 from .tables import ActuatorParameters, Axis, Values, check_axis, drives, nominal_table
 
 Gain = Literal["own", "equal", "agc"]
+GAIN_VARIANTS: tuple[Gain, ...] = get_args(Gain)
 
 ATTENUATION = 10 ** (-54 / 20)
 """K_at: attenuator between the computer and the drive (section 3.6)."""
@@ -91,6 +92,18 @@ def responses_of(
     models = stack([specific_model(each) for each in actuators])
     K_total = total_gains(axis, actuators, K_optn, gain)
     return K_total[:, None] * models.response(frequency) * _filter(frequency, antialiasing)
+
+
+def systems_of(
+    axis: Axis,
+    actuators: Sequence[ActuatorParameters],
+    K_optn: Sequence[float],
+    gain: Gain = "own",
+    antialiasing: bool = True,
+) -> list[StateSpace]:
+    """The systems u [V] -> f_en [units] of any N drives, whose responses are `responses_of`."""
+    K_total = total_gains(axis, actuators, K_optn, gain)
+    return [plant(one, float(K), antialiasing) for one, K in zip(actuators, K_total, strict=True)]
 
 
 def total_gains(

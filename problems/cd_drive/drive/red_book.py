@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, get_args
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,9 +19,7 @@ from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.study import Study, array, check, dim, figure, metric, table
 
 from .actuator import checked_frequency
-from .tables import Axis, red_book
-
-AXES: tuple[Axis, ...] = get_args(Axis)
+from .tables import AXES, Axis, red_book
 
 ACCEPTABLE_ERROR = {"focus": 2e-6, "radial": 0.2e-6}
 """Largest position error [m] at which a CD can still be read (Bouwhuis et al., 1985)."""
@@ -80,6 +78,10 @@ class Specifications(Study):
     grid: RealArray
 
     headline: ClassVar[str] = "upper_corner_focus_hz"
+
+    @property
+    def quantifier(self) -> str:
+        return f"at {len(self.grid)} frequencies"
 
     axis = dim(AXES)
     frequency = dim(lambda self: self.grid, unit="Hz")
@@ -154,7 +156,7 @@ class Specifications(Study):
                 )
             attenuation.plot(frequency, one["envelope"] / acceptable, color=colour)
         attenuation.axhline(1.0, color=figures.BLACK, lw=0.8)
-        figures.label(deviation, y="largest deviation [um]", log="xy")
+        figures.label(deviation, y=r"largest deviation [$\mu$m]", log="xy")
         deviation.set_ylim(bottom=0.01)
         figures.label(attenuation, "frequency [Hz]", "deviation / acceptable error [1]", log="xy")
         figures.legend_below(drawn, deviation, columns=2)

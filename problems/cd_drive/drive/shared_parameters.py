@@ -1,4 +1,4 @@
-"""What several problems of the drives share: data files, kinds of parameters, frequencies."""
+"""Data files, kinds of parameters and frequencies that several problems of the drives share."""
 
 from __future__ import annotations
 

@@ -15,6 +15,7 @@ from typing import Literal, get_args
 from workbench.errors import InputError
 
 Axis = Literal["focus", "radial"]
+AXES: tuple[Axis, ...] = get_args(Axis)
 Values = Literal["printed", "corrected"]
 
 DATA = Path(__file__).parents[1] / "data"
@@ -132,7 +133,7 @@ class RedBook:
 
 def check_axis(axis: str) -> None:
     """Raise InputError unless `axis` is "focus" or "radial"."""
-    if axis not in get_args(Axis):
+    if axis not in AXES:
         raise InputError(f'axis is {axis!r}; it must be "focus" or "radial"')
 
 

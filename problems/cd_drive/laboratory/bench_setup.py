@@ -42,9 +42,9 @@ COIL_GAIN = 10 ** (38 / 20)
 """Gain of the amplifier of the voltage over the series resistor."""
 CONTROL_GAIN = ATTENUATION * AMPLIFICATION
 """Gain from u to where the control signal is measured, before the power drive."""
-GAINS = {"d1": DIODE_GAIN, "d2": DIODE_GAIN, "v_r": COIL_GAIN, "u_m": CONTROL_GAIN}
+CHANNEL_GAINS = {"d1": DIODE_GAIN, "d2": DIODE_GAIN, "v_r": COIL_GAIN, "u_m": CONTROL_GAIN}
 """Gains of the measured channels before the converters."""
-CHANNELS = tuple(GAINS)
+CHANNELS = tuple(CHANNEL_GAINS)
 """Names of the measured channels."""
 ELECTRICAL = ("v_r", "u_m")
 """The channels that need no optics."""
@@ -136,7 +136,7 @@ def electromechanics(actuator: Actuator, to_coil: float) -> StateSpace:
 
 def channel_converters(bits: int | None) -> RealArray:
     """Levels (4, 3) of the input converters, referred to the signals before their amplifiers."""
-    return np.array([Converter(INPUT_LIMIT, bits).levels(gain) for gain in GAINS.values()])
+    return np.array([Converter(INPUT_LIMIT, bits).levels(gain) for gain in CHANNEL_GAINS.values()])
 
 
 def optical_noise(
@@ -152,5 +152,5 @@ def optical_noise(
 
 def electronics_noise(rng: np.random.Generator, samples: int, steps: float) -> RealArray:
     """White noise of v_r and u_m (N, 2) [V], in rms steps of a 12-bit converter."""
-    gains = [GAINS[name] for name in ELECTRICAL]
+    gains = [CHANNEL_GAINS[name] for name in ELECTRICAL]
     return rng.standard_normal((samples, 2)) * (steps * Converter(INPUT_LIMIT).step) / gains

@@ -35,8 +35,8 @@ from .bench_setup import PERIOD, RATE
 from .experiment import Laboratory
 from .in_the_loop import (
     DISC_SHARE,
+    LOOP_SETTLING,
     ROTATION,
-    SETTLING,
     excitation,
     measure,
     measurement_chain,
@@ -110,6 +110,10 @@ class ClosedLoop(Study):
     headline: ClassVar[str] = "chi_square"
 
     @property
+    def quantifier(self) -> str:
+        return "for this one drive, in one simulated experiment"
+
+    @property
     def limits(self) -> dict[str, float]:
         """Largest relative errors of the parameters, given the step of the frequencies."""
         wider = max(1.0, float(np.mean(np.diff(self.grid))) / FINE_STEP) ** 0.5
@@ -143,7 +147,7 @@ class ClosedLoop(Study):
                 f"neighbouring frequencies miss the model in the same direction (p = {in_step:.1g})"
                 ": it lacks something, for instance order, and the intervals do not hold"
             )
-        unit, error = {"units": "m/V"}, abs(record.x_cd - record.x)[round(SETTLING * RATE) :]
+        unit, error = {"units": "m/V"}, abs(record.x_cd - record.x)[round(LOOP_SETTLING * RATE) :]
         return xr.Dataset(
             {
                 "response": ("frequency", response, unit),
@@ -173,7 +177,7 @@ class ClosedLoop(Study):
         axis = self.bench.axis
         size = DISC_SHARE * red_book(axis).deviation if self.disturbances else 0.0
         disc = Disc.along(axis, size, rotation=ROTATION)
-        rest = np.zeros(round(SETTLING * RATE))
+        rest = np.zeros(round(LOOP_SETTLING * RATE))
         played = np.concatenate([rest, *(signal for _, signal in sine)])
         law = linear(controller(axis), PERIOD)
         return self.bench.closed_loop(law, played, disc=disc, seed=seed)

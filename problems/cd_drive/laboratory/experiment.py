@@ -36,10 +36,10 @@ from ..drive.disc import STRICT, Defect, Disc
 from ..drive.plants import ANTIALIASING, Gain
 from ..drive.tables import Axis, Drive, Values
 from .bench_setup import (
+    CHANNEL_GAINS,
     CHANNELS,
     DIODE_GAIN,
     ELECTRICAL,
-    GAINS,
     INPUT_LIMIT,
     NOISE,
     OUTPUT_LIMIT,
@@ -141,7 +141,7 @@ class Laboratory:
         noisy = exact + electronics_noise(np.random.default_rng(seed), len(u), self.electronics)
         measured, saturation = {}, {"u": saturated}
         for name, values in zip(ELECTRICAL, noisy.T, strict=True):
-            converter, gain = Converter(INPUT_LIMIT, self.bits), GAINS[name]
+            converter, gain = Converter(INPUT_LIMIT, self.bits), CHANNEL_GAINS[name]
             measured[name], saturation[name] = converter.convert(values, gain)
         return CoilRecord(_time(len(u)), u, u_dac, **measured, saturation=saturation)
 

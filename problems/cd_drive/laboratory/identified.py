@@ -77,6 +77,10 @@ class Identified(Study):
 
     headline: ClassVar[str] = "worst_response"
 
+    @property
+    def quantifier(self) -> str:
+        return "for these 12 drives, in one simulated experiment of each"
+
     drive = dim(lambda self: [one.name for one in drives(self.axis)])
     parameter = dim(NAMES)
 
@@ -87,7 +91,7 @@ class Identified(Study):
         return np.unique(np.concatenate([np.geomspace(10, 2000, 200), *dense]))
 
     @part
-    def fits(self, context: Context) -> list[Fit]:
+    def fits(self, context: Context) -> list[DriveFit]:
         gains = self.optical_gains.answer["gain"].sel(quantity="K_optn")
         return [
             self._fit(one, float(gains.sel(drive=one.name)), index)
@@ -104,7 +108,7 @@ class Identified(Study):
         return _responses(drives(self.axis), frequency)
 
     @arrays((drive, parameter), value="", half_width="", table="")
-    def compared(self, fits: list[Fit]) -> dict[str, Any]:
+    def compared(self, fits: list[DriveFit]) -> dict[str, Any]:
         return {
             "value": np.array([fit.answer[: len(NAMES)] for fit in fits]),
             "half_width": [fit.half_width[: len(NAMES)] for fit in fits],
@@ -173,7 +177,7 @@ class Identified(Study):
         figures.legend_below(drawn, panels[0])
         return drawn
 
-    def _fit(self, drive: Drive, gain: float, index: int) -> Fit:
+    def _fit(self, drive: Drive, gain: float, index: int) -> DriveFit:
         """The joint fit of one drive, its optical gain [units/m] as identified by the scan."""
         current, motion = self.open_loops[index].answer, self.closed_loops[index].answer
         degrees = float(current["variance"].attrs["degrees"])
@@ -198,11 +202,11 @@ class Identified(Study):
         parameters["b2"] = FittedParameter(nominal.b2, -20 * nominal.b2, 20 * nominal.b2)
         program = ParameterFit(data, parameters)
         answer = solved(program, drive.name)
-        return Fit(answer, program.intervals(answer, 0.99), program.chi_square(answer)[0])
+        return DriveFit(answer, program.intervals(answer, 0.99), program.chi_square(answer)[0])
 
 
 @dataclass(frozen=True)
-class Fit:
+class DriveFit:
     """Parameters in the order of NAMES and the gain, half-widths of their 99 % intervals, and
     chi-square per degree of freedom."""
 

@@ -23,7 +23,7 @@ from .record import Record
 
 PERIODS, EVALUATED = 20, 10
 """Periods played at each frequency, and how many of the last are evaluated (section 4.6.2)."""
-SETTLING = 0.5
+LOOP_SETTLING = 0.5
 """Time [s] in which the disc runs up and the loop settles."""
 ERROR_SWING = {"focus": 1.0e-6, "radial": 0.05e-6}
 """Amplitude [m] of the error that the excitation aims at: half the linear range of the
@@ -58,7 +58,7 @@ def measure(record: Record, error: RealArray, sine: SteppedSine, turning: bool) 
     periods would not show them. Successive periods are not independent either, so `noise_colour`
     corrects the variance of their mean.
     """
-    start = round(SETTLING * RATE)
+    start = round(LOOP_SETTLING * RATE)
     signals = np.stack([record.u_m, error])[:, start:]
     if turning:
         orders = np.arange(1, ROTATION_HARMONICS + 1)

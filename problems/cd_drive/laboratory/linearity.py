@@ -15,10 +15,10 @@ from pydantic import Field
 
 from workbench import Check, figures, problem
 from workbench.arrays import RealArray
+from workbench.certificate import worst
 from workbench.executor import Context
 from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.identification import SteppedSine, sine_fit, total_harmonic_distortion
-from workbench.program import worst
 from workbench.simulation import linear
 from workbench.study import Study, array, check, dim, figure, metric, part, table
 
@@ -86,6 +86,10 @@ class Linearity(Study):
     frequencies: int
 
     headline: ClassVar[str] = "output_closed_percent"
+
+    @property
+    def quantifier(self) -> str:
+        return "at these frequencies, in one simulated record of each loop"
 
     loop, channel = dim(LOOPS), dim(CHANNELS)
 

@@ -86,6 +86,10 @@ class OpenLoop(Study):
     headline: ClassVar[str] = "error_b"
 
     @property
+    def quantifier(self) -> str:
+        return "for this one drive, in one simulated experiment"
+
+    @property
     def mass(self) -> float:
         """m_eff [kg]: both masses as the first resonance sees them, taken as known."""
         return lumped(self.laboratory.parameters).m

@@ -26,8 +26,10 @@ from ..drive.tables import Axis, drives
 from .experiment import Laboratory
 from .scans import Scan, focus_scan, radial_scan
 
-GAINS = {"K_opt": "V/m", "K_optn": "units/m"}
+OPTICAL_GAINS = {"K_opt": "V/m", "K_optn": "units/m"}
 """The two optical gains and their units."""
+SIGNS = {"K_opt": "$K_{opt}$", "K_optn": "$K_{optn}$"}
+"""The gains as figures and tables write them."""
 GAIN_TOLERANCE = 0.02
 """Largest relative error of a gain."""
 STATED_SPREADS = {"focus": {"K_opt": 0.5, "K_optn": 0.2}, "radial": {"K_opt": 0.3, "K_optn": 0.1}}
@@ -61,9 +63,13 @@ class OpticalGain(Study):
 
     headline: ClassVar[str] = "worst_error"
 
+    @property
+    def quantifier(self) -> str:
+        return "for these 12 drives, in one simulated experiment of each"
+
     drive = dim(lambda self: [each.name for each in drives(self.axis)])
-    quantity = dim(GAINS)
-    unit = array(quantity, value=lambda: list(GAINS.values()), coordinate=True)
+    quantity = dim(OPTICAL_GAINS)
+    unit = array(quantity, value=lambda: list(OPTICAL_GAINS.values()), coordinate=True)
 
     @part
     def scans(self, context: Context) -> list[Scan]:
@@ -96,7 +102,7 @@ class OpticalGain(Study):
     def spreads(self, gain: DataArray) -> list[Check]:
         """The tolerances of section 4.6.3: bounds in focus, near ones in the radial loop."""
         found, stated = spread(gain), STATED_SPREADS[self.axis]
-        K_opt, K_optn = (float(found.sel(quantity=name)) for name in GAINS)
+        K_opt, K_optn = (float(found.sel(quantity=name)) for name in OPTICAL_GAINS)
         if self.axis == "focus":
             short = "by how much it falls short of 50 %"
             return [
@@ -120,8 +126,8 @@ class OpticalGain(Study):
     @table
     def gains(self, gain: DataArray) -> tuple[list[str], list[list[str]]]:
         heads = ["drive"]
-        for name, unit in GAINS.items():
-            heads += [f"{name} [{unit}]", "Table A.3", "error [%]"]
+        for name, unit in OPTICAL_GAINS.items():
+            heads += [f"{SIGNS[name]} [{unit}]", "Table A.3", "error [%]"]
         rows = [
             [drive, *(text for pair in zip(found, true, strict=True) for text in _row(*pair))]
             for drive, found, true in zip(
@@ -138,7 +144,7 @@ class OpticalGain(Study):
 
 def _printed(axis: Axis) -> RealArray:
     """The gains of Table A.3, (12, 2)."""
-    return np.array([[getattr(drive, name) for name in GAINS] for drive in drives(axis)])
+    return np.array([[getattr(drive, name) for name in OPTICAL_GAINS] for drive in drives(axis)])
 
 
 def _row(found: float, true: float) -> tuple[str, str, str]:
@@ -158,23 +164,23 @@ def _scan_figure(answer: Dataset, axis: Axis) -> Figure:
     dashed: Any = {"color": figures.BLACK, "linestyle": "--", "linewidth": 1.0}
     units.plot(1e6 * line, slope * line, **dashed)
     volts.plot([], [], color=figures.ORANGE, label="normalised error")
-    volts.plot([], [], **dashed, label="slope K_optn")
+    volts.plot([], [], **dashed, label=f"slope {SIGNS['K_optn']}")
     volts.set_title(f"CD1, {'s-curve' if axis == 'focus' else 'tracks passing sideways'}")
     volts.set_ylabel("diodes [mV]")
     units.set_ylabel("normalised error [units]")
-    units.set_xlabel("distance [um]")
+    units.set_xlabel(r"distance [$\mu$m]")
     figures.legend_below(figure, volts)
     return figure
 
 
 def _gain_figure(answer: Dataset) -> Figure:
     figure, panels = figures.axes(2, 1, size=(7.0, 5.0), sharex=True)
-    for panel, (name, unit) in zip(panels, GAINS.items(), strict=True):
+    for panel, (name, unit) in zip(panels, OPTICAL_GAINS.items(), strict=True):
         found = answer["gain"].sel(quantity=name)
         gain = found.values
         middle = (gain.max() + gain.min()) / 2
         panel.bar(answer["drive"].values, gain, color=figures.BLUE, width=0.6)
         panel.axhline(middle, color=figures.BLACK, linestyle="--", linewidth=1.0)
-        panel.set_title(f"{name}: +-{float(spread(found)):.1%} around the dashed middle")
-        panel.set_ylabel(f"{name} [{unit}]")
+        panel.set_title(f"{SIGNS[name]}: ±{float(spread(found)):.1%} around the dashed middle")
+        panel.set_ylabel(f"{SIGNS[name]} [{unit}]")
     return figure

@@ -15,6 +15,7 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, figures, problem
+from workbench.certificate import EVERY_PERTURBATION, THIS_SYSTEM
 from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.mu import conditions
 from workbench.synthesis import LeadLag, MuController, MuSynthesis, closed_transition, discretised
@@ -102,9 +103,9 @@ class LowerBandwidth(MuSynthesis):
         immune = "largest |T| for defects over that of the reference controller"
         return [
             *super().checks(answer, tolerance),
-            Check("robust stability", robust, mu, 1.0),
-            Check("sampled", sampled, radius, 1.0),
-            Check("immunity", immune, T / reference_T, 0.5),
+            Check("robust stability", robust, mu, 1.0, over=EVERY_PERTURBATION),
+            Check("sampled", sampled, radius, 1.0, over=THIS_SYSTEM),
+            Check("immunity", immune, T / reference_T, 0.5, over="for the nominal loop"),
         ]
 
     @property

@@ -44,7 +44,7 @@ from pydantic import TypeAdapter, ValidationError, with_config
 
 from workbench.errors import InputError
 
-from ..diagnosis.defect_kinds import SHOCK, shocks
+from ..diagnosis.defect_kinds import SHOCK_DURATION, shocks
 from ..drive.disc import STRICT, Defect, Disc
 from ..laboratory.bench_setup import RATE
 from ..laboratory.experiment import STILL, Laboratory
@@ -164,7 +164,7 @@ class Scenario:
         strategies = self.strategies(**designs)
         schedule = [(stage.time, strategies.named(stage.strategy)) for stage in self.stages]
         samples = round(self.duration * RATE)
-        played = [(shock.time, shock.acceleration, SHOCK) for shock in self.shocks]
+        played = [(shock.time, shock.acceleration, SHOCK_DURATION) for shock in self.shocks]
         excitation = shocks(self.bench, played, samples)
         return self.bench.closed_loop(
             schedule, excitation, disc=self.disc, defects=self.defects, seed=self.seed

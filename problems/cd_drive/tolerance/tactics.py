@@ -1,4 +1,4 @@
-"""What the controller sees and does while a surface defect passes (chapter 8).
+"""Strategies: the controller's input and action while a surface defect passes (chapter 8).
 
 Every strategy is a cascade of parts behind the same detector, w_Q. Equation, figure and section
 numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).

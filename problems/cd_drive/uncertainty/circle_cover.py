@@ -9,19 +9,12 @@ from __future__ import annotations
 
 from workbench import Run, problem
 from workbench.uncertainty import CircleCover
+from workbench.uncertainty.covers.sets import Form
 
 from ..drive.plants import Gain
 from ..drive.shared_parameters import TABLES, WINDOWS, Frequencies, Frequency
 from ..drive.tables import Axis, Values
-from .measured_drives import (
-    Content,
-    Form,
-    LeaveOut,
-    Order,
-    Source,
-    identified_drives,
-    measured_drives,
-)
+from .measured_drives import Content, LeaveOut, Order, Source, identified_drives, measured_drives
 
 
 @problem("cd/{axis}/circle-cover", axis=("focus", "radial"), needs=identified_drives, data=TABLES)

@@ -15,13 +15,12 @@ from pydantic import Field
 from workbench import Run, ref
 from workbench.uncertainty import Responses, widened
 
-from ..drive.plants import Gain, responses, responses_of
+from ..drive.plants import Gain, responses_of, systems_of
 from ..drive.shared_parameters import grid
 from ..drive.tables import ActuatorParameters, Axis, Values, drives
 
 Source = Literal["tables", "identified"]
 Order = Annotated[int, Field(ge=0, le=12)]
-Form = Literal["multiplicative", "additive"]
 Content = Annotated[float, Field(gt=0, lt=1)]
 LeaveOut = Annotated[int, Field(ge=0, le=4)]
 
@@ -49,21 +48,29 @@ def measured_drives(
 ) -> Responses:
     """Responses u [V] to f_en [units] of twelve drives, from the tables or as identified.
 
+    The drives' models are known at every frequency, and covers contain them there.
     With ``content`` the responses are widened, so that a further drive lies within them with this
     probability.
     """
     frequency = grid(frequencies, lowest, highest)
-    names = [drive.name for drive in drives(axis, values)]
-    if identified is None or optical_gains is None:
-        found = responses(axis, frequency, gain, values, antialiasing=False)
-    else:
+    twelve = drives(axis, values)
+    names = [drive.name for drive in twelve]
+    models: list[ActuatorParameters] = [*twelve]
+    gains = [drive.K_optn for drive in twelve]
+    if identified is not None and optical_gains is not None:
         table = identified.data["value"]
         parameters = [str(name) for name in table["parameter"].values]
         models = [
             ActuatorParameters(**dict(zip(parameters, row.tolist(), strict=True)))
             for row in table.sel(drive=names).values
         ]
-        gains = optical_gains.data["gain"].sel(quantity="K_optn").sel(drive=names)
-        found = responses_of(axis, models, gains.values.tolist(), frequency, gain, False)
-    measured = Responses(2 * np.pi * frequency, found.T, plants=names, unit="units/V")
+        found = optical_gains.data["gain"].sel(quantity="K_optn").sel(drive=names)
+        gains = found.values.tolist()
+    measured = Responses(
+        2 * np.pi * frequency,
+        responses_of(axis, models, gains, frequency, gain, False).T,
+        plants=names,
+        unit="units/V",
+        known=systems_of(axis, models, gains, gain, False),
+    )
     return measured if content is None else widened(measured, content)

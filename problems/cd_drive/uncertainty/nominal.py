@@ -21,7 +21,7 @@ from ..drive.plants import nominal_response
 from ..drive.shared_parameters import TABLES, WINDOWS, Frequencies
 from ..drive.tables import Axis
 
-FORMS = ("parametric", "complex", "mixed")
+NOMINAL_FORMS = ("parametric", "complex", "mixed")
 CLOSE = {"outside": 2.0, "inside": 4.0}
 """Largest difference [dB] of two nominal magnitudes outside and inside the resonances."""
 
@@ -62,7 +62,11 @@ class NominalModels(Study):
 
     headline: ClassVar[str] = "difference_db"
 
-    form = dim(FORMS)
+    @property
+    def quantifier(self) -> str:
+        return "at the frequencies of the covers"
+
+    form = dim(NOMINAL_FORMS)
     drive = dim(lambda self: self.circles.data["plant"].values)
 
     @dim(unit="Hz", meaning="frequency")
@@ -124,7 +128,7 @@ class NominalModels(Study):
         drawn, (top, bottom) = figures.axes(2, 1, size=(7.0, 6.0), sharex=True)
         grey: Any = {"color": "0.75", "linewidth": 0.6}
         lines = [(one, "-", grey) for one in answer["response"].transpose("drive", ...)]
-        styles = zip(answer["nominal"], ("--", ":", "-"), FORMS, strict=True)
+        styles = zip(answer["nominal"], ("--", ":", "-"), NOMINAL_FORMS, strict=True)
         lines += [(one, style, {"label": form}) for one, style, form in styles]
         for one, style, look in lines:
             top.plot(answer["frequency"], abs(one), style, **look)

@@ -11,19 +11,12 @@ from typing import Literal
 
 from workbench import Run, problem
 from workbench.uncertainty import Orientation, StadiumCover, limited, narrowest, smooth
+from workbench.uncertainty.covers.sets import Form
 
 from ..drive.plants import Gain
 from ..drive.shared_parameters import TABLES, WINDOWS, Frequencies, Frequency
 from ..drive.tables import Axis, Values
-from .measured_drives import (
-    Content,
-    Form,
-    LeaveOut,
-    Order,
-    Source,
-    identified_drives,
-    measured_drives,
-)
+from .measured_drives import Content, LeaveOut, Order, Source, identified_drives, measured_drives
 
 ORIENTATIONS: dict[str, Orientation] = {
     "narrowest": narrowest,

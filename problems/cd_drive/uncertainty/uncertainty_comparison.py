@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import product
-from typing import Any, ClassVar, get_args
+from typing import Any, ClassVar
 
 import numpy as np
 
 from workbench import Check, Run, figures, problem, ref
 from workbench.arrays import ComplexArray, RealArray
+from workbench.certificate import worst
 from workbench.heavy_types import DataArray, Dataset, Figure
-from workbench.program import worst
 from workbench.study import Study, array, check, dim, figure, metric, table
 from workbench.uncertainty.covers.sets import (
     circles_about_nominal,
@@ -23,15 +23,14 @@ from workbench.uncertainty.covers.sets import (
     stadiums_about_nominal,
 )
 
-from ..drive.plants import Gain, nominal_response
+from ..drive.plants import GAIN_VARIANTS, Gain, nominal_response
 from ..drive.shared_parameters import TABLES, WINDOWS, Frequencies
 from ..drive.tables import Axis
 from .measured_drives import measured_drives
 
-GAINS: tuple[Gain, ...] = get_args(Gain)
-METHODS = ("steps", "joint")
-COVERS = ("circle", "stadium")
-HIGH = 100.0
+COVER_METHODS = ("steps", "joint")
+COVER_SHAPES = ("circle", "stadium")
+HIGH_FREQUENCY = 100.0
 """Frequency [Hz] above which the gain spread is most of the uncertainty."""
 LEAST_RATIO = 2.0
 """Least ratio of the circle's radius to the stadium's half-width where the circle is largest."""
@@ -43,7 +42,7 @@ def needs(axis: str, frequencies: int = 400, **_: Any) -> dict[str, Any]:
     """The runs of both covers by both methods, and of the parametric spread, on one grid."""
     covers = {
         f"{shape}_{method}": ref(f"cd/{axis}/{shape}-cover", method=method, frequencies=frequencies)
-        for shape, method in product(COVERS, METHODS)
+        for shape, method in product(COVER_SHAPES, COVER_METHODS)
     }
     return covers | {"parametric": ref(f"cd/{axis}/parametric", frequencies=frequencies)}
 
@@ -57,7 +56,7 @@ def comparison(  # type: ignore[no-untyped-def]
     stadium_joint,
     parametric,
     frequencies: Frequencies = 400,
-) -> Comparison:
+) -> UncertaintyComparison:
     """Parametric, complex and mixed uncertainty side by side (figure 5.16, section 5.6).
 
     Sizes of the sets and of the weights fitted to them, by the steps of the thesis and with the
@@ -66,12 +65,12 @@ def comparison(  # type: ignore[no-untyped-def]
     frequencies: how many, logarithmically spaced from 5 Hz to 5 kHz.
     """
     covers = (circle_steps, circle_joint, stadium_steps, stadium_joint)
-    runs = dict(zip(product(COVERS, METHODS), covers, strict=True))
-    return Comparison(axis, runs, parametric)
+    runs = dict(zip(product(COVER_SHAPES, COVER_METHODS), covers, strict=True))
+    return UncertaintyComparison(axis, runs, parametric)
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison(Study):
+class UncertaintyComparison(Study):
     """Sizes of every uncertainty model over the frequencies of the covers."""
 
     axis: Axis
@@ -80,7 +79,11 @@ class Comparison(Study):
 
     headline: ClassVar[str] = "radius_over_width_at_peak"
 
-    by, gain, shape = dim(METHODS), dim(GAINS), dim(COVERS)
+    @property
+    def quantifier(self) -> str:
+        return "at the frequencies of the covers, for these 12 drives"
+
+    by, gain, shape = dim(COVER_METHODS), dim(GAIN_VARIANTS), dim(COVER_SHAPES)
     quantity = dim("radius about", "width about", "W_c circle", "W_c stadium", "W_r")
     set = dim(lambda self: self.spread.answer["set"].values)
 
@@ -90,13 +93,13 @@ class Comparison(Study):
 
     @array((by, frequency), "1")
     def radius(self) -> list[RealArray]:
-        return [self.runs["circle", method].answer.second.radius for method in METHODS]
+        return [self.runs["circle", method].answer.second.radius for method in COVER_METHODS]
 
     @array((by, quantity, frequency), "1")
     def size(self, frequency: DataArray) -> list[Any]:
         hertz, rows = frequency.values, []
-        for method in METHODS:
-            circle, stadium = (self.runs[shape, method].answer.model for shape in COVERS)
+        for method in COVER_METHODS:
+            circle, stadium = (self.runs[shape, method].answer.model for shape in COVER_SHAPES)
             responses = [
                 one.response(2 * np.pi * hertz)
                 for one in (stadium.nominal, circle.W_c, stadium.W_c, stadium.W_r)
@@ -108,7 +111,7 @@ class Comparison(Study):
     @array((gain, shape, frequency), "1")
     def variant(self, frequency: DataArray) -> list[Any]:
         printed = nominal_response(self.axis, frequency.values, antialiasing=False)
-        return [_about(self.axis, frequency.values, gain, printed) for gain in GAINS]
+        return [_about(self.axis, frequency.values, gain, printed) for gain in GAIN_VARIANTS]
 
     parametric = array(
         (set, frequency), "1", value=lambda self: self.spread.answer["deviation"].values
@@ -132,7 +135,7 @@ class Comparison(Study):
         peak, ratio = numbers["peak_hz"], 1 / numbers["radius_over_width_at_peak"]
         left = numbers["median_radius_agc"] / numbers["median_radius_own"]
         narrower = "half-width over radius where the radius is largest"
-        gains = f"median radius above {HIGH:g} Hz with AGC over that without"
+        gains = f"median radius above {HIGH_FREQUENCY:g} Hz with AGC over that without"
         return [
             Check("peak above", "lower end of the resonance [Hz]", low, peak),
             Check("peak below", "frequency of the largest radius [Hz]", peak, high),
@@ -151,7 +154,9 @@ class Comparison(Study):
     peaks = metric("{shape}_peak_{gain}", lambda variant: _named(variant).max("frequency"))
     medians = metric(
         "median_{shape}_{gain}",
-        lambda variant: _named(variant).sel(frequency=slice(HIGH, None)).median("frequency"),
+        lambda variant: (
+            _named(variant).sel(frequency=slice(HIGH_FREQUENCY, None)).median("frequency")
+        ),
     )
     radius_peak = metric("radius_peak_{by}", lambda radius: radius.max("frequency"))
 
@@ -167,13 +172,13 @@ class Comparison(Study):
         def rows(labels: tuple[str, ...], *names: str) -> list[list[str]]:
             return [[one, *(f"{numbers[f'{n}_{one}']:.4f}" for n in names)] for one in labels]
 
-        gains = ["gain", "radius peak", "width peak", f"median radius above {HIGH:g} Hz"]
+        gains = ["gain", "radius peak", "width peak", f"median radius above {HIGH_FREQUENCY:g} Hz"]
         methods = ["method", "radius peak", "circle weight's", "width peak", "stadium weight's"]
         of_gains = ("radius_peak", "width_peak", "median_radius", "median_width")
         of_methods = ("radius_peak", "circle_weight_peak", "width_peak", "stadium_weight_peak")
         return {
-            "gains": ([*gains, "median width"], rows(GAINS, *of_gains)),
-            "methods": (methods, rows(METHODS, *of_methods)),
+            "gains": ([*gains, "median width"], rows(GAIN_VARIANTS, *of_gains)),
+            "methods": (methods, rows(COVER_METHODS, *of_methods)),
         }
 
     @figure
@@ -181,7 +186,7 @@ class Comparison(Study):
         """Figure 5.16 by either method: parametric, complex and mixed uncertainty."""
         drawn, panels = figures.axes(2, 1, size=(7.5, 7.5), sharex=True)
         frequency, reduced = answer["frequency"], answer["parametric"].sel(set="reduced")
-        for panel, method in zip(panels, METHODS, strict=True):
+        for panel, method in zip(panels, COVER_METHODS, strict=True):
             radius, size = answer["radius"].sel(by=method), answer["size"].sel(by=method)
             lines = (
                 (reduced, "--", figures.GREEN, "parametric (Table 5.3)"),
@@ -201,8 +206,8 @@ class Comparison(Study):
     def gains(self, variant: DataArray) -> Figure:
         """The three gain variants about the nominal of Table 5.2."""
         drawn, panels = figures.axes(1, 2, size=(9.5, 4.4), sharex=True, sharey=True)
-        for panel, shape, name in zip(panels, COVERS, ("radius", "half-width"), strict=True):
-            for gain in GAINS:
+        for panel, shape, name in zip(panels, COVER_SHAPES, ("radius", "half-width"), strict=True):
+            for gain in GAIN_VARIANTS:
                 one = variant.sel(gain=gain, shape=shape)
                 panel.plot(variant["frequency"], one, label=f"{gain} gain")
             figures.label(panel, "frequency [Hz]", title=f"{shape}s: {name}", log="xy")

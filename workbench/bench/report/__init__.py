@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterable
+from concurrent.futures import Executor
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -21,8 +22,10 @@ from markupsafe import Markup
 from workbench.bench.project import results_root
 from workbench.bench.report import words
 from workbench.bench.report.entries import entries, failed_runs
+from workbench.bench.report.looks import looks
 from workbench.bench.store import CHECKSUMS
 from workbench.errors import ResultError
+from workbench.executor import InProcess, Progress, silent
 
 __all__ = ["failed_runs", "report"]
 
@@ -30,7 +33,12 @@ HERE = Path(__file__).parent
 
 
 def report(
-    root: str | Path | None = None, target: str | Path | None = None, pattern: str = "*"
+    root: str | Path | None = None,
+    target: str | Path | None = None,
+    pattern: str = "*",
+    *,
+    executor: Executor | None = None,
+    progress: Progress = silent,
 ) -> Path:
     """Write the runs below a results folder, failures among them, as one HTML page.
 
@@ -42,6 +50,10 @@ def report(
         The page (default: ``index.html`` in the results folder).
     pattern
         Shell pattern of the problems to show.
+    executor
+        Where the figures are drawn, a run to a task (default: in this process).
+    progress
+        Told how many runs are drawn.
 
     Returns
     -------
@@ -60,8 +72,10 @@ def report(
             "name another target"
         )
     shown = list(entries(root, target, pattern))
+    drawn = looks([entry.run.path for entry in shown], executor or InProcess(), progress)
     content = _template().generate(
         entries=shown,
+        looks={entry.anchor: one for entry, one in zip(shown, drawn, strict=True)},
         pattern=pattern,
         total=math.fsum(entry.run.seconds["total"] for entry in shown),
         places={entry.run.key: entry.anchor for entry in reversed(shown) if not entry.failed},
@@ -98,13 +112,14 @@ def _template() -> Any:
         lstrip_blocks=True,
     )
     for name in (
+        "breakable",
         "csp_hash",
         "duration",
         "listed",
         "number",
         "pathless",
         "searchable",
-        "table",
+        "tables_as_html",
         "text",
         "when",
     ):

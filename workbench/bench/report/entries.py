@@ -1,28 +1,20 @@
-"""Runs, figures and tables as the report shows them."""
+"""Runs as the report shows them."""
 
 from __future__ import annotations
 
-import base64
 import os
-import re
-import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
 from urllib.parse import quote
 
-from markupsafe import Markup
-
-from workbench.bench.files import Picture, picture
-from workbench.bench.problem import place_of
 from workbench.bench.results import Run, stored_runs
 from workbench.bench.store import CHECKSUMS, FAILED, PARTIAL, REFERENCE, damage
-from workbench.errors import WorkbenchError
 
 
 @dataclass(frozen=True)
-class Entry:
+class ReportEntry:
     """A run as the page shows it.
 
     ``anchor`` is its place in the page, ``place`` its folder below the results folder, ``link``
@@ -59,53 +51,8 @@ class Entry:
     def log(self) -> str:
         return self.run.log if (self.run.path / "log.txt").is_file() else ""
 
-    @property
-    def looks(self) -> Looks:
-        """Its figures and tables, made now: a page of many runs does not hold all of them."""
-        try:
-            figures = {name: picture(figure) for name, figure in self.run.figures.items()}
-            return Looks([Embedded(*one) for one in figures.items()], self.run.tables, "")
-        except Exception as error:  # the page shows the rest
-            told = str(error) if isinstance(error, WorkbenchError) else place_of(error)
-            return Looks([], {}, told)
 
-
-@dataclass(frozen=True)
-class Looks:
-    """Figures and tables of a run, or why there are none."""
-
-    figures: list[Embedded]
-    tables: dict[str, str]
-    missing: str
-
-
-@dataclass(frozen=True)
-class Embedded:
-    """A figure to embed: the drawing or the pixels, whichever is smaller."""
-
-    stem: str
-    picture: Picture
-
-    @property
-    def name(self) -> str:
-        return re.sub(r"[-_]+", " ", self.stem)
-
-    @property
-    def source(self) -> Markup:
-        """The picture as a data URI in base64, in which nothing can be mistaken for markup."""
-        svg, png = self.picture.svg, self.picture.png
-        kind, content = ("svg+xml", svg) if len(svg) <= len(png) else ("png", png)
-        code = base64.b64encode(content).decode()
-        return Markup(f"data:image/{kind};base64,{code}")  # no character of it needs escaping
-
-    @property
-    def size(self) -> tuple[int, int]:
-        """Width and height in pixels: the page keeps the room before it draws the figure."""
-        width, height = struct.unpack(">II", self.picture.png[16:24])
-        return width, height
-
-
-def entries(root: Path, target: Path, pattern: str) -> Iterator[Entry]:
+def entries(root: Path, target: Path, pattern: str) -> Iterator[ReportEntry]:
     """Every run with a place in the page, by problem, method and key."""
     runs = [(run, False) for run in stored_runs(root, pattern)]
     runs += [(run, True) for run in failed_runs(root, pattern)]
@@ -117,7 +64,7 @@ def entries(root: Path, target: Path, pattern: str) -> Iterator[Entry]:
             anchor += "'"
         taken.add(anchor)
         place = run.path.relative_to(root).as_posix()
-        yield Entry(run, failed, anchor, place, _link(run.path, target.parent))
+        yield ReportEntry(run, failed, anchor, place, _link(run.path, target.parent))
 
 
 def _link(folder: Path, start: Path) -> str | None:

@@ -34,6 +34,11 @@ def number(value: Any, digits: int = 6) -> Markup:
     )
 
 
+def breakable(name: str) -> Markup:
+    """A name whose lines break after underscores, not within its words."""
+    return Markup("_<wbr>").join(name.split("_"))
+
+
 def duration(seconds: float) -> str:
     """Seconds as people say them."""
     if seconds < 60:
@@ -92,11 +97,11 @@ def listed(need: str | Iterable[str]) -> list[str]:
 
 
 def csp_hash(source: str) -> str:
-    """How a Content-Security-Policy names a script: no other one runs."""
+    """Hash of a script for a Content-Security-Policy, which lets no other script run."""
     return "sha256-" + base64.b64encode(hashlib.sha256(source.encode()).digest()).decode()
 
 
-def table(markdown: str) -> Markup:
+def tables_as_html(markdown: str) -> Markup:
     """The pipe tables of a Markdown text as HTML, its other lines as paragraphs."""
     html, rows = Markup(""), []
     for line in [*markdown.splitlines(), ""]:

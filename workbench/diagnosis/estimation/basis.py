@@ -26,7 +26,7 @@ from workbench.systems.frequency_grid import frequencies_of
 from workbench.systems.generalised_plant import response
 from workbench.systems.realisation import realisation
 
-MOST_ROUNDS = 15
+MOST_ALTERNATIONS = 15
 """Largest number of rounds of the two steps."""
 SETTLED_FALL, PATIENCE = 1e-3, 3
 """The iteration ends when the peak falls by less than this share in this number of rounds."""
@@ -105,7 +105,7 @@ def _basis(program: FaultEstimation, context: Context) -> Claim:
     history = [best.upper]
     beside: list[list[float]] = [[] for _ in program.channels]
     said = ""
-    for _ in context.rounds(MOST_ROUNDS, "basis"):
+    for _ in context.rounds(MOST_ALTERNATIONS, "basis"):
         constraints = [
             Constraint.of(program, best.K, basis, channel, np.array(more))
             for channel, more in zip(program.channels, beside, strict=True)

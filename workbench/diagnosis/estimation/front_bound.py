@@ -30,18 +30,18 @@ WEIGHT_FLOOR = 1e-2
 nowhere zero. The amount that it adds to the bound is subtracted again."""
 FIRST_VECTORS = 24
 """Number of windowed waves, one a frequency, with which each limit is stated at first."""
-ROUNDS = 25
+MOST_CUT_ROUNDS = 25
 """Largest number of programs that are solved, each with the most violated vectors added."""
 CUTS = 3
 """Most violated vectors of a limit that are added in a round."""
-NORM_EXCESS = 0.02
+LIMIT_EXCESS = 0.02
 """Relative excess of a limit's norm at which no more vectors are added: the bound holds anyway."""
-SOLVER_ACCURACY = 1e-4
+SOLVER_MARGIN = 1e-4
 """Relative amount by which the bound is lowered, for the solver's accuracy."""
 
 
 @dataclass(frozen=True, eq=False)
-class Limit:
+class ToeplitzLimit:
     """|W T - V| <= 1, or <= E in the demands' unit: Toeplitz matrices (n, n) of W and of V."""
 
     W: RealArray
@@ -92,9 +92,9 @@ def least_total(
         _outer(np.where(f <= demands.leakage_below, disturbance, WEIGHT_FLOOR), coefficients)
     )
     limits = [
-        Limit(everywhere, 0 * everywhere, False),
-        Limit(relative, relative, False),
-        Limit(leaking, 0 * leaking, True),
+        ToeplitzLimit(everywhere, 0 * everywhere, False),
+        ToeplitzLimit(relative, relative, False),
+        ToeplitzLimit(leaking, 0 * leaking, True),
     ]
     N, lost = _noise(demands, corner, coefficients, theta, f)
     t, E, rms = cp.Variable(coefficients), cp.Variable(nonneg=True), cp.Variable(nonneg=True)
@@ -102,19 +102,19 @@ def least_total(
     waves = [_wave(angle, coefficients) for angle in np.linspace(0.0, np.pi, FIRST_VECTORS)]
     held += [_held(limit, v, t, E) for limit in limits for v in waves]
     best = 0.0
-    for _ in range(ROUNDS):
+    for _ in range(MOST_CUT_ROUNDS):
         problem = cp.Problem(cp.Minimize(E + 3 * rms), held)
         said = solve_in_place(problem)
         if t.value is None:
             raise SolverError(f"the bound of a relative error of {error:g}: {said}")
-        best = max(best, float(problem.value) * (1 - SOLVER_ACCURACY))
+        best = max(best, float(problem.value) * (1 - SOLVER_MARGIN))
         worst = 0.0
         for limit in limits:
             level = float(E.value) if limit.leaks else 1.0
             _, sizes, right = np.linalg.svd(limit.W @ _lower(t.value) - limit.V)
             worst = max(worst, sizes[0] / level - 1)
             held += [_held(limit, right[k], t, E) for k in range(CUTS) if sizes[k] > level]
-        if worst < NORM_EXCESS:
+        if worst < LIMIT_EXCESS:
             break
     # A filter that leaks less than E may is bounded with E in its leakage's place.
     return max(best - most * WEIGHT_FLOOR - 3 * lost, 0.0) * demands.unit
@@ -157,7 +157,7 @@ def _wave(angle: float, count: int) -> Any:
     return v / np.linalg.norm(v)
 
 
-def _held(limit: Limit, v: Any, t: Any, E: Any) -> Any:
+def _held(limit: ToeplitzLimit, v: Any, t: Any, E: Any) -> Any:
     """||(W T - V) v|| <= 1 or E, T v = Toeplitz(v) t."""
     import cvxpy as cp
 

@@ -6,6 +6,7 @@ The reduced filter keeps only its poles: what they can do is a convex problem ag
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,10 +19,11 @@ from workbench.diagnosis.estimation.laguerre import LaguerreBasis
 from workbench.diagnosis.estimation.program import FaultEstimation, FaultFilter
 from workbench.errors import InputError, SolverError
 from workbench.heavy_types import StateSpace
-from workbench.synthesis import approximated
+from workbench.synthesis import approximations
+from workbench.synthesis.implementation.reduction import ReductionMethod
 from workbench.systems.realisation import realisation
 
-REDUCTIONS = ("weighted", "balanced", "hankel")
+REDUCTIONS: tuple[ReductionMethod, ...] = ("weighted", "balanced", "hankel")
 """Methods of `reduced` whose poles are tried."""
 
 
@@ -50,7 +52,7 @@ def full_order(
     """
     front = FaultFront(loop, frequency)
     point = front.least(basis.response(count, front.omega), error)
-    return certified(loop, basis.filter(point.coefficients), point, error, leakage)
+    return certified_filter(loop, basis.filter(point.coefficients), point, error, leakage)
 
 
 def few_states(
@@ -63,19 +65,25 @@ def few_states(
     has poles that meet the relative error and the leakage.
     """
     program = estimation(loop, error, leakage)
-    found: list[FrontFilter] = []
-    for method in REDUCTIONS:
-        plant = program.plant if method == "weighted" else None
+
+    def tried(poles: StateSpace) -> FrontFilter | None:
+        """The best filter with these poles; None where none meets the error and the leakage."""
         try:
-            poles = approximated(F, order, method, plant)  # type: ignore[arg-type]
             front = FaultFront(loop, near_poles(loop, frequency, poles.poles()))
             point = front.least(front.of_filter(poles), error, leakage)
         except (InputError, SolverError):
-            continue
+            return None
         x = point.coefficients
         made = realisation((poles.A, poles.B, x[None, :-1], x[None, -1:]), 0.0)
-        if stability_of(made).holds:
-            found.append(certified(loop, made, point, error, leakage))
+        if not stability_of(made).holds:
+            return None
+        return certified_filter(loop, made, point, error, leakage)
+
+    ways = [approximations(F, order, method, program.plant) for method in REDUCTIONS]
+    found = [one for way in ways for one in [tried(next(way))] if one is not None]
+    if not found:  # none of the direct ones: the first of the others that does
+        others = filter(None, map(tried, chain.from_iterable(ways)))
+        found = [one for one in [next(others, None)] if one is not None]
     if not found:
         raise SolverError(
             f"no filter of order {order} with a relative error of {error:g} and a leakage of "
@@ -90,7 +98,7 @@ def estimation(loop: FaultLoop, error: float, leakage: float) -> FaultEstimation
     return FaultEstimation(loop.plant, "f", loop.requirements(error, leakage))
 
 
-def certified(
+def certified_filter(
     loop: FaultLoop, F: StateSpace, point: FrontPoint, error: float, leakage: float
 ) -> FrontFilter:
     """A filter with its certified bounds. Raises SolverError for one that is not stable."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.diagnosis.estimation.fault_loop import FaultLoop
-from workbench.fitting.rational import Rational, paired
+from workbench.fitting.rational import Rational, conjugate_pairs
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_positive
 from workbench.systems.realisation import realisation
@@ -53,4 +53,4 @@ class LaguerreBasis:
         zeros = np.linalg.eigvals(L.A - L.B @ L.C / direct)
         poles = np.concatenate([loop.K.poles(), loop.G.poles()])
         poles[np.argmin(np.abs(poles))] = -self.corner
-        return Rational(paired(zeros), paired(poles), direct)
+        return Rational(conjugate_pairs(zeros), conjugate_pairs(poles), direct)

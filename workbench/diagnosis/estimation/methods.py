@@ -12,7 +12,7 @@ from workbench.solvers import ConicSolver
 from workbench.synthesis.hinf.program import HinfSynthesis
 from workbench.synthesis.mu.program import MuSynthesis
 
-ITERATIONS = ("dk", "mu-dk", "dgk")
+MU_METHODS = ("dk", "mu-dk", "dgk")
 """Methods of `MuSynthesis` that estimation offers under the same names."""
 USELESS_FILTER_MARGIN = 2e-3
 """A filter is of no use if its norm is less than this share below the norm without a filter."""
@@ -65,7 +65,7 @@ def _iteration(name: str) -> None:
     method(FaultEstimation, name, optimal=False, unfit=_certain)(iterate)
 
 
-for _name in ITERATIONS:
+for _name in MU_METHODS:
     _iteration(_name)
 
 

@@ -10,12 +10,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
+from workbench.certificate import EVERY_FREQUENCY, EVERY_PERTURBATION, Check
 from workbench.certify.stability import stability_of
 from workbench.diagnosis.estimation.figures import RequirementLoop, channels, fault_filter
 from workbench.diagnosis.estimation.weighting import (
@@ -27,13 +28,14 @@ from workbench.diagnosis.estimation.weighting import (
 from workbench.errors import InputError
 from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.mu import Peak, peak
-from workbench.program import Check, Program
+from workbench.mu.frequency.stored_peak import peak_checks, restored_peak, stored_peak
+from workbench.program import Program
+from workbench.second_opinion import loops
+from workbench.synthesis.mu.program import PEAK_TOLERANCE
 from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import GeneralisedPlant, Signals
 from workbench.systems.storage import restored, stored
 
-PEAK_TOLERANCE = 1e-3
-"""Relative width of the interval that certifies a peak."""
 LOWER_BOUND_ROUNDING = 1e-9
 """Share by which rounding may lift a claimed lower bound above the certified upper bound."""
 
@@ -62,6 +64,8 @@ class FaultFilter:
     least: float = math.nan
     history: tuple[float, ...] = field(default=())
     """Largest upper bound of each round of an iteration."""
+    proven: tuple[Peak | None, ...] = ()
+    """What proves the bounds of each requirement, and of all together."""
 
     @property
     def upper(self) -> float:
@@ -94,7 +98,7 @@ class FaultEstimation(Program):
     faults
         Names or numbers of the exogenous inputs to be estimated.
     requirements
-        What the error may be for faults and for disturbances. None: one requirement for the
+        Bounds of the error for faults and for disturbances. None: one requirement for the
         faults and one for the disturbances, each with weight and bound 1.
     start
         A filter. Method "basis" keeps its poles and its input matrix. None: the filter of method
@@ -166,7 +170,7 @@ class FaultEstimation(Program):
             return None
         found = [self.certified(K, channel) for channel in (*self.channels, None)]
         bounds = np.array([[each.lower, each.upper] for each in found])
-        return FaultFilter(K, bounds[:-1], bounds[-1], least, history)
+        return FaultFilter(K, bounds[:-1], bounds[-1], least, history, tuple(found))
 
     # --- checks -------------------------------------------------------------------------------
 
@@ -178,19 +182,36 @@ class FaultEstimation(Program):
         if not fits:
             return found
         stability = stability_of(K)
-        found.append(Check("stable filter", stability.statement, stability.value, stability.limit))
+        found.append(replace(stability, name="stable filter", where=""))
         if not stability.holds:
             return found
         claims = (*answer.peaks, answer.stacked)
-        for channel, (lower, upper) in zip((*self.channels, None), claims, strict=True):
+        proven = answer.proven or (None,) * len(claims)
+        for channel, (lower, upper), evidence in zip(
+            (*self.channels, None), claims, proven, strict=True
+        ):
             name = TOGETHER if channel is None else channel.name
-            again = self.certified(K, channel).upper
-            statement = "certified supremum of mixed mu over the claimed bound, less 1"
-            found.append(Check(f"{name}: peak", statement, again / upper - 1, PEAK_TOLERANCE))
-            statement = "claimed lower over certified upper bound, less 1"
-            found.append(
-                Check(f"{name}: lower", statement, lower / again - 1, LOWER_BOUND_ROUNDING)
+            over = EVERY_PERTURBATION
+            if channel is not None and channel.band != EVERYWHERE:
+                over = over.replace(EVERY_FREQUENCY, "at every frequency of its band")
+            loop = self.loop(K, channel)
+            checks = peak_checks(
+                loop.system, loop.performance_structure, float(lower), float(upper), evidence
             )
+            found += [replace(one, name=f"{name}: {one.name}", over=over) for one in checks]
+        return found
+
+    def second_opinion(self, answer: FaultFilter) -> list[Check]:
+        found = [loops.powers_fall(answer.K.A, answer.K.dt)]
+        claims = (*answer.peaks[:, 1], answer.stacked[1])
+        for channel, upper in zip((*self.channels, None), claims, strict=True):
+            name = TOGETHER if channel is None else channel.name
+            band = EVERYWHERE if channel is None else channel.band
+            loop = self.loop(answer.K, channel)
+            tried = [loops.gain(loop.system, None, loop.structure, upper, band=band)]
+            if band == EVERYWHERE:
+                tried += loops.in_time(loop.system, loop.structure, upper)
+            found += [replace(check, name=f"{name}: {check.name}") for check in tried]
         return found
 
     def metrics(self, answer: FaultFilter) -> dict[str, float]:
@@ -221,6 +242,12 @@ class FaultEstimation(Program):
                 "peak": (("requirement", "bound"), bounds, one | {"long_name": "mixed mu"}),
                 "least": ((), answer.least, one | {"long_name": "no lower nominal norm was found"}),
                 "round_peak": ("round", list(answer.history), one),
+                **{
+                    key: variable
+                    for number, found in enumerate(answer.proven)
+                    if found is not None
+                    for key, variable in stored_peak(f"proven_{number}", found).items()
+                },
             },
             coords={
                 "bound": ["lower", "upper"],
@@ -232,7 +259,9 @@ class FaultEstimation(Program):
         bounds = data["peak"].values
         history = tuple(map(float, data["round_peak"].values))
         least = float(data["least"])
-        return FaultFilter(restored(data, "filter"), bounds[:-1], bounds[-1], least, history)
+        proven = tuple(restored_peak(data, f"proven_{number}") for number in range(len(bounds)))
+        F = restored(data, "filter")
+        return FaultFilter(F, bounds[:-1], bounds[-1], least, history, proven)
 
     def figures(self, answer: FaultFilter) -> dict[str, Figure]:
         loops = []

@@ -81,18 +81,18 @@ def estimation_plant(
     Raises InputError as `FaultEstimation`.
     """
     _need_filtered(plant)
-    f = names_of(plant, faults)
+    f = exogenous_names(plant, faults)
     _shown(plant.channel(None, f), f)
-    d = [name for name in names_of(plant, None) if name not in f]
+    d = [name for name in exogenous_names(plant, None) if name not in f]
     if requirements is None:
         requirements = [Requirement("faults", f)]
         requirements += [Requirement("disturbances", d)] if d else []
     _need_requirements(requirements)
-    concerned = [names_of(plant, each.signals) for each in requirements]
+    concerned = [exogenous_names(plant, each.signals) for each in requirements]
     if not any(set(names) & set(f) for names in concerned):
         raise InputError(f"no requirement is about the faults {f}: u_f = 0 would meet them all")
     blocks, entering, ends = [], [], [0]
-    terms: dict[str, list[str]] = {name: [] for name in names_of(plant, None)}
+    terms: dict[str, list[str]] = {name: [] for name in exogenous_names(plant, None)}
     for number, (each, names) in enumerate(zip(requirements, concerned, strict=True)):
         weight = as_weight(each.weight, len(names), f"the weight of {each.name!r}") / each.bound
         if not stability_of(weight).holds:
@@ -151,7 +151,7 @@ def _need_requirements(requirements: Any) -> None:
         )
 
 
-def names_of(plant: GeneralisedPlant, signals: Signals) -> list[str]:
+def exogenous_names(plant: GeneralisedPlant, signals: Signals) -> list[str]:
     """The names of the given exogenous inputs of a plant; of all of them for None."""
     chosen = plant.channel(None, signals)
     labels = list(chosen.system.input_labels)

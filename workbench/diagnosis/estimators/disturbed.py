@@ -11,7 +11,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from workbench.arrays import RealArray
-from workbench.diagnosis.estimators.observers import balanced, check_observable
+from workbench.diagnosis.estimators.observers import balanced_matrix, check_observable
 from workbench.diagnosis.estimators.rotation import Rotation
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
@@ -58,7 +58,7 @@ class DisturbedPlant:
         ):
             raise InputError("the system beside must be stable and have one input, u")
         n = self.seen
-        scaled, scale = balanced(self.A[:n, :n])
+        scaled, scale = balanced_matrix(self.A[:n, :n])
         check_observable(scaled, self.C[None, :n] * scale, self.period)
 
     def _check_system(self, name: str, system: Any) -> None:
@@ -96,7 +96,7 @@ class DisturbedPlant:
 
     @property
     def seen(self) -> int:
-        """How many states the measurement shows; they are the first ones."""
+        """Number of states that the measurement shows; they are the first ones."""
         return self.slices[2].stop
 
     @cached_property

@@ -26,7 +26,7 @@ from workbench.arrays import RealArray
 from workbench.compiled import kernel
 from workbench.diagnosis.estimators.disturbed import DisturbedPlant, need_model
 from workbench.diagnosis.estimators.estimator import Estimator
-from workbench.diagnosis.estimators.observers import balanced
+from workbench.diagnosis.estimators.observers import balanced_matrix
 from workbench.diagnosis.estimators.streaming import (
     HEADER,
     correct,
@@ -109,7 +109,7 @@ class KalmanEstimator:
         """Covariance (seen, seen) of the prediction after a long record of quality 1."""
         n, r = self.model.seen, self.noise.measurement
         # The solver of the equation needs states scaled to one size, and y in units of its noise.
-        A, scale = balanced(self.model.A[:n, :n])
+        A, scale = balanced_matrix(self.model.A[:n, :n])
         C = self.model.C[:n] * scale / r
         Q = self.Q / np.outer(scale, scale)
         size = max(float(np.linalg.norm(Q, 2)), np.finfo(float).tiny)

@@ -36,7 +36,7 @@ def observer_gain(
     pole is missed.
     """
     a, c, wanted = _checked(A, C, poles, period)
-    scaled, scale = balanced(a)
+    scaled, scale = balanced_matrix(a)
     seen = c * scale
     size = abs(seen).max(axis=1, keepdims=True)
     check_observable(scaled, seen, period)
@@ -64,7 +64,7 @@ def placement_residual(A: RealArray, C: RealArray, gain: RealArray, poles: Compl
     return float(max(least) / size)
 
 
-def balanced(A: ArrayLike) -> tuple[RealArray, RealArray]:
+def balanced_matrix(A: ArrayLike) -> tuple[RealArray, RealArray]:
     """D^-1 A D (n, n), its rows and columns of about equal size, and the diagonal of D (n,)."""
     scaled, (scale, _) = matrix_balance(np.asarray(A, float), permute=False, separate=True)
     return scaled, scale

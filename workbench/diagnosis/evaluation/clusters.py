@@ -18,7 +18,7 @@ Whole = NDArray[np.int64]
 
 UNKNOWN = -1
 """The number for features that are far from every cluster."""
-LARGEST_CONDITION = 1e10
+LARGEST_CORRELATION_CONDITION = 1e10
 """Largest condition number of a cluster's correlation matrix; beyond it the cluster is flat."""
 
 
@@ -108,7 +108,7 @@ def _gaussian(name: str, points: RealArray) -> tuple[RealArray, RealArray]:
     if still.size:
         raise InputError(f"{flat}; features {still.tolist()} do not vary")
     correlation = np.atleast_2d(np.corrcoef(points, rowvar=False))
-    if np.linalg.cond(correlation) > LARGEST_CONDITION:
+    if np.linalg.cond(correlation) > LARGEST_CORRELATION_CONDITION:
         raise InputError(f"{flat}; a feature is a combination of others")
     return points.mean(axis=0), spread[:, None] * np.linalg.cholesky(correlation)
 

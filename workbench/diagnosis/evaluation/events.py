@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from workbench.diagnosis.evaluation.changes import hysteresis
 from workbench.diagnosis.evaluation.performance import Interval, intervals
-from workbench.diagnosis.evaluation.residual_size import series
+from workbench.diagnosis.evaluation.residual_size import as_series
 from workbench.errors import InputError
 from workbench.input_checks import need_whole
 from workbench.simulation import play
@@ -21,7 +21,7 @@ def events(signal: ArrayLike, on: float, off: float, apart: int = 1) -> list[Int
     sample and one after the last of each. Raises InputError for a signal that is empty or not
     finite, and unless off <= on and apart >= 0.
     """
-    values = series("signal", signal)
+    values = as_series("signal", signal)
     _check_count("apart", apart)
     alarm = play(hysteresis(on, off), values[:, None])[:, 0]
     joined: list[Interval] = []

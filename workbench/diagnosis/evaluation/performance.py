@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.arrays import RealArray
-from workbench.diagnosis.evaluation.residual_size import series
+from workbench.diagnosis.evaluation.residual_size import as_series
 from workbench.errors import InputError
 from workbench.input_checks import as_array, need_numbers, need_whole
 
@@ -20,7 +20,7 @@ Interval = tuple[int, int]
 
 def intervals(flags: ArrayLike) -> list[Interval]:
     """The stretches in which a series (N,) is true."""
-    series("flags", flags)
+    as_series("flags", flags)
     edges = np.flatnonzero(np.diff(np.asarray(flags, bool).astype(int), prepend=0, append=0))
     return [(int(start), int(end)) for start, end in edges.reshape(-1, 2)]
 
@@ -64,7 +64,7 @@ def detection(
     Raises InputError for faults that are outside the record, empty, or overlap (tails included),
     and for a record that is empty or not finite.
     """
-    raised = series("alarm", alarm) != 0.0
+    raised = as_series("alarm", alarm) != 0.0
     need_numbers(period=period)
     need_whole(tail, "tail")
     if not 0.0 < period < math.inf or tail < 0:
@@ -117,7 +117,7 @@ def roc(clean: ArrayLike, faulty: ArrayLike) -> Roc:
 
     Raises InputError if there are no scores, or some are not finite.
     """
-    without, given = np.sort(series("clean", clean)), np.sort(series("faulty", faulty))
+    without, given = np.sort(as_series("clean", clean)), np.sort(as_series("faulty", faulty))
     levels = np.concatenate([[np.inf], np.unique(np.concatenate([without, given]))[::-1]])
     n, m = len(without), len(given)
     false_alarm = 1.0 - np.searchsorted(without, levels, side="left") / n

@@ -55,7 +55,7 @@ def _moving_rms(
     output[0] = math.sqrt(max(state[1], 0.0) / min(seen + 1, window))
 
 
-def series(name: str, values: ArrayLike) -> RealArray:
+def as_series(name: str, values: ArrayLike) -> RealArray:
     """A record as an array (N,).
 
     Raises InputError, with the record's name, unless it is 1-D, finite and not empty.

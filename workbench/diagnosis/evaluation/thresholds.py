@@ -15,7 +15,7 @@ from scipy import stats
 
 from workbench.arrays import RealArray
 from workbench.compiled import compiled
-from workbench.diagnosis.evaluation.residual_size import series
+from workbench.diagnosis.evaluation.residual_size import as_series
 from workbench.errors import InputError
 from workbench.input_checks import need_numbers, need_places, need_whole
 from workbench.simulation import Controller
@@ -50,7 +50,7 @@ def quantile_threshold(
 
     Raises InputError if there are too few values for the rate, or they are not finite.
     """
-    values = series("clean", clean)
+    values = as_series("clean", clean)
     need_numbers(false_alarm_rate=false_alarm_rate, confidence=confidence)
     need_whole(block, "block")
     if not (0.0 < false_alarm_rate < 1.0 and 0.0 < confidence < 1.0 and block >= 1):
@@ -84,7 +84,7 @@ def bounded_threshold(gains: ArrayLike, bounds: ArrayLike, noise: float = 0.0) -
     Raises InputError for different lengths, negative values, and a level that is not above the
     noise.
     """
-    gain, bound = series("gains", gains), series("bounds", bounds)
+    gain, bound = as_series("gains", gains), as_series("bounds", bounds)
     if gain.shape != bound.shape or min(gain.min(), bound.min()) < 0.0:
         raise InputError(f"gains {gain}, bounds {bound}: need equally many, none negative")
     # Each product and each sum rounds by half a unit at most; none of them may round down.

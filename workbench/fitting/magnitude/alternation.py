@@ -27,7 +27,7 @@ REMOTE_ROOT_FACTOR = 1e3
 """Roots farther from the band of the data than this factor may be moved to zero or infinity."""
 UNDAMPED_RATIO = 1e-5
 """Damping ratio below which a root may be moved onto the imaginary axis."""
-VALLEY_SAMPLES = 10
+COVER_VALLEY_SAMPLES = 10
 """Samples in each interval of the data in the search for the lowest points of a cover."""
 
 
@@ -209,7 +209,9 @@ def _valleys(omega: RealArray, ratio: object) -> RealArray:
     """Frequencies [rad/s] of the local minima of the ratio, between the data too."""
     u = np.log(omega)
     fine = np.interp(
-        np.arange((u.size - 1) * VALLEY_SAMPLES + 1) / VALLEY_SAMPLES, np.arange(u.size), u
+        np.arange((u.size - 1) * COVER_VALLEY_SAMPLES + 1) / COVER_VALLEY_SAMPLES,
+        np.arange(u.size),
+        u,
     )
     r = ratio(np.exp(fine))  # type: ignore[operator]
     low = np.flatnonzero((r[1:-1] <= r[:-2]) & (r[1:-1] <= r[2:]))

@@ -8,7 +8,7 @@ import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.executor import Context
-from workbench.fitting.magnitude.differential_correction import Step, minimax
+from workbench.fitting.magnitude.differential_correction import CorrectionStep, minimax
 from workbench.fitting.magnitude.program import MagnitudeFit
 from workbench.fitting.magnitude.squared import SquaredBasis
 from workbench.program import Claim, conic_method
@@ -30,7 +30,7 @@ def _conic(program: MagnitudeFit, context: Context, solver: ConicSolver) -> Clai
     """Differential correction by semidefinite programs: Gram matrices of N and D."""
     messages = [""]
 
-    def step(statement: Step) -> tuple[RealArray, RealArray, float] | None:
+    def step(statement: CorrectionStep) -> tuple[RealArray, RealArray, float] | None:
         with context.stating():
             problem, numerator, denominator, fall = _statement(statement)
         messages.append(solve_conic(problem, solver, context.options, context)[1])
@@ -42,7 +42,7 @@ def _conic(program: MagnitudeFit, context: Context, solver: ConicSolver) -> Clai
     return minimax(program, step, context), Outcome.SOLVED, messages[-1]
 
 
-def _statement(step: Step) -> tuple[Any, Any, Any, Any]:
+def _statement(step: CorrectionStep) -> tuple[Any, Any, Any, Any]:
     """Semidefinite program of a step, and its variables: coefficients of N and of D, and t."""
     import cvxpy as cp
 

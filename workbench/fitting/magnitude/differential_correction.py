@@ -18,7 +18,7 @@ import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.executor import Context
-from workbench.fitting.magnitude.gain import Target, finished, target_of
+from workbench.fitting.magnitude.gain import Target, target_of, with_best_gain
 from workbench.fitting.magnitude.program import MagnitudeFit
 from workbench.fitting.magnitude.sanathanan_koerner import sanathanan_koerner
 from workbench.fitting.magnitude.squared import SquaredBasis, stable_roots
@@ -40,12 +40,12 @@ OPTIMAL_FALL = 1e-10
 """Value of t, the possible relative fall of the error, below which the error counts as optimal."""
 STALLED_DISTANCE = 1e-4
 """Relative distance of the error from one known as unreachable, at which a stalled search ends."""
-MATCHED_ERROR = 1e-12
+EXACT_FIT_ERROR = 1e-12
 """Worst error at or below which the data count as matched."""
 
 
 @dataclass(frozen=True)
-class Step:
+class CorrectionStep:
     """Data of one step: a linear program over positive polynomials N and D.
 
     N and D are given by coefficients in bases relative to the current polynomials. The rows of
@@ -62,7 +62,7 @@ class Step:
     mean: RealArray
 
 
-Solver = Callable[[Step], tuple[RealArray, RealArray, float] | None]
+Solver = Callable[[CorrectionStep], tuple[RealArray, RealArray, float] | None]
 """Function of a step that gives the coefficients of N and D and t; None without an answer."""
 
 
@@ -77,7 +77,7 @@ def minimax(
 
     def corrected(start: Rational) -> Rational:
         fit = _covering_correction(target, start, solver, context)
-        return finished(target, fit.zeros, fit.poles)
+        return with_best_gain(target, fit.zeros, fit.poles)
 
     def proven(fit: Rational) -> bool:
         return abs(program.gap(fit)[1]) <= context.options.accuracy
@@ -117,7 +117,7 @@ def _differential_correction(
     error, fit = target.best(start)
     unreachable, plain, lost = 0.0, 0, 0
     for _ in context.track(range(MAX_CORRECTIONS), "differential correction"):
-        if error <= MATCHED_ERROR:
+        if error <= EXACT_FIT_ERROR:
             break
         # far from the optimum corrections may be slow: ask for half of the possible improvement
         asked = error if plain < MAX_PLAIN_CORRECTIONS else (error + unreachable) / 2
@@ -144,7 +144,7 @@ def _differential_correction(
 
 
 def _along(
-    target: Target, error: float, step: Step, found: tuple[RealArray, RealArray, float]
+    target: Target, error: float, step: CorrectionStep, found: tuple[RealArray, RealArray, float]
 ) -> tuple[float, Rational]:
     """Error and fit at the end of a step or, if the error does not fall there, on the way to it.
 
@@ -164,7 +164,7 @@ def _along(
         share /= 4
 
 
-def _step(target: Target, fit: Rational, error: float, asked: float) -> Step:
+def _step(target: Target, fit: Rational, error: float, asked: float) -> CorrectionStep:
     """Data of the step from a fit of a given error towards an error ``asked``."""
     numerator = SquaredBasis(fit.zeros, target.omega)
     denominator = SquaredBasis(fit.poles, target.omega)
@@ -176,7 +176,7 @@ def _step(target: Target, fit: Rational, error: float, asked: float) -> Step:
     slope = 0 * low if target.cover else 2 * low
     slope[bounded] *= error / weight
     h = high[bounded, None]
-    return Step(
+    return CorrectionStep(
         numerator,
         denominator,
         np.hstack([-top[bounded], h**2 * bottom[bounded]]) / error,

@@ -113,7 +113,7 @@ def target_of(program: MagnitudeFit) -> Target:
     return Target(program.omega, program.magnitude, program.weight, program.cover)
 
 
-def finished(target: Target, zeros: ComplexArray, poles: ComplexArray) -> Rational:
+def with_best_gain(target: Target, zeros: ComplexArray, poles: ComplexArray) -> Rational:
     """Stable, minimum-phase function with given roots, mirrored where needed, and the best gain.
 
     For a cover the gain also covers the data between their frequencies.

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.executor import Context
-from workbench.fitting.magnitude.differential_correction import Step, minimax
+from workbench.fitting.magnitude.differential_correction import CorrectionStep, minimax
 from workbench.fitting.magnitude.program import MagnitudeFit
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
@@ -22,7 +22,7 @@ def _minimax(program: MagnitudeFit, context: Context) -> Claim:
     return minimax(program, linear_program, context), Outcome.SOLVED, ""
 
 
-def linear_program(step: Step) -> tuple[RealArray, RealArray, float] | None:
+def linear_program(step: CorrectionStep) -> tuple[RealArray, RealArray, float] | None:
     """Answer of a step by the linear solver HiGHS.
 
     Only some rows are used at first; the violated ones, and positivity between the data where it

@@ -8,10 +8,10 @@ import numpy as np
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.executor import Context
-from workbench.fitting.magnitude.gain import Target, finished, target_of
+from workbench.fitting.magnitude.gain import Target, target_of, with_best_gain
 from workbench.fitting.magnitude.program import MagnitudeFit
 from workbench.fitting.magnitude.sanathanan_koerner import sanathanan_koerner
-from workbench.fitting.rational import Rational, paired
+from workbench.fitting.rational import Rational, conjugate_pairs
 from workbench.program import Claim, method
 from workbench.solvers import ipopt, ipopt_outcome
 
@@ -40,7 +40,7 @@ def _ipopt(program: MagnitudeFit, context: Context) -> Claim:
     x0 = np.concatenate([[np.log(shape.gain)], zeros, poles, [worst]])
     found = solver(x0=x0, ubg=0, lbx=-30, ubx=30)["x"].full().ravel()
     outcome, message = ipopt_outcome(solver)
-    fit = finished(
+    fit = with_best_gain(
         target, middle * _roots(found[1 : n + 1]), middle * _roots(found[n + 1 : 2 * n + 1])
     )
     return fit, outcome, message
@@ -57,7 +57,9 @@ def _damped(roots: ComplexArray) -> ComplexArray:
     """Roots of the same size with at least MIN_STARTING_DAMPING."""
     size = np.abs(roots)
     real = np.minimum(roots.real, -MIN_STARTING_DAMPING * size)
-    return paired(real + 1j * np.sign(roots.imag) * np.sqrt(np.maximum(size**2 - real**2, 0)))
+    return conjugate_pairs(
+        real + 1j * np.sign(roots.imag) * np.sqrt(np.maximum(size**2 - real**2, 0))
+    )
 
 
 def _log_size(logs: Any, omega: RealArray) -> Any:

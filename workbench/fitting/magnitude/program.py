@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.arrays import RealArray
+from workbench.certificate import THIS_SYSTEM, Check, quantified, worst
 from workbench.errors import InputError, SolverError
 from workbench.executor import Context
 from workbench.fitting.magnitude import results
@@ -19,7 +20,8 @@ from workbench.fitting.rational import Rational
 from workbench.fitting.samples import as_count, as_frequencies, as_positive
 from workbench.fitting.storage import function
 from workbench.heavy_types import Dataset, Figure, StateSpace
-from workbench.program import Check, Program, find_method, worst
+from workbench.program import Program, find_method
+from workbench.second_opinion.fits import covers, decays, inverse_decays, realisation_agrees
 from workbench.solvers import Options
 
 LARGEST_ORDER = 12
@@ -105,16 +107,36 @@ class MagnitudeFit(Program):
 
         checks = [
             Check("order", "number of poles", answer.poles.size, self.order),
-            Check("stable", root("poles"), _rightmost(answer.poles), -_TINY),
-            Check("minimum phase", root("zeros"), _rightmost(answer.zeros), -_TINY),
+            *quantified(
+                THIS_SYSTEM,
+                [
+                    Check("stable", root("poles"), _rightmost(answer.poles), -_TINY),
+                    Check("minimum phase", root("zeros"), _rightmost(answer.zeros), -_TINY),
+                ],
+            ),
         ]
         error, where = worst(self.errors(answer), lambda i: f"at {self.omega[i]:.6g} rad/s")
-        checks.append(Check("finite error", "worst weighted relative error", error, _HUGE, where))
+        over = f"at the {self.omega.size} given frequencies"
+        statement = "worst weighted relative error"
+        checks.append(Check("finite error", statement, error, _HUGE, where, over=over))
         if self.cover:
             margin, omega = least_margin(self.omega, self.magnitude, answer)
-            statement = "log of data over fit, everywhere between the data too, certified"
-            checks.append(Check("cover", statement, -margin, 0.0, f"at {omega:.6g} rad/s"))
+            statement, where = "log of data over fit, certified", f"at {omega:.6g} rad/s"
+            over = "at every frequency between the first and the last"
+            checks.append(Check("cover", statement, -margin, 0.0, where, over=over))
         return checks
+
+    def second_opinion(self, answer: Rational) -> Sequence[Check]:
+        system = answer.state_space()
+        found = [
+            realisation_agrees(system, self.omega, answer.response(self.omega), self.magnitude),
+            decays(system, "fit decays"),
+        ]
+        if answer.zeros.size == answer.poles.size:
+            found.append(inverse_decays(system, "inverse decays"))
+        if self.cover:
+            found.append(covers(system, self.omega, self.magnitude))
+        return found
 
     def bound(self, answer: Rational) -> float:
         """Lower bound on the worst error of every fit of the order, from this one's alternation."""
@@ -145,7 +167,7 @@ class MagnitudeFit(Program):
     # --- datasets and figures -----------------------------------------------------------------
 
     def to_dataset(self, answer: Rational) -> Dataset:
-        return results.to_dataset(self.omega, self.magnitude, self.weight, answer)
+        return results.magnitude_dataset(self.omega, self.magnitude, self.weight, answer)
 
     def from_dataset(self, data: Dataset) -> Rational:
         return function(data)

@@ -14,7 +14,7 @@ CURVE_POINTS = 10
 """Points of the drawn curve in each interval of the data."""
 
 
-def to_dataset(
+def magnitude_dataset(
     omega: RealArray, magnitude: RealArray, weight: RealArray, answer: Rational
 ) -> Dataset:
     """Data (F,) at omega [rad/s], the fitted magnitude, and the fit's roots and gain."""

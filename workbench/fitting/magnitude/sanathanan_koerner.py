@@ -6,7 +6,7 @@ import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.executor import Context
-from workbench.fitting.magnitude.gain import Target, finished, target_of
+from workbench.fitting.magnitude.gain import Target, target_of, with_best_gain
 from workbench.fitting.magnitude.program import MagnitudeFit
 from workbench.fitting.magnitude.squared import SquaredBasis, stable_roots
 from workbench.fitting.rational import Rational
@@ -22,7 +22,7 @@ def _sk(program: MagnitudeFit, context: Context) -> Claim:
     """Sanathanan-Koerner iteration: reweighted linear least squares on |W|^2."""
     target = target_of(program)
     fit = sanathanan_koerner(target, program.order)
-    return finished(target, fit.zeros, fit.poles), Outcome.SOLVED, ""
+    return with_best_gain(target, fit.zeros, fit.poles), Outcome.SOLVED, ""
 
 
 def sanathanan_koerner(target: Target, order: int) -> Rational:

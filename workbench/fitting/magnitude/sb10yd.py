@@ -6,7 +6,7 @@ import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.executor import Context
-from workbench.fitting.magnitude.gain import finished, target_of
+from workbench.fitting.magnitude.gain import target_of, with_best_gain
 from workbench.fitting.magnitude.program import MagnitudeFit
 from workbench.fitting.rational import Rational
 from workbench.fitting.slicot import sb10yd
@@ -20,11 +20,11 @@ def _sb10yd(program: MagnitudeFit, context: Context) -> Claim:
     target = target_of(program)
     if program.order == 0:  # SB10YD starts at one
         none = np.zeros(0, dtype=complex)
-        return finished(target, none, none), Outcome.SOLVED, ""
+        return with_best_gain(target, none, none), Outcome.SOLVED, ""
     phase = minimum_phase(program.omega, program.magnitude)
     response = program.magnitude * np.exp(1j * phase)
     fit: Rational = sb10yd(program.omega, response, program.order, minimum_phase=True)
-    return finished(target, fit.zeros, fit.poles), Outcome.SOLVED, ""
+    return with_best_gain(target, fit.zeros, fit.poles), Outcome.SOLVED, ""
 
 
 def minimum_phase(omega: RealArray, magnitude: RealArray) -> RealArray:

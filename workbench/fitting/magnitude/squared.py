@@ -16,7 +16,7 @@ import numpy as np
 from scipy.linalg import eigvals
 
 from workbench.arrays import ComplexArray, RealArray
-from workbench.fitting.rational import paired
+from workbench.fitting.rational import conjugate_pairs
 
 NODE_DISTANCE = 0.03
 """Smallest distance between nodes, relative to their size."""
@@ -137,12 +137,12 @@ def stable_roots(zeros: ComplexArray, omega: RealArray) -> ComplexArray:
 
 def left_half_plane(roots: ComplexArray, omega: RealArray) -> ComplexArray:
     """Roots mirrored into the left half plane and kept within ROOT_DAMPING and ROOT_RANGE."""
-    roots = paired(roots)
+    roots = conjugate_pairs(roots)
     size = np.clip(np.abs(roots), omega[0] / ROOT_RANGE, omega[-1] * ROOT_RANGE)
     turn = np.where(roots == 0, -1, roots / np.where(roots == 0, 1, np.abs(roots)))
     damping = np.maximum(np.abs(turn.real), ROOT_DAMPING)
     swing = np.sign(turn.imag) * np.sqrt(np.maximum(1 - damping**2, 0))
-    return paired(size * (-damping + 1j * swing))
+    return conjugate_pairs(size * (-damping + 1j * swing))
 
 
 def _crossings(zeros: ComplexArray) -> RealArray:

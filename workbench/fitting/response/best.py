@@ -5,7 +5,7 @@ from __future__ import annotations
 from workbench.errors import SolverError
 from workbench.executor import Context
 from workbench.fitting.response.least_peak import polished
-from workbench.fitting.response.nonlinear import peak, refined_from
+from workbench.fitting.response.nonlinear import refined_from, worst_error
 from workbench.fitting.response.program import ResponseFit
 from workbench.fitting.response.vector_fitting import vector_fits
 from workbench.fitting.slicot import sb10yd
@@ -43,7 +43,7 @@ def _best(program: ResponseFit, context: Context) -> Claim:
     else:
         try:
             found["sb10yd"] = _sb10yd(program, context)[0]
-            if peak(program, found["sb10yd"]) < peak(program, fits[0]):
+            if worst_error(program, found["sb10yd"]) < worst_error(program, fits[0]):
                 fits.append(polished(program, found["sb10yd"])[1])
         except SolverError as error:
             said.append(f"sb10yd: {error}")
@@ -52,7 +52,7 @@ def _best(program: ResponseFit, context: Context) -> Claim:
 
     def rank(name: str) -> tuple[bool, float]:
         valid = program.certify(found[name], context.options.accuracy).valid
-        return not valid, peak(program, found[name])
+        return not valid, worst_error(program, found[name])
 
     ranks = {name: rank(name) for name in found}
     errors = [

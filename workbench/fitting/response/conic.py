@@ -6,7 +6,7 @@ import numpy as np
 
 from workbench.executor import Context
 from workbench.fitting.rational import Rational
-from workbench.fitting.response.numerator import NumeratorBasis, stacked, with_numerator
+from workbench.fitting.response.numerator import NumeratorBasis, real_over_imaginary, with_numerator
 from workbench.fitting.response.program import ResponseFit
 from workbench.fitting.response.vector_fitting import EXACT_ERROR, vector_fits
 from workbench.program import Claim, conic_method
@@ -35,8 +35,8 @@ def best_numerator(
     data = program.active
     scale = float(np.sqrt(data.omega[0] * data.omega[-1]))
     basis = NumeratorBasis.over(data.omega / scale, data.weight, start.poles / scale, program.zeros)
-    shares = basis.columns.T @ stacked(data.weight * start.response(data.omega))
-    left = basis.columns @ shares - stacked(data.weight * data.response)
+    shares = basis.columns.T @ real_over_imaginary(data.weight * start.response(data.omega))
+    left = basis.columns @ shares - real_over_imaginary(data.weight * data.response)
     count = data.omega.size
     peak = float(np.hypot(left[:count], left[count:]).max())
     if peak <= EXACT_ERROR * program.size:

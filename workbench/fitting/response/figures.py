@@ -12,7 +12,7 @@ from workbench.fitting.rational import Rational
 from workbench.fitting.response.data import Data
 from workbench.heavy_types import Figure
 
-CURVE_POINTS = 2000
+DRAWN_FREQUENCIES = 2000
 """Number of frequencies, besides those of the data, at which the fit is drawn."""
 
 
@@ -59,5 +59,5 @@ def nyquist(data: Data, answer: Rational) -> Figure:
 
 def _fine(omega: RealArray) -> np.ndarray:
     """The frequencies of the data and CURVE_POINTS others between them."""
-    between = np.geomspace(omega[0], omega[-1], CURVE_POINTS)
+    between = np.geomspace(omega[0], omega[-1], DRAWN_FREQUENCIES)
     return np.union1d(between[1:-1], omega)

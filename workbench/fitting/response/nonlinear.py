@@ -41,13 +41,15 @@ def refined_from(program: ResponseFit, fits: list[Rational], context: Context) -
     """
     starts = sorted(
         (numerator_improved(program, fit, context) for fit in fits),
-        key=lambda fit: peak(program, fit),
+        key=lambda fit: worst_error(program, fit),
     )
     near = [
-        fit for fit in starts if peak(program, fit) <= START_ERROR_RATIO * peak(program, starts[0])
+        fit
+        for fit in starts
+        if worst_error(program, fit) <= START_ERROR_RATIO * worst_error(program, starts[0])
     ]
-    claims = [refined(program, fit, context) for fit in context.track(near, "refinements")]
-    return min(claims, key=lambda claim: peak(program, claim[0]))
+    claims = [refined_fit(program, fit, context) for fit in context.track(near, "refinements")]
+    return min(claims, key=lambda claim: worst_error(program, claim[0]))
 
 
 def numerator_improved(program: ResponseFit, fit: Rational, context: Context) -> Rational:
@@ -56,16 +58,16 @@ def numerator_improved(program: ResponseFit, fit: Rational, context: Context) ->
     if not_convex(program) or not solvers:
         return fit
     improved = best_numerator(program, fit, context, solvers[0])[0]
-    return fit if improved is None else min(fit, improved, key=lambda f: peak(program, f))
+    return fit if improved is None else min(fit, improved, key=lambda f: worst_error(program, f))
 
 
-def peak(program: ResponseFit, fit: Rational) -> float:
+def worst_error(program: ResponseFit, fit: Rational) -> float:
     """The worst weighted error of a fit; infinite if it is not finite."""
     error = float(np.max(program.errors(fit)))
     return error if np.isfinite(error) else np.inf
 
 
-def refined(program: ResponseFit, start: Rational, context: Context) -> Claim:
+def refined_fit(program: ResponseFit, start: Rational, context: Context) -> Claim:
     """The fit that IPOPT finds within bounds around ``start``, or ``start`` if that is better.
 
     The program minimises t subject to |e_i|^2 <= t. The errors e are in units of the start's
@@ -106,7 +108,7 @@ def refined(program: ResponseFit, start: Rational, context: Context) -> Claim:
     vector = origin + units @ found[:-1]
     if np.isfinite(vector[-1]) and np.abs(vector[:-1]).max(initial=0.0) < np.exp(LARGEST_LOGARITHM):
         better = form.rational(vector)  # its errors count, not IPOPT's status
-        if peak(program, better) < peak(program, start):
+        if worst_error(program, better) < worst_error(program, start):
             return better, Outcome.SOLVED, message
     return start, Outcome.INACCURATE, f"{message}, no better than its start, which stands"
 

@@ -10,12 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
-from workbench.fitting.rational import Rational, paired
+from workbench.arrays import EPS, ComplexArray, RealArray
+from workbench.fitting.rational import Rational, conjugate_pairs
 from workbench.fitting.response.program import ResponseFit
-
-EPS = float(np.finfo(float).eps)
-"""Relative spacing of double-precision numbers."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +39,7 @@ class NumeratorBasis:
     ) -> NumeratorBasis:
         """Basis up to a degree over given poles, at frequencies ``x`` (F,) with weights (F,)."""
         bare = Rational(np.zeros(0, dtype=complex), poles, 1.0)
-        first = stacked(weight * bare.response(x))
+        first = real_over_imaginary(weight * bare.response(x))
         size = float(np.linalg.norm(first))
         columns = np.empty((2 * x.size, degree + 1), order="F")
         recurrence = np.zeros((degree + 1, degree))
@@ -67,7 +64,7 @@ def numerator_for(program: ResponseFit, poles: ComplexArray, zeros: int) -> Rati
     data = program.active
     scale = float(np.sqrt(data.omega[0] * data.omega[-1]))
     basis = NumeratorBasis.over(data.omega / scale, data.weight, poles / scale, zeros)
-    shares = basis.columns.T @ stacked(data.weight * data.response)
+    shares = basis.columns.T @ real_over_imaginary(data.weight * data.response)
     return with_numerator(basis, shares, poles, scale)
 
 
@@ -86,12 +83,12 @@ def with_numerator(
     companion = step[:degree, :degree].copy()
     if degree:
         companion[:, -1] -= step[degree, degree - 1] * shares[:degree] / shares[degree]
-    zeros = paired(np.linalg.eigvals(companion)) if degree else np.zeros(0, dtype=complex)
+    zeros = conjugate_pairs(np.linalg.eigvals(companion)) if degree else np.zeros(0, dtype=complex)
     leading = shares[degree] / (basis.size * np.prod(np.diag(step, -1)[:degree]))
     # prod(s - p) in s / scale is scale^-n prod(s - scale p)
     return Rational(zeros * scale, poles, leading * scale ** (poles.size - degree))
 
 
-def stacked(values: np.ndarray) -> RealArray:
+def real_over_imaginary(values: np.ndarray) -> RealArray:
     """Real parts above imaginary parts."""
     return np.concatenate([values.real, values.imag])

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.arrays import ComplexArray
+from workbench.certificate import THIS_SYSTEM, Check, worst
 from workbench.errors import InputError, SolverError
 from workbench.fitting.rational import Rational
 from workbench.fitting.response.data import Data
@@ -18,7 +19,9 @@ from workbench.fitting.response.figures import bode, nyquist
 from workbench.fitting.samples import as_count, as_frequencies, as_responses, as_weights
 from workbench.fitting.storage import function, roots
 from workbench.heavy_types import Dataset, Figure, StateSpace
-from workbench.program import Check, Program, solve, worst
+from workbench.program import Program
+from workbench.second_opinion.fits import decays, inverse_decays, realisation_agrees, within
+from workbench.solution import solve
 from workbench.solvers import Options
 
 LARGEST_ORDER = 12
@@ -113,15 +116,32 @@ class ResponseFit(Program):
     def checks(self, answer: Rational, tolerance: float) -> Sequence[Check]:
         error, where = worst(self.errors(answer), self._place)
         limit = np.finfo(float).max if self.error is None else self.error
+        over = f"at the {self.active.omega.size} given frequencies"
         found = [
             Check("order", "number of poles", answer.poles.size, self.order),
             Check("zeros", "number of zeros", answer.zeros.size, self.zeros),
-            Check("error", "largest v |R - g|", error, float(limit), where),
+            Check("error", "largest v |R - g|", error, float(limit), where, over=over),
         ]
         if self.stable:
             found.append(_left("stable", "poles", answer.poles))
         if self.minimum_phase:
             found.append(_left("minimum phase", "zeros", answer.zeros))
+        return found
+
+    def second_opinion(self, answer: Rational) -> Sequence[Check]:
+        system, used = answer.state_space(), self.active
+        found = [
+            realisation_agrees(
+                system, used.omega, answer.response(used.omega), np.abs(used.response)
+            )
+        ]
+        if self.error is not None:
+            data = used.omega, used.response, used.weight
+            found.append(within(system, *data, self.error))
+        if self.stable:
+            found.append(decays(system, "fit decays"))
+        if self.minimum_phase and answer.gain and answer.zeros.size == answer.poles.size:
+            found.append(inverse_decays(system, "inverse decays"))
         return found
 
     def errors(self, answer: Rational) -> np.ndarray:
@@ -241,7 +261,7 @@ def _left(name: str, roots: str, values: ComplexArray) -> Check:
     beyond = values[~(values.real < 0)]
     where = f"the first at {beyond[0]:.6g} rad/s" if beyond.size else ""
     statement = f"number of {roots} on or right of the imaginary axis"
-    return Check(name, statement, float(beyond.size), 0.0, where)
+    return Check(name, statement, float(beyond.size), 0.0, where, over=THIS_SYSTEM)
 
 
 def _one(long_name: str) -> dict[str, str]:

@@ -13,9 +13,9 @@ import numpy as np
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.executor import Context
-from workbench.fitting.rational import Rational, paired
+from workbench.fitting.rational import Rational, conjugate_pairs
 from workbench.fitting.response.least_peak import polished
-from workbench.fitting.response.numerator import NumeratorBasis, numerator_for, stacked
+from workbench.fitting.response.numerator import NumeratorBasis, numerator_for, real_over_imaginary
 from workbench.fitting.response.program import ResponseFit
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
@@ -95,7 +95,9 @@ def _foremost(program: ResponseFit, poles: ComplexArray) -> ComplexArray:
     groups = _real_groups(poles)
     columns = [_fractions(group, data.omega) for group in groups]
     basis = data.weight[:, None] * np.hstack([*columns, np.ones((data.omega.size, 1))])
-    solution = _least_squares(stacked(basis), stacked(data.weight * data.response))
+    solution = _least_squares(
+        real_over_imaginary(basis), real_over_imaginary(data.weight * data.response)
+    )
     ends = np.cumsum([0, *(len(group) for group in groups)])
     parts = [basis[:, a:b] @ solution[a:b] for a, b in pairwise(ends)]
     kept: list[complex] = []
@@ -123,7 +125,7 @@ def relocated(program: ResponseFit, poles: ComplexArray) -> ComplexArray:
     lowest = np.inf
     for _ in range(MAX_RELOCATIONS):
         basis = NumeratorBasis.over(x, data.weight, poles, zeros).columns
-        known = stacked(target)
+        known = real_over_imaginary(target)
         left = known - basis @ (basis.T @ known)
         peak = float(np.abs(left[: x.size] + 1j * left[x.size :]).max())
         if peak < lowest:
@@ -147,7 +149,7 @@ def _relocate(
     """
     groups = _real_groups(poles)
     fractions = np.hstack([*(_fractions(group, x) for group in groups), np.ones((x.size, 1))])
-    columns = stacked(target[:, None] * fractions)
+    columns = real_over_imaginary(target[:, None] * fractions)
     columns -= basis @ (basis.T @ columns)
     weight = np.linalg.norm(target) / x.size
     rows = np.vstack([columns, weight * fractions.real.sum(axis=0)])
@@ -164,7 +166,7 @@ def _relocate(
     tiny = 1e-12 * np.maximum(np.abs(moved), x[0])  # poles on the axis give infinite fractions
     near = np.abs(moved.real) < tiny
     moved[near] = (-tiny + 1j * moved.imag)[near]
-    return paired(moved)
+    return conjugate_pairs(moved)
 
 
 def _real_groups(poles: ComplexArray) -> list[ComplexArray]:

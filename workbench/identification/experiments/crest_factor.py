@@ -8,14 +8,17 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from workbench.certificate import Check, worst
 from workbench.errors import InputError
 from workbench.heavy_types import Dataset, Figure
 from workbench.identification.experiments.figures import period_figure
 from workbench.identification.experiments.multisine import Multisine, as_lines
-from workbench.program import Check, Program, worst
+from workbench.program import Program
 
 CHECK_INSTANTS = 64
 """Instants per period of the highest line in the check; the peak's bound is 0.12 % above theirs."""
+FFT_INSTANTS = 50
+"""Instants per period of the highest line in the second opinion."""
 DRAWN_INSTANTS = 16
 """Instants per period of the highest line in figures."""
 MAX_NUMBERS_IN_MEMORY = 1 << 20
@@ -79,6 +82,7 @@ class CrestFactor(Program):
             error,
             1e-9,
             where,
+            over=f"at {len(spectrum)} lines of the spectrum",
         )
         grid, bound = self.peak(phases)
         between = Check(
@@ -86,8 +90,26 @@ class CrestFactor(Program):
             "peak allowed for between the instants looked at, relative",
             bound / grid - 1,
             1e-2,
+            over="at every instant of the period",
         )
         return [proper, amplitudes, between]
+
+    def second_opinion(self, answer: Any) -> Sequence[Check]:
+        phases = self._phases(answer)
+        count = FFT_INSTANTS * int(self.lines[-1])
+        spectrum = np.zeros(count // 2 + 1, dtype=complex)
+        spectrum[self.lines] = self.amplitudes * np.exp(1j * phases) * count / 2
+        signal = np.fft.irfft(spectrum, count)
+        above = float(np.abs(signal).max()) / self.peak(phases)[1] - 1
+        instants = f"at {count} instants of the period"
+        power = abs(float(np.sqrt(np.mean(signal**2))) / self.rms - 1)
+        return [
+            Check(name, f"{name} by the FFT over {of}, less 1", size, 1e-9, over=instants)
+            for name, of, size in (
+                ("transformed peak", "the bound", above),
+                ("transformed rms", "that of the lines", power),
+            )
+        ]
 
     def peak(self, phases: np.ndarray) -> tuple[float, float]:
         """Largest |u| on a fine grid of instants, and an upper bound on |u| over all time."""

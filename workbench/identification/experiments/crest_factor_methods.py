@@ -11,7 +11,7 @@ from workbench.solvers import Outcome, ipopt, ipopt_outcome
 
 CLIPPINGS = 400
 """Number of clippings; the crest factor hardly changes after them."""
-INSTANTS = 16
+INSTANTS_PER_PERIOD = 16
 """Instants per period of the highest line at which the signal is computed."""
 HALF_POWERS = tuple(2**n for n in range(1, 9))
 """Halves p / 2 of the even powers p whose p-norms are minimised in turn."""
@@ -34,7 +34,7 @@ def _clipping(program: CrestFactor, context: Context) -> Claim:
 
 def clipped_phases(program: CrestFactor, context: Context) -> np.ndarray:
     """The best phases [rad] found by repeated clipping from Schroeder's phases."""
-    points = INSTANTS * int(program.lines[-1])
+    points = INSTANTS_PER_PERIOD * int(program.lines[-1])
     phases = schroeder_phases(program.lines, program.amplitudes)
     best, lowest = phases, np.inf
     for level in context.track(np.linspace(0.75, 0.995, CLIPPINGS), "clippings"):
@@ -56,7 +56,7 @@ def _ipopt(program: CrestFactor, context: Context) -> Claim:
     """
     import casadi as ca
 
-    points = INSTANTS * int(program.lines[-1])
+    points = INSTANTS_PER_PERIOD * int(program.lines[-1])
     turns = 2 * np.pi * np.outer(np.arange(points), program.lines) / points
     with context.stating():
         phases = ca.MX.sym("phases", len(program.lines))
@@ -79,5 +79,5 @@ def _ipopt(program: CrestFactor, context: Context) -> Claim:
 
 def _peak(program: CrestFactor, phases: np.ndarray) -> float:
     """Largest |u| at the instants of the methods."""
-    signal = program.multisine(phases).period(INSTANTS * int(program.lines[-1]))
+    signal = program.multisine(phases).period(INSTANTS_PER_PERIOD * int(program.lines[-1]))
     return float(np.abs(signal).max())

@@ -15,80 +15,80 @@ import numpy as np
 
 
 @dataclass(frozen=True, eq=False)
-class Pair:
+class ComplexPair:
     """Complex number ``real + j imag`` of CasADi expressions, also for NumPy's exp, log, sqrt."""
 
     real: Any
     imag: Any = 0.0
 
     @classmethod
-    def of(cls, value: Any) -> Pair:
+    def of(cls, value: Any) -> ComplexPair:
         """The pair of a pair, a complex number or a real number or expression."""
-        if isinstance(value, Pair):
+        if isinstance(value, ComplexPair):
             return value
         if isinstance(value, complex | np.complexfloating):
             return cls(float(value.real), float(value.imag))
         return cls(value)
 
-    def __add__(self, other: Any) -> Pair:
-        other = Pair.of(other)
-        return Pair(self.real + other.real, self.imag + other.imag)
+    def __add__(self, other: Any) -> ComplexPair:
+        other = ComplexPair.of(other)
+        return ComplexPair(self.real + other.real, self.imag + other.imag)
 
-    def __mul__(self, other: Any) -> Pair:
-        other = Pair.of(other)
-        return Pair(
+    def __mul__(self, other: Any) -> ComplexPair:
+        other = ComplexPair.of(other)
+        return ComplexPair(
             self.real * other.real - self.imag * other.imag,
             self.real * other.imag + self.imag * other.real,
         )
 
     __radd__, __rmul__ = __add__, __mul__
 
-    def __neg__(self) -> Pair:
-        return Pair(-self.real, -self.imag)
+    def __neg__(self) -> ComplexPair:
+        return ComplexPair(-self.real, -self.imag)
 
-    def __sub__(self, other: Any) -> Pair:
-        return self + (-Pair.of(other))
+    def __sub__(self, other: Any) -> ComplexPair:
+        return self + (-ComplexPair.of(other))
 
-    def __rsub__(self, other: Any) -> Pair:
-        return Pair.of(other) - self
+    def __rsub__(self, other: Any) -> ComplexPair:
+        return ComplexPair.of(other) - self
 
-    def __truediv__(self, other: Any) -> Pair:
-        other = Pair.of(other)
+    def __truediv__(self, other: Any) -> ComplexPair:
+        other = ComplexPair.of(other)
         size = other.real * other.real + other.imag * other.imag
-        return self * Pair(other.real / size, -other.imag / size)
+        return self * ComplexPair(other.real / size, -other.imag / size)
 
-    def __rtruediv__(self, other: Any) -> Pair:
-        return Pair.of(other) / self
+    def __rtruediv__(self, other: Any) -> ComplexPair:
+        return ComplexPair.of(other) / self
 
-    def __pow__(self, power: Any) -> Pair:
+    def __pow__(self, power: Any) -> ComplexPair:
         if not isinstance(power, int | np.integer):
             return (self.log() * power).exp()
         if power < 0:
             return 1.0 / self ** (-power)
-        product = Pair(1.0)
+        product = ComplexPair(1.0)
         for _ in range(power):
             product = product * self
         return product
 
-    def conjugate(self) -> Pair:
+    def conjugate(self) -> ComplexPair:
         """Complex conjugate."""
-        return Pair(self.real, -self.imag)
+        return ComplexPair(self.real, -self.imag)
 
-    def exp(self) -> Pair:
+    def exp(self) -> ComplexPair:
         """Exponential."""
         import casadi as ca
 
         size = ca.exp(self.real)
-        return Pair(size * ca.cos(self.imag), size * ca.sin(self.imag))
+        return ComplexPair(size * ca.cos(self.imag), size * ca.sin(self.imag))
 
-    def log(self) -> Pair:
+    def log(self) -> ComplexPair:
         """Principal logarithm."""
         import casadi as ca
 
         size = self.real * self.real + self.imag * self.imag
-        return Pair(0.5 * ca.log(size), ca.atan2(self.imag, self.real))
+        return ComplexPair(0.5 * ca.log(size), ca.atan2(self.imag, self.real))
 
-    def sqrt(self) -> Pair:
+    def sqrt(self) -> ComplexPair:
         """Principal square root."""
         return self**0.5
 
@@ -96,19 +96,19 @@ class Pair:
         operation = _OPERATIONS.get(ufunc)
         if operation is None or method != "__call__" or keywords:
             return NotImplemented
-        return operation(*map(Pair.of, inputs))
+        return operation(*map(ComplexPair.of, inputs))
 
 
-_OPERATIONS: dict[np.ufunc, Callable[..., Pair]] = {
+_OPERATIONS: dict[np.ufunc, Callable[..., ComplexPair]] = {
     np.add: operator.add,
     np.subtract: operator.sub,
     np.multiply: operator.mul,
     np.true_divide: operator.truediv,
     np.negative: operator.neg,
-    np.conjugate: Pair.conjugate,
+    np.conjugate: ComplexPair.conjugate,
     np.square: lambda z: z * z,
-    np.exp: Pair.exp,
-    np.log: Pair.log,
-    np.sqrt: Pair.sqrt,
+    np.exp: ComplexPair.exp,
+    np.log: ComplexPair.log,
+    np.sqrt: ComplexPair.sqrt,
 }
 """Operation on pairs for each of NumPy's functions."""

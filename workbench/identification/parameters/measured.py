@@ -14,10 +14,10 @@ import numpy as np
 
 from workbench.errors import InputError
 from workbench.identification.experiments.quality import as_record
-from workbench.identification.parameters.complex_pair import Pair
+from workbench.identification.parameters.complex_pair import ComplexPair
 from workbench.identification.responses.periodic import ResponseEstimate
 
-Values = Mapping[str, Any]
+ParameterValues = Mapping[str, Any]
 """Parameters by name, as numbers or as symbols."""
 
 
@@ -61,7 +61,7 @@ class MeasuredResponse:
         Name in messages and figures.
     """
 
-    model: Callable[[Values, Any], Any]
+    model: Callable[[ParameterValues, Any], Any]
     frequency: Any
     response: Any
     variance: Any = None
@@ -89,7 +89,10 @@ class MeasuredResponse:
 
     @classmethod
     def of(
-        cls, model: Callable[[Values, Any], Any], estimate: ResponseEstimate, name: str = "response"
+        cls,
+        model: Callable[[ParameterValues, Any], Any],
+        estimate: ResponseEstimate,
+        name: str = "response",
     ) -> MeasuredResponse:
         """Measured response from an estimate with its variance, with a model."""
         arrays = estimate.response, estimate.variance
@@ -120,7 +123,7 @@ class MeasuredResponse:
         """Norm of the data in units of their standard deviation."""
         return float(np.linalg.norm(self.response.reshape(self.weights.shape) * self.weights))
 
-    def predicted(self, values: Values) -> np.ndarray:
+    def predicted(self, values: ParameterValues) -> np.ndarray:
         """Response of the model, in the shape of the measured one."""
         s = 2j * np.pi * self.frequency
         entries = list(_entries(self.model(values, s)))
@@ -142,8 +145,8 @@ class MeasuredResponse:
         import casadi as ca
 
         p, omega = ca.SX.sym("p", len(names)), ca.SX.sym("omega")
-        pairs = {name: Pair(p[i]) for i, name in enumerate(names)}
-        entries = [Pair.of(e) for e in _entries(self.model(pairs, Pair(0.0, omega)))]
+        pairs = {name: ComplexPair(p[i]) for i, name in enumerate(names)}
+        entries = [ComplexPair.of(e) for e in _entries(self.model(pairs, ComplexPair(0.0, omega)))]
         parts = ca.vertcat(*(e.real for e in entries), *(e.imag for e in entries))
         count = len(self.frequency)
         every = ca.Function("response", [p, omega], [parts]).map(count)
@@ -176,8 +179,10 @@ class MeasuredRecord:
         Name in messages and figures.
     """
 
-    step: Callable[[Values, Sequence[Any], Sequence[Any]], tuple[Sequence[Any], Sequence[Any]]]
-    initial: Callable[[Values], Sequence[Any]]
+    step: Callable[
+        [ParameterValues, Sequence[Any], Sequence[Any]], tuple[Sequence[Any], Sequence[Any]]
+    ]
+    initial: Callable[[ParameterValues], Sequence[Any]]
     u: Any
     y: Any
     variance: Any = None
@@ -216,7 +221,7 @@ class MeasuredRecord:
         """Norm of the data in units of their standard deviation."""
         return float(np.linalg.norm(self.y * self.weights))
 
-    def predicted(self, values: Values) -> np.ndarray:
+    def predicted(self, values: ParameterValues) -> np.ndarray:
         """Simulated outputs, shape (outputs, N)."""
         state: Sequence[Any] = list(self.initial(values))
         outputs = []

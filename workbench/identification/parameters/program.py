@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from workbench.certificate import Check, quantified
 from workbench.errors import InputError, SolverError
 from workbench.heavy_types import Dataset, Figure
 from workbench.identification.experiments.quality import IdentificationWarning
@@ -20,9 +21,19 @@ from workbench.identification.parameters.least_squares import (
     LeastSquares,
 )
 from workbench.identification.parameters.measured import Measured
-from workbench.program import Check, Program, solve
+from workbench.program import Program
+from workbench.second_opinion import SEED
+from workbench.solution import solve
 from workbench.solvers import Options
+from workbench.tables import markdown
 
+THESE_DATA = "for these data"
+"""What checks of a fit quantify over."""
+NEIGHBOURS, NEIGHBOUR_STEPS = 8, (1e-3, 1e-2, 1e-1)
+"""Neighbours of an answer that are drawn at each size, and the sizes in standard deviations."""
+NEIGHBOUR_TOLERANCE = 2e-3
+"""Largest root of a fall of the cost at a neighbour, relative to the residuals' norm: twice what
+`NEWTON_STEP_TOLERANCE` leaves to gain."""
 NEWTON_STEP_TOLERANCE = 1e-3
 """Largest change of the residuals by a Newton step from a valid answer, relative to their norm."""
 
@@ -68,7 +79,29 @@ class ParameterFit(LeastSquares, Program):
             self._newton_step(values, residuals) / self._ground(residuals),
             NEWTON_STEP_TOLERANCE,
         )
-        return [bounds, stationary, identifiable, self._definite(values)]
+        found = [stationary, identifiable, self._definite(values)]
+        return [bounds, *quantified(THESE_DATA, found)]
+
+    def second_opinion(self, answer: Any) -> Sequence[Check]:
+        values = self._values(answer)
+        covariance = self.covariance(values)
+        free = ~self.active(values)
+        rng = np.random.default_rng(SEED)
+        spread = np.sqrt(np.maximum(np.diag(covariance), 0.0)) * free
+        cost = float(np.sum(self.residuals(values) ** 2))
+        ground = self._ground(self.residuals(values))
+        best = np.inf
+        for step in NEIGHBOUR_STEPS:
+            for _ in range(NEIGHBOURS):
+                near = values + step * spread * rng.standard_normal(values.size)
+                near = np.clip(near, self.lower, self.upper)
+                best = min(best, float(np.sum(self.residuals(near) ** 2)))
+        fall = max(cost - best, 0.0) ** 0.5 / ground
+        statement = "root of the largest fall of the cost at neighbours drawn, over the residuals"
+        over = (
+            f"for {NEIGHBOURS} neighbours at each of {len(NEIGHBOUR_STEPS)} distances, {THESE_DATA}"
+        )
+        return [Check("neighbours", statement, fall, NEIGHBOUR_TOLERANCE, over=over)]
 
     def _definite(self, values: np.ndarray) -> Check:
         """Check that the covariance of the free parameters is positive definite."""
@@ -116,10 +149,12 @@ class ParameterFit(LeastSquares, Program):
 
     def tables(self, answer: Any) -> dict[str, str]:
         values = self._values(answer)
-        rows = ["| parameter | value | 99 % interval, +- |", "| --- | --- | --- |"]
-        for name, value, half in zip(self.names, values, self.intervals(values), strict=True):
-            rows.append(f"| {name} | {value:.6g} | {half:.2g} |")
-        return {"parameters": "\n".join([*rows, "", *(f"- {n}" for n in self.notes(values))])}
+        rows = [
+            (name, f"{value:.6g}", f"{half:.2g}")
+            for name, value, half in zip(self.names, values, self.intervals(values), strict=True)
+        ]
+        table = markdown(["parameter", "value", "99 % interval, ±"], rows)
+        return {"parameters": "\n".join([table, *(f"- {note}" for note in self.notes(values))])}
 
     def figures(self, answer: Any) -> dict[str, Figure]:
         named = dict(zip(self.names, map(float, self._values(answer)), strict=True))

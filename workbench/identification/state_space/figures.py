@@ -9,7 +9,7 @@ from workbench.heavy_types import Dataset, Figure
 from workbench.identification.state_space.validation import CORRELATION_BOUND
 
 
-def held_out(data: Dataset, title: str) -> Figure:
+def held_out_figure(data: Dataset, title: str) -> Figure:
     """Measured and modelled outputs on the held-out samples, and their differences."""
     outputs = data["output"].values
     figure, panels = figures.axes(
@@ -35,7 +35,7 @@ def held_out(data: Dataset, title: str) -> Figure:
     return figure
 
 
-def response(data: Dataset, title: str) -> Figure:
+def two_responses_figure(data: Dataset, title: str) -> Figure:
     """Magnitudes of the simulator's and of the nonparametric response, with its 99 % radius."""
     rows, columns = data.sizes["output"], data.sizes["input"]
     figure, panels = figures.axes(rows, columns, size=(4.4 * columns, 3.2 * rows), sharex=True)
@@ -54,17 +54,15 @@ def response(data: Dataset, title: str) -> Figure:
         )
         panel.loglog(frequency, abs(one["response"]), color=figures.ORANGE, label="simulator")
         output, source = str(one["output"].values), str(one["input"].values)
-        panel.set_title(f"{source} to {output}")
-        if k >= len(panels) - columns:
-            panel.set_xlabel("frequency [cycles/sample]")
-        if k % columns == 0:
-            panel.set_ylabel(f"magnitude, {output} [1]")
+        across = "frequency [cycles/sample]" if k >= len(panels) - columns else ""
+        up = f"magnitude, {output} [1]" if k % columns == 0 else ""
+        figures.label(panel, across, up, f"{source} to {output}")
     figure.suptitle(title)
     figures.legend_below(figure, panels[0])
     return figure
 
 
-def residuals(data: Dataset) -> Figure:
+def residuals_figure(data: Dataset) -> Figure:
     """Correlations of the predictor's errors with their past and the inputs, and 99 % bounds."""
     outputs, inputs = data["output"].values, data["input"].values
     columns = 1 + len(inputs)
@@ -94,7 +92,7 @@ def residuals(data: Dataset) -> Figure:
     return figure
 
 
-def validation(data: Dataset) -> Figure:
+def validation_figure(data: Dataset) -> Figure:
     """Validation fits of predictors and of simulators over the order."""
     figure, panels = figures.axes(1, 2, size=(9.0, 4.0))
     fits = data["validation_fit"].where(np.isfinite(data["validation_fit"]))

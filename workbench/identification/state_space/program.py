@@ -17,33 +17,29 @@ from typing import ClassVar
 import numpy as np
 
 from workbench.arrays import RealArray
+from workbench.certificate import THIS_SYSTEM, Check
 from workbench.errors import InputError
-from workbench.executor import Context
 from workbench.heavy_types import Dataset, Figure
 from workbench.identification.experiments.quality import checked_record
 from workbench.identification.responses.local_polynomial import LocalPolynomial, local_polynomial
 from workbench.identification.state_space import figures as drawn
 from workbench.identification.state_space.innovations import InnovationsModel
-from workbench.identification.state_space.prediction_error import refine
-from workbench.identification.state_space.subspace import HORIZONS, best_subspace, order_fits
+from workbench.identification.state_space.subspace import HORIZONS, order_fits
 from workbench.identification.state_space.validation import (
     autocorrelation,
     cross_correlation,
     nrmse_fit,
     share_outside,
 )
-from workbench.program import Check, Claim, Program, method
-from workbench.solvers import Outcome
+from workbench.program import Program
+from workbench.second_opinion.fits import decays
+from workbench.second_opinion.records import convolved
+from workbench.tables import markdown
 
 USES = ("one_step", "free_run")
 """Uses of the predictor and of the simulator; each is also the name of a method of the model."""
 MODELS = ("predictor", "simulator")
 """Model for each of the uses."""
-SIMULATION_WEIGHTS = (0.0, 1.0)
-"""Weights of free-run errors in the prediction-error method, for predictor and simulator.
-
-The predictor is the maximum-likelihood estimate; the simulator weights both kinds of errors.
-"""
 MATRICES = {
     "A": ("{}_state", "{}_state_"), "B": ("{}_state", "input"), "C": ("output", "{}_state"),
     "D": ("output", "input"), "K": ("{}_state", "output"),
@@ -58,14 +54,15 @@ VALIDATION_SHARE = 1 / 3
 So both folds leave one unbroken record for the estimation.
 """
 
-Fit = Callable[[RealArray, RealArray], InnovationsModel | None]
+CONVOLUTION_ROUNDING = 1e-6
+"""Largest difference of the free-run error by convolution and by simulation."""
+
+Fitter = Callable[[RealArray, RealArray], InnovationsModel | None]
 """Function of a record u (N, nu), y (N, ny) that gives a stable model, or None."""
-Way = Callable[[int], Fit]
-"""Function of an order that gives a function to fit models of that order."""
 
 
 @dataclass(frozen=True, eq=False)
-class Identified:
+class IdentifiedModels:
     """A model for each use, and the validation fits that chose their orders.
 
     ``scores`` (uses, orders, ny) [%] holds one-step fits of predictors and free-run fits of
@@ -149,7 +146,7 @@ class StateSpaceFit(Program):
                 "as parameters are needed; choose lower orders (at least 1) or a longer record"
             )
 
-    def validate(self, fit: Fit) -> RealArray:
+    def validate(self, fit: Fitter) -> RealArray:
         """Mean validation fits (uses, ny) [%] of a fitting function, over both folds.
 
         They are minus infinity if it finds no stable model.
@@ -178,47 +175,17 @@ class StateSpaceFit(Program):
         ]
         return np.array(rows)
 
-    def identify(self, predictors: Way, simulators: Way, context: Context) -> Identified | None:
-        """Models of the orders that validate best, one for each use, or None.
-
-        Every order is validated; for each use the order with the best mean fit is then fitted to
-        the whole estimation part. The result is None if no order gives a stable model.
-        """
-        ways = (predictors, simulators)
-        tried = [(way, order) for way in dict.fromkeys(ways) for order in self.orders]
-        fits = {
-            (way, order): self.validate(way(order))
-            for way, order in context.track(tried, "validation")
-        }
-        scores = np.array(
-            [[fits[way, order][use] for order in self.orders] for use, way in enumerate(ways)]
-        )
-        predictor, simulator = (
-            self._best(way, means) for way, means in zip(ways, scores.mean(axis=-1), strict=True)
-        )
-        if predictor is None or simulator is None:
-            return None
-        return Identified(predictor, simulator, scores)
-
-    def _best(self, way: Way, means: RealArray) -> InnovationsModel | None:
-        """Stable model of the whole estimation part, of the order that validated best.
-
-        If there is none, the next best order is taken; ``means`` are the orders' mean fits.
-        """
-        used = slice(None, self.estimation)
-        for place in np.argsort(-means, kind="stable"):
-            if np.isfinite(means[place]):
-                model = way(self.orders[place])(self.u[used], self.y[used])
-                if model is not None:
-                    return model
-        return None
-
     @cached_property
     def nonparametric(self) -> LocalPolynomial:
         """Nonparametric response of the estimation part."""
         return local_polynomial(self.u[: self.estimation], self.y[: self.estimation])
 
-    def checks(self, answer: Identified, tolerance: float) -> list[Check]:
+    @property
+    def held_out(self) -> str:
+        """What a score quantifies over."""
+        return f"for the last {len(self.u) - self.estimation} samples of this record"
+
+    def checks(self, answer: IdentifiedModels, tolerance: float) -> list[Check]:
         rest = slice(self.estimation, None)
         missed = 1 - self._fits(answer, rest) / 100
         radii = [
@@ -231,7 +198,7 @@ class StateSpaceFit(Program):
         ]
         return [
             *(
-                Check(f"stable {name}, {matrix}", "spectral radius", radius, 1.0)
+                Check(f"stable {name}, {matrix}", "spectral radius", radius, 1.0, over=THIS_SYSTEM)
                 for name, matrix, radius in radii
             ),
             *(
@@ -241,12 +208,26 @@ class StateSpaceFit(Program):
                     float(np.max(row)),
                     1.0,
                     f"of y{int(np.argmax(row)) + 1}",
+                    over=self.held_out,
                 )
                 for use, row in zip(USES, missed, strict=True)
             ),
         ]
 
-    def metrics(self, answer: Identified) -> dict[str, float]:
+    def second_opinion(self, answer: IdentifiedModels) -> list[Check]:
+        rest = slice(self.estimation, None)
+        m, u, y = answer.simulator, self.u[rest], self.y[rest]
+        drive, measured = u - m.u_offset, y - m.y_offset
+        run = convolved((m.A, m.B, m.C, m.D), drive, measured, self.washout)
+        again = nrmse_fit(y[self.washout :], (run + m.y_offset)[self.washout :])
+        apart = np.abs(again - self._fits(answer, rest)[1]) / 100
+        name, statement = "convolution", "error by convolution less that by simulation"
+        return [
+            Check(name, statement, float(apart.max()), CONVOLUTION_ROUNDING, over=self.held_out),
+            *(decays(getattr(answer, use).system(), f"{use} decays") for use in MODELS),
+        ]
+
+    def metrics(self, answer: IdentifiedModels) -> dict[str, float]:
         parts = {"": slice(self.estimation, None), "estimation_": slice(None, self.estimation)}
         numbers: dict[str, float] = {}
         for part, used in parts.items():
@@ -260,7 +241,7 @@ class StateSpaceFit(Program):
             "residual_input_correlations_outside": share_outside(crossed[RESIDUAL_LAGS:]),
         }
 
-    def _fits(self, answer: Identified, part: slice) -> RealArray:
+    def _fits(self, answer: IdentifiedModels, part: slice) -> RealArray:
         """Fits (uses, ny) [%] of the answer on a part of the record."""
         return self.fits(answer.predictor, answer.simulator, self.u[part], self.y[part])
 
@@ -272,25 +253,25 @@ class StateSpaceFit(Program):
             errors, u[self.washout :], RESIDUAL_LAGS
         )
 
-    def tables(self, answer: Identified) -> dict[str, str]:
+    def tables(self, answer: IdentifiedModels) -> dict[str, str]:
         outputs = [f"y{i + 1}" for i in range(self.y.shape[1])]
-        heads = [f"{use.replace('_', ' ')} {of} [%]" for use in USES for of in (*outputs, "mean")]
-        lines = ["| order | " + " | ".join(heads) + " |", "| ---: |" + " ---: |" * len(heads)]
-        for order, score in zip(self.orders, answer.scores.swapaxes(0, 1), strict=True):
-            cells = " | ".join(f"{x:.2f}" for row in score for x in (*row, row.mean()))
-            lines.append(f"| {order} | {cells} |")
-        return {"validation": "\n".join(lines) + "\n"}
+        fits = [f"{use.replace('_', ' ')} {of} [%]" for use in USES for of in (*outputs, "mean")]
+        rows = [
+            [order, *(f"{x:.2f}" for row in score for x in (*row, row.mean()))]
+            for order, score in zip(self.orders, answer.scores.swapaxes(0, 1), strict=True)
+        ]
+        return {"validation": markdown(["order", *fits], rows)}
 
-    def figures(self, answer: Identified) -> dict[str, Figure]:
+    def figures(self, answer: IdentifiedModels) -> dict[str, Figure]:
         data = self.to_dataset(answer)
         return {
-            "held-out": drawn.held_out(data, self.title),
-            "response": drawn.response(data, self.title),
-            "residuals": drawn.residuals(data),
-            "validation": drawn.validation(data),
+            "held-out": drawn.held_out_figure(data, self.title),
+            "response": drawn.two_responses_figure(data, self.title),
+            "residuals": drawn.residuals_figure(data),
+            "validation": drawn.validation_figure(data),
         }
 
-    def to_dataset(self, answer: Identified) -> Dataset:
+    def to_dataset(self, answer: IdentifiedModels) -> Dataset:
         import xarray as xr
 
         predictor, simulator = answer.predictor, answer.simulator
@@ -344,47 +325,9 @@ class StateSpaceFit(Program):
             attrs={"washout": self.washout},
         )
 
-    def from_dataset(self, data: Dataset) -> Identified:
+    def from_dataset(self, data: Dataset) -> IdentifiedModels:
         predictor, simulator = (
             InnovationsModel(**{matrix: data[f"{name}_{matrix}"].values for matrix in MATRICES})
             for name in MODELS
         )
-        return Identified(predictor, simulator, data["validation_fit"].values)
-
-
-def _claim(answer: Identified | None) -> Claim:
-    """Answer, outcome and message of a method."""
-    if answer is None:
-        return None, Outcome.FAILED, "no order gives a stable model with a stable predictor"
-    orders = f"order {answer.predictor.order} to predict, {answer.simulator.order} to simulate"
-    return answer, Outcome.SOLVED, orders
-
-
-@method(StateSpaceFit, "subspace", optimal=False)
-def _subspace(program: StateSpaceFit, context: Context) -> Claim:
-    """Predictor-based subspace identification for both uses; no iterations."""
-
-    def way(order: int) -> Fit:
-        return lambda u, y: best_subspace(u, y, order)
-
-    return _claim(program.identify(way, way, context))
-
-
-@method(StateSpaceFit, "prediction-error", optimal=False)
-def _prediction_error(program: StateSpaceFit, context: Context) -> Claim:
-    """Minimisation of the errors of each use, from the subspace model, with exact gradients."""
-    predictors, simulators = (_refined(weight) for weight in SIMULATION_WEIGHTS)
-    return _claim(program.identify(predictors, simulators, context))
-
-
-def _refined(simulation_weight: float) -> Way:
-    """Fitting functions by subspace identification and prediction-error refinement."""
-
-    def way(order: int) -> Fit:
-        def fit(u: RealArray, y: RealArray) -> InnovationsModel | None:
-            start = best_subspace(u, y, order)
-            return start and refine(start, u, y, simulation_weight)[0]
-
-        return fit
-
-    return way
+        return IdentifiedModels(predictor, simulator, data["validation_fit"].values)

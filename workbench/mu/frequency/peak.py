@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from numbers import Real as Number
 from typing import Any
@@ -11,31 +11,28 @@ from typing import Any
 import numpy as np
 
 from workbench.arrays import Array
-from workbench.certify.cover import BandCover, CertifiedInterval, FrequencyBounds, refined
-from workbench.certify.interval import StableSystem, stable_system
+from workbench.certify.agreement import need_agreement
+from workbench.certify.cover import BandCover, CertifiedInterval, refined_bounds
+from workbench.certify.proof import PeakProof
+from workbench.certify.stable_system import StableSystem, stable_system
 from workbench.errors import InputError
 from workbench.input_checks import need_count, need_tolerance
+from workbench.mu.frequency.attained import attained_peak
 from workbench.mu.frequency.sweep import bounds_at, fitting
-from workbench.mu.lower.bound import lower_bound
 from workbench.structure import Complex, Real, Structure
 
-LOWER_BOUND_SHARE = 0.97
-"""Lower bounds are computed at frequencies whose upper bound is above this share of the largest."""
-
-QUICK_FREQUENCIES = 60
-"""Most frequencies at which a quick lower bound is computed."""
-
-THOROUGH_FREQUENCIES = 6
-"""Number of these frequencies at which a thorough lower bound follows."""
+INTERVALS_COVER = "intervals on which multipliers prove it cover the band"
+"""What upper bounds of a peak rest on."""
 
 
 @dataclass(frozen=True, eq=False)
 class Peak:
     """The supremum of mu over a band lies between ``lower`` and ``upper``.
 
-    ``Delta`` (r, c) makes I - M(j omega) Delta singular and has largest singular value 1 / lower;
-    where lower is 0 it is NaN. ``omega`` [rad/s] is the frequency of Delta, or where there is none
-    the frequency of the largest upper bound. ``intervals`` cover the band unless upper is infinite.
+    ``Delta`` (r, c) makes I - M(j omega) Delta singular up to rounding and proves the lower bound;
+    it is no larger than 1 / lower, and NaN where lower is 0. ``omega`` [rad/s] is the frequency of
+    Delta, or where there is none the frequency of the largest upper bound. ``intervals`` cover the
+    band unless upper is infinite.
     ``complex_part`` is the complex uncertainty added to real scalars, as a share of them; the peak
     holds for this larger set of perturbations.
     """
@@ -47,6 +44,17 @@ class Peak:
     intervals: tuple[CertifiedInterval, ...]
     message: str
     complex_part: float = 0.0
+    band: tuple[float, float] = (0.0, math.inf)
+
+    @property
+    def proof(self) -> PeakProof | None:
+        """What `workbench.certify.proof.proves` proves again; None for an infinite bound.
+
+        Where there is a complex part, it is a proof for `with_complex_part` of the system.
+        """
+        if math.isinf(self.upper):
+            return None
+        return PeakProof(self.upper, self.intervals, self.band)
 
     def __repr__(self) -> str:
         return f"Peak(lower={self.lower:.6g}, upper={self.upper:.6g}, omega={self.omega:.6g} rad/s)"
@@ -89,6 +97,8 @@ def peak(
     InputError
         The system does not fit the structure, or is unstable, improper or sampled; all blocks are
         real scalars and there is no complex part; or an argument is out of its range.
+    ContradictionError
+        The lower bound is above the upper one.
     """
     need_tolerance(tolerance)
     need_count("steps", steps)
@@ -107,14 +117,16 @@ def peak(
     else:
         stable, larger = original, structure
     at = partial(bounds_at, stable, larger)
-    found = refined(at, stable.poles).joined(at(np.array(band))).within(*band)
+    found = refined_bounds(at, stable.poles).joined(at(np.array(band))).within(*band)
     cover = BandCover(stable, at, tolerance, found)
     message = cover.complete(steps)
-    lower, omega, Delta = _lower(cover.found, larger)
+    below = attained_peak(stable, larger, cover.found, whole_axis=(low, high) == (0.0, math.inf))
+    lower, omega, Delta = below.value, below.omega, below.Delta
+    need_agreement(lower, cover.proven, "the peak of mu", upper_claim=INTERVALS_COVER)
     intervals = tuple(sorted(cover.intervals, key=lambda interval: interval.low))
     if complex_part:
         Delta = _summed(Delta, structure, complex_part)
-    return Peak(lower, cover.proven, omega, Delta, intervals, message, complex_part)
+    return Peak(lower, cover.proven, omega, Delta, intervals, message, complex_part, band)
 
 
 def with_complex_part(
@@ -148,12 +160,14 @@ def with_complex_part(
     stable = stable_system(system)
     outputs = np.concatenate([np.arange(stable.D.shape[0])[column] for _, column, _ in real])
     inputs = np.concatenate([np.arange(stable.D.shape[1])[row] for _, _, row in real])
-    C = np.vstack([stable.C, complex_part * stable.C[outputs]])
-    B = np.hstack([stable.B, stable.B[:, inputs]])
-    D = np.hstack([stable.D, stable.D[:, inputs]])
-    D = np.vstack([D, complex_part * D[outputs]])
+    c, r = stable.D.shape
+    larger = stable.channels(
+        np.concatenate([np.arange(c), outputs]),
+        np.concatenate([np.arange(r), inputs]),
+        np.concatenate([np.ones(c), np.full(len(outputs), complex_part)]),
+    )
     added = [Complex(block.rows, f"{block.name} complex".strip()) for block, _, _ in real]
-    return replace(stable, B=B, C=C, D=D), Structure((*structure, *added))
+    return larger, Structure((*structure, *added))
 
 
 def _summed(Delta: Array, structure: Structure, complex_part: float) -> Array:
@@ -168,17 +182,3 @@ def _summed(Delta: Array, structure: Structure, complex_part: float) -> Array:
             whole[row, column] += complex_part * Delta[at[0] : at[0] + n, at[1] : at[1] + n]
             at = at[0] + n, at[1] + n
     return whole
-
-
-def _lower(found: FrequencyBounds, structure: Structure) -> tuple[float, float, Array]:
-    """The largest lower bound near the largest upper ones, its frequency and Delta."""
-    order = np.argsort(-found.upper)[:QUICK_FREQUENCIES]
-    order = order[found.upper[order] >= LOWER_BOUND_SHARE * found.upper[order[0]]]
-    quick = lower_bound(found.M[order], structure, "power")
-    chosen = np.unique([order[0], *order[np.argsort(-quick.value)[:THOROUGH_FREQUENCIES]]])
-    thorough = lower_bound(found.M[chosen], structure)
-    value = np.concatenate([quick.value, thorough.value])
-    best = int(np.argmax(value))
-    omega = found.omega[np.concatenate([order, chosen])][best if value[best] > 0 else 0]
-    Delta = np.concatenate([quick.Delta, thorough.Delta])[best]
-    return float(value[best]), float(omega), Delta

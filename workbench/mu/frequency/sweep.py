@@ -10,8 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.arrays import Array, RealArray
-from workbench.certify.cover import FrequencyBounds, refined
-from workbench.certify.interval import StableSystem, stable_system
+from workbench.certify.agreement import need_agreement
+from workbench.certify.cover import FrequencyBounds, refined_bounds
+from workbench.certify.mu_bound import structured
+from workbench.certify.stable_system import StableSystem, stable_system
 from workbench.errors import InputError
 from workbench.input_checks import need_structure
 from workbench.mu.lower.bound import lower_bound
@@ -51,10 +53,12 @@ def sweep(
     ------
     InputError
         As `stable_system`; the system does not fit the structure; frequencies are missing or wrong.
+    ContradictionError
+        A lower bound is above the upper one.
     """
     stable = fitting(system, structure)
     if omega is None:
-        found = refined(partial(bounds_at, stable, structure), stable.poles)
+        found = refined_bounds(partial(bounds_at, stable, structure), stable.poles)
     else:
         try:
             points = np.unique(np.asarray(omega, dtype=float))
@@ -64,6 +68,11 @@ def sweep(
             raise InputError("omega must have frequencies [rad/s], none of them negative or NaN")
         found = bounds_at(stable, structure, points)
     below = lower_bound(found.M, structure, lower)
+    need_agreement(
+        below.value,
+        found.upper,
+        place=lambda index: f"at {found.omega[index]:.6g} rad/s",
+    )
     parts = (found.omega, found.M, found.upper, found.D_left, found.D_right, found.G)
     return Sweep(*parts, below.value, below.Delta)
 
@@ -80,4 +89,6 @@ def bounds_at(system: StableSystem, structure: Structure, omega: RealArray) -> F
     """Upper bounds at frequencies [rad/s] (F,), increasing."""
     M = system.response(omega)
     bound = upper_bound(M, structure)
-    return FrequencyBounds(omega, M, bound.value, bound.D_left, bound.D_right, bound.G)
+    # Bounds hold for the part of multipliers that the structure allows, so proofs store this part.
+    multipliers = structured(structure, bound.D_left, bound.D_right, bound.G)
+    return FrequencyBounds(omega, M, bound.value, *multipliers)

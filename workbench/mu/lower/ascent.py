@@ -14,14 +14,14 @@ from workbench.compiled import compiled
 from workbench.mu.lower.attain import (
     REAL,
     attained,
+    eigenvalue_sensitivity,
     eigenvectors,
-    sensitivity,
     split,
     turned,
 )
 from workbench.mu.lower.parameters import (
     bounded_parameters,
-    gradient,
+    eigenvalue_gradient,
     parameters,
     perturbation,
 )
@@ -62,7 +62,7 @@ def _unknown(M, table, delta, value):  # type: ignore[no-untyped-def]
     values = np.linalg.eigvals(M @ delta)
     near = values[np.argmin(np.abs(values - value))]
     x, y = eigenvectors(M @ delta, near)
-    q = sensitivity(M, delta, x, y)
+    q = eigenvalue_sensitivity(M, delta, x, y)
     _, other = split(delta, table)
     place, most = -1, REAL_BLOCK_ADVANTAGE * abs(np.vdot(q, other @ x).real)
     for k in range(len(table)):
@@ -87,7 +87,7 @@ def _ascend_once(M, table, delta, value):  # type: ignore[no-untyped-def]
     if not found > 0 or (found < value * (1 - 1e-6)):
         return value  # the dyad of a full block does less than the block: keep the start
     best = found
-    g = gradient(p, here, table, x, q, weight)
+    g = eigenvalue_gradient(p, here, table, x, q, weight)
     inverse = np.eye(len(p))
     held = np.zeros(len(p), np.bool_)
     fresh = True
@@ -127,7 +127,7 @@ def _ascend_once(M, table, delta, value):  # type: ignore[no-untyped-def]
         if free >= 0:
             trial = parameters(here, table)
             moved = trial - p
-        new = gradient(trial, here, table, x, q, weight)
+        new = eigenvalue_gradient(trial, here, table, x, q, weight)
         y = g - new  # change of the gradient of -lambda, which BFGS minimises
         s = np.where(held, 0.0, moved)
         sy = s @ y

@@ -58,7 +58,7 @@ def eigenvectors(A, value):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def sensitivity(M, delta, x, y):  # type: ignore[no-untyped-def]
+def eigenvalue_sensitivity(M, delta, x, y):  # type: ignore[no-untyped-def]
     """The q with d lambda = q* (d Delta) x for eigenvectors x, y of M Delta; 0 where defective."""
     product = np.vdot(y, x)
     q = np.conj(M.T) @ y
@@ -105,7 +105,7 @@ def turned(M, table, delta, near, free):  # type: ignore[no-untyped-def]
         if not size > 1e-200:
             break
         x, y = eigenvectors(A, value)
-        q = sensitivity(M, delta, x, y)
+        q = eigenvalue_sensitivity(M, delta, x, y)
         # d lambda by the unknown is i * effect. To keep lambda real, the unknown compensates the
         # imaginary part of all other changes.
         if free >= 0:

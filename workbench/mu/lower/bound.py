@@ -18,7 +18,7 @@ __all__ = ["LowerBound", "MuLowerBound", "lower_bound"]
 def lower_bound(
     M: Any, structure: Structure, method: str = "best", options: Options | None = None
 ) -> LowerBound:
-    """Lower bound of mixed mu, and a Delta of that size that makes I - M Delta singular.
+    """Proven lower bound of mixed mu, and a Delta of that size that makes I - M Delta singular.
 
     Parameters
     ----------
@@ -32,10 +32,10 @@ def lower_bound(
     Returns
     -------
     LowerBound
-        ``value`` (...) and ``Delta`` (..., rows, columns), with largest singular value 1 / value.
-        Where nothing was found the value is 0 and Delta is NaN. For a certificate use
-        ``solve(MuLowerBound(M, structure))``. `MuLowerBound` says how little a lower bound means
-        where all blocks are real.
+        ``value`` (...) and ``Delta`` (..., rows, columns), no larger than 1 / value. Where nothing
+        was found, or nothing that could be proven, the value is 0 and Delta is NaN. For a
+        certificate use ``solve(MuLowerBound(M, structure))``. `MuLowerBound` says how little a
+        lower bound means where all blocks are real.
 
     Raises
     ------

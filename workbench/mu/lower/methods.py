@@ -6,18 +6,19 @@ from collections.abc import Callable
 
 import numpy as np
 
+from workbench.certify.singularity import proven_bounds
 from workbench.executor import Context
 from workbench.mu.lower.ascent import search_batch
 from workbench.mu.lower.attain import block_table
 from workbench.mu.lower.mixed_blocks import gain_bound, held_bound, weak_bound
 from workbench.mu.lower.nonlinear import NonlinearSearch
 from workbench.mu.lower.power import power_batch
-from workbench.mu.lower.program import MuLowerBound
+from workbench.mu.lower.program import LowerBound, MuLowerBound
 from workbench.mu.lower.real_blocks import real_bound, unit_starts
-from workbench.mu.lower.scaling import scaled, unscaled
+from workbench.mu.lower.scaling import scaled_matrices, unscaled
 from workbench.program import Claim, method
-from workbench.solvers import Outcome
-from workbench.structure import Real
+from workbench.solvers import Options, Outcome
+from workbench.structure import Real, Structure
 
 POWER_STARTS = 2
 """Random starts of the power iteration, in addition to the warm start."""
@@ -27,10 +28,12 @@ AGREEING_ASCENTS = 3
 """Ascents that must reach the best value before a search ends early."""
 NONLINEAR_STARTS = 6
 """Random starts of the nonlinear program."""
-CHUNK_MATRICES = 250
+RUNNERS_UP = 2
+"""Earlier proposals for a matrix that are tried where the best one is not proven."""
+DEADLINE_MATRICES = 250
 """Matrices computed between two checks of the deadline."""
 
-Found = tuple[float, np.ndarray]
+FoundEigenvalue = tuple[float, np.ndarray]
 """A real eigenvalue of M Delta (0: none found) and its Delta."""
 
 
@@ -41,17 +44,34 @@ def _has_real(program: MuLowerBound) -> str | None:
     return "the structure has no real block; use 'power' or 'best'"
 
 
+def proposals(
+    M: np.ndarray, structure: Structure, method: str, options: Options | None = None
+) -> LowerBound:
+    """What ``"power"`` or ``"best"`` proposes for matrices (B, columns, rows), not proven.
+
+    Nothing that stands on it may be called a bound before the kernel has proven it.
+    """
+    search = _Search(MuLowerBound(M, structure), Context(options or Options()))
+    {"power": _power_search, "best": _best_search}[method](search)
+    return search.proposed()
+
+
 @method(MuLowerBound, "power", optimal=False)
 def _power(program: MuLowerBound, context: Context) -> Claim:
     """Power iteration of Packard, Fan, Doyle and Young from random and warm starts."""
     search = _Search(program, context)
+    _power_search(search)
+    return search.claim()
+
+
+def _power_search(search: _Search) -> None:
+    """Keep what the power iteration finds."""
     for chunk in search.chunks("power iteration"):
         values, deltas = power_batch(
             search.M[chunk], search.table, *search.starts(POWER_STARTS), False
         )
         best = np.argmax(values, axis=0)
         search.improve(chunk, values.max(axis=0), deltas[best, np.arange(values.shape[1])])
-    return search.claim()
 
 
 @method(MuLowerBound, "gain", optimal=False, unfit=_has_real)
@@ -74,6 +94,12 @@ def _ipopt(program: MuLowerBound, context: Context) -> Claim:
 def _best(program: MuLowerBound, context: Context) -> Claim:
     """The best of power iterations with local ascents and, for real blocks, their vertices."""
     search = _Search(program, context)
+    _best_search(search)
+    return search.claim()
+
+
+def _best_search(search: _Search) -> None:
+    """Keep the best of what ascents and, for real blocks, vertices find."""
     for chunk in search.chunks("ascent"):
         search.improve(
             chunk,
@@ -81,28 +107,28 @@ def _best(program: MuLowerBound, context: Context) -> Claim:
                 search.M[chunk], search.table, *search.starts(ASCENT_STARTS), AGREEING_ASCENTS
             ),
         )
-    if any(isinstance(block, Real) for block in program.structure):
+    if any(isinstance(block, Real) for block in search.structure):
         search.each("real blocks", search.from_vertices)
-    return search.claim()
 
 
 class _Search:
-    """The balanced matrices of a program, and the best bound found so far for each."""
+    """The balanced matrices of a program, and the best proposals found so far for each."""
 
     def __init__(self, program: MuLowerBound, context: Context) -> None:
         self._program, self._context = program, context
         self.structure = program.structure
         self.table = block_table(program.structure)
         shape = program.M.shape[-2:]
-        self.M, self._exponent = scaled(program.M.reshape(-1, *shape), program.structure)
+        self.M, self._exponent = scaled_matrices(program.M.reshape(-1, *shape), program.structure)
         self.value = np.zeros(len(self.M))
         self.delta = np.zeros((len(self.M), *shape[::-1]), complex)
+        self._earlier: list[list[FoundEigenvalue]] = [[] for _ in self.M]
 
     def chunks(self, description: str) -> list[slice]:
         """Slices of the batch, with progress shown under a description."""
-        starts = range(0, len(self.M), CHUNK_MATRICES)
+        starts = range(0, len(self.M), DEADLINE_MATRICES)
         return list(
-            self._context.track([slice(at, at + CHUNK_MATRICES) for at in starts], description)
+            self._context.track([slice(at, at + DEADLINE_MATRICES) for at in starts], description)
         )
 
     def starts(self, count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -113,18 +139,24 @@ class _Search:
 
     def improve(self, chunk: slice, values: np.ndarray, deltas: np.ndarray) -> None:
         """Keep values and Deltas of a chunk where they are better than those known."""
-        better = values > self.value[chunk]
-        self.value[chunk][better] = values[better]
-        self.delta[chunk][better] = deltas[better]
+        for index in np.flatnonzero(values > self.value[chunk]):
+            self._keep(chunk.start + index, values[index], deltas[index])
 
-    def each(self, description: str, find: Callable[[int], Found]) -> None:
+    def each(self, description: str, find: Callable[[int], FoundEigenvalue]) -> None:
         """Keep what `find` gives for each matrix where it is better than what is known."""
         for index in self._context.track(range(len(self.M)), description):
             value, delta = find(index)
             if value > self.value[index]:
-                self.value[index], self.delta[index] = value, delta
+                self._keep(index, value, delta)
 
-    def from_vertices(self, index: int) -> Found:
+    def _keep(self, index: int, value: float, delta: np.ndarray) -> None:
+        """Keep a better proposal for a matrix, and the last ones before it."""
+        if self.value[index] > 0:
+            before = *self._earlier[index], (self.value[index], self.delta[index].copy())
+            self._earlier[index] = list(before[-RUNNERS_UP:])
+        self.value[index], self.delta[index] = value, delta
+
+    def from_vertices(self, index: int) -> FoundEigenvalue:
         """The best Delta of one matrix found from vertices and edges of the real blocks."""
         M, rng = self.M[index], self._context.rng
         if not M.any():
@@ -137,21 +169,46 @@ class _Search:
         found.append(weak_bound(M, self.structure, least, rng))
         return max(found, key=lambda one: one[0])
 
-    def from_nonlinear(self, context: Context) -> Callable[[int], Found]:
+    def from_nonlinear(self, context: Context) -> Callable[[int], FoundEigenvalue]:
         """A function that gives the best Delta of one matrix found by the nonlinear program."""
         nonlinear = NonlinearSearch(self.structure, context)
 
-        def find(index: int) -> Found:
+        def find(index: int) -> FoundEigenvalue:
             starts = [self.structure.random(context.rng) for _ in range(NONLINEAR_STARTS)]
             return nonlinear.best_of(self.M[index], [start.astype(complex) for start in starts])
 
         return find
 
+    def proposed(self) -> LowerBound:
+        """The best proposals (B,), in the units of the given matrices."""
+        return unscaled(self.value, self.delta, self._exponent)
+
+    def _proven(self, M: np.ndarray, Delta: np.ndarray) -> np.ndarray:
+        """Bounds (B,) that Deltas prove, none above what the size of its Delta says; 0 for none."""
+        proven = proven_bounds(M, self.structure, Delta)
+        size = np.linalg.norm(np.where(proven[:, None, None] > 0, Delta, 1.0), 2, axis=(1, 2))
+        return np.minimum(proven, 1 / size)
+
     def claim(self) -> Claim:
-        """The bounds found, in the units of the given matrices."""
-        bound = unscaled(self.value, self.delta, self._exponent, self._program.batch)
-        missed = int(np.count_nonzero(bound.value == 0))
-        message = (
-            f"nothing destabilising found for {missed} of {bound.value.size}" if missed else ""
-        )
-        return bound, Outcome.SOLVED, message
+        """The proven bounds, in the units of the given matrices."""
+        proposed = self.proposed()
+        found = proposed.value > 0
+        M = self._program.M.reshape(-1, *self._program.M.shape[-2:])
+        proven = self._proven(M, proposed.Delta)
+        Delta = proposed.Delta
+        for index in np.flatnonzero(found & (proven == 0)):
+            one = slice(index, index + 1)
+            for value, delta in reversed(self._earlier[index]):
+                other = unscaled(np.array([value]), delta[None], self._exponent[one]).Delta
+                proven[one], Delta[one] = self._proven(M[one], other), other
+                if proven[index] > 0:
+                    break
+        Delta[proven == 0] = np.nan
+        missed, unproven = np.count_nonzero(~found), np.count_nonzero(found & (proven == 0))
+        said = [
+            f"nothing destabilising found for {missed} of {len(M)}" if missed else "",
+            f"not proven for {unproven} of {len(M)}" if unproven else "",
+        ]
+        batch = self._program.batch
+        bound = LowerBound(proven.reshape(batch), Delta.reshape(*batch, *Delta.shape[1:]))
+        return bound, Outcome.SOLVED, "; ".join(filter(None, said))

@@ -30,7 +30,7 @@ LEVEL_OFFSETS = np.array([-4.0, -2.0, -1.0, -0.5, -0.2, 0.0, 0.2, 0.5, 1.0, 2.0,
 multiples of its imaginary part."""
 LEVEL_REFINEMENTS, REFINED_LEVELS = 8, 9
 """Number of refinements of the levels around the best one, and number of levels each time."""
-LEVEL_EXCESS = 1e-6
+EIGENVALUE_EXCESS = 1e-6
 """Relative distance above an eigenvalue of the real blocks' own loop at which the complex blocks
 are aligned; also the lowest level as a share of |M|."""
 
@@ -155,7 +155,7 @@ def weak_bound(
     found[np.ix_(rows, columns)] = alone
     firsts = np.cumsum([0, *sizes[:-1]])
     reals = np.array([diagonal[firsts] for _, _, diagonal in starts])
-    levels = np.array([(1 + LEVEL_EXCESS) * estimate for estimate, _, _ in starts])
+    levels = np.array([(1 + EIGENVALUE_EXCESS) * estimate for estimate, _, _ in starts])
     table = block_table(structure)
     _, deltas = _closed(M, structure, reals, levels, rng)
     for delta, (estimate, block, _) in zip(deltas, starts, strict=True):
@@ -197,7 +197,7 @@ def _closed(
             own_rows[r], own_columns[c] = True, True
     identity = np.eye(columns)
     # A level as small as the rounding errors of M says nothing about M.
-    levels = np.maximum(levels, LEVEL_EXCESS * float(np.linalg.norm(M, 2)))
+    levels = np.maximum(levels, EIGENVALUE_EXCESS * float(np.linalg.norm(M, 2)))
     closed = levels[:, None, None] * identity - M @ deltas
     # A singular loop is a solution itself; a slightly larger level shows it as a large gain.
     singular = np.linalg.cond(closed) > 1e12

@@ -70,7 +70,7 @@ def perturbation(p, phase, table, rows, columns):  # type: ignore[no-untyped-def
 
 
 @compiled
-def gradient(p, delta, table, x, q, weight):  # type: ignore[no-untyped-def]
+def eigenvalue_gradient(p, delta, table, x, q, weight):  # type: ignore[no-untyped-def]
     """Gradient d lambda / dp with lambda kept real: d lambda = Re(weight q* d(Delta) x)."""
     g = np.zeros(len(p))
     at = 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
@@ -9,24 +10,28 @@ from typing import Any, ClassVar
 import numpy as np
 
 from workbench import figures
+from workbench.certificate import Check, worst
+from workbench.certify.balls import balls
+from workbench.certify.singularity import proven_bound
 from workbench.errors import InputError
 from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.input_checks import as_matrices
-from workbench.program import Check, Program, worst
+from workbench.program import Program
 from workbench.structure import Full, Real, Structure
 
-SIZE_TOLERANCE = 1e-10
-"""Largest relative deviation of the size of Delta from 1 / value that a certificate accepts."""
-SINGULARITY_TOLERANCE = 1e-10
-"""I - M Delta, balanced, counts as singular if its smallest singular value is below this share of
-the norm of M Delta or of 1, whichever is larger."""
+SIZE_ROUNDING = 1e-12
+"""Share by which the computed size of Delta may exceed 1 / value: the rounding errors of both."""
+NEARLY_SINGULAR = 1e-6
+"""Largest distance of I - M Delta from a singular matrix in the second opinion, relative."""
 
 
 @dataclass(frozen=True)
 class LowerBound:
-    """Lower bounds (...,) of mu and the Deltas (..., rows, columns) that attain them.
+    """Proven lower bounds (...,) of mu and the Deltas (..., rows, columns) that prove them.
 
-    Where the value is 0 nothing destabilising was found, and Delta is NaN.
+    Within rounding errors of each Delta lies one that makes I - M Delta exactly singular and is no
+    larger than 1 / value. Where the value is 0 nothing was found, or nothing that could be proven,
+    and Delta is NaN.
     """
 
     value: np.ndarray
@@ -37,13 +42,14 @@ class LowerBound:
 class MuLowerBound(Program):
     """The smallest structured Delta found that makes I - M Delta singular; mu is 1 / its size.
 
-    Every such Delta proves a lower bound, so the certificate does not rely on the method. Only an
-    upper bound can tell how far the lower bound is from mu.
+    A method proposes a Delta; `workbench.certify.singularity` proves the bound from it in ball
+    arithmetic, for exactly the given M. What cannot be proven counts as not found. Only an upper
+    bound can tell how far the lower bound is from mu.
 
     With real blocks only, mu is not continuous in M: where two real eigenvalues meet, a rounding
-    error may make them a complex pair, and mu may fall to 0. A lower bound then holds for the given
-    M up to rounding, but says little about neighbouring matrices. To make the question well posed,
-    add a little complex uncertainty to each real block.
+    error may make them a complex pair, and mu may fall to 0. A proven bound then says little about
+    neighbouring matrices, and one real block can be proven for a real M only. To make the question
+    well posed, add a little complex uncertainty to each real block.
 
     Parameters
     ----------
@@ -71,6 +77,10 @@ class MuLowerBound(Program):
         """Shape of the leading axes."""
         return self.M.shape[:-2]
 
+    @property
+    def quantifier(self) -> str:
+        return f"for these {math.prod(self.batch)} matrices, between them nothing"
+
     def checks(self, answer: LowerBound, tolerance: float) -> Sequence[Check]:
         value, Delta = np.asarray(answer.value), np.asarray(answer.Delta)
         wanted = self.batch, (*self.batch, self.structure.rows, self.structure.columns)
@@ -89,13 +99,13 @@ class MuLowerBound(Program):
                 "norm",
                 "largest singular value of Delta times value, less 1",
                 self._misnorm,
-                SIZE_TOLERANCE,
+                SIZE_ROUNDING,
             ),
             (
                 "singularity",
-                "smallest singular value of I - M Delta, balanced, relative to M Delta",
-                self._regularity,
-                SINGULARITY_TOLERANCE,
+                "value over the bound proven from Delta in ball arithmetic, less 1",
+                self._excess,
+                0.0,
             ),
         ):
             excess = np.zeros(self.batch)
@@ -124,18 +134,22 @@ class MuLowerBound(Program):
 
     @staticmethod
     def _misnorm(M: np.ndarray, Delta: np.ndarray, value: float) -> float:
-        """Deviation of the norm of Delta times value from 1."""
-        return abs(float(np.linalg.norm(Delta, 2)) * value - 1)
+        """The norm of Delta times value, less 1."""
+        return float(np.linalg.norm(Delta, 2)) * value - 1
 
-    @staticmethod
-    def _regularity(M: np.ndarray, Delta: np.ndarray, value: float) -> float:
-        """Smallest singular value of I - M Delta, balanced, relative to M Delta."""
-        from scipy.linalg import matrix_balance
+    def _excess(self, M: np.ndarray, Delta: np.ndarray, value: float) -> float:
+        """The value over the bound that Delta proves, less 1; infinite for no proof."""
+        proven = proven_bound(balls(M), self.structure, Delta)
+        return value / proven - 1 if proven else np.inf
 
-        # A similarity by powers of two keeps the singularity and removes the units of the signals.
-        loop = matrix_balance(M @ Delta, permute=False)[0]
-        least = np.linalg.svd(np.eye(len(loop)) - loop, compute_uv=False)[-1]
-        return float(least / max(1.0, np.linalg.norm(loop, 2)))
+    def second_opinion(self, answer: LowerBound) -> Sequence[Check]:
+        value, Delta = np.asarray(answer.value), np.asarray(answer.Delta)
+        distance = np.zeros(self.batch)
+        for index in map(tuple, np.argwhere(value > 0)):
+            distance[index] = _regularity(self.M[index] @ Delta[index])
+        largest, where = worst(distance, self.place)
+        statement = "smallest singular value of I - M Delta, balanced, relative to M Delta"
+        return [Check("nearly singular", statement, largest, NEARLY_SINGULAR, where)]
 
     def metrics(self, answer: LowerBound) -> dict[str, float]:
         value = np.asarray(answer.value)
@@ -152,7 +166,7 @@ class MuLowerBound(Program):
         dims = labels.dims[:-2]
         coords = {name: c for name, c in labels.coords.items() if set(c.dims) <= set(dims)}
         unit = {"units": "1"}
-        long_name = "smallest perturbation found that makes I - M Delta singular, NaN for none"
+        long_name = "smallest perturbation proven to make I - M Delta singular, NaN for none"
         return xr.Dataset(
             {
                 "M": ((*dims, "input", "output"), self.M, unit | {"long_name": "matrix"}),
@@ -188,3 +202,13 @@ class MuLowerBound(Program):
         count = len(self.batch)
         names = [f"matrix_{axis}" for axis in range(count)] if count > 1 else ["matrix"] * count
         return xr.DataArray(self.M, dims=[*names, "input", "output"])
+
+
+def _regularity(loop: np.ndarray) -> float:
+    """Smallest singular value of I less the loop, balanced, relative to the loop's norm."""
+    from scipy.linalg import matrix_balance
+
+    # A similarity by powers of two keeps the singularity and removes the units of the signals.
+    loop = matrix_balance(loop, permute=False)[0]
+    least = np.linalg.svd(np.eye(len(loop)) - loop, compute_uv=False)[-1]
+    return float(least / max(1.0, np.linalg.norm(loop, 2)))

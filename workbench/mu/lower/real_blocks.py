@@ -24,7 +24,7 @@ EDGE_POINT_BUDGET = 1024
 """Number of points aimed at over all edges together."""
 REFINED_STARTS = 12
 """Number of the most promising starts that are refined."""
-REAL_EIGENVALUE_TOLERANCE = 1e-13
+REAL_BLOCK_EIGENVALUE_TOLERANCE = 1e-13
 """An eigenvalue counts as real if its imaginary part is below this share of the norm of M."""
 
 
@@ -79,7 +79,7 @@ def best_vertex(M: np.ndarray, diagonals: np.ndarray) -> tuple[float, np.ndarray
     """Largest real eigenvalue (0: none) of M diag(d) over rows d and -d, and its d."""
     real = M.real if not M.imag.any() else M  # in real arithmetic, real eigenvalues are exact
     values = np.linalg.eigvals(real * diagonals[:, None, :])
-    is_real = np.abs(values.imag) <= REAL_EIGENVALUE_TOLERANCE * np.linalg.norm(M)
+    is_real = np.abs(values.imag) <= REAL_BLOCK_EIGENVALUE_TOLERANCE * np.linalg.norm(M)
     sizes = np.where(is_real, np.abs(values.real), 0.0)
     place = np.unravel_index(np.argmax(sizes), sizes.shape)
     if not sizes[place] > 0:

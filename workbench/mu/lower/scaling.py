@@ -15,11 +15,11 @@ OSBORNE_SWEEPS = 6
 """Sweeps of Osborne's method over all scalings."""
 EIGENVALUE_ROUNDING = 4 * float(np.finfo(float).eps)
 """Eigenvalues of a balanced matrix of size n below n times this count as rounding errors."""
-LARGEST_EXPONENT = 60.0
+LARGEST_SCALING_EXPONENT = 60.0
 """Largest exponent of two of a scaling; reducible matrices would lead to infinite scalings."""
 
 
-def scaled(M: np.ndarray, structure: Structure) -> tuple[np.ndarray, np.ndarray]:
+def scaled_matrices(M: np.ndarray, structure: Structure) -> tuple[np.ndarray, np.ndarray]:
     """Balanced matrices (B, columns, rows) of norms near 1, and their exponents of two (B,).
 
     Source: E. Osborne, "On pre-conditioning of matrices", J. ACM 7 (1960).
@@ -41,7 +41,9 @@ def scaled(M: np.ndarray, structure: Structure) -> tuple[np.ndarray, np.ndarray]
             usable = (left > 0) & (entered > 0)
             ratio = np.where(usable, entered, 1) / np.where(usable, left, 1)
             step = np.round(0.25 * np.log2(ratio))
-            power[:, i] = np.clip(power[:, i] + step, -LARGEST_EXPONENT, LARGEST_EXPONENT)
+            power[:, i] = np.clip(
+                power[:, i] + step, -LARGEST_SCALING_EXPONENT, LARGEST_SCALING_EXPONENT
+            )
     shift = power[:, column][:, :, None] - power[:, row][:, None, :]
     M = _times_power(M, shift.astype(int))
     largest = np.maximum(abs(M.real), abs(M.imag)).max(axis=(1, 2))
@@ -49,10 +51,8 @@ def scaled(M: np.ndarray, structure: Structure) -> tuple[np.ndarray, np.ndarray]
     return np.ascontiguousarray(_times_power(M, -again[:, None, None])), exponent + again
 
 
-def unscaled(
-    value: np.ndarray, Delta: np.ndarray, exponent: np.ndarray, batch: tuple[int, ...]
-) -> LowerBound:
-    """Lower bounds from real eigenvalues (B,) of M Delta for normalised Deltas (B, rows, columns).
+def unscaled(value: np.ndarray, Delta: np.ndarray, exponent: np.ndarray) -> LowerBound:
+    """Proposed bounds from eigenvalues (B,) of M Delta for normalised Deltas (B, rows, columns).
 
     An eigenvalue as small as the rounding errors of the balanced M counts as not found.
     """
@@ -65,9 +65,7 @@ def unscaled(
     # A bound or Delta beyond the range of floating-point numbers cannot be returned.
     found &= (bound > 0) & np.isfinite(bound) & np.isfinite(Delta).all(axis=(1, 2))
     Delta[~found] = np.nan
-    return LowerBound(
-        np.where(found, bound, 0.0).reshape(batch), Delta.reshape(*batch, *Delta.shape[1:])
-    )
+    return LowerBound(np.where(found, bound, 0.0), Delta)
 
 
 def _times_power(M: np.ndarray, exponent: np.ndarray) -> np.ndarray:

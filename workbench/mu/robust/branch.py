@@ -22,9 +22,13 @@ from typing import Any
 
 import numpy as np
 
+from workbench.certify.agreement import need_agreement
+from workbench.certify.balls import balls
+from workbench.certify.singularity import proven_bound
 from workbench.errors import InputError
 from workbench.input_checks import as_matrices, need_count
 from workbench.mu.lower.bound import lower_bound
+from workbench.mu.lower.methods import proposals
 from workbench.mu.upper.bound import upper_bound
 from workbench.solvers import Options
 from workbench.structure import Real, Structure
@@ -35,6 +39,8 @@ RECENTRING_ROUNDING = 1e-9
 """Allowance for rounding errors of recentred matrices: their bounds must be below 1 by this."""
 LEAST_RECIPROCAL_CONDITION = 1e-6
 """Least reciprocal condition number of I - M C at which a part is recentred."""
+PARTS_EXCLUDED = "multipliers exclude every part of the box of real blocks"
+"""What upper bounds rest on."""
 NARROWEST_WIDTH = 1e-9
 """Half-width, relative to the box, below which a block is not cut again."""
 
@@ -46,7 +52,7 @@ Upper = Callable[[np.ndarray, Structure], Any]
 class MuBounds:
     """Bounds ``lower`` and ``upper`` of mu of one matrix.
 
-    ``Delta`` (rows, columns) has size 1 / lower and makes I - M Delta singular; where ``lower`` is
+    ``Delta`` (rows, columns) is no larger than 1 / lower and proves that bound; where ``lower`` is
     0 it is NaN. ``nodes`` is the number of parts bounded.
     """
 
@@ -94,6 +100,8 @@ def branch_and_bound(
     ------
     InputError
         M is not one finite matrix that fits the structure, or gap or nodes is not positive.
+    ContradictionError
+        The lower bound is above the upper one.
     """
     M = as_matrices(M, structure)
     if M.ndim != 2:
@@ -110,7 +118,8 @@ def branch_and_bound(
             level = level or 0.5 * search.upper
             if not search.lower < level < search.upper or not search.decide(level):
                 break
-    return MuBounds(search.lower, max(search.upper, search.lower), search.Delta, search.nodes)
+    need_agreement(search.lower, search.upper, upper_claim=PARTS_EXCLUDED)
+    return MuBounds(search.lower, search.upper, search.Delta, search.nodes)
 
 
 class _Search:
@@ -125,6 +134,7 @@ class _Search:
         options: Options | None,
     ) -> None:
         self._M, self._structure, self._bound = M, structure, upper
+        self._exact = balls(M)
         self._budget, self._options = budget, options
         self._real = [k for k, block in enumerate(structure) if isinstance(block, Real)]
         first = lower_bound(M, structure, options=options)
@@ -189,12 +199,16 @@ class _Search:
         """Raise the lower bound by lower bounds of the recentred matrices N."""
         if not len(N):
             return
-        found = lower_bound(N, self._structure, "power", self._options)
+        found = proposals(N, self._structure, "power", self._options)
         shifted = self._scale(widths, level)[:, :, None] * found.Delta
-        for Delta in (self._perturbations(centres) + shifted)[found.value > 0]:
-            value = float(1 / np.linalg.norm(Delta, 2))
+        Deltas = (self._perturbations(centres) + shifted)[found.value > 0]
+        sizes = np.linalg.norm(Deltas, 2, axis=(-2, -1))
+        for k in np.argsort(sizes):
+            if not 1 / sizes[k] > self.lower:
+                return
+            value = min(proven_bound(self._exact, self._structure, Deltas[k]), float(1 / sizes[k]))
             if value > self.lower:
-                self.lower, self.Delta = value, Delta
+                self.lower, self.Delta = value, Deltas[k]
 
     def _cut(
         self, N: np.ndarray, centre: np.ndarray, width: np.ndarray, level: float

@@ -18,8 +18,9 @@ from typing import Any
 import numpy as np
 
 from workbench.arrays import Array
+from workbench.certify.agreement import SINGULAR_PROVEN, need_agreement
 from workbench.errors import InputError
-from workbench.mu.frequency.peak import Peak, peak
+from workbench.mu.frequency.peak import INTERVALS_COVER, Peak, peak
 from workbench.structure import Full, Real, Structure
 from workbench.systems.generalised_plant import GeneralisedPlant, Signals
 
@@ -99,6 +100,8 @@ def conditions(
     ------
     InputError, UnknownNameError
         As `GeneralisedPlant.channel`, `GeneralisedPlant.close` and `peak`.
+    ContradictionError
+        A lower bound is above an upper one, of the same peak or of one that cannot be larger.
     """
     import control
 
@@ -133,6 +136,16 @@ def conditions(
     if performs:
         whole = np.arange(N.noutputs), np.arange(N.ninputs)
         robust = of(*whole, chosen.performance_structure)
+        # Both are peaks of smaller sets of perturbations: one block of the two is 0.
+        for part, name in ((nominal, "performance"), (None if real else stability, "stability")):
+            if part is not None:
+                need_agreement(
+                    part.lower,
+                    robust.upper,
+                    "the peak of mu of robust performance",
+                    f"the peak of its part, {name}, is at least that: {SINGULAR_PROVEN}",
+                    INTERVALS_COVER,
+                )
     return Conditions(pole, nominal, stability, robust)
 
 

@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 
 from workbench.arrays import Array
-from workbench.certify.interval import StableSystem
+from workbench.certify.perturbed_loop import proven_at, proven_over_frequency
+from workbench.certify.stable_system import StableSystem
 from workbench.errors import InputError
 from workbench.mu.frequency.peak import Peak
 from workbench.mu.frequency.sweep import fitting
@@ -29,9 +30,12 @@ infinity at the fastest pole divided by this."""
 REAL_TOLERANCE, NEARLY_REAL_TOLERANCE = 1e-12, 1e-6
 """A value counts as real if its imaginary part is below the first share of it; a vector is replaced
 by its real part if its imaginary part is below the second share."""
-SINGULARITY_TOLERANCE = 1e-6
-"""I - M Delta, balanced, counts as singular if its smallest singular value is below this share of
-the norm of M Delta or of 1, whichever is larger."""
+DESTABILISING_TOLERANCE = 1e-6
+"""A null vector of I - M Delta, balanced, is interpolated if its singular value is below this share
+of the norm of M Delta or of 1, whichever is larger."""
+PROVEN_SHARE = 1 - 1e-6
+"""The bound that a peak's Delta proves again must reach this share of 1 / |Delta|; a proof moves
+Delta by less."""
 LARGEST_CONDITION = 1e10
 """Condition number of I - M Delta with real blocks only, above which these blocks alone make the
 loop singular."""
@@ -74,7 +78,7 @@ def destabilising(peak: Peak, system: Any, structure: Structure) -> Any:
     Raises
     ------
     InputError
-        The lower bound is 0; Delta does not make the loop of this system singular; or, at 0 or
+        The lower bound is 0; Delta is not proven to destabilise this system; or, at 0 or
         infinity, the complex blocks of a complex Delta have no influence on the singularity.
     """
     import control
@@ -97,6 +101,15 @@ def destabilising(peak: Peak, system: Any, structure: Structure) -> Any:
         raise InputError(f"the peak's Delta has not the structure {structure.to_pairs()}")
     omega = peak.omega
     constant = _constants(Delta, structure, 1 / peak.lower)
+    proven = proven_at(stable, allowed, Delta, omega)
+    if not proven >= (wanted := PROVEN_SHARE / float(np.linalg.norm(Delta, 2))):
+        proven = max(proven, proven_over_frequency(stable, allowed, Delta))
+    if not proven >= wanted:
+        raise InputError(
+            f"the Delta of the peak, at {omega:.6g} rad/s, is not proven to destabilise the loop "
+            f"of this system: it proves mu to be at least {proven:.6g}, and {wanted:.6g} is "
+            "needed; the peak must be that of this system and this structure"
+        )
     M = stable.response([omega])[0]
     z = _null(M, Delta)
     if not 0.0 < omega < math.inf:
@@ -139,7 +152,7 @@ def _null(M: Array, Delta: Array) -> Array:
         product = product.real
     loop, frame = matrix_balance(product, permute=False)
     _, values, Vh = np.linalg.svd(np.eye(len(loop)) - loop)
-    if values[-1] > SINGULARITY_TOLERANCE * max(1.0, float(np.linalg.norm(loop, 2))):
+    if values[-1] > DESTABILISING_TOLERANCE * max(1.0, float(np.linalg.norm(loop, 2))):
         raise InputError(
             f"I - M Delta at the peak's frequency has the singular value {values[-1]:.3g}; the "
             "peak must be that of this system and this structure"

@@ -7,13 +7,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.arrays import Array
 from workbench.input_checks import as_matrices
 from workbench.mu.upper.bound import upper_bound
 from workbench.structure import Structure
 
-LOG_SIZE_STEP = 1e-3
-"""Step of the central difference in the logarithm of a block's size. The bound is smooth to about
-1e-8 and its curvature is near 1."""
+LOG_SIZE_STEPS = 1e-3, 1e-4
+"""Steps of the central difference in the logarithm of a block's size. The bound is smooth to about
+1e-8. The second step is taken where the first one crosses a kink nearby."""
+SUM_TOLERANCE = 1e-4
+"""Distance of the sum of a matrix's sensitivities from 1 that shows a kink within the step."""
 
 
 def sensitivity(M: Any, structure: Structure) -> NDArray[np.float64]:
@@ -32,8 +35,9 @@ def sensitivity(M: Any, structure: Structure) -> NDArray[np.float64]:
     Returns
     -------
     Shape (..., blocks), 0 where the bound is 0. Central differences with a step of 1e-3 in the
-    logarithm give an accuracy of about 1e-5; where the bound has a kink the result is the mean of
-    its two slopes.
+    logarithm give an accuracy of about 1e-5, and with a step of 1e-4, taken where the sum is not 1,
+    one of about 1e-4. Where the bound has a kink the result is the mean of its two slopes; these
+    means need not add up to 1.
 
     Raises
     ------
@@ -41,12 +45,22 @@ def sensitivity(M: Any, structure: Structure) -> NDArray[np.float64]:
         M does not fit the structure or is not finite.
     """
     M = as_matrices(M, structure)
+    first, second = LOG_SIZE_STEPS
+    change = _differences(M, structure, first)
+    total = change.sum(-1)
+    again = (total > 0) & (np.abs(total - 1) > SUM_TOLERANCE)
+    if again.any():
+        change[again] = _differences(M[again], structure, second)
+    return change
+
+
+def _differences(M: Array, structure: Structure, step: float) -> NDArray[np.float64]:
+    """Central differences (..., blocks) of the logarithm of the bound; 0 where the bound is 0."""
     factors = np.ones((2, len(structure), structure.rows))
     for k, row in enumerate(structure.row_slices):
-        factors[:, k, row] = np.exp([[LOG_SIZE_STEP], [-LOG_SIZE_STEP]])
+        factors[:, k, row] = np.exp([[step], [-step]])
     value = upper_bound(M[..., None, None, :, :] * factors[..., None, :], structure).value
     larger, smaller = value[..., 0, :], value[..., 1, :]
     positive = (larger > 0) & (smaller > 0)
     ratio = np.where(positive, larger, 1.0) / np.where(positive, smaller, 1.0)
-    change: NDArray[np.float64] = np.log(ratio) / (2 * LOG_SIZE_STEP)
-    return change
+    return np.asarray(np.log(ratio) / (2 * step))

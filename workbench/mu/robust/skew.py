@@ -21,9 +21,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.arrays import Array, RealArray
+from workbench.certify.agreement import need_agreement
+from workbench.certify.skewed import proven_skew
 from workbench.errors import InputError, SolverError, UnknownNameError
 from workbench.input_checks import as_matrices
-from workbench.mu.lower.bound import lower_bound
+from workbench.mu.lower.methods import proposals
 from workbench.mu.upper.bound import upper_bound
 from workbench.structure import Structure
 
@@ -36,7 +38,7 @@ UPPER_ROOT_STEPS = 40
 """Most evaluations of the upper bound in the search for its root."""
 SUFFICIENT_SHARE = 0.9999
 """A lower bound above this share of the upper bound is not improved further."""
-LARGEST_CONDITION = 1e10
+LARGEST_LOOP_CONDITION = 1e10
 """Largest condition number of I - M Delta_f for which the loop of Delta_f is closed."""
 ROOT_SEARCH_RANGE = 80.0
 """Largest distance from the start, in log b, at which a root is looked for."""
@@ -48,10 +50,10 @@ OUTWARD_FACTOR = 1 + 1e-13
 class SkewBounds:
     """Bounds of the skewed structured singular value, as arrays over the batch.
 
-    ``lower`` (...) and ``upper`` (...). ``Delta`` (..., r, c) attains the lower bound: its fixed
-    blocks are at most 1, its varying blocks at most 1 / lower, and I - M Delta is singular. Delta
-    is NaN where lower is 0. Where lower is infinite the varying blocks are 0, because the fixed
-    blocks alone make I - M Delta singular.
+    ``lower`` (...) and ``upper`` (...). ``Delta`` (..., r, c) proves the lower bound: its fixed
+    blocks are at most 1, its varying blocks at most 1 / lower, and I - M Delta is singular up to
+    rounding. Delta is NaN where lower is 0. Where lower is infinite the varying blocks are 0,
+    because the fixed blocks alone make I - M Delta singular.
     """
 
     lower: RealArray
@@ -82,6 +84,8 @@ def skew_bounds(M: Any, structure: Structure, fixed: Sequence[str | int] | str |
     InputError, UnknownNameError
         M does not fit the structure or is not finite; `fixed` has a block that the structure does
         not have; or all blocks are fixed.
+    ContradictionError
+        A lower bound is above the upper one.
     """
     M = as_matrices(M, structure)
     varies = np.array([k not in _numbers(structure, fixed) for k in range(len(structure))])
@@ -91,9 +95,10 @@ def skew_bounds(M: Any, structure: Structure, fixed: Sequence[str | int] | str |
     upper = skew.upper()
     lower, Delta = skew.lower(upper)
     batch = M.shape[:-2]
+    need_agreement(lower.reshape(batch), upper.reshape(batch), "the skewed mu")
     return SkewBounds(
         lower.reshape(batch),
-        np.maximum(upper, lower).reshape(batch),
+        upper.reshape(batch),
         Delta.reshape(*batch, structure.rows, structure.columns),
     )
 
@@ -170,7 +175,7 @@ class Skew:
         return start
 
     def lower(self, upper: RealArray) -> tuple[RealArray, Array]:
-        """Lower bounds (B,) and Deltas: the largest 1 / size of varying blocks that was found."""
+        """Proven lower bounds (B,) and Deltas: the largest 1 / size of varying blocks found."""
         lower = np.zeros(len(self.M))
         Delta = np.full((len(self.M), self.structure.rows, self.structure.columns), np.nan + 0j)
 
@@ -179,9 +184,12 @@ class Skew:
             place, found = place[proper], found[proper]
             varying, fixed = self._sizes(found)
             with np.errstate(divide="ignore", invalid="ignore"):
-                value = np.where(fixed <= 1, 1 / varying, 0.0)
-            better = value > lower[place]
-            lower[place[better]], Delta[place[better]] = value[better], found[better]
+                promised = np.where(fixed <= 1, 1 / varying, 0.0)
+            for k in np.flatnonzero(promised > lower[place]):
+                one = self.M[place[k]], self.structure, self.blocks, found[k]
+                value = min(proven_skew(*one), promised[k])
+                if value > lower[place[k]]:
+                    lower[place[k]], Delta[place[k]] = value, found[k]
 
         unproven = np.flatnonzero(np.isinf(upper))
         if unproven.size:
@@ -195,7 +203,7 @@ class Skew:
                 some: Array, b: RealArray, which: Array = which, method: str = method
             ) -> RealArray:
                 place = which[some]
-                found = lower_bound(self.scaled(place, b), self.structure, method)
+                found = proposals(self.scaled(place, b), self.structure, method)
                 Delta = np.where(self.rows[:, None], found.Delta / b[:, None, None], found.Delta)
                 keep(place, Delta)
                 hit = found.value > 0
@@ -222,7 +230,7 @@ class Skew:
         size = np.linalg.norm(fixed, 2, axis=(-2, -1))
         fixed = fixed / np.maximum(size * OUTWARD_FACTOR, 1.0)[:, None, None]
         loop = np.eye(self.structure.columns) - self.M[which] @ fixed
-        regular = np.linalg.cond(loop) < LARGEST_CONDITION
+        regular = np.linalg.cond(loop) < LARGEST_LOOP_CONDITION
         seen = np.linalg.solve(loop[regular], self.M[which[regular]])
         result = np.full_like(fixed, np.nan)
         result[regular] = fixed[regular] + self._bounded(seen, self.blocks, method)
@@ -232,7 +240,7 @@ class Skew:
         """The least Delta found with only some blocks, the others 0; NaN where none was found."""
         part = Structure(b for b, one in zip(self.structure, blocks, strict=True) if one)
         rows, columns = self._rows(blocks), self._columns(blocks)
-        found = lower_bound(M[:, columns][:, :, rows], part, method)
+        found = proposals(M[:, columns][:, :, rows], part, method)
         Delta = np.zeros((len(M), self.structure.rows, self.structure.columns), complex)
         Delta[:, rows[:, None] & columns] = found.Delta.reshape(len(M), rows.sum() * columns.sum())
         Delta[found.value == 0] = np.nan

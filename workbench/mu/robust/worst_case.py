@@ -12,13 +12,15 @@ G. Balas, R. Liu, J.-Y. Shin, "Results on worst-case performance assessment", AC
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from workbench.arrays import Array, RealArray
-from workbench.certify.interval import StableSystem, stable_system
+from workbench.certify.agreement import need_agreement
+from workbench.certify.perturbed_loop import proven_at, proven_gain, proven_over_frequency
+from workbench.certify.stable_system import StableSystem, stable_system
 from workbench.errors import InputError
 from workbench.input_checks import need_structure, need_tolerance
 from workbench.mu.frequency.peak import peak
@@ -46,9 +48,10 @@ PERTURBED_FREQUENCIES = 8
 class WorstCaseGain:
     """Bounds of the largest gain over all frequencies and perturbations.
 
-    ``lower`` is the largest singular value of F_u(N(j omega), Delta) for the perturbation ``Delta``
-    (r, c), of size at most 1, at ``omega`` [rad/s]; it is infinite where Delta makes that loop
-    singular. ``upper`` is infinite where no bound was proven; the message says why.
+    ``lower`` is proven to be at most the largest singular value of F_u(N(j omega), Delta) for the
+    perturbation ``Delta`` (r, c), of size at most 1, at ``omega`` [rad/s]; it is infinite where a
+    multiple of Delta, of size at most 1, is proven to make the loop singular. ``upper`` is infinite
+    where no bound was proven; the message says why.
     """
 
     lower: float
@@ -79,6 +82,8 @@ def worst_case_gain(system: Any, structure: Structure, tolerance: float = 1e-2) 
     ------
     InputError
         As `peak`; the system has no performance outputs or no exogenous inputs.
+    ContradictionError
+        The lower bound is above the upper one.
     """
     need_tolerance(tolerance)
     need_structure(structure)
@@ -94,7 +99,14 @@ def worst_case_gain(system: Any, structure: Structure, tolerance: float = 1e-2) 
     search = _Search(stable, structure, structure.with_performance(performance, exogenous))
     upper, message = search.proven(tolerance)
     lower, omega, Delta = search.attained()
-    return WorstCaseGain(lower, max(lower, upper), omega, Delta, message)
+    need_agreement(
+        lower,
+        upper,
+        "the worst-case gain",
+        "ball arithmetic proves that a perturbation of size 1 has this gain",
+        "multipliers prove it on intervals that cover all frequencies",
+    )
+    return WorstCaseGain(lower, upper, omega, Delta, message)
 
 
 class _Search:
@@ -163,26 +175,33 @@ class _Search:
         """The system with its exogenous inputs divided by a level."""
         scale = np.ones(self.whole.rows)
         scale[self.structure.rows :] /= level
-        return replace(self.system, B=self.system.B * scale, D=self.system.D * scale)
+        outputs, inputs = (np.arange(count) for count in self.system.D.shape)
+        return self.system.channels(outputs, inputs, input_gains=scale)
 
     def attained(self) -> tuple[float, float, Array]:
-        """The largest gain found, its frequency and its perturbation."""
+        """The largest gain proven, its frequency and its perturbation."""
         best = np.argsort(-self.upper)[:PERTURBED_FREQUENCIES]
         omega = self.omega[best]
         lower, Delta = self.skew(omega).lower(self.upper[best])
         r, c = self.structure.rows, self.structure.columns
         Delta = np.where((lower > 0)[:, None, None], Delta[:, :r, :c], 0.0)
-        gains = np.full(len(omega), np.inf)  # where the loop is singular
-        finite = np.isfinite(lower)
-        gains[finite] = self._gains(omega[finite], Delta[finite])
+        gains = [self._gain(*one) for one in zip(Delta, omega, strict=True)]
         index = int(np.argmax(gains))
-        return float(gains[index]), float(omega[index]), Delta[index]
+        return gains[index], float(omega[index]), Delta[index]
 
-    def _gains(self, omega: RealArray, Delta: Array) -> RealArray:
-        """sigma_max(F_u(N(j omega), Delta)) for frequencies and perturbations (F,)."""
-        N = self.system.response(omega)
+    def _gain(self, Delta: Array, omega: float) -> float:
+        """The gain that a perturbation proves at a frequency [rad/s]; infinite if it destabilises.
+
+        A multiple of at most 1 of it then makes the loop singular at some frequency.
+        """
         r, c = self.structure.rows, self.structure.columns
-        N11, N12, N21, N22 = N[:, :c, :r], N[:, :c, r:], N[:, c:, :r], N[:, c:, r:]
-        inner = np.linalg.solve(np.eye(c) - N11 @ Delta, N12)
-        gain: RealArray = np.linalg.norm(N22 + N21 @ Delta @ inner, 2, axis=(-2, -1))
-        return gain
+        whole = self.system
+        loop = whole.channels(np.arange(c), np.arange(r))
+        gain = proven_gain(whole, self.structure, Delta, float(omega))
+        if not Delta.any():
+            return gain
+        unstable = max(
+            proven_at(loop, self.structure, Delta, float(omega)),
+            proven_over_frequency(loop, self.structure, Delta),
+        )
+        return math.inf if unstable >= 1 else gain

@@ -7,10 +7,17 @@ from typing import Any
 import numpy as np
 
 from workbench.arrays import ComplexArray
-from workbench.certify.mu_bound import certified
+from workbench.certify.mu_bound import certified_bound
 from workbench.executor import Context
 from workbench.mu.upper.balance import NILPOTENT_NORM, balance
-from workbench.mu.upper.pattern import DIAGONAL, Pattern, basis, fill, pattern_of, spread
+from workbench.mu.upper.pattern import (
+    DIAGONAL,
+    Pattern,
+    basis,
+    expanded_multipliers,
+    fill,
+    pattern_of,
+)
 from workbench.mu.upper.program import MuUpperBound, proved
 from workbench.program import Claim, conic_method
 from workbench.solvers import ConicSolver, Outcome, solve_conic
@@ -60,7 +67,7 @@ class _Statement:
         """The program with its parameters set for M (c, r), t and the D_r ``reference``."""
         columns = []
         for D, G in basis(self.pattern):
-            left, right, twist = spread(self.pattern, D, G)
+            left, right, twist = expanded_multipliers(self.pattern, D, G)
             X = 1j * (twist @ M)
             columns.append(_doubled(t * right - M.conj().T @ left @ M - X - X.conj().T).ravel())
         self.coefficients.value = np.stack(columns, axis=-1)
@@ -88,8 +95,8 @@ def _conic(program: MuUpperBound, context: Context, solver: ConicSolver) -> Clai
             best = np.inf
             trial_D, trial_G = D[i].copy(), G[i].copy()
             for _ in range(MOST_PROGRAMS):
-                left, right, twist = spread(pattern, trial_D, trial_G)
-                bound = float(certified(M / norm, structure, left, right, twist))
+                left, right, twist = expanded_multipliers(pattern, trial_D, trial_G)
+                bound = float(certified_bound(M / norm, structure, left, right, twist))
                 if bound < best:
                     D[i], G[i] = trial_D, trial_G * norm
                 if bound == 0.0 or bound**2 > best**2 * (1 - 0.1 * context.options.accuracy):
@@ -109,7 +116,7 @@ def _conic(program: MuUpperBound, context: Context, solver: ConicSolver) -> Clai
         ends = E[:, None] * E
         D[i] *= ends
         G[i] *= ends * size
-    answer = proved(program, *_shaped(program, spread(pattern, D, G)))
+    answer = proved(program, *_shaped(program, expanded_multipliers(pattern, D, G)))
     return answer, worst, message
 
 

@@ -6,16 +6,16 @@ from functools import lru_cache
 
 import numpy as np
 
-from workbench.certify.mu_bound import certified
+from workbench.certify.mu_bound import certified_bound
 from workbench.executor import Context, InProcess, Threads
 from workbench.mu.upper.batch import solve_each
-from workbench.mu.upper.pattern import pattern_of, spread
+from workbench.mu.upper.pattern import expanded_multipliers, pattern_of
 from workbench.mu.upper.program import MuUpperBound, proved
 from workbench.mu.upper.recentred import recentred
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
 
-CHUNK_MATRICES = 200
+THREAD_MATRICES = 200
 """Matrices that one thread takes at a time; each is warm-started from the one before."""
 PATH_ACCURACY_SHARE = 0.02
 """The central path is followed to this share of the accuracy asked for. The share holds for
@@ -37,7 +37,7 @@ def _fast(program: MuUpperBound, context: Context) -> Claim:
     D, G = np.zeros((2, count, pattern.size, pattern.size), complex)
     gaps, iterations = np.zeros(count), np.zeros(count, int)
     accuracy = PATH_ACCURACY_SHARE * context.options.accuracy
-    parts = [slice(start, start + CHUNK_MATRICES) for start in range(0, count, CHUNK_MATRICES)]
+    parts = [slice(start, start + THREAD_MATRICES) for start in range(0, count, THREAD_MATRICES)]
 
     def solve(part: slice) -> None:
         solve_each(batch[part], pattern, accuracy, D[part], G[part], gaps[part], iterations[part])
@@ -49,7 +49,7 @@ def _fast(program: MuUpperBound, context: Context) -> Claim:
                 one.result()
         finally:  # after the deadline no further part starts
             executor.shutdown(cancel_futures=True)
-    values = certified(batch, structure, *spread(pattern, D, G))
+    values = certified_bound(batch, structure, *expanded_multipliers(pattern, D, G))
     lost = ~np.isfinite(values) | (
         values > SPOILT_BOUND_RATIO * np.linalg.norm(batch, 2, axis=(1, 2))
     )
@@ -57,7 +57,11 @@ def _fast(program: MuUpperBound, context: Context) -> Claim:
         end = D[i].copy(), G[i].copy()
         D[i], G[i], gaps[i] = recentred(batch[i], structure, pattern, end, gaps[i], accuracy)
     answer = proved(
-        program, *(part.reshape(*program.batch, *part.shape[1:]) for part in spread(pattern, D, G))
+        program,
+        *(
+            part.reshape(*program.batch, *part.shape[1:])
+            for part in expanded_multipliers(pattern, D, G)
+        ),
     )
     early = int(np.sum(gaps > context.options.accuracy))
     message = f"at most {iterations.max(initial=0)} iterations"

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 from workbench.arrays import Array
 from workbench.errors import InputError
 from workbench.input_checks import as_matrices
-from workbench.mu.upper.pattern import basis, pattern_of, spread
+from workbench.mu.upper.pattern import basis, expanded_multipliers, pattern_of
 from workbench.mu.upper.program import UpperBound
 from workbench.structure import Structure
 
@@ -113,7 +113,7 @@ def _half(M: Array, bound: UpperBound) -> Array:
 def _basis(structure: Structure) -> tuple[Array, Array, Array]:
     """D_l, D_r and G (unknowns, ...), each with one unknown at 1 and the others at 0."""
     pattern = pattern_of(structure)
-    parts = zip(*(spread(pattern, D, G) for D, G in basis(pattern)), strict=True)
+    parts = zip(*(expanded_multipliers(pattern, D, G) for D, G in basis(pattern)), strict=True)
     left, right, twist = (np.array(part) for part in parts)
     return left, right, twist
 

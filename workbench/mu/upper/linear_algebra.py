@@ -39,7 +39,7 @@ def factor(A: np.ndarray, L: np.ndarray) -> bool:
 
 
 @compiled
-def inverse(L: np.ndarray, work: np.ndarray, X: np.ndarray) -> None:
+def inverse_from_factor(L: np.ndarray, work: np.ndarray, X: np.ndarray) -> None:
     """Write the inverse (L L^H)^-1 to X; ``work`` receives L^-1."""
     n = L.shape[0]
     for j in range(n):

@@ -23,7 +23,7 @@ from workbench.mu.upper.linear_algebra import (
     factor,
     factor_normal,
     inner,
-    inverse,
+    inverse_from_factor,
     make_hermitian,
     multiply,
     multiply_adjoint,
@@ -37,7 +37,7 @@ from workbench.mu.upper.newton import (
     sandwich,
 )
 from workbench.mu.upper.path_state import Direction, NewtonSystem, Point, Scratch, path_state
-from workbench.mu.upper.pattern import Pattern, adjoint, collect, fill, read, slack
+from workbench.mu.upper.pattern import Pattern, adjoint, basis_products, collect, fill, slack
 
 NEGLIGIBLE_T = 1e-16
 """t below this share of its first value counts as zero: a bound of 1e-8 where 1 is usual."""
@@ -80,8 +80,8 @@ def follow(
     if not _move_to(M, pattern, t, x, point, scratch):
         return 0.0, gap, 0
     for iteration in range(iterations):
-        inverse(point.LS, scratch.work, point.S_inverse)
-        inverse(point.LD, scratch.work_D, point.D_inverse)
+        inverse_from_factor(point.LS, scratch.work, point.S_inverse)
+        inverse_from_factor(point.LD, scratch.work_D, point.D_inverse)
         if lost:
             _centre(point)
         inside = inner(point.S, point.Z) + inner(point.D, point.W)
@@ -172,7 +172,7 @@ def _newton_system(
     """
     sandwich(M, point.S_inverse, scratch.MX, scratch.MXM, scratch.T)
     adjoint(pattern, M, t, point.S_inverse, scratch.MX, scratch.MXM, scratch.part, scratch.skew)
-    read(pattern, scratch.part, scratch.skew, system.pull)
+    basis_products(pattern, scratch.part, scratch.skew, system.pull)
     sandwich(M, point.Z, scratch.MX, scratch.MXM, scratch.U)
     hessian(pattern, t, scratch.T, scratch.U, system.H, scratch.value)
     add_positivity(pattern, point.D_inverse, point.W, system.H)
@@ -186,10 +186,10 @@ def _newton_system(
     multiply(M, scratch.V, scratch.MX)
     multiply_adjoint(scratch.MX, M, scratch.MXM)
     adjoint(pattern, M, t, scratch.V, scratch.MX, scratch.MXM, scratch.part, scratch.skew)
-    read(pattern, scratch.part, scratch.skew, system.u)
+    basis_products(pattern, scratch.part, scratch.skew, system.u)
     scratch.part[:] = 0.0
     collect(pattern.right, point.Z, 1.0, scratch.part)
-    read(pattern, scratch.part, scratch.no_D, system.b)
+    basis_products(pattern, scratch.part, scratch.no_D, system.b)
     solve_normal(system.H, system.u, system.toward_u)
     solve_normal(system.H, system.b, system.toward_b)
     bb = np.dot(system.b, system.toward_b)
@@ -253,7 +253,7 @@ def _direction(
     second: np.ndarray,
     scratch: Scratch,
 ) -> None:
-    """What dt and the unknowns' step do to D, G, S and, to first order, to Z and W.
+    """Change of D, G, S and, to first order, of Z and W by dt and the unknowns' step.
 
     ``second`` receives the second order of S, dt dD_r.
     """
@@ -306,7 +306,7 @@ def _correct(
         for j in range(D.shape[0]):
             scratch.part[i, j] += QD[i, j] - center * point.D_inverse[i, j]
     collect(pattern.right, dZ, rho, scratch.part)
-    read(pattern, scratch.part, scratch.skew, system.other)
+    basis_products(pattern, scratch.part, scratch.skew, system.other)
     for k in range(step.dx.size):
         system.pull[k] = center * system.pull[k] - system.other[k]
     solve_normal(system.H, system.pull, system.other)

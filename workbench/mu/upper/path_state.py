@@ -1,4 +1,4 @@
-"""What the central path works on: a point, a step from it, its equations, scratch arrays."""
+"""Data of the central path: a point, a step from it, its equations, scratch arrays."""
 
 from __future__ import annotations
 

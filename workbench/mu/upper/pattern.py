@@ -105,7 +105,7 @@ def pattern_of(structure: Structure) -> Pattern:
     )
 
 
-def spread(
+def expanded_multipliers(
     pattern: Pattern, D: ComplexArray, G: ComplexArray
 ) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
     """D_left (..., c, c), D_right (..., r, r) and G (..., r, c) from compact D, G (..., N, N)."""
@@ -156,7 +156,7 @@ def basis(pattern: Pattern) -> list[tuple[ComplexArray, ComplexArray]]:
 
 
 @compiled
-def read(pattern: Pattern, D: np.ndarray, G: np.ndarray, x: np.ndarray) -> None:
+def basis_products(pattern: Pattern, D: np.ndarray, G: np.ndarray, x: np.ndarray) -> None:
     """Set x to the inner products of every unknown's basis matrix with the Hermitian D or G."""
     for k in range(x.size):
         entry = (G if pattern.skew[k] else D)[pattern.row[k], pattern.column[k]]

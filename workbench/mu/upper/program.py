@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -10,11 +12,13 @@ from numpy.typing import NDArray
 
 from workbench import figures
 from workbench.arrays import ComplexArray
-from workbench.certify.mu_bound import certified, structured
+from workbench.certificate import Check, worst
+from workbench.certify.mu_bound import certified_bound, structured
 from workbench.errors import InputError
 from workbench.heavy_types import Dataset, Figure
 from workbench.input_checks import need_structure
-from workbench.program import Check, Program, worst
+from workbench.mu.upper.opinion import opinion, witnesses
+from workbench.program import Program
 from workbench.structure import Structure
 
 
@@ -25,12 +29,16 @@ class UpperBound:
     ``value`` (...), ``D_left`` (..., c, c), ``D_right`` (..., r, r) and ``G`` (..., r, c), with
 
         M^H D_left M + j (G M - M^H G^H) <= value^2 D_right.
+
+    ``Delta`` (..., r, c) are perturbations that make I - M Delta singular, as small as were found
+    for the few matrices that the second opinion tries; NaN for the others, None before it.
     """
 
     value: NDArray[np.float64]
     D_left: ComplexArray
     D_right: ComplexArray
     G: ComplexArray
+    Delta: ComplexArray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,6 +102,10 @@ class MuUpperBound(Program):
         """Name of a place in the batch; empty for a batch without axes."""
         return f"at {', '.join(str(i) for i in index)}" if self.batch else ""
 
+    @property
+    def quantifier(self) -> str:
+        return f"for these {math.prod(self.batch)} matrices, between them nothing"
+
     def checks(self, answer: UpperBound, tolerance: float) -> list[Check]:
         given = [np.asarray(part) for part in (answer.D_left, answer.D_right, answer.G)]
         nearest = structured(self.structure, *given)
@@ -101,11 +113,11 @@ class MuUpperBound(Program):
             np.max([_apart(*pair) for pair in zip(given, nearest, strict=True)], axis=0),
             self.place,
         )
-        proved = certified(self.M, self.structure, *given)
+        proved = certified_bound(self.M, self.structure, *given)
         value = np.asarray(answer.value)
         short = np.where(proved <= value, 0.0, (proved - value) / np.where(value > 0, value, 1.0))
         excess, at = worst(short, self.place)
-        return [
+        found = [
             Check("structure", "D and G are off their structure by, relative", off, 1e-12, where),
             Check(
                 "bound",
@@ -115,6 +127,13 @@ class MuUpperBound(Program):
                 at,
             ),
         ]
+        return found
+
+    def witnessed(self, answer: UpperBound) -> UpperBound:
+        return replace(answer, Delta=witnesses(self.M, self.structure, np.asarray(answer.value)))
+
+    def second_opinion(self, answer: UpperBound) -> Sequence[Check]:
+        return opinion(self.M, self.structure, answer, self.place)
 
     def metrics(self, answer: UpperBound) -> dict[str, float]:
         return {"largest_bound": float(np.max(answer.value, initial=0.0))}
@@ -136,6 +155,12 @@ class MuUpperBound(Program):
         left, right = (*batch, "column", "column_"), (*batch, "row", "row_")
         across = (*batch, "column", "row")
         D = "multiplier of Delta's blocks"
+        smallest = (
+            "smallest perturbation found that makes I - M Delta singular, NaN: not looked for"
+        )
+        back = (*batch, "row", "column")
+        about = units | {"long_name": smallest}
+        Delta = {} if answer.Delta is None else {"Delta": (back, answer.Delta, about)}
         return xr.Dataset(
             {
                 "M": (
@@ -151,6 +176,7 @@ class MuUpperBound(Program):
                     answer.G,
                     units | {"long_name": "multiplier of Delta's real scalars"},
                 ),
+                **Delta,
                 "pairs": (
                     ("block", "size"),
                     np.array(self.structure.to_pairs()),
@@ -160,7 +186,8 @@ class MuUpperBound(Program):
         )
 
     def from_dataset(self, data: Dataset) -> UpperBound:
-        return UpperBound(*(data[name].values for name in ("value", "D_left", "D_right", "G")))
+        names = ("value", "D_left", "D_right", "G", "Delta")
+        return UpperBound(**{name: data[name].values for name in names if name in data})
 
 
 def proved(
@@ -168,7 +195,8 @@ def proved(
 ) -> UpperBound:
     """The upper bounds that multipliers prove, recomputed without the claims of their method."""
     multipliers = structured(program.structure, D_left, D_right, G)
-    return UpperBound(certified(program.M, program.structure, *multipliers), *multipliers)
+    value = certified_bound(program.M, program.structure, *multipliers)
+    return UpperBound(value, *multipliers)
 
 
 def _apart(one: ComplexArray, other: ComplexArray) -> NDArray[np.float64]:

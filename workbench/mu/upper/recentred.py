@@ -17,10 +17,10 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from workbench.arrays import ComplexArray
-from workbench.certify.mu_bound import certified
+from workbench.certify.mu_bound import certified_bound
 from workbench.mu.upper.balance import balance
 from workbench.mu.upper.path import follow
-from workbench.mu.upper.pattern import IM, Pattern, fill, spread
+from workbench.mu.upper.pattern import IM, Pattern, expanded_multipliers, fill
 from workbench.structure import Structure
 
 DIAGONAL_SHARES = np.array([0.0, 1e-15, 1e-14, 1e-13, 1e-12, 1e-11, 1e-10, 1e-9, 1e-8, 1e-6, 1e-4])
@@ -29,7 +29,7 @@ INWARD_SHARES = (0.0, 1e-8, 1e-4, 1e-1)
 """Shares of D's own diagonal that are added to D, one after the other, until a good path starts."""
 MOST_RECENTRINGS = 8
 """Most rounds of recentring."""
-PATH_ITERATIONS = 60
+ROUND_ITERATIONS = 60
 """Most iterations along the path of one round."""
 START_RISES = (1.05, 1.5, 4.0)
 """Factors on the square of the bound at which a path may start, tried one after the other."""
@@ -111,7 +111,7 @@ def _proper(
     trials_D[~np.isfinite(trials_D)] = 0.0
     trials_G[~np.isfinite(trials_G)] = 0.0
     tiled = np.broadcast_to(M, (len(trials_D), *M.shape))
-    values = certified(tiled, structure, *spread(pattern, trials_D, trials_G))
+    values = certified_bound(tiled, structure, *expanded_multipliers(pattern, trials_D, trials_G))
     best = int(np.argmin(values))
     return trials_D[best], trials_G[best], float(values[best])
 
@@ -141,15 +141,15 @@ def _followed(
     D, G = given
     D = D + inward * np.diag(np.diagonal(D).real)
     if inward:
-        value = float(certified(M, structure, *spread(pattern, D, G)))
+        value = float(certified_bound(M, structure, *expanded_multipliers(pattern, D, G)))
     root = np.sqrt(np.diagonal(D).real)
     try:
         R: Any = np.linalg.cholesky(D / root / root[:, None]).conj().T * root
     except np.linalg.LinAlgError:
         return None
     back: Any = solve_triangular(R, np.eye(pattern.size))
-    left, _, _ = spread(pattern, R, G)
-    _, right, _ = spread(pattern, back, G)
+    left, _, _ = expanded_multipliers(pattern, R, G)
+    _, right, _ = expanded_multipliers(pattern, back, G)
     framed = np.ascontiguousarray(left @ (M / value) @ right)
     twist: Any = back.conj().T @ (G / value) @ back
     if not (np.isfinite(framed).all() and np.isfinite(twist).all()):
@@ -157,11 +157,16 @@ def _followed(
     start = _unknowns(pattern, np.eye(pattern.size), (twist + twist.conj().T) / 2)
     for rise in START_RISES:
         x, early = start.copy(), np.zeros_like(start)
-        _, gap, iterations = follow(framed, pattern, rise, x, early, accuracy, PATH_ITERATIONS)
+        _, gap, iterations = follow(framed, pattern, rise, x, early, accuracy, ROUND_ITERATIONS)
         if iterations:
             new_D, new_G = np.zeros_like(D), np.zeros_like(G)
             fill(pattern, x, new_D, new_G)
-            there = float(certified(framed, structure, *spread(pattern, new_D, new_G))) * value
+            there = (
+                float(
+                    certified_bound(framed, structure, *expanded_multipliers(pattern, new_D, new_G))
+                )
+                * value
+            )
             after: CompactMultipliers = (
                 R.conj().T @ new_D @ R,
                 R.conj().T @ new_G @ R * value + 0j,

@@ -10,17 +10,17 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import block_diag
 
-from workbench.arrays import RealArray
+from workbench.arrays import EPS, RealArray
 from workbench.errors import InputError
 from workbench.input_checks import need_positive
-from workbench.synthesis.hinf.normalised import Scaled, has_rank, scaled
+from workbench.synthesis.hinf.normalised import Scaled, has_rank, normalised_plant
 from workbench.systems.balancing import state_units
 from workbench.systems.bilinear import continuous, to_sampled
 from workbench.systems.conversion import need_plant
 from workbench.systems.frequency_response import frequency_response
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.minimal import ZERO_ROUNDING
-from workbench.systems.realisation import EPS, Matrices, realisation
+from workbench.systems.realisation import Matrices, realisation
 from workbench.systems.standard_plant import StandardPlant, standard_plant
 
 
@@ -33,7 +33,7 @@ def checked(plant: StandardPlant) -> Scaled:
         An assumption fails; the message names it, the mode, block or frequency, and a remedy.
     """
     try:
-        normal = scaled(continuous(plant))
+        normal = normalised_plant(continuous(plant))
     except InputError as error:
         if not plant.dt:
             raise

@@ -19,7 +19,7 @@ def loop(closed: StateSpace, gamma: float) -> Figure:
     figure, (panel,) = figures.axes()
     _singular_values(panel, closed, grid(closed))
     panel.axhline(gamma, color=figures.BLACK, linestyle="--", label="level gamma")
-    panel.set_ylabel("singular values of the closed loop [1]")
+    figures.label(panel, y="singular values of the closed loop [1]")
     figures.legend_below(figure, panel)
     return figure
 
@@ -29,9 +29,9 @@ def controller(K: StateSpace, closed: StateSpace) -> Figure:
     figure, (panel,) = figures.axes()
     _singular_values(panel, K, grid(closed))
     if K.issiso():
-        panel.set_ylabel("|K|")
+        figures.label(panel, y="$|K|$")
         return figure
-    panel.set_ylabel("singular values of K")
+    figures.label(panel, y="singular values of $K$")
     figures.legend_below(figure, panel)
     return figure
 
@@ -52,7 +52,7 @@ def _singular_values(panel: Axes, system: StateSpace, omega: np.ndarray) -> None
     """Draw the singular values of a system's response."""
     values = np.linalg.svd(response(system, omega), compute_uv=False)
     for k, row in enumerate(values.T):
-        panel.loglog(omega, np.maximum(row, 1e-300), label=f"sigma {k + 1}")
+        panel.loglog(omega, np.maximum(row, 1e-300), label=rf"$\sigma_{{{k + 1}}}$")
     largest = max(float(values.max()), 1e-290)
     panel.set_ylim(max(float(values.min()), 1e-6 * largest) / 2, 3 * largest)
-    panel.set_xlabel("angular frequency [rad/s]")
+    figures.label(panel, "angular frequency [rad/s]")

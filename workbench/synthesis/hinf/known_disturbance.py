@@ -26,7 +26,7 @@ from workbench.systems.balancing import balanced
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.standard_plant import standard_plant
 
-BOUND_ROUNDING = 1e-6
+BOUND_LOWERING = 1e-6
 """Share by which the bound is lowered to allow for rounding errors."""
 DISSIPATION_TOLERANCE = 1e-9
 """The dissipation matrix counts as semidefinite if no eigenvalue is more negative than this share
@@ -94,7 +94,7 @@ def known_disturbance_bound(plant: GeneralisedPlant, rates: ArrayLike) -> tuple[
     if not ends[0] >= -DISSIPATION_TOLERANCE * ends[1]:
         raise SolverError(f"the Riccati equation is solved to {-ends[0] / ends[1]:.1e} only")
     values, vectors = np.linalg.eigh((X[n:, n:] + X[n:, n:].T) / 2)
-    bound = math.sqrt(max(float(values[-1]), 0.0)) * (1.0 - BOUND_ROUNDING)
+    bound = math.sqrt(max(float(values[-1]), 0.0)) * (1.0 - BOUND_LOWERING)
     return bound, vectors[:, -1].reshape(q, -1)
 
 

@@ -9,18 +9,19 @@ from __future__ import annotations
 
 import math
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
 from scipy.linalg import LinAlgError, solve_continuous_are, solve_continuous_lyapunov
 
+from workbench.certificate import EVERY_FREQUENCY, Check
 from workbench.certify.norms import NORM_TOLERANCE
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.heavy_types import StateSpace
-from workbench.program import Check, Claim, method
+from workbench.program import Claim, method
 from workbench.solvers import Outcome
 from workbench.synthesis.hinf.levels import LARGEST_LEVEL
 from workbench.synthesis.hinf.methods import claimed, distance
@@ -29,7 +30,7 @@ from workbench.systems.balancing import balanced, speed
 from workbench.systems.bilinear import continuous, to_continuous
 from workbench.systems.conversion import as_system, as_weight
 from workbench.systems.generalised_plant import GeneralisedPlant
-from workbench.systems.interconnection import common_dt, part_of
+from workbench.systems.interconnection import common_dt, named_realisation
 from workbench.systems.minimal import minimal
 from workbench.systems.norms import norm
 from workbench.systems.realisation import Matrices, realisation
@@ -81,7 +82,7 @@ class LoopShaping(HinfSynthesis):
             W1 = as_weight(W1, G.ninputs, "W1")
         if W1.noutputs != G.ninputs:
             raise InputError(f"W1 has {W1.noutputs} outputs; G has {G.ninputs} inputs")
-        dt = common_dt([part_of(one) for one in (W2, G, W1)])
+        dt = common_dt([named_realisation(one) for one in (W2, G, W1)])
         if dt is True:
             raise InputError("G is sampled at a time not given (dt True); give it in seconds")
         shaped = W2 * G * W1
@@ -129,11 +130,13 @@ class LoopShaping(HinfSynthesis):
         statement = "epsilon = 1 / norm over epsilon_max by the Hankel norm, less 1"
         largest = self.epsilon_max
         if not largest > 0.0:
-            return [*found, Check("epsilon", statement, math.inf, 0.0, "(lost in rounding)")]
+            lost = Check("epsilon", statement, math.inf, 0.0, "(lost in rounding)")
+            return [*found, replace(lost, over=EVERY_FREQUENCY)]
         excess = 1.0 / (answer.norm * largest) - 1.0
         # A small margin is a difference of numbers near 1.
         rounding = HANKEL_ROUNDING * np.finfo(float).eps / largest**2
-        return [*found, Check("epsilon", statement, excess, 2.0 * NORM_TOLERANCE + rounding)]
+        limit = 2.0 * NORM_TOLERANCE + rounding
+        return [*found, Check("epsilon", statement, excess, limit, over=EVERY_FREQUENCY)]
 
     def gap(self, answer: HinfController) -> tuple[str, float]:
         return (

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from workbench.certificate import Check, worst
 from workbench.certify.norms import NORM_TOLERANCE
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
-from workbench.program import Check, worst
 from workbench.synthesis.hinf.figures import grid
 from workbench.synthesis.hinf.program import HinfController, HinfSynthesis
 from workbench.systems.connection import generalised_plant
@@ -74,7 +74,9 @@ class MixedSensitivity(HinfSynthesis):
             size / answer.norm - 1.0, lambda index: f"at {omega[index[0]]:.6g} rad/s"
         )
         statement = "largest [W_S S; W_KS K S; W_T T] at frequencies over the norm, less 1"
-        return [*found, Check("definition", statement, excess, 2.0 * NORM_TOLERANCE, where)]
+        over = f"at {omega.size} frequencies"
+        limit = 2.0 * NORM_TOLERANCE
+        return [*found, Check("definition", statement, excess, limit, where, over=over)]
 
     def _formula(self, K: StateSpace, omega: np.ndarray) -> np.ndarray:
         """[W_S S; W_KS K S; W_T T] by its definition, from responses of G, K and the weights."""

@@ -60,7 +60,7 @@ class Scaled:
         )
 
 
-def scaled(plant: StandardPlant) -> Scaled:
+def normalised_plant(plant: StandardPlant) -> Scaled:
     """Normalise the signals, balance the states, remove hidden states, and scale time.
 
     Raises

@@ -16,14 +16,14 @@ from scipy.linalg import LinAlgError
 from workbench.arrays import RealArray
 from workbench.errors import SolverError
 from workbench.synthesis.hinf.levels import LARGEST_LEVEL, Level, least_level, level_at
-from workbench.synthesis.hinf.normalised import Scaled, scaled
+from workbench.synthesis.hinf.normalised import Scaled, normalised_plant
 from workbench.systems.norms import norm
 from workbench.systems.realisation import Matrices
 from workbench.systems.standard_plant import StandardPlant
 
-LEVEL_RISES = (1.0, 3.0, 10.0, 30.0, 100.0, 1000.0)
+LEVEL_RISE_MULTIPLES = (1.0, 3.0, 10.0, 30.0, 100.0, 1000.0)
 """Multiples of the tolerance by which the level is raised until the loop holds it."""
-LEVEL_TOLERANCE = 1e-6
+LEVEL_ROUNDING = 1e-6
 """Share by which rounding errors may lift the norm of a loop above its level."""
 
 
@@ -83,7 +83,7 @@ def central(
         No level is feasible, or no controller found holds its level.
     """
     plant = StandardPlant(A, B, C, D, controls, measurements)
-    return central_of(scaled(plant), tolerance, gamma)
+    return central_of(normalised_plant(plant), tolerance, gamma)
 
 
 def central_of(normal: Scaled, tolerance: float, gamma: float | None = None) -> Central:
@@ -91,7 +91,9 @@ def central_of(normal: Scaled, tolerance: float, gamma: float | None = None) -> 
     plant = normal.plant
     if gamma is None:
         low, best = least_level(plant, tolerance)
-        return _made(normal, [best.gamma * (1.0 + tolerance * k) for k in LEVEL_RISES], low)
+        return _made(
+            normal, [best.gamma * (1.0 + tolerance * k) for k in LEVEL_RISE_MULTIPLES], low
+        )
     gamma = min(gamma, LARGEST_LEVEL)
     level = level_at(plant, gamma)
     if level is None or not level.feasible:
@@ -115,11 +117,11 @@ def _made(normal: Scaled, gammas: list[float], low: float) -> Central:
         try:
             K = normal.controller(_central(normal.plant, level))
             loop = normal.given.close(K)
-            size = norm(loop, LEVEL_TOLERANCE)
+            size = norm(loop, LEVEL_ROUNDING)
         except (LinAlgError, ArithmeticError) as error:
             reached = " ".join(str(error).split())
             continue
-        if size <= gamma * (1.0 + LEVEL_TOLERANCE):
+        if size <= gamma * (1.0 + LEVEL_ROUNDING):
             return Central(K, gamma, min(low, size), size)
         reached = f"the loop of level {gamma:.6g} has norm {size:.6g}"
         if not math.isfinite(size):

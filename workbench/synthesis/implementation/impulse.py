@@ -15,7 +15,7 @@ SUMMED_SAMPLES = 20_000
 """Number of samples that are summed one by one; the sum of the later ones is bounded."""
 
 
-def stable(rows: RealArray) -> bool:
+def stable_sections(rows: RealArray) -> bool:
     """Whether the poles of each section (L, 6) lie within the unit circle.
 
     The test is the exact stability triangle of the coefficients a1 and a2.
@@ -26,7 +26,7 @@ def stable(rows: RealArray) -> bool:
 
 def absolute_sum(rows: RealArray) -> float:
     """Upper bound on max |y| over all inputs with |u| <= 1; infinite for an unstable cascade."""
-    if not stable(rows):
+    if not stable_sections(rows):
         return math.inf
     impulse = np.zeros(SUMMED_SAMPLES)
     impulse[0] = 1.0
@@ -35,7 +35,7 @@ def absolute_sum(rows: RealArray) -> float:
 
 def squared_sum(rows: RealArray) -> float:
     """Variance of the output for white noise of variance 1; infinite for an unstable cascade."""
-    if not stable(rows):
+    if not stable_sections(rows):
         return math.inf
     system = Sections(((rows,),), 1.0).system
     P = solve_discrete_lyapunov(system.A, system.B @ system.B.T, method="bilinear")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
@@ -17,13 +17,15 @@ from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_positive, need_whole
 from workbench.mu.frequency.peak import Peak
 from workbench.mu.robust.conditions import Conditions, conditions
-from workbench.program import solve
+from workbench.solution import solve
 from workbench.synthesis.implementation import reduction_methods
 from workbench.synthesis.mu.program import MuSynthesis
 from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.realisation import realisation
 
+DETOUR = 8
+"""States above the wanted order from which `approximations` starts again at most."""
 ReductionMethod = Literal["weighted", "balanced", "hankel"]
 """Methods of order reduction; see `approximated`."""
 
@@ -99,6 +101,27 @@ def approximated(
     least, of = _reducer(K, method, plant, None)
     _check_order(order, least, K, method)
     return of(order)
+
+
+def approximations(
+    K: Any, order: int, method: ReductionMethod = "weighted", plant: GeneralisedPlant | None = None
+) -> Iterator[StateSpace]:
+    """The approximation of `approximated`, then others of the order by way of higher orders.
+
+    Where the direct one does not stabilise the loop, or misses a requirement, another one may meet
+    it. The others start from an approximation with up to `DETOUR` states more, by any method.
+
+    Arguments and errors are those of `approximated`.
+    """
+    K = _continuous(K)
+    yield approximated(K, order, method, plant)
+    for higher in range(order + 1, min(order + DETOUR, K.nstates - 1) + 1):
+        for first in get_args(ReductionMethod):
+            try:
+                between = approximated(K, higher, first, plant)
+                yield approximated(between, order, method, plant)
+            except InputError:  # it does not stabilise the plant, or keeps too many poles
+                continue
 
 
 def reduce_order(
@@ -197,7 +220,7 @@ def _reducer(
     parts = K.A, K.B, K.C, K.D
     least = 0
     if method == "balanced":
-        least, of = reduction_methods.balanced(parts)
+        least, of = reduction_methods.balanced_truncation(parts)
     elif method == "hankel":
         least, of = reduction_methods.hankel(parts)
     elif method == "weighted":

@@ -11,14 +11,14 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import schur, solve_sylvester, sqrtm
 
-from workbench.arrays import RealArray
+from workbench.arrays import EPS, RealArray
 from workbench.errors import InputError
 from workbench.mu.frequency.peak import Peak
 from workbench.systems.balancing import speed, state_units
 from workbench.systems.generalised_plant import GeneralisedPlant
-from workbench.systems.gramians import balancing_projections, factors
+from workbench.systems.gramians import balancing_projections, gramian_factors
 from workbench.systems.minimal import ZERO_ROUNDING
-from workbench.systems.realisation import EPS, Matrices
+from workbench.systems.realisation import Matrices
 
 Reducer = Callable[[int], Matrices]
 """A function that gives the controller with at most a number of states."""
@@ -53,7 +53,7 @@ class Split:
         return A, np.vstack([B1, B2]), np.hstack([C1, C2]), D
 
 
-def balanced(K: Matrices) -> tuple[int, Reducer]:
+def balanced_truncation(K: Matrices) -> tuple[int, Reducer]:
     """Balanced truncation of the stable part (B. Moore, IEEE Trans. Automatic Control 26 (1981)).
 
     Returns the least order, which is that of the kept part, and the reducer.
@@ -61,7 +61,7 @@ def balanced(K: Matrices) -> tuple[int, Reducer]:
     rate, parts = _scaled(K)
     split = _split(parts)
     A, B, C, D = split.stable
-    S, R = factors(A, B, C)
+    S, R = gramian_factors(A, B, C)
     left, right, _ = balancing_projections(S, R)
 
     def of(order: int) -> Matrices:
@@ -75,7 +75,7 @@ def hankel(K: Matrices) -> tuple[int, Reducer]:
     """Optimal Hankel-norm approximation of the stable part; the direct term stays the same.
 
     The Hankel norm of the error is the next singular value, which is the least error of any stable
-    system of the order. Returns as `balanced`.
+    system of the order. Returns as `balanced_truncation`.
 
     References
     ----------
@@ -85,7 +85,7 @@ def hankel(K: Matrices) -> tuple[int, Reducer]:
     rate, parts = _scaled(K)
     split = _split(parts)
     A, B, C, D = split.stable
-    S, R = factors(A, B, C)
+    S, R = gramian_factors(A, B, C)
     left, right, values = balancing_projections(S, R)
     seen = int((values > NEGLIGIBLE_VALUE * values.max(initial=0.0)).sum())
     left, right, values = left[:seen], right[:, :seen], values[:seen]
@@ -144,7 +144,7 @@ def weighted(K: Matrices, plant: GeneralisedPlant, loop: Matrices, peak: Peak) -
     B, C = B @ entering, output @ C
     rate = speed(A)
     units = state_units(A / rate, B, C)
-    S, R = factors(A / rate * units[:, None] / units, B * units[:, None], C / units)
+    S, R = gramian_factors(A / rate * units[:, None] / units, B * units[:, None], C / units)
     own = units[len(A) - n :]
     left, right, _ = balancing_projections(S[len(A) - n :], R[:, len(A) - n :])
     left, right = left * own, right / own[:, None]

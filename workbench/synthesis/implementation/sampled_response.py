@@ -10,11 +10,11 @@ import numpy as np
 from workbench.arrays import ComplexArray, RealArray
 from workbench.heavy_types import StateSpace
 from workbench.systems.generalised_plant import response
-from workbench.systems.interconnection import connected, part_of
+from workbench.systems.interconnection import connected, named_realisation
 from workbench.systems.realisation import realisation
 from workbench.systems.sampling import sampled, split_delay
 
-GRID_POINTS = 4000
+SAMPLED_GRID_POINTS = 4000
 """Number of frequencies up to half the sampling rate, before those around each mode are added."""
 MODE_OFFSETS = np.concatenate([-np.logspace(2, -2, 25), [0.0], np.logspace(-2, 2, 25)])
 """Distances of the added frequencies from each mode, in units of its decay rate."""
@@ -66,7 +66,7 @@ class HeldPlantLoop:
         links[:m, p:], links[m:, :p] = self.sign * np.eye(m), np.eye(p)
         # One input and one output, since python-control systems need them.
         enters, leaves = np.eye(m + p, 1), np.eye(1, m + p)
-        parts = part_of(self.held(more)), part_of(self.K)
+        parts = named_realisation(self.held(more)), named_realisation(self.K)
         M, n = connected(parts, links, enters, leaves)
         return realisation((M[:n, :n], M[:n, n:], M[n:, :n], M[n:, n:]), self.period)
 
@@ -77,7 +77,7 @@ class HeldPlantLoop:
         modes = np.log(modes[np.abs(modes) > 1e-6])
         size = np.abs(modes)
         slowest = size[size > SLOWEST_MODE].min(initial=math.pi)
-        grid = np.geomspace(slowest / 100, math.pi, GRID_POINTS)
+        grid = np.geomspace(slowest / 100, math.pi, SAMPLED_GRID_POINTS)
         damping = np.maximum(np.abs(modes.real), 1e-6 * size)
         near = np.abs(modes.imag)[:, None] + damping[:, None] * MODE_OFFSETS
         near = near[(near > grid[0]) & (near < math.pi)]

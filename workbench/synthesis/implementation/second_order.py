@@ -20,7 +20,7 @@ from workbench.systems.realisation import realisation
 
 CHECKED_ANGLES = np.pi * np.append(np.logspace(-6, 0, 120, endpoint=False), 0.999)
 """Frequencies [rad/sample] at which the cascades are compared with the controller."""
-RESPONSE_TOLERANCE = 1e-6
+SECTION_RESPONSE_TOLERANCE = 1e-6
 """Largest difference at these frequencies, relative to the largest gain of the channel."""
 INFINITE_ZERO = 1e8
 """Zeros of a larger modulus count as infinite."""
@@ -91,7 +91,7 @@ def second_order_sections(K: Any) -> Sections:
     omega = CHECKED_ANGLES / found.dt
     expected = response(K, omega)
     change = np.abs(found.response(omega) - expected).max(axis=0)
-    if (change > RESPONSE_TOLERANCE * np.abs(expected).max(axis=0)).any():
+    if (change > SECTION_RESPONSE_TOLERANCE * np.abs(expected).max(axis=0)).any():
         raise SolverError(
             f"the cascades differ from K by up to {change.max():.3g}: its zeros are lost in "
             "rounding; reduce K first"
@@ -110,7 +110,7 @@ def _channel(K: StateSpace, i: int, j: int) -> RealArray:
     own = realisation((A, B, C, D), float(K.dt))
     poles, zeros = own.poles().astype(complex), np.asarray(own.zeros(), dtype=complex)
     zeros = zeros[np.abs(zeros) < INFINITE_ZERO]
-    rows = paired(zeros, poles)
+    rows = paired_sections(zeros, poles)
     z = np.exp(1j * CHECKED_ANGLES)
     raw, wanted = _value(rows, z), response(own, CHECKED_ANGLES / float(K.dt))[:, 0, 0]
     # Match the gain where the response of the channel is largest and thus most accurate.
@@ -119,7 +119,7 @@ def _channel(K: StateSpace, i: int, j: int) -> RealArray:
     return rows
 
 
-def paired(zeros: ComplexArray, poles: ComplexArray) -> RealArray:
+def paired_sections(zeros: ComplexArray, poles: ComplexArray) -> RealArray:
     """Sections (L, 6), at least one, with these zeros and poles and leading coefficients 1."""
     pairs = _groups(poles)
     pairs.sort(key=lambda group: (len(group) == 1, -max(np.abs(group))))

@@ -1,139 +1,235 @@
 """The T = L / (1 + L) that a loop may have at a frequency where mu is at most a level.
 
-Without uncertainty they fill a disc. With it their set has no simple shape; polygons hold it.
+With the weights of `LoopWeights`, A = |W_c T| + |(W_p (1 - T), W_u T / G)|, and v = W_r T, mu is at
+most a level l where A is at most the distance of 0 from the segment between l - v and l + v. For
+T = r exp(j psi), beta being the angle of v,
+
+    A(r, psi) <= D(r),    D(r)^2 = l^2 sin(beta)^2 + max(0, l |cos(beta)| - r |W_r|)^2.
+
+A falls with cos(psi), D with |cos(beta)| and |W_r|. D is convex in r, below any line that is above
+it at both ends of a range of r; such a line turns the inequality into a quadratic one, whose roots
+narrow the range, again and again. On cones of psi this bounds Re(T h) from above; the cones in
+which it may be largest are halved.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workbench.arrays import ComplexArray, RealArray
-from workbench.geometry import smallest_circle
-from workbench.geometry.circle import Circle
-from workbench.synthesis.limits.loop_weights import LoopWeights
+from workbench.synthesis.limits.intervals import ComplexInterval, Interval, down, up
+from workbench.synthesis.limits.loop_functions import LeastWeights
 
-TURNS, PHASES = 96, 12
-"""Number of parts into which the angle of T, and phi, are divided."""
-
-
-class AllowedSets(Protocol):
-    """Sets (F,) of complex numbers T."""
-
-    @property
-    def empty(self) -> bool:
-        """Whether one of them has no number."""
-
-    @property
-    def circle(self) -> Circle:
-        """Circles around them, where none is empty."""
-
-    def support(self, h: ComplexArray) -> RealArray:
-        """Largest Re(T h), or more, at h (F,)."""
+CONES = 16
+"""Number of cones of psi that are looked at first; even, so that psi = 0 ends two of them."""
+HALVINGS = 14
+"""Most halvings of a cone."""
+RAYS = 96
+"""Number of rays on which points of the sets are taken, for a search."""
+NARROWINGS = 4
+"""How often a range of r is narrowed. Where |W_r| is large, more would be sharper, at a cost."""
+WIDENED = 1 + 1e-9
+"""Factor of the angles that may hold T, so that the rounded sine is not below the exact one."""
 
 
-@dataclass(frozen=True)
-class Discs:
-    """Discs about ``center`` (F,) of ``squared`` radius (F,), negative where there is none."""
+@dataclass(frozen=True, eq=False)
+class Cone:
+    """Directions of T between ``first`` and ``last`` (N,), less than pi apart, anticlockwise.
 
-    center: RealArray
-    squared: RealArray
-
-    @property
-    def empty(self) -> bool:
-        return bool((self.squared < 0.0).any())
-
-    @property
-    def circle(self) -> Circle:
-        return Circle(self.center, np.sqrt(self.squared))
-
-    def support(self, h: ComplexArray) -> RealArray:
-        found: RealArray = self.center * h.real + np.sqrt(self.squared) * np.abs(h)
-        return found
-
-
-@dataclass(frozen=True)
-class Polygons:
-    """Hulls of corners (F, V), NaN where there is no corner."""
-
-    corners: ComplexArray
-
-    @property
-    def empty(self) -> bool:
-        return bool(np.isnan(self.corners).all(axis=1).any())
-
-    @property
-    def circle(self) -> Circle:
-        missing = np.isnan(self.corners)
-        one = np.take_along_axis(self.corners, missing.argmin(axis=1)[:, None], axis=1)
-        return smallest_circle(np.where(missing, one, self.corners))
-
-    def support(self, h: ComplexArray) -> RealArray:
-        along = (self.corners * h[:, None]).real
-        found: RealArray = np.where(np.isnan(along), -np.inf, along).max(axis=1)
-        return found
-
-
-def allowed_discs(weights: LoopWeights, level: float) -> Discs:
-    """The T of nominal loops with |(W_p (1 - T), W_u T / G)| at most a level, exactly.
-
-    The circular and the real weight are not looked at.
+    They are complex numbers of any size.
     """
-    W_p, W_u = weights.performance**2, weights.control**2
-    whole = W_p + W_u
-    return Discs(W_p / whole, (level**2 - W_p * W_u / whole) / whole)
+
+    first: ComplexArray
+    last: ComplexArray
 
 
-def allowed_polygons(weights: LoopWeights, level: float) -> Polygons:
-    """Polygons that hold every T with mu at most a level, and little more.
+def allowed_radii(weights: LeastWeights, level: float, cone: Cone) -> tuple[RealArray, RealArray]:
+    """Bounds (N,) on |T| in a cone where mu is at most a level; NaN where no T is.
 
-    For T = r exp(j psi) and a phi
-
-        r (|W_c| + |W_r cos(angle of W_r + psi - phi)|) + |(W_p (1 - T), W_u T / G)|
-            <= level cos(phi)
-
-    is an interval of r. On parts of psi and of phi, each term has its least and the right side its
-    largest value, so that the interval holds all of theirs.
+    Rounded outward. psi = 0 lies in no cone's interior.
     """
+    ends = [_unit(end) for end in (cone.first, cone.last)]
+    cosine = np.maximum(ends[0].real.high, ends[1].real.high)
+    kappa = np.minimum(_least_cosine(weights, ends), 1.0)
     W_p, W_u, W_c = (
-        getattr(weights, name)[:, None, None] for name in ("performance", "control", "circular")
+        Interval.of(each) for each in (weights.performance, weights.control, weights.circular)
     )
-    W_r, along = np.abs(weights.real)[:, None, None], np.angle(weights.real)[:, None, None]
-    # |1 - T| W_p is at most the level, and so is every other term.
-    near = level < W_p
-    widest = np.where(near, np.arcsin(np.minimum(level / W_p, 1.0)), np.pi)
-    largest = np.minimum(1 + level / W_p, level / (W_c + W_u))
-    steepest = np.arcsin(np.minimum(W_r * largest / level, 1.0))
-    psi = widest * np.linspace(-1, 1, TURNS + 1)[:, None]
-    phi = steepest * np.linspace(-1, 1, PHASES + 1)
-    first, last = along + psi[:, :-1] - phi[..., 1:], along + psi[:, 1:] - phi[..., :-1]
-    slope = W_c + W_r * _least_cosine(first, last)
-    right = level * np.cos(np.minimum(np.abs(phi[..., :-1]), np.abs(phi[..., 1:])))
-    cosine = np.cos(np.minimum(np.abs(psi[:, :-1]), np.abs(psi[:, 1:])))
-    # slope r + sqrt(whole r^2 - 2 W_p^2 cosine r + W_p^2) <= right
-    whole = W_p**2 + W_u**2
-    middle, left = W_p**2 * cosine - right * slope, whole - slope**2
-    discriminant = middle**2 - left * (W_p**2 - right**2)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        root = np.sqrt(discriminant)
-        high = np.where(middle > 0, (middle + root) / left, (right**2 - W_p**2) / (root - middle))
-        low = np.where(W_p <= right, 0.0, (middle - root) / left)
-        held = (discriminant >= 0) & (high >= 0) & (slope * high <= right)
-    high = np.where(held, high, -np.inf).max(axis=2)
-    low = np.where(held, low, np.inf).min(axis=2)
-    none = high < 0
-    arc = np.cos((psi[:, 1:] - psi[:, :-1])[..., 0] / 2)  # chords of it lie inside the circle
-    ends = np.exp(1j * np.concatenate([psi[:, :-1], psi[:, 1:]], axis=1)[..., 0])
-    sizes = [np.where(none, np.nan, each) for each in (low, high / arc)]
-    return Polygons(np.concatenate([np.tile(size, 2) * ends for size in sizes], axis=1))
+    across = Interval.of(level).squared() * (1.0 - Interval.of(kappa).squared())
+
+    def distance(r: RealArray) -> RealArray:
+        left = np.maximum((Interval.of(level) * kappa - Interval.of(r) * weights.real).high, 0.0)
+        return (across + Interval.of(left).squared()).root().high
+
+    low, high = np.fmax((1.0 - level / W_p).low, 0.0), largest_modulus(weights, level)
+    empty = np.zeros(low.shape, bool)
+    whole, square = W_p.squared() + W_u.squared(), W_p.squared()
+    for _ in range(NARROWINGS):
+        at = distance(low), distance(high)
+        fall = np.where(high > low, np.fmax((at[0] - at[1]) / (high - low), 0.0), 0.0)
+        right = Interval.of(np.maximum(up(at[0] + up(fall * low)), up(at[1] + up(fall * high))))
+        # slope r + sqrt(whole r^2 - 2 W_p^2 cosine r + W_p^2) <= right
+        slope = W_c + fall
+        middle, left = square * cosine - right * slope, whole - slope.squared()
+        rest = square - right.squared()
+        discriminant = middle.squared() - left * rest
+        root = discriminant.root()
+        empty |= (left.low > 0.0) & (discriminant.high < 0.0)
+        empty |= (rest.low > 0.0) & ((middle + root).high < 0.0)
+        bounds = [
+            np.where(left.low > 0.0, ((middle + root) / left).high, np.inf),
+            np.where(
+                (left.low > 0.0) & ((root - middle).low > 0.0),
+                (-rest / (root - middle)).high,
+                np.inf,
+            ),
+            (right / slope).high,
+        ]
+        high = np.fmin.reduce([high, *bounds])
+        positive = (rest.low > 0.0) & ((middle + root).low > 0.0)
+        low = np.fmax(low, np.where(positive, (rest / (middle + root)).low, 0.0))
+        empty |= low > high
+    return np.where(empty, np.nan, low), np.where(empty, np.nan, high)
 
 
-def _least_cosine(first: RealArray, last: RealArray) -> RealArray:
-    """Least |cos| between two angles."""
-    crossed = np.floor((last - np.pi / 2) / np.pi) > np.floor((first - np.pi / 2) / np.pi)
-    found: RealArray = np.where(
-        crossed, 0.0, np.minimum(np.abs(np.cos(first)), np.abs(np.cos(last)))
-    )
+@np.errstate(all="ignore")
+def largest_projections(
+    weights: LeastWeights, level: float, h: ComplexArray, slack: RealArray
+) -> RealArray:
+    """Upper bounds (F, H) on Re(T h) over all T with mu at most a level; -inf where there is none.
+
+    Parameters
+    ----------
+    weights
+        At frequencies or over cells (F,).
+    h
+        Complex numbers (F, H).
+    slack
+        How much larger than necessary a bound may be (F,), over |h| and the radius of the set that
+        W_p and W_u / G alone leave.
+    """
+    center, squared = _nominal_disc(weights, level)
+    size = (Interval.of(h.real).squared() + Interval.of(h.imag).squared()).root()
+    bound = (center.columns * h.real + squared.root().columns * size).high
+    bound = np.where(np.isnan(bound), np.inf, bound)
+    bound[squared.high < 0.0] = -np.inf
+    some = np.flatnonzero(bound.max(axis=1) > -np.inf)
+    if not some.size or not (weights.circular.any() or weights.real.any()):
+        return bound
+    room = size.high * (slack * np.sqrt(np.fmax(squared.high, 0.0)))[:, None]
+    settled = np.full(bound.shape, -np.inf)
+    k, cone = _first_cones(weights, level, some)
+    for halving in range(HALVINGS + 1):
+        most = _projections(weights.at(k), level, cone, h[k])
+        reached = _reached(weights, level, k, cone, h, most)
+        undecided = (most > np.fmax(reached + room, settled)[k]).any(axis=1)
+        if halving == HALVINGS:
+            undecided[:] = False
+        np.fmax.at(settled, k[~undecided], most[~undecided])
+        if not undecided.any():
+            break
+        k, cone = np.tile(k[undecided], 2), _halved(cone, undecided)
+    return np.fmin(bound, settled)
+
+
+@np.errstate(all="ignore")
+def largest_modulus(weights: LeastWeights, level: float) -> RealArray:
+    """Upper bounds (F,) on |T|."""
+    W_p, others = Interval.of(weights.performance), Interval.of(weights.circular) + weights.control
+    return np.fmin((1.0 + level / W_p).high, (level / others).high)
+
+
+@np.errstate(all="ignore")
+def allowed_points(weights: LeastWeights, level: float) -> ComplexArray:
+    """The smallest and largest allowed T (F, 2 RAYS) on rays, NaN where there is none."""
+    psi = _span(weights, level)[:, None] * np.linspace(-1.0, 1.0, RAYS)
+    rays, k = np.exp(1j * psi).ravel(), np.repeat(np.arange(len(psi)), RAYS)
+    radii = allowed_radii(weights.at(k), level, Cone(rays, rays))
+    return np.concatenate([(r * rays).reshape(psi.shape) for r in radii], axis=1)
+
+
+def _nominal_disc(weights: LeastWeights, level: float) -> tuple[Interval, Interval]:
+    """Centre and squared radius of |(W_p (1 - T), W_u T / G)| <= level."""
+    W_p, W_u = (Interval.of(each).squared() for each in (weights.performance, weights.control))
+    whole = W_p + W_u
+    return W_p / whole, (Interval.of(level).squared() - W_p * W_u / whole) / whole
+
+
+def _first_cones(
+    weights: LeastWeights, level: float, cells: NDArray[np.intp]
+) -> tuple[NDArray[np.intp], Cone]:
+    """CONES cones of each of some cells, which hold its T, and the indices of their cells."""
+    psi = _span(weights, level)[cells, None] * np.linspace(-1.0, 1.0, CONES + 1)
+    corners = np.where(np.abs(psi) == np.pi, -1.0, np.cos(psi) + 1j * np.sin(psi))
+    return np.repeat(cells, CONES), Cone(corners[:, :-1].ravel(), corners[:, 1:].ravel())
+
+
+def _projections(weights: LeastWeights, level: float, cone: Cone, h: ComplexArray) -> RealArray:
+    """Upper bounds (N, H) on Re(T h) in cones (N,), h being (N, H); -inf where no T is."""
+    low, high = allowed_radii(weights, level, cone)
+    target = ComplexInterval(Interval.of(h.real), Interval.of(h.imag))
+    first, last = (_unit(end[:, None]) * target for end in (cone.first, cone.last))
+    # The largest of Re(u h) over the cone is |h| where u h may be a positive number.
+    within = (first.imag.low <= 0.0) & (last.imag.high >= 0.0)
+    along = np.maximum(first.real.high, last.real.high)
+    along = np.where(within, np.maximum(along, target.size().high), along)
+    most = np.maximum(up(along * high[:, None]), up(along * low[:, None]))
+    most = np.where(np.isnan(most), np.inf, most)
+    most[np.isnan(high)] = -np.inf
+    return most
+
+
+def _reached(
+    weights: LeastWeights,
+    level: float,
+    k: NDArray[np.intp],
+    cone: Cone,
+    h: ComplexArray,
+    most: RealArray,
+) -> RealArray:
+    """Re(T h) (F, H) in the middle of those cones of each cell that have the largest bounds."""
+    found = np.full(h.shape, -np.inf)
+    for each in most.T:
+        order = np.lexsort((each, k))
+        best = order[np.append(k[order][1:] != k[order][:-1], True)]
+        middle = _middle(Cone(cone.first[best], cone.last[best]))
+        at = k[best]
+        there = _projections(weights.at(at), level, Cone(middle, middle), h[at])
+        found[at] = np.fmax(found[at], there)
     return found
+
+
+def _middle(cone: Cone) -> ComplexArray:
+    found: ComplexArray = cone.first / np.abs(cone.first) + cone.last / np.abs(cone.last)
+    return found
+
+
+def _halved(cone: Cone, chosen: NDArray[np.bool_]) -> Cone:
+    """Both halves of the chosen cones, one after the other."""
+    first, last = cone.first[chosen], cone.last[chosen]
+    middle = _middle(Cone(first, last))
+    return Cone(np.append(first, middle), np.append(middle, last))
+
+
+def _span(weights: LeastWeights, level: float) -> RealArray:
+    """Angles (F,): where |1 - T| <= level / W_p, psi lies between plus and minus this."""
+    share = (level / Interval.of(weights.performance)).high
+    psi = np.arcsin(np.minimum(share, 1.0)) * WIDENED
+    sine = _unit(np.cos(psi) + 1j * np.sin(psi)).imag.low
+    return np.where((share < 1.0) & (sine >= share), psi, np.pi)
+
+
+def _unit(direction: ComplexArray) -> ComplexInterval:
+    box = ComplexInterval(Interval.of(direction.real), Interval.of(direction.imag))
+    size = box.size()
+    return ComplexInterval(box.real / size, box.imag / size)
+
+
+def _least_cosine(weights: LeastWeights, ends: list[ComplexInterval]) -> RealArray:
+    """A lower bound on |cos(beta)| over a cone: 0 where its sign may change."""
+    cosines = [(end * weights.along).real for end in ends]
+    above = np.minimum(cosines[0].low, cosines[1].low)
+    below = np.minimum(-cosines[0].high, -cosines[1].high)
+    return np.fmax(down(np.fmax(above, below) - weights.turned), 0.0)

@@ -1,92 +1,67 @@
-"""A level of mu that no controller reaches, because T = L / (1 + L) must be stable: by duality.
+"""A level of mu that no stabilising controller reaches, proven by an integral over all frequencies.
 
-Let the nominal plant be stable. Then K stabilises the loop only with T stable, which falls as the
-plant does, with 1 / omega^2 at least. By Cauchy's theorem, for every h with real coefficients that
-is analytic in the right half-plane and falls with 1 / omega,
+Theorem. Let G be a proper rational plant that falls at high frequency, K any linear time-invariant
+controller, rational or not, that stabilises the loop, and T = L / (1 + L). Then T = G K S is in H2:
+K S is in H-infinity, and T is 0 at the zeros and 1 at the poles of G in the right half-plane. For h
+in H2 with real coefficients, but for simple poles at some of these points, Cauchy's theorem gives
 
-    integral over omega from 0 to infinity of Re(T(j omega) h(j omega)) = 0.
+    integral over omega from 0 to infinity of Re(T(j omega) h(j omega)) = - pi sum of residues of h,
 
-Where mu is at most a level, T(j omega) lies in a set. If the integral of the largest Re(T h) in
-those sets is negative for one h, no controller reaches the level: h proves it, whatever it came
-from. Here it comes from a cone program, with circles around the sets in their place. It is the
-dual of H-infinity synthesis, and for sets that are not discs a bound that is not far from it.
+the sum over the unstable poles of G. If mu of the loop is at most a level at every frequency,
+T(j omega) lies in the sets of `allowed_sets`. So no controller reaches the level if the integral of
+the largest Re(T h) over these sets is less. (G need not be stable. For a stable one without zeros
+in the right half-plane every T in these sets that is analytic has its K.)
+
+h proves this, whatever it came from. The integral is bounded from above on each cell of frequency,
+on [0, lowest] and on [highest, infinity), all rounding included. On a cell the sets are held by
+those of the least weights, and h by its tangent; the largest Re(T h) is convex in h, so that the
+trapezoidal rule bounds its mean. FrequencyCells are halved where that gains most.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workbench.arrays import ComplexArray, RealArray
-from workbench.errors import InputError, SolverError
-from workbench.executor import Context
-from workbench.solvers import Options, conic_solvers, solve_conic
-from workbench.synthesis.limits.allowed_sets import AllowedSets
+from workbench.errors import InputError
+from workbench.synthesis.limits.allowed_sets import largest_modulus, largest_projections
+from workbench.synthesis.limits.analytic_basis import AnalyticBasis
+from workbench.synthesis.limits.intervals import Interval, up
+from workbench.synthesis.limits.loop_functions import LoopFunctions
+from workbench.synthesis.limits.rational_bounds import FrequencyCells
 
-COARSE, FINE = 300, 1000
-"""Parts of the frequency range on which h is found, and on which it is judged."""
-BISECTION_LEVELS = 8
-"""Number of levels of mu tried by bisection."""
-SOLVER_ACCURACY = 1e-5
-"""Accuracy asked of the solver. Any h that proves the level will do."""
-
-SetsAt = Callable[[RealArray, float], AllowedSets]
-"""The sets of T at frequencies [rad/s] (F,) with mu at most a level."""
-
-
-@dataclass(frozen=True, eq=False)
-class AnalyticBasis:
-    """Functions analytic in the right half-plane, of which h is a sum.
-
-    Parameters
-    ----------
-    corners
-        Magnitudes [rad/s] (N,) of the functions' real poles, positive; they should cover the
-        frequencies where T falls off.
-    band
-        Frequencies [Hz] between which integrals are taken. Below it T and h must be nearly
-        constant, and above it T h must fall with 1 / omega^3.
-    """
-
-    corners: RealArray
-    band: tuple[float, float]
-
-    def __post_init__(self) -> None:
-        corners = np.atleast_1d(np.asarray(self.corners, dtype=float))
-        if not corners.size or not (np.isfinite(corners) & (corners > 0.0)).all():
-            raise InputError("corners must be positive frequencies [rad/s], one at least")
-        low, high = self.band
-        if not 0.0 < low < high < np.inf:
-            raise InputError(f"band is {self.band}; it must be two frequencies [Hz], low and high")
-        object.__setattr__(self, "corners", corners)
-
-    def midpoints(self, parts: int) -> tuple[RealArray, RealArray]:
-        """Frequencies [rad/s] (F,) in the middle of parts of the band, and the parts' widths.
-
-        The parts are of equal length in log omega.
-        """
-        ends = 2 * np.pi * np.geomspace(*self.band, parts + 1)
-        omega = np.sqrt(ends[1:] * ends[:-1])
-        return omega, omega * np.log(ends[1:] / ends[:-1])
-
-    def response(self, omega: RealArray) -> ComplexArray:
-        """The functions at frequencies [rad/s] (F,): (F, N)."""
-        s = 1j * omega[:, None]
-        corners = self.corners
-        passed = np.cumprod((s - corners[:-1]) / (s + corners[:-1]), axis=1)
-        before = np.concatenate([np.ones((len(omega), 1)), passed], axis=1)
-        found: ComplexArray = 2 * corners / (s + corners) * before
-        return found
+START_CELLS = 400
+"""Number of cells of the band before any is halved."""
+MOST_CELLS = 10_000
+"""Number of cells at which halving ends."""
+MOST_ROUNDS = 80
+"""Number of rounds of halving; a resonance of damping 1e-6 needs about twenty."""
+HALVED_SHARE = 0.7
+"""Share of what halving may still gain that the cells halved in a round have together."""
+HOPELESS = 1.5
+"""How many times what halving may still gain a bound must exceed zero to be given up."""
+TAIL_SHARE = 0.1
+"""The last frequency grows while the tail is more than this share of what halving may gain."""
+TAIL_FACTOR = 4.0
+"""Factor by which the last frequency grows."""
+ENDS_ROUNDING = 2.0**-50
+"""Relative rounding error of h at the ends of a cell: two products and two sums."""
+SLACK_SHARE, LEAST_SLACK = 0.3, 3e-4
+"""Slack of the largest Re(T h) over a cell, over the cell's relative radius; and at least. What the
+weights change over a cell costs more."""
+PI = Interval(np.asarray(np.pi), up(np.pi))
 
 
 @dataclass(frozen=True, eq=False)
 class DualCertificate:
-    """An h that shows that no controller has mu at or below ``level`` at every frequency.
+    """An h that shows that no stabilising controller has mu at or below a level everywhere.
 
-    ``coefficients`` (N,) are those of h in ``basis``. It proves the level where `integral` is
-    negative.
+    ``coefficients`` (N,) are those of h in ``basis``. It proves the ``level`` for a loop where
+    `excess` is negative.
     """
 
     level: float
@@ -98,70 +73,97 @@ class DualCertificate:
         found: ComplexArray = self.basis.response(omega) @ self.coefficients
         return found
 
-    def integral(self, sets: SetsAt, parts: int) -> float:
-        """Integral of the largest Re(T h) over the band; minus infinity for an empty set.
+    @np.errstate(all="ignore")
+    def excess(self, loop: LoopFunctions) -> float:
+        """An upper bound on the integral of the largest Re(T h), less that of any controller.
 
-        parts: how many the band is divided into.
+        Negative: no stabilising linear time-invariant controller has mu at or below the level at
+        every frequency. Minus infinity where some frequency allows no T at all.
+
+        Raises
+        ------
+        InputError
+            The basis has a zero or pole in the right half-plane that the plant has not.
         """
-        omega, width = self.basis.midpoints(parts)
-        at = sets(omega, self.level)
-        if at.empty:
-            return -np.inf
-        h = self.h(omega)
-        # Below the range T and h are nearly constant, above it T h falls with 1 / omega^3.
-        farthest = (np.abs(at.circle.center) + at.circle.radius) * np.abs(h) * omega
-        return float(width @ at.support(h) + 2 * (farthest[0] + farthest[-1]))
+        self._check(loop)
+        ends = 2 * np.pi * np.geomspace(*self.basis.band, START_CELLS)
+        cells, highest = FrequencyCells(np.append(0.0, ends[:-1]), ends), float(ends[-1])
+        bound, gain = self._over(loop, cells), np.full(START_CELLS, np.inf)
+        total = np.inf
+        for _ in range(MOST_ROUNDS):
+            if (bound == -np.inf).any():
+                return -np.inf
+            tail = self._beyond(loop, highest)
+            total = self._total(bound, tail)
+            if total < 0.0 or len(bound) > MOST_CELLS or total > HOPELESS * gain.sum():
+                break
+            chosen = _largest(gain)
+            halves = cells.at(chosen).halved
+            found = self._over(loop, halves)
+            each = (bound[chosen] - found.reshape(2, -1).sum(axis=0)) / 2
+            each = np.tile(np.where(np.isnan(each), np.inf, np.maximum(each, 0.0)), 2)
+            cells = cells.at(~chosen).joined(halves)
+            bound, gain = np.append(bound[~chosen], found), np.append(gain[~chosen], each)
+            if tail > TAIL_SHARE * gain.sum():
+                beyond = FrequencyCells(np.array([highest]), np.array([TAIL_FACTOR * highest]))
+                highest = float(beyond.high[0])
+                cells = cells.joined(beyond)
+                bound, gain = np.append(bound, self._over(loop, beyond)), np.append(gain, np.inf)
+        return total
+
+    def _check(self, loop: LoopFunctions) -> None:
+        plant = {"zeros": loop.plant.zeros, "poles": loop.plant.poles}
+        for name, other in (("zeros", "poles"), ("poles", "zeros")):
+            for point in getattr(self.basis, name):
+                if point not in plant[name] or point in plant[other]:
+                    raise InputError(
+                        f"h has a pole at {point:.6g} as at one of the plant's {name}, "
+                        f"but these are {plant[name]}"
+                    )
+
+    def _total(self, bound: RealArray, tail: float) -> float:
+        """Sum of the cells' integrals and the tail, less the integral that is known."""
+        if not np.isfinite(bound).all():
+            return np.inf
+        known = Interval.of(0.0)
+        for each, x in zip(self.basis.known, self.coefficients, strict=True):
+            known = known + Interval.of(each) * x
+        return float(up(math.fsum([*bound, tail, float((-(known * PI)).high)])))
+
+    def _over(self, loop: LoopFunctions, cells: FrequencyCells) -> RealArray:
+        """Upper bounds (F,) on the integral over each cell; -inf where no T is allowed."""
+        weights, h = loop.over(cells), self.basis.tangent(self.coefficients, cells)
+        along = h.slope * cells.radius
+        ends = np.stack([h.value - along, h.value + along], axis=1)
+        slack = np.maximum(SLACK_SHARE * cells.radius / cells.middle, LEAST_SLACK)
+        first, last = map(Interval.of, largest_projections(weights, self.level, ends, slack).T)
+        # The chord over middle -+ radius, at the mean frequency of the cell.
+        middle, radius = Interval.of(cells.middle), Interval.of(cells.radius)
+        aside = ((cells.high - middle) - (middle - cells.low)) / (radius * 2)
+        mean = (first + last + (last - first) * aside) / 2
+        rounding = ENDS_ROUNDING * (np.abs(h.value) + np.abs(along))
+        error = (Interval.of(h.error) + rounding) * largest_modulus(weights, self.level)
+        whole = (cells.width * (mean + error)).high
+        empty = (first.high == -np.inf) | (last.high == -np.inf)
+        return np.where(empty, -np.inf, np.where(np.isnan(whole), np.inf, whole))
+
+    def _beyond(self, loop: LoopFunctions, lowest: float) -> float:
+        """An upper bound on the integral above a frequency: |T h| <= c / omega^(k + 1)."""
+        c = Interval.of(loop.largest_beyond(lowest, self.level))
+        c = c * self.basis.decay(self.coefficients, lowest)
+        power = Interval.of(1.0)
+        for _ in range(loop.falls):
+            power = power * lowest
+        return float((c / (power * loop.falls)).high)
 
 
-def highest_proven(
-    sets: SetsAt, basis: AnalyticBasis, low: float, high: float, context: Context
-) -> DualCertificate | None:
-    """The highest level between two for which a certificate was found; None without one.
-
-    The integral of a certificate is negative by more than it changes from COARSE to FINE parts.
-
-    Parameters
-    ----------
-    sets
-        The T that a level allows, such as `allowed_polygons` of the loop's weights.
-    low, high
-        Levels, positive, between which it is looked for.
-
-    Raises
-    ------
-    SolverError
-        The solver gives no answer for a level.
-    """
-    best = None
-    for _ in range(BISECTION_LEVELS):
-        level = float(np.sqrt(low * high))
-        found = _candidate(sets, basis, level, context)
-        fine, coarse = (found.integral(sets, parts) for parts in (FINE, COARSE))
-        if fine + abs(fine - coarse) < 0.0:
-            best, low = found, level
-        else:
-            high = level
-    return best
-
-
-def _candidate(
-    sets: SetsAt, basis: AnalyticBasis, level: float, context: Context
-) -> DualCertificate:
-    """H of least integral of Re(c h), that of R |h| being 1, with circles around the sets.
-
-    Raises SolverError where the solver gives none.
-    """
-    import cvxpy as cp
-
-    omega, width = basis.midpoints(COARSE)
-    circle = sets(omega, level).circle
-    h = basis.response(omega)
-    x = cp.Variable(len(basis.corners))
-    along = (width * circle.center) @ h
-    around = (width * circle.radius)[:, None] * h
-    sizes = cp.norm(cp.vstack([around.real @ x, around.imag @ x]), 2, axis=0)
-    problem = cp.Problem(cp.Minimize(along.real @ x), [cp.sum(sizes) <= 1])
-    outcome, said = solve_conic(problem, conic_solvers()[0], Options(SOLVER_ACCURACY), context)
-    if x.value is None:
-        raise SolverError(f"no h for the level {level:.6g}: {outcome}, {said}")
-    return DualCertificate(level, np.asarray(x.value, dtype=float), basis)
+def _largest(gain: RealArray) -> NDArray[np.bool_]:
+    """The cells with the largest gains, which have HALVED_SHARE of the sum together."""
+    order = np.argsort(-gain)
+    sizes = gain[order]
+    count = (
+        np.isinf(sizes).sum() or np.searchsorted(np.cumsum(sizes), HALVED_SHARE * sizes.sum()) + 1
+    )
+    chosen = np.zeros(gain.shape, bool)
+    chosen[order[:count]] = True
+    return chosen

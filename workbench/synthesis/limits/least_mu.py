@@ -28,7 +28,7 @@ from workbench.errors import InputError
 from workbench.synthesis.limits.loop_weights import LoopWeights
 
 QUARTERS = ((0, 0), (0, 1), (1, 0), (1, 1))
-"""Which halves of psi and of phi each quarter of a box takes."""
+"""Halves (0 or 1) of psi and of phi in each quarter of a box."""
 HALVINGS = 40
 """Most halvings of a box. Without circular part and control weight mu may jump, and no number of
 halvings reaches the tolerance."""

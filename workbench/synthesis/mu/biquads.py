@@ -15,7 +15,7 @@ import numpy as np
 from workbench.arrays import RealArray
 from workbench.heavy_types import StateSpace
 
-Range = tuple[float, float]
+FrequencyRange = tuple[float, float]
 """Lowest and highest frequency [rad/s]."""
 DAMPING_RANGE = (0.1, 20.0)
 """Least and largest damping ratio of zeros and poles; above 1 they are pairs of real ones."""
@@ -98,7 +98,7 @@ class Biquads:
             x[:, first] = middle + places[first // 4] + 0.3 * sign
         return x
 
-    def bounds(self, within: Range) -> list[tuple[float, float]]:
+    def bounds(self, within: FrequencyRange) -> list[tuple[float, float]]:
         """Bounds of the parameters of a row, with corners within frequencies [rad/s]."""
         low, high = np.log(within)
         found = [(-LARGEST_LOG_GAIN, LARGEST_LOG_GAIN)] * self.size

@@ -21,10 +21,10 @@ from workbench.fitting.factored import FactoredRational
 from workbench.fitting.rational import Rational
 from workbench.synthesis.limits.loop_weights import LoopWeights
 from workbench.uncertainty import Responses, UncertaintyModel
+from workbench.uncertainty.covers.everywhere import covering_weight
 from workbench.uncertainty.covers.weights import (
     between,
     beyond,
-    complex_weight,
     damped,
     needed_radius,
     resolved,
@@ -32,7 +32,7 @@ from workbench.uncertainty.covers.weights import (
 
 POWERS = (8, 32, 128)
 """Powers of the means over frequency that stand for the largest mu, one after the other."""
-BFGS_STEPS = 100
+COVER_BFGS_STEPS = 100
 """Largest number of steps of BFGS for each power."""
 COMPLEX_EXCESS = 0.05
 """Relative rise of the largest mu that an excess of W_c may cause before it counts."""
@@ -53,7 +53,7 @@ Weight = Callable[[RealArray], Array]
 Name = Literal["nominal", "real", "controller"]
 
 
-class Loop(NamedTuple):
+class LoopData(NamedTuple):
     """Quantities that mu depends on, at the frequencies (F,) of a `ControlCover`."""
 
     T: ComplexArray
@@ -69,7 +69,7 @@ class ControlCover:
     Parameters
     ----------
     responses
-        Of the plants, from u to the place where w enters.
+        Responses of the plants, from u to the place where w enters.
     complex_order
         Order of W_c.
     performance, control
@@ -136,7 +136,7 @@ class ControlCover:
 
         y = x / units
         for power in context.track(POWERS, " and ".join(moving)):
-            y = minimize(largest, y, (power,), "BFGS", options={"maxiter": BFGS_STEPS}).x
+            y = minimize(largest, y, (power,), "BFGS", options={"maxiter": COVER_BFGS_STEPS}).x
             vectors = zip(sections.items(), np.split(y * units, ends), strict=True)
             found = {name: part.rational(vector) for (name, part), vector in vectors}
             if "real" in found:
@@ -144,7 +144,7 @@ class ControlCover:
                 found["real"] = damped(resolved(found["real"], omega), omega)
             yield parts | found
 
-    def loop(self, parts: dict[Name, Rational]) -> Loop | None:
+    def loop(self, parts: dict[Name, Rational]) -> LoopData | None:
         """The loop of these parts; None where the nominal one is unstable.
 
         Stability is read from the encirclements of -1, for a stable nominal and controller with
@@ -158,25 +158,39 @@ class ControlCover:
     def model(self, parts: dict[Name, Rational], context: Context) -> UncertaintyModel:
         """The model about nominal and real weight, with a complex weight for the controller's loop.
 
+        It contains the known plants of the responses at every frequency, the others at theirs.
+
         Raises InputError for a controller with which the nominal loop is unstable.
         """
         loop = self.loop(parts)
         if loop is None:
             raise InputError("the nominal loop is unstable with this controller: start at another")
-        omega = self.responses.omega
         # What |W_c| may be where mu is at most a little above its largest.
         most = loop.weights.largest_circular(
             loop.T, (1 + COMPLEX_EXCESS) * loop.weights.mu(loop.T).max()
         )
-        log = np.log(self.omega)
-        radius, most = (np.interp(np.log(omega), log, values) for values in (loop.radius, most))
-        weight = 1 / np.maximum(most / radius - 1, RADIUS_ROOM)
         nominal, W_r = parts["nominal"], parts["real"]
-        needed = self._radius(nominal.response(omega), W_r.response(omega))
-        W_c = complex_weight(omega, needed, weight, self.complex_order, context)
+
+        def share(omega: RealArray, radius: RealArray, _: RealArray) -> RealArray:
+            """Weight of an excess: the less room there is over the radius, the more it counts."""
+            room = np.interp(np.log(omega), np.log(self.omega), most / loop.radius)
+            return 1 / np.maximum(room - 1, RADIUS_ROOM)
+
+        W_c = covering_weight(
+            self.responses,
+            self.responses.points / nominal.response(self.responses.omega)[:, None] - 1,
+            nominal,
+            W_r,
+            "multiplicative",
+            self.complex_order,
+            share,
+            RESPONSE_ROUNDING,
+            True,
+            context,
+        )
         return UncertaintyModel(nominal, W_c, W_r)
 
-    def _loop(self, values: dict[Name, list[ComplexArray]]) -> Loop | None:
+    def _loop(self, values: dict[Name, list[ComplexArray]]) -> LoopData | None:
         """From responses of the parts at the cover's frequencies and at the responses'."""
         (G, at), (real, end), (K, _) = (values[name] for name in ("nominal", "real", "controller"))
         radius = self._radius(at, end)
@@ -187,17 +201,17 @@ class ControlCover:
         if not np.isfinite(L).all() or _encirclements(L):
             return None
         weights = LoopWeights(self._performance, self._control / np.abs(G), lasting, real)
-        return Loop(L / (1 + L), weights, lasting)
+        return LoopData(L / (1 + L), weights, lasting)
 
     def _radius(self, nominal: ComplexArray, end: ComplexArray) -> RealArray:
         """|W_c| that segments need at the responses' frequencies."""
-        values = self.responses.values
+        values = self.responses.points
         away = values / nominal[:, None] - 1
         rounding = RESPONSE_ROUNDING * (1 + np.abs(values).max(axis=1) / np.abs(nominal))
         return np.asarray(needed_radius(away, end) + rounding)
 
 
-def _norm(loop: Loop | None, power: int) -> float:
+def _norm(loop: LoopData | None, power: int) -> float:
     """The largest mu, smoothed: the power mean of mu over frequency."""
     if loop is None:
         return UNSTABLE_MU

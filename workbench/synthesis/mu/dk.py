@@ -27,7 +27,7 @@ from workbench.structure import Structure
 from workbench.synthesis.hinf.riccati import central
 from workbench.synthesis.mu.program import MuSynthesis
 from workbench.synthesis.mu.rounds import Iterate, packed, unpacked
-from workbench.synthesis.mu.scaling_fit import Fit, worth
+from workbench.synthesis.mu.scaling_fit import ScalingFit, worth
 from workbench.synthesis.mu.scalings import Scalings
 from workbench.systems.frequency_grid import frequencies_of
 from workbench.systems.generalised_plant import response
@@ -55,14 +55,14 @@ REFERENCE_FLOOR = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class Loop:
+class LoopResponse:
     """The response ``M`` of a closed loop at frequencies ``omega`` (F,) [rad/s] from its poles."""
 
     omega: RealArray
     M: NDArray[Any]
 
     @classmethod
-    def of(cls, system: StateSpace) -> Loop:
+    def of(cls, system: StateSpace) -> LoopResponse:
         """The response of a stable closed loop."""
         omega = frequencies_of(system)
         return cls(omega, response(system, omega))
@@ -87,7 +87,7 @@ class Round:
 
 
 @dataclass(eq=False)
-class Standing:
+class DKState:
     """State of an iteration after a number of rounds tried.
 
     ``before`` are the scalings of the last controller, ``used`` those fitted to its loop, and
@@ -113,7 +113,7 @@ class Standing:
         return found | packed(self.history)
 
     @classmethod
-    def restored(cls, arrays: Mapping[str, NDArray[Any]]) -> Standing:
+    def restored(cls, arrays: Mapping[str, NDArray[Any]]) -> DKState:
         """The state that `arrays` gave."""
         rounds: list[Round | None] = []
         for name in ("before", "used", "well"):
@@ -141,7 +141,7 @@ def iterated(program: MuSynthesis, context: Context, blend: float) -> Claim:
     With `blend` > 0 gamma moves by this share in each round, and the peak may rise on the way.
     """
     kept = context.checkpoint.load()
-    now = Standing(blend) if kept is None else Standing.restored(kept)
+    now = DKState(blend) if kept is None else DKState.restored(kept)
     for number, each in enumerate(now.history, start=1):
         context.record(each.row(number))
     K, level = (program.start if kept is None else None), np.nan
@@ -185,10 +185,10 @@ def iterated(program: MuSynthesis, context: Context, blend: float) -> Claim:
     return program.answer(best.K, tuple(now.history)), Outcome.SOLVED, said
 
 
-def _loop(program: MuSynthesis, K: StateSpace) -> Loop | None:
+def _loop(program: MuSynthesis, K: StateSpace) -> LoopResponse | None:
     """The response of the loop; None where the loop is not stable."""
     system = program.plant.close(K)
-    return Loop.of(system) if stability_of(system).holds else None
+    return LoopResponse.of(system) if stability_of(system).holds else None
 
 
 def _best_step(
@@ -230,7 +230,7 @@ def k_step(program: MuSynthesis, used: Round | None) -> tuple[StateSpace, float]
 
 
 def _scalings(
-    program: MuSynthesis, loop: Loop, mixed: RealArray, before: Round | None, blend: float
+    program: MuSynthesis, loop: LoopResponse, mixed: RealArray, before: Round | None, blend: float
 ) -> tuple[Round, float]:
     """The next scalings, and the logarithm by which D misses its bound.
 
@@ -247,7 +247,7 @@ def _scalings(
         weight = np.maximum(mixed / mixed.max(), LEAST_WEIGHT)
         gamma = GAMMA_FUNCTION.follow(target[None], loop.omega, weight)
         size = np.exp(GAMMA_FUNCTION.log_magnitude(gamma, loop.omega)[0][0])
-    weighted = Loop(loop.omega, size[:, None, None] * loop.M)
+    weighted = LoopResponse(loop.omega, size[:, None, None] * loop.M)
     blocks = len(program.structure or ())
     D, missed = d_step(structure, weighted, blocks, before.D if before else None)
     return Round(D, gamma, at, target), missed
@@ -262,7 +262,7 @@ def _smoothed(at: RealArray, values: RealArray) -> RealArray:
 
 def d_step(
     structure: Structure,
-    loop: Loop,
+    loop: LoopResponse,
     blocks: int,
     before: tuple[Scalings, RealArray] | None,
 ) -> tuple[tuple[Scalings, RealArray], float]:
@@ -279,7 +279,7 @@ def d_step(
     high = bound > 0.8 * bound.max()
     gains = np.median((logs[:, :blocks] - logs[:, blocks:]).T[:, high], axis=1)
     start = before or (Scalings(blocks, 0), gains[:, None])
-    return worth(Fit.of(structure, loop.omega, loop.M, reference), start)
+    return worth(ScalingFit.of(structure, loop.omega, loop.M, reference), start)
 
 
 def _scaled(program: MuSynthesis, used: Round) -> StateSpace:

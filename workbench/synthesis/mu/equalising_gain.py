@@ -15,7 +15,7 @@ from workbench.systems.generalised_plant import GeneralisedPlant
 
 LARGEST_GAIN = 30.0
 """Largest factor on the controller that is tried. The least is 1."""
-PEAK_TOLERANCE = 1e-2
+COMPARED_PEAK_TOLERANCE = 1e-2
 """Relative width of the intervals that certify the peaks compared."""
 
 
@@ -38,8 +38,8 @@ def equalising_gain(falling: GeneralisedPlant, rising: GeneralisedPlant, K: Any)
 
     def apart(log_gain: float) -> float:
         controller = np.exp(log_gain) * K
-        one = performance_peak(falling, controller, PEAK_TOLERANCE)
-        other = performance_peak(rising, controller, PEAK_TOLERANCE)
+        one = performance_peak(falling, controller, COMPARED_PEAK_TOLERANCE)
+        other = performance_peak(rising, controller, COMPARED_PEAK_TOLERANCE)
         if one is None or other is None:  # unstable
             return np.nan
         return float(np.log(one.upper / other.upper))

@@ -14,7 +14,7 @@ from workbench.synthesis.hinf.figures import grid
 from workbench.synthesis.mu.rounds import Iterate
 
 
-def bounds(loop: StateSpace, structure: Structure, peak: float) -> Figure:
+def bounds_figure(loop: StateSpace, structure: Structure, peak: float) -> Figure:
     """Figure of the bounds of mixed mu of a closed loop, also with real scalars as complex ones.
 
     `peak` is the certified upper bound over all frequencies.
@@ -28,14 +28,12 @@ def bounds(loop: StateSpace, structure: Structure, peak: float) -> Figure:
     panel.semilogx(omega, mixed.lower, "--", color=figures.SKY, label="lower bound")
     panel.axhline(peak, color="0.4", linewidth=0.8, label="certified peak")
     panel.set_ylim(0.0, 1.1 * max(peak, float(np.max(complex_.upper))))
-    panel.set_xlabel("angular frequency [rad/s]")
-    panel.set_ylabel("mu [1]")
-    panel.set_title("robust performance")
+    figures.label(panel, "angular frequency [rad/s]", r"$\mu$ [1]", "robust performance")
     figures.legend_below(figure, panel)
     return figure
 
 
-def rounds(history: Sequence[Iterate], peak: float) -> Figure:
+def rounds_figure(history: Sequence[Iterate], peak: float) -> Figure:
     """Figure of the peaks, the levels and the orders of the controllers over the rounds.
 
     `peak` is the certified upper bound of the best controller.
@@ -48,9 +46,8 @@ def rounds(history: Sequence[Iterate], peak: float) -> Figure:
         peaks.plot(count, levels, "s:", label="H-infinity level")
     peaks.axhline(peak, color="0.4", linewidth=0.8, label="certified, best")
     orders.bar(count, [each.order for each in history], color=figures.SKY)
-    peaks.set_ylabel("mu, gamma [1]")
-    orders.set_ylabel("order of K")
-    orders.set_xlabel("round")
-    orders.locator_params(axis="x", integer=True)
+    figures.label(peaks, y=r"$\mu$, $\gamma$ [1]")
+    figures.label(orders, "round", "order of $K$")
+    orders.locator_params(integer=True)
     figures.legend_below(figure, peaks)
     return figure

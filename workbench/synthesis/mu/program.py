@@ -8,16 +8,19 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from workbench.certificate import EVERY_PERTURBATION, Check, quantified
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError
 from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.input_checks import need_positive
 from workbench.mu import Peak, performance_peak
-from workbench.program import Check, Program
+from workbench.mu.frequency.stored_peak import peak_checks, restored_peak, stored_peak
+from workbench.program import Program
+from workbench.second_opinion import loops
 from workbench.structure import Structure
 from workbench.synthesis.hinf.figures import controller
 from workbench.synthesis.mu.families import Family
-from workbench.synthesis.mu.figures import bounds, rounds
+from workbench.synthesis.mu.figures import bounds_figure, rounds_figure
 from workbench.synthesis.mu.rounds import Iterate, packed, unpacked
 from workbench.synthesis.mu.scalings import PARAMETERS
 from workbench.systems.balancing import balanced
@@ -40,7 +43,8 @@ class MuController:
     """A controller u = K y with positive feedback, and certified bounds of the peak of mixed mu.
 
     The supremum of mixed mu over frequency lies in [``lower``, ``upper``]; ``omega`` [rad/s] is the
-    frequency of the lower bound. ``history`` has the rounds of the iteration.
+    frequency of the lower bound. ``history`` has the rounds of the iteration, and ``peak`` the
+    multipliers and the perturbation that prove the bounds.
     """
 
     K: StateSpace
@@ -48,6 +52,7 @@ class MuController:
     upper: float
     omega: float
     history: tuple[Iterate, ...] = field(default=())
+    peak: Peak | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,7 +152,7 @@ class MuSynthesis(Program):
         found = self.certified(K, tolerance)
         if found is None:
             return None
-        return MuController(K, found.lower, found.upper, found.omega, history)
+        return MuController(K, found.lower, found.upper, found.omega, history, found)
 
     def reaching(
         self, K: StateSpace, peak: float, history: tuple[Iterate, ...]
@@ -173,16 +178,23 @@ class MuSynthesis(Program):
             return found
         stability = stability_of(self.plant.close(K))
         found.append(stability)
-        certified = self.certified(K)
-        upper = certified.upper if certified else np.inf
-        statement = "certified supremum of mixed mu over the claimed bound, less 1"
-        found.append(Check("peak", statement, upper / answer.upper - 1, PEAK_TOLERANCE))
-        statement = "claimed lower over certified upper bound, less 1"
-        found.append(Check("lower", statement, answer.lower / upper - 1, BOUND_ROUNDING))
+        if not stability.holds:
+            return found
+        loop = self.plant.close(K)
+        peak = peak_checks(loop, self.closed, answer.lower, answer.upper, answer.peak)
         if self.target is not None:
-            statement = "certified supremum of mixed mu over the target, less 1"
-            found.append(Check("target", statement, upper / self.target - 1, BOUND_ROUNDING))
-        return found
+            statement = "proven supremum of mixed mu over the target, less 1"
+            peak.append(Check("target", statement, answer.upper / self.target - 1, BOUND_ROUNDING))
+        return [*found, *quantified(EVERY_PERTURBATION, peak)]
+
+    def second_opinion(self, answer: MuController) -> list[Check]:
+        loop = self.plant.close(answer.K)
+        claim = self.structure, answer.upper, answer.omega
+        return [
+            loops.powers_fall(loop.A, loop.dt),
+            loops.gain(self.plant.system, answer.K, *claim, poles=loop.poles()),
+            *loops.in_time(loop, *claim),
+        ]
 
     def metrics(self, answer: MuController) -> dict[str, float]:
         return {
@@ -205,6 +217,7 @@ class MuSynthesis(Program):
                 "peak": ("bound", [answer.lower, answer.upper], one | {"long_name": "mixed mu"}),
                 "peak_omega": ((), answer.omega, {"units": "rad/s"}),
                 **_rounds(answer.history),
+                **({} if answer.peak is None else stored_peak("proven", answer.peak)),
             },
             coords={"bound": ["lower", "upper"]},
         )
@@ -218,15 +231,18 @@ class MuSynthesis(Program):
         history = tuple(unpacked(arrays)) if arrays else ()
         lower, upper = data["peak"].values.tolist()
         omega = float(data["peak_omega"])
-        return MuController(restored(data, "controller"), lower, upper, omega, history)
+        found = restored_peak(data, "proven")
+        return MuController(restored(data, "controller"), lower, upper, omega, history, found)
 
     def figures(self, answer: MuController) -> dict[str, Figure]:
         loop = self.plant.close(answer.K)
         found = {
-            "mu": bounds(loop, self.closed, answer.upper),
+            "mu": bounds_figure(loop, self.closed, answer.upper),
             "controller": controller(answer.K, loop),
         }
-        return found | ({"rounds": rounds(answer.history, answer.upper)} if answer.history else {})
+        return found | (
+            {"rounds": rounds_figure(answer.history, answer.upper)} if answer.history else {}
+        )
 
 
 def _rounds(history: tuple[Iterate, ...]) -> dict[str, Any]:

@@ -19,9 +19,9 @@ from workbench.synthesis.mu.scalings import Scalings, diagonals
 
 Fitted = tuple[Scalings, RealArray]
 """Scalings and their parameters (blocks, P)."""
-SHARPNESS_STAGES = (8.0, 60.0, 400.0)
+SCALING_SHARPNESS_STAGES = (8.0, 60.0, 400.0)
 """Exponents s; the fit of each starts from the minimum of the one before."""
-SETTLED_FALL = 2e-5
+SETTLED_FIT_FALL = 2e-5
 """A fit ends when a step promises, or brings, a smaller fall of the logarithm."""
 MOST_STEPS, LARGEST_STEP = 40, 2.0
 """Most Newton steps for one exponent, and the largest step in logarithms of parameters."""
@@ -30,9 +30,9 @@ DAMPING_FALL, DAMPING_RISE = 0.2, 6.0
 DAMPING_WEIGHT = 1e-4
 """Weight of the squared logarithms of damping ratios, which keeps them near 1 where the loop does
 not need other values."""
-MOST_BIQUADS = 4
+MOST_SCALING_BIQUADS = 4
 """Most biquads of a scaling."""
-FIT_TOLERANCE = 5e-4
+SCALING_FIT_TOLERANCE = 5e-4
 """More biquads must lower the logarithm of the miss by more than this to be used."""
 BIQUAD_SPLIT = 0.3
 """Distance, in log frequency, of a new biquad's zeros and poles from its place."""
@@ -45,7 +45,7 @@ RESPONSE_CHANGE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class ScalingFit:
     """Data to which scalings of the first blocks of a structure are fitted.
 
     ``M`` (F, n, n) is the response over the reference, made square by zeros.
@@ -56,7 +56,9 @@ class Fit:
     M: Array
 
     @classmethod
-    def of(cls, structure: Structure, omega: RealArray, M: Array, reference: RealArray) -> Fit:
+    def of(
+        cls, structure: Structure, omega: RealArray, M: Array, reference: RealArray
+    ) -> ScalingFit:
         """The data from responses (F, c, r) at omega (F,) [rad/s] and a reference (F,)."""
         kept = _telling(M)
         M = M[kept] / reference[kept, None, None]
@@ -75,7 +77,7 @@ class Fit:
     def grown(self, start: Fitted, omega: float) -> Fitted:
         """Scalings with one more biquad at omega [rad/s], split in the direction that helps."""
         scalings, x = start[0].grown(start[1], omega, np.zeros(start[0].rows))
-        _, gradient, _ = self._cost(scalings, x.ravel(), SHARPNESS_STAGES[1])
+        _, gradient, _ = self._cost(scalings, x.ravel(), SCALING_SHARPNESS_STAGES[1])
         slope = gradient.reshape(x.shape)[:, start[0].size]
         return start[0].grown(start[1], omega, -BIQUAD_SPLIT * np.sign(slope))
 
@@ -83,7 +85,7 @@ class Fit:
         """The best parameters (blocks, P) found from x."""
         low, high = scalings.limits(self.omega[1:-1] if len(self.omega) > 2 else self.omega)
         flat = np.clip(x.ravel(), low, high)
-        for sharpness in SHARPNESS_STAGES:
+        for sharpness in SCALING_SHARPNESS_STAGES:
             flat = self._minimum(scalings, flat, sharpness, low, high)
         return flat.reshape(x.shape)
 
@@ -102,7 +104,7 @@ class Fit:
             step *= min(1.0, LARGEST_STEP / max(float(np.abs(step).max(initial=0.0)), LARGEST_STEP))
             trial = np.clip(flat + step, low, high)
             step = trial - flat
-            if -float(gradient @ step) < SETTLED_FALL:
+            if -float(gradient @ step) < SETTLED_FIT_FALL:
                 break
             promised = -float(gradient @ step + step @ hessian @ step / 2)
             new = self._cost(scalings, trial, sharpness)
@@ -113,7 +115,7 @@ class Fit:
             if fall > promised / 2:
                 damping *= DAMPING_FALL
             flat, (value, gradient, hessian) = trial, new
-            if fall < SETTLED_FALL:
+            if fall < SETTLED_FIT_FALL:
                 break
         return flat
 
@@ -194,7 +196,7 @@ def _products(left: Array, right: Array) -> RealArray:
     return product
 
 
-def worth(fit: Fit, start: Fitted) -> tuple[Fitted, float]:
+def worth(fit: ScalingFit, start: Fitted) -> tuple[Fitted, float]:
     """Scalings with as few biquads as needed, and the logarithm of what they miss.
 
     The start may have no biquads. The biquad of the start that matters least is removed on trial.
@@ -207,16 +209,16 @@ def worth(fit: Fit, start: Fitted) -> tuple[Fitted, float]:
         tried.append(_near(fit, min(fewer, key=lambda one: fit.missed(*one)[0])))
         tried.sort(key=lambda one: one[1])
     found, missed, at = tried[0]
-    while missed > FIT_TOLERANCE and found[0].biquads < MOST_BIQUADS:
+    while missed > SCALING_FIT_TOLERANCE and found[0].biquads < MOST_SCALING_BIQUADS:
         found, missed, at = _near(fit, fit.grown(found, at))
         tried.append((found, missed, at))
     least = min(missed for _, missed, _ in tried)
-    good = [one for one in tried if one[1] <= least + FIT_TOLERANCE]
+    good = [one for one in tried if one[1] <= least + SCALING_FIT_TOLERANCE]
     found, missed, _ = min(good, key=lambda one: (one[0][0].biquads, one[1]))
     return found, missed
 
 
-def _near(fit: Fit, start: Fitted) -> tuple[Fitted, float, float]:
+def _near(fit: ScalingFit, start: Fitted) -> tuple[Fitted, float, float]:
     """The best scalings found from a start, their miss, and its frequency [rad/s]."""
     found = start[0], fit.near(*start)
     return found, *fit.missed(*found)

@@ -18,9 +18,10 @@ import numpy as np
 
 from workbench.arrays import Array, RealArray
 from workbench.errors import InputError
-from workbench.program import solve
-from workbench.synthesis.switching.cells import Cell, CellProof
-from workbench.synthesis.switching.program import Mode, SwitchedStability
+from workbench.solution import solve
+from workbench.synthesis.switching.cells import CellProof, ParameterCell
+from workbench.synthesis.switching.modes import Mode
+from workbench.synthesis.switching.program import SwitchedStability
 from workbench.synthesis.switching.transition_sets import TransitionSet, held_set
 
 if TYPE_CHECKING:
@@ -83,12 +84,12 @@ class SwitchedBox:
         if not self.dwells or self.dwells[0] < 1 or list(self.dwells) != sorted(set(self.dwells)):
             raise InputError(f"dwells are {self.dwells}; need rising numbers of samples from 1 on")
 
-    def cells(self) -> list[Cell]:
+    def cells(self) -> list[ParameterCell]:
         """Cells that fill the box, to begin with."""
         low, high = self.ends
         edges = [np.linspace(a, b, n + 1) for a, b, n in zip(low, high, self.parts, strict=True)]
         return [
-            Cell(
+            ParameterCell(
                 np.array([edge[i] for edge, i in zip(edges, at, strict=True)]),
                 np.array([edge[i + 1] for edge, i in zip(edges, at, strict=True)]),
             )
@@ -101,7 +102,7 @@ class SwitchedBox:
 
         return self.loops(expm(self.period * self.plant(parameters)))
 
-    def sets(self, cell: Cell) -> tuple[TransitionSet, TransitionSet]:
+    def sets(self, cell: ParameterCell) -> tuple[TransitionSet, TransitionSet]:
         """Transitions of both modes over a cell."""
         centre = cell.centre
         M = self.plant(centre)
@@ -157,7 +158,7 @@ class SwitchedBox:
         rises = math.log(r[0, 1] * r[1, 0] / LARGEST_RATIO)
         return 1 + max(0, math.ceil(-rises / math.log(r[0, 0])))
 
-    def proof(self, cell: Cell) -> CellProof | None:
+    def proof(self, cell: ParameterCell) -> CellProof | None:
         """Proof for the first of the dwells for which the LMIs give one; None: for none."""
         sets = self.sets(cell)
         for tried in self.dwells:
@@ -167,7 +168,7 @@ class SwitchedBox:
                 return CellProof(cell, P, dwell)
         return None
 
-    def proven(self, context: Context) -> tuple[list[CellProof], list[Cell]]:
+    def proven(self, context: Context) -> tuple[list[CellProof], list[ParameterCell]]:
         """Proofs of cells, and the cells that were given up; together they fill the box."""
         waiting, given_up = self.cells(), []
         done: list[CellProof] = []

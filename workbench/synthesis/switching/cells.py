@@ -11,7 +11,7 @@ from workbench.arrays import RealArray
 
 
 @dataclass(frozen=True, eq=False)
-class Cell:
+class ParameterCell:
     """A part of a box of parameters: ``low`` and ``high`` (p,), and how often it was halved."""
 
     low: RealArray
@@ -28,7 +28,7 @@ class Cell:
         """Product of its edges, in the units of the parameters."""
         return float(np.prod(self.high - self.low))
 
-    def halves(self, along: int) -> Iterator[Cell]:
+    def halves(self, along: int) -> Iterator[ParameterCell]:
         """Both halves along a parameter, by its number."""
         for side, end in (("high", self.high.copy()), ("low", self.low.copy())):
             end[along] = self.centre[along]
@@ -39,6 +39,6 @@ class Cell:
 class CellProof:
     """Functions P (2, n, n) of both modes and the dwell [samples] that they prove over a cell."""
 
-    cell: Cell
+    cell: ParameterCell
     P: RealArray
     dwell: int

@@ -14,7 +14,7 @@ from workbench.program import Claim, conic_method
 from workbench.solvers import ConicSolver, Options, Outcome, solve_conic
 from workbench.synthesis.switching.program import FALL_MARGIN, Dwell, SwitchedStability
 
-FINEST_ACCURACY = 1e-5
+LMI_ACCURACY = 1e-5
 """Finest accuracy asked of solvers; P is sought well inside the inequalities."""
 FIRST_STAYS = 5
 """Number of stays of a mode whose inequalities are stated at first."""
@@ -33,7 +33,7 @@ LEAST_MARGIN = 1e-9
 @conic_method(SwitchedStability, optimal=False)
 def _conic(program: SwitchedStability, context: Context, solver: ConicSolver) -> Claim:
     """Bisection over the dwell time with a feasibility problem for each."""
-    options = replace(context.options, tolerance=max(context.options.accuracy, FINEST_ACCURACY))
+    options = replace(context.options, tolerance=max(context.options.accuracy, LMI_ACCURACY))
     units = coordinates(program)
     # Dwell times that a periodic switching makes unstable need not be tried.
     failed, said = program.destabilising

@@ -17,9 +17,9 @@ from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.synthesis.switching.loops import ControllerMode, Modes
 
-POLE_TOLERANCE = 1e-6
+SLOW_POLE_TOLERANCE = 1e-6
 """Difference of two slow poles that count as the same, relative to their distance from 1."""
-POLE_ROUNDING = 1e-15
+SLOW_POLE_ROUNDING = 1e-15
 """Absolute rounding of a slow pole near 1, added to that difference."""
 
 
@@ -91,7 +91,7 @@ def controller_replaced(K: StateSpace, other: StateSpace) -> Modes:
     """
     a, _, _, B, C, _ = first = split_slowest(K)
     a2, b2, A2, B2, C2, D2 = split_slowest(other)
-    if abs(a2 - a) > POLE_TOLERANCE * abs(1 - a) + POLE_ROUNDING:
+    if abs(a2 - a) > SLOW_POLE_TOLERANCE * abs(1 - a) + SLOW_POLE_ROUNDING:
         raise InputError(
             f"K and K' have slow poles {a:.12g} and {a2:.12g}; the integrator can only be handed "
             "over if they are the same"

@@ -1,4 +1,4 @@
-"""How large the error of a switched loop becomes, over every sequence of measurement defects.
+"""Largest error of a switched loop over every sequence of measurement defects.
 
 The disturbance is w = Re(a exp(j omega t)), at any phase. Before the first defect the loop is in
 its steady motion, x = Re(X exp(j omega t)). A defect adds a deviation d from there,

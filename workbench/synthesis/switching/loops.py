@@ -42,7 +42,7 @@ class SampledPlant:
 
 @dataclass(frozen=True, eq=False)
 class ControllerMode:
-    """How the states of all controllers go on and make u in one mode, from the measured error.
+    """State space model of all controllers in one mode, from the measured error to u.
 
     A (m, m), B (m, 1), C (1, m), D (1, 1).
     """

@@ -21,93 +21,28 @@ whole set is meant, a rate r < 1 keeps the inequalities linear in A:
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from workbench import figures
 from workbench.arrays import RealArray
+from workbench.certificate import Check
 from workbench.errors import InputError
 from workbench.heavy_types import Dataset, Figure
-from workbench.program import Check, Program
+from workbench.program import Program
+from workbench.second_opinion.switchings import fastest_growth
+from workbench.synthesis.switching.modes import Mode, check_modes, is_whole
+from workbench.synthesis.switching.quadratic_functions import largest_ratio, least_eigenvalue
 
 FALL_MARGIN = 1e-9
 """Least relative fall of V, far more than the rounding errors of the recomputed inequalities."""
 SEARCHED_STAYS = (80, 12)
 """Numbers of stays of the sought mode and of the other mode that are tried in the search for an
 unstable periodic switching. Stays of the sought mode in between are tried afterwards."""
-
-
-@dataclass(frozen=True, eq=False)
-class Mode:
-    """One mode of a switched system.
-
-    Parameters
-    ----------
-    name
-        Name for messages and tables.
-    A
-        Transition matrix over one sample (n, n), or (V, n, n) for V plants. The plant stays the
-        same while the modes change.
-    shortest
-        Shortest stay [samples]; None: it is sought.
-    longest
-        Longest stay [samples]; None: no limit.
-    rate
-        V^(1/2) must fall by this factor in every sample, and rate^(n - 1) A replaces A^n, so that
-        the proof holds for the convex hull of the A. None: the powers of each A are used.
-
-    Raises
-    ------
-    InputError
-        A matrix is not square or not finite; stays are not whole and positive, or in the wrong
-        order; a sought mode has a longest stay; or the rate is not between 0 and 1, or belongs to a
-        mode with a longest stay.
-    """
-
-    name: str
-    A: RealArray
-    shortest: int | None = 1
-    longest: int | None = None
-    rate: float | None = None
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "A", transitions(self.name, self.A))
-        check_stays(self.name, 1 if self.shortest is None else self.shortest, self.longest)
-        if self.shortest is None and self.longest is not None:
-            raise InputError(
-                f"mode {self.name!r}: its shortest stay is sought, so longest must be None, not "
-                f"{self.longest}"
-            )
-        if self.rate is not None and not (0.0 < self.rate < 1.0 and self.longest is None):
-            raise InputError(
-                f"mode {self.name!r}: rate is {self.rate!r}, longest {self.longest}; a rate must "
-                "be above 0, below 1, and of a mode without a longest stay"
-            )
-
-    @property
-    def decaying(self) -> RealArray:
-        """A / rate (V, n, n), under which V must fall; A where there is no rate."""
-        return self.A / (self.rate or 1.0)
-
-    def over(self, stay: int) -> RealArray:
-        """The matrix (V, n, n) used for A^stay: the power, or rate^(stay - 1) A with a rate."""
-        if self.rate is None:
-            return np.linalg.matrix_power(self.A, stay)
-        return self.rate ** (stay - 1) * self.A
-
-    @cached_property
-    def radius(self) -> RealArray:
-        """Spectral radius of each plant (V,)."""
-        radius: RealArray = np.abs(np.linalg.eigvals(self.A)).max(axis=1)
-        return radius
-
-    def powers(self, stays: Any) -> RealArray:
-        """Powers A^n (N, V, n, n) for stays n (N,)."""
-        return np.array([np.linalg.matrix_power(self.A, int(n)) for n in stays])
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +85,7 @@ class SwitchedStability(Program):
         check_modes(self.modes)
         if not any(mode.shortest is None for mode in self.modes):
             raise InputError("no mode has shortest None: say whose dwell time is sought")
-        if not (_whole(self.limit) and self.limit > 0):
+        if not (is_whole(self.limit) and self.limit > 0):
             raise InputError(f"limit is {self.limit!r}; it must be a positive number of samples")
         for mode in self.modes:
             worst = int(np.argmax(mode.radius))
@@ -186,10 +121,10 @@ class SwitchedStability(Program):
         power = mode.over(stays[0])
         found = []
         for _ in stays:
-            found.append(max(_largest(power.mT @ Q @ power, P[i]) for Q in others))
+            found.append(max(largest_ratio(power.mT @ Q @ power, P[i]) for Q in others))
             power = mode.A @ power
         own = mode.decaying
-        decay = 0.0 if mode.longest else _largest(own.mT @ P[i] @ own, P[i])
+        decay = 0.0 if mode.longest else largest_ratio(own.mT @ P[i] @ own, P[i])
         return np.array(found), np.array(decay)
 
     @cached_property
@@ -221,7 +156,7 @@ class SwitchedStability(Program):
             return found
         skew = max(float(np.abs(P - P.T).max() / np.abs(P).max()) for P in answer.P)
         found.append(Check("symmetry", "largest P - P', relative", skew, 1e-12))
-        least = min(_least(P) for P in answer.P)
+        least = min(least_eigenvalue(P) for P in answer.P)
         found.append(Check("positive", "less the least eigenvalue of P, scaled", -least, -1e-14))
         if least <= 1e-14:
             return found
@@ -233,12 +168,22 @@ class SwitchedStability(Program):
             where = f"after {stays[worst]} samples"
             limit = 1.0 - FALL_MARGIN
             name = f"{mode.name}, entries"
-            found.append(Check(name, statement, float(at_entry[worst]), limit, where))
+            over = f"for every state, after each stay of {stays[0]} to {stays[-1]} samples"
+            found.append(Check(name, statement, float(at_entry[worst]), limit, where, over=over))
             if mode.longest is None:
                 of = "" if mode.rate is None else " and rate^2"
                 statement = f"largest V of this mode after a sample over V before{of}"
-                found.append(Check(f"{mode.name}, decay", statement, float(decay), limit))
+                decays = Check(f"{mode.name}, decay", statement, float(decay), limit)
+                found.append(replace(decays, over="for every state"))
         return found
+
+    def second_opinion(self, answer: Dwell) -> list[Check]:
+        shortest = [answer.samples if m.shortest is None else m.shortest for m in self.modes]
+        longest = [mode.longest for mode in self.modes]
+        rate, which = fastest_growth([mode.A for mode in self.modes], shortest, longest)
+        statement = "logarithmic growth in one period of switchings drawn, less its rounding"
+        over = "for periodic switchings drawn"
+        return [Check("switchings drawn", statement, rate, 0.0, which, over=over)]
 
     def gap(self, answer: Dwell) -> tuple[str, float]:
         found, which = self.destabilising
@@ -289,84 +234,6 @@ class SwitchedStability(Program):
         panel.set_ylabel("V at the next entry over V at this [1]")
         figures.legend_below(figure, panel)
         return {"entries": figure}
-
-
-# --- checks of the input ----------------------------------------------------------------------
-
-
-def transitions(name: str, A: Any) -> RealArray:
-    """A (V, n, n) of a mode; raises InputError for anything else."""
-    try:
-        array = np.asarray(A, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"mode {name!r}: A is no array of real numbers: {error}") from None
-    array = array[None] if array.ndim == 2 else array
-    if array.ndim != 3 or array.shape[1] != array.shape[2] or not array.size:
-        raise InputError(
-            f"mode {name!r}: A has shape {np.shape(A)}; it must be square, (n, n) or (V, n, n)"
-        )
-    if not np.isfinite(array).all():
-        raise InputError(f"mode {name!r}: A has entries that are not finite")
-    return array
-
-
-def check_stays(name: str, shortest: int, longest: int | None) -> None:
-    """Raise InputError unless the stays are whole, positive and in order."""
-    for word, stay in (("shortest", shortest), ("longest", longest)):
-        if stay is not None and not (_whole(stay) and stay > 0):
-            raise InputError(
-                f"mode {name!r}: {word} is {stay!r}; it must be a positive number of samples"
-            )
-    if longest is not None and longest < shortest:
-        raise InputError(f"mode {name!r}: longest is {longest}, less than shortest, {shortest}")
-
-
-def check_modes(modes: Any) -> None:
-    """Raise InputError unless there are at least two modes with the same plants and states."""
-    if len(modes) < 2:
-        raise InputError(f"{len(modes)} modes are given; switching needs two at least")
-    first = modes[0]
-    for mode in modes[1:]:
-        if mode.A.shape != first.A.shape:
-            raise InputError(
-                f"modes {first.name!r} and {mode.name!r} have A of shapes {first.A.shape} and "
-                f"{mode.A.shape}; all must have the same plants and states, those that a mode does "
-                "not use among them"
-            )
-
-
-def _whole(value: Any) -> bool:
-    """Whether a value is an integer."""
-    return isinstance(value, (int, np.integer)) and not isinstance(value, bool)
-
-
-def _scaled(P: RealArray, units: RealArray) -> RealArray:
-    """P with rows and columns divided by units."""
-    return P / units[:, None] / units
-
-
-def _least(P: RealArray) -> float:
-    """Least eigenvalue of P scaled to unit diagonal; the least diagonal entry if not positive."""
-    diagonal = np.diag(P)
-    if diagonal.min() <= 0.0:
-        return float(diagonal.min())
-    return float(np.linalg.eigvalsh(_scaled((P + P.T) / 2, np.sqrt(diagonal)))[0])
-
-
-def _largest(M: RealArray, P: RealArray) -> float:
-    """Largest ratio of x' M x to x' P x over x and a batch of M, rounded up."""
-    units = np.sqrt(np.diag(P))
-    L = np.linalg.cholesky(_scaled((P + P.T) / 2, units))
-    inner = np.linalg.solve(L, np.linalg.solve(L, M / units[:, None] / units).mT)
-    return outward(P) * float(np.linalg.eigvalsh((inner + inner.mT) / 2)[..., -1].max())
-
-
-def outward(P: RealArray) -> float:
-    """Factor that rounds ratios of quadratic functions to x' P x upward.
-
-    For P of unit diagonal, the rounding error grows as its least eigenvalue falls.
-    """
-    return 1.0 + len(P) ** 2 * np.finfo(float).eps / max(_least(P), np.finfo(float).eps)
 
 
 def _unstable(sought: Mode, other: Mode, limit: int) -> tuple[int, int]:

@@ -17,13 +17,13 @@ from scipy.linalg import expm
 
 from workbench.arrays import RealArray
 from workbench.errors import InputError
-from workbench.synthesis.switching.program import outward
+from workbench.synthesis.switching.quadratic_functions import outward
 
 OUTWARD_ROUNDING = 1e-9
 """Share by which bounds are rounded up."""
 EXPONENTIAL_ROUNDING = 1e-14
-"""Relative rounding error of the exponential of a matrix with entries up to `LARGEST_EXPONENT`."""
-LARGEST_EXPONENT = 10.0
+"""Relative rounding error of a matrix exponential, for entries up to `LARGEST_MATRIX_ENTRY`."""
+LARGEST_MATRIX_ENTRY = 10.0
 """Largest entry of a matrix whose exponential is computed."""
 
 
@@ -94,10 +94,10 @@ def held_set(centre: Any, slopes: Sequence[Any], duration: float) -> TransitionS
     if not 0.0 < duration < math.inf:
         raise InputError(f"duration is {duration}; it must be positive and finite")
     X, steps = duration * M, [duration * Y for Y in parts]
-    if abs(X).max(initial=0.0) > LARGEST_EXPONENT:
+    if abs(X).max(initial=0.0) > LARGEST_MATRIX_ENTRY:
         raise InputError(
             f"an entry of duration times centre is {abs(X).max():.3g}; scale states and inputs so "
-            f"that none is above {LARGEST_EXPONENT:g}, or the rounding is not bounded"
+            f"that none is above {LARGEST_MATRIX_ENTRY:g}, or the rounding is not bounded"
         )
     zero = np.zeros((n, n))
     linear = [_derivative(X, Y) for Y in steps]

@@ -8,7 +8,7 @@ containment, computed from the data and the model's roots alone.
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar, Literal, Self, get_args
@@ -16,25 +16,30 @@ from typing import Any, ClassVar, Literal, Self, get_args
 import numpy as np
 
 from workbench.arrays import ComplexArray, RealArray
+from workbench.certificate import THIS_SYSTEM, Check, worst
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.fitting.rational import Rational, from_system
 from workbench.fitting.samples import as_count
 from workbench.geometry import Circle, NarrowestStadium, Stadium
+from workbench.geometry.cover import CONTAINMENT_TOLERANCE
 from workbench.heavy_types import Dataset, Figure
-from workbench.program import Check, Program, worst
+from workbench.program import Program
+from workbench.second_opinion.fits import decays, inverse_decays
+from workbench.second_opinion.responses import plain_response
+from workbench.second_opinion.support import reach_beyond
+from workbench.uncertainty.covers.everywhere import (
+    REALISED_SUPPORT_TOLERANCE,
+    containment_check,
+    covering_weight,
+    sampled_containment,
+)
 from workbench.uncertainty.covers.figures import cover_figures
-from workbench.uncertainty.covers.model import CONTAINMENT_TOLERANCE, UncertaintyModel, contains
+from workbench.uncertainty.covers.model import UncertaintyModel, contains
 from workbench.uncertainty.covers.responses import Responses
 from workbench.uncertainty.covers.sets import Form, corners, deviations, kept
 from workbench.uncertainty.covers.steps import CoverSteps
-from workbench.uncertainty.covers.weights import (
-    complex_weight,
-    damped,
-    needed_radius,
-    resolved,
-    share_of_size,
-)
+from workbench.uncertainty.covers.weights import damped, resolved, share_of_size
 
 RADIUS_ROUNDING = 1e-12
 """Amount added to radii, relative to the size of the plants; equal plants get this radius."""
@@ -186,12 +191,18 @@ class UncertaintyCover(Program):
         omega = self.responses.omega
         W_r = None if W_r is None else damped(resolved(W_r, omega), omega)
         away = self.away(nominal, self.points)
-        radius = needed_radius(away, None if W_r is None else W_r.response(omega))
-        # the rounding errors of the deviations are relative to the plants, not to the deviations
-        radius = radius + RADIUS_ROUNDING * self.away_scale(nominal)
-        extent = np.maximum(np.abs(away).max(axis=1), radius)
-        share = share_of_size(radius, extent)
-        W_c = complex_weight(omega, radius, share, self.complex_order, context)
+        W_c = covering_weight(
+            self.responses,
+            away,
+            nominal,
+            W_r,
+            self.form,
+            self.complex_order,
+            lambda _, radius, extent: share_of_size(radius, extent),
+            RADIUS_ROUNDING,
+            not self.leave_out,
+            context,
+        )
         model = UncertaintyModel(nominal, W_c, W_r, self.form)
         return CoverSteps(model, first, self.second_set(away), third)
 
@@ -213,19 +224,62 @@ class UncertaintyCover(Program):
             self._second_off(answer), lambda i: f"at {self.responses.place(i[0])}"
         )
         return [
-            Check("containment", statement, inside.worst, CONTAINMENT_TOLERANCE, inside.where),
+            Check(
+                "containment",
+                statement,
+                inside.worst,
+                CONTAINMENT_TOLERANCE,
+                inside.where,
+                over=self.responses.over,
+            ),
+            *self._between(containment_check, model),
             Check(
                 "second set",
                 "a radius off the least about the nominal, a deviation beyond it, relative",
                 excess,
                 max(tolerance, CONTAINMENT_TOLERANCE),
                 where,
+                over=self.responses.over,
             ),
             *(_at_most("order", name, of.order, most) for name, of, most in fits),
             self._nominal_check(model.nominal),
             *(left_check(f"{name} stable", "pole", of.poles) for name, of, _ in fits),
             left_check("W_c minimum phase", "zero", model.W_c.zeros),
         ]
+
+    def second_opinion(self, answer: CoverSteps) -> Sequence[Check]:
+        systems = answer.model.systems()
+        omega, values = self.responses.omega, self.responses.values
+        of = {name: plain_response(system, omega)[:, 0, 0] for name, system in systems.items()}
+        size = of["G"] if self.form == "multiplicative" else np.ones_like(of["G"])
+        segment = size * of.get("W_r", np.zeros_like(size))
+        radius = np.abs(size * of["W_c"])
+        excess = reach_beyond(values, of["G"], radius, np.abs(segment), np.angle(segment))
+        excess = np.where(self.responses.present, excess / radius[:, None], -np.inf)
+        counted = np.sort(excess, axis=1)[:, -1 - self.leave_out]
+        value, where = worst(counted, lambda i: f"at {self.responses.place(i[0])}")
+        statement = "how far a response reaches beyond the realised set, over the radius"
+        return [
+            Check(
+                "support",
+                statement,
+                value,
+                REALISED_SUPPORT_TOLERANCE,
+                where,
+                over=self.responses.over,
+            ),
+            *self._between(sampled_containment, answer.model),
+            *(decays(system, f"{name} decays") for name, system in systems.items()),
+            inverse_decays(systems["W_c"], "inverse of W_c decays"),
+        ]
+
+    def _between(
+        self, check: Callable[[UncertaintyModel, Responses], Check], model: UncertaintyModel
+    ) -> list[Check]:
+        """The check of the known plants between the frequencies, where none may lie outside."""
+        if self.leave_out or not self.responses.known_plants:
+            return []
+        return [check(model, self.responses)]
 
     @abstractmethod
     def least_radius(self, sets: NarrowestStadium, second: Stadium) -> RealArray:
@@ -250,7 +304,8 @@ class UncertaintyCover(Program):
         apart = apart / np.maximum(np.abs(given), np.finfo(float).tiny)
         value, where = worst(apart, lambda i: f"at {self.responses.place(i[0])}")
         statement = "distance of its response from that of the given one, relative"
-        return Check("nominal given", statement, value, CONTAINMENT_TOLERANCE, where)
+        over = f"at the {self.responses.omega.size} given frequencies"
+        return Check("nominal given", statement, value, CONTAINMENT_TOLERANCE, where, over=over)
 
     def _orders(self, model: UncertaintyModel) -> list[tuple[str, Rational, int]]:
         """Name, function and largest order of the nominal and of each weight."""
@@ -275,9 +330,9 @@ class UncertaintyCover(Program):
         }
 
     def to_dataset(self, answer: CoverSteps) -> Dataset:
-        from workbench.uncertainty.covers.storage import to_dataset
+        from workbench.uncertainty.covers.storage import cover_dataset
 
-        return to_dataset(self.responses, answer)
+        return cover_dataset(self.responses, answer)
 
     def from_dataset(self, data: Dataset) -> CoverSteps:
         from workbench.uncertainty.covers.storage import rational, shape
@@ -304,4 +359,4 @@ def left_check(name: str, kind: str, roots: ComplexArray) -> Check:
     """Check that roots lie left of the imaginary axis."""
     value = float(roots.real.max(initial=-np.inf))
     text = f"largest real part of a {kind} [rad/s], negative"
-    return Check(name, text, value, -np.finfo(float).tiny)
+    return Check(name, text, value, -np.finfo(float).tiny, over=THIS_SYSTEM)

@@ -59,6 +59,7 @@ def widened(responses: Responses, content: float) -> Responses:
             "at each frequency the plants are drawn independently from one bivariate normal "
             f"distribution; then a further plant lies inside with probability {content:g}"
         ),
+        known=[*responses.known, *[None] * POLYGON_CORNERS] if responses.known else None,
     )
 
 

@@ -25,14 +25,14 @@ def cover_figures(
         if chosen.size:
             name = "plane-" + "-".join(caption.lower().split())
             drawn[name] = plane(points, sets, f"fitted sets, {caption}", chosen)
-    drawn["nominal"] = nominal(responses, answer)
-    drawn["complex-weight"] = complex_weight(responses, answer)
+    drawn["nominal"] = nominal_figure(responses, answer)
+    drawn["complex-weight"] = complex_weight_figure(responses, answer)
     if answer.model.W_r is not None:
-        drawn["real-weight"] = real_weight(responses, answer)
+        drawn["real-weight"] = real_weight_figure(responses, answer)
     return drawn
 
 
-def nominal(responses: Responses, answer: CoverSteps) -> Figure:
+def nominal_figure(responses: Responses, answer: CoverSteps) -> Figure:
     """Bode plot of the nominal among the plants and the centres of the first set."""
     figure, (top, bottom) = figures.axes(2, 1, size=(7.0, 6.0), sharex=True)
     fit = answer.model.nominal.response(responses.omega)
@@ -47,14 +47,13 @@ def nominal(responses: Responses, answer: CoverSteps) -> Figure:
             responses.frequency, centres, color=figures.ORANGE, ls=":", label="centres, first set"
         )
         axes.plot(responses.frequency, of(fit), color=figures.BLUE, label="nominal")
-    top.set_yscale("log")
-    top.set_ylabel(f"magnitude [{responses.unit}]")
-    bottom.set_ylabel("phase [deg]")
+    figures.label(top, y=f"magnitude [{responses.unit}]", log="y")
+    figures.label(bottom, y="phase [deg]")
     _finish(figure, top, bottom, responses)
     return figure
 
 
-def complex_weight(responses: Responses, answer: CoverSteps) -> Figure:
+def complex_weight_figure(responses: Responses, answer: CoverSteps) -> Figure:
     """Radii of the sets, calculated and fitted (figures 5.12 and 5.13 of the thesis)."""
     figure, (axes,) = figures.axes()
     axes.plot(
@@ -65,19 +64,18 @@ def complex_weight(responses: Responses, answer: CoverSteps) -> Figure:
             responses.frequency, answer.third.radius, ":", color=figures.ORANGE, label="third set"
         )
     fit = np.abs(answer.model.W_c.response(responses.omega))
-    label = f"|W_c|, order {answer.model.W_c.order}"
+    label = f"$|W_c|$, order {answer.model.W_c.order}"
     axes.plot(responses.frequency, fit, color=figures.BLUE, label=label)
-    axes.set_yscale("log")
-    axes.set_ylabel(f"radius [{_unit(responses, answer)}]")
+    figures.label(axes, y=f"radius [{_unit(responses, answer)}]", log="y")
     _finish(figure, axes, axes, responses)
     return figure
 
 
-def real_weight(responses: Responses, answer: CoverSteps) -> Figure:
+def real_weight_figure(responses: Responses, answer: CoverSteps) -> Figure:
     """Half-length and orientation, calculated and fitted (figures 5.14 and 5.15)."""
     figure, (top, bottom) = figures.axes(2, 1, size=(7.0, 6.0), sharex=True)
     fit = answer.model.W_r.response(responses.omega)
-    label = f"W_r, order {answer.model.W_r.order}"
+    label = f"$W_r$, order {answer.model.W_r.order}"
     for name, sets, colour in (
         ("second set", answer.second, figures.BLACK),
         ("third set", answer.third, figures.ORANGE),
@@ -90,18 +88,16 @@ def real_weight(responses: Responses, answer: CoverSteps) -> Figure:
         bottom.plot(responses.frequency, turn, ":", color=colour)
     top.plot(responses.frequency, np.abs(fit), color=figures.BLUE, label=label)
     bottom.plot(responses.frequency, figures.phase(fit), color=figures.BLUE)
-    top.set_yscale("log")
-    top.set_ylabel(f"half-length [{_unit(responses, answer)}]")
-    bottom.set_ylabel("orientation [deg]")
+    figures.label(top, y=f"half-length [{_unit(responses, answer)}]", log="y")
+    figures.label(bottom, y="orientation [deg]")
     _finish(figure, top, bottom, responses)
     return figure
 
 
 def _finish(figure: Figure, source: Axes, bottom: Axes, responses: Responses) -> None:
     """Set the frequency axis, and put the legend of ``source`` below the figure."""
-    if responses.frequency[-1] > 20 * responses.frequency[0]:
-        bottom.set_xscale("log")
-    bottom.set_xlabel("frequency [Hz]")
+    wide = responses.frequency[-1] > 20 * responses.frequency[0]
+    figures.label(bottom, "frequency [Hz]", log="x" if wide else "")
     figures.legend_below(figure, source)
 
 

@@ -92,13 +92,13 @@ class SmallSets:
         return float(shares @ (radius**2 + HALF_LENGTH_WEIGHT * square)), gradient
 
 
-Found = tuple[float, Rational, Rational | None]
+FoundModel = tuple[float, Rational, Rational | None]
 """Mean square size, nominal, real weight."""
 
 
 def smallest_sets(
     program: UncertaintyCover, nominal: Rational, W_r: Rational | None, context: Context
-) -> Found:
+) -> FoundModel:
     """Mean square size, nominal and real weight of the smallest sets found from a start.
 
     Without a real weight the sets are circles, even if the program asks for stadiums. The search

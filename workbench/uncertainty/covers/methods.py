@@ -9,7 +9,7 @@ from workbench.program import Claim, method
 from workbench.solvers import Outcome
 from workbench.uncertainty.covers.circle_cover import CircleCover
 from workbench.uncertainty.covers.cover import UncertaintyCover
-from workbench.uncertainty.covers.joint import Found, fitted_size, smallest_sets
+from workbench.uncertainty.covers.joint import FoundModel, fitted_size, smallest_sets
 from workbench.uncertainty.covers.stadium_cover import StadiumCover
 from workbench.uncertainty.covers.starts import nominals, real_weights, through
 
@@ -49,13 +49,13 @@ def _joint(program: UncertaintyCover, context: Context) -> Claim:
     return min(answers, key=lambda answer: fitted_size(program, answer)), Outcome.SOLVED, said
 
 
-def _tried(program: UncertaintyCover, context: Context) -> tuple[list[Found], str]:
+def _tried(program: UncertaintyCover, context: Context) -> tuple[list[FoundModel], str]:
     """The smallest sets found from every start, and a message about them."""
-    found: list[Found] = []
-    circles: list[Found] = []
+    found: list[FoundModel] = []
+    circles: list[FoundModel] = []
     said = []
 
-    def stadiums(nominal: Rational) -> list[Found]:
+    def stadiums(nominal: Rational) -> list[FoundModel]:
         assert isinstance(program, StadiumCover)
         weights = real_weights(program, nominal, context)
         return [smallest_sets(program, nominal, W_r, context) for W_r in weights]
@@ -79,6 +79,6 @@ def _tried(program: UncertaintyCover, context: Context) -> tuple[list[Found], st
     return found, f"mean square size {', '.join(said)}"
 
 
-def _size(found: Found) -> float:
+def _size(found: FoundModel) -> float:
     """Mean square size, by which sets are compared."""
     return found[0]

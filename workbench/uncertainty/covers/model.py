@@ -19,6 +19,7 @@ from workbench.arrays import RealArray
 from workbench.errors import InputError
 from workbench.fitting.rational import Rational, from_system
 from workbench.geometry import Stadium
+from workbench.geometry.cover import CONTAINMENT_TOLERANCE
 from workbench.heavy_types import StateSpace
 from workbench.structure import Complex as ComplexScalar
 from workbench.structure import Real as RealScalar
@@ -27,9 +28,6 @@ from workbench.systems.connection import generalised_plant
 from workbench.systems.interconnection import UncertainPart
 from workbench.uncertainty.covers.responses import Responses
 from workbench.uncertainty.covers.sets import Form
-
-CONTAINMENT_TOLERANCE = 1e-9
-"""Largest distance of a point beyond its set, relative to the radius, that counts as contained."""
 
 
 @dataclass(frozen=True, eq=False)

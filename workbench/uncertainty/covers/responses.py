@@ -10,7 +10,11 @@ import numpy as np
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
+from workbench.fitting.rational import Rational, from_system
 from workbench.heavy_types import DataArray, FrequencyResponseData
+
+KNOWN_RESPONSE_TOLERANCE = 1e-6
+"""Largest distance of a given response from that of the known plant, relative to it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,11 +37,16 @@ class Responses:
     assumption
         Assumption that the set makes beyond the measured points, for instance a distribution; see
         `workbench.uncertainty.widened`. It stands in the certificates of covers.
+    known
+        The N plants as systems, where they are known at every frequency: stable SISO systems of
+        python-control or `Rational`s, None for a plant that was only measured. Covers contain
+        these at every frequency, between the given ones too.
 
     Raises
     ------
     InputError
-        Data other than these; the message names the plant and the frequency.
+        Data other than these, or a known plant that is unstable or has other responses; the
+        message names the plant and the frequency.
     """
 
     omega: RealArray
@@ -46,6 +55,7 @@ class Responses:
     plants: Any = None  # a tuple of names after construction
     unit: str = field(default="1", kw_only=True)
     assumption: str = field(default="", kw_only=True)
+    known: Any = field(default=None, kw_only=True)  # a tuple of Rational or None, or () for none
 
     def __post_init__(self) -> None:
         omega = np.asarray(self.omega, dtype=float)
@@ -94,6 +104,44 @@ class Responses:
                 f"only {present[few.argmax()].sum()} plant was measured at "
                 f"{self.place(int(few.argmax()))}: two or more are needed at every frequency"
             )
+        object.__setattr__(self, "known", self._checked(tuple(self.known or ())))
+
+    def _checked(self, known: tuple[Any, ...]) -> tuple[Rational | None, ...]:
+        """The known plants as functions; raises `InputError` for those that cannot be."""
+        if known and len(known) != len(self.plants):
+            raise InputError(f"{len(known)} known systems for {len(self.plants)} plants")
+        found = tuple(
+            plant if plant is None or isinstance(plant, Rational) else from_system(plant)
+            for plant in known
+        )
+        for i, plant in enumerate(found):
+            if plant is None:
+                continue
+            if not plant.is_stable:
+                raise InputError(
+                    f"plant {self.plants[i]} is unstable, its poles are {plant.poles}: no set of a "
+                    "stable nominal and stable weights contains it"
+                )
+            apart = np.abs(plant.response(self.omega) / self.values[:, i] - 1)
+            apart = np.where(self.present[:, i], apart, 0.0)
+            k = int(np.argmax(np.where(np.isnan(apart), np.inf, apart)))
+            if not apart[k] <= KNOWN_RESPONSE_TOLERANCE:
+                raise InputError(
+                    f"the known plant {self.plants[i]} has another response at {self.place(k)}: "
+                    f"it is {apart[k]:.3g} off, relative"
+                )
+        return found
+
+    @property
+    def known_plants(self) -> dict[str, Rational]:
+        """The plants that are known at every frequency, by name."""
+        pairs = zip(self.plants, self.known, strict=False)
+        return {name: plant for name, plant in pairs if plant is not None}
+
+    @property
+    def over(self) -> str:
+        """What a statement about these responses quantifies over."""
+        return f"at the {self.omega.size} given frequencies, for these {len(self.plants)} plants"
 
     def _refuse(self, bad: np.ndarray, what: str) -> None:
         """Raise `InputError` if a measured response is bad; it names the first one."""
@@ -167,7 +215,7 @@ def responses_of(systems: Sequence[FrequencyResponseData], **names: Any) -> Resp
     systems
         `control.FrequencyResponseData` objects, frequencies in rad/s.
     names
-        ``plants``, ``unit`` and ``assumption`` of `Responses`.
+        ``plants``, ``unit``, ``assumption`` and ``known`` of `Responses`.
 
     Raises
     ------

@@ -9,11 +9,11 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from workbench.arrays import ComplexArray, RealArray
+from workbench.certificate import Check
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.fitting.rational import Rational
 from workbench.geometry import NarrowestStadium, Stadium, narrowest_stadium
-from workbench.program import Check
 from workbench.uncertainty.covers.cover import RADIUS_ROUNDING, UncertaintyCover, left_check
 from workbench.uncertainty.covers.model import UncertaintyModel
 from workbench.uncertainty.covers.orientation import Orientation, smooth

@@ -15,9 +15,9 @@ from workbench.uncertainty.covers.cover import UncertaintyCover
 from workbench.uncertainty.covers.stadium_cover import StadiumCover
 from workbench.uncertainty.covers.weights import fitted, held, unwrapped
 
-MIN_RELATIVE_SIZE = 1e-3
+STARTING_MIN_RELATIVE_SIZE = 1e-3
 """Smallest size of sets in the weights of a fit, relative to the centre or to the largest set."""
-HALF_LENGTH_SHARE = 0.1
+STARTING_HALF_LENGTH_SHARE = 0.1
 """Factor of a stadium's half-length in the size that weights the errors of a starting weight."""
 
 
@@ -32,7 +32,9 @@ def through(
     if program.nominal is not None:
         return program.nominal
     omega, order, zeros = program.responses.omega, program.order, program.zeros
-    size = np.maximum(first.radius + first.half_length, MIN_RELATIVE_SIZE * np.abs(response))
+    size = np.maximum(
+        first.radius + first.half_length, STARTING_MIN_RELATIVE_SIZE * np.abs(response)
+    )
     weight = np.abs(response) / size**2
     return fitted(ResponseFit(omega, response, order, weight=weight, zeros=zeros), context)
 
@@ -60,8 +62,8 @@ def real_weights(program: StadiumCover, nominal: Rational, context: Context) -> 
     """Real weights fitted to the third set: a minimum-phase one, then, if allowed, any other."""
     third = program.third_set(program.away(nominal, program.points))
     end = unwrapped(third.half_length * np.exp(1j * third.angle))
-    size = third.radius + HALF_LENGTH_SHARE * third.half_length
-    weight = 1 / np.maximum(size, MIN_RELATIVE_SIZE * (size.max() or 1.0))
+    size = third.radius + STARTING_HALF_LENGTH_SHARE * third.half_length
+    weight = 1 / np.maximum(size, STARTING_MIN_RELATIVE_SIZE * (size.max() or 1.0))
     for minimum_phase in (True,) if program.minimum_phase else (True, False):
         omega, order = program.responses.omega, program.real_order
         yield fitted(held(omega, end, weight, order, minimum_phase), context)

@@ -20,7 +20,7 @@ PARTS = {
 """Arrays of a set, each with its name in words."""
 
 
-def to_dataset(responses: Responses, answer: CoverSteps) -> xr.Dataset:
+def cover_dataset(responses: Responses, answer: CoverSteps) -> xr.Dataset:
     """Dataset of the responses, the sets of every step, the sets of the model, and its roots."""
     model = answer.model
     plane = responses.unit

@@ -17,7 +17,8 @@ from workbench.fitting.magnitude.program import MagnitudeFit
 from workbench.fitting.rational import Rational
 from workbench.fitting.response.program import ResponseFit
 from workbench.geometry import Stadium
-from workbench.program import Program, solve
+from workbench.program import Program
+from workbench.solution import solve
 
 MIN_RADIUS_SHARE = 1e-3
 """Smallest radius of a fitted set, relative to its extent; thinner sets would be lines."""

@@ -14,11 +14,13 @@ import numpy as np
 
 from workbench import Run, problem, ref
 from workbench.arrays import RealArray
+from workbench.certificate import EVERY_PERTURBATION
 from workbench.executor import Context
 from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.mu import performance_peak, performance_sweep
 from workbench.study import Study, array, check, dim, figure, metric, part, table
 from workbench.synthesis import largest_least_mu, least_mu
+from workbench.synthesis.mu.program import PEAK_TOLERANCE
 from workbench.uncertainty import GeneralisedPlant, UncertaintyModel
 
 from ...drive.plants import Gain, controller
@@ -28,6 +30,7 @@ from ..control_problem import generalised
 from ..design import cover_of, uncertainty
 from ..five_x.study import CHANNELS
 from ..loop_weights import loop_weights
+from ..mu_pid import FREQUENCIES
 from .report import figure_6_4, peaks_table
 
 DESIGNS = {
@@ -48,10 +51,6 @@ MODELS = {
 Circles have no real scalar, so methods that use one are left out; the reference controller does not
 stabilise the jointly chosen nominal, so no third-order design starts from it."""
 CONTROLLERS = ("mu-PID", *DESIGNS)
-FREQUENCIES = np.geomspace(1.0, 5e4, 240)
-"""Frequencies of the curves [Hz]."""
-PEAK_TOLERANCE = 1e-3
-"""Relative width of the interval that certifies a peak."""
 
 
 class Judged(NamedTuple):
@@ -103,6 +102,10 @@ class Controllers(Study):
     designed: Sequence[Run]
 
     headline: ClassVar[str] = "peak_parametric"
+
+    @property
+    def quantifier(self) -> str:
+        return f"{EVERY_PERTURBATION}, for these controllers"
 
     def plant(self, model: int) -> GeneralisedPlant:
         """(w_p, w_u) to (z_p, z_u) without noise; the parametric model has no cover."""

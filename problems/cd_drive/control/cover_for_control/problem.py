@@ -14,46 +14,47 @@ import numpy as np
 from pydantic import Field
 
 from workbench import Check, Run, problem, ref
+from workbench.certificate import EVERY_PERTURBATION
 from workbench.certify.stability import stability_of
 from workbench.errors import SolverError
 from workbench.executor import Context
 from workbench.fitting.rational import Rational, from_system
 from workbench.fitting.storage import function, roots
+from workbench.geometry.cover import CONTAINMENT_TOLERANCE
 from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.mu import performance_peak, performance_sweep
-from workbench.program import solve
+from workbench.solution import solve
 from workbench.study import Study, figure, metric, table
 from workbench.synthesis import ControlCover, MuSynthesis
 from workbench.synthesis.mu.control_cover import Name
+from workbench.synthesis.mu.program import PEAK_TOLERANCE
 from workbench.systems.storage import restored, stored
 from workbench.uncertainty import Responses, UncertaintyModel, contains
-from workbench.uncertainty.covers.model import CONTAINMENT_TOLERANCE
+from workbench.uncertainty.covers.everywhere import containment_check
 
 from ...drive.plants import Gain, controller
 from ...drive.shared_parameters import TABLES, Frequencies
 from ...drive.tables import Axis
 from ...uncertainty.measured_drives import Order, measured_drives
-from ..design import Cover, synthesis_plant, uncertainty
+from ..design import CoverMethod, synthesis_plant, uncertainty
 from ..loop_weights import control_cover
 from .report import cover_figures
 
 if TYPE_CHECKING:
-    Stage = tuple[UncertaintyModel, StateSpace]
+    DesignStage = tuple[UncertaintyModel, StateSpace]
 
 STAGES = ("narrowest", "controller for it", "in turn", "together")
 LAST = STAGES[-1]
-PEAK_TOLERANCE = 1e-3
-"""Relative width of the interval that certifies a peak, as in `MuSynthesis`."""
 PARTS = ("nominal", "W_c", "W_r")
 """Rational functions of an uncertainty model."""
 
-Step = tuple[str, float]
+OptimisedStep = tuple[str, float]
 """Parts that a step optimised, and the certified upper bound after it."""
 
 
 def needs(
     axis: str,
-    cover: Cover = "steps",
+    cover: CoverMethod = "steps",
     frequencies: int = 400,
     gain: Gain = "own",
     **_: Any,
@@ -67,7 +68,7 @@ def needs(
 def cover_for_control(
     axis: Axis,
     narrowest: Run,
-    cover: Cover = "steps",
+    cover: CoverMethod = "steps",
     frequencies: Frequencies = 400,
     gain: Gain = "own",
     complex_order: Order = 6,
@@ -97,6 +98,10 @@ class CoverForControl(Study):
     rounds: int
 
     headline: ClassVar[str] = "peak"
+
+    @property
+    def quantifier(self) -> str:
+        return EVERY_PERTURBATION
 
     @cached_property
     def given(self) -> UncertaintyModel:
@@ -174,8 +179,8 @@ class CoverForControl(Study):
         return data
 
     def _in_turn(
-        self, cover: ControlCover, best: Stage, steps: list[Step], context: Context
-    ) -> Stage:
+        self, cover: ControlCover, best: DesignStage, steps: list[OptimisedStep], context: Context
+    ) -> DesignStage:
         """Real weight and controller in turn, as long as the certified peak falls."""
         model, K = best
         for _ in context.track(range(self.rounds), "in turn"):
@@ -191,16 +196,16 @@ class CoverForControl(Study):
         return best
 
     def _together(
-        self, cover: ControlCover, best: Stage, steps: list[Step], context: Context
-    ) -> Stage:
+        self, cover: ControlCover, best: DesignStage, steps: list[OptimisedStep], context: Context
+    ) -> DesignStage:
         """Nominal, real weight and controller at once; what came before where that is no better."""
         found = self._chosen(cover, best, ["nominal", "real", "controller"], context)
         steps.append(("nominal, stadiums, controller", self._peak(*found)))
         return found if steps[-1][1] < self._peak(*best) else best
 
     def _chosen(
-        self, cover: ControlCover, stage: Stage, moving: Sequence[Name], context: Context
-    ) -> Stage:
+        self, cover: ControlCover, stage: DesignStage, moving: Sequence[Name], context: Context
+    ) -> DesignStage:
         """The best of the choices by its certified peak."""
         model, K = stage
         assert model.W_r is not None
@@ -209,7 +214,7 @@ class CoverForControl(Study):
             "real": model.W_r,
             "controller": from_system(K),
         }
-        found: list[Stage] = []
+        found: list[DesignStage] = []
         for each in cover.chosen(parts, moving, context):
             same = K if "controller" not in moving else each["controller"].state_space()
             found.append((cover.model(each, context), same))
@@ -228,7 +233,7 @@ class CoverForControl(Study):
         certified = self.program(model, None).certified(K)
         return np.inf if certified is None else certified.upper
 
-    def stage(self, answer: Dataset, number: int) -> Stage:
+    def stage(self, answer: Dataset, number: int) -> DesignStage:
         """The model and controller of a stage."""
         nominal, W_c, W_r = (function(answer, f"{name}{number}_") for name in PARTS)
         return UncertaintyModel(nominal, W_c, W_r), restored(answer, f"controller{number}")
@@ -241,8 +246,17 @@ class CoverForControl(Study):
             statement = "largest distance of a drive beyond its stadium, relative to the radius"
             title = f"{name}: containment"
             checks.append(
-                Check(title, statement, inside.worst, CONTAINMENT_TOLERANCE, inside.where)
+                Check(
+                    title,
+                    statement,
+                    inside.worst,
+                    CONTAINMENT_TOLERANCE,
+                    inside.where,
+                    over=self.responses.over,
+                )
             )
+            everywhere = containment_check(model, self.responses)
+            checks.append(replace(everywhere, name=f"{name}: {everywhere.name}"))
             stability = stability_of(synthesis_plant(self.axis, model).close(K))
             checks.append(replace(stability, name=f"{name}: {stability.name}"))
             bound = float(answer["peak"].sel(stage=name, bound="upper"))

@@ -18,7 +18,7 @@ from workbench.synthesis import (
 )
 
 from ..control_problem import generalised
-from ..design import NOISE
+from ..design import MEASUREMENT_NOISE
 from ..loop_weights import BASIS, unit_uncertainty
 from .uncertain_loop import UncertainLoop
 
@@ -26,7 +26,7 @@ BOUNDED = ("disturbance", "both")
 """Channels whose mu no controller makes arbitrarily small; K = 0 makes the control channel 0."""
 PROOFS = ("nominal", "dynamic")
 """Bounds over all frequencies: for the nominal plant, and for the uncertain one."""
-LEAST_NOISE = NOISE / 10
+LEAST_NOISE = MEASUREMENT_NOISE / 10
 """Measurement noise in the synthesis of the nominal optimum; less than a design should have."""
 START_FACTOR = 1.002
 """Least level to be proven over the pointwise bound, at which a set would shrink to a point."""
@@ -64,7 +64,7 @@ def lower_bounds(
     }
     proofs = []
     for name in PROOFS:
-        sets, (low, high) = uncertain.sets[name], ends[name]
-        found = highest_proven(sets, BASIS, low, high, context) if low < high else None
+        loop, (low, high) = uncertain.loops[name], ends[name]
+        found = highest_proven(loop, BASIS, low, high, context) if low < high else None
         proofs.append(found or DualCertificate(np.nan, np.full(BASIS.corners.shape, np.nan), BASIS))
     return LowerBounds(pointwise, at_one, optimal.norm, proofs)

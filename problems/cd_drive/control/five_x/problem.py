@@ -13,13 +13,13 @@ from workbench import Run, problem, ref
 from ...drive.plants import Gain
 from ...drive.shared_parameters import TABLES, Frequencies
 from ...drive.tables import Axis
-from ..design import Cover, cover_of
+from ..design import CoverMethod, cover_of
 from .study import FiveX
 from .uncertain_loop import SPEED
 
 
 def needs(
-    axis: str, frequencies: int = 400, cover: Cover = "steps", gain: Gain = "own", **_: Any
+    axis: str, frequencies: int = 400, cover: CoverMethod = "steps", gain: Gain = "own", **_: Any
 ) -> dict[str, Any]:
     """The stadium cover, and the controller designed with it for 5X."""
     choice: Any = {"form": "stadium", "cover": cover, "frequencies": frequencies, "gain": gain}
@@ -33,7 +33,7 @@ def five_x(
     covered: Run,
     designed: Run,
     frequencies: Frequencies = 400,
-    cover: Cover = "steps",
+    cover: CoverMethod = "steps",
     gain: Gain = "own",
 ) -> FiveX:
     """What controllers reach at 5X with stadium uncertainty, and what none can (6.3.2, fig. 6.5).

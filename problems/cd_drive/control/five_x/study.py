@@ -7,21 +7,24 @@ CD-players (2003).
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
+from itertools import chain
 from typing import Any, ClassVar, get_args
 
 import numpy as np
 
 from workbench import Check, Run
 from workbench.arrays import RealArray
+from workbench.certify.stability import stability_of
 from workbench.errors import SolverError
 from workbench.executor import Context
 from workbench.heavy_types import DataArray, Dataset, StateSpace
 from workbench.mu import performance_peak, performance_sweep
 from workbench.study import Study, array, arrays, check, dim, figure, metric, part, system, table
-from workbench.synthesis import approximated, equalising_gain, least_mu
+from workbench.synthesis import approximations, equalising_gain, least_mu
 from workbench.synthesis.implementation.reduction import ReductionMethod
 from workbench.synthesis.mu.equalising_gain import LARGEST_GAIN
+from workbench.synthesis.mu.program import PEAK_TOLERANCE
 from workbench.uncertainty import GeneralisedPlant, UncertaintyModel
 from workbench.uncertainty.covers.storage import shape
 
@@ -30,6 +33,7 @@ from ...drive.tables import Axis
 from ..control_problem import generalised
 from ..design import synthesis_plant, uncertainty
 from ..loop_weights import BASIS
+from ..mu_pid import FREQUENCIES
 from .bounds import BOUNDED, PROOFS, LowerBounds, lower_bounds
 from .checks import five_x_checks
 from .report import conclusions_table, figure_6_5, peaks_table
@@ -52,10 +56,6 @@ CONTROLLERS = {
     "ninth order": "ninth",
 }
 """Controllers, and what metrics call them."""
-FREQUENCIES = np.geomspace(1.0, 5e4, 240)
-"""Frequencies of the curves [Hz], beside those of the cover."""
-PEAK_TOLERANCE = 1e-3
-"""Relative width of the interval that certifies a peak."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +67,10 @@ class FiveX(Study):
     designed: Run
 
     headline: ClassVar[str] = "least_possible"
+
+    @property
+    def quantifier(self) -> str:
+        return "for these controllers"
 
     @cached_property
     def loop(self) -> UncertainLoop:
@@ -114,8 +118,10 @@ class FiveX(Study):
         plant = synthesis_plant(self.axis, self.loop.model, SPEED)
         found = {}
         for method in get_args(ReductionMethod):
-            weighting = plant if method == "weighted" else None
-            K = approximated(self.designed.answer.K, ORDER, method, weighting)
+            every = approximations(self.designed.answer.K, ORDER, method, plant)
+            direct = next(every)
+            stabilises = partial(_stabilises, plants["both"])
+            K = next(filter(stabilises, chain([direct], every)), direct)
             top = performance_peak(plants["both"], K, PEAK_TOLERANCE)
             found[method] = K, top.upper if top else np.inf
         return found
@@ -250,3 +256,8 @@ def _numbers(
     curve = performance_sweep(plant, K, omega)
     numbers = [found.lower, found.upper, found.omega / (2 * np.pi)]
     return numbers, np.array([curve.lower, curve.upper])
+
+
+def _stabilises(plant: GeneralisedPlant, K: StateSpace) -> bool:
+    """Whether the loop of a plant and a controller is stable."""
+    return stability_of(plant.close(K)).holds

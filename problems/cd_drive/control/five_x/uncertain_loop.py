@@ -1,4 +1,4 @@
-"""The uncertain loop at five times the nominal speed, and the T that a level of mu allows."""
+"""The uncertain loop at five times the nominal speed, at frequencies and as functions."""
 
 from __future__ import annotations
 
@@ -9,11 +9,13 @@ from typing import ClassVar
 import numpy as np
 
 from workbench.arrays import RealArray
-from workbench.synthesis import LoopWeights, SetsAt, allowed_discs, allowed_polygons
+from workbench.fitting.rational import Rational
+from workbench.synthesis import LoopFunctions, LoopWeights
 from workbench.uncertainty import UncertaintyModel
 
 from ...drive.tables import Axis
-from ..loop_weights import loop_weights
+from ..control_problem import control_gain, optical_gain, performance_function
+from ..loop_weights import NONE, loop_weights
 
 SPEED = 5.0
 """Speed of the disc, in multiples of the nominal one."""
@@ -37,9 +39,14 @@ class UncertainLoop:
         return found if channel == "both" else replace(found, control=np.zeros(omega.shape))
 
     @property
-    def sets(self) -> Mapping[str, SetsAt]:
-        """The T that a level of mu allows: of nominal loops, and of those with uncertainty."""
-        return {
-            "nominal": lambda omega, level: allowed_discs(self.weights(omega), level),
-            "dynamic": lambda omega, level: allowed_polygons(self.weights(omega), level),
-        }
+    def loops(self) -> Mapping[str, LoopFunctions]:
+        """The loop without uncertainty and with it, as functions for proofs."""
+        gain = optical_gain(self.axis)
+        whole = LoopFunctions(
+            performance_function(self.axis, self.speed),
+            Rational(NONE, NONE, control_gain(self.axis)),
+            self.model.nominal.scaled(1 / gain),
+            self.model.W_c,
+            self.model.W_r,
+        )
+        return {"nominal": whole.nominal, "dynamic": whole}

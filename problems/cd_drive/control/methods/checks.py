@@ -7,13 +7,14 @@ that are defined by one.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
 from workbench import Check
 from workbench.arrays import ComplexArray, RealArray
+from workbench.certificate import EVERY_FREQUENCY, worst
 from workbench.heavy_types import Dataset, StateSpace
-from workbench.program import worst
 from workbench.synthesis import DesignTask
 from workbench.systems.generalised_plant import response
 from workbench.uncertainty import ParametricModel, UncertaintyModel
@@ -24,11 +25,11 @@ from ...drive.tables import Axis
 from ...uncertainty.parametric.checks import plants
 from ...uncertainty.parametric_model import uncertain_parameters
 
-Controllers = dict[str, "StateSpace"]
-Uncertain = UncertaintyModel | ParametricModel
+ControllersByName = dict[str, "StateSpace"]
+UncertainModel = UncertaintyModel | ParametricModel
 HERTZ = np.geomspace(0.01, 1e5, 5000)
 """Frequencies at which criteria are evaluated [Hz]."""
-WIDE = np.geomspace(1e-6, 1e8, 8000)
+WIDE_FREQUENCIES = np.geomspace(1e-6, 1e8, 8000)
 """Frequencies over which mean squares are integrated [Hz]."""
 QUADRATURE = 1e-4
 """Relative error of that integral."""
@@ -36,27 +37,28 @@ LEVEL_EXCESS = 2e-3
 """Largest relative excess of a controller over the least level; they are made 1e-3 above it."""
 SEARCHED_EXCESS = 2.5e-2
 """The same for a controller whose level was searched over a grid of signal sizes."""
-BOUND_ROUNDING = 1e-6
+POLE_AND_BOUND_ROUNDING = 1e-6
 """Rounding of poles [rad/s] and of ratios of certified bounds."""
-COMPLEX_PART = 1.01
+COMPLEX_GROWTH = 1.01
 """Robust stability is certified with 1 % of complex uncertainty added to real scalars."""
-SAMPLES = 100
+RANDOM_PLANTS = 100
 """Number of random plants."""
 
 
 def method_checks(
     axis: Axis,
-    uncertain: Uncertain,
+    uncertain: UncertainModel,
     task: DesignTask,
-    controllers: Controllers,
+    controllers: ControllersByName,
     answer: Dataset,
 ) -> list[Check]:
-    """That all stabilise, peaks are in order, each method is best at what it minimises."""
+    """Check that all stabilise, peaks are in order, and each method is best at its own aim."""
     names = list(controllers)
     poles = [rightmost_pole(task, K) for K in controllers.values()]
     right, where = worst(poles, lambda i: names[i[0]])
     statement = "rightmost pole of G K / (1 + G K) [rad/s]"
-    found = [Check("nominal stability", statement, right, -BOUND_ROUNDING, where)]
+    stable = Check("nominal stability", statement, right, -POLE_AND_BOUND_ROUNDING, where)
+    found = [replace(stable, over="for nominal loops")]
     found += [*_order(answer), _sampled(axis, uncertain, task, controllers, answer)]
     criteria = {
         "LQG": (_mean_squares, QUADRATURE, "mean square"),
@@ -77,7 +79,8 @@ def method_checks(
             others = min(value for each, value in values.items() if each != name)
             excess = values[name] / others - 1
             statement = f"its {quantity} over the least of the others, less 1"
-            found.append(Check(f"{name} is best at its own", statement, excess, slack))
+            best = Check(f"{name} is best at its own", statement, excess, slack)
+            found.append(replace(best, over=f"at {len(HERTZ)} frequencies, for these controllers"))
     if "loop shaping" in controllers:
         statement = "1 less its margin over the largest, by the Hankel norm"
         missed = _margin_missed(task, controllers["loop shaping"])
@@ -98,7 +101,7 @@ def _order(answer: Dataset) -> list[Check]:
     statements = [
         ("nominal performance", "robust performance", 1.0),
         ("disturbance alone", "robust performance", 1.0),
-        ("robust stability", "complex scalars", COMPLEX_PART),
+        ("robust stability", "complex scalars", COMPLEX_GROWTH),
         ("robust performance", "complex scalars", 1.0),
         ("complex scalars", "full block", 1.0),
     ]
@@ -108,13 +111,15 @@ def _order(answer: Dataset) -> list[Check]:
         ratio = lower / (factor * peak.sel(condition=large, bound="upper").values)
         value, where = worst(ratio - 1, lambda i: str(names[i[0]]))
         statement = f"lower bound of {small} over the upper one of {large}, less 1"
-        found.append(Check(f"{small} below {large}", statement, value, BOUND_ROUNDING, where))
+        over = f"{EVERY_FREQUENCY}, for these controllers"
+        name = f"{small} below {large}"
+        found.append(Check(name, statement, value, POLE_AND_BOUND_ROUNDING, where, over=over))
     return found
 
 
-def _mean_squares(task: DesignTask, controllers: Controllers) -> dict[str, float]:
+def _mean_squares(task: DesignTask, controllers: ControllersByName) -> dict[str, float]:
     """The H2 norm for which LQG is made, by quadrature over the logarithm of frequency."""
-    omega = 2 * np.pi * WIDE
+    omega = 2 * np.pi * WIDE_FREQUENCIES
 
     def size(K: StateSpace) -> float:
         square = (abs(response(task.quadratic.close(K), omega)) ** 2).sum(axis=(1, 2))
@@ -123,7 +128,7 @@ def _mean_squares(task: DesignTask, controllers: Controllers) -> dict[str, float
     return {name: size(K) for name, K in controllers.items()}
 
 
-def _stacks(task: DesignTask, controllers: Controllers) -> dict[str, float]:
+def _stacks(task: DesignTask, controllers: ControllersByName) -> dict[str, float]:
     """The largest of [W_p S; W_u K_optn K S] at frequencies."""
     omega = 2 * np.pi * HERTZ
     G, W_p = response(task.G, omega)[:, 0, 0], response(task.W_S, omega)[:, 0, 0]
@@ -136,7 +141,7 @@ def _stacks(task: DesignTask, controllers: Controllers) -> dict[str, float]:
     return {name: size(K) for name, K in controllers.items()}
 
 
-def _full_blocks(task: DesignTask, controllers: Controllers) -> dict[str, float]:
+def _full_blocks(task: DesignTask, controllers: ControllersByName) -> dict[str, float]:
     """The largest gain at frequencies with the perturbation's signals of the size that is best for
     the controller made against a full block."""
     omega = 2 * np.pi * HERTZ
@@ -175,9 +180,9 @@ def _margin_missed(task: DesignTask, K: StateSpace) -> float:
 
 def _sampled(
     axis: Axis,
-    uncertain: Uncertain,
+    uncertain: UncertainModel,
     task: DesignTask,
-    controllers: Controllers,
+    controllers: ControllersByName,
     answer: Dataset,
 ) -> Check:
     """The bound beta of mu holds beta >= |(z_p, z_u)| for perturbations up to 1 / beta."""
@@ -196,20 +201,21 @@ def _sampled(
     names = list(controllers)
     value, where = worst(excess, lambda i: names[i[0]])
     statement = "gain of sampled plants over the peak of robust performance, less 1"
-    return Check("sampled plants", statement, value, 0.0, where)
+    over = f"for {RANDOM_PLANTS} plants of the set drawn, at {len(hertz)} frequencies"
+    return Check("sampled plants", statement, value, 0.0, where, over=over)
 
 
-def _plants(axis: Axis, uncertain: Uncertain, size: float, hertz: RealArray) -> ComplexArray:
+def _plants(axis: Axis, uncertain: UncertainModel, size: float, hertz: RealArray) -> ComplexArray:
     """f_en / u without the filter of plants whose perturbations have that size: (N, F)."""
     rng = np.random.default_rng(0)
     if isinstance(uncertain, ParametricModel):
         box = uncertain_parameters(axis)
-        deltas = np.vstack([vertices(box), rng.uniform(-1, 1, (SAMPLES, len(box)))])
+        deltas = np.vstack([vertices(box), rng.uniform(-1, 1, (RANDOM_PLANTS, len(box)))])
         return plants(axis, size * deltas, box, hertz)
     model, omega = uncertain, 2 * np.pi * hertz
-    turned = np.exp(2j * np.pi * rng.uniform(size=(SAMPLES, len(hertz))))
+    turned = np.exp(2j * np.pi * rng.uniform(size=(RANDOM_PLANTS, len(hertz))))
     away = size * turned * model.W_c.response(omega)
     if model.W_r is not None:
-        away = away + size * rng.choice([-1, 1], (SAMPLES, 1)) * model.W_r.response(omega)
+        away = away + size * rng.choice([-1, 1], (RANDOM_PLANTS, 1)) * model.W_r.response(omega)
     nominal = model.nominal.response(omega)
     return nominal * (1 + away) if model.form == "multiplicative" else nominal + away

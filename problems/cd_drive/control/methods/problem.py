@@ -22,14 +22,15 @@ from workbench.structure import Full, Structure
 from workbench.study import Study, array, check, dim, figure, metric, part, system, table
 from workbench.study.declarations import identifier
 from workbench.synthesis import DESIGNS, DesignTask
+from workbench.synthesis.mu.program import PEAK_TOLERANCE
 from workbench.systems.generalised_plant import response
 from workbench.uncertainty import GeneralisedPlant, ParametricModel, UncertaintyModel
 
 from ...drive.plants import Gain
 from ...drive.shared_parameters import TABLES
 from ...drive.tables import Axis
-from ..design import Cover, Form, cover_of, uncertainty
-from .checks import Controllers, method_checks, rightmost_pole
+from ..design import CoverMethod, UncertaintyForm, cover_of, uncertainty
+from .checks import ControllersByName, method_checks, rightmost_pole
 from .designs import design_task
 from .report import (
     claims_table,
@@ -49,8 +50,6 @@ CONDITIONS = (
 )
 """Conditions of a peak; the last three are robust performance of z_p alone, and with a larger
 uncertainty."""
-PEAK_TOLERANCE = 1e-3
-"""Relative width of the interval that certifies a peak."""
 LOW, HIGH = 1.0, 20e3
 """Ends of the frequencies shown [Hz]."""
 
@@ -59,8 +58,8 @@ LOW, HIGH = 1.0, 20e3
 def methods(
     axis: Axis,
     covered: Run | None = None,
-    form: Form = "parametric",
-    cover: Cover = "steps",
+    form: UncertaintyForm = "parametric",
+    cover: CoverMethod = "steps",
     frequencies: Annotated[int, Field(ge=20, le=100_000)] = 400,
     gain: Gain = "own",
 ) -> Methods:
@@ -89,6 +88,10 @@ class Methods(Study):
 
     headline: ClassVar[str] = "peak_mu_d_k"
 
+    @property
+    def quantifier(self) -> str:
+        return "for these controllers"
+
     @cached_property
     def task(self) -> DesignTask:
         return design_task(self.axis, self.uncertain)
@@ -105,7 +108,7 @@ class Methods(Study):
         return {name: DESIGNS[name](self.task, context) for name in self.names}
 
     @part
-    def peaks(self, controllers: Controllers, context: Context) -> list[list[Peak]]:
+    def peaks(self, controllers: ControllersByName, context: Context) -> list[list[Peak]]:
         return [self._peaks(K) for K in context.track(list(controllers.values()), "judging")]
 
     peak = array(
@@ -120,12 +123,12 @@ class Methods(Study):
     order = array(design, "1")(lambda controllers: [K.nstates for K in controllers.values()])
 
     @array((design, bound, frequency), "1", "mu of robust performance")
-    def mu(self, controllers: Controllers, omega: RealArray) -> list[Any]:
+    def mu(self, controllers: ControllersByName, omega: RealArray) -> list[Any]:
         curves = (performance_sweep(self.task.plant, K, omega) for K in controllers.values())
         return [(curve.lower, curve.upper) for curve in curves]
 
     @array((design, frequency), "1", "magnitude of the nominal sensitivity")
-    def S(self, controllers: Controllers, omega: RealArray) -> list[RealArray]:
+    def S(self, controllers: ControllersByName, omega: RealArray) -> list[RealArray]:
         G = response(self.task.G, omega)
         loops = ((G * response(K, omega))[:, 0, 0] for K in controllers.values())
         return [abs(1 / (1 + L)) for L in loops]

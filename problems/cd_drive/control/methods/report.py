@@ -9,12 +9,11 @@ from typing import Any
 
 from workbench import figures
 from workbench.heavy_types import DataArray, Dataset, Figure
+from workbench.tables import Rows
 
 from ...drive.tables import Axis
 from .designs import FULL_ORDER
 
-Rows = tuple[list[str], list[list[str]]]
-"""Heads and rows of a table."""
 CLAIMS = {
     "reference": "not in the table",
     "LQG": "not in the table: no model uncertainty (section 5.1)",

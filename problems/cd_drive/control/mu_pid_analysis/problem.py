@@ -10,9 +10,10 @@ from typing import Any, Literal
 
 from workbench import problem, ref
 
+from ...drive.plants import GAIN_VARIANTS
 from ...drive.shared_parameters import TABLES, Frequencies
 from ...drive.tables import Axis
-from .study import COVERS, GAINS, MuPidAnalysis
+from .study import COVERS, MuPidAnalysis
 
 
 def needs(
@@ -24,7 +25,7 @@ def needs(
             f"cd/{axis}/{form}-cover", method=cover, frequencies=frequencies, gain=gain
         )
         for form in COVERS
-        for gain in GAINS
+        for gain in GAIN_VARIANTS
     }
 
 

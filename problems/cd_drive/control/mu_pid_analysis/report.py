@@ -6,11 +6,10 @@ from itertools import product
 
 from workbench import figures
 from workbench.heavy_types import Axes, DataArray, Dataset, Figure
+from workbench.tables import Rows
 
 from ...drive.tables import Axis
 
-Rows = tuple[list[str], list[list[str]]]
-"""Heads and rows of a table."""
 LOOKS = {
     "parametric": ("--", figures.GREEN),
     "circle": (":", figures.ORANGE),
@@ -22,7 +21,7 @@ SET_LOOKS = {
     "stadium third set": ("--", figures.SKY),
     "stadium for mu": ("-.", figures.GREEN),
 }
-RESONANCE = (20.0, 60.0)
+RESONANCE_BAND = (20.0, 60.0)
 """Frequencies [Hz] around the first resonance of either axis."""
 
 
@@ -123,7 +122,7 @@ def sets_table(set_mu: DataArray) -> Rows:
     rows = []
     for gain, name in product(set_mu["gain"].values, set_mu["set"].values):
         curve = set_mu.sel(speed=1.0, single="disturbance", gain=gain, set=name)
-        near = float(curve.sel(frequency=slice(*RESONANCE)).max())
+        near = float(curve.sel(frequency=slice(*RESONANCE_BAND)).max())
         where = float(curve.idxmax("frequency"))
         rows.append([gain, name, f"{float(curve.max()):.4f}", f"{where:.2f}", f"{near:.4f}"])
     return ["gain", "sets", "largest mu", "at [Hz]", "in the resonance"], rows

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import Any, ClassVar, get_args
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from workbench.synthesis import equalising_gain
 from workbench.uncertainty import GeneralisedPlant, ParametricModel, UncertaintyModel
 from workbench.uncertainty.covers.storage import rational, shape
 
-from ...drive.plants import Gain, controller
+from ...drive.plants import GAIN_VARIANTS, controller
 from ...drive.tables import Axis
 from ..control_problem import generalised
 from ..design import uncertainty
@@ -31,19 +31,18 @@ from ..loop_weights import CHANNELS, channel_of
 from .checks import mu_pid_checks
 from .report import claims_table, conditions_table, mu_figures, sets_table
 
-Case = tuple[Any, ...]
+LoopCase = tuple[Any, ...]
 """Gain variant, speed, channel and form of uncertainty of a loop."""
 FORMS = ("parametric", "circle", "stadium")
 COVERS = FORMS[1:]
 SETS = ("circle", "stadium narrowest", "stadium third set", "stadium for mu")
-GAINS: tuple[Gain, ...] = get_args(Gain)
 SPEEDS = (1.0, 5.0)
 CONDITIONS = {
     "nominal_performance": "nominal performance",
     "robust_stability": "robust stability",
     "robust_performance": "robust performance",
 }
-PEAK_TOLERANCE = 1e-4
+ANALYSIS_PEAK_TOLERANCE = 1e-4
 """Relative width of the interval that certifies a peak."""
 
 
@@ -56,6 +55,10 @@ class MuPidAnalysis(Study):
 
     headline: ClassVar[str] = "peak_stadium"
 
+    @property
+    def quantifier(self) -> str:
+        return "at the frequencies of the covers"
+
     def model(self, form: str, gain: str) -> UncertaintyModel | ParametricModel:
         """Uncertain plant u [V] -> f_en [units]; the parametric one has no gain variants."""
         return uncertainty(self.axis, self.runs.get((form, gain)))
@@ -66,7 +69,7 @@ class MuPidAnalysis(Study):
         whole = generalised(self.axis, self.model(form, gain), speed)
         return whole.channel(performance, exogenous)
 
-    gain, speed, form, bound = dim(GAINS), dim(SPEEDS), dim(FORMS), dim("lower", "upper")
+    gain, speed, form, bound = dim(GAIN_VARIANTS), dim(SPEEDS), dim(FORMS), dim("lower", "upper")
     channel, single = dim(*CHANNELS, "both"), dim(CHANNELS)
     condition, set = dim(*CONDITIONS.values()), dim(SETS)
     frequency = dim(
@@ -78,18 +81,20 @@ class MuPidAnalysis(Study):
     cases = (gain, speed, channel, form)
 
     @part
-    def loops(self, omega: RealArray, context: Context) -> dict[Case, tuple[RealArray, RealArray]]:
+    def loops(
+        self, omega: RealArray, context: Context
+    ) -> dict[LoopCase, tuple[RealArray, RealArray]]:
         """Peaks (condition, 3) and curve (2, F) of every loop."""
         K = controller(self.axis)
-        found: dict[Case, tuple[RealArray, RealArray]] = {}
-        cases = list(product(GAINS, SPEEDS, (*CHANNELS, "both"), FORMS))
+        found: dict[LoopCase, tuple[RealArray, RealArray]] = {}
+        cases = list(product(GAIN_VARIANTS, SPEEDS, (*CHANNELS, "both"), FORMS))
         for case in context.track(cases, "loops"):
             gain, *rest = case
-            if rest[-1] == "parametric" and gain != GAINS[0]:  # one model for all variants
-                found[case] = found[GAINS[0], *rest]
+            if rest[-1] == "parametric" and gain != GAIN_VARIANTS[0]:  # one model for all variants
+                found[case] = found[GAIN_VARIANTS[0], *rest]
                 continue
             plant = self.plant(*case)
-            judged = conditions(plant, K, tolerance=PEAK_TOLERANCE)
+            judged = conditions(plant, K, tolerance=ANALYSIS_PEAK_TOLERANCE)
             peaks = [_numbers(getattr(judged, name)) for name in CONDITIONS]
             found[case] = np.array(peaks), _curve(plant, K, omega)
         return found
@@ -109,9 +114,9 @@ class MuPidAnalysis(Study):
     )
     def set_mu(self, omega: RealArray, context: Context) -> RealArray:
         """Mu of the covers' sets, each about its own nominal."""
-        every = list(product(GAINS, SPEEDS, CHANNELS))
+        every = list(product(GAIN_VARIANTS, SPEEDS, CHANNELS))
         found = np.array([self._sets(*case, omega) for case in context.track(every, "sets")])
-        return found.reshape(len(GAINS), len(SPEEDS), len(CHANNELS), *found.shape[1:])
+        return found.reshape(len(GAIN_VARIANTS), len(SPEEDS), len(CHANNELS), *found.shape[1:])
 
     def _sets(self, gain: str, speed: float, single: str, omega: RealArray) -> list[RealArray]:
         found = []
@@ -130,7 +135,7 @@ class MuPidAnalysis(Study):
     @part
     def at_5x(self) -> list[GeneralisedPlant]:
         """Plants of the single channels at 5X, with stadiums."""
-        return [self.plant(GAINS[0], SPEEDS[-1], single, "stadium") for single in CHANNELS]
+        return [self.plant(GAIN_VARIANTS[0], SPEEDS[-1], single, "stadium") for single in CHANNELS]
 
     adjusted_gain = array((), "1", "gain at which both channels are equally bad")(  # or NaN
         lambda self, at_5x: equalising_gain(at_5x[0], at_5x[1], controller(self.axis))
@@ -152,7 +157,7 @@ class MuPidAnalysis(Study):
     def peaks_of_channels(self, peak: DataArray, peak_frequency: DataArray) -> dict[str, float]:
         """Peaks of robust performance of the single channels, and their frequencies [Hz]."""
         numbers = {}
-        for gain, speed, form, channel in product(GAINS, SPEEDS, FORMS, CHANNELS):
+        for gain, speed, form, channel in product(GAIN_VARIANTS, SPEEDS, FORMS, CHANNELS):
             if form == "parametric" and gain != "own":
                 continue
             case = {"gain": gain, "speed": speed, "channel": channel, "form": form}
@@ -199,5 +204,5 @@ def _numbers(peak: Peak | None) -> list[float]:
 
 def _gathered(rows: Sequence[RealArray]) -> RealArray:
     """Rows of every loop, as one array with an axis for each choice."""
-    sizes = (len(GAINS), len(SPEEDS), len(CHANNELS) + 1, len(FORMS))
+    sizes = (len(GAIN_VARIANTS), len(SPEEDS), len(CHANNELS) + 1, len(FORMS))
     return np.reshape(rows, (*sizes, *rows[0].shape))

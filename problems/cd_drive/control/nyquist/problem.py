@@ -14,6 +14,7 @@ import numpy as np
 
 from workbench import Check, Run, problem, ref
 from workbench.arrays import ComplexArray, RealArray
+from workbench.certificate import worst
 from workbench.geometry import (
     NarrowestStadium,
     Stadium,
@@ -23,7 +24,6 @@ from workbench.geometry import (
     signed_distance_bounds,
 )
 from workbench.heavy_types import DataArray, Dataset, Figure
-from workbench.program import worst
 from workbench.study import Study, array, arrays, check, dim, figure, metric, part, table
 from workbench.uncertainty.covers.sets import circles_about_nominal, stadiums_about_nominal
 from workbench.uncertainty.covers.storage import rational, shape
@@ -31,14 +31,14 @@ from workbench.uncertainty.covers.storage import rational, shape
 from ...drive.plants import ANTIALIASING, Gain, controller, nominal_response
 from ...drive.shared_parameters import TABLES, WINDOWS, Frequencies
 from ...drive.tables import Axis
+from ...uncertainty.uncertainty_comparison import COVER_METHODS
 from .figures import clearances, planes
 
 SHAPES = ("stadium", "circle")
-METHODS = ("steps", "joint")
 STEPS = ("second", "third", "fitted")
 SAME = "Table 5.2"
 """Sets for the comparison of circles with stadiums: both about the nominal plant of the thesis."""
-KINDS = ("first", *(f"{method} {step}" for method, step in product(METHODS, STEPS)), SAME)
+KINDS = ("first", *(f"{method} {step}" for method, step in product(COVER_METHODS, STEPS)), SAME)
 """Sets with free centres; those of the covers; those about the nominal of Table 5.2, not fitted."""
 HIGH = (200.0, 2000.0)
 """Frequencies [Hz] of the lower graphs of figure 6.8."""
@@ -59,7 +59,7 @@ def both_covers(axis: str, frequencies: int = 400, gain: Gain = "own", **_: Any)
             f"cd/{axis}/{shape}-cover", method=method, frequencies=frequencies, gain=gain
         )
         for shape in SHAPES
-        for method in METHODS
+        for method in COVER_METHODS
     }
 
 
@@ -100,6 +100,10 @@ class Nyquist(Study):
 
     headline: ClassVar[str] = "contains_stadium"
 
+    @property
+    def quantifier(self) -> str:
+        return "at the frequencies of the covers, for these 12 drives"
+
     kind, shape, drive = dim(KINDS), dim(SHAPES), dim(lambda measured: measured["plant"].values)
     frequency = dim(lambda measured: measured["frequency"].values, unit="Hz", meaning="frequency")
 
@@ -131,7 +135,7 @@ class Nyquist(Study):
         method, _, step = kind.partition(" ")
         if kind == "first":
             return shape(self.runs[form, "steps"].data, "first")
-        if method in METHODS:
+        if method in COVER_METHODS:
             data = self.runs[form, method].data
             if step == "fitted":
                 return shape(data, "fitted")

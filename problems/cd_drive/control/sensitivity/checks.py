@@ -10,8 +10,8 @@ from scipy.optimize import minimize_scalar
 
 from workbench import Check
 from workbench.arrays import ComplexArray, RealArray
+from workbench.certificate import worst
 from workbench.heavy_types import Dataset, StateSpace
-from workbench.program import worst
 
 from ...drive.plants import Gain, controller, responses
 from ...drive.tables import Axis, Values

@@ -23,6 +23,7 @@ from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
 from workbench.mu import Peak, peak
 from workbench.structure import Full, Structure
 from workbench.study import Study, array, arrays, check, dim, figure, metric, part, table
+from workbench.synthesis.mu.program import PEAK_TOLERANCE
 from workbench.systems import bands, bandwidths, loop_response, margins
 from workbench.systems.margins import MARGIN_UNITS, each_margin
 
@@ -51,12 +52,10 @@ LOW, HIGH = 1.0, 15e3
 """Ends of the frequencies shown [Hz]."""
 BAND_SEARCH = np.geomspace(1e-5, HIGH, 3000)
 """Frequencies [Hz] among which the ends of bands are searched."""
-BANDWIDTH = 1330.0
+CLOSED_LOOP_BANDWIDTH = 1330.0
 """Closed-loop bandwidth of the simulations in section 6.3.3 [Hz]."""
-LONGEST_DELAY = 4.0
+LONGEST_TRIED_DELAY = 4.0
 """Largest delay [samples] tried to explain a number of the thesis."""
-PEAK_TOLERANCE = 1e-3
-"""Relative width of the interval that certifies a peak."""
 
 
 @problem("cd/{axis}/sensitivity", axis=("focus", "radial"), data=(*TABLES, "data/gain_margins.csv"))
@@ -91,6 +90,10 @@ class Sensitivity(Study):
     delay: float
 
     headline: ClassVar[str] = "max_weighted_S"
+
+    @property
+    def quantifier(self) -> str:
+        return "for these 12 drives and the nominal one"
 
     def loops(self, loop: str) -> dict[str, StateSpace]:
         """Loop transfer function of every drive, by name, the nominal one last."""
@@ -174,7 +177,11 @@ class Sensitivity(Study):
 
         return [
             _zero(lambda delay: margin(delay) - printed),
-            _zero(lambda delay: bandwidths(self.delayed(delay)["nominal"])["T"] - BANDWIDTH),
+            _zero(
+                lambda delay: (
+                    bandwidths(self.delayed(delay)["nominal"])["T"] - CLOSED_LOOP_BANDWIDTH
+                )
+            ),
         ]
 
     # --- metrics ------------------------------------------------------------------------------
@@ -305,9 +312,9 @@ def failing(weight: StateSpace, loop: StateSpace, scale: float) -> list[tuple[fl
 
 def _zero(curve: Callable[[float], float]) -> float:
     """Delay [samples] at which a curve is zero; NaN where none up to LONGEST_DELAY is."""
-    if curve(0.0) * curve(LONGEST_DELAY) > 0:
+    if curve(0.0) * curve(LONGEST_TRIED_DELAY) > 0:
         return math.nan
-    return float(brentq(curve, 0.0, LONGEST_DELAY, xtol=1e-4))
+    return float(brentq(curve, 0.0, LONGEST_TRIED_DELAY, xtol=1e-4))
 
 
 def _highest(weighted: DataArray, scale: str) -> DataArray:

@@ -6,12 +6,11 @@ import numpy as np
 
 from workbench import figures
 from workbench.heavy_types import DataArray, Dataset, Figure
+from workbench.tables import Rows
 
 from ...drive.tables import Axis
 from ..loops import SCALES
 
-Rows = tuple[list[str], list[list[str]]]
-"""Heads and rows of a table."""
 LINES = {"continuous": figures.BLUE, "sampled": figures.ORANGE, "delayed": figures.GREEN}
 
 DEFINITIONS = {

@@ -2,36 +2,33 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from workbench import Check
 from workbench.arrays import ComplexArray
+from workbench.certificate import EVERY_PERTURBATION, quantified, worst
 from workbench.heavy_types import Dataset, StateSpace
-from workbench.program import worst
 from workbench.systems.generalised_plant import response
 from workbench.uncertainty.parametric.parameters import vertices
 
 from ...drive.plants import ANTIALIASING, controller
 from ...uncertainty.parametric.checks import plants
 from ...uncertainty.parametric_model import uncertain_parameters
+from ..methods.checks import LEVEL_EXCESS, POLE_AND_BOUND_ROUNDING, RANDOM_PLANTS
 from ..trade_off import SPLIT, TradeOff
 
 HERTZ = np.geomspace(0.01, 1e6, 8000)
 """Frequencies at which gains are evaluated [Hz]."""
 GRID_SHORTFALL = 1e-3
 """Largest relative distance of the gains at those frequencies below the certified ones."""
-LEVEL_EXCESS = 2e-3
-"""Largest relative excess of the norms of controllers over the least ones."""
-BOUND_ROUNDING = 1e-6
-"""Rounding of poles [rad/s] and of ratios of certified bounds."""
-SAMPLES = 100
-"""Number of random plants."""
 
 
 def two_controllers_checks(
     trade: TradeOff, front: list[StateSpace], answer: Dataset
 ) -> list[Check]:
-    """That all stabilise within c <= 1, have the gains that are said, and beat no bound."""
+    """Check that all stabilise with c <= 1, have the stated gains, and beat no bound."""
     import control
 
     omega = 2 * np.pi * HERTZ
@@ -58,12 +55,29 @@ def two_controllers_checks(
     crossed, where = worst(bounds[..., 0] / bounds[..., 1] - 1, named)
     statement = "rightmost pole of G K / (1 + G K) [rad/s]"
     return [
-        Check("nominal stability", statement, right, -BOUND_ROUNDING, unstable),
-        Check("gains", "largest at frequencies over the certified ones, less 1", above, 0.0, place),
-        Check("gains reached", "1 less that ratio", missed, GRID_SHORTFALL, spot),
+        Check("nominal stability", statement, right, -POLE_AND_BOUND_ROUNDING, unstable),
+        *quantified(
+            f"at {len(HERTZ)} frequencies",
+            [
+                Check("gains", "largest over the certified ones, less 1", above, 0.0, place),
+                Check("gains reached", "1 less that ratio", missed, GRID_SHORTFALL, spot),
+            ],
+        ),
         Check("effort", "c of the controllers of the front", effort, 1.0, most),
-        Check("sampled plants", "their gains over the worst ones, less 1", sampled, 0.0, plant),
-        Check("worst cases", "lower over upper bound, less 1", crossed, BOUND_ROUNDING, where),
+        replace(
+            Check("sampled plants", "their gains over the worst ones, less 1", sampled, 0.0, plant),
+            over="for the vertices and random plants of the parametric set",
+        ),
+        replace(
+            Check(
+                "worst cases",
+                "lower over upper bound, less 1",
+                crossed,
+                POLE_AND_BOUND_ROUNDING,
+                where,
+            ),
+            over=EVERY_PERTURBATION,
+        ),
         _front(answer),
         *_bounds(answer, certified, names),
         _filters(answer, omega),
@@ -83,7 +97,7 @@ def _sampled(trade: TradeOff, K: StateSpace, upper: np.ndarray) -> float:
     """|W_p S| and |W_sd T| of vertices and random plants over their bounds, less 1."""
     box = uncertain_parameters(trade.axis)
     rng = np.random.default_rng(0)
-    deltas = np.vstack([vertices(box), rng.uniform(-1, 1, (SAMPLES, len(box)))])
+    deltas = np.vstack([vertices(box), rng.uniform(-1, 1, (RANDOM_PLANTS, len(box)))])
     hertz = np.geomspace(1.0, 2e4, 400)
     omega = 2 * np.pi * hertz
     k, W_p, W_sd = (response(system, omega)[:, 0, 0] for system in (K, trade.W_p, trade.W_sd))
@@ -125,4 +139,4 @@ def _filters(answer: Dataset, omega: np.ndarray) -> Check:
         excess.append(max(float(total.max()) - 1, zeta / level - 1))
     value, where = worst(excess, lambda p: f"at share {float(answer['share'][p[0]]):.3g}")
     statement = "squares of a bound's filters, and zeta over the bound, less 1"
-    return Check("filters", statement, value, BOUND_ROUNDING, where)
+    return Check("filters", statement, value, POLE_AND_BOUND_ROUNDING, where)

@@ -38,7 +38,7 @@ Bounds = list[tuple[float, RealArray]]
 """Levels, and their filters (3,)."""
 SHARES = (0.3, 60.0)
 """Least and largest weight of the defects' channel; that of the disturbances' is 1."""
-GAINS = (1 / 3, 3**-0.5, 1.0, 3**0.5)
+GAIN_FACTORS = (1 / 3, 3**-0.5, 1.0, 3**0.5)
 """Factors on the reference controller; figure 6.7 has a third of its gain."""
 CASES = ("high", "low", "reference")
 UNCERTAIN = CHANNELS[:2]
@@ -87,6 +87,10 @@ class TwoControllers(Study):
 
     headline: ClassVar[str] = "worst_disturbance_high"
 
+    @property
+    def quantifier(self) -> str:
+        return "for these controllers"
+
     @cached_property
     def trade_off(self) -> TradeOff:
         return TradeOff(self.axis, self.length)
@@ -99,7 +103,7 @@ class TwoControllers(Study):
     # --- the front ----------------------------------------------------------------------------
 
     share = dim(lambda self: np.geomspace(*SHARES, self.designs), unit="1")
-    gain = dim(lambda: list(GAINS), unit="1")
+    gain = dim(lambda: list(GAIN_FACTORS), unit="1")
     channel, uncertain, bound = dim(CHANNELS), dim(UNCERTAIN), dim("lower", "upper")
     bandwidth, case = dim(CASES[:2]), dim(CASES)
     specification = dim("as it is", "while a defect passes")
@@ -131,7 +135,7 @@ class TwoControllers(Study):
         """Nominal gains (controller, 3) and worst ones (controller, 2, 2), the scaled ones last."""
         import control
 
-        scaled = [gain * control.ss(controller(self.axis)) for gain in GAINS]
+        scaled = [gain * control.ss(controller(self.axis)) for gain in GAIN_FACTORS]
         found = [
             (self._gains(K), self._worst(K)) for K in context.track([*front, *scaled], "judging")
         ]
@@ -218,7 +222,7 @@ class TwoControllers(Study):
         return [[(p.lower, p.upper) for p in self._robust_performance(K)] for K in cases]
 
     def choice(self, worst: RealArray) -> list[int]:
-        """Which controllers are the two, from the worst a and b (designs, 2) of all."""
+        """Indices of the two controllers, chosen by the worst a and b (designs, 2) of all."""
         disturbance, defect = worst.T
         high = int(np.argmin(disturbance))
         bearable = disturbance <= max(self.relaxed, disturbance[high])

@@ -9,9 +9,9 @@ import numpy as np
 
 from workbench import figures
 from workbench.heavy_types import Axes, DataArray, Dataset, Figure
+from workbench.tables import Rows
 
 from ...drive.tables import Axis
-from ..methods.report import Rows
 
 LOOKS = {"high": ("-", figures.BLUE), "low": ("--", figures.ORANGE), "reference": (":", "0.2")}
 WORDS = {"high": "high bandwidth", "low": "low bandwidth", "reference": "reference controller"}

@@ -26,7 +26,7 @@ CLEAN = 0.99
 DOTS: dict[str, Any] = {
     "linestyle": "none", "marker": ".", "markersize": 2.0, "rasterized": True,
 }  # fmt: skip
-"""How clouds of points are drawn."""
+"""Style of clouds of points."""
 
 
 def plane(answer: Dataset, detectors: Detectors) -> Figure:
@@ -55,7 +55,7 @@ def plane(answer: Dataset, detectors: Detectors) -> Figure:
 
 
 def _areas(panel: Axes, along: float, detectors: Detectors) -> None:
-    """What can be reached, the linear area, and the limits of the quality."""
+    """Reachable area, linear area, and limits of the quality."""
     across = detectors.dist_min / np.sqrt(2.0)
     corners = [
         (0.5 + a * along / 2 + b * across, 0.5 - a * along / 2 + b * across)

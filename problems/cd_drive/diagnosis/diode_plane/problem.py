@@ -70,13 +70,17 @@ class DiodePlane(Study):
 
     headline: ClassVar[str] = "isolated"
 
+    @property
+    def quantifier(self) -> str:
+        return "in these simulated records"
+
     kind, detector, condition = dim(KINDS), dim(DETECTORS), dim(CONDITIONS)
     drive, diode = dim(*TRAINED, *HELD_OUT), dim("d1n", "d2n")
     feature, found = dim(FEATURES), dim(*KINDS, "missed")
 
     @part
     def every(self, context: Context) -> list[OneDrive]:
-        """What the detectors find, drive by drive."""
+        """Findings of the detectors, drive by drive."""
         names = context.track([*TRAINED, *HELD_OUT], "drives")
         return [self.detectors.on_drive(name, self.defects, context.rng) for name in names]
 

@@ -41,7 +41,7 @@ REVOLUTIONS = 5
 """Revolutions shown in figure 7.11."""
 POINTS = 1500
 """Points of a clean record shown in the plane."""
-BLOCK = 35
+OVERVIEW_SAMPLES = 35
 """Samples of which the overview keeps the lowest: a millisecond."""
 AHEAD, SHOWN = 70, 400
 """Samples shown before a defect, and in all."""
@@ -52,12 +52,12 @@ ERROR_BLOCK = 350
 CLEAN_TIME = 1.0
 """Duration of each run without defects [s]."""
 
-Point = tuple[int, RealArray | None]
+EventFeatures = tuple[int, RealArray | None]
 """Kind of a defect and the features of its event, or None where it made no event."""
 
 
 class OneDrive(NamedTuple):
-    """What the detectors find on one drive.
+    """Findings of the detectors on one drive.
 
     labels (F,): kinds of its defects. delays (detector, F) [s]: NaN where missed. points: their
     events. false_alarms (detector, condition): how many. coupling: squared correlation of sum and
@@ -66,7 +66,7 @@ class OneDrive(NamedTuple):
 
     labels: NDArray[np.int64]
     delays: RealArray
-    points: list[Point]
+    points: list[EventFeatures]
     false_alarms: RealArray
     coupling: float
     lost: int
@@ -100,7 +100,7 @@ class Detectors:
         return self.binary(one), self.quality(one)[:, 0] < 1.0, above
 
     def on_drive(self, name: str, defects: int, rng: np.random.Generator) -> OneDrive:
-        """What they find on a drive with so many defects of each kind, clean discs and shocks."""
+        """Findings on a drive, for a number of defects of each kind, clean discs and shocks."""
         bench = Laboratory(self.axis, name)
         first, *seeds, last = rng.integers(2**31, size=len(CONDITIONS) + 2).tolist()
         error = abs(run(bench, [], first, duration=CLEAN_TIME).record.f_en)
@@ -136,7 +136,7 @@ class Detectors:
         ]
 
     def shown(self, rng: np.random.Generator) -> dict[str, Any]:
-        """What the figures show of the nominal drive, by the name of its array."""
+        """Data of the nominal drive that the figures show, by the name of its array."""
         seed = int(rng.integers(2**31))
         bench, rng = Laboratory(self.axis, "nominal"), np.random.default_rng(seed)
         return self._plane(bench, rng, seed) | self._turning(bench, rng, seed)
@@ -158,14 +158,16 @@ class Detectors:
         signal = self.quality(turning)[:, 0]
         start = turning.faults[1][0] - AHEAD
         zoom = slice(start, start + AHEAD + 100)
-        blocks = len(signal) // BLOCK
+        blocks = len(signal) // OVERVIEW_SAMPLES
 
         def lowest(values: RealArray) -> RealArray:
-            least: RealArray = values[: blocks * BLOCK].reshape(blocks, BLOCK).min(axis=1)
+            least: RealArray = (
+                values[: blocks * OVERVIEW_SAMPLES].reshape(blocks, OVERVIEW_SAMPLES).min(axis=1)
+            )
             return least
 
         return {
-            "block_time": np.arange(blocks) * BLOCK * PERIOD,
+            "block_time": np.arange(blocks) * OVERVIEW_SAMPLES * PERIOD,
             "block_quality": lowest(signal),
             "block_sum": lowest(turning.record.sum / turning.level),
             "zoom_time": np.arange(zoom.stop - zoom.start) * PERIOD,
@@ -175,7 +177,7 @@ class Detectors:
         }
 
 
-def isolated(trained: list[Point], held_out: list[Point]) -> dict[str, Any]:
+def isolated(trained: list[EventFeatures], held_out: list[EventFeatures]) -> dict[str, Any]:
     """Clusters of the first events and what they say of the second, by the name of its array."""
     points, kinds, _ = _split(trained)
     measured, true, unseen = _split(held_out)
@@ -190,7 +192,7 @@ def isolated(trained: list[Point], held_out: list[Point]) -> dict[str, Any]:
     }
 
 
-def _split(points: list[Point]) -> tuple[RealArray, NDArray[np.int64], NDArray[np.int64]]:
+def _split(points: list[EventFeatures]) -> tuple[RealArray, NDArray[np.int64], NDArray[np.int64]]:
     """Features (E, 4) and kinds (E,) of the events, and kinds of the defects that made none."""
     seen = [(k, x) for k, x in points if x is not None]
     unseen = np.array([k for k, x in points if x is None], int)

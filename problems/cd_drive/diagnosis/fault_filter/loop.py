@@ -1,4 +1,4 @@
-"""What a fault filter sits on: a drive's loop, the disc and its defects (figure 7.8).
+"""The loop for which a fault filter is designed: drive, disc and defects (figure 7.8).
 
     e = x_cd + f_sd - G (1 + W_c delta_c + W_r delta_r) K e,     u_f = F e,     K_f = F / K_optn
 
@@ -29,9 +29,9 @@ GAIN = 2.0
 """Largest gain allowed from disc or defect to the estimate, at any frequency."""
 NOISE_BAND = 1750.0
 """Bandwidth of the measurement's white noise [Hz], 0.15 um rms (section 7.3)."""
-MICRO = 1e-6
+LENGTH_UNIT = 1e-6
 """Unit of length in the convex problems [m]."""
-CORNER = 2 * np.pi * 600.0
+LAGUERRE_POLE = 2 * np.pi * 600.0
 """Poles of the Laguerre basis [rad/s]."""
 BOUND_CORNER = 2 * np.pi * 400.0
 """Corner of the variable z in the bound of the front [rad/s]."""
@@ -50,7 +50,9 @@ def fault_loop(
     import control
 
     filter_ = control.ss(-ANTIALIASING, ANTIALIASING, 1.0, 0.0)
-    demands = EstimationDemands(FAST, SLOW, GAIN, disc_weight(axis), NOISE[axis], NOISE_BAND, MICRO)
+    demands = EstimationDemands(
+        FAST, SLOW, GAIN, disc_weight(axis), NOISE[axis], NOISE_BAND, LENGTH_UNIT
+    )
     if delay is None:
         return FaultLoop(model, K, filter_, demands)
     return FaultLoop(model, K, filter_, demands, PERIOD, delay)

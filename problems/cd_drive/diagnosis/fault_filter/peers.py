@@ -8,7 +8,7 @@ from workbench.diagnosis import FaultEstimation, FaultLoop, Requirement
 from workbench.errors import SolverError
 from workbench.fitting.rational import Rational
 from workbench.heavy_types import StateSpace
-from workbench.program import solve
+from workbench.solution import solve
 from workbench.uncertainty import GeneralisedPlant
 
 from ..stand_in import low_pass

@@ -41,7 +41,7 @@ from . import figures
 from .checks import filter_checks
 from .defect_estimates import SHAPES, estimates, sampled_defect
 from .figures import NAMES, shape_errors, total
-from .loop import BOUND_CORNER, CORNER, fault_loop, fine_grid, grid
+from .loop import BOUND_CORNER, LAGUERRE_POLE, fault_loop, fine_grid, grid
 from .peers import peer_filters
 
 ERRORS = (0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6)
@@ -96,6 +96,10 @@ class FaultFilterStudy(Study):
 
     headline: ClassVar[str] = "leakage"
 
+    @property
+    def quantifier(self) -> str:
+        return "for these filters"
+
     @cached_property
     def loops(self) -> dict[str, FaultLoop]:
         """With the mu-PID of eq. 6.12: in continuous time, and as a computer closes it."""
@@ -123,7 +127,7 @@ class FaultFilterStudy(Study):
 
     @array((kind, point, quantity), "1", "front")
     def front(self, context: Context) -> Any:
-        basis, fronts = LaguerreBasis(self.loops["full"], CORNER), self.fronts("full")
+        basis, fronts = LaguerreBasis(self.loops["full"], LAGUERRE_POLE), self.fronts("full")
         front = np.full((len(KINDS), len(ERRORS), 3), np.nan)
         for j, error in context.track(list(enumerate(ERRORS)), "front"):
             for i, each in enumerate(fronts):
@@ -148,7 +152,7 @@ class FaultFilterStudy(Study):
     def designs(self) -> dict[str, FrontFilter]:
         """The continuous filter of full order, and the one of few states for the sampled loop."""
         full, fine = (
-            full_order(loop, grid(loop), LaguerreBasis(loop, CORNER), count, *self.limits)
+            full_order(loop, grid(loop), LaguerreBasis(loop, LAGUERRE_POLE), count, *self.limits)
             for loop, count in zip(self.loops.values(), (CONTINUOUS, SAMPLED), strict=True)
         )
         sampled = self.loops["discrete"]

@@ -19,7 +19,7 @@ from ...laboratory.bench_setup import PERIOD
 
 PRINTED_POLES = -np.array([0.8955, 0.3764 + 1.2920j, 0.3764 - 1.2920j, 0.5758 + 0.5339j])
 """Poles of equation 7.33 over the bandwidth, without the conjugate of the last one."""
-BANDWIDTH = 2 * np.pi * 5000.0
+OBSERVER_BANDWIDTH = 2 * np.pi * 5000.0
 """Bandwidth of the observer, obs_bw of section 7.3.3 [rad/s]."""
 
 _exact: Any = np.vectorize(lambda value: Fraction(float(value)), otypes=[object])
@@ -31,7 +31,7 @@ def exact_companion_gain(axis: Axis) -> RealArray:
     phi has the printed poles of eq. 7.33 mapped by exp(s T).
     """
     system = sampled(plant(nominal_parameters(axis), total_gain(axis)), PERIOD)
-    poles = np.exp(BANDWIDTH * PERIOD * np.append(PRINTED_POLES, PRINTED_POLES[-1].conj()))
+    poles = np.exp(OBSERVER_BANDWIDTH * PERIOD * np.append(PRINTED_POLES, PRINTED_POLES[-1].conj()))
     n, denominator = system.nstates, np.poly(system.A)
     markov = [system.C @ np.linalg.matrix_power(system.A, k) @ system.B for k in range(n)]
     numerator = [

@@ -20,9 +20,9 @@ LOOKS: dict[str, dict[str, Any]] = {
     "Kalman settled": {"color": figures.SKY},
     "Kalman": {"color": figures.BLUE},
 }
-"""How the lines of each estimator are drawn."""
+"""Style of the lines of each estimator."""
 TRUE: dict[str, Any] = {"color": figures.BLACK, "linewidth": 0.9}
-"""How the truth is drawn."""
+"""Style of the true values."""
 
 
 def effort(answer: Dataset) -> Figure:

@@ -1,4 +1,4 @@
-"""What the position estimators believe of a drive, and what they are told (section 7.2.2).
+"""Model of a drive in the position estimators, and their inputs (section 7.2.2).
 
 With the error of the lens e = x_cd - x, and u_p the control that would make the lens follow the
 disc (figure 7.9), the actuator gives  -e = ACT (u - u_p)  and the photo diodes with their filter

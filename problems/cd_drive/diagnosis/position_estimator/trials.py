@@ -21,14 +21,13 @@ from ...drive.tables import Axis, Values, red_book
 from ...laboratory.bench_setup import PERIOD, RATE
 from ...laboratory.experiment import Laboratory, measurements
 from ...laboratory.record import Record
+from ..defect_runs import ROTATION
 from ..quality import diode_quality
 
-ROTATION = 5.5
-"""Rotation frequency of the disc [Hz], near the average (section 7.3)."""
 DURATION, SCRATCHED, EVALUATED = 1.5, 0.3, 0.55
 """Length of a run, time from which the disc is scratched, and time from which errors count [s]."""
-AFTER = 5e-3
-"""How long after a defect errors count as its aftermath [s]."""
+AFTERMATH = 5e-3
+"""Time [s] after a defect in which errors count as its aftermath."""
 DIST_MIN, DIST_MAX = 0.16, 0.36
 """Limits of the quality (eq. 7.13). The diodes' sum is as noisy as f_en, some 4 % rms of a clean
 sum in focus, so dist is up to 0.03 rms. dist_min is five times that, so that no clean sample is
@@ -100,12 +99,12 @@ class Scratches:
             seen = (record.light == 1.0).astype(float)
         counted = record.time >= EVALUATED
         during = counted & (seen < 1.0)
-        recent = np.convolve(seen < 1.0, np.ones(round(AFTER * RATE)))[: len(seen)] > 0
+        recent = np.convolve(seen < 1.0, np.ones(round(AFTERMATH * RATE)))[: len(seen)] > 0
         after = counted & recent & ~during
         acting = np.concatenate([[0.0], record.u_dac[:-1]])  # the converter's output comes late
         error = record.x_cd - record.x
         return Trial(record, acting, seen, error, during, after, counted & ~during & ~after)
 
     def covered(self, trial: Trial) -> Any:
-        """Where a scratch has taken nearly all of the light that it takes."""
+        """True where a scratch has taken at least 95 % of the light that it takes in all."""
         return trial.record.light < 1.0 - 0.95 * self.depth

@@ -1,1 +1,1 @@
-"""How shallow, short and noisy a defect may be to be found."""
+"""Detection of defects by residuals, over depth, length and noise."""

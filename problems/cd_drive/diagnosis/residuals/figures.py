@@ -18,7 +18,7 @@ NAMES = {
 """Statistics as tables and figures name them."""
 STYLES = {"sum": "-", "quality": "--", "error": "-.", "cusum": "-", "glr": ":"}
 MARKERS = {"sum": "o", "quality": "s", "error": "^", "cusum": "D", "glr": "v"}
-SHOWN = 0.1
+SHOWN_DEPTH = 0.1
 """Depth of the defects whose curves are shown over length and noise."""
 
 
@@ -31,7 +31,7 @@ def curves(answer: Dataset) -> Figure:
     for row, noise in enumerate(noises):
         for column, length in enumerate(lengths):
             panel = panels[row * len(lengths) + column]
-            one = answer["detection"].sel(depth=SHOWN, length=length, noise=noise)
+            one = answer["detection"].sel(depth=SHOWN_DEPTH, length=length, noise=noise)
             for name, text in NAMES.items():
                 curve = one.sel(statistic=name).values[1:]
                 panel.plot(answer["rate"].values[1:], curve, STYLES[name], label=text)
@@ -43,7 +43,7 @@ def curves(answer: Dataset) -> Figure:
                 "x",
             )
     panels[0].set_ylim(-0.02, 1.02)
-    figure.suptitle(f"defects that take {SHOWN:.0%} of the light")
+    figure.suptitle(f"defects that take {SHOWN_DEPTH:.0%} of the light")
     legend_below(figure, panels[0], columns=5)
     return figure
 

@@ -52,7 +52,7 @@ DOUBT = 1e-3
 
 Share = Annotated[float, Field(ge=0, le=1)]
 
-Measured = list[dict[str, RealArray]]
+RunStatistics = list[dict[str, RealArray]]
 """Statistics of several runs, each by name."""
 
 
@@ -86,7 +86,7 @@ class Quiet(NamedTuple):
     how often the loop was lost or regained.
     """
 
-    clean: Measured
+    clean: RunStatistics
     level: list[float]
     promised: list[float]
     fresh: list[tuple[int, int]]
@@ -105,6 +105,10 @@ class ResidualCurves(Study):
 
     headline: ClassVar[str] = "area_cusum"
 
+    @property
+    def quantifier(self) -> str:
+        return "in these simulated records"
+
     statistic, count = dim(STATISTICS), dim("alarms", "blocks")
     depth, length = dim(DEPTHS, unit="1"), dim(LENGTHS, unit="m")
     noise = dim(lambda self: np.array(FACTORS) * NOISE[self.axis], unit="m")
@@ -121,7 +125,7 @@ class ResidualCurves(Study):
         """The laboratory with the usual noise times a factor."""
         return Laboratory(self.axis, self.drive, noise=factor * NOISE[self.axis])
 
-    def measured(self, runs: list[DefectRun]) -> Measured:
+    def measured(self, runs: list[DefectRun]) -> RunStatistics:
         return [statistics_of(one, DIST_MIN[self.axis], DIST_MAX) for one in runs]
 
     def _quiet(self, factor: float, rng: np.random.Generator) -> Quiet:
@@ -143,7 +147,7 @@ class ResidualCurves(Study):
 
     @part
     def judged(self, quiet: list[Quiet], context: Context) -> dict[str, Any]:
-        """What is stored of each statistic and condition, and how often the loop was lost."""
+        """Stored numbers of each statistic and condition, and how often the loop was lost."""
         shape = len(DEPTHS), len(LENGTHS), len(FACTORS)
         rows, lost = [], 0
         for d, n, f in context.track(list(np.ndindex(shape)), "conditions"):
@@ -262,7 +266,7 @@ class ResidualCurves(Study):
 
 
 def _lost(runs: list[DefectRun]) -> int:
-    """How often the loop was lost or regained."""
+    """Number of times that the loop was lost or regained."""
     return sum(len(one.record.events) for one in runs)
 
 
@@ -271,8 +275,8 @@ def _isolated(confusion: DataArray) -> float:
     return float(np.trace(confusion.values) / confusion.values.sum())
 
 
-def _blocks(runs: Measured, name: str, size: int) -> RealArray:
-    """The largest of a statistic in each block of so many samples; a block lies within a run."""
+def _blocks(runs: RunStatistics, name: str, size: int) -> RealArray:
+    """Largest value of a statistic in each block of `size` samples; a block lies within a run."""
     blocks = [one[name][: len(one[name]) // size * size].reshape(-1, size) for one in runs]
     largest: RealArray = np.concatenate(blocks).max(axis=1)
     return largest

@@ -16,14 +16,14 @@ from workbench.simulation import linear, play
 
 from ...laboratory.bench_setup import PERIOD, RATE
 from ...laboratory.experiment import Laboratory
-from ..defect_kinds import SHOCK, SHOCK_PEAK, draw
+from ..defect_kinds import SHOCK_DURATION, SHOCK_PEAK, draw
 from ..defect_runs import SHOCK_PERIOD, DefectRun, run
 from ..defect_statistics import high_passed, peaks
 
 FADE = 0.05
 """Share of the light that the laser loses a second: ageing, made quick."""
 FADING = 4.0
-"""How long the laser is watched [s]."""
+"""Time [s] for which the laser is watched."""
 SLOW_DRIFT = 0.01
 """Drift of the slow cumulative sum: it overlooks a loss of a hundredth."""
 FAULTS = ("black dot", "scratch", "shock")
@@ -31,11 +31,11 @@ FAULTS = ("black dot", "scratch", "shock")
 RESIDUALS = ("sum", "fast error", "slow error")
 """Residuals that tell them apart."""
 STRUCTURE = np.array([[True, True, False], [False, True, False], [False, False, True]])
-"""Which residual (row) answers to which fault (column)."""
-SLOW = (30.0, 150.0)
+"""True where a residual (row) responds to a fault (column)."""
+SLOW_BAND = (30.0, 150.0)
 """Band [Hz] of the slow error: shocks are in it, the disc's rotation is below."""
 COUNT = 60
-"""How many of each fault are tried."""
+"""Number of trials of each fault."""
 ALARMS, BLOCK = 0.01, 350
 """False-alarm rate of each residual's threshold, per block of 10 ms."""
 
@@ -72,7 +72,7 @@ def residual_set(one: DefectRun) -> dict[str, RealArray]:
     import control
 
     difference = one.diodes[:, 0] - one.diodes[:, 1]
-    low, high = (2 * math.pi * corner for corner in SLOW)
+    low, high = (2 * math.pi * corner for corner in SLOW_BAND)
     band = control.tf([high, 0.0], [1.0, low + high, low * high])
     slow = play(linear(band, PERIOD), difference[:, None])[:, 0]
     lost = 1.0 - one.diodes.sum(axis=1)
@@ -80,7 +80,7 @@ def residual_set(one: DefectRun) -> dict[str, RealArray]:
 
 
 def isolation(bench: Laboratory, seeds: list[int]) -> tuple[list[RealArray], NDArray[np.int64]]:
-    """How often black dots, scratches and shocks are told apart by what they make fire.
+    """Isolation of black dots, scratches and shocks by the residuals that they make fire.
 
     Returns the share of each fault at which each residual fired (fault, residual), and how many of
     each fault were taken for which (fault, 4), the last for none or several.
@@ -94,7 +94,7 @@ def isolation(bench: Laboratory, seeds: list[int]) -> tuple[list[RealArray], NDA
     duration = SHOCK_PERIOD * (COUNT + 1) + 1e-3
     shaken = run(bench, [], seeds[3], SHOCK_PEAK[bench.axis], duration)
     starts = np.round(np.arange(COUNT) * SHOCK_PERIOD * RATE).astype(int).tolist()
-    windows = [(start, start + round(SHOCK * RATE)) for start in starts]
+    windows = [(start, start + round(SHOCK_DURATION * RATE)) for start in starts]
     fired = []
     for one, places in ((dirty, dirty.faults), (shaken, windows)):
         largest = np.array([peaks(r, places) for r in residual_set(one).values()])

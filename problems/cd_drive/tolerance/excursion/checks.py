@@ -14,14 +14,14 @@ from workbench.heavy_types import DataArray, Dataset
 
 from ...drive.disc import VELOCITY
 from ...drive.photo_diodes import CAPTURE
-from .runs import MET, Cell, Crossing, excursion_of
+from .runs import MET, Crossing, DefectCase, excursion_of
 
 
 def disc_difference(crossing: Crossing, standing: DataArray) -> float:
     """Largest difference [m] of equation 8.1 from the motion of the laboratory's disc."""
     worst = 0.0
     for angle, length in product(standing["theta"].values, standing["length"].values):
-        disc = crossing.disc(Cell(angle, length, crossing.allowed))
+        disc = crossing.disc(DefectCase(angle, length, crossing.allowed))
         before, after = disc.deviation(crossing.axis, np.array([MET, MET + length / VELOCITY]))
         stored = float(standing.sel(theta=angle, length=length))
         worst = max(worst, abs(stored - (after - before)))
@@ -58,7 +58,7 @@ def half_step_change(crossing: Crossing, answer: Dataset) -> float:
     Every strategy meets the defect of middle length at the first angle again.
     """
     place = answer.isel(angle=0, length=answer.sizes["length"] // 2).sel(share=1.0)
-    cell = Cell(float(place["angle"]), float(place["length"]), crossing.allowed)
+    cell = DefectCase(float(place["angle"]), float(place["length"]), crossing.allowed)
     off = [0.0]
     for name in answer["strategy"].values:
         stored = float(place["peak"].sel(strategy=name))

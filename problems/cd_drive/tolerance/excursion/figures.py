@@ -37,7 +37,7 @@ def against_theory(answer: Dataset, axis: Axis) -> Figure:
     panels[1].axhline(-capture, color=figures.PURPLE, lw=1.0, ls=":")
     for panel in panels:
         panel.axhline(capture, color=figures.PURPLE, lw=1.0, ls=":", label="capture")
-    end = "at the defect's end [um]"
+    end = r"at the defect's end [$\mu$m]"
     figures.label(
         panels[0], "length of the defect [mm]", f"|true error| {end}", "worst angle", log="y"
     )
@@ -78,7 +78,7 @@ def maps(answer: Dataset, axis: Axis) -> Figure:
     bar = figure.colorbar(meshes[0], ax=rows[0], label=words, ticks=middles)
     bar.ax.tick_params(size=0)
     bar.ax.set_yticklabels(["none", *(f"{one:g}" for one in share)])
-    figure.colorbar(meshes[1], ax=rows[1], label="largest error [um]", extend="both")
+    figure.colorbar(meshes[1], ax=rows[1], label=r"largest error [$\mu$m]", extend="both")
     return figure
 
 

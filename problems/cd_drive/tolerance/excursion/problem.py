@@ -29,7 +29,7 @@ from ..strategy_looks import titled
 from ..tactics import STRATEGIES
 from .checks import disc_difference, flight_difference, half_step_change
 from .figures import against_theory, maps
-from .runs import Cell, Crossing, excursion_of
+from .runs import Crossing, DefectCase, excursion_of
 from .theory import WORST, standing
 
 LENGTHS = (0.3e-3, 2.5e-3)
@@ -41,7 +41,7 @@ LENSES = {
     "free": "free, voltage held",
     "driven": "driven by the blind controller",
 }
-"""What the lens does during a defect, by the theories of `theory`."""
+"""Motion of the lens during a defect, by the theories of `theory`."""
 WORST_CASE = "eq. 8.1 at 500 um, 9 Hz, 1.9 ms"
 
 
@@ -88,6 +88,10 @@ class Excursion(Study):
 
     headline: ClassVar[str] = "survived_reference"
 
+    @property
+    def quantifier(self) -> str:
+        return f"for {self.angles} angles and {self.lengths} lengths of a defect"
+
     strategy = dim(STRATEGIES)
     angle = dim(
         lambda self: np.pi * np.arange(self.angles) / self.angles,
@@ -118,7 +122,7 @@ class Excursion(Study):
         found = np.zeros((len(STRATEGIES), *seed.shape, 2))
         for i, j, k in context.track(list(np.ndindex(seed.shape)), "defects"):
             deviation = SHARES[k] * self.crossing.allowed
-            cell = Cell(float(angle[i]), float(length[j]), deviation)
+            cell = DefectCase(float(angle[i]), float(length[j]), deviation)
             for s, name in enumerate(STRATEGIES):
                 record = self.crossing.run(cell, name, int(seed[i, j, k]))
                 found[s, i, j, k] = excursion_of(record, cell.length)
@@ -223,7 +227,7 @@ class Excursion(Study):
 
     @table
     def survival(self, answer: Dataset) -> Any:
-        """What each strategy survives."""
+        """Defects that each strategy survives."""
         numbers = self.metrics(answer)
         heads = ["strategy", "kept, all", "kept, Red Book", "in spec, Red Book", "worst [um]"]
         rows = []

@@ -27,11 +27,11 @@ from .theory import BlindLens
 
 MET = 0.45
 """Time [s] at which the defect begins; strategies A and B have learnt the rotation by then."""
-AFTER = 5e-3
+RECORDED_AFTER = 5e-3
 """Time [s] after the defect for which the error is recorded."""
 
 
-class Cell(NamedTuple):
+class DefectCase(NamedTuple):
     """One defect on one disc: its middle [rad of the deviation], length [m], deviation [m]."""
 
     angle: float
@@ -63,13 +63,13 @@ class Crossing:
         """Lens on a disc of the allowed deviation, without an error signal."""
         return BlindLens(self.axis, self.drive, self.allowed, self.rotation, driven)
 
-    def disc(self, cell: Cell) -> Disc:
+    def disc(self, cell: DefectCase) -> Disc:
         """Disc whose deviation has the cell's angle in the middle of the defect."""
         middle = MET + cell.length / VELOCITY / 2
         phase = (cell.angle / (2 * np.pi) - self.rotation * middle) % 1.0
         return Disc.along(self.axis, cell.deviation, rotation=self.rotation, phase=phase)
 
-    def defect(self, cell: Cell) -> Defect:
+    def defect(self, cell: DefectCase) -> Defect:
         """Defect that is met once, from MET on."""
         where = (self.rotation * MET + self.disc(cell).phase) % 1.0
         return Defect(
@@ -80,12 +80,12 @@ class Crossing:
             present=(MET - 1e-6, MET + 1.5 * cell.length / VELOCITY),
         )
 
-    def run(self, cell: Cell, strategy: str, seed: int, refine: int = 1) -> Record:
+    def run(self, cell: DefectCase, strategy: str, seed: int, refine: int = 1) -> Record:
         """Simulate a strategy from the disc's run-up until AFTER the defect."""
         bench = Laboratory(self.axis, self.drive, refine=refine)
         return bench.closed_loop(
             self.strategies[strategy],
-            duration=MET + cell.length / VELOCITY + AFTER,
+            duration=MET + cell.length / VELOCITY + RECORDED_AFTER,
             disc=self.disc(cell),
             defects=[self.defect(cell)],
             seed=seed,

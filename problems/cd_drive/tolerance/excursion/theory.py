@@ -1,4 +1,4 @@
-"""How far the lens and the disc part while a defect blinds the loop, in closed form (eq. 8.1).
+"""Distance between lens and disc while a defect blinds the loop, in closed form (eq. 8.1).
 
 The disc deviates by A sin(w t) and the controller's input is zero for dt. There are three theories,
 each nearer to the loop than the one before: a lens that stops where it was, a lens that keeps its

@@ -15,18 +15,17 @@ from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.synthesis import discretised
 
-from ...drive.red_book import AXES
 from ...drive.shared_parameters import TABLES
-from ...drive.tables import Axis
+from ...drive.tables import AXES, Axis
 from ...laboratory.bench_setup import PERIOD
 from ..tactics import STRATEGIES
 from .runs import chosen
 from .study import Playability
 
 Count = Annotated[int, Field(ge=1, le=100_000)]
-Drives = Annotated[int, Field(ge=1, le=12)]
+DriveCount = Annotated[int, Field(ge=1, le=12)]
 Workers = Annotated[int, Field(ge=1, le=256)]
-Names = "reference,A,B,C,K_prime"
+StrategyNames = "reference,A,B,C,K_prime"
 
 
 SLOWER = {str(axis): ref(f"cd/{axis}/lower-bandwidth") for axis in AXES}
@@ -38,8 +37,8 @@ def playability(
     focus: Run,
     radial: Run,
     scenarios: Count = 28,
-    drives: Drives = 3,
-    strategies: str = Names,
+    drives: DriveCount = 3,
+    strategies: str = StrategyNames,
     tuned: str = "reference",
     training: Count = 21,
     trials: Annotated[int, Field(ge=4, le=500)] = 14,

@@ -33,7 +33,7 @@ from ...laboratory.record import Record
 from ..ensemble import Circumstance
 from ..tactics import CORNER, STRATEGIES, Strategies, clean_level
 
-SETTLING = 0.4
+SCORED_FROM = 0.4
 """Time [s] from which on a run is scored: loop and repetitive control have settled."""
 REPAIRED = 2.5e-3
 """Longest burst [m of track] that the error correction repairs (section 2.5.1)."""
@@ -110,8 +110,8 @@ class Player:
     def __post_init__(self) -> None:
         if not self.designs or not self.drives:
             raise InputError("need one design and one drive at least")
-        if not SETTLING < self.duration < np.inf:
-            raise InputError(f"duration is {self.duration} s; it must be above {SETTLING} s")
+        if not SCORED_FROM < self.duration < np.inf:
+            raise InputError(f"duration is {self.duration} s; it must be above {SCORED_FROM} s")
 
     def __call__(self, one: Circumstance) -> RealArray:
         """Scores (drives, designs, SCORES)."""
@@ -164,7 +164,7 @@ def played(
 
 def evaluated(record: Record) -> RealArray:
     """The true error [m] from SETTLING on."""
-    error: RealArray = (record.x_cd - record.x)[round(SETTLING * RATE) :]
+    error: RealArray = (record.x_cd - record.x)[round(SCORED_FROM * RATE) :]
     return error
 
 

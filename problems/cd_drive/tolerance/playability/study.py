@@ -25,8 +25,7 @@ from workbench.simulation.ensemble_scores import (
 )
 from workbench.study import Study, array, arrays, check, dim, figure, metric, part, table
 
-from ...drive.red_book import AXES
-from ...drive.tables import Axis
+from ...drive.tables import AXES, Axis
 from ..ensemble import GROUPS, Circumstance, circumstances, groups
 from ..strategy_looks import titled
 from .checks import continuous_peak, half_step_change, trace_difference
@@ -60,6 +59,10 @@ class Playability(Study):
     workers: int
 
     headline: ClassVar[str] = "in_spec_focus_reference"
+
+    @property
+    def quantifier(self) -> str:
+        return f"for {len(self.drives)} drives, in {self.scenarios} simulated scenarios of each"
 
     def __post_init__(self) -> None:
         if self.tuned not in self.strategies:

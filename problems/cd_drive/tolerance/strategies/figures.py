@@ -79,7 +79,7 @@ def _seen(axis: Axis) -> str:
 
 
 def _true(axis: Axis) -> str:
-    return f"true error ${'e_x' if axis == 'focus' else 'e_y'}$ [um]"
+    return f"true error ${'e_x' if axis == 'focus' else 'e_y'}$ [$\\mu$m]"
 
 
 def _drives(answer: Dataset, axis: Axis) -> Figure:
@@ -88,7 +88,10 @@ def _drives(answer: Dataset, axis: Axis) -> Figure:
     for panel, what, label in zip(
         panels,
         ("excursion", "periodic"),
-        ("largest true error [um]\n5 ms after the scratch", "true error [um]\nat the rotation"),
+        (
+            "largest true error [$\\mu$m]\n5 ms after the scratch",
+            "true error [$\\mu$m]\nat the rotation",
+        ),
         strict=True,
     ):
         for k, name in enumerate(names):

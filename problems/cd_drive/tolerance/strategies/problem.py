@@ -21,6 +21,7 @@ from workbench.synthesis import discretised
 from workbench.systems.storage import restored
 from workbench.tables import markdown
 
+from ...diagnosis.defect_runs import ROTATION
 from ...drive.shared_parameters import TABLES
 from ...drive.tables import Axis, Values, drives
 from ...laboratory.bench_setup import PERIOD
@@ -29,7 +30,7 @@ from ...laboratory.record import Record
 from ..strategy_looks import titled
 from ..tactics import STRATEGIES, Strategies, stand_in_filter
 from .figures import strategy_figures
-from .runs import ROTATION, Experiment, Outcome, envelope
+from .runs import Experiment, StrategyOutcome, envelope
 from .stability import estimated_decay, repetitive_level
 
 SHOWN = ("u", "f_en", "error", "w_Q")
@@ -110,6 +111,10 @@ class StrategiesStudy(Study):
     headline: ClassVar[str] = "excursion_A"
 
     @property
+    def quantifier(self) -> str:
+        return f"for {self.drive_count} drives, in one simulated record of each"
+
+    @property
     def names(self) -> list[str]:
         """The nominal drive and the first of the twelve."""
         twelve = drives(self.experiment.axis, self.experiment.values)
@@ -133,7 +138,7 @@ class StrategiesStudy(Study):
     def runs(self, context: Context, seed: int) -> tuple[Any, list[Record]]:
         """Outcomes (drives, strategies, 3), and the records of the nominal drive."""
         pairs = [(drive, strategy) for drive in self.names for strategy in STRATEGIES]
-        outcomes: list[Outcome] = []
+        outcomes: list[StrategyOutcome] = []
         nominal: list[Record] = []
         for drive, strategy in context.track(pairs, "drives and strategies"):
             record = self.played(drive, strategy, seed)
@@ -143,7 +148,7 @@ class StrategiesStudy(Study):
 
     scores = arrays(
         (drive, strategy),
-        lambda runs: {name: runs[0][..., n] for n, name in enumerate(Outcome._fields)},
+        lambda runs: {name: runs[0][..., n] for n, name in enumerate(StrategyOutcome._fields)},
         excursion="m", periodic="m", events="",
     )  # fmt: skip
     nominal = part(lambda runs: runs[1])

@@ -14,6 +14,7 @@ import numpy as np
 
 from workbench.arrays import RealArray
 
+from ...diagnosis.defect_runs import ROTATION
 from ...drive.disc import VELOCITY, Defect, Disc
 from ...drive.red_book import ACCEPTABLE_ERROR
 from ...drive.tables import Axis, Values, red_book
@@ -22,8 +23,6 @@ from ...laboratory.experiment import Laboratory
 from ...laboratory.record import Record
 from ..scenario import Scenario, Stage
 
-ROTATION = 5.5
-"""Rotation frequency of the disc [Hz] (eq. 7.31)."""
 ENGAGED = 1.0
 """Time [s] at which the other strategy takes over from the reference strategy (appendix A.3)."""
 AFTER = 5e-3
@@ -38,13 +37,13 @@ SCRATCHED = 0.3
 """Time [s] from which on the scratches are present."""
 FALSE = 0.6, 1e-3
 """Start and duration [s] of the first false detection; the second comes at the same angle."""
-WINDOW = (-1.5e-3, 6.5e-3)
+SCRATCH_WINDOW = (-1.5e-3, 6.5e-3)
 """Times [s] between which signals are shown, from the start of the 1.2 mm scratch."""
 BINS = 500
 """Stretches into which a whole run is cut; of each the least and the largest value are shown."""
 
 
-class Outcome(NamedTuple):
+class StrategyOutcome(NamedTuple):
     """Excursion and periodic error [m], and how often focus or track was lost or regained."""
 
     excursion: float
@@ -107,7 +106,7 @@ class Experiment:
     def run(self, drive: str, strategy: str, seed: int, refine: int = 1, **designs: Any) -> Record:
         return self.scenario(drive, strategy, seed, refine).run(**designs)
 
-    def outcome(self, record: Record) -> Outcome:
+    def outcome(self, record: Record) -> StrategyOutcome:
         """Outcome of the strategy that took over."""
         error = record.x_cd - record.x
         turning = slice(*(round(t * RATE) for t in (self.first, self._last)))
@@ -118,7 +117,7 @@ class Experiment:
             for end in ends[ends > self.first]
         )
         periodic = 2.0 * abs(np.mean(error[turning] * wave))
-        return Outcome(excursion, float(periodic), len(record.events))
+        return StrategyOutcome(excursion, float(periodic), len(record.events))
 
     @property
     def _last(self) -> float:
@@ -137,7 +136,9 @@ class Experiment:
         starts = self.starts
         chosen = {"before": starts[starts < ENGAGED][-1], "after": starts[starts > self.first][0]}
         return {
-            name: slice(round((at + WINDOW[0]) * RATE), round((at + WINDOW[1]) * RATE))
+            name: slice(
+                round((at + SCRATCH_WINDOW[0]) * RATE), round((at + SCRATCH_WINDOW[1]) * RATE)
+            )
             for name, at in chosen.items()
         }
 
@@ -145,7 +146,7 @@ class Experiment:
     def window_times(self) -> RealArray:
         """Times [ms] of a window, from the start of the scratch on."""
         window = next(iter(self.windows().values()))
-        return 1e3 * (WINDOW[0] + np.arange(window.stop - window.start) / RATE)
+        return 1e3 * (SCRATCH_WINDOW[0] + np.arange(window.stop - window.start) / RATE)
 
 
 def envelope(values: RealArray) -> tuple[RealArray, RealArray]:

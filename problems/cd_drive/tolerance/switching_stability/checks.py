@@ -12,6 +12,7 @@ from workbench import Check
 from workbench.arrays import RealArray
 from workbench.heavy_types import Dataset
 from workbench.synthesis import SwitchedLoop, closed_transition, discretised
+from workbench.synthesis.switching.boxes import LARGEST_RATIO
 
 from ...drive.plants import ANTIALIASING
 from ...drive.red_book import envelope
@@ -19,9 +20,7 @@ from ...laboratory.bench_setup import PERIOD
 from ..switched_loop import MICRO
 from .switched_drives import DEFECTS, SwitchedDrives
 
-LARGEST_RATIO = 1.0 - 1e-9
-"""Largest ratio of V to V before that counts as a decrease."""
-RANDOM_PLANTS = 200
+PARAMETRIC_PLANTS = 200
 """Number of random plants of the parametric set."""
 DEFECT_LENGTHS = (1, 2, 5, 20, 100)
 """Lengths [samples] of the defects with which random plants are checked."""
@@ -82,7 +81,8 @@ def _functions(drives: SwitchedDrives, answer: Dataset, strategy: str) -> Check:
             name = f"for {one['drive'].values[i]}, one set of functions"
             worst, where = max((worst, where), (value, name))
     statement = "largest V at the next entry, or after a sample of the clean mode, over V before"
-    return Check(f"functions, {strategy}", statement, worst, LARGEST_RATIO, where)
+    over = "for every stay that is allowed, for these 12 drives"
+    return Check(f"functions, {strategy}", statement, worst, LARGEST_RATIO, where, over=over)
 
 
 def _worst(loop: SwitchedLoop, P: RealArray, dwell: int, longest: int) -> float:
@@ -217,7 +217,7 @@ def _in_cells(drives: SwitchedDrives, answer: Dataset) -> Check:
     whole = float(answer["box_volume"].sel(box_share=float(answer["box_of_cells"]))) > 1.0 - 1e-9
     missing = np.inf if whole else 0.0  # of a set of which all is proven, no plant may be missing
     cells = list(zip(answer["cell_low"].values, answer["cell_high"].values, strict=True))
-    for point in rng.uniform(low, high, (RANDOM_PLANTS, 3)):
+    for point in rng.uniform(low, high, (PARAMETRIC_PLANTS, 3)):
         inside = [i for i, (a, b) in enumerate(cells) if (a <= point).all() and (point <= b).all()]
         if not inside:
             worst = max(worst, missing)
@@ -226,7 +226,8 @@ def _in_cells(drives: SwitchedDrives, answer: Dataset) -> Check:
         value = _cycle(*box.at(point), P, int(dwell))
         worst, where = max((worst, where), (value, f"at g, k1, k2 = {point.round(4).tolist()}"))
     statement = "largest V of random plants a sample or a defect and a dwell later over V before"
-    return Check("plants of the set", statement, worst, LARGEST_RATIO, where)
+    over = "for random plants of the set"
+    return Check("plants of the set", statement, worst, LARGEST_RATIO, where, over=over)
 
 
 def _cycle(A_c: RealArray, A_o: RealArray, P: RealArray, dwell: int) -> float:

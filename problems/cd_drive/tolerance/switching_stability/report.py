@@ -225,11 +225,11 @@ def _region(axis: Axis, answer: Dataset) -> Figure:
             reach = proven(one["bound"].values, limit)
             simulated = _crossed(one["simulated"].max("drive").values, one, limit)
             panel.semilogx(
-                MM * one["distance"], reach, color=colour, label=f"within {limit:g} um, proven"
+                MM * one["distance"], reach, color=colour, label=f"within {limit:g} $\\mu$m, proven"
             )
             panel.semilogx(
                 MM * one["spaced"], simulated, "o:", color=colour, markersize=3,
-                label=f"within {limit:g} um, simulated",
+                label=f"within {limit:g} $\\mu$m, simulated",
             )  # fmt: skip
             panel.fill_between(
                 MM * one["distance"], 0.0, reach, color=colour, alpha=0.12, linewidth=0

@@ -29,7 +29,7 @@ from .box import LABEL
 from .checks import switching_checks
 from .margins import CONTROLLERS, FREQUENCY
 from .report import proven, switching_figures, switching_tables
-from .switched_drives import DEFECTS, ROTATION, SwitchedDrives
+from .switched_drives import DEFECTS, ROTATIONS, SwitchedDrives
 
 STRATEGIES = ("open", "filter", "lower")
 """Strategies that are studied, see `switched_loop`."""
@@ -83,6 +83,10 @@ class SwitchingStability(SwitchedDrives, Study):
     common: bool
 
     headline: ClassVar[str] = "dwell_open"
+
+    @property
+    def quantifier(self) -> str:
+        return "for these 12 drives"
 
     strategy = dim(STRATEGIES)
     case = dim(CASES)
@@ -233,7 +237,7 @@ class SwitchingStability(SwitchedDrives, Study):
         """
         found = np.zeros((len(SIZES), len(STRATEGIES), drive.size, tested.size))
         false = self.false * MICRO
-        rigs = [Rig(self.axis, one, ROTATION[-1], self.gain, self.delay, false) for one in SIZES]
+        rigs = [Rig(self.axis, one, ROTATIONS[-1], self.gain, self.delay, false) for one in SIZES]
         for place in context.track(list(np.ndindex(found.shape)), "laboratory"):
             size, strategy, i, length = place
             name, samples = str(drive.values[i]), int(tested[length]) - 1

@@ -31,9 +31,9 @@ from ..switched_loop import MICRO, lens_model, regulators
 from .box import parametric_box
 from .margins import LoopsAlone
 
-ROTATION = np.linspace(3.0, 9.0, 4)
+ROTATIONS = np.linspace(3.0, 9.0, 4)
 """Rotation frequencies [Hz] of a disc of the largest deviation."""
-HARMONICS = np.geomspace(1.0, 500.0, 27)
+ENVELOPE_FREQUENCIES = np.geomspace(1.0, 500.0, 27)
 """Frequencies [Hz] at which the Red Book's envelope is met, its lower corner among them."""
 DEFECTS = 6
 """Number of equal defects in a row in a simulation."""
@@ -115,8 +115,8 @@ class SwitchedDrives:
 
         `case` is "rotation" or "envelope".
         """
-        harmonics = np.union1d(HARMONICS, corners(self.axis)[0])
-        frequency = ROTATION if case == "rotation" else harmonics
+        harmonics = np.union1d(ENVELOPE_FREQUENCIES, corners(self.axis)[0])
+        frequency = ROTATIONS if case == "rotation" else harmonics
         return envelope(self.axis, frequency) / MICRO, 2 * np.pi * frequency
 
     @property

@@ -78,7 +78,7 @@ def two_controllers_switched(
 
 
 @dataclass(frozen=True, eq=False)
-class Pair:
+class ControllerPair:
     """Three ways to use two controllers, on several drives: a task for an executor."""
 
     fast: StateSpace
@@ -131,8 +131,12 @@ class SwitchedPair(Study):
     headline: ClassVar[str] = "balloon_switched"
 
     @property
-    def pair(self) -> Pair:
-        return Pair(sampled_controller(self.axis, self.fast_db), self.slow, self.drives)
+    def quantifier(self) -> str:
+        return f"for {len(self.drives)} drives, in {self.scenarios} simulated scenarios of each"
+
+    @property
+    def pair(self) -> ControllerPair:
+        return ControllerPair(sampled_controller(self.axis, self.fast_db), self.slow, self.drives)
 
     def drawn(self, seed: int) -> list[Circumstance]:
         """The circumstances of a seed."""

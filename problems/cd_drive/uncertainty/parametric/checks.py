@@ -8,8 +8,8 @@ import numpy as np
 
 from workbench import Check
 from workbench.arrays import ComplexArray, RealArray
+from workbench.certificate import worst
 from workbench.heavy_types import Dataset
-from workbench.program import worst
 from workbench.uncertainty.parametric.model import ParametricModel
 from workbench.uncertainty.parametric.parameters import Parameter, samples, vertices
 
@@ -19,9 +19,9 @@ from ...drive.tables import ActuatorParameters, Axis, nominal_table
 from ..parametric_model import COPIES, UNITS, parametric_plant, uncertain_parameters
 
 MODELS = ("nine", "reduced")
-RESPONSE_ROUNDING = 1e-9
+PLANT_RESPONSE_ROUNDING = 1e-9
 """Largest relative distance of two responses that rounding explains."""
-STRIDE = 20
+CHECK_STRIDE = 20
 """Slow checks look at every STRIDE-th frequency."""
 
 
@@ -56,15 +56,15 @@ def spread_checks(axis: Axis, answer: Dataset) -> list[Check]:
     wanted = [[COPIES[n] * (n in m.repetitions) for n in UNITS] for m in models.values()]
     claimed, claim = worst(_claims(axis, answer), lambda p: f"at {hertz[p[1]]:.6g} Hz")
     missed, miss = worst(
-        _missed(axis, answer.isel(frequency=slice(None, None, STRIDE))),
-        lambda p: f"at {hertz[STRIDE * p[1]]:.6g} Hz",
+        _missed(axis, answer.isel(frequency=slice(None, None, CHECK_STRIDE))),
+        lambda p: f"at {hertz[CHECK_STRIDE * p[1]]:.6g} Hz",
     )
     return [
         Check(
             "pulled out",
             "relative distance of the models from the actuator's equations at random deltas",
-            max(_disagreement(axis, model, hertz[::STRIDE]) for model in models.values()),
-            RESPONSE_ROUNDING,
+            max(_disagreement(axis, model, hertz[::CHECK_STRIDE]) for model in models.values()),
+            PLANT_RESPONSE_ROUNDING,
         ),
         Check(
             "repetitions",
@@ -76,17 +76,21 @@ def spread_checks(axis: Axis, answer: Dataset) -> list[Check]:
             "well posed",
             "least det(I - M11 Delta) of the vertices, its sign changed",
             -min(map(_least_determinant, models.values())),
-            -RESPONSE_ROUNDING,
+            -PLANT_RESPONSE_ROUNDING,
         ),
         Check(
             "largest deviations",
             "distance from those of the plants named, which are of the set",
             claimed,
-            RESPONSE_ROUNDING,
+            PLANT_RESPONSE_ROUNDING,
             claim,
         ),
         Check(
-            "vertices", "deviation of a vertex beyond the largest", missed, RESPONSE_ROUNDING, miss
+            "vertices",
+            "deviation of a vertex beyond the largest",
+            missed,
+            PLANT_RESPONSE_ROUNDING,
+            miss,
         ),
     ]
 

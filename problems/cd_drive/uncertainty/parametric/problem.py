@@ -83,6 +83,13 @@ class ParametricSpread(Study):
 
     headline: ClassVar[str] = "deviation_peak_reduced"
 
+    @property
+    def quantifier(self) -> str:
+        return (
+            f"at {len(self.grid)} frequencies, for combinations of minimum, nominal and maximum "
+            f"and {self.samples} plants at random; between frequencies and for other plants nothing"
+        )
+
     frequency = dim(lambda self: self.grid, unit="Hz")
     set = dim(lambda sets: list(sets))
     model, stage = dim(MODELS), dim("before reduction", "after reduction")

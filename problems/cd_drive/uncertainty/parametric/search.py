@@ -16,7 +16,7 @@ from ...drive.two_masses import lens
 
 TRIED_DELTAS = np.linspace(-1.0, 1.0, 41)
 """Values of a delta that are tried."""
-MOST_SWEEPS = 200
+MOST_PARAMETER_SWEEPS = 200
 """Largest number of sweeps over all parameters. Stiffness and mass of the arm trade off along a
 narrow ridge, which is climbed in many small steps."""
 
@@ -33,7 +33,7 @@ def climbed(
     nominal = nominal_response(axis, frequency, antialiasing=False)[:, None]
     delta, rows = start, np.arange(len(frequency))
     deviation = np.zeros(len(frequency))
-    for _ in range(MOST_SWEEPS):
+    for _ in range(MOST_PARAMETER_SWEEPS):
         before = deviation
         for place in range(len(box)):
             trial = np.repeat(delta[:, None], len(TRIED_DELTAS) + 1, axis=1)

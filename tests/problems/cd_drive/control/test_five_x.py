@@ -12,6 +12,8 @@ from workbench.plants.cd_drive.control.five_x.study import CONTROLLERS, FiveX
 import workbench as wb
 from workbench.synthesis import hinf
 
+pytestmark = pytest.mark.slow  # the whole study is computed
+
 
 @pytest.fixture(scope="module")
 def study(covered):

@@ -6,7 +6,11 @@ from types import SimpleNamespace
 
 import pytest
 from workbench.plants.cd_drive.control.mu_pid_analysis.problem import needs
-from workbench.plants.cd_drive.control.mu_pid_analysis.study import COVERS, GAINS, MuPidAnalysis
+from workbench.plants.cd_drive.control.mu_pid_analysis.study import (
+    COVERS,
+    GAIN_VARIANTS,
+    MuPidAnalysis,
+)
 
 import workbench as wb
 
@@ -14,7 +18,7 @@ import workbench as wb
 @pytest.fixture(scope="module")
 def solved(covered):
     runs = {}
-    for form, gain in product(COVERS, GAINS):
+    for form, gain in product(COVERS, GAIN_VARIANTS):
         cover, answer = covered("focus", form, "steps", gain)
         runs[form, gain] = SimpleNamespace(data=cover.to_dataset(answer))
     study = MuPidAnalysis("focus", runs)
@@ -76,4 +80,4 @@ def test_covers_of_every_gain_are_needed():
     asked = needs("radial", frequencies=33, cover="joint")
     assert len(asked) == 6
     assert {need.method for need in asked.values()} == {"joint"}
-    assert {need.parameters["gain"] for need in asked.values()} == set(GAINS)
+    assert {need.parameters["gain"] for need in asked.values()} == set(GAIN_VARIANTS)

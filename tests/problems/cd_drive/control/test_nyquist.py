@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from workbench.plants.cd_drive.control.nyquist.problem import (
+    COVER_METHODS,
     KINDS,
-    METHODS,
     SHAPES,
     Nyquist,
     both_covers,
@@ -16,11 +16,13 @@ from workbench.plants.cd_drive.drive.plants import loop_response
 
 import workbench as wb
 
+pytestmark = pytest.mark.slow  # the whole study is computed
+
 
 @pytest.fixture(scope="module")
 def solved(covered):
     runs = {}
-    for shape, method in product(SHAPES, METHODS):
+    for shape, method in product(SHAPES, COVER_METHODS):
         cover, answer = covered("focus", shape, method)
         runs[shape, method] = SimpleNamespace(data=cover.to_dataset(answer))
     study = Nyquist("focus", runs)

@@ -25,7 +25,7 @@ def trade():
 @pytest.fixture(scope="module")
 def solved():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(module, "GAINS", (1.0,))
+        patch.setattr(module, "GAIN_FACTORS", (1.0,))
         patch.setattr(module, "SHARES", (2.0, 20.0))
         study = TwoControllers("focus", 2, LENGTH, 60)
         yield study, wb.solve(study)

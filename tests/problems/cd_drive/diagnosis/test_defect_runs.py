@@ -3,7 +3,13 @@
 import numpy as np
 import pytest
 from workbench.plants.cd_drive.diagnosis.defect_events import APART, LATE, defect_events, features
-from workbench.plants.cd_drive.diagnosis.defect_kinds import BEAM, KINDS, SHOCK, draw, shocks
+from workbench.plants.cd_drive.diagnosis.defect_kinds import (
+    BEAM,
+    KINDS,
+    SHOCK_DURATION,
+    draw,
+    shocks,
+)
 from workbench.plants.cd_drive.diagnosis.defect_runs import SPACING, run
 from workbench.plants.cd_drive.diagnosis.quality import diode_quality
 from workbench.plants.cd_drive.drive.disc import VELOCITY, Defect
@@ -90,7 +96,7 @@ def test_events_close_to_each_other_are_one():
 def test_a_shock_accelerates_the_free_lens(axis):
     """Played in open loop, a shock moves the lens as the force (m1 + m2) a does by itself."""
     bench = Laboratory(axis, noise=0.0, bits=None, delay=0.0, electronics=0.0)
-    played = shocks(bench, [(0.0, 1e-3, SHOCK)], round(5 * SHOCK * RATE))
+    played = shocks(bench, [(0.0, 1e-3, SHOCK_DURATION)], round(5 * SHOCK_DURATION * RATE))
     x = bench.coil_gain * played
     moved = np.zeros(len(x))
     drive = bench.parameters
@@ -105,7 +111,7 @@ def test_a_shock_accelerates_the_free_lens(axis):
         moved[i] = position
         for j in range(steps):
             t = time + j / (steps * RATE)
-            pulse = 1e-3 * np.sin(np.pi * t / SHOCK) if t < SHOCK else 0.0
+            pulse = 1e-3 * np.sin(np.pi * t / SHOCK_DURATION) if t < SHOCK_DURATION else 0.0
             push = (drive.m1 + drive.m2 * ratio) * pulse
             speed += (push - b * speed - k * position) / m / (steps * RATE)
             position += speed / (steps * RATE)

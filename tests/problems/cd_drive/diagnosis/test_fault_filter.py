@@ -14,8 +14,8 @@ from workbench.plants.cd_drive.diagnosis.fault_filter.defect_estimates import (
 )
 from workbench.plants.cd_drive.diagnosis.fault_filter.loop import (
     BOUND_CORNER,
-    CORNER,
     FAST,
+    LAGUERRE_POLE,
     SLOW,
     disc_weight,
     fault_loop,
@@ -84,7 +84,7 @@ def test_the_disc_weight_is_above_the_envelope():
 def test_a_full_filter_has_the_response_of_its_coefficients(loops):
     rng = np.random.default_rng(2)
     for loop in loops:
-        front, basis = FaultFront(loop, grid(loop)), LaguerreBasis(loop, CORNER)
+        front, basis = FaultFront(loop, grid(loop)), LaguerreBasis(loop, LAGUERRE_POLE)
         x = rng.standard_normal(9)
         F = basis.filter(x)
         assert (F.poles().real < 0).all()
@@ -95,7 +95,7 @@ def test_a_full_filter_has_the_response_of_its_coefficients(loops):
 def test_every_plant_costs_more_than_one_and_no_filter_beats_the_bound(loops):
     loop = loops[0]
     fronts = [FaultFront(loop, grid(loop), nominal) for nominal in (True, False)]
-    basis = LaguerreBasis(loop, CORNER)
+    basis = LaguerreBasis(loop, LAGUERRE_POLE)
     points = [each.least(basis.response(12, each.omega), 0.3) for each in fronts]
     assert points[0].total < points[1].total
     assert all(point.error <= 0.3 for point in points)
@@ -106,12 +106,13 @@ def test_every_plant_costs_more_than_one_and_no_filter_beats_the_bound(loops):
 def test_a_set_too_large_for_an_error_is_named(loops):
     front = FaultFront(loops[0], grid(loops[0]))
     with pytest.raises(SolverError, match=r"no filter of this basis has a relative error of 0\.05"):
-        front.least(LaguerreBasis(loops[0], CORNER).response(8, front.omega), 0.05)
+        front.least(LaguerreBasis(loops[0], LAGUERRE_POLE).response(8, front.omega), 0.05)
 
 
+@pytest.mark.slow
 def test_ten_states_keep_what_is_wanted_of_every_plant(loops):
     loop = loops[1]
-    fine = full_order(loop, grid(loop), LaguerreBasis(loop, CORNER), 20, 0.3, 0.5e-6)
+    fine = full_order(loop, grid(loop), LaguerreBasis(loop, LAGUERRE_POLE), 20, 0.3, 0.5e-6)
     few = few_states(loop, fine_grid(loop), fine.F, 10, 0.3, 0.5e-6)
     assert few.F.nstates == 10
     assert few.answer.upper < 1.0
@@ -125,6 +126,7 @@ def test_the_weight_of_defects_is_one_at_high_frequency():
     assert abs(W(2j * np.pi * FAST)) < 0.1
 
 
+@pytest.mark.slow
 def test_peers_are_stable(loops):
     for F in peer_filters(loops[0], 0.3, 0.5e-6).values():
         assert (F.poles().real < 0).all()

@@ -18,11 +18,11 @@ from workbench.plants.cd_drive.diagnosis.position_estimator.model import (
     model,
     thesis_estimator,
 )
-from workbench.plants.cd_drive.diagnosis.position_estimator.problem import (
+from workbench.plants.cd_drive.diagnosis.position_estimator.problem import position_estimator
+from workbench.plants.cd_drive.diagnosis.position_estimator.study import (
     CASES,
     ESTIMATORS,
     RIVALS,
-    position_estimator,
 )
 from workbench.plants.cd_drive.diagnosis.position_estimator.trials import (
     DIST_MAX,

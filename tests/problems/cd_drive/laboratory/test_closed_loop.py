@@ -13,8 +13,8 @@ from workbench.plants.cd_drive.laboratory.closed_loop import LIMITS, ClosedLoop
 from workbench.plants.cd_drive.laboratory.experiment import Laboratory
 from workbench.plants.cd_drive.laboratory.in_the_loop import (
     ERROR_SWING,
+    LOOP_SETTLING,
     PERIODS,
-    SETTLING,
     excitation,
     measurement_chain,
     neighbours_p,
@@ -107,7 +107,7 @@ def test_excitation_keeps_to_both_limits(axis):
     assert sine.amplitude.max() <= 4.0
     quiet = Laboratory(axis, "CD7", noise=0.0, electronics=0.0, bits=None)
     record = ClosedLoop(quiet, GRID, disturbances=False)._play(sine, 0)
-    parts = np.split(record.x, round(SETTLING * RATE) + np.cumsum([0, *sine.lengths]))[1:-1]
+    parts = np.split(record.x, round(LOOP_SETTLING * RATE) + np.cumsum([0, *sine.lengths]))[1:-1]
     swing = [
         abs(sine_fit(part, RATE, frequency)[PERIODS // 2 :, 0]).mean()
         for part, frequency in zip(parts, GRID, strict=True)

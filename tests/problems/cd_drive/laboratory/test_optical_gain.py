@@ -5,7 +5,7 @@ import pytest
 from workbench.plants.cd_drive.drive.tables import drives
 from workbench.plants.cd_drive.laboratory.bench_setup import RATE
 from workbench.plants.cd_drive.laboratory.experiment import Laboratory
-from workbench.plants.cd_drive.laboratory.optical_gain import GAINS, OpticalGain
+from workbench.plants.cd_drive.laboratory.optical_gain import OPTICAL_GAINS, OpticalGain
 from workbench.plants.cd_drive.laboratory.scans import (
     RAMP_TIME,
     SHOWN_DISTANCE,
@@ -64,7 +64,7 @@ def test_the_run_is_stored_and_shown(solved):
 def test_a_wrong_gain_fails(solved):
     study, solution = solved
     spoiled = solution.answer.assign(gain=solution.answer["gain"] * 1.03)
-    assert not any(check.holds for check in study.checks(spoiled, 1e-6)[: len(GAINS)])
+    assert not any(check.holds for check in study.checks(spoiled, 1e-6)[: len(OPTICAL_GAINS)])
 
 
 @pytest.mark.parametrize("axis", ["focus", "radial"])

@@ -36,7 +36,7 @@ from workbench.synthesis import (
     proven_share,
     switched_loop,
 )
-from workbench.synthesis.switching.cells import Cell
+from workbench.synthesis.switching.cells import ParameterCell
 from workbench.systems import margins
 
 K = control.ss(controller("focus"))
@@ -159,7 +159,7 @@ def test_the_laboratory_is_within_what_is_proven(strategy, least):
 def test_a_part_of_the_parametric_set_is_proven():
     box = parametric_box("focus", regulators(K, "lower", LOWER), 0.1)
     low, high = box.ends
-    sets = box.sets(Cell(low, high))
+    sets = box.sets(ParameterCell(low, high))
     P = box.functions(sets, 1)
     assert P is not None and box.dwell(sets, P) == 1
     # and a transition inside, held and sampled as such, is in the set
@@ -173,7 +173,7 @@ def test_a_part_of_the_parametric_set_is_proven():
 def test_a_dwell_is_proven_where_any_switching_is_not():
     box = parametric_box("focus", regulators(K, "filter"), 0.01)
     low, high = box.ends
-    sets = box.sets(Cell(low, high))
+    sets = box.sets(ParameterCell(low, high))
     P = box.functions(sets, 30)
     dwell = box.dwell(sets, P)
     assert box.functions(sets, 1) is None

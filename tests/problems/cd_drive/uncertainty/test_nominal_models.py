@@ -8,7 +8,7 @@ from workbench.plants.cd_drive.drive.plants import nominal_response
 from workbench.plants.cd_drive.drive.shared_parameters import WINDOWS
 from workbench.plants.cd_drive.uncertainty.nominal import (
     CLOSE,
-    FORMS,
+    NOMINAL_FORMS,
     NominalModels,
     steps_of_covers,
 )
@@ -45,7 +45,7 @@ def test_the_three_agree_closely(solved):
     assert 0 < metrics["difference_db"] < CLOSE["outside"]
     assert 0 < metrics["difference_at_resonances_db"] < CLOSE["inside"]
     low, high = WINDOWS[study.axis]["first resonance"]
-    for form in FORMS:
+    for form in NOMINAL_FORMS:
         assert low < metrics[f"resonance_{form}_hz"] < high
 
 

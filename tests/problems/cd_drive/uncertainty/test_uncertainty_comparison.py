@@ -8,11 +8,11 @@ import pytest
 from workbench.plants.cd_drive.drive.shared_parameters import WINDOWS
 from workbench.plants.cd_drive.uncertainty.parametric.problem import parametric_spread
 from workbench.plants.cd_drive.uncertainty.uncertainty_comparison import (
-    COVERS,
-    GAINS,
-    HIGH,
-    METHODS,
-    Comparison,
+    COVER_METHODS,
+    COVER_SHAPES,
+    GAIN_VARIANTS,
+    HIGH_FREQUENCY,
+    UncertaintyComparison,
     needs,
 )
 
@@ -22,13 +22,13 @@ import workbench as wb
 @pytest.fixture(scope="module", params=["focus"])
 def solved(request, covered):
     axis, runs = request.param, {}
-    for shape, method in product(COVERS, METHODS):
+    for shape, method in product(COVER_SHAPES, COVER_METHODS):
         cover, answer = covered(axis, shape, method)
         runs[shape, method] = SimpleNamespace(data=cover.to_dataset(answer), answer=answer)
     frequencies = cover.responses.omega.size
     spread = parametric_spread(axis, frequencies=frequencies, between=1, drawn=5)
     parametric = SimpleNamespace(answer=wb.solve(spread).answer)
-    study = Comparison(axis, runs, parametric)
+    study = UncertaintyComparison(axis, runs, parametric)
     return study, wb.solve(study)
 
 
@@ -36,7 +36,7 @@ def test_everything_is_on_one_grid():
     asked = needs("focus", frequencies=33)
     assert len(asked) == 5
     assert {need.parameters["frequencies"] for need in asked.values()} == {33}
-    assert {need.method for need in asked.values()} == {*METHODS, None}
+    assert {need.method for need in asked.values()} == {*COVER_METHODS, None}
 
 
 def test_the_certificate_holds(solved):
@@ -64,17 +64,17 @@ def test_gain_control_removes_most_above_100_hz(solved):
     study, solution = solved
     metrics = study.metrics(solution.answer)
     assert metrics["median_radius_agc"] < metrics["median_radius_own"] / 2
-    high = solution.answer["variant"].sel(shape="circle", frequency=slice(HIGH, None))
+    high = solution.answer["variant"].sel(shape="circle", frequency=slice(HIGH_FREQUENCY, None))
     assert metrics["median_radius_own"] == pytest.approx(np.median(high.sel(gain="own")))
 
 
 def test_the_numbers_have_their_names(solved):
     study, solution = solved
     metrics = study.metrics(solution.answer)
-    for name in (*GAINS, *METHODS):
+    for name in (*GAIN_VARIANTS, *COVER_METHODS):
         assert {f"radius_peak_{name}", f"width_peak_{name}"} <= metrics.keys()
-    for method in METHODS:
-        assert {f"{shape}_weight_peak_{method}" for shape in COVERS} <= metrics.keys()
+    for method in COVER_METHODS:
+        assert {f"{shape}_weight_peak_{method}" for shape in COVER_SHAPES} <= metrics.keys()
         assert metrics[f"circle_weight_peak_{method}"] >= metrics[f"radius_peak_{method}"]
         assert metrics[f"stadium_weight_peak_{method}"] >= metrics[f"width_peak_{method}"]
     assert metrics["radius_peak_joint"] < metrics["radius_peak_steps"]
@@ -93,6 +93,6 @@ def test_the_run_is_stored_and_shown(solved):
     again = study.from_dataset(study.to_dataset(solution.answer))
     assert all(check.holds for check in study.checks(again, 1e-6))
     tables = study.tables(again)
-    assert tables["gains"].count("\n") == 2 + len(GAINS)
-    assert tables["methods"].count("\n") == 2 + len(METHODS)
+    assert tables["gains"].count("\n") == 2 + len(GAIN_VARIANTS)
+    assert tables["methods"].count("\n") == 2 + len(COVER_METHODS)
     assert study.figures(again).keys() == {"sizes", "gains"}

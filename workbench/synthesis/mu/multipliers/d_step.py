@@ -13,7 +13,7 @@ from workbench.heavy_types import StateSpace
 from workbench.mu import upper_bound
 from workbench.structure import Real as RealScalar
 from workbench.structure import Structure
-from workbench.synthesis.mu.biquads import CORNER_SPREADS, Range
+from workbench.synthesis.mu.biquads import CORNER_SPREADS, FrequencyRange
 from workbench.synthesis.mu.multipliers import triangles
 from workbench.synthesis.mu.multipliers.fit import fit_multipliers
 from workbench.synthesis.mu.multipliers.functions import Multipliers
@@ -42,7 +42,7 @@ GUESS_SHARE = 0.8
 
 
 @dataclass(frozen=True, eq=False)
-class Loop:
+class ExtendedLoopResponse:
     """The response ``M`` of a closed loop at frequencies ``omega`` (F,) [rad/s] from its poles.
 
     Some frequencies lie farther out, where the loop no longer changes but scalings may. ``corners``
@@ -51,10 +51,10 @@ class Loop:
 
     omega: RealArray
     M: NDArray[Any]
-    corners: Range
+    corners: FrequencyRange
 
     @classmethod
-    def of(cls, system: StateSpace) -> Loop:
+    def of(cls, system: StateSpace) -> ExtendedLoopResponse:
         """The response of a stable closed loop."""
         inside = frequencies_of(system)
         omega = np.concatenate([inside[0] / OUTER_RATIOS[::-1], inside, inside[-1] * OUTER_RATIOS])
@@ -62,8 +62,11 @@ class Loop:
         return cls(omega, response(system, omega), corners)
 
 
-def d_step(
-    structure: Structure, loop: Loop, within: Range, before: tuple[Multipliers, RealArray] | None
+def dg_step(
+    structure: Structure,
+    loop: ExtendedLoopResponse,
+    within: FrequencyRange,
+    before: tuple[Multipliers, RealArray] | None,
 ) -> tuple[tuple[Multipliers, RealArray], float]:
     """Multipliers of all blocks but the last with as few biquads as needed, and what they miss.
 

@@ -23,7 +23,7 @@ from workbench.mu import upper_bound
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
 from workbench.structure import Full, Structure
-from workbench.synthesis.mu.biquads import Range
+from workbench.synthesis.mu.biquads import FrequencyRange
 from workbench.synthesis.mu.dk import (
     EXTRAPOLATIONS,
     MOST_ROUNDS,
@@ -32,9 +32,9 @@ from workbench.synthesis.mu.dk import (
     TARGET_REACHED,
     iterated,
 )
-from workbench.synthesis.mu.multipliers.d_step import Loop, d_step
+from workbench.synthesis.mu.multipliers.d_step import ExtendedLoopResponse, dg_step
 from workbench.synthesis.mu.multipliers.functions import Multipliers
-from workbench.synthesis.mu.multipliers.k_step import k_step
+from workbench.synthesis.mu.multipliers.k_step import dgk_k_step
 from workbench.synthesis.mu.program import MuSynthesis
 from workbench.synthesis.mu.rounds import Iterate, packed, unpacked
 
@@ -61,15 +61,17 @@ def _from_dk(program: MuSynthesis, context: Context, structure: Structure | None
     """
     kept = context.checkpoint.load()
     if structure is not None and kept is not None and "multipliers" in kept:
-        return multiplied(program, context, structure, Standing.restored(structure, kept))
+        return iterated_with_multipliers(
+            program, context, structure, DGKState.restored(structure, kept)
+        )
     begun = iterated(program, context, 0.0)
     if begun[0] is None or structure is None or begun[2] == TARGET_REACHED:
         return begun
-    return multiplied(program, context, structure, Standing(list(begun[0].history)))
+    return iterated_with_multipliers(program, context, structure, DGKState(list(begun[0].history)))
 
 
 @dataclass(eq=False)
-class Standing:
+class DGKState:
     """State of the rounds with multipliers.
 
     ``history`` has all rounds; the first ``first`` of them are those of D-K iteration. ``used`` are
@@ -79,7 +81,7 @@ class Standing:
 
     history: list[Iterate]
     first: int = 0
-    within: Range | None = None
+    within: FrequencyRange | None = None
     before: tuple[Multipliers, RealArray] | None = None
     used: tuple[Multipliers, RealArray] | None = None
     tried: int = field(default=0)
@@ -102,7 +104,7 @@ class Standing:
         return found
 
     @classmethod
-    def restored(cls, structure: Structure, arrays: Any) -> Standing:
+    def restored(cls, structure: Structure, arrays: Any) -> DGKState:
         """The state that `arrays` gave."""
         blocks = Structure(structure.blocks[:-1])
 
@@ -120,8 +122,8 @@ class Standing:
         )
 
 
-def multiplied(
-    program: MuSynthesis, context: Context, structure: Structure, now: Standing
+def iterated_with_multipliers(
+    program: MuSynthesis, context: Context, structure: Structure, now: DGKState
 ) -> Claim:
     """Iterate K and D steps with multipliers of a structure and return the best controller.
 
@@ -144,14 +146,14 @@ def multiplied(
         if not stability_of(system).holds:
             said = "rounding made a loop unstable"
             break
-        loop = Loop.of(system)
+        loop = ExtendedLoopResponse.of(system)
         peak = float(upper_bound(loop.M, program.closed).value.max())
         now.within = now.within or loop.corners
         start = now.used
         if start is None:  # fit D first, as the start of D and G
-            start = d_step(structure.complexified(), loop, now.within, None)[0]
+            start = dg_step(structure.complexified(), loop, now.within, None)[0]
         now.before = now.used
-        now.used, missed = d_step(structure, loop, now.within, start)
+        now.used, missed = dg_step(structure, loop, now.within, start)
         fit = float(np.expm1(missed))
         last = Iterate(peak, level, fit, K, {"multipliers": now.used[1]})
         reached = program.reaching(K, peak, (*now.history, last))
@@ -191,14 +193,14 @@ def _best_step(
     Multipliers are used as they are and moved farther in the direction of their last change.
     """
     multipliers, x = now
-    K, level = k_step(program, multipliers, x, near)
+    K, level = dgk_k_step(program, multipliers, x, near)
     best = K, level, now
     if before is None or before[0] != multipliers:
         return best
     for share in EXTRAPOLATIONS:
         candidate = x + share * (x - before[1])
         try:
-            K, level = k_step(program, multipliers, candidate, near)
+            K, level = dgk_k_step(program, multipliers, candidate, near)
         except (SolverError, InputError):
             break
         if level >= best[1]:

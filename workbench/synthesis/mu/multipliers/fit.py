@@ -11,7 +11,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from workbench.arrays import Array, RealArray
-from workbench.synthesis.mu.biquads import Range
+from workbench.synthesis.mu.biquads import FrequencyRange
 from workbench.synthesis.mu.multipliers import triangles
 from workbench.synthesis.mu.multipliers.functions import Multipliers
 from workbench.synthesis.mu.multipliers.scaled_loop import ScaledLoop
@@ -28,7 +28,7 @@ def fit_multipliers(
     omega: RealArray,
     reference: RealArray,
     x: RealArray,
-    within: Range,
+    within: FrequencyRange,
 ) -> tuple[RealArray, float]:
     """The best parameters near `x`, and the log of their largest ratio of bound to reference.
 
@@ -76,11 +76,11 @@ def fit_multipliers(
     return best.reshape(x.shape), missed(best)
 
 
-def _bounds(multipliers: Multipliers, within: Range) -> list[tuple[float, float]]:
+def _bounds(multipliers: Multipliers, within: FrequencyRange) -> list[tuple[float, float]]:
     """Bounds of all parameters."""
     row = multipliers.functions.bounds(within)
     no_gain = [(0.0, 0.0), *row[1:]]
-    entry = triangles.bounds(multipliers.functions.size, within)
+    entry = triangles.parameter_bounds(multipliers.functions.size, within)
     counts = (
         multipliers.channels,
         multipliers.real.shape[1],

@@ -10,8 +10,9 @@ from workbench.arrays import RealArray
 from workbench.errors import SolverError
 from workbench.heavy_types import StateSpace
 from workbench.synthesis.hinf.levels import level_at
-from workbench.synthesis.hinf.normalised import scaled
-from workbench.synthesis.hinf.riccati import LEVEL_RISES, Central, central, central_of
+from workbench.synthesis.hinf.normalised import normalised_plant
+from workbench.synthesis.hinf.riccati import LEVEL_RISE_MULTIPLES, Central, central, central_of
+from workbench.synthesis.mu.dk import LEVEL_TOLERANCE
 from workbench.synthesis.mu.multipliers.functions import Multipliers
 from workbench.synthesis.mu.multipliers.scaled_plant import Multiplied, scaled_by_D
 
@@ -19,13 +20,11 @@ if TYPE_CHECKING:
     from workbench.synthesis.mu.program import MuSynthesis
 
 
-LEVEL_TOLERANCE = 2e-3
-"""Relative width of the interval in which the least bound of a K step is found."""
 FIRST_FACTOR, SQUARINGS = 1.02, 10
 """First factor between the bounds tried to bracket the least, and most squarings of this factor."""
 
 
-def k_step(
+def dgk_k_step(
     program: MuSynthesis, multipliers: Multipliers, x: RealArray, near: float
 ) -> tuple[StateSpace, float]:
     """The best controller for multipliers with parameters x, and the bound that they then prove.
@@ -49,7 +48,7 @@ def _least(family: Multiplied, near: float) -> tuple[float, Central]:
     """The least beta for whose plant a controller has norm 1, and this controller."""
 
     def feasible(beta: float) -> bool:
-        level = level_at(scaled(family.plant(beta)).plant, 1.0)
+        level = level_at(normalised_plant(family.plant(beta)).plant, 1.0)
         return level is not None and level.feasible
 
     low, high = _bracket(feasible, near)
@@ -57,10 +56,10 @@ def _least(family: Multiplied, near: float) -> tuple[float, Central]:
         middle = math.sqrt(low * high)
         low, high = (low, middle) if feasible(middle) else (middle, high)
     reached = ""
-    for share in LEVEL_RISES:
+    for share in LEVEL_RISE_MULTIPLES:
         beta = high * (1 + LEVEL_TOLERANCE * share)
         try:
-            return beta, central_of(scaled(family.plant(beta)), LEVEL_TOLERANCE, 1.0)
+            return beta, central_of(normalised_plant(family.plant(beta)), LEVEL_TOLERANCE, 1.0)
         except SolverError as error:
             reached = str(error)
     raise SolverError(reached)

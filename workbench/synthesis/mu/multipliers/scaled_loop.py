@@ -134,7 +134,7 @@ def _scaled(
     Y: Array = np.exp(rows)[:, :, None] * M * np.exp(-columns)[:, None, :]
     for n, at, beside, row, column in scalings.places:
         if n > 1:
-            U, L = triangles.factors(entries[beside], n)
+            U, L = triangles.triangular_factors(entries[beside], n)
             T = np.exp(log_d[at] - gains[at, None]).T[:, :, None] * (U @ L)
             Y[:, row] = T @ Y[:, row]
             Y[:, :, column] = Y[:, :, column] @ np.linalg.inv(T)

@@ -14,7 +14,7 @@ import numpy as np
 
 from workbench.arrays import Array, RealArray
 from workbench.heavy_types import StateSpace
-from workbench.synthesis.mu.biquads import DAMPING_RANGE, LARGEST_LOG_GAIN, Range
+from workbench.synthesis.mu.biquads import DAMPING_RANGE, LARGEST_LOG_GAIN, FrequencyRange
 
 
 def beside(n: int) -> Any:
@@ -22,7 +22,7 @@ def beside(n: int) -> Any:
     return np.nonzero(~np.eye(n, dtype=bool))
 
 
-def factors(entries: Array, n: int) -> tuple[Array, Array]:
+def triangular_factors(entries: Array, n: int) -> tuple[Array, Array]:
     """U and L (F, n, n) with given entries (n (n - 1), F)."""
     T = np.zeros((entries.shape[1], n, n), complex)
     i, j = beside(n)
@@ -36,7 +36,7 @@ def change(entries: Array, n: int, by: Array) -> tuple[Array, Array]:
     Returns T^-1 by T, which multiplies the change T^-1 dT in the trace, and the factor
     (n (n - 1), F) that multiplies the change of each entry.
     """
-    U, L = factors(entries, n)
+    U, L = triangular_factors(entries, n)
     i, j = beside(n)
     inside: Array = np.linalg.solve(U, by)
     upper = inside[:, j, i]
@@ -67,7 +67,7 @@ def responses(x: RealArray, omega: RealArray) -> tuple[Array, Array]:
     return value, slope
 
 
-def bounds(size: int, within: Range) -> list[tuple[float, float]]:
+def parameter_bounds(size: int, within: FrequencyRange) -> list[tuple[float, float]]:
     """Bounds of the parameters of a row, with corners within frequencies [rad/s]."""
     low, high = np.log(within)
     section = [

@@ -28,7 +28,7 @@ from workbench.synthesis.mu.rounds import Iterate, packed, unpacked
 from workbench.systems.frequency_grid import frequencies_of
 from workbench.systems.generalised_plant import GeneralisedPlant, response
 
-MOST_ROUNDS = 300
+MOST_STEPS = 300
 """Most steps of the optimisation."""
 LOWERED_SHARE = 0.6
 """A step lowers the bounds at all frequencies where they are above this share of the peak."""
@@ -164,7 +164,7 @@ def _minimised(
     history = unpacked(kept) if kept is not None else [problem.iterate(x, bound)]
     for number, each in enumerate(history, start=1):
         context.record(each.row(number))
-    for _ in context.rounds(MOST_ROUNDS, "fixed structure", len(history) - 1):
+    for _ in context.rounds(MOST_STEPS, "fixed structure", len(history) - 1):
         peak = history[-1].peak
         if peak <= target:
             return history, "reached the target"
@@ -203,7 +203,7 @@ def _minimised(
             return history, "settled"
         state = {"x": x, "radius": np.array(radius), "hessian": hessian}
         context.checkpoint.save(state | packed(history))
-    return history, f"stopped after {MOST_ROUNDS} rounds"
+    return history, f"stopped after {MOST_STEPS} rounds"
 
 
 def _step(

@@ -1,0 +1,32 @@
+"""Every mutant of what computes makes the certificate of a small, tight problem fail."""
+
+import numpy as np
+import pytest
+from mutants import MUTANTS, applied
+from tight_problems import PROGRAMS, QUICK_METHODS, solved
+
+import workbench as wb
+
+EVERY = 5
+"""One mutant in so many runs with the quick tests; `make mutants` runs all."""
+CASES = [
+    pytest.param(mutant, id=mutant.name, marks=[] if k % EVERY == 0 else [pytest.mark.slow])
+    for k, mutant in enumerate(MUTANTS)
+]
+
+
+@pytest.mark.parametrize("mutant", CASES)
+def test_a_mutant_is_killed(mutant, monkeypatch):
+    solved(mutant.problem)  # which the original solves
+    applied(mutant, monkeypatch)
+    with np.errstate(all="ignore"):
+        try:
+            solution = wb.solve(PROGRAMS[mutant.problem](), QUICK_METHODS.get(mutant.problem))
+        except Exception:
+            return  # refused with an error
+    assert solution.certificate is None or not solution.certificate.valid, solution.certificate
+
+
+def test_there_are_enough_mutants_and_each_has_a_name_of_its_own():
+    names = [mutant.name for mutant in MUTANTS]
+    assert len(set(names)) == len(names) >= 60

@@ -1,0 +1,225 @@
+"""Small problems, one or two of every Program, whose answers are tight: a little less is false."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any, NamedTuple
+
+import control
+import numpy as np
+from scipy.linalg import expm
+from scipy.signal import dlsim
+
+import workbench as wb
+from workbench.diagnosis import FaultEstimation, Requirement
+from workbench.fitting import MagnitudeFit, ResponseFit
+from workbench.geometry import NarrowestStadium, SmallestCircle
+from workbench.identification import (
+    CrestFactor,
+    FittedParameter,
+    MeasuredResponse,
+    ParameterFit,
+    StateSpaceFit,
+)
+from workbench.mu import MuLowerBound, MuUpperBound
+from workbench.program import Program
+from workbench.structure import Complex, Full, Real, Structure
+from workbench.synthesis import HinfSynthesis, Mode, MuSynthesis, SwitchedStability
+from workbench.systems.connection import generalised_plant
+from workbench.systems.generalised_plant import GeneralisedPlant
+from workbench.uncertainty import CircleCover, Responses, StadiumCover
+
+
+class Solved(NamedTuple):
+    """A program and its certified answer."""
+
+    program: Program
+    answer: Any
+
+
+def circle() -> Program:
+    points = np.random.default_rng(1).standard_normal((3, 7, 2)) @ np.array([1.0, 1j])
+    return SmallestCircle(points + 2.0)
+
+
+def stadium() -> Program:
+    points = np.random.default_rng(2).standard_normal((3, 7, 2)) @ np.array([1.0, 0.3j])
+    return NarrowestStadium((points + 2.0) * np.exp(0.7j))
+
+
+def hinf() -> Program:
+    B, C = [[1.0, 0.0, 1.0]], [[1.0], [0.0], [1.0]]
+    D = [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]]
+    return HinfSynthesis(GeneralisedPlant(control.ss([[1.0]], B, C, D), None, 1, 1))
+
+
+def hinf_flexible() -> Program:
+    from workbench.synthesis import MixedSensitivity
+
+    s = control.tf("s")
+    weighted = MixedSensitivity(1 / (s**2 + 0.1 * s + 1), (s + 1) / (2 * s + 0.02), 0.1)
+    return HinfSynthesis(weighted.plant)
+
+
+def random_matrices(structure: Structure, count: int, seed: int) -> np.ndarray:
+    real, imag = np.random.default_rng(seed).standard_normal(
+        (2, count, structure.columns, structure.rows)
+    )
+    return real + 1j * imag
+
+
+def mu_upper_full() -> Program:
+    """Three full blocks: the upper bound is mu."""
+    structure = Structure([Full(2, 1), Full(1, 2), Full(1, 1)])
+    return MuUpperBound(random_matrices(structure, 12, 3), structure)
+
+
+def mu_upper_mixed() -> Program:
+    """A real scalar and a full block: the upper bound is mu."""
+    structure = Structure([Real(1), Full(2, 2)])
+    return MuUpperBound(random_matrices(structure, 12, 4), structure)
+
+
+def mu_upper_repeated() -> Program:
+    """A repeated complex scalar and a full block: the upper bound is mu."""
+    structure = Structure([Complex(2), Full(1, 1)])
+    return MuUpperBound(random_matrices(structure, 12, 5), structure)
+
+
+def mu_lower_full() -> Program:
+    structure = Structure([Full(2, 1), Full(1, 2), Full(1, 1)])
+    return MuLowerBound(random_matrices(structure, 6, 3), structure)
+
+
+def mu_lower_mixed() -> Program:
+    structure = Structure([Real(1), Full(2, 2)])
+    return MuLowerBound(random_matrices(structure, 6, 4), structure)
+
+
+def mu_synthesis() -> Program:
+    """An unstable lag with an uncertain gain, its sensitivity and its control."""
+    G, W = control.tf([1.0], [1.0, -1.0]), control.tf([0.5, 0.6], [1.0, 0.006])
+    return MuSynthesis(
+        generalised_plant(
+            [(G, "v", "y"), (W, "e", "z"), (control.tf([0.2], [1.0]), "u", "y_d")],
+            {"v": "u + u_d", "e": "r + y", "m": "r + y"},
+            perturbation=[(Complex(1), "y_d", "u_d")],
+            exogenous="r",
+            performance="z",
+            control="u",
+            measurement="m",
+        )
+    )
+
+
+def fault_filter() -> Program:
+    lag = control.tf([1.0], [1.0, 0.5])
+    plant = generalised_plant(
+        [(lag, "v", "x"), (control.tf([0.3], [1.0]), "d0", "y_d")],
+        {"v": "d + u_d", "d0": "d", "y": "x + f + n"},
+        perturbation=[(Complex(1), "y_d", "u_d")],
+        exogenous=["d", "n", "f"],
+        measurement="y",
+    )
+    slow, fast = control.tf([1.0], [1.0, 0.01]), control.tf([1.0, 0.1], [1.0, 2.0])
+    noise = control.ss([], [], [], [[0.05]])
+    wanted = [
+        Requirement("disturbances", ["d", "n"], control.append(control.ss(slow), noise)),
+        Requirement("faults", "f", fast),
+    ]
+    return FaultEstimation(plant, "f", wanted)
+
+
+def switching() -> Program:
+    first = np.array([[0.0, 1.0], [-10.0, -1.0]])
+    second = np.array([[0.0, 1.0], [-0.1, -0.5]])
+    return SwitchedStability(
+        (Mode("first", expm(0.5 * first), None), Mode("second", expm(0.5 * second), None))
+    )
+
+
+OMEGA = np.geomspace(0.1, 100.0, 25)
+"""Frequencies [rad/s] of the fits and covers."""
+
+
+def response_fit() -> Program:
+    s = 1j * OMEGA
+    values = 3.0 * (s + 4.0) / (s**2 + 0.4 * s + 9.0) * (1 + 0.05 * np.exp(1j * OMEGA))
+    return ResponseFit(OMEGA, values, 2, minimum_phase=True, error=0.06)
+
+
+def magnitude_fit() -> Program:
+    return MagnitudeFit(OMEGA, np.abs((1j * OMEGA + 10.0) / (1j * OMEGA + 0.5)) ** 0.7, 2)
+
+
+def magnitude_cover() -> Program:
+    return MagnitudeFit(OMEGA, 1 / np.sqrt(1 + (OMEGA / 3.0) ** 3), 2, cover=True)
+
+
+def plants() -> np.ndarray:
+    s = 1j * OMEGA[:, None]
+    gain, pole = np.array([0.8, 1.0, 1.25, 1.1]), np.array([1.0, 1.3, 0.9, 1.1])
+    return gain / (s + pole) * (1 + 0.02 * s / (s + 30.0) * np.array([1.0, 1j, -1.0, -1j]))
+
+
+def circle_cover() -> Program:
+    return CircleCover(Responses(OMEGA, plants()), 2, complex_order=2)
+
+
+def stadium_cover() -> Program:
+    return StadiumCover(Responses(OMEGA, plants()), 2, complex_order=2)
+
+
+def crest_factor() -> Program:
+    return CrestFactor(1.0, np.arange(1, 8), 32)
+
+
+def state_space_fit() -> Program:
+    rng = np.random.default_rng(5)
+    A, B = np.array([[0.9, 0.3], [-0.3, 0.8]]), np.array([[1.0], [0.5]])
+    u = rng.standard_normal((700, 1))
+    y = dlsim((A, B, np.array([[1.0, -0.5]]), np.zeros((1, 1)), 1.0), u)[1]
+    return StateSpaceFit(u, y + 0.05 * rng.standard_normal(y.shape), 400, (2,), washout=20)
+
+
+def oscillator(p: Any, s: Any) -> Any:
+    return p["gain"] / (s**2 + p["damping"] * s + p["stiffness"])
+
+
+def parameter_fit() -> Program:
+    rng, frequency = np.random.default_rng(7), np.linspace(0.2, 2.5, 60)
+    s = 2j * np.pi * frequency
+    values = oscillator({"gain": 3.0, "damping": 0.5, "stiffness": 40.0}, s)
+    values = values + 2e-3 * (rng.normal(size=60) + 1j * rng.normal(size=60))
+    datum = MeasuredResponse(oscillator, frequency, values, variance=8e-6)
+    start = {
+        "stiffness": FittedParameter(20.0, 1.0, 1e3),
+        "damping": FittedParameter(2.0, 1e-3, 100.0),
+        "gain": FittedParameter(1.0, 0.0, 10.0),
+    }
+    return ParameterFit([datum], start)
+
+
+PROGRAMS = {
+    make.__name__: make
+    for make in (
+        circle, stadium, mu_upper_full, mu_upper_mixed, mu_upper_repeated, mu_lower_full,
+        mu_lower_mixed, hinf, hinf_flexible, mu_synthesis, fault_filter, switching, response_fit,
+        magnitude_fit, magnitude_cover, circle_cover, stadium_cover, crest_factor, state_space_fit,
+        parameter_fit,
+    )
+}  # fmt: skip
+
+
+QUICK_METHODS = {"circle_cover": "steps", "stadium_cover": "steps"}
+"""Methods that take the place of a slower default one."""
+
+
+@cache
+def solved(name: str) -> Solved:
+    """The tight problem of that name and its certified answer, found once."""
+    program = PROGRAMS[name]()
+    solution = wb.solve(program, QUICK_METHODS.get(name))
+    assert solution.certificate is not None, solution.message
+    assert solution.certificate.valid, solution.certificate.failures
+    return Solved(program, solution.answer)

@@ -1,0 +1,24 @@
+"""Periodic switchings drawn at random find the instability of fast switching."""
+
+import numpy as np
+
+from workbench.second_opinion.switchings import fastest_growth
+
+turn, stretch = 0.6, 2.0
+A1 = 0.99 * np.array(
+    [[np.cos(turn), np.sin(turn) * stretch], [-np.sin(turn) / stretch, np.cos(turn)]]
+)
+A2 = A1.T.copy()
+
+
+def test_fast_switching_is_found_unstable_and_slow_switching_stable():
+    rate, which = fastest_growth([A1[None], A2[None]], [1, 1], [3, 3])
+    assert rate > 0
+    assert "for plant 1" in which
+    assert fastest_growth([A1[None], A2[None]], [400, 400], [None, None])[0] < 0
+
+
+def test_three_modes_are_switched_in_every_order():
+    stable = 0.5 * np.eye(2)[None]
+    assert fastest_growth([stable, stable, stable], [1, 2, 3], [None, 2, 5])[0] < 0
+    assert fastest_growth([stable, stable, 100 * stable], [1, 1, 1], [1, 1, 1])[0] > 0

@@ -1,0 +1,150 @@
+"""Certificates: checks of an answer from the data alone, and by how much they hold."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from workbench.solvers import Outcome
+
+
+@dataclass(frozen=True)
+class Check:
+    """One statement that must hold: a measured value that may not exceed a limit.
+
+    ``where`` names the place of the worst value, for instance a frequency. ``opinion`` marks the
+    checks of the second opinion, which share neither code nor mathematics with the others. ``over``
+    says what the statement quantifies over, such as "at every frequency, for these 12 plants".
+    """
+
+    name: str
+    statement: str
+    value: float
+    limit: float
+    where: str = ""
+    opinion: bool = False
+    over: str = ""
+
+    @property
+    def margin(self) -> float:
+        """Limit less value: negative where the check fails, NaN where the value is NaN."""
+        return self.limit - self.value
+
+    @property
+    def holds(self) -> bool:
+        return self.value <= self.limit  # false for NaN
+
+
+EVERY_FREQUENCY = "at every frequency"
+"""What is said of a bound that is proven from 0 to infinity, or to half the sampling rate."""
+EVERY_PERTURBATION = f"{EVERY_FREQUENCY}, for every perturbation of the structure"
+"""What is said of a proven peak of mu."""
+THIS_SYSTEM = "for this one system"
+"""What is said of the stability of a system or loop; it claims nothing of a set of plants."""
+
+
+def quantified(over: str, checks: Iterable[Check]) -> list[Check]:
+    """The checks, each of which quantifies over this where it does not say over what it does."""
+    return [check if check.over else replace(check, over=over) for check in checks]
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Largest distance of an answer from the best one, by a bound that no method supplied."""
+
+    statement: str
+    value: float
+    tolerance: float
+    required: bool
+
+    @property
+    def closed(self) -> bool:
+        return abs(self.value) <= self.tolerance  # an answer beyond its bound is wrong, or it is
+
+
+@dataclass(frozen=True, repr=False)
+class Certificate:
+    """Validity checks, which must hold, and where there is one the optimality gap."""
+
+    checks: tuple[Check, ...]
+    gap: Gap | None = None
+
+    @property
+    def valid(self) -> bool:
+        return all(check.holds for check in self.checks)
+
+    @property
+    def holds(self) -> bool:
+        """Valid, and as good as the method claims."""
+        return self.valid and (self.gap is None or not self.gap.required or self.gap.closed)
+
+    @property
+    def outcome(self) -> Outcome:
+        """Solved, or inaccurate where only the optimum is missed, or failed."""
+        if self.holds:
+            return Outcome.SOLVED
+        return Outcome.INACCURATE if self.valid else Outcome.FAILED
+
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """A sentence for each thing that does not hold."""
+        failed = [
+            f"{check.name}: {check.value:.6g} exceeds {check.limit:.6g}"
+            + (f" {check.where}" if check.where else "")
+            for check in self.checks
+            if not check.holds
+        ]
+        if self.gap is not None and self.gap.required and not self.gap.closed:
+            failed.append(f"optimality gap: {self.gap.value:.3g} exceeds {self.gap.tolerance:.3g}")
+        return tuple(failed)
+
+    def __repr__(self) -> str:
+        lines = [f"Certificate: {self.outcome}"]
+        lines += [
+            f"  {'holds' if c.holds else 'FAILS'}  {'second opinion, ' if c.opinion else ''}"
+            f"{c.name}: {c.value:.6g} <= {c.limit:.6g} {c.where}".rstrip()
+            + (f"; {c.over}" if c.over else "")
+            for c in self.checks
+        ]
+        if self.gap is not None:
+            needed = "required" if self.gap.required else "not claimed"
+            lines.append(f"  gap {self.gap.value:.3g}, {needed} within {self.gap.tolerance:.3g}")
+        return "\n".join(lines)
+
+    def to_json(self) -> dict[str, Any]:
+        checks = [asdict(check) | {"holds": check.holds} for check in self.checks]
+        gap = None if self.gap is None else asdict(self.gap) | {"closed": self.gap.closed}
+        return {"holds": self.holds, "valid": self.valid, "checks": checks, "gap": gap}
+
+    @classmethod
+    def from_json(cls, stored: Mapping[str, Any]) -> Certificate:
+        gap = stored["gap"]
+        return cls(
+            tuple(Check(**_read(check, "holds")) for check in stored["checks"]),
+            gap and Gap(**_read(gap, "closed")),
+        )
+
+
+def _read(stored: Mapping[str, Any], derived: str) -> dict[str, Any]:
+    """Fields from JSON, which has NaN and infinities as their names; ``derived`` is left out."""
+    numbers = {"value", "limit", "tolerance"}
+    return {
+        k: float(v) if k in numbers and isinstance(v, str) else v
+        for k, v in stored.items()
+        if k != derived
+    }
+
+
+def worst(values: Any, labels: Callable[[tuple[int, ...]], str]) -> tuple[float, str]:
+    """The largest of an array of values (NaN counts as largest) and the label of its place."""
+    values = np.atleast_1d(np.asarray(values, dtype=float))
+    if values.size == 0:
+        return 0.0, ""
+    place = np.unravel_index(
+        int(np.argmax(np.where(np.isnan(values), math.inf, values))), values.shape
+    )
+    return float(values[place]), labels(tuple(int(i) for i in place))

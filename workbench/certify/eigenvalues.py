@@ -1,0 +1,176 @@
+"""Discs that contain the eigenvalues of every matrix of an enclosure.
+
+Let V be a matrix of approximate eigenvectors of A, and W an approximate inverse. Where
+W (A - s) V = P - s E is strictly diagonally dominant, it is regular, and s is no eigenvalue. So
+every eigenvalue lies in one of the discs
+
+    |e_i s - p_i| <= a_i + |s| b_i
+
+of the diagonals p, e and the sums a, b of the other entries of their rows (Gershgorin; Stewart,
+Gershgorin theory for the generalized eigenvalue problem, Math. Comp. 29 (1975) 600-606). P and E
+are enclosed, so that nothing is asked of the accuracy of V and W; they only make the discs small.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.arrays import EPS, Array, RealArray
+from workbench.certify.rounding import UPWARD, Enclosure, enclosed_inverse, exact
+
+ATTEMPTS = 3
+"""Times that eigenvectors are computed, again in the coordinates of those before, which helps where
+entries differ widely."""
+SHARP = 1e-7
+"""Radius of a disc on the axis, as a share of its centre, with which attempts end."""
+SCALINGS = 8
+"""Steps of the search for the scaling of the rows."""
+WANTED_SHARE = 1e-3
+"""Radius of a disc, as a share of its distance from the real axis, with which a row is content."""
+LEAST_DISTANCE = 1e-9
+"""Least distance from the axis, as a share of the eigenvalue's size, that a row is scaled for."""
+LARGEST_SCALE = 1e9
+"""Largest factor of a row."""
+
+
+@dataclass(frozen=True, eq=False)
+class Discs:
+    """Discs |s - centre| <= radius, both (n,); an infinite radius where nothing is proven."""
+
+    centre: Array
+    radius: RealArray
+
+    @property
+    def rightmost(self) -> float:
+        """Upper bound of the real parts; -inf without discs."""
+        return float((self.centre.real + self.radius).max(initial=-np.inf))
+
+    @property
+    def doubtful(self) -> int:
+        """Number of discs that meet the real axis and are not small."""
+        meets = np.abs(self.centre.imag) <= self.radius
+        return int((meets & (self.radius > SHARP * np.abs(self.centre))).sum())
+
+
+def eigenvalue_discs(A: Enclosure) -> Discs:
+    """Discs that contain all eigenvalues of the matrices A (n, n)."""
+    n = len(A.mid)
+    return static_discs(A, *(exact(np.zeros(shape)) for shape in ((n, 0), (0, n), (0, 0))))
+
+
+def static_discs(A: Enclosure, B: Enclosure, C: Enclosure, D: Enclosure) -> Discs:
+    """Discs that contain all s at which [A - s, B; C, D] is singular, D proven regular.
+
+    The s are the eigenvalues of A - B D^-1 C. This matrix is only computed to find eigenvectors V1
+    and their inverse W1. With V2 = -D^-1 C V1 and W2 = -W1 B D^-1, nearly,
+
+        [W1 W2] [A B] [V1 0]   [P F]
+        [ 0  1] [C D] [V2 1] = [G D]
+
+    has small F and G, so that errors of D^-1 count twice, and no difference of large entries of
+    A - B D^-1 C is rounded.
+    """
+    nothing = Discs(np.zeros(1), np.full(1, np.inf))
+    back = enclosed_inverse(D)
+    if back is None:
+        return nothing
+    discs = nothing
+    try:
+        V = np.linalg.eig(A.mid - B.mid @ back.mid @ C.mid)[1]
+        for _ in range(ATTEMPTS):
+            W = np.linalg.inv(V)
+            below, beside = -back.mid @ (C.mid @ V), -(W @ B.mid) @ back.mid
+            V1, V2, W1, W2 = (exact(part) for part in (V, below, W, beside))
+            upper, G = A @ V1 + B @ V2, C @ V1 + D @ V2
+            F = W1 @ B + W2 @ D
+            P = W1 @ upper + W2 @ G - F @ (back @ G)
+            found = pencil_discs(P, W1 @ V1)
+            if discs is nothing or found.doubtful < discs.doubtful:
+                discs = found
+            if not discs.doubtful:
+                break
+            V = V @ np.linalg.eig(P.mid)[1]
+            V = V / np.linalg.norm(V, axis=0)
+    except (np.linalg.LinAlgError, ValueError):
+        pass
+    return discs
+
+
+def pencil_discs(P: Enclosure, E: Enclosure, within: float = np.inf) -> Discs:
+    """Discs that contain all s, |s| <= `within`, at which P - s E is singular for some entries."""
+    if not (P.finite and E.finite):
+        return Discs(np.zeros(1), np.full(1, np.inf))
+    found = _discs(P, E, np.ones(len(P.mid)), within)
+    if not len(touched(found)[0]):
+        return found
+    scaled = _discs(P, E, _row_scaling(P, E, within), within)
+    return min(found, scaled, key=lambda discs: len(touched(discs)[0]))
+
+
+def _discs(P: Enclosure, E: Enclosure, scale: RealArray, within: float) -> Discs:
+    """As `pencil_discs`, with factors (n,) of the columns, and their inverses of the rows."""
+    (p, a), (e, b) = _rows(P, scale), _rows(E, scale)
+    with np.errstate(all="ignore"):
+        size = np.abs(e)
+        reach = np.minimum((np.abs(p) + a) / (size - b) * UPWARD, within)
+        reach = np.where(size > b * UPWARD, reach, within)
+        centre = p / e
+        radius = ((a + b * reach) / size + 8 * EPS * np.abs(centre)) * UPWARD
+        known = np.isfinite(centre) & np.isfinite(radius)
+        # A row whose e is small may have no s within reach at all.
+        away = np.abs(p) > (a + within * (size + b)) * UPWARD
+    if np.isfinite(within):
+        centre, radius, known = centre[~away], radius[~away], known[~away]
+    return Discs(np.where(known, centre, 0.0), np.where(known, radius, np.inf))
+
+
+def _rows(matrix: Enclosure, scale: RealArray) -> tuple[Array, RealArray]:
+    """The diagonal, and for each row the sum of the other entries and of all radii.
+
+    Column j counts `scale` j times and row i as much less: a similarity.
+    """
+    beside = np.abs(matrix.mid)
+    np.fill_diagonal(beside, 0.0)
+    return np.diagonal(matrix.mid), (beside + matrix.rad) @ scale / scale * UPWARD
+
+
+def _row_scaling(P: Enclosure, E: Enclosure, within: float) -> RealArray:
+    """Factors (n,) that make discs small where they are near the real axis.
+
+    Any factors are allowed. Rows whose disc is too large beside its distance gain at the cost of
+    the others.
+    """
+    p, e = np.diagonal(P.mid), np.diagonal(E.mid)
+    with np.errstate(all="ignore"):
+        reach = np.minimum(np.abs(p / e), within)[:, None]
+        beside = np.abs(P.mid) + P.rad + reach * (np.abs(E.mid) + E.rad)
+        distance = np.abs((p * e.conj()).imag) / np.abs(e)
+    np.fill_diagonal(beside, 0.0)
+    # Where e is 0, the distance is that from all s within reach.
+    distance = np.where(np.isfinite(distance), distance, np.abs(p)) + LEAST_DISTANCE * np.abs(p)
+    if not (np.isfinite(beside).all() and (distance > 0).all()):
+        return np.ones(len(p))
+    ratio = beside / distance[:, None]
+    scale = np.ones(len(p))
+    for _ in range(SCALINGS):
+        scale = np.clip(ratio @ scale / WANTED_SHARE, 1.0, LARGEST_SCALE)
+    return scale
+
+
+def pole_discs(A: Enclosure) -> Discs:
+    """Discs that contain all eigenvalues of the matrices A, small near the imaginary axis."""
+    discs = eigenvalue_discs(Enclosure(-1j * A.mid, A.rad))
+    return Discs(1j * discs.centre, discs.radius)
+
+
+def touched(discs: Discs) -> tuple[RealArray, RealArray]:
+    """Least and greatest real number in each disc that meets the real axis."""
+    x, y, r = discs.centre.real, np.abs(discs.centre.imag), discs.radius
+    meets = y <= r
+    x, y, r = x[meets], y[meets], r[meets]
+    with np.errstate(invalid="ignore"):
+        half = np.where(np.isinf(r), np.inf, np.sqrt((r + y) * np.maximum(r - y, 0.0)))
+    half = half * UPWARD + 4 * EPS * np.abs(x)
+    return x - half, x + half

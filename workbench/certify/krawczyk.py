@@ -1,0 +1,115 @@
+"""A zero of equations, proven to lie within a box, with the surplus unknowns fixed.
+
+With P near the inverse of the Jacobian and Y a box around y, let
+
+    K(Y) = y - P F(y) + (I - P F'(Y)) (Y - y).
+
+If K(Y) lies in the interior of Y, then F has exactly one zero in Y.
+
+Source: S. Rump, "Verification methods: rigorous results using floating-point arithmetic", Acta
+Numerica 19 (2010), theorem 13.3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from flint import arb, arb_mat, ctx
+from numpy.typing import NDArray
+
+BOX_REFINEMENTS = 6
+"""Most steps that refine the middle of the box."""
+LARGEST_STEP = 2.0**-10
+"""A first step beyond this share of the unknowns' scale is given up: no zero is near."""
+LEAST_PIVOT = 1e-13
+"""Equations count as dependent if a pivot is below this share of the largest."""
+
+Balls = list[arb]
+
+
+def zero_within(
+    start: Balls,
+    residual: Callable[[Balls], Balls],
+    jacobian: Callable[[Balls], list[Balls]],
+) -> Balls | None:
+    """A box near `start` (N,) that holds a zero of N or fewer equations; None without proof.
+
+    As many unknowns as there are equations vary, chosen by a QR decomposition with pivoting; the
+    others keep their values exactly.
+    """
+    rows = jacobian(start)
+    scale = _scales(start)
+    weight = [
+        _reciprocal(max(abs(x * s).mid() for x, s in zip(row, scale, strict=True))) for row in rows
+    ]
+    table = [
+        [w * x * s for x, s in zip(row, scale, strict=True)]
+        for w, row in zip(weight, rows, strict=True)
+    ]
+    chosen = _independent(np.array([[float(x) for x in row] for row in table]))
+    if chosen is None:
+        return None
+    inverse = arb_mat([[row[j] for j in chosen] for row in table]).mid().inv().mid()
+    P = _diagonal([scale[j] for j in chosen]) * inverse * _diagonal(weight)
+
+    def step(at: Balls) -> Balls:
+        return (P * arb_mat([[x] for x in residual(at)])).entries()
+
+    y = list(start)
+    settled = arb(2) ** -(3 * ctx.prec // 4)
+    for count in range(BOX_REFINEMENTS):
+        moved = step(y)
+        if not all(
+            abs(d).mid() <= scale[j] * LARGEST_STEP for j, d in zip(chosen, moved, strict=True)
+        ):
+            return None
+        for j, d in zip(chosen, moved, strict=True):
+            y[j] = (y[j] - d).mid()
+        if count and all(
+            abs(d).mid() <= scale[j] * settled for j, d in zip(chosen, moved, strict=True)
+        ):
+            break
+    moved = step(y)
+    box = list(y)
+    for j, d in zip(chosen, moved, strict=True):
+        box[j] = y[j] + arb(0, (2 * abs(d) + scale[j] * settled).upper())
+    around = [box[j] - y[j] for j in chosen]
+    wide = arb_mat([[row[j] for j in chosen] for row in jacobian(box)])
+    rest = (_diagonal([arb(1)] * len(chosen)) - P * wide) * arb_mat([[d] for d in around])
+    inside = all(
+        box[j].contains_interior(y[j] - d + e)
+        for j, d, e in zip(chosen, moved, rest.entries(), strict=True)
+    )
+    return box if inside else None
+
+
+def _scales(start: Balls) -> Balls:
+    """The sizes of the unknowns; of those that are 0, the largest size."""
+    sizes = [abs(x) for x in start]
+    largest = max(sizes)
+    return [size if size > largest * 2.0**-40 else largest for size in sizes]
+
+
+def _independent(table: NDArray[np.float64]) -> list[int] | None:
+    """As many independent columns as there are rows; None where there are not enough."""
+    from scipy.linalg import qr
+
+    if not np.isfinite(table).all() or table.shape[0] > table.shape[1]:
+        return None
+    R, order = qr(table, mode="r", pivoting=True)
+    pivots = np.abs(np.diagonal(R))
+    if not pivots.min() > LEAST_PIVOT * pivots.max():
+        return None
+    return [int(j) for j in order[: len(table)]]
+
+
+def _reciprocal(size: arb) -> arb:
+    return (1 / size).mid() if size > 0 else arb(1)
+
+
+def _diagonal(entries: Balls) -> arb_mat:
+    """The diagonal matrix of these entries."""
+    return arb_mat(
+        [[x if i == j else 0 for j in range(len(entries))] for i, x in enumerate(entries)]
+    )

@@ -1,0 +1,135 @@
+"""Modal coordinates of a realisation, enclosed by ball arithmetic of many digits.
+
+A similarity changes no response, so a realisation whose states are nearly dependent may be replaced
+by a better one, if the change of coordinates is enclosed. Here T holds approximate eigenvectors of
+A, real and imaginary parts of a pair side by side, and T^-1 A T, T^-1 B and C T are computed in
+balls (Johansson, Arb: efficient arbitrary-precision midpoint-radius interval arithmetic, IEEE
+Trans. Computers 66 (2017) 1281-1292), then rounded outward to doubles.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from workbench.arrays import EPS, Array, RealArray
+from workbench.certify.rounding import TINY, UPWARD, Enclosure, nearest_power_of_two
+
+PRECISIONS = (128, 256, 512)
+"""Bits of the balls, one after the other until a proof succeeds."""
+
+CLUSTER = 2.0**-16
+"""Poles closer than this share of their size are kept together in one mode."""
+LARGEST_SCALE = 2.0**200
+"""Largest factor of a state."""
+
+Enclosures = tuple[Enclosure, Enclosure, Enclosure]
+"""A, B and C of a realisation."""
+
+
+def enclosed_modal_form(A: RealArray, B: RealArray, C: RealArray, bits: int) -> Enclosures | None:
+    """Enclosures of A, B and C in modal coordinates; None where `bits` do not separate the modes.
+
+    The midpoint of A is diagonal up to blocks of two real numbers for a pair of complex poles.
+    """
+    import flint
+
+    with flint.ctx.workprec(bits):
+        exact = [
+            flint.arb_mat(part.shape[0], part.shape[1], part.ravel().tolist()) for part in (A, B, C)
+        ]
+        found = _modes(exact[0], bits)
+        if found is None:
+            return None
+        T, mode = found
+        try:
+            parts = T.solve(exact[0] * T), T.solve(exact[1]), exact[2] * T
+        except ZeroDivisionError:  # T may be singular
+            return None
+        enclosures = [_doubles(part) for part in parts]
+    return _normalised(enclosures[0], enclosures[1], enclosures[2], mode)
+
+
+def _normalised(A: Enclosure, B: Enclosure, C: Enclosure, mode: Array) -> Enclosures:
+    """The realisation with B and C of similar size in every mode.
+
+    What T^-1 A T has between modes goes from the midpoint to the radius.
+    """
+    between = mode[:, None] != mode
+    A = Enclosure(np.where(between, 0.0, A.mid), A.rad + np.where(between, np.abs(A.mid), 0.0))
+    same = (~between).astype(float)
+    into, out = np.linalg.norm(B.mid, axis=1), np.linalg.norm(C.mid, axis=0)
+    into, out = (np.sqrt(same @ part**2) for part in (into, out))
+    seen = (into > 0) & (out > 0)
+    scale = nearest_power_of_two(
+        np.sqrt(np.where(seen, out, 1.0)) / np.sqrt(np.where(seen, into, 1.0))
+    )
+    # A mode that is neither driven nor seen needs no scale, and another none that overflows.
+    scale = np.clip(scale, 1 / LARGEST_SCALE, LARGEST_SCALE)
+    rows, columns = np.ones(len(C.mid)), np.ones(B.mid.shape[1])
+    return A.scaled(scale, 1 / scale), B.scaled(scale, columns), C.scaled(rows, 1 / scale)
+
+
+def _modes(A: Any, bits: int) -> tuple[Any, Array] | None:
+    """An approximate real basis (n, n) of the modes, and the number of each column's mode (n,).
+
+    Pairs of complex poles have two columns. Poles so close that their eigenvectors may be nearly
+    parallel share a mode, with an orthonormal basis of all of them. None where the columns do not
+    add up to n.
+    """
+    import flint
+
+    n = A.nrows()
+    values, vectors = flint.acb_mat(A).eig(right=True, algorithm="approx", nonstop=True)
+    columns: list[list[Any]] = []
+    poles: list[complex] = []
+    mode: list[int] = []
+    for k in sorted(range(n), key=lambda k: abs(complex(values[k].mid()))):
+        pole = complex(values[k].mid())
+        column = [vectors[i, k].mid() for i in range(n)]
+        largest = max(column, key=lambda entry: float(abs(entry)))
+        if not float(abs(largest)) > 0.0:  # also refuses NaN
+            return None
+        column = [(entry / largest).mid() for entry in column]
+        near = [j for j, other in enumerate(poles) if abs(other - pole) < CLUSTER * abs(pole)]
+        if abs(pole.imag) < CLUSTER * abs(pole):  # real, or rounded from a multiple real pole
+            split = pole.imag < 0 and abs(pole.imag) > 2.0 ** (-0.7 * bits) * abs(pole)
+            new = [[entry.imag if split else entry.real for entry in column]]
+        elif pole.imag > 0:
+            new = [[entry.real for entry in column], [entry.imag for entry in column]]
+        else:
+            continue
+        number = mode[near[0]] if near else k
+        for part in new:
+            beside = [other for other, its in zip(columns, mode, strict=True) if its == number]
+            columns.append(_orthogonal(part, beside) if near else part)
+            poles.append(pole)
+            mode.append(number)
+    if len(columns) != n:
+        return None
+    return flint.arb_mat(n, n, [part[i] for i in range(n) for part in columns]), np.array(mode)
+
+
+def _orthogonal(column: list[Any], beside: list[list[Any]]) -> list[Any]:
+    """The column less its parts along others that are orthogonal, with a largest entry of 1."""
+    for other in 2 * beside:  # a second time, because the first one cancels
+        share = _inner(column, other) / _inner(other, other)
+        column = [(one - share * two).mid() for one, two in zip(column, other, strict=True)]
+    largest = max(column, key=lambda entry: float(abs(entry)))
+    return [(entry / largest).mid() for entry in column] if largest != 0 else column
+
+
+def _inner(one: list[Any], two: list[Any]) -> Any:
+    """Inner product, approximately."""
+    return sum(a * b for a, b in zip(one, two, strict=True)).mid()
+
+
+def _doubles(matrix: Any) -> Enclosure:
+    """The matrix of balls, rounded outward to doubles."""
+    shape = matrix.nrows(), matrix.ncols()
+    balls = matrix.entries()
+    mid = np.array([float(ball.mid()) for ball in balls])
+    # The midpoint in doubles errs by its last bit, the ball by its radius.
+    rad = np.array([float(ball.rad()) for ball in balls]) + EPS * np.abs(mid) + TINY
+    return Enclosure(mid.reshape(shape), rad.reshape(shape) * UPWARD)

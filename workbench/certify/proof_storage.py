@@ -1,0 +1,79 @@
+"""Storage of the proof of a peak as variables of a dataset."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from workbench.arrays import Array
+from workbench.certify.cover import CertifiedInterval
+from workbench.certify.proof import PeakProof
+from workbench.heavy_types import Dataset
+
+MULTIPLIERS = ("D_left", "D_right", "G")
+"""Names of an interval's multipliers."""
+
+
+def stored_proof(name: str, proof: PeakProof) -> dict[str, Any]:
+    """The proof as variables of a dataset, under a name; `restored_proof` reads them back.
+
+    A proof without intervals has only its bound and its band.
+    """
+    about = {"long_name": f"bound that the multipliers of the {name} prove"}
+    band = {"units": "rad/s", "long_name": f"band on which the {name} is proven"}
+    parts: dict[str, Any] = {
+        f"{name}_beta": ((), proof.beta, about),
+        f"{name}_band": (("end",), np.array(proof.band), band),
+    }
+    if not proof.intervals:
+        return parts
+    interval, output, entering = (f"{name}_{kind}" for kind in ("interval", "output", "input"))
+    places = np.array([[one.low, one.omega, one.high] for one in proof.intervals])
+    about = {"units": "rad/s", "long_name": "low end, frequency of the multipliers, high end"}
+    parts[f"{name}_frequencies"] = ((interval, "place"), places, about)
+    shapes = (output, f"{output}_"), (entering, f"{entering}_"), (entering, output)
+    for k, (key, shape) in enumerate(zip(MULTIPLIERS, shapes, strict=True)):
+        at = np.array([getattr(one, key) for one in proof.intervals])
+        slope = np.array(
+            [
+                np.zeros(at.shape[1:]) if one.slopes is None else one.slopes[k]
+                for one in proof.intervals
+            ]
+        )
+        for suffix, values, unit in (("", at, "1"), ("_slope", slope, "s")):
+            parts[f"{name}_{key}{suffix}"] = (
+                (interval, *shape, "complex"),
+                np.stack([values.real, values.imag], axis=-1),
+                {"units": unit, "long_name": f"{key}{suffix} of the intervals, real and imaginary"},
+            )
+    return parts
+
+
+def restored_proof(data: Dataset, name: str) -> PeakProof:
+    """The proof that `stored_proof` put into the dataset under this name."""
+    low, high = (float(end) for end in data[f"{name}_band"].values)
+    intervals: list[CertifiedInterval] = []
+    if f"{name}_frequencies" in data:
+        at = [_complex(data, f"{name}_{key}") for key in MULTIPLIERS]
+        by = [_complex(data, f"{name}_{key}_slope") for key in MULTIPLIERS]
+        for k, (first, omega, last) in enumerate(data[f"{name}_frequencies"].values.tolist()):
+            slopes = (by[0][k], by[1][k], by[2][k])
+            intervals.append(
+                CertifiedInterval(
+                    first,
+                    last,
+                    omega,
+                    at[0][k],
+                    at[1][k],
+                    at[2][k],
+                    slopes if any(slope.any() for slope in slopes) else None,
+                )
+            )
+    return PeakProof(float(data[f"{name}_beta"]), tuple(intervals), (low, high))
+
+
+def _complex(data: Dataset, name: str) -> Array:
+    """A complex variable of the dataset."""
+    values = data[name].values
+    return values[..., 0] + 1j * values[..., 1]

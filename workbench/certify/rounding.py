@@ -1,0 +1,159 @@
+"""Matrix arithmetic in doubles that encloses the exact result: midpoints with radii.
+
+Every entry of a matrix lies within its radius of its midpoint. An inner product of length k, in
+any order of its terms, errs by at most gamma_k times the product of the absolute values (Higham,
+Accuracy and Stability of Numerical Algorithms (2002), sections 3.1 and 3.6); the radii of a product
+follow from those of its factors (Rump, Fast and parallel interval arithmetic, BIT 39 (1999)
+534-554).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from workbench.arrays import EPS, Array, RealArray
+
+UPWARD = 1.0 + 2.0**-20
+"""Factor of each computed radius. A sum of up to 2^30 terms, none negative, errs by less."""
+TINY = float(np.finfo(float).tiny)
+"""Smallest normal number, which bounds the absolute error of a product that underflows."""
+WEIGHTINGS = 6
+"""Steps of the search for the weights x of an inverse."""
+WANTED_CONTRACTION = 1e-3
+"""The theta with which a row is content."""
+LARGEST_WEIGHT = 1e100
+"""Largest ratio of two weights."""
+
+
+@dataclass(frozen=True, eq=False)
+class Enclosure:
+    """Real or complex matrices whose entries lie within ``rad`` of ``mid``, both (m, n)."""
+
+    mid: Array
+    rad: RealArray
+
+    def __matmul__(self, other: Enclosure) -> Enclosure:
+        inner = self.mid.shape[1]
+        size, others = np.abs(self.mid), np.abs(other.mid)
+        # A complex product has twice as many real terms, in each of two parts.
+        rad = (4 * (inner + 4) * EPS * size + self.rad) @ others + inner * TINY
+        if other.rad.any():
+            rad += (size + self.rad) @ other.rad
+        return Enclosure(self.mid @ other.mid, rad * UPWARD)
+
+    def __add__(self, other: Enclosure) -> Enclosure:
+        mid = self.mid + other.mid
+        return Enclosure(mid, (self.rad + other.rad + EPS * np.abs(mid)) * UPWARD)
+
+    def __neg__(self) -> Enclosure:
+        return Enclosure(-self.mid, self.rad)
+
+    def __sub__(self, other: Enclosure) -> Enclosure:
+        return self + -other
+
+    def times(self, factor: Any) -> Enclosure:
+        """The product with a real number, or entry by entry with an array of them."""
+        mid = self.mid * factor
+        rounds = np.frexp(factor)[0] != 0.5  # powers of two do not
+        rad = self.rad * np.abs(factor) + np.where(rounds, 4 * EPS * np.abs(mid), 0.0)
+        return Enclosure(mid, _above_underflow(mid, rad) * UPWARD)
+
+    def scaled(self, rows: RealArray, columns: RealArray) -> Enclosure:
+        """The rows and columns times powers of two, which rounds nothing but an underflow."""
+        mid = self.mid * rows[:, None] * columns
+        rad = self.rad * rows[:, None] * columns
+        return Enclosure(mid, _above_underflow(mid, rad))
+
+    @property
+    def H(self) -> Enclosure:
+        """The conjugate transpose."""
+        return Enclosure(self.mid.conj().T, self.rad.T)
+
+    @property
+    def finite(self) -> bool:
+        """Whether all midpoints and radii are finite."""
+        return bool(np.isfinite(self.mid).all() and np.isfinite(self.rad).all())
+
+
+def _above_underflow(mid: Array, rad: RealArray) -> RealArray:
+    """The radii of products of one factor each, some of which may have underflowed."""
+    low = (np.abs(mid) < TINY) & ((mid != 0) | (rad != 0))
+    return np.where(low, rad + TINY, rad) if low.any() else rad
+
+
+def exact(matrix: Array) -> Enclosure:
+    """The matrix itself."""
+    return Enclosure(matrix, np.zeros(matrix.shape))
+
+
+def stacked_enclosures(rows: list[list[Enclosure]]) -> Enclosure:
+    """A matrix of blocks."""
+    return Enclosure(
+        np.block([[part.mid for part in row] for row in rows]),
+        np.block([[part.rad for part in row] for row in rows]),
+    )
+
+
+def enclosed_inverse(matrix: Enclosure) -> Enclosure | None:
+    """Enclosure of the inverse of every matrix enclosed; None where one may be singular."""
+    return solution(matrix, exact(np.eye(len(matrix.mid))))
+
+
+def solution(matrix: Enclosure, right: Enclosure) -> Enclosure | None:
+    """Enclosure of the X with A X = B for every A and B enclosed; None where A may be singular.
+
+    For approximate Y of A^-1 and X, with E = 1 - Y A, the error of X is (1 - E)^-1 Y (B - A X).
+    If |E| x <= theta x for some x > 0 and theta < 1, then (1 - |E|)^-1 Z <= Z + |E| x z / (1 -
+    theta), z being the maximum of Z / x over each column of Z (Rump, Verification methods, Acta
+    Numerica 19 (2010) 287-449, section 10). The x serves matrices whose rows differ widely.
+    """
+    try:
+        Y = np.linalg.inv(matrix.mid)
+    except np.linalg.LinAlgError:
+        return None
+    E = exact(np.eye(len(Y))) - exact(Y) @ matrix
+    size = np.abs(E.mid) + E.rad
+    X = Y @ right.mid
+    X = X + Y @ (right.mid - matrix.mid @ X)
+    rest = right - matrix @ exact(X)
+    Z = np.abs(Y) @ (np.abs(rest.mid) + rest.rad) * UPWARD
+    if not (np.isfinite(size).all() and np.isfinite(Z).all()):
+        return None
+    x = np.ones(len(Y))
+    for _ in range(WEIGHTINGS):
+        x = np.clip(size @ x / WANTED_CONTRACTION, 1.0, LARGEST_WEIGHT)
+    moved = size @ x
+    theta = float((moved / x).max(initial=0.0)) * UPWARD
+    if not theta < 0.5:
+        return None
+    largest = (Z / x[:, None]).max(axis=0, initial=0.0)
+    return Enclosure(X, (Z + moved[:, None] * largest / (1.0 - theta) * UPWARD) * UPWARD)
+
+
+def positive_definite(matrix: Enclosure) -> bool:
+    """Whether every Hermitian matrix enclosed is proven to be positive definite.
+
+    A congruence nearly diagonalises it; all discs of Gershgorin must lie right of 0. The
+    transformation is then regular too.
+    """
+    if not matrix.finite:
+        return False
+    diagonal = np.diagonal(matrix.mid).real
+    if not (diagonal > 0).all():
+        return False
+    root = diagonal**-0.5
+    X = np.linalg.eigh(root[:, None] * matrix.mid * root)[1] * root[:, None]
+    product = exact(X.conj().T) @ (matrix @ exact(X))
+    centre = np.diagonal(product.mid).real
+    beside = np.abs(product.mid) + product.rad
+    np.fill_diagonal(beside, np.diagonal(product.rad))
+    return bool((centre > beside.sum(axis=1) * UPWARD).all())
+
+
+def nearest_power_of_two(values: Any) -> Any:
+    """The largest power of two not above each positive value; 1 for zero."""
+    values = np.asarray(values, dtype=float)
+    return np.where(values > 0, np.ldexp(1.0, np.frexp(values)[1] - 1), 1.0)

@@ -1,0 +1,60 @@
+"""Lower bounds of the skewed mu, proven: fixed blocks of at most 1, the varying ones bounded.
+
+Let exactly known fixed blocks Delta_f, of a norm of at most 1, close their part of the loop. The
+varying blocks then act on N = (I - M Delta_f)^-1 M, and a lower bound of mu of N with these blocks
+alone is one of the skewed mu. Where that proves nothing, all blocks are moved together.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from flint import arb, ctx
+from numpy.typing import NDArray
+
+from workbench.arrays import Array
+from workbench.certify.balls import balls, below, identity, submatrix
+from workbench.certify.modal_form import PRECISIONS
+from workbench.certify.singularity import (
+    REPROOF_MARGIN,
+    proven_bound,
+    singular_sizes,
+    size_of,
+    structured_part,
+)
+from workbench.structure import Structure
+
+
+def proven_skew(M: Array, structure: Structure, varies: NDArray[np.bool_], Delta: Array) -> float:
+    """The lower bound of the skewed mu of M (c, r) that Delta (r, c) proves; 0: not proven.
+
+    Infinite where the fixed blocks alone make I - M Delta singular. `varies` (blocks,) marks the
+    varying blocks.
+    """
+    if not np.isfinite(Delta).all():
+        return 0.0
+    Delta = structured_part(structure, Delta)
+    rows = np.repeat(varies, [block.rows for block in structure])
+    columns = np.repeat(varies, [block.columns for block in structure])
+    moving = Structure(b for b, one in zip(structure, varies, strict=True) if one)
+    held = np.where(rows[:, None], 0.0, Delta)
+    if not Delta[rows].any():
+        alone = proven_bound(balls(M), structure, held)
+        return math.inf if alone >= 1 else 0.0
+    if size_of(structure, held) <= 1:
+        with ctx.workprec(PRECISIONS[1]):
+            exact = balls(M)
+            try:
+                N = (identity(len(M)) - exact * balls(held)).solve(exact)
+                seen = submatrix(N, np.flatnonzero(columns), np.flatnonzero(rows))
+            except ZeroDivisionError:
+                seen = None
+        if seen is not None:
+            value = proven_bound(seen, moving, Delta[np.ix_(rows, columns)])
+            if value > 0:
+                return value
+    sizes = singular_sizes(balls(M), structure, Delta)
+    if sizes is None or (sizes[~varies] > 1).any() or not sizes[varies].max() > 0:
+        return 0.0
+    return max(below(arb(1 - REPROOF_MARGIN) / arb(float(sizes[varies].max()))), 0.0)

@@ -1,0 +1,249 @@
+"""A stable system whose stability is proven, in coordinates in which doubles can prove bounds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from workbench.arrays import Array, RealArray
+from workbench.certify.eigenvalues import Discs, pole_discs
+from workbench.certify.modal_form import PRECISIONS, Enclosures, enclosed_modal_form
+from workbench.certify.rounding import Enclosure, exact
+from workbench.errors import InputError
+from workbench.systems.balancing import balancing
+from workbench.systems.frequency_response import CHUNK_ENTRIES
+from workbench.systems.interconnection import named_realisation
+
+SHARPNESS = 1e-6
+"""Radius of a pole's disc, as a share of the pole's distance from the imaginary axis, up to which a
+realisation is taken as it is. Bounds 0.1 % above a resonance need discs smaller by such a factor
+than its damping. Other realisations are brought to modal coordinates by ball arithmetic."""
+WELL_DAMPED = 0.1
+"""Damping ratio from which discs up to a tenth of the distance from the axis are taken."""
+
+
+@dataclass(frozen=True, eq=False)
+class StableSystem:
+    """A stable continuous-time system; ``poles`` (n,) [rad/s] are its computed poles.
+
+    ``A``, ``B``, ``C`` and ``D`` lie within ``errors`` of a realisation of the system, entry by
+    entry. The errors are 0 where these are the given matrices with scaled states.
+    """
+
+    A: RealArray
+    B: RealArray
+    C: RealArray
+    D: RealArray
+    poles: Array
+    errors: tuple[RealArray, ...]
+    modal: Callable[[], StableSystem | None] = lambda: None
+    """Gives the system in modal coordinates, where ball arithmetic finds other ones than these."""
+    source: StableSystem | None = None
+    """The given realisation, from which these modal coordinates come; None: these are the given
+    ones."""
+
+    @property
+    def enclosures(self) -> tuple[Enclosure, Enclosure, Enclosure, Enclosure]:
+        """Enclosures of A, B, C and D."""
+        A, B, C, D = self.errors
+        return (
+            Enclosure(self.A, A),
+            Enclosure(self.B, B),
+            Enclosure(self.C, C),
+            Enclosure(self.D, D),
+        )
+
+    @property
+    def condition(self) -> float:
+        """Condition number of the eigenvectors of A."""
+        return _condition(self.A)
+
+    def channels(
+        self,
+        outputs: ArrayLike,
+        inputs: ArrayLike,
+        output_gains: ArrayLike = 1.0,
+        input_gains: ArrayLike = 1.0,
+    ) -> StableSystem:
+        """The system with chosen outputs and inputs, by index, each times a gain."""
+        outputs, inputs = np.asarray(outputs), np.asarray(inputs)
+        rows, columns = (
+            np.broadcast_to(np.asarray(gains, dtype=float), index.shape)
+            for gains, index in ((output_gains, outputs), (input_gains, inputs))
+        )
+        A, B, C, D = self.enclosures
+        B = _picked(B, slice(None), inputs).times(columns)
+        C = _picked(C, outputs, slice(None)).times(rows[:, None])
+        D = _picked(D, outputs[:, None], inputs).times(columns).times(rows[:, None])
+
+        def modal() -> StableSystem | None:
+            found = self.modal()
+            return found and found.channels(outputs, inputs, output_gains, input_gains)
+
+        source = self.source and self.source.channels(outputs, inputs, output_gains, input_gains)
+        return _system((A, B, C), D, self.poles, cache(modal), source)
+
+    @property
+    def scale(self) -> float:
+        """Geometric mean of the sizes of the poles [rad/s]; 1 without poles."""
+        return float(np.exp(np.log(np.abs(self.poles)).mean())) if len(self.poles) else 1.0
+
+    def response(self, omega: ArrayLike) -> Array:
+        """Frequency response at `omega` [rad/s] (F,), infinity allowed, (F, outputs, inputs)."""
+        points = np.atleast_1d(np.asarray(omega, dtype=float))
+        result = np.tile(self.D.astype(complex), (len(points), 1, 1))
+        n = len(self.A)
+        step = max(CHUNK_ENTRIES // max(n * n, 1), 1)
+        finite = np.flatnonzero(np.isfinite(points))
+        for part in np.split(finite, range(step, len(finite), step)):
+            resolvent = 1j * points[part, None, None] * np.eye(n) - self.A
+            result[part] += self.C @ np.linalg.solve(resolvent, self.B.astype(complex))
+        return result
+
+
+def _picked(matrix: Enclosure, rows: Any, columns: Any) -> Enclosure:
+    """Some rows and columns."""
+    return Enclosure(matrix.mid[rows, columns], matrix.rad[rows, columns])
+
+
+def stable_system(system: Any) -> StableSystem:
+    """The realisation of a StateSpace or TransferFunction that is proven to be stable.
+
+    Its states are scaled; where doubles prove too little of its poles, they are modal.
+
+    Raises
+    ------
+    InputError
+        The system has another type; it is sampled, improper or not finite; it has a pole on the
+        imaginary axis or to the right of it; or its poles cannot be told from the axis.
+    """
+    if isinstance(system, StableSystem):
+        return system
+    import control
+
+    if not isinstance(system, control.StateSpace | control.TransferFunction):
+        raise InputError(
+            f"a StateSpace or TransferFunction is needed, not {type(system).__name__}; fit "
+            "measured responses first"
+        )
+    part = named_realisation(system)
+    if part.dt:
+        raise InputError(
+            f"the system is sampled every {part.dt} s, and a continuous-time one is needed; the "
+            "bilinear transformation keeps its values, only not their frequencies"
+        )
+    if not np.isfinite(part.M).all():
+        raise InputError("the system has entries that are not finite")
+    M, n = np.asarray(part.M, dtype=float), part.states
+    scale = balancing(M, n)[0][:n]
+    A, B, C = M[:n, :n] * scale[:, None] / scale, M[:n, n:] * scale[:, None], M[n:, :n] / scale
+    parts: Enclosures = exact(A), exact(B), exact(C)
+    discs = pole_discs(parts[0])
+    D = exact(M[n:, n:])
+    best, unstable = _spread(discs), _unstable(discs)
+    for bits in PRECISIONS:
+        if best <= SHARPNESS or unstable:
+            break
+        form = _scaled(enclosed_modal_form(A, B, C, bits))
+        if form is not None:
+            found = pole_discs(form[0])
+            unstable = _unstable(found)
+            if _spread(found) < best:
+                best, discs, parts = _spread(found), found, form
+    if unstable or not discs.rightmost < 0:
+        raise _refusal(discs, A, unstable)
+    poles = discs.centre.astype(complex)
+
+    def modal() -> StableSystem | None:
+        form = _scaled(enclosed_modal_form(A, B, C, PRECISIONS[0]))
+        if form is None or not _spread(pole_discs(form[0])) < 1.0:
+            return None
+        return _system(form, D, poles)
+
+    if all(not part.rad.any() for part in parts):
+        return _system(parts, D, poles, cache(modal) if n else lambda: None)
+    source = _system((exact(A), exact(B), exact(C)), D, poles)
+    return _system(parts, D, poles, source=source)
+
+
+def _scaled(parts: Enclosures | None) -> Enclosures | None:
+    """The realisation with its states scaled by powers of two, exactly; None for none.
+
+    Modes of a cluster of poles come with entries of very different size.
+    """
+    if parts is None:
+        return None
+    A, B, C = parts
+    n, outputs, inputs = len(A.mid), len(C.mid), B.mid.shape[1]
+    whole = np.block([[A.mid, B.mid], [C.mid, np.zeros((outputs, inputs))]])
+    scale = balancing(np.abs(whole), n)[0][:n]
+    return (
+        A.scaled(scale, 1 / scale),
+        B.scaled(scale, np.ones(inputs)),
+        C.scaled(np.ones(outputs), 1 / scale),
+    )
+
+
+def _system(
+    parts: Enclosures,
+    D: Enclosure,
+    poles: Array,
+    modal: Callable[[], StableSystem | None] = lambda: None,
+    source: StableSystem | None = None,
+) -> StableSystem:
+    """The system of enclosed matrices."""
+    every = (*parts, D)
+    A, B, C, direct = (part.mid for part in every)
+    return StableSystem(A, B, C, direct, poles, tuple(part.rad for part in every), modal, source)
+
+
+def _spread(discs: Discs) -> float:
+    """Largest radius as a share of its centre's distance from the axis; infinite right of it.
+
+    Poles that are well damped may have larger discs: no bound stands close above a resonance there.
+    """
+    distance = -discs.centre.real
+    with np.errstate(all="ignore"):
+        share = np.where(distance > 0, discs.radius / distance, np.inf)
+    damped = (distance > WELL_DAMPED * np.abs(discs.centre)) & (share < 0.1)
+    return float(np.where(damped, SHARPNESS * share, share).max(initial=0.0))
+
+
+def _unstable(discs: Discs) -> bool:
+    """Whether a disc lies right of the imaginary axis."""
+    return bool((discs.centre.real > discs.radius).any())
+
+
+def _condition(A: RealArray) -> float:
+    """Condition number of the eigenvectors."""
+    return float(np.linalg.cond(np.linalg.eig(A)[1])) if len(A) else 1.0
+
+
+def _refusal(discs: Discs, A: RealArray, unstable: bool) -> InputError:
+    """The error that says which pole is not stable, or why that cannot be decided."""
+    place = int(np.argmax(discs.centre.real + np.where(np.isinf(discs.radius), 0, discs.radius)))
+    pole = discs.centre[place]
+    if unstable:
+        place = int(np.argmax(discs.centre.real - discs.radius))
+        pole = discs.centre[place]
+    said = (
+        "is unstable: it has the pole"
+        if unstable
+        else ("has a pole that cannot be told from the imaginary axis:")
+    )
+    return InputError(
+        f"the system {said} {pole:.6g} rad/s, and bounds over frequency say "
+        "nothing of it then; close the loop with a stabilising controller, or move an "
+        "integrator a little to the left"
+        + (
+            ""
+            if unstable
+            else f" (the realisation's eigenvectors have condition {_condition(A):.1g}; a balanced "
+            "or modal one may decide)"
+        )
+    )

@@ -1,0 +1,115 @@
+"""The lower bound of a peak of mu: perturbations found at frequencies, proven for the system."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.arrays import Array
+from workbench.certify.cover import FrequencyBounds
+from workbench.certify.perturbed_loop import proven_at, proven_over_frequency
+from workbench.certify.stable_system import StableSystem
+from workbench.mu.lower.methods import proposals
+from workbench.structure import Real, Structure
+
+LOWER_BOUND_SHARE = 0.97
+"""Lower bounds are computed at frequencies whose upper bound is above this share of the largest."""
+
+QUICK_FREQUENCIES = 60
+"""Most frequencies at which a quick lower bound is computed."""
+
+THOROUGH_FREQUENCIES = 6
+"""Number of these frequencies at which a thorough lower bound follows."""
+
+MOST_PROOFS = 8
+"""Number of the best proposals of which a proof is tried."""
+
+SCALE_BISECTIONS = 50
+"""Halvings of the interval of scales in which a perturbation begins to destabilise."""
+
+WORTHWHILE_GAIN = 1e-4
+"""A proof over frequency is tried where it would raise the bound by more than this share."""
+
+BEYOND = 1 + 1e-6
+"""Multiple of a perturbation on the stability boundary that lies beyond it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Attained:
+    """A proven lower bound of the peak, its frequency [rad/s] and its Delta (r, c).
+
+    Where nothing was proven, the value is 0, Delta is NaN, and the frequency that of the largest
+    upper bound.
+    """
+
+    value: float
+    omega: float
+    Delta: Array
+
+
+def attained_peak(
+    system: StableSystem, structure: Structure, found: FrequencyBounds, whole_axis: bool
+) -> Attained:
+    """The largest lower bound proven near the largest upper bounds.
+
+    A Delta is proven at its frequency. Over the whole axis, a Delta that destabilises the loop
+    proves a bound too. With real blocks this may be larger than any at the given frequencies,
+    because their mu may stand out at a single frequency between them.
+    """
+    order = np.argsort(-found.upper)[:QUICK_FREQUENCIES]
+    order = order[found.upper[order] >= LOWER_BOUND_SHARE * found.upper[order[0]]]
+    quick = proposals(found.M[order], structure, "power")
+    chosen = np.unique([order[0], *order[np.argsort(-quick.value)[:THOROUGH_FREQUENCIES]]])
+    thorough = proposals(found.M[chosen], structure, "best")
+    value = np.concatenate([quick.value, thorough.value])
+    omega = found.omega[np.concatenate([order, chosen])]
+    Delta = np.concatenate([quick.Delta, thorough.Delta])
+    best = Attained(0.0, float(omega[0]), np.full(Delta.shape[1:], np.nan + 0j))
+    ranked = [k for k in np.argsort(-value)[:MOST_PROOFS] if value[k] > 0]
+    for k in ranked:
+        proven = proven_at(system, structure, Delta[k], float(omega[k]))
+        proven = min(proven, 1 / float(np.linalg.norm(Delta[k], 2)))
+        if proven > 0:
+            best = Attained(proven, float(omega[k]), Delta[k])
+            break
+    if whole_axis and any(isinstance(block, Real) for block in structure):
+        for k in ranked:
+            best = _destabilising(system, structure, Delta[k], best)
+    return best
+
+
+def _destabilising(
+    system: StableSystem, structure: Structure, Delta: Array, best: Attained
+) -> Attained:
+    """The bound of a multiple of Delta that begins to destabilise the loop, if it is better."""
+    norm = float(np.linalg.norm(Delta, 2))
+    # The size at which it must destabilise to be worthwhile, where there is a bound already.
+    high = BEYOND
+    if best.value > 0:
+        high = min(high, 1 / (norm * best.value * (1 + WORTHWHILE_GAIN)))
+    if not _rightmost(system, high * Delta).real > 0:
+        return best
+    low = 0.0
+    for _ in range(SCALE_BISECTIONS):
+        middle = (low + high) / 2
+        if _rightmost(system, middle * Delta).real > 0:
+            high = middle
+        else:
+            low = middle
+    Delta = high * Delta
+    value = min(proven_over_frequency(system, structure, Delta), 1 / (high * norm))
+    omega = _rightmost(system, Delta).imag
+    # The response at a negative frequency is the conjugate of that at the positive one.
+    there = Delta if omega >= 0 else Delta.conj()
+    return Attained(value, abs(omega), there) if value > best.value else best
+
+
+def _rightmost(system: StableSystem, Delta: Array) -> complex:
+    """The eigenvalue of the closed loop with the largest real part; infinite where ill-posed."""
+    loop = np.eye(len(system.D)) - system.D @ Delta
+    try:
+        poles = np.linalg.eigvals(system.A + system.B @ Delta @ np.linalg.solve(loop, system.C))
+    except np.linalg.LinAlgError:
+        return complex(np.inf)
+    return complex(poles[np.argmax(poles.real)]) if len(poles) else complex(-np.inf)

@@ -1,0 +1,92 @@
+"""A peak in a dataset, and the checks that prove it again without any search."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from workbench.certificate import Check
+from workbench.certify.perturbed_loop import proven_at, proven_over_frequency
+from workbench.certify.proof import proves
+from workbench.certify.proof_storage import restored_proof, stored_proof
+from workbench.certify.stable_system import stable_system
+from workbench.heavy_types import Dataset
+from workbench.mu.frequency.peak import Peak
+from workbench.structure import Structure
+
+REPROVEN_LOWER = 1e-9
+"""Share by which a lower bound may exceed what its perturbation proves again, on a machine that
+rounds the loop's realisation in another way."""
+
+
+def peak_checks(
+    system: Any, structure: Structure, lower: float, upper: float, found: Peak | None
+) -> list[Check]:
+    """Checks of claimed bounds of a peak by the multipliers and the perturbation of a `Peak`.
+
+    Parameters
+    ----------
+    system
+        The stable continuous-time system that Delta closes.
+    structure
+        Blocks of Delta.
+    lower, upper
+        The claimed bounds.
+    found
+        What proves them; None: nothing does.
+    """
+    fault, proven = "no proof is stored", 0.0
+    if found is not None:
+        stable = stable_system(system)
+        if found.proof is not None:
+            fault = proves(stable, structure, found.proof, upper)
+        if lower > 0 and np.isfinite(found.Delta).all():
+            proven = proven_at(stable, structure, found.Delta, found.omega)
+            if proven < lower:
+                proven = max(proven, proven_over_frequency(stable, structure, found.Delta))
+    short = 0.0 if lower == 0 else lower / proven - 1 if proven > 0 else math.inf
+    return [
+        Check("peak", "whether the multipliers leave it unproven", float(bool(fault)), 0.0, fault),
+        Check(
+            "lower",
+            "claimed lower bound over what its perturbation proves, less 1",
+            short,
+            REPROVEN_LOWER,
+        ),
+        Check("order", "claimed lower over claimed upper bound, less 1", lower / upper - 1, 0.0),
+    ]
+
+
+def stored_peak(name: str, found: Peak) -> dict[str, Any]:
+    """The peak as variables of a dataset, under a name; `restored_peak` reads them back."""
+    one, delta = {"units": "1"}, {"units": "1", "long_name": "perturbation of the lower bound"}
+    parts = np.stack([found.Delta.real, found.Delta.imag], axis=-1)
+    bounds = {"units": "1", "long_name": "lower and upper bound"}
+    return {
+        f"{name}_bounds": ("bound", [found.lower, found.upper], bounds),
+        f"{name}_omega": ((), found.omega, {"units": "rad/s", "long_name": "of the lower bound"}),
+        f"{name}_Delta": ((f"{name}_input", f"{name}_output", "complex"), parts, delta),
+        **({} if found.proof is None else stored_proof(f"{name}_proof", found.proof)),
+        f"{name}_complex_part": ((), found.complex_part, one),
+    }
+
+
+def restored_peak(data: Dataset, name: str) -> Peak | None:
+    """The peak that `stored_peak` put into the dataset under this name; None: there is none."""
+    if f"{name}_bounds" not in data:
+        return None
+    lower, upper = data[f"{name}_bounds"].values.tolist()
+    parts = data[f"{name}_Delta"].values
+    proof = restored_proof(data, f"{name}_proof") if f"{name}_proof_band" in data else None
+    return Peak(
+        lower,
+        upper,
+        float(data[f"{name}_omega"]),
+        parts[..., 0] + 1j * parts[..., 1],
+        proof.intervals if proof else (),
+        "",
+        float(data[f"{name}_complex_part"]),
+        proof.band if proof else (0.0, math.inf),
+    )

@@ -1,0 +1,111 @@
+"""The second opinion of upper bounds of mu: perturbations that would refute them, and balls.
+
+A perturbation refutes a bound only where ball arithmetic proves that it is singular; what plain
+NumPy suggests is reported and decides nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from workbench.arrays import ComplexArray
+from workbench.certificate import Check
+from workbench.certify.balls import balls
+from workbench.certify.singularity import proven_bound
+from workbench.mu.lower.bound import lower_bound
+from workbench.second_opinion import SEED
+from workbench.second_opinion.multipliers import inequality_holds
+from workbench.second_opinion.perturbations import vertex_perturbations
+from workbench.structure import Real, Structure
+
+MOST_MATRICES = 8
+"""Matrices of a batch that are tried: those of the largest bounds, and as many drawn."""
+DRAWN = 8
+"""Perturbations drawn for each matrix."""
+REAL_EIGENVALUE = 1e-9
+"""An eigenvalue is real if its imaginary part is below this share of its size."""
+
+Index = tuple[int, ...]
+
+
+def tried_matrices(value: np.ndarray) -> list[Index]:
+    """Places of the matrices that are tried, the largest bound first."""
+    order = np.argsort(-value, axis=None, kind="stable")
+    drawn = np.random.default_rng(SEED).permutation(order[MOST_MATRICES // 2 :])
+    places = [*order[: MOST_MATRICES // 2], *drawn[: MOST_MATRICES // 2]]
+    return [tuple(int(i) for i in np.unravel_index(place, value.shape)) for place in places]
+
+
+def witnesses(M: ComplexArray, structure: Structure, value: np.ndarray) -> ComplexArray:
+    """The best perturbation found for each matrix tried (..., r, c), NaN for the others."""
+    Delta = np.full((*value.shape, structure.rows, structure.columns), complex(np.nan))
+    for place in tried_matrices(value):
+        Delta[place] = lower_bound(M[place], structure).Delta
+    return Delta
+
+
+def opinion(
+    matrices: ComplexArray, structure: Structure, bounds: Any, named: Callable[[Index], str]
+) -> Sequence[Check]:
+    """Checks of upper bounds by perturbations, stored and drawn, and by balls.
+
+    Parameters
+    ----------
+    matrices
+        M (..., c, r).
+    bounds
+        The `UpperBound` of M.
+    named
+        The name of a place in the batch.
+    """
+    value = np.asarray(bounds.value)
+    proven, where, suggested, unproven = -np.inf, "", -np.inf, 0
+    for place in tried_matrices(value):
+        M, bound = matrices[place], float(value[place])
+        given = [] if bounds.Delta is None else [bounds.Delta[place]]
+        given = [Delta for Delta in given if np.isfinite(Delta).all()]
+        for Delta in [*given, *drawn(M, structure)]:
+            suggested = max(suggested, _over(1 / float(np.linalg.norm(Delta, 2)), bound))
+            excess = _over(proven_bound(balls(M), structure, Delta), bound)
+            if excess > proven:
+                proven, where = excess, named(place)
+        multipliers = bounds.D_left[place], bounds.D_right[place], bounds.G[place]
+        unproven += not inequality_holds(M, *multipliers, bound)
+    return [
+        Check(
+            "perturbations",
+            "largest bound by a perturbation proven singular over the upper bound, less 1",
+            proven,
+            0.0,
+            where,
+        ),
+        Check(
+            "perturbations, not proven",
+            "the same by perturbations that are singular to rounding; it decides nothing",
+            suggested,
+            float(np.finfo(float).max),
+        ),
+        Check("multipliers", "matrices whose inequality balls do not prove", unproven, 0.0),
+    ]
+
+
+def drawn(M: ComplexArray, structure: Structure) -> list[ComplexArray]:
+    """Perturbations drawn, each scaled by an eigenvalue of M Delta to be singular to rounding."""
+    found = []
+    turning = not any(isinstance(block, Real) for block in structure)
+    for Delta in vertex_perturbations(structure, DRAWN):
+        values = np.linalg.eigvals(M @ Delta)
+        if not turning:
+            values = values[np.abs(values.imag) <= REAL_EIGENVALUE * np.abs(values)].real
+        values = values[np.abs(values) > 0]
+        if values.size:
+            found.append(Delta / values[np.argmax(np.abs(values))])
+    return found
+
+
+def _over(lower: float, upper: float) -> float:
+    """How far a lower bound lies above an upper one, relative to it."""
+    return (lower - upper) / max(upper, float(np.finfo(float).tiny))

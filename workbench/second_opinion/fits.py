@@ -1,0 +1,84 @@
+"""Fitted functions, tried by their realisations: no pole, zero or root is computed."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from workbench.arrays import ComplexArray, RealArray
+from workbench.certificate import THIS_SYSTEM, Check, worst
+from workbench.second_opinion.powers import growth
+from workbench.second_opinion.responses import plain_response
+
+BETWEEN = 8
+"""Frequencies tried from one datum to the next."""
+RESPONSE_ROUNDING = 1e-6
+"""Largest difference of the responses of a realisation and of the roots, relative to the data."""
+
+
+def realisation_agrees(
+    system: Any, omega: RealArray, fitted: ComplexArray, size: RealArray
+) -> Check:
+    """Check that a realisation has the response that the roots of a fit have.
+
+    Parameters
+    ----------
+    system
+        StateSpace of the fit, of one input and one output.
+    omega
+        Frequencies [rad/s] (F,).
+    fitted
+        Response (F,) by the roots.
+    size
+        Sizes (F,) of the data.
+    """
+    apart = np.abs(plain_response(system, omega)[:, 0, 0] - fitted)
+    value, where = worst(
+        apart / np.maximum(np.maximum(size, np.abs(fitted)), np.finfo(float).tiny),
+        lambda i: f"at {omega[i]:.6g} rad/s",
+    )
+    statement = "response of a realisation less that of the roots, relative to the larger of both"
+    over = f"at {omega.size} frequencies"
+    name, statement = "realisation", f"{statement} data and fit"
+    return Check(name, statement, value, RESPONSE_ROUNDING, where, over=over)
+
+
+def within(
+    system: Any, omega: RealArray, data: ComplexArray, weight: RealArray, error: float
+) -> Check:
+    """Check that a realisation is no further from data (F,) than a weighted error."""
+    value, where = worst(
+        weight * np.abs(plain_response(system, omega)[:, 0, 0] - data),
+        lambda i: f"at {omega[i]:.6g} rad/s",
+    )
+    statement = "largest weighted distance of a realisation from the data over the limit, less 1"
+    return Check("realised error", statement, value / error - 1, RESPONSE_ROUNDING, where)
+
+
+def covers(system: Any, omega: RealArray, magnitude: RealArray) -> Check:
+    """Check that a realisation lies above data (F,), which are linear in log-log scale between."""
+    count = BETWEEN * (omega.size - 1) + 1
+    place, index = np.linspace(0, omega.size - 1, count), np.arange(omega.size)
+    grid = np.exp(np.interp(place, index, np.log(omega)))
+    data = np.exp(np.interp(place, index, np.log(magnitude)))
+    short = data / np.abs(plain_response(system, grid)[:, 0, 0]) - 1
+    value, where = worst(short, lambda i: f"at {grid[i]:.6g} rad/s")
+    statement = "data over the realisation, also between the data, less 1"
+    over = f"at {count} frequencies, between the data too"
+    return Check("sampled cover", statement, value, RESPONSE_ROUNDING, where, over=over)
+
+
+def decays(system: Any, name: str) -> Check:
+    """Check that powers of the transition matrix of a realisation do not grow."""
+    rate, rounding = growth(system.A, system.dt)
+    statement = "logarithmic growth per sample by a power of the transition matrix, less rounding"
+    return Check(name, statement, rate - rounding, 0.0, over=THIS_SYSTEM)
+
+
+def inverse_decays(system: Any, name: str) -> Check:
+    """As `decays`, of the inverse of a system with as many zeros as poles."""
+    transition = system.A - system.B @ np.linalg.solve(system.D, system.C)
+    rate, rounding = growth(transition, system.dt)
+    statement = "logarithmic growth of the inverse per sample, less rounding"
+    return Check(name, statement, rate - rounding, 0.0, over=THIS_SYSTEM)

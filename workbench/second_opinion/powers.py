@@ -1,0 +1,61 @@
+"""Stability by powers of the transition matrix: no eigenvalue is computed."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from workbench.arrays import RealArray
+
+SQUARINGS = 60
+"""Squarings of the transition matrix: its power is then 2^60, the age of a loop in samples."""
+SPARED_ROUNDING = 100.0
+"""Roundings of a squaring, in units of n eps, that the growth of a stable loop may show."""
+
+
+def growth(A: Any, dt: float | None) -> tuple[float, float]:
+    """Logarithm of the growth of x[k + 1] = A x[k] per sample, and what rounding may add to it.
+
+    In continuous time (dt is 0 or None) A is replaced by its Cayley transform (a + A) / (a - A),
+    which is stable where A is. The growth is the limit of |S^k|^(1/k) (Gelfand), at k = 2^60: below
+    0 for a stable loop, above 0 for an unstable one.
+
+    Parameters
+    ----------
+    A
+        Real or complex (n, n).
+    dt
+        Sampling time [s]; 0 or None in continuous time.
+    """
+    S = np.asarray(A) if dt else cayley(A)
+    n = len(S)
+    if not n:
+        return -math.inf, 0.0
+    unit = SPARED_ROUNDING * n * float(np.finfo(float).eps)
+    size, rounding, share = 0.0, unit, 1.0
+    for _ in range(SQUARINGS):
+        norm = float(np.linalg.norm(S))
+        if not (0.0 < norm < math.inf):
+            return (-math.inf if norm == 0.0 else math.inf), rounding
+        size += share * math.log(norm)
+        S = S / norm
+        S = S @ S
+        share /= 2
+        # What cancels in the square, because |S^2| is far below |S|^2, is lost to rounding.
+        rounding += share * unit / max(float(np.linalg.norm(S)), float(np.finfo(float).tiny))
+    return size, rounding
+
+
+def cayley(A: Any) -> RealArray:
+    """(a + A) / (a - A) with balanced states; `a` is above every pole, so that a - A is regular."""
+    from scipy.linalg import matrix_balance
+
+    A = np.asarray(A)
+    if not A.size:
+        return A
+    A = matrix_balance(A, permute=False)[0]
+    a = 2.0 * float(np.linalg.norm(A, 2)) or 1.0
+    unit = np.eye(len(A))
+    return np.linalg.solve(a * unit - A, a * unit + A)

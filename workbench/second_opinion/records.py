@@ -1,0 +1,32 @@
+"""Models of records, tried by convolution and by plain powers."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from scipy.signal import fftconvolve
+
+from workbench.arrays import RealArray
+
+
+def convolved(matrices: Any, u: RealArray, y: RealArray, washout: int) -> RealArray:
+    """Output (N, ny) of a sampled system by convolution, its initial state fitted to y.
+
+    ``matrices`` are A, B, C, D. u (N, nu) drives; the first `washout` samples of y (N, ny) decide
+    the initial state.
+    """
+    A, B, C, D = matrices
+    markov, free = np.empty((len(u), *D.shape)), np.empty((len(u), *C.shape))
+    markov[0], row = D, C
+    for k in range(len(u)):
+        free[k] = row
+        if k + 1 < len(u):
+            markov[k + 1] = row @ B
+        row = row @ A
+    forced = sum(
+        fftconvolve(u[:, None, j], markov[:, :, j], axes=0)[: len(u)] for j in range(u.shape[1])
+    )
+    observed = free[:washout].reshape(-1, len(A))
+    left = (y - forced)[:washout].ravel()
+    return forced + free @ np.linalg.lstsq(observed, left, rcond=None)[0]

@@ -1,0 +1,126 @@
+"""Responses of loops, closed at each frequency on its own: no closed-loop realisation is formed."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from scipy.linalg import matrix_balance
+
+from workbench.arrays import ComplexArray, RealArray
+
+NEAR_A_POLE = (-8.0, -4.0, -2.0, -1.0, -0.5, -0.2, 0.0, 0.2, 0.5, 1.0, 2.0, 4.0, 8.0)
+"""Distances from a lightly damped pole's frequency that are looked at, in units of its damping."""
+NEAR_A_PEAK = tuple(np.linspace(-0.05, 0.05, 21))
+"""Distances from the frequency of a peak that are looked at, as shares of it."""
+LIGHT_DAMPING = 0.2
+"""A pole is lightly damped if its real part is below this share of its size."""
+SPREAD_FREQUENCIES = 60
+"""Frequencies spread evenly, on a logarithmic scale, over the band of the poles."""
+CLOSING_ROUNDING = 1e-12
+"""Rounding of the responses of plant and controller, as a share of them."""
+SPARED = 10.0
+"""What rounding may do to a response, in units of the difference of two ways to compute it."""
+FREQUENCIES_AT_ONCE = 256
+"""Frequencies whose matrices are held in memory together."""
+
+
+def plain_response(system: Any, omega: RealArray) -> ComplexArray:
+    """Response (F, outputs, inputs) of a StateSpace at `omega` [rad/s] (F,), infinity allowed."""
+    A, scale = (
+        matrix_balance(system.A, permute=False, separate=True)
+        if len(system.A)
+        else (
+            np.zeros((0, 0)),
+            (np.ones(0), None),
+        )
+    )
+    scale = scale[0]
+    B, C = np.asarray(system.B) / scale[:, None], np.asarray(system.C) * scale
+    found = np.tile(np.asarray(system.D, dtype=complex), (len(omega), 1, 1))
+    unit = np.eye(len(A))
+    finite = np.flatnonzero(np.isfinite(omega))
+    for start in range(0, len(finite), FREQUENCIES_AT_ONCE):
+        part = finite[start : start + FREQUENCIES_AT_ONCE]
+        s = np.exp(1j * omega[part] * system.dt) if system.dt else 1j * omega[part]
+        found[part] += C @ np.linalg.solve(s[:, None, None] * unit - A, B[None] + 0j)
+    return found
+
+
+def lower_closed(P: ComplexArray, K: ComplexArray) -> ComplexArray:
+    """F_l(P, K) at each frequency, for P (F, outputs, inputs) and K (F, controls, measurements)."""
+    controls, measurements = K.shape[-2:]
+    m, p = P.shape[-2] - measurements, P.shape[-1] - controls
+    P11, P12, P21, P22 = P[:, :m, :p], P[:, :m, p:], P[:, m:, :p], P[:, m:, p:]
+    return P11 + P12 @ np.linalg.solve(np.eye(controls) - K @ P22, K @ P21)
+
+
+def closing_error(plant: Any, P: ComplexArray, K: Any, C: ComplexArray, omega: Any) -> RealArray:
+    """What rounding may do to `lower_closed` at each frequency (F,).
+
+    P and C are the responses of plant and controller K. Each is computed again from the other side,
+    by the transposed system; the difference tells what rounding does to it. In the loop it is
+    multiplied, and parts of the loop may cancel.
+    """
+    errors = [
+        CLOSING_ROUNDING + SPARED * _size(found - _transposed(system, omega)) / _size(found)
+        for system, found in ((plant, P), (K, C))
+    ]
+    controls, measurements = C.shape[-2:]
+    m, p = P.shape[-2] - measurements, P.shape[-1] - controls
+    loop = np.eye(controls) - C @ P[:, m:, p:]
+    with np.errstate(all="ignore"):
+        gain = _size(C) / np.linalg.svd(loop, compute_uv=False)[:, -1]
+    through = _size(P[:, :m, p:]) * gain * _size(P[:, m:, :p])
+    whole = _size(P[:, :m, :p]) + through * (1 + gain * _size(P[:, m:, p:]))
+    return (errors[0] + errors[1]) * whole
+
+
+def _transposed(system: Any, omega: RealArray) -> ComplexArray:
+    """The response by the transposed system: rounded in another way."""
+    import control
+
+    A, B, C, D = (np.asarray(getattr(system, part)).T for part in "ACBD")
+    other = control.StateSpace(A, B, C, D, system.dt, remove_useless_states=False)
+    return plain_response(other, omega).mT
+
+
+def _size(M: ComplexArray) -> RealArray:
+    """Frobenius norms (F,)."""
+    return np.linalg.norm(M, axis=(-2, -1))
+
+
+def upper_closed(M: ComplexArray, Delta: ComplexArray) -> ComplexArray:
+    """F_u(M, Delta) for M (..., outputs, inputs) and Delta (..., rows, columns)."""
+    rows, columns = Delta.shape[-2:]
+    M11, M12 = M[..., :columns, :rows], M[..., :columns, rows:]
+    M21, M22 = M[..., columns:, :rows], M[..., columns:, rows:]
+    loop = np.eye(columns) - M11 @ Delta
+    return M22 + M21 @ Delta @ np.linalg.solve(loop, M12)
+
+
+def tried_frequencies(
+    poles: ComplexArray, omega: float = math.nan, dt: float | None = None
+) -> RealArray:
+    """Frequencies [rad/s] (F,) at which a claim of a loop is tried.
+
+    They lie densely about the peak at `omega` and about every lightly damped pole, and evenly in
+    between; 0 and the highest frequency (infinity, or pi / dt) are among them.
+    """
+    top = math.inf
+    if dt:
+        top = math.pi / dt
+        poles = np.log(poles[np.abs(poles) > 0].astype(complex)) / dt
+    size = np.abs(poles)
+    light: ComplexArray = poles[(poles.imag > 0) & (np.abs(poles.real) < LIGHT_DAMPING * size)]
+    size = size[size > 0]
+    found = [np.array([0.0, top])]
+    if size.size:
+        band = size.min() / 10, size.max() * 10
+        found.append(np.geomspace(*band, SPREAD_FREQUENCIES))
+    found += [one.imag + abs(one.real) * np.array(NEAR_A_POLE) for one in light]
+    if 0.0 < omega < math.inf:
+        found.append(omega * (1 + np.array(NEAR_A_PEAK)))
+    every = np.unique(np.concatenate(found))
+    return every[(every >= 0) & (every <= top)]

@@ -1,0 +1,86 @@
+"""Energies of simulated loops: no response and no eigenvalue is computed."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from scipy.linalg import matrix_balance
+
+from workbench.arrays import RealArray
+from workbench.second_opinion import SEED
+
+SAMPLES = 3000
+"""Samples simulated."""
+SAMPLES_PER_PERIOD = 16
+"""Samples in a period of the sinusoid that drives a continuous loop."""
+PASSES = 3
+"""Times that the loop is driven: each time by what came out before, run backwards."""
+
+
+def energy_ratio(matrices: Any, dt: float | None, omega: float) -> float:
+    """Largest root of the ratio of output and input energy that simulations of a loop show.
+
+    A continuous loop is simulated after the bilinear transformation, which keeps its norm. The
+    first input is a sinusoid; each next one is the adjoint's response to the last output, so that
+    the ratio rises towards the norm (power iteration in time).
+
+    Parameters
+    ----------
+    matrices
+        A, B, C, D of a stable loop.
+    dt
+        Its sampling time [s]; 0 or None in continuous time.
+    omega
+        Frequency of the first input [rad/s]; where it is not finite and positive, noise is taken.
+    """
+    A, B, C, D = (np.asarray(part, dtype=float) for part in matrices)
+    if 0 in D.shape:
+        return 0.0
+    known = 0.0 < omega < math.inf
+    if not dt:
+        A, B, C, D = _bilinear(A, B, C, D, omega if known else None)
+    rng = np.random.default_rng(SEED)
+    w = rng.standard_normal((SAMPLES, D.shape[1]))
+    if known:
+        turn = omega * dt if dt else 2 * math.atan(math.pi / SAMPLES_PER_PERIOD)
+        w = np.sin(turn * np.arange(SAMPLES)[:, None] + rng.uniform(0, 2 * math.pi, D.shape[1]))
+    ratio = 0.0
+    for _ in range(PASSES):
+        z = _run(A, B, C, D, w)
+        ratio = max(ratio, float(np.linalg.norm(z) / np.linalg.norm(w)))
+        if not np.any(z):
+            break
+        w = _run(A.T, C.T, B.T, D.T, z[::-1])[::-1]  # the adjoint, backwards in time
+        w = w / (np.linalg.norm(w) or 1.0)
+        if not np.any(w):
+            break
+    return ratio
+
+
+def _run(A: RealArray, B: RealArray, C: RealArray, D: RealArray, w: RealArray) -> RealArray:
+    """Outputs (N, outputs) of the loop from rest, driven by w (N, inputs)."""
+    entering = w @ B.T
+    states = np.empty((len(w), len(A)))
+    x = np.zeros(len(A))
+    for k, drive in enumerate(entering):
+        states[k] = x
+        x = A @ x + drive
+    return states @ C.T + w @ D.T
+
+
+def _bilinear(A: Any, B: Any, C: Any, D: Any, omega: float | None) -> tuple[RealArray, ...]:
+    """The sampled loop with s = a (z - 1) / (z + 1), `omega` at 16 samples in a period."""
+    if len(A):
+        A, (scale, _) = matrix_balance(A, permute=False, separate=True)
+        B, C = B / scale[:, None], C * scale
+    a = omega * SAMPLES_PER_PERIOD / math.pi if omega else float(np.linalg.norm(A)) or 1.0
+    resolvent = np.linalg.inv(a * np.eye(len(A)) - A)
+    root = math.sqrt(2 * a)
+    return (
+        resolvent @ (a * np.eye(len(A)) + A),
+        root * resolvent @ B,
+        root * C @ resolvent,
+        D + C @ resolvent @ B,
+    )

@@ -1,0 +1,32 @@
+"""Containment in circles and stadiums by support functions: no distance of a point is computed."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workbench.arrays import ComplexArray, RealArray
+
+DIRECTIONS = 180
+"""Directions in which points and shapes are compared, over the whole turn."""
+
+
+def reach_beyond(
+    points: ComplexArray,
+    center: ComplexArray,
+    radius: RealArray,
+    half_length: RealArray,
+    angle: RealArray,
+) -> RealArray:
+    """By how much each of the points (..., N) reaches beyond its shape in the worst direction.
+
+    A point lies in a convex set exactly if it reaches no further than the set in any direction. A
+    stadium reaches radius + half_length |cos t| from its centre in direction angle + t; a circle
+    has half-length 0. The shapes are arrays (...).
+    """
+    found = np.full(points.shape, -np.inf)
+    # Differences first: the size of a point far from 0 must not hide its distance.
+    away = (points - np.asarray(center)[..., None]) * np.exp(-1j * np.asarray(angle))[..., None]
+    for t in 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS:  # from the direction of the stadium
+        reach = radius + half_length * np.abs(np.cos(t))
+        found = np.maximum(found, (away * np.exp(-1j * t)).real - np.asarray(reach)[..., None])
+    return found

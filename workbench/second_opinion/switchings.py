@@ -1,0 +1,87 @@
+"""Switchings drawn at random, each repeated for ever: is it stable?"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from itertools import combinations, product
+
+import numpy as np
+
+from workbench.arrays import RealArray
+from workbench.second_opinion import SEED
+from workbench.second_opinion.powers import growth
+
+SWITCHINGS = 40
+"""Periodic switchings that are tried, for every plant."""
+SHORT_STAYS = 8
+"""Stays from the shortest on that are tried of every two modes."""
+ENTRIES = (2, 7)
+"""Fewest and most entries of a mode in one period."""
+LONGER = 3.0
+"""Stays without a longest one are drawn up to so many times the shortest."""
+
+
+def fastest_growth(
+    transitions: Sequence[RealArray], shortest: Sequence[int], longest: Sequence[int | None]
+) -> tuple[float, str]:
+    """The largest growth of a plant over one period, less its rounding, and its switching.
+
+    Parameters
+    ----------
+    transitions
+        A (V, n, n) of each mode: V plants over one sample.
+    shortest, longest
+        Stays [samples] of each mode; None: without a longest.
+
+    Returns
+    -------
+    Logarithm of the growth in one period: below 0 where every switching tried is stable.
+    """
+    rng = np.random.default_rng(SEED)
+    worst, which = -np.inf, ""
+    for modes, stays in _switchings(rng, shortest, longest):
+        period = np.broadcast_to(np.eye(transitions[0].shape[-1]), transitions[0].shape)
+        for i, stay in zip(modes, stays, strict=True):
+            period = np.linalg.matrix_power(transitions[i], stay) @ period
+        for plant, A in enumerate(period):
+            rate, rounding = growth(A, 1.0)
+            if rate - rounding > worst:
+                worst = rate - rounding
+                steps = ", ".join(f"{n} in mode {i + 1}" for i, n in zip(modes, stays, strict=True))
+                which = f"for plant {plant + 1}: {steps}"
+    return worst, which
+
+
+def _switchings(
+    rng: np.random.Generator, shortest: Sequence[int], longest: Sequence[int | None]
+) -> Iterator[tuple[list[int], list[int]]]:
+    """Modes and stays of every period: all short stays of every pair of modes, then some drawn."""
+    last = [math.inf if end is None else end for end in longest]
+    for i, j in combinations(range(len(shortest)), 2):
+        for n, m in product(range(SHORT_STAYS), repeat=2):
+            if shortest[i] + n <= last[i] and shortest[j] + m <= last[j]:
+                yield [i, j], [shortest[i] + n, shortest[j] + m]
+    for number in range(SWITCHINGS):
+        modes = _sequence(rng, len(shortest), number)
+        yield modes, [_stay(rng, shortest[i], longest[i], number) for i in modes]
+
+
+def _sequence(rng: np.random.Generator, modes: int, number: int) -> list[int]:
+    """A closed sequence of modes without one twice in a row; the first ones are pairs."""
+    if number < modes * (modes - 1) // 2 or modes == 2:
+        pairs = [(i, j) for i in range(modes) for j in range(i + 1, modes)]
+        return list(pairs[number % len(pairs)]) * (1 if number < len(pairs) else number % 3 + 1)
+    length = int(rng.integers(*ENTRIES))
+    found = [int(rng.integers(modes))]
+    while len(found) < length or found[-1] == found[0]:
+        found.append(int((found[-1] + rng.integers(1, modes)) % modes))
+    return found
+
+
+def _stay(rng: np.random.Generator, shortest: int, longest: int | None, number: int) -> int:
+    """An allowed stay; in the first half of the switchings the shortest, the most often worst."""
+    if number < SWITCHINGS // 2:
+        return shortest
+    last = longest if longest is not None else int(LONGER * shortest) + 1
+    return int(rng.integers(shortest, max(last, shortest) + 1))

@@ -1,0 +1,96 @@
+"""Answer a Program by a method, or compute a Study, and certify the answer."""
+
+from __future__ import annotations
+
+import time
+import traceback
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from workbench.certificate import Certificate
+from workbench.errors import InputError, TimeLimitError
+from workbench.executor import Context
+from workbench.program import Task
+from workbench.solvers import Options, Outcome
+
+
+@dataclass(frozen=True)
+class Solution:
+    """An answer, what its method claimed, and what the certificate says."""
+
+    answer: Any
+    claim: Outcome
+    message: str
+    certificate: Certificate | None
+    seconds: Mapping[str, float] = field(default_factory=dict)
+    trace: str = ""
+
+    @property
+    def outcome(self) -> Outcome:
+        """Set by the certificate, whatever the method said.
+
+        But a valid answer of a method that the clock stopped is no more than its best so far,
+        unless the gap shows that there is no better one.
+        """
+        if self.certificate is None:
+            claims_an_answer = self.claim in (Outcome.SOLVED, Outcome.INACCURATE)
+            return Outcome.FAILED if claims_an_answer else self.claim
+        gap = self.certificate.gap
+        best = gap is not None and gap.closed
+        if self.claim is Outcome.TIME_LIMIT and self.certificate.valid and not best:
+            return Outcome.TIME_LIMIT
+        return self.certificate.outcome
+
+
+def solve(
+    task: Task,
+    method: str | None = None,
+    options: Options | None = None,
+    context: Context | None = None,
+) -> Solution:
+    """Answer a Program by a method (or compute a Study) and certify the answer.
+
+    Foreign exceptions do not leak: a method that raises one has failed, with its words as message.
+
+    Raises
+    ------
+    UnknownNameError, InputError
+        As `find_method`; or a method was named for a Study, which has none.
+    """
+    context = context or Context(options or Options())
+    if not isinstance(task, Task):
+        raise InputError(f"a Program or a Study is needed, not {type(task).__name__}")
+    optimal = task.claims_optimum(method)
+
+    trace = ""
+    start = time.perf_counter()
+    try:
+        answer, claim, message = task.respond(method, context)
+    except TimeLimitError as error:
+        answer, claim, message = None, Outcome.TIME_LIMIT, str(error)
+    except (KeyboardInterrupt, SystemExit, GeneratorExit):
+        raise
+    except BaseException as error:  # a Rust panic is no Exception
+        answer, claim, message = None, Outcome.FAILED, f"{type(error).__name__}: {error}"
+        trace = traceback.format_exc()
+    total = time.perf_counter() - start
+    if answer is not None and context.stopped:
+        claim, message = Outcome.TIME_LIMIT, context.stopped
+    # Whatever was not booked as statement is solve: a method without a statement books nothing.
+    stated = context.statement_seconds
+    seconds = {"statement": stated, "solve": total - stated}
+    if answer is None:
+        return Solution(None, claim, message, None, seconds, trace)
+
+    start = time.perf_counter()
+    optimal = optimal and claim is not Outcome.TIME_LIMIT
+    try:
+        answer = task.witnessed(answer)
+        certificate = task.certify(answer, context.options.accuracy, optimal=optimal)
+    except Exception as error:
+        reason = f"the answer cannot be checked: {type(error).__name__}: {error}"
+        message = f"{reason}; the method said: {message}" if message else reason
+        return Solution(None, claim, message, None, seconds, traceback.format_exc())
+    seconds["check"] = time.perf_counter() - start
+    return Solution(answer, claim, message, certificate, seconds)

@@ -1,0 +1,204 @@
+"""Functions h of proofs that no controller reaches a level, and how they vary over a cell.
+
+h is analytic in the right half-plane, but for simple poles where T = L / (1 + L) is known: the
+plant's zeros there, where T is 0, and the plant's poles there, where T is 1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from workbench.arrays import ComplexArray, RealArray
+from workbench.errors import InputError
+from workbench.synthesis.limits.intervals import ComplexInterval, Interval, up
+from workbench.synthesis.limits.rational_bounds import FrequencyCells, relative_factor, root_factor
+
+NONE = np.empty(0, complex)
+
+
+class Tangent(NamedTuple):
+    """h over cells: |h(omega) - value - slope (omega - middle)| <= error (F,)."""
+
+    value: ComplexArray
+    slope: ComplexArray
+    error: RealArray
+
+
+@dataclass(frozen=True, eq=False)
+class AnalyticBasis:
+    """Functions of which h is a sum with real coefficients.
+
+    They are 2 a / (s + a) times the all-passes of the corners a before; and for each zero or pole
+    p of the plant in the right half-plane 2 |p| / (s - p), or two such functions for a pair.
+
+    Parameters
+    ----------
+    corners
+        Magnitudes [rad/s] (N,) of the functions' real poles, positive; they should cover the
+        frequencies where T falls off.
+    band
+        Frequencies [Hz] between which h is sought. A proof covers all frequencies.
+    zeros, poles
+        The plant's zeros and poles [rad/s] in the open right half-plane, one of each pair.
+
+    Raises
+    ------
+    InputError
+        Corners that are not positive, a band that is none, a zero or pole that is not in the right
+        half-plane or is given twice.
+    """
+
+    corners: RealArray
+    band: tuple[float, float]
+    zeros: ComplexArray = field(default_factory=lambda: NONE)
+    poles: ComplexArray = field(default_factory=lambda: NONE)
+
+    def __post_init__(self) -> None:
+        corners = np.atleast_1d(np.asarray(self.corners, dtype=float))
+        if not corners.size or not (np.isfinite(corners) & (corners > 0.0)).all():
+            raise InputError("corners must be positive frequencies [rad/s], one at least")
+        low, high = self.band
+        if not 0.0 < low < high < np.inf:
+            raise InputError(f"band is {self.band}; it must be two frequencies [Hz], low and high")
+        object.__setattr__(self, "corners", corners)
+        for name in ("zeros", "poles"):
+            given = np.atleast_1d(np.asarray(getattr(self, name), dtype=complex))
+            if not (np.isfinite(given) & (given.real > 0.0) & (given.imag >= 0.0)).all():
+                raise InputError(f"{name} must have positive real parts, one of each pair: {given}")
+            object.__setattr__(self, name, given)
+        points = np.concatenate([self.zeros, self.poles])
+        if len(np.unique(points)) < len(points):
+            raise InputError(f"zeros and poles must differ from each other, they are {points}")
+
+    @property
+    def size(self) -> int:
+        """Number of functions."""
+        return len(self.corners) + len(self._fractions[0])
+
+    @property
+    def known(self) -> RealArray:
+        """Integral over omega from 0 to infinity of Re(T h) for each function (N,), divided by pi.
+
+        T is that of any stabilising controller; by Cauchy's theorem it is minus the sum of the
+        residues of T h in the right half-plane.
+        """
+        points, weights = self._fractions
+        one = np.isin(points, self.poles)
+        residues = np.where(one, weights.real * np.where(points.imag > 0.0, 2.0, 1.0), 0.0)
+        return np.concatenate([np.zeros(len(self.corners)), -residues])
+
+    def midpoints(self, parts: int) -> tuple[RealArray, RealArray]:
+        """Frequencies [rad/s] (F,) in the middle of parts of the band, and the parts' widths.
+
+        The parts are of equal length in log omega.
+        """
+        ends = 2 * np.pi * np.geomspace(*self.band, parts + 1)
+        omega = np.sqrt(ends[1:] * ends[:-1])
+        return omega, omega * np.log(ends[1:] / ends[:-1])
+
+    def response(self, omega: RealArray) -> ComplexArray:
+        """The functions at frequencies [rad/s] (F,): (F, N)."""
+        s = 1j * omega[:, None]
+        corners = self.corners
+        passed = np.cumprod((s - corners[:-1]) / (s + corners[:-1]), axis=1)
+        before = np.concatenate([np.ones((len(omega), 1)), passed], axis=1)
+        smooth = 2 * corners / (s + corners) * before
+        points, weights = self._fractions
+        pair = np.where(points.imag > 0.0, weights.conj() / (s - points.conj()), 0.0)
+        return np.concatenate([smooth, weights / (s - points) + pair], axis=1)
+
+    @np.errstate(all="ignore")
+    def tangent(self, x: RealArray, cells: FrequencyCells) -> Tangent:
+        """H with coefficients x (N,) over cells: Taylor's theorem, with all rounding in its error.
+
+        Value and slope are computed at the middle; the second derivative over a cell is at most
+        what the triangle inequality leaves of its terms.
+        """
+        s, none = Interval.of(cells.middle), Interval.of(np.zeros(cells.low.shape))
+        h = slope = ComplexInterval(none, none)
+        size = steep = bent = none  # |h|, |h'| and |h''| over the cell, at most
+        count = len(self.corners)
+        for a, each in zip(self.corners[::-1], x[:count][::-1], strict=True):
+            # h becomes (2 a x + (s - a) h) / (s + a) = q h + turn x
+            u = _inverse(-a, s)
+            turn = u.scaled(2 * a)
+            q = ComplexInterval(1.0 - turn.real, -turn.imag)
+            slope = q * slope + turn * u * ComplexInterval(h.real - each, h.imag)
+            h = q * h + turn.scaled(each)
+            u_most = 1.0 / root_factor(-a, cells.all).size()
+            more = u_most * (2 * a)
+            left = size + abs(each)
+            bent = bent + more * u_most * 2 * (steep + u_most * left)
+            steep = steep + more * u_most * left
+            size = size + more * abs(each)
+        for point, weight in self._simple_poles(x):
+            u = _inverse(point, s)
+            part = u * ComplexInterval(Interval.of(weight.real), Interval.of(weight.imag))
+            h, slope = h + part, slope + (part * u).scaled(-1.0)
+            u_most = 1.0 / root_factor(point, cells.all).size()
+            bent = (
+                bent
+                + u_most * u_most * u_most * (Interval.of(abs(weight.real)) + abs(weight.imag)) * 2
+            )
+        value, along = _middle(h), _middle(slope)
+        radius = Interval.of(cells.radius)
+        rounded = _radius(h) + _radius(slope) * radius
+        # d / d omega is j d / ds
+        return Tangent(value, 1j * along, (rounded + radius * radius * bent * 0.5).high)
+
+    def decay(self, x: RealArray, lowest: float) -> float:
+        """A number c with |h(j omega)| <= c / omega above a frequency [rad/s]."""
+        found = Interval.of(0.0)
+        for a, each in zip(self.corners, x, strict=False):
+            found = found + Interval.of(2 * a) * abs(each)
+        inverse = Interval(np.zeros(()), up(1.0 / lowest))
+        for point, weight in self._simple_poles(x):
+            size = Interval.of(abs(weight.real)) + abs(weight.imag)
+            found = found + size / relative_factor(point, inverse)
+        return float(found.high)
+
+    @property
+    def _fractions(self) -> tuple[ComplexArray, ComplexArray]:
+        """Points p and weights c of the functions c / (s - p), with the conjugate for a pair.
+
+        Weights are powers of two, times j for the second function of a pair: products with them
+        are exact.
+        """
+        points = np.concatenate([self.zeros, self.poles])
+        pairs = points[points.imag > 0.0]
+        turn = np.concatenate([np.ones(len(points)), np.full(len(pairs), 1j)])
+        both = np.concatenate([points, pairs])
+        return both, 2.0 ** np.ceil(np.log2(2 * np.abs(both))) * turn
+
+    def _simple_poles(self, x: RealArray) -> list[tuple[complex, complex]]:
+        """Poles p of h in the right half-plane and their residues, conjugates included."""
+        points, weights = self._fractions
+        found = []
+        for point, residue in zip(points, weights * x[len(self.corners) :], strict=True):
+            found.append((complex(point), complex(residue)))
+            if point.imag > 0.0:
+                found.append((complex(point.conjugate()), complex(residue.conjugate())))
+        return found
+
+
+def _inverse(root: complex, omega: Interval) -> ComplexInterval:
+    """1 / (j omega - root)."""
+    away = root_factor(root, omega)
+    square = away.real.squared() + away.imag.squared()
+    return ComplexInterval(away.real / square, -away.imag / square)
+
+
+def _middle(box: ComplexInterval) -> ComplexArray:
+    """A number in the middle of each box."""
+    real, imag = ((each.low + each.high) / 2 for each in (box.real, box.imag))
+    found: ComplexArray = real + 1j * imag
+    return found
+
+
+def _radius(box: ComplexInterval) -> Interval:
+    """No number of a box is farther from its `_middle`."""
+    middle = _middle(box)
+    return ComplexInterval(box.real - middle.real, box.imag - middle.imag).size()

@@ -1,0 +1,92 @@
+"""The highest level of mu for which a dual certificate is found, by bisection and cone programs."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workbench.errors import SolverError
+from workbench.executor import Context
+from workbench.geometry import smallest_circle
+from workbench.geometry.circle import Circle
+from workbench.solvers import Options, conic_solvers, solve_conic
+from workbench.synthesis.limits.allowed_sets import allowed_points
+from workbench.synthesis.limits.analytic_basis import AnalyticBasis
+from workbench.synthesis.limits.dual_bound import DualCertificate
+from workbench.synthesis.limits.loop_functions import LoopFunctions
+from workbench.synthesis.limits.rational_bounds import FrequencyCells
+
+PARTS = 300
+"""Number of frequencies on which h is sought."""
+BISECTION_LEVELS = 8
+"""Number of levels of mu tried by bisection."""
+SOLVER_ACCURACY = 1e-5
+"""Accuracy asked of the solver. Any h that proves the level will do."""
+
+
+def highest_proven(
+    loop: LoopFunctions, basis: AnalyticBasis, low: float, high: float, context: Context
+) -> DualCertificate | None:
+    """The highest level between two for which a certificate was found; None without one.
+
+    No stabilising linear time-invariant controller, rational or not, has mu at or below its level
+    at every frequency. The conditions on the loop are those of `DualCertificate.excess`.
+
+    Parameters
+    ----------
+    loop
+        The loop's weights; with `nominal` the bound is that of the nominal plant.
+    basis
+        Functions of h; zeros and poles of the plant in the right half-plane make it sharper.
+    low, high
+        Levels, positive, between which it is looked for.
+
+    Raises
+    ------
+    InputError
+        As `DualCertificate.excess`.
+    SolverError
+        The solver gives no answer for a level.
+    """
+    best = None
+    for _ in range(BISECTION_LEVELS):
+        level = float(np.sqrt(low * high))
+        found = _candidate(loop, basis, level, context)
+        if found.excess(loop) < 0.0:
+            best, low = found, level
+        else:
+            high = level
+    return best
+
+
+def _candidate(
+    loop: LoopFunctions, basis: AnalyticBasis, level: float, context: Context
+) -> DualCertificate:
+    """H of least integral of Re(c h), that of R |h| being 1, with circles around the sets.
+
+    h = 0 where a set is empty: any h proves the level. Raises SolverError where the solver gives
+    none.
+    """
+    import cvxpy as cp
+
+    omega, width = basis.midpoints(PARTS)
+    points = allowed_points(loop.over(FrequencyCells(omega, omega)), level)
+    if np.isnan(points).all(axis=1).any():
+        return DualCertificate(level, np.zeros(basis.size), basis)
+    circle = _circles(points)
+    h = basis.response(omega)
+    x = cp.Variable(basis.size)
+    along = ((width * circle.center) @ h).real - np.pi * basis.known
+    around = (width * circle.radius)[:, None] * h
+    sizes = cp.norm(cp.vstack([around.real @ x, around.imag @ x]), 2, axis=0)
+    problem = cp.Problem(cp.Minimize(along @ x), [cp.sum(sizes) <= 1])
+    outcome, said = solve_conic(problem, conic_solvers()[0], Options(SOLVER_ACCURACY), context)
+    if x.value is None:
+        raise SolverError(f"no h for the level {level:.6g}: {outcome}, {said}")
+    return DualCertificate(level, np.asarray(x.value, dtype=float), basis)
+
+
+def _circles(points: np.ndarray) -> Circle:
+    """Smallest circles around points (F, N) of which some are NaN."""
+    missing = np.isnan(points)
+    one = np.take_along_axis(points, missing.argmin(axis=1)[:, None], axis=1)
+    return smallest_circle(np.where(missing, one, points))

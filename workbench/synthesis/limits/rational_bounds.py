@@ -1,0 +1,148 @@
+"""Bounds on rational functions over cells of frequency, rounded outward.
+
+From the value at the middle of a cell and the derivative of the logarithm over it,
+
+    |R(m)| (1 - y) <= |R| <= |R(m)| / (1 - y),    y = r max |d log R / d omega|,
+
+r being the cell's radius; or factor by factor, whichever is narrower. So a narrow cell costs no
+more than the function's own slope, and a wide one, or one with a root on the axis, has a bound.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.arrays import RealArray
+from workbench.fitting.rational import Rational
+from workbench.synthesis.limits.intervals import ComplexInterval, Interval, down, up
+
+
+@dataclass(frozen=True, eq=False)
+class FrequencyCells:
+    """Intervals of frequency [rad/s] from ``low`` to ``high`` (F,), finite and not negative."""
+
+    low: RealArray
+    high: RealArray
+
+    @property
+    def all(self) -> Interval:
+        """The frequencies of each cell."""
+        return Interval(self.low, self.high)
+
+    @property
+    def middle(self) -> RealArray:
+        """A frequency within each cell, half way in linear frequency."""
+        return np.clip(self.low + (self.high - self.low) / 2, self.low, self.high)
+
+    @property
+    def radius(self) -> RealArray:
+        """No frequency of a cell is farther from its middle."""
+        middle = self.middle
+        farthest = up(np.maximum(self.high - middle, middle - self.low))
+        return np.where(self.high == self.low, 0.0, farthest)
+
+    @property
+    def width(self) -> Interval:
+        """Lengths of the cells."""
+        return Interval.of(self.high) - self.low
+
+    @property
+    def halved(self) -> FrequencyCells:
+        """The lower halves, then the upper ones."""
+        middle = self.middle
+        return FrequencyCells(np.append(self.low, middle), np.append(middle, self.high))
+
+    def at(self, k: NDArray) -> FrequencyCells:
+        """Some of the cells, by index or mask."""
+        return FrequencyCells(self.low[k], self.high[k])
+
+    def joined(self, others: FrequencyCells) -> FrequencyCells:
+        """These cells, then others."""
+        return FrequencyCells(np.append(self.low, others.low), np.append(self.high, others.high))
+
+
+def least_magnitude(function: Rational, cells: FrequencyCells) -> RealArray:
+    """A lower bound (F,) on |R(j omega)| over each cell."""
+    slow = _magnitude(function, Interval.of(cells.middle)).low * _left(function, cells)
+    return np.fmax(np.fmax(down(slow), _magnitude(function, cells.all).low), 0.0)
+
+
+def largest_magnitude(function: Rational, cells: FrequencyCells) -> RealArray:
+    """An upper bound (F,) on |R(j omega)| over each cell."""
+    middle, left = _magnitude(function, Interval.of(cells.middle)).high, _left(function, cells)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        slow = np.where(left > 0.0, up(middle / left), np.inf)
+    return np.fmin(slow, _magnitude(function, cells.all).high)
+
+
+def direction(function: Rational, cells: FrequencyCells) -> tuple[ComplexInterval, RealArray]:
+    """R / |R| at the middle of each cell, and the most [rad] that it turns from there."""
+    s = Interval.of(cells.middle)
+    sign = Interval.of(np.full(s.low.shape, np.sign(function.gain)))
+    found = ComplexInterval(sign, Interval.of(np.zeros(s.low.shape)))
+    for k, pole in enumerate(function.poles):
+        if k < function.zeros.size:
+            found = _unit(found * root_factor(function.zeros[k], s))
+        found = _unit(found / root_factor(pole, s))
+    turned = up(_log_slope(function, cells).imag.size().high * cells.radius)
+    return found, np.where(np.isnan(turned), np.inf, turned)
+
+
+def asymptote(function: Rational, lowest: float) -> Interval:
+    """Bounds on |R(j omega)| omega^k above a frequency [rad/s].
+
+    k is by how much the poles outnumber the zeros; `lowest` is positive.
+    """
+    inverse = Interval(np.zeros(()), up(1.0 / lowest))
+    found = Interval.of(abs(function.gain))
+    for k, pole in enumerate(function.poles):
+        if k < function.zeros.size:
+            found = found * relative_factor(function.zeros[k], inverse)
+        found = found / relative_factor(pole, inverse)
+    return found
+
+
+def relative_factor(root: complex, inverse: Interval) -> Interval:
+    """|j omega - root| / omega, by the inverse of omega."""
+    return ((inverse * root.real).squared() + (1.0 - inverse * root.imag).squared()).root()
+
+
+def root_factor(root: complex, omega: Interval) -> ComplexInterval:
+    """The factor j omega - root."""
+    return ComplexInterval(Interval.of(np.full(omega.low.shape, -root.real)), omega - root.imag)
+
+
+def _unit(found: ComplexInterval) -> ComplexInterval:
+    size = found.size()
+    return ComplexInterval(found.real / size, found.imag / size)
+
+
+def _magnitude(function: Rational, omega: Interval) -> Interval:
+    found = Interval.of(np.full(omega.low.shape, abs(function.gain)))
+    for k, pole in enumerate(function.poles):  # interleaved, so that no product overflows
+        if k < function.zeros.size:
+            found = found * root_factor(function.zeros[k], omega).size()
+        size = root_factor(pole, omega).size()  # may be zero, but the quotient is not negative
+        found = Interval(np.fmax(down(found.low / size.high), 0.0), up(found.high / size.low))
+    return found
+
+
+def _left(function: Rational, cells: FrequencyCells) -> RealArray:
+    """1 - y of the magnitude, not negative; 0 where a root on the axis may be in the cell."""
+    slope = _log_slope(function, cells).real.size().high
+    return np.fmax(down(1.0 - up(slope * cells.radius)), 0.0)
+
+
+def _log_slope(function: Rational, cells: FrequencyCells) -> ComplexInterval:
+    """d log R(j omega) / d omega over each cell: the sum of 1 / (omega + j root) with its signs."""
+    none = Interval.of(np.zeros(cells.low.shape))
+    found = ComplexInterval(none, none)
+    for sign, roots in ((1.0, function.zeros), (-1.0, function.poles)):
+        for root in roots:
+            away = cells.all - root.imag
+            square = away.squared() + Interval.of(root.real).squared()
+            found += ComplexInterval(away / square * sign, -root.real / square * sign)
+    return found

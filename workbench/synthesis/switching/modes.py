@@ -1,0 +1,127 @@
+"""Modes of a switched system: their transitions over a sample, and how long they may last."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from workbench.arrays import RealArray
+from workbench.errors import InputError
+
+
+@dataclass(frozen=True, eq=False)
+class Mode:
+    """One mode of a switched system.
+
+    Parameters
+    ----------
+    name
+        Name for messages and tables.
+    A
+        Transition matrix over one sample (n, n), or (V, n, n) for V plants. The plant stays the
+        same while the modes change.
+    shortest
+        Shortest stay [samples]; None: it is sought.
+    longest
+        Longest stay [samples]; None: no limit.
+    rate
+        V^(1/2) must fall by this factor in every sample, and rate^(n - 1) A replaces A^n, so that
+        the proof holds for the convex hull of the A. None: the powers of each A are used.
+
+    Raises
+    ------
+    InputError
+        A matrix is not square or not finite; stays are not whole and positive, or in the wrong
+        order; a sought mode has a longest stay; or the rate is not between 0 and 1, or belongs to a
+        mode with a longest stay.
+    """
+
+    name: str
+    A: RealArray
+    shortest: int | None = 1
+    longest: int | None = None
+    rate: float | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "A", transitions(self.name, self.A))
+        check_stays(self.name, 1 if self.shortest is None else self.shortest, self.longest)
+        if self.shortest is None and self.longest is not None:
+            raise InputError(
+                f"mode {self.name!r}: its shortest stay is sought, so longest must be None, not "
+                f"{self.longest}"
+            )
+        if self.rate is not None and not (0.0 < self.rate < 1.0 and self.longest is None):
+            raise InputError(
+                f"mode {self.name!r}: rate is {self.rate!r}, longest {self.longest}; a rate must "
+                "be above 0, below 1, and of a mode without a longest stay"
+            )
+
+    @property
+    def decaying(self) -> RealArray:
+        """A / rate (V, n, n), under which V must fall; A where there is no rate."""
+        return self.A / (self.rate or 1.0)
+
+    def over(self, stay: int) -> RealArray:
+        """The matrix (V, n, n) used for A^stay: the power, or rate^(stay - 1) A with a rate."""
+        if self.rate is None:
+            return np.linalg.matrix_power(self.A, stay)
+        return self.rate ** (stay - 1) * self.A
+
+    @cached_property
+    def radius(self) -> RealArray:
+        """Spectral radius of each plant (V,)."""
+        radius: RealArray = np.abs(np.linalg.eigvals(self.A)).max(axis=1)
+        return radius
+
+    def powers(self, stays: Any) -> RealArray:
+        """Powers A^n (N, V, n, n) for stays n (N,)."""
+        return np.array([np.linalg.matrix_power(self.A, int(n)) for n in stays])
+
+
+def transitions(name: str, A: Any) -> RealArray:
+    """A (V, n, n) of a mode; raises InputError for anything else."""
+    try:
+        array = np.asarray(A, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"mode {name!r}: A is no array of real numbers: {error}") from None
+    array = array[None] if array.ndim == 2 else array
+    if array.ndim != 3 or array.shape[1] != array.shape[2] or not array.size:
+        raise InputError(
+            f"mode {name!r}: A has shape {np.shape(A)}; it must be square, (n, n) or (V, n, n)"
+        )
+    if not np.isfinite(array).all():
+        raise InputError(f"mode {name!r}: A has entries that are not finite")
+    return array
+
+
+def check_stays(name: str, shortest: int, longest: int | None) -> None:
+    """Raise InputError unless the stays are whole, positive and in order."""
+    for word, stay in (("shortest", shortest), ("longest", longest)):
+        if stay is not None and not (is_whole(stay) and stay > 0):
+            raise InputError(
+                f"mode {name!r}: {word} is {stay!r}; it must be a positive number of samples"
+            )
+    if longest is not None and longest < shortest:
+        raise InputError(f"mode {name!r}: longest is {longest}, less than shortest, {shortest}")
+
+
+def check_modes(modes: Any) -> None:
+    """Raise InputError unless there are at least two modes with the same plants and states."""
+    if len(modes) < 2:
+        raise InputError(f"{len(modes)} modes are given; switching needs two at least")
+    first = modes[0]
+    for mode in modes[1:]:
+        if mode.A.shape != first.A.shape:
+            raise InputError(
+                f"modes {first.name!r} and {mode.name!r} have A of shapes {first.A.shape} and "
+                f"{mode.A.shape}; all must have the same plants and states, those that a mode does "
+                "not use among them"
+            )
+
+
+def is_whole(value: Any) -> bool:
+    """Whether a value is an integer."""
+    return isinstance(value, (int, np.integer)) and not isinstance(value, bool)

@@ -1,0 +1,181 @@
+"""Covers that hold at every frequency: those of plants that are known as systems.
+
+Responses tell nothing between their frequencies, where a resonance may lie. A plant that is known
+as a system is contained at every frequency, and the certificate says so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from workbench.arrays import ComplexArray, RealArray
+from workbench.certificate import Check
+from workbench.certify.known_plants.containment import Excess, escapes, largest_excess
+from workbench.errors import SolverError
+from workbench.executor import Context
+from workbench.fitting.rational import Rational
+from workbench.geometry.cover import CONTAINMENT_TOLERANCE
+from workbench.second_opinion.responses import plain_response, tried_frequencies
+from workbench.second_opinion.support import reach_beyond
+from workbench.uncertainty.covers.model import UncertaintyModel
+from workbench.uncertainty.covers.responses import Responses
+from workbench.uncertainty.covers.sets import Form
+from workbench.uncertainty.covers.weights import (
+    GAIN_MARGIN,
+    between,
+    complex_weight,
+    needed_radius,
+)
+
+SMALL_EXCESS = 1e-3
+"""Excess of a known plant, relative to the radius, that a larger gain of W_c may make up for;
+larger ones are frequencies that the fit has to know."""
+MOST_ROUNDS = 8
+"""Most fits of W_c, each with the frequencies added at which plants left the sets of the last."""
+BEYOND_BAND = 1e3
+"""Factor from the first and last frequency to those that stand for 0 and for infinity in a fit."""
+SAMPLED_FREQUENCIES = 1000
+"""Frequencies of the second opinion, evenly spread on a logarithmic scale; more lie about poles."""
+REALISED_SUPPORT_TOLERANCE = 1e-6
+"""Largest reach of a response beyond its set in the second opinion, relative to the radius; the
+responses of realisations in double precision are that much worse than those of roots."""
+
+Share = Callable[[RealArray, RealArray, RealArray], RealArray]
+"""Weight (F,) of an excess of the radius, from frequencies [rad/s], radii and extents (F,)."""
+
+
+def covering_weight(
+    responses: Responses,
+    away: ComplexArray,
+    nominal: Rational,
+    W_r: Rational | None,
+    form: Form,
+    order: int,
+    share: Share,
+    rounding: float,
+    everywhere: bool,
+    context: Context,
+) -> Rational:
+    """Complex weight that covers what a real weight leaves uncovered.
+
+    Parameters
+    ----------
+    away
+        Deviations (F, N) to cover at the frequencies of the responses.
+    share
+        Weight of the excess.
+    rounding
+        Amount added to radii, relative to plants plus nominal: the rounding of their responses.
+    everywhere
+        Whether the known plants are covered at every frequency; else W_c is fitted to the given
+        frequencies, and to straight lines between them.
+
+    Raises
+    ------
+    SolverError
+        No weight covers a known plant: its deviation has no bound.
+    """
+
+    def needed(omega: RealArray, deviations: ComplexArray) -> tuple[RealArray, RealArray]:
+        """Radii and extents (F,) of deviations (F, N), with the rounding errors of these."""
+        radius = needed_radius(deviations, None if W_r is None else W_r.response(omega))
+        size = np.abs(deviations).max(axis=1)
+        # Rounding errors are relative to the plants, not to the deviations.
+        G = np.abs(nominal.response(omega))
+        radius = radius + rounding * (size + 2 * (1 if form == "multiplicative" else G))
+        return radius, np.maximum(size, radius)
+
+    omega = responses.omega
+    radius, extent = needed(omega, away)
+    plants = list(responses.known_plants.values())
+    if not everywhere or not plants:
+        return complex_weight(omega, radius, share(omega, radius, extent), order, context)
+
+    def fit(grid: RealArray) -> Rational:
+        """W_c for the radii that the known plants need on a grid, and the others at theirs."""
+        G = nominal.response(grid)[:, None]
+        known = np.stack([plant.response(grid) for plant in plants], axis=1)
+        radii, extents = needed(grid, known / G - 1 if form == "multiplicative" else known - G)
+        if len(plants) < len(responses.plants):
+            log, logs = np.log(grid), np.log(omega)
+            radii = np.maximum(radii, np.exp(np.interp(log, logs, np.log(radius))))
+            extents = np.maximum(extents, np.exp(np.interp(log, logs, np.log(extent))))
+        else:
+            at = np.searchsorted(grid, omega)  # what was given may be off by its own rounding
+            radii[at] = np.maximum(radii[at], radius)
+            extents[at] = np.maximum(extents[at], extent)
+        return complex_weight(grid, radii, share(grid, radii, extents), order, context)
+
+    sets = (plants, nominal)
+    multiplicative = form == "multiplicative"
+    grid = np.union1d(omega, between(omega))
+    for _ in context.track(range(MOST_ROUNDS), "every frequency"):
+        W_c = fit(grid)
+        left = escapes(*sets, W_c, W_r, SMALL_EXCESS, multiplicative=multiplicative)
+        found = np.union1d(grid, np.clip(left, omega[0] / BEYOND_BAND, omega[-1] * BEYOND_BAND))
+        if found.size == grid.size:
+            break
+        grid = found
+    excess = largest_excess(*sets, W_c, W_r, multiplicative=multiplicative)
+    if not np.isfinite(excess.value):
+        name = list(responses.known_plants)[excess.plant]
+        raise SolverError(
+            f"no weight covers plant {name} {_place(excess)}, where its deviation has no bound: "
+            "the nominal needs as many poles more than zeros as the plants have, and no zero "
+            "on the imaginary axis"
+        )
+    return (
+        W_c.scaled(1 + GAIN_MARGIN)
+        if excess.value <= 0
+        else W_c.scaled((1 + excess.value) * (1 + GAIN_MARGIN))
+    )
+
+
+def containment_check(model: UncertaintyModel, responses: Responses) -> Check:
+    """Check that the known plants of responses lie in a model's sets, at every frequency."""
+    plants = responses.known_plants
+    parts = (list(plants.values()), model.nominal, model.W_c, model.W_r)
+    excess = largest_excess(*parts, multiplicative=model.form == "multiplicative")
+    return Check(
+        "containment everywhere",
+        "proven bound on the distance of a plant beyond its set, relative to the radius",
+        excess.value,
+        CONTAINMENT_TOLERANCE,
+        f"{_place(excess)}, by {list(plants)[excess.plant]}",
+        over=f"at every frequency, for these {len(plants)} plants",
+    )
+
+
+def sampled_containment(model: UncertaintyModel, responses: Responses) -> Check:
+    """Second opinion on `containment_check`: realisations on a dense grid, by support functions."""
+    systems = model.systems()
+    plants = {name: plant.state_space() for name, plant in responses.known_plants.items()}
+    poles = [system.poles() for system in (*systems.values(), *plants.values())]
+    zeros = model.nominal.zeros
+    dense = tried_frequencies(np.concatenate([*poles, zeros]))
+    spread = np.geomspace(responses.omega[0] / 10, responses.omega[-1] * 10, SAMPLED_FREQUENCIES)
+    omega = np.union1d(dense[(dense > 0) & np.isfinite(dense)], spread)
+    of = {name: plain_response(system, omega)[:, 0, 0] for name, system in systems.items()}
+    values = np.stack([plain_response(plant, omega)[:, 0, 0] for plant in plants.values()], axis=1)
+    size = of["G"] if model.form == "multiplicative" else np.ones_like(of["G"])
+    segment = size * of.get("W_r", np.zeros_like(size))
+    radius = np.abs(size * of["W_c"])
+    excess = reach_beyond(values, of["G"], radius, np.abs(segment), np.angle(segment))
+    excess = np.where(np.isnan(excess), np.inf, excess) / radius[:, None]
+    k, i = np.unravel_index(int(np.argmax(excess)), excess.shape)
+    return Check(
+        "support between",
+        "how far a realised plant reaches beyond the realised set, over the radius",
+        float(excess[k, i]),
+        REALISED_SUPPORT_TOLERANCE,
+        f"at {omega[k] / (2 * np.pi):.6g} Hz, by {list(plants)[i]}",
+        over=f"at {omega.size} frequencies of a dense grid, for these {len(plants)} plants",
+    )
+
+
+def _place(excess: Excess) -> str:
+    if np.isinf(excess.omega):
+        return "at infinite frequency"
+    return f"at {excess.omega / (2 * np.pi):.6g} Hz"

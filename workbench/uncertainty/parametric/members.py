@@ -1,0 +1,46 @@
+"""Members of a parametric set as known plants, for covers that contain them at every frequency."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from workbench.arrays import RealArray
+from workbench.errors import InputError
+from workbench.uncertainty.covers.responses import Responses
+from workbench.uncertainty.parametric.model import ParametricModel
+
+
+def members(
+    model: ParametricModel, omega: RealArray, deltas: RealArray, names: Sequence[str] | None = None
+) -> Responses:
+    """Responses of plants of a parametric set, with these plants as systems.
+
+    A cover of them is certified at every frequency for these plants, such as the vertices and
+    samples of the set, and claims nothing of its other plants.
+
+    Parameters
+    ----------
+    model
+        Model of one input and one output.
+    omega
+        Frequencies [rad/s] (F,).
+    deltas
+        Normalised deviations of the parameters (N, P), see `vertices`, `levels` and `samples`.
+    names
+        Names of the N plants; None: they are numbered.
+
+    Raises
+    ------
+    InputError
+        A model that is not SISO, deltas of another shape, or plants that `Responses` refuses, such
+        as unstable ones.
+    """
+    if (len(model.inputs), len(model.outputs)) != (1, 1):
+        raise InputError(f"a SISO model is needed, not {len(model.outputs)} x {len(model.inputs)}")
+    rows = np.asarray(deltas, dtype=float)
+    if rows.ndim != 2:
+        raise InputError(f"deltas have shape {rows.shape}; give (N, P), a row for each plant")
+    values = model.response(omega, rows)[..., 0, 0].T
+    return Responses(omega, values, plants=names, known=[model.at(row) for row in rows])
