@@ -37,14 +37,26 @@ def test_a_stored_proof_proves_again(system, found, tmp_path):
     assert proves(system, STRUCTURE, proof, found.upper) == ""
 
 
-def test_linear_multipliers_prove_again():
-    rng = np.random.default_rng(1)
-    A = np.kron(np.diag(np.geomspace(0.1, 30, 6)), [[-0.3, 1.0], [-1.0, -0.3]])
-    B, C = rng.normal(size=(12, 3)), rng.normal(size=(3, 12))
-    system = control.ss(A, B, C, np.eye(3))
-    structure = Structure([Complex(1), Complex(1), Complex(1)])
-    found = peak(system, structure, 1e-6)
-    assert proves(system, structure, found.proof, found.upper) == ""
+@pytest.mark.parametrize("scale", [1.0, 0.9, 3.0])
+@pytest.mark.parametrize("fast", [20.0, 1e3])
+def test_linear_multipliers_prove_a_realisation_that_is_rounded_in_another_way(scale, fast):
+    # mu of T R T^-1 is that of R at every frequency, but its multipliers follow T.
+    lag = control.tf([1, 1], [1 / fast, 1])
+    middle = control.ss([], [], [], [[1.0, 0.5], [-0.7, 0.3]])
+    one = control.ss([], [], [], [[1.0]])
+    ahead, after = (
+        control.append(one, control.ss(lag / fast)),
+        control.append(one, control.ss(fast / lag)),
+    )
+    flat = ahead * middle * after
+    structure = Structure([Complex(1), Complex(1)])
+    found = peak(control.ss(flat), structure, 1e-4)
+    assert any(one.slopes is not None for one in found.intervals)
+    A, B, C, D = control.ssdata(flat)
+    T = np.diag(scale ** np.arange(len(A)))
+    back = np.linalg.inv(T)
+    other = control.ss(T @ A @ back, T @ B, C @ back, D)
+    assert proves(other, structure, found.proof, found.upper) == ""
 
 
 @pytest.mark.parametrize(

@@ -63,6 +63,7 @@ def certified_interval(
     omega: float,
     slopes: Multipliers | None = None,
     half: float = math.inf,
+    end_margin: float = END_MARGIN,
 ) -> tuple[float, float] | None:
     """The interval of frequencies around `omega` on which the multipliers prove the bound `beta`.
 
@@ -80,6 +81,8 @@ def certified_interval(
         Derivatives of the multipliers by frequency [s], zero if None.
     half
         Largest distance [rad/s] of the ends from omega, finite where there are slopes.
+    end_margin
+        Share of the distance to each end that is given up.
 
     Returns
     -------
@@ -93,19 +96,19 @@ def certified_interval(
     """
     system = stable_system(system)
     multipliers = D_left, D_right, G
-    ends, doubt = _proven(system, multipliers, beta, omega, slopes, half)
+    ends, doubt = _proven(system, multipliers, beta, omega, slopes, half, end_margin)
     modal = system.modal() if doubt else None
     if modal is not None:
-        other, _ = _proven(modal, multipliers, beta, omega, slopes, half)
+        other, _ = _proven(modal, multipliers, beta, omega, slopes, half, end_margin)
         if ends is None or (other is not None and other[1] - other[0] > ends[1] - ends[0]):
             ends = other
     if doubt and ends is None and slopes is None:
-        ends = _proven_in_balls(system.source or system, multipliers, beta, omega)
+        ends = _proven_in_balls(system.source or system, multipliers, beta, omega, end_margin)
     return ends
 
 
 def _proven_in_balls(
-    system: StableSystem, multipliers: Multipliers, beta: float, omega: float
+    system: StableSystem, multipliers: Multipliers, beta: float, omega: float, end_margin: float
 ) -> tuple[float, float] | None:
     """As `certified_interval` for fixed multipliers, in ball arithmetic."""
     if not all(positive_definite(exact(np.asarray(D))) for D in multipliers[:2]):
@@ -114,7 +117,7 @@ def _proven_in_balls(
     if discs is None:
         return None
     below, above, _ = _nearest(discs, omega, math.inf)
-    return _held(below, above, omega, math.inf)
+    return _held(below, above, omega, math.inf, end_margin)
 
 
 def _proven(
@@ -124,6 +127,7 @@ def _proven(
     omega: float,
     slopes: Multipliers | None,
     half: float,
+    end_margin: float,
 ) -> tuple[tuple[float, float] | None, bool]:
     """As `certified_interval`, and whether rounding may hide a wider interval."""
     form = _form(system, multipliers, slopes, beta)
@@ -141,22 +145,24 @@ def _proven(
         for D, change in zip(multipliers[:2], slopes[:2], strict=True)
     ):
         return None, False
-    return _held(below, above, omega, half), doubt
+    return _held(below, above, omega, half, end_margin), doubt
 
 
-def _held(below: float, above: float, omega: float, half: float) -> tuple[float, float] | None:
-    """The interval that reaches `below` and `above` omega, its ends rounded inward."""
+def _held(
+    below: float, above: float, omega: float, half: float, end_margin: float
+) -> tuple[float, float] | None:
+    """The interval that reaches `below` and `above` omega less the margin, rounded inward."""
+    inward = 1 - max(end_margin, 8 * EPS)
     if math.isinf(omega):
-        return (above * (1 + END_MARGIN), math.inf) if above < math.inf else None
-    low = max(omega - _shortened(below, half), 0.0)
-    high = omega + _shortened(above, half)
+        return (above * (2 - inward), math.inf) if above < math.inf else None
+    down, up = (half if reach >= half else inward * reach for reach in (below, above))
+    low, high = max(omega - down, 0.0), omega + up
+    if omega - low > (1 - 4 * EPS) * below:
+        low = math.nextafter(low, omega)
+    if high - omega > (1 - 4 * EPS) * above:
+        high = math.nextafter(high, omega)
     held = omega - low <= (1 - 4 * EPS) * below and high - omega <= (1 - 4 * EPS) * above
     return (low, high) if held and low < high else None
-
-
-def _shortened(reach: float, half: float) -> float:
-    """A reach less `END_MARGIN`, or the half-width where that is less."""
-    return min((1 - END_MARGIN) * reach, half) if reach < half else half
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,6 +10,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+from workbench.arrays import EPS
 from workbench.certify.cover import CertifiedInterval
 from workbench.certify.interval import certified_interval
 from workbench.certify.mu_bound import structured
@@ -77,24 +78,29 @@ def _holds(
 ) -> bool:
     """Whether the multipliers of an interval prove beta on all of it.
 
-    Where another machine's rounding leaves a piece of an interval with fixed multipliers open,
-    these multipliers are tried about the middle of the piece.
+    Where another machine's rounding leaves a part of it open, the multipliers at the middle of that
+    part are tried there.
     """
-    D_left, D_right, G = structured(structure, interval.D_left, interval.D_right, interval.G)
-    slopes, half = None, math.inf
+    slopes = None
     if interval.slopes is not None:
         slopes = structured(structure, *interval.slopes)
-        half = max(interval.omega - interval.low, interval.high - interval.omega)
     pieces = [(interval.low, interval.high, interval.omega)]
-    for _ in range(PIECES if slopes is None else 1):
+    for _ in range(PIECES):
         low, high, omega = pieces.pop()
-        ends = certified_interval(system, D_left, D_right, G, beta, omega, slopes, half)
-        if ends is None:
+        D_left, D_right, G = structured(structure, *interval.multipliers(omega))
+        half = math.inf
+        if slopes is not None:
+            half = (1 + 8 * EPS) * max(omega - low, high - omega) + 4 * EPS * omega
+        ends = certified_interval(
+            system, D_left, D_right, G, beta, omega, slopes, half, end_margin=0.0
+        )
+        if ends is None and slopes is None:
             return False
-        if low < ends[0]:
-            pieces.append((low, ends[0], _between(low, ends[0])))
-        if ends[1] < high:
-            pieces.append((ends[1], high, _between(ends[1], high)))
+        proven = ends or (omega, omega)
+        if low < proven[0]:
+            pieces.append((low, proven[0], _between(low, proven[0])))
+        if proven[1] < high:
+            pieces.append((proven[1], high, _between(proven[1], high)))
         if not pieces:
             return True
     return False
