@@ -18,7 +18,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.arrays import EPS, Array, RealArray
-from workbench.certify.rounding import UPWARD, Enclosure, enclosed_inverse, exact
+from workbench.certify.rounding import (
+    UPWARD,
+    Enclosure,
+    enclosed_inverse,
+    exact,
+)
 
 ATTEMPTS = 3
 """Times that eigenvectors are computed, again in the coordinates of those before, which helps where
@@ -92,6 +97,27 @@ def static_discs(A: Enclosure, B: Enclosure, C: Enclosure, D: Enclosure) -> Disc
             if not discs.doubtful:
                 break
             V = V @ np.linalg.eig(P.mid)[1]
+            V = V / np.linalg.norm(V, axis=0)
+    except (np.linalg.LinAlgError, ValueError):
+        pass
+    return discs
+
+
+def linear_discs(L: Enclosure, L_1: Enclosure, within: float) -> Discs:
+    """Discs that contain all t, |t| <= `within`, at which some L - t L_1 is singular."""
+    discs = Discs(np.zeros(1), np.full(1, np.inf))
+    try:
+        back = np.linalg.inv(L.mid)
+        V = np.linalg.eig(back @ L_1.mid)[1]
+        for attempt in range(ATTEMPTS):
+            W = exact(np.linalg.solve(V, back))
+            P, E = W @ (L @ exact(V)), W @ (L_1 @ exact(V))
+            found = pencil_discs(P, E, within)
+            if not attempt or len(touched(found)[0]) < len(touched(discs)[0]):
+                discs = found
+            if not discs.doubtful:
+                break
+            V = V @ np.linalg.eig(np.linalg.solve(P.mid, E.mid))[1]
             V = V / np.linalg.norm(V, axis=0)
     except (np.linalg.LinAlgError, ValueError):
         pass

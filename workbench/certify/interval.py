@@ -31,7 +31,7 @@ import numpy as np
 from workbench.arrays import EPS, Array
 from workbench.certify.eigenvalues import (
     Discs,
-    pencil_discs,
+    linear_discs,
     static_discs,
     touched,
 )
@@ -46,7 +46,7 @@ from workbench.certify.rounding import (
 )
 from workbench.certify.stable_system import StableSystem, stable_system
 
-END_MARGIN = 1e-6
+END_MARGIN = 1e-3
 """Share of the distance to each end that an interval gives up, so that another machine, whose
 discs differ a little, proves the same interval."""
 
@@ -94,17 +94,30 @@ def certified_interval(
     InputError
         As `stable_system`.
     """
-    system = stable_system(system)
-    multipliers = D_left, D_right, G
+    system, multipliers = stable_system(system), (D_left, D_right, G)
+    ends, doubt = proven_in_doubles(system, multipliers, beta, omega, slopes, half, end_margin)
+    if doubt and ends is None and slopes is None:
+        ends = _proven_in_balls(system.source or system, multipliers, beta, omega, end_margin)
+    return ends
+
+
+def proven_in_doubles(
+    system: StableSystem,
+    multipliers: Multipliers,
+    beta: float,
+    omega: float,
+    slopes: Multipliers | None = None,
+    half: float = math.inf,
+    end_margin: float = END_MARGIN,
+) -> tuple[tuple[float, float] | None, bool]:
+    """As `certified_interval` in doubles only, and whether rounding may hide a wider interval."""
     ends, doubt = _proven(system, multipliers, beta, omega, slopes, half, end_margin)
     modal = system.modal() if doubt else None
     if modal is not None:
         other, _ = _proven(modal, multipliers, beta, omega, slopes, half, end_margin)
         if ends is None or (other is not None and other[1] - other[0] > ends[1] - ends[0]):
             ends = other
-    if doubt and ends is None and slopes is None:
-        ends = _proven_in_balls(system.source or system, multipliers, beta, omega, end_margin)
-    return ends
+    return ends, doubt
 
 
 def _proven_in_balls(
@@ -129,7 +142,7 @@ def _proven(
     half: float,
     end_margin: float,
 ) -> tuple[tuple[float, float] | None, bool]:
-    """As `certified_interval`, and whether rounding may hide a wider interval."""
+    """As `proven_in_doubles`, in one choice of coordinates."""
     form = _form(system, multipliers, slopes, beta)
     if form is None:
         return None, False
@@ -294,13 +307,7 @@ def _linear_discs(form: _Form, slope: Enclosure, omega: float, half: float) -> D
     L_1 = stacked_enclosures(
         [[one, zero, high], [Q, one, S], [-S.H, high.H, -R]]
     )  # L = L_0 - t L_1
-    try:
-        back = np.linalg.inv(L.mid)
-        V = np.linalg.eig(back @ L_1.mid)[1]
-        W = np.linalg.solve(V, back)
-    except (np.linalg.LinAlgError, ValueError):
-        return Discs(np.zeros(1), np.full(1, np.inf))
-    return pencil_discs(exact(W) @ (L @ exact(V)), exact(W) @ (L_1 @ exact(V)), half)
+    return linear_discs(L, L_1, half)
 
 
 def _eliminated(form: _Form, weight: Enclosure) -> list[list[Enclosure]]:

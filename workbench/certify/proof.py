@@ -12,13 +12,15 @@ from typing import Any
 
 from workbench.arrays import EPS
 from workbench.certify.cover import CertifiedInterval
-from workbench.certify.interval import certified_interval
+from workbench.certify.interval import Multipliers, certified_interval, proven_in_doubles
 from workbench.certify.mu_bound import structured
 from workbench.certify.stable_system import StableSystem, stable_system
 from workbench.structure import Structure
 
 PIECES = 40
-"""Most pieces into which one interval is divided where rounding differs from that of the run."""
+"""Most pieces into which a gap is divided where rounding differs from that of the run."""
+BEYOND = 1.1
+"""Factor on the half-width of linear multipliers, which prove more than was asked of them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,21 +53,21 @@ def proves(system: Any, structure: Structure, proof: PeakProof, bound: float) ->
     structure.check(stable.D)
     if not proof.beta <= bound:
         return f"the proof is one of {proof.beta:.9g}, which is above {bound:.9g}"
-    reached, top = proof.band
-    closed = False
-    for one in sorted(proof.intervals, key=lambda interval: interval.low):
-        if one.low > reached:
-            break
-        if one.high > reached or not closed:
-            if not _holds(stable, structure, one, proof.beta):
-                return (
-                    f"the multipliers at {one.omega:.6g} rad/s do not prove {proof.beta:.9g} from "
-                    f"{one.low:.6g} to {one.high:.6g} rad/s"
-                )
-            reached, closed = max(reached, one.high), True
-    if (closed and reached >= top) or _is_zero(stable):
+    if _is_zero(stable):
         return ""
-    return f"no interval covers the frequencies above {reached:.6g} rad/s"
+    intervals = sorted(proof.intervals, key=lambda interval: interval.low)
+    found = [_ends(stable, structure, one, proof.beta) for one in intervals]
+    for low, high in _gaps([ends for ends in found if ends is not None], proof.band):
+        about = [one for one in intervals if one.low <= high and low <= one.high]
+        if not _closed(stable, structure, about, (low, high), proof.beta):
+            nearest = _nearest(about, _between(low, high))
+            if not nearest or (high == proof.band[1] and nearest[0].high < high):
+                return f"no interval covers the frequencies above {low:.6g} rad/s"
+            return (
+                f"the multipliers at {nearest[0].omega:.6g} rad/s do not prove {proof.beta:.9g} "
+                f"from {low:.6g} to {high:.6g} rad/s"
+            )
+    return ""
 
 
 def _is_zero(system: StableSystem) -> bool:
@@ -73,34 +75,77 @@ def _is_zero(system: StableSystem) -> bool:
     return not system.D.any() and not (system.B.any() and system.C.any())
 
 
-def _holds(
+def _ends(
     system: StableSystem, structure: Structure, interval: CertifiedInterval, beta: float
-) -> bool:
-    """Whether the multipliers of an interval prove beta on all of it.
+) -> tuple[float, float] | None:
+    """Ends of what an interval's multipliers prove in doubles, which may be more than it says."""
+    multipliers, slopes = _multipliers(structure, interval, interval.omega)
+    half = math.inf
+    if slopes is not None:
+        half = BEYOND * max(interval.omega - interval.low, interval.high - interval.omega)
+        half = min(half, interval.omega)
+    return proven_in_doubles(system, multipliers, beta, interval.omega, slopes, half, 0.0)[0]
 
-    Where another machine's rounding leaves a part of it open, the multipliers at the middle of that
-    part are tried there.
-    """
-    slopes = None
-    if interval.slopes is not None:
-        slopes = structured(structure, *interval.slopes)
-    pieces = [(interval.low, interval.high, interval.omega)]
+
+def _multipliers(
+    structure: Structure, interval: CertifiedInterval, omega: float
+) -> tuple[Multipliers, Multipliers | None]:
+    """What the structure allows of an interval's multipliers at a frequency, and their slopes."""
+    slopes = None if interval.slopes is None else structured(structure, *interval.slopes)
+    return structured(structure, *interval.multipliers(omega)), slopes
+
+
+def _gaps(
+    intervals: list[tuple[float, float]], band: tuple[float, float]
+) -> list[tuple[float, float]]:
+    """Parts of the band that no interval covers."""
+    (reached, top), gaps = band, []
+    for low, high in sorted(intervals):
+        if low > reached:
+            gaps.append((reached, min(low, top)))
+        reached = max(reached, high)
+        if reached >= top:
+            break
+    if reached < top or not intervals:
+        gaps.append((reached, top))
+    return gaps
+
+
+def _nearest(intervals: list[CertifiedInterval], omega: float) -> list[CertifiedInterval]:
+    """The intervals in order of the distance of their multipliers from a frequency."""
+    if math.isinf(omega):
+        return sorted(intervals, key=lambda one: -one.omega)
+    return sorted(intervals, key=lambda one: abs(one.omega - omega))
+
+
+def _closed(
+    system: StableSystem,
+    structure: Structure,
+    about: list[CertifiedInterval],
+    gap: tuple[float, float],
+    beta: float,
+) -> bool:
+    """Whether multipliers of the intervals `about` a gap prove beta on all of it, also by balls."""
+    pieces = [gap]
     for _ in range(PIECES):
-        low, high, omega = pieces.pop()
-        D_left, D_right, G = structured(structure, *interval.multipliers(omega))
-        half = math.inf
-        if slopes is not None:
-            half = (1 + 8 * EPS) * max(omega - low, high - omega) + 4 * EPS * omega
-        ends = certified_interval(
-            system, D_left, D_right, G, beta, omega, slopes, half, end_margin=0.0
-        )
-        if ends is None and slopes is None:
-            return False
-        proven = ends or (omega, omega)
-        if low < proven[0]:
-            pieces.append((low, proven[0], _between(low, proven[0])))
-        if proven[1] < high:
-            pieces.append((proven[1], high, _between(proven[1], high)))
+        low, high = pieces.pop()
+        omega = _between(low, high)
+        for one in _nearest(about, omega):
+            (D_left, D_right, G), slopes = _multipliers(structure, one, omega)
+            half = math.inf
+            if slopes is not None:
+                half = (1 + 8 * EPS) * max(omega - low, high - omega) + 4 * EPS * omega
+            ends = certified_interval(system, D_left, D_right, G, beta, omega, slopes, half, 0.0)
+            if ends is not None:
+                break
+        else:
+            if all(one.slopes is None for one in about):
+                return False
+            ends = omega, omega
+        if low < ends[0]:
+            pieces.append((low, ends[0]))
+        if ends[1] < high:
+            pieces.append((ends[1], high))
         if not pieces:
             return True
     return False
@@ -108,6 +153,4 @@ def _holds(
 
 def _between(low: float, high: float) -> float:
     """A frequency in the middle of a piece."""
-    if math.isinf(high):
-        return math.inf
-    return (low + high) / 2
+    return math.inf if math.isinf(high) else (low + high) / 2

@@ -20,6 +20,7 @@ import numpy as np
 from workbench.arrays import Array, RealArray
 from workbench.certify.agreement import need_agreement
 from workbench.certify.perturbed_loop import proven_at, proven_gain, proven_over_frequency
+from workbench.certify.proof import PeakProof
 from workbench.certify.stable_system import StableSystem, stable_system
 from workbench.errors import InputError
 from workbench.input_checks import need_structure, need_tolerance
@@ -40,6 +41,8 @@ PROOF_LEVELS = 20
 """Most levels for which a proof is tried."""
 NEGLIGIBLE_GAIN = 1e-9
 """Gains below this share of the largest entry of the system's response are not resolved."""
+LEVEL_ROUNDING = 1 + 1e-12
+"""Factor on the product of level and mu that rounds it, and the division by the level, outward."""
 PERTURBED_FREQUENCIES = 8
 """Frequencies at which a worst perturbation is searched for."""
 
@@ -52,6 +55,8 @@ class WorstCaseGain:
     perturbation ``Delta`` (r, c), of size at most 1, at ``omega`` [rad/s]; it is infinite where a
     multiple of Delta, of size at most 1, is proven to make the loop singular. ``upper`` is infinite
     where no bound was proven; the message says why.
+    ``proof`` proves that mu is below 1 once the exogenous inputs are divided by ``level``; it is
+    None, and the level 0, for an infinite bound. `worst_case_checks` proves it again.
     """
 
     lower: float
@@ -59,6 +64,8 @@ class WorstCaseGain:
     omega: float
     Delta: Array
     message: str
+    level: float = 0.0
+    proof: PeakProof | None = None
 
 
 def worst_case_gain(system: Any, structure: Structure, tolerance: float = 1e-2) -> WorstCaseGain:
@@ -97,7 +104,8 @@ def worst_case_gain(system: Any, structure: Structure, tolerance: float = 1e-2) 
             "each must be left for performance"
         )
     search = _Search(stable, structure, structure.with_performance(performance, exogenous))
-    upper, message = search.proven(tolerance)
+    level, proof, message = search.proven(tolerance)
+    upper = math.inf if proof is None else level * proof.beta * LEVEL_ROUNDING
     lower, omega, Delta = search.attained()
     need_agreement(
         lower,
@@ -106,7 +114,7 @@ def worst_case_gain(system: Any, structure: Structure, tolerance: float = 1e-2) 
         "ball arithmetic proves that a perturbation of size 1 has this gain",
         "multipliers prove it on intervals that cover all frequencies",
     )
-    return WorstCaseGain(lower, upper, omega, Delta, message)
+    return WorstCaseGain(lower, upper, omega, Delta, message, level, proof)
 
 
 class _Search:
@@ -145,38 +153,36 @@ class _Search:
         split = split[np.argsort(-height)[:POINTS_PER_REFINEMENT]]
         return np.sqrt(self.omega[split] * self.omega[split + 1])
 
-    def proven(self, tolerance: float) -> tuple[float, str]:
-        """An upper bound that also holds between the frequencies, and a message about it."""
+    def proven(self, tolerance: float) -> tuple[float, PeakProof | None, str]:
+        """A level, the proof that mu is below 1 with inputs divided by it, and a message.
+
+        The zero response has the level 0 and needs no multipliers.
+        """
         least = NEGLIGIBLE_GAIN * float(np.abs(self.system.response(self.omega)).max())
         if least == 0.0:  # a rational function with this many zeros is the zero function
-            return 0.0, "the response is zero"
+            return 0.0, PeakProof(0.0, ()), "the response is zero"
         level, precision = max(float(self.upper.max()), least), math.inf
         for _ in range(PROOF_LEVELS):
             place = float(self.omega[np.argmax(self.upper)])
             if math.isinf(level):
-                return math.inf, (
+                message = (
                     "robust stability is not proven: mu of the perturbation is not below 1 at "
                     f"{place:.6g} rad/s"
                 )
+                return 0.0, None, message
             level *= 1 + tolerance / 2
+            scaled = divided(self.system, self.structure, level)
             # The tolerance of the peak may use half of the distance of mu from 1 at this place.
-            here = float(upper_values(self._scaled(level).response([place]), self.whole)[0])
+            here = float(upper_values(scaled.response([place]), self.whole)[0])
             precision = min(precision, max((1 - here) / 2, 1e-6), 1e-2)
-            found = peak(self._scaled(level), self.whole, precision)
+            found = peak(scaled, self.whole, precision)
             if found.upper < 1:
-                return level * found.upper * (1 + 1e-12), found.message
+                return level, found.proof, found.message
             self.add(np.array([found.omega]))
             self.add(self._wanted())
             level = max(level, float(self.upper.max()))
             precision /= 2
-        return math.inf, f"robust stability is not proven: no gain below {level:.6g} is"
-
-    def _scaled(self, level: float) -> StableSystem:
-        """The system with its exogenous inputs divided by a level."""
-        scale = np.ones(self.whole.rows)
-        scale[self.structure.rows :] /= level
-        outputs, inputs = (np.arange(count) for count in self.system.D.shape)
-        return self.system.channels(outputs, inputs, input_gains=scale)
+        return 0.0, None, f"robust stability is not proven: no gain below {level:.6g} is"
 
     def attained(self) -> tuple[float, float, Array]:
         """The largest gain proven, its frequency and its perturbation."""
@@ -185,23 +191,34 @@ class _Search:
         lower, Delta = self.skew(omega).lower(self.upper[best])
         r, c = self.structure.rows, self.structure.columns
         Delta = np.where((lower > 0)[:, None, None], Delta[:, :r, :c], 0.0)
-        gains = [self._gain(*one) for one in zip(Delta, omega, strict=True)]
+        gains = [
+            attained_gain(self.system, self.structure, *one)
+            for one in zip(Delta, omega, strict=True)
+        ]
         index = int(np.argmax(gains))
         return gains[index], float(omega[index]), Delta[index]
 
-    def _gain(self, Delta: Array, omega: float) -> float:
-        """The gain that a perturbation proves at a frequency [rad/s]; infinite if it destabilises.
 
-        A multiple of at most 1 of it then makes the loop singular at some frequency.
-        """
-        r, c = self.structure.rows, self.structure.columns
-        whole = self.system
-        loop = whole.channels(np.arange(c), np.arange(r))
-        gain = proven_gain(whole, self.structure, Delta, float(omega))
-        if not Delta.any():
-            return gain
-        unstable = max(
-            proven_at(loop, self.structure, Delta, float(omega)),
-            proven_over_frequency(loop, self.structure, Delta),
-        )
-        return math.inf if unstable >= 1 else gain
+def divided(system: StableSystem, structure: Structure, level: float) -> StableSystem:
+    """The system with its exogenous inputs divided by a level."""
+    scale = np.ones(system.D.shape[1])
+    scale[structure.rows :] /= level
+    outputs, inputs = (np.arange(count) for count in system.D.shape)
+    return system.channels(outputs, inputs, input_gains=scale)
+
+
+def attained_gain(system: StableSystem, structure: Structure, Delta: Array, omega: float) -> float:
+    """The gain that a perturbation proves at a frequency [rad/s]; infinite if it destabilises.
+
+    A multiple of at most 1 of it then makes the loop singular at some frequency.
+    """
+    r, c = structure.rows, structure.columns
+    loop = system.channels(np.arange(c), np.arange(r))
+    gain = proven_gain(system, structure, Delta, float(omega))
+    if not Delta.any():
+        return gain
+    unstable = max(
+        proven_at(loop, structure, Delta, float(omega)),
+        proven_over_frequency(loop, structure, Delta),
+    )
+    return math.inf if unstable >= 1 else gain
