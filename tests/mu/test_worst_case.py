@@ -1,11 +1,19 @@
 """Worst-case gains: closed forms, SLICOT's norms of closed loops, and samples."""
 
+from dataclasses import replace
+
 import control
 import numpy as np
 import pytest
+import xarray as xr
 
 from workbench.errors import InputError
 from workbench.mu import worst_case_gain
+from workbench.mu.robust.stored_worst_case import (
+    restored_worst_case,
+    stored_worst_case,
+    worst_case_checks,
+)
 from workbench.structure import Complex, Full, Real, Structure
 
 
@@ -60,6 +68,48 @@ def test_of_an_uncertain_damping(damping, share):
     assert expected <= found.upper <= 1.011 * expected
     assert found.omega == pytest.approx(np.sqrt(1 - 2 * z**2), rel=1e-3)
     check(N, structure, found)
+
+
+@pytest.fixture(scope="module")
+def claimed():
+    structure = Structure([Real(1), Full(2, 2)])
+    N = random_system(3, structure, 0.01)
+    return N, structure, worst_case_gain(N, structure)
+
+
+def test_what_is_stored_proves_the_gain_again(claimed):
+    N, structure, found = claimed
+    again = restored_worst_case(xr.Dataset(stored_worst_case("gain", found)), "gain")
+    assert (again.lower, again.upper, again.level) == (found.lower, found.upper, found.level)
+    assert all(check.holds for check in worst_case_checks(N, structure, again))
+
+
+@pytest.mark.parametrize(
+    ("change", "name"),
+    [
+        (lambda f: replace(f, upper=0.99 * f.upper), "upper"),
+        (lambda f: replace(f, level=0.95 * f.level, upper=0.95 * f.upper), "upper"),
+        (lambda f: replace(f, proof=None), "upper"),
+        (lambda f: replace(f, proof=replace(f.proof, intervals=f.proof.intervals[1:])), "upper"),
+        (lambda f: replace(f, lower=1.01 * f.lower), "lower"),
+        (lambda f: replace(f, lower=np.inf), "lower"),
+        (lambda f: replace(f, Delta=0.5 * f.Delta), "lower"),
+        (lambda f: replace(f, Delta=2.0 * f.Delta), "lower"),
+        (lambda f: replace(f, lower=1.1 * f.upper), "order"),
+    ],
+)
+def test_a_gain_that_is_not_proven_is_refused(claimed, change, name):
+    N, structure, found = claimed
+    failed = {c.name for c in worst_case_checks(N, structure, change(found)) if not c.holds}
+    assert name in failed
+
+
+def test_an_unproven_gain_claims_nothing_above():
+    N, structure = oscillator(0.1, 1.1), Structure([Real(1)])
+    found = worst_case_gain(N, structure)
+    assert found.upper == np.inf and found.proof is None
+    again = restored_worst_case(xr.Dataset(stored_worst_case("gain", found)), "gain")
+    assert all(check.holds for check in worst_case_checks(N, structure, again))
 
 
 def test_of_an_uncertain_damping_and_stiffness():

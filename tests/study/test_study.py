@@ -75,6 +75,11 @@ class Lags(Study):
     poles = array("poles", "rad/s", value=lambda: [-1.0, -10.0])
     missing = array(lag, "1", value=lambda self: np.ones(2) if self.measured else None)
 
+    @variables
+    def own(self, poles):
+        """Whatever a function gives."""
+        return {"own_poles": (("pole",), poles.values[::-1], {"units": "rad/s"})}
+
     @check("{lag}", at_most=1.0, each="lag", where="near {omega}")
     def passes(self, size):
         """magnitude nowhere above 1"""
@@ -123,6 +128,11 @@ def test_arrays_are_stored_with_dims_units_and_meaning(answer):
     assert np.array_equal(answer["corner"], [1.0, 10.0])
     assert answer["poles"].dims == ("poles",) and answer["poles"].attrs == {"units": "rad/s"}
     assert "absent" not in answer and "missing" not in answer and "calls" not in answer
+
+
+def test_arrays_of_names_that_a_function_gives(answer):
+    assert answer["own_poles"].dims == ("pole",)
+    assert answer["own_poles"].values.tolist() == [-10.0, -1.0]
 
 
 def test_what_is_needed_twice_is_computed_once(answer):

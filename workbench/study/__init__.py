@@ -1,7 +1,7 @@
 """Studies that read as their science: arrays, checks, metrics, tables and figures declared once."""
 
 from workbench.study.checks import check
-from workbench.study.declarations import array, arrays, dim, part, system
+from workbench.study.declarations import array, arrays, dim, part, system, variables
 from workbench.study.study import Study
 from workbench.study.views import figure, lines, metric, table
 
@@ -17,4 +17,5 @@ __all__ = [
     "part",
     "system",
     "table",
+    "variables",
 ]

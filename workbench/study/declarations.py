@@ -214,6 +214,18 @@ def _unit_and_meaning(about: str | tuple[str, str]) -> tuple[str, str]:
     return (about, "") if isinstance(about, str) else about
 
 
+class VariablesDeclaration(Declaration):
+    """Arrays whose names and dimensions the function gives."""
+
+
+def variables(function: Function) -> Any:
+    """Declare stored arrays of the function's own names and dimensions, as those of a proof.
+
+    The function returns variables of a dataset by name: dims, values and attributes.
+    """
+    return VariablesDeclaration(function)
+
+
 class System(Declaration):
     """python-control systems that are stored, one or one for each label of a dimension.
 

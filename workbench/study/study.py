@@ -13,7 +13,14 @@ from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.program import Claim, Task
 from workbench.solvers import Outcome
 from workbench.study.checks import Checked
-from workbench.study.declarations import ArrayDeclaration, Declaration, Dim, PartDeclaration, System
+from workbench.study.declarations import (
+    ArrayDeclaration,
+    Declaration,
+    Dim,
+    PartDeclaration,
+    System,
+    VariablesDeclaration,
+)
 from workbench.study.views import Drawn, Metric, Table, stem
 
 Kind = TypeVar("Kind", bound=Declaration)
@@ -132,7 +139,7 @@ class _Computation:
         import xarray as xr
 
         for one in self.declared.values():
-            if isinstance(one, Dim | ArrayDeclaration | System):
+            if isinstance(one, Dim | ArrayDeclaration | System | VariablesDeclaration):
                 self._make(one)
         return xr.Dataset(self.variables, self.coordinates)
 
@@ -184,6 +191,9 @@ class _Computation:
             labels = [] if one.over is None else self.get(one.over).values.tolist()
             self.values[one.name] = value = one.value(self.study, self.get)
             self.variables |= one.variables(value, labels)
+        elif isinstance(one, VariablesDeclaration):
+            self.values[one.name] = made = one.value(self.study, self.get)
+            self.variables |= made
         elif isinstance(one, PartDeclaration):
             self.values[one.name] = one.value(self.study, self.get)
         else:

@@ -6,9 +6,9 @@ of CD-players (2003).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -19,7 +19,12 @@ from workbench.certify.norms import certified_norm
 from workbench.executor import Context
 from workbench.heavy_types import DataArray, Dataset, StateSpace
 from workbench.mu import Peak, WorstCaseGain, conditions, worst_case_gain
-from workbench.study import Study, array, arrays, check, dim, figure, metric, part, table
+from workbench.mu.robust.stored_worst_case import (
+    restored_worst_case,
+    stored_worst_case,
+    worst_case_checks,
+)
+from workbench.study import Study, array, arrays, check, dim, figure, metric, part, table, variables
 from workbench.systems import bandwidths
 from workbench.systems.generalised_plant import response
 from workbench.systems.margins import MARGIN_UNITS, each_margin
@@ -36,6 +41,8 @@ from .report import cases_table, front_figure, front_table, loops_figure
 
 Bounds = list[tuple[float, RealArray]]
 """Levels, and their filters (3,)."""
+Judged = tuple[RealArray, RealArray, list[list[WorstCaseGain]]]
+"""Nominal gains (controller, 3), worst ones (controller, 2, 2), and the latter's proofs."""
 SHARES = (0.3, 60.0)
 """Least and largest weight of the defects' channel; that of the disturbances' is 1."""
 GAIN_FACTORS = (1 / 3, 3**-0.5, 1.0, 3**0.5)
@@ -131,16 +138,20 @@ class TwoControllers(Study):
     )
 
     @part
-    def judged(self, front: list[StateSpace], context: Context) -> tuple[RealArray, RealArray]:
-        """Nominal gains (controller, 3) and worst ones (controller, 2, 2), the scaled ones last."""
+    def judged(self, front: list[StateSpace], context: Context) -> Judged:
+        """Nominal gains (controller, 3), worst ones (controller, 2, 2) and what proves them.
+
+        The scaled controllers come last.
+        """
         import control
 
         scaled = [gain * control.ss(controller(self.axis)) for gain in GAIN_FACTORS]
         found = [
             (self._gains(K), self._worst(K)) for K in context.track([*front, *scaled], "judging")
         ]
-        nominal, worst = (np.array(part) for part in zip(*found, strict=True))
-        return nominal, worst
+        nominal, worst = (list(part) for part in zip(*found, strict=True))
+        bounds = [[(one.lower, one.upper) for one in each] for each in worst]
+        return np.array(nominal), np.array(bounds), worst
 
     largest = "largest gain of the nominal loop, certified"
     nominal = array((share, channel), "1", largest)(lambda self, judged: judged[0][: self.designs])
@@ -157,6 +168,15 @@ class TwoControllers(Study):
     chosen = array(bandwidth, "", "which of the controllers")(
         lambda self, worst: self.choice(worst.values[:, :, 1])
     )
+
+    @variables
+    def proofs(self, judged: Judged, chosen: DataArray) -> dict[str, Any]:
+        """What proves the worst gains of the two."""
+        found: dict[str, Any] = {}
+        for case, place in zip(CASES[:2], chosen.values, strict=True):
+            for channel, gain in zip(UNCERTAIN, judged[2][place], strict=True):
+                found |= stored_worst_case(f"{case}_{channel}", gain)
+        return found
 
     @part
     def bounds(self, share: DataArray, nominal: DataArray, context: Context) -> Bounds:
@@ -242,16 +262,18 @@ class TwoControllers(Study):
         nominal = self.trade_off.nominal
         return [certified_norm(nominal.channel(z).close(K)) for z in CHANNELS]
 
-    def _worst(self, K: StateSpace) -> list[tuple[float, float]]:
+    def uncertain_loop(self, channel: str, K: StateSpace) -> StateSpace:
+        """The loop of K from w to a performance output, and of the uncertain parameters."""
+        return self.trade_off.uncertain.channel(channel, "w").close(K)
+
+    def _worst(self, K: StateSpace) -> list[WorstCaseGain]:
         """Bounds of a and b over all plants."""
-        uncertain = self.trade_off.uncertain
-        structure = uncertain.structure
+        structure = self.trade_off.uncertain.structure
         assert structure is not None
-        found: list[WorstCaseGain] = [
-            worst_case_gain(uncertain.channel(z, "w").close(K), structure, WORST_CASE_TOLERANCE)
+        return [
+            worst_case_gain(self.uncertain_loop(z, K), structure, WORST_CASE_TOLERANCE)
             for z in UNCERTAIN
         ]
-        return [(each.lower, each.upper) for each in found]
 
     def _robust_performance(self, K: StateSpace) -> list[Peak]:
         """Peaks of mu of z_p: with W_p, and with the error bearable while a defect passes."""
@@ -264,7 +286,28 @@ class TwoControllers(Study):
 
     @check()
     def gains_and_bounds(self, answer: Dataset) -> list[Check]:
-        return two_controllers_checks(self.trade_off, self.controllers(answer), answer)
+        front = self.controllers(answer)
+        return [
+            *two_controllers_checks(self.trade_off, front, answer),
+            *self._proven(front, answer),
+        ]
+
+    def _proven(self, front: list[StateSpace], answer: Dataset) -> list[Check]:
+        """The worst gains of the two, proven again by their multipliers and perturbations."""
+        structure = self.trade_off.uncertain.structure
+        assert structure is not None
+        found: list[Check] = []
+        for case, place in zip(CASES[:2], answer["chosen"].values.tolist(), strict=True):
+            for z in UNCERTAIN:
+                stored = restored_worst_case(answer, f"{case}_{z}")
+                claimed = answer["worst"].sel(uncertain=z).values[place].tolist()
+                same = replace(stored, lower=claimed[0], upper=claimed[1])
+                loop = self.uncertain_loop(z, front[place])
+                found += [
+                    replace(check, name=f"{check.name} of {z}, {case}")
+                    for check in worst_case_checks(loop, structure, same)
+                ]
+        return found
 
     @metric
     def of_the_two(self, answer: Dataset) -> dict[str, float]:
