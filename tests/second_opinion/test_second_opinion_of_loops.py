@@ -13,7 +13,7 @@ from workbench.second_opinion.responses import (
     tried_frequencies,
     upper_closed,
 )
-from workbench.second_opinion.simulation import energy_ratio
+from workbench.second_opinion.simulation import _run, energy_ratio
 from workbench.structure import Complex, Full, Real, Structure
 from workbench.systems.generalised_plant import GeneralisedPlant
 
@@ -107,3 +107,17 @@ def test_frequencies_are_dense_where_it_matters():
     assert grid[0] == 0.0
     assert grid[-1] == np.inf
     assert tried_frequencies(np.array([0.5]), dt=0.1)[-1] == pytest.approx(10 * np.pi)
+
+
+@pytest.mark.parametrize("n", [0, 1, 7])
+@pytest.mark.parametrize("samples", [1, 16, 1000])
+def test_simulated_blocks_are_the_recursion(n, samples):
+    rng = np.random.default_rng(n)
+    A, B, C, D = (rng.standard_normal(shape) for shape in ((n, n), (n, 3), (2, n), (2, 3)))
+    A *= 0.2
+    w = rng.standard_normal((samples, 3))
+    x, expected = np.zeros(n), []
+    for drive in w:
+        expected.append(C @ x + D @ drive)
+        x = A @ x + B @ drive
+    np.testing.assert_allclose(_run(A, B, C, D, w), expected, rtol=1e-12, atol=1e-12)

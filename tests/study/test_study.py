@@ -24,6 +24,7 @@ from workbench.study import (
     part,
     system,
     table,
+    variables,
 )
 
 LAGS = {"slow lag": 1.0, "fast lag": 10.0}

@@ -97,7 +97,7 @@ def certified_interval(
     system, multipliers = stable_system(system), (D_left, D_right, G)
     ends, doubt = proven_in_doubles(system, multipliers, beta, omega, slopes, half, end_margin)
     if doubt and ends is None and slopes is None:
-        ends = _proven_in_balls(system.source or system, multipliers, beta, omega, end_margin)
+        ends = proven_in_balls(system, multipliers, beta, omega, end_margin)
     return ends
 
 
@@ -120,13 +120,17 @@ def proven_in_doubles(
     return ends, doubt
 
 
-def _proven_in_balls(
-    system: StableSystem, multipliers: Multipliers, beta: float, omega: float, end_margin: float
+def proven_in_balls(
+    system: StableSystem,
+    multipliers: Multipliers,
+    beta: float,
+    omega: float,
+    end_margin: float = 0.0,
 ) -> tuple[float, float] | None:
     """As `certified_interval` for fixed multipliers, in ball arithmetic."""
     if not all(positive_definite(exact(np.asarray(D))) for D in multipliers[:2]):
         return None
-    discs = ball_discs(system, multipliers, beta, omega)
+    discs = ball_discs(system.source or system, multipliers, beta, omega)
     if discs is None:
         return None
     below, above, _ = _nearest(discs, omega, math.inf)

@@ -12,7 +12,12 @@ from typing import Any
 
 from workbench.arrays import EPS
 from workbench.certify.cover import CertifiedInterval
-from workbench.certify.interval import Multipliers, certified_interval, proven_in_doubles
+from workbench.certify.interval import (
+    Multipliers,
+    certified_interval,
+    proven_in_balls,
+    proven_in_doubles,
+)
 from workbench.certify.mu_bound import structured
 from workbench.certify.stable_system import StableSystem, stable_system
 from workbench.structure import Structure
@@ -101,12 +106,12 @@ def _gaps(
     """Parts of the band that no interval covers."""
     (reached, top), gaps = band, []
     for low, high in sorted(intervals):
+        if low > top or high < reached:
+            continue
         if low > reached:
-            gaps.append((reached, min(low, top)))
+            gaps.append((reached, low))
         reached = max(reached, high)
-        if reached >= top:
-            break
-    if reached < top or not intervals:
+    if reached < top or not any(low <= top and band[0] <= high for low, high in intervals):
         gaps.append((reached, top))
     return gaps
 
@@ -127,7 +132,14 @@ def _closed(
 ) -> bool:
     """Whether multipliers of the intervals `about` a gap prove beta on all of it, also by balls."""
     pieces = [gap]
+    for one in _nearest(about, _between(*gap)):
+        if one.slopes is None and pieces:
+            (D_left, D_right, G), _ = _multipliers(structure, one, one.omega)
+            ends = proven_in_balls(system, (D_left, D_right, G), beta, one.omega)
+            pieces = [rest for piece in pieces for rest in _gaps([ends] if ends else [], piece)]
     for _ in range(PIECES):
+        if not pieces:
+            return True
         low, high = pieces.pop()
         omega = _between(low, high)
         for one in _nearest(about, omega):
@@ -146,9 +158,7 @@ def _closed(
             pieces.append((low, ends[0]))
         if ends[1] < high:
             pieces.append((ends[1], high))
-        if not pieces:
-            return True
-    return False
+    return not pieces
 
 
 def _between(low: float, high: float) -> float:

@@ -15,7 +15,7 @@ SPARED_ROUNDING = 100.0
 """Roundings of a squaring, in units of n eps, that the growth of a stable loop may show."""
 
 
-def growth(A: Any, dt: float | None) -> tuple[float, float]:
+def growth(A: Any, dt: float | None) -> tuple[Any, Any]:
     """Logarithm of the growth of x[k + 1] = A x[k] per sample, and what rounding may add to it.
 
     In continuous time (dt is 0 or None) A is replaced by its Cayley transform (a + A) / (a - A),
@@ -25,27 +25,30 @@ def growth(A: Any, dt: float | None) -> tuple[float, float]:
     Parameters
     ----------
     A
-        Real or complex (n, n).
+        Real or complex (n, n); in discrete time also several (..., n, n), with a result for each.
     dt
         Sampling time [s]; 0 or None in continuous time.
     """
     S = np.asarray(A) if dt else cayley(A)
-    n = len(S)
+    n = S.shape[-1]
     if not n:
-        return -math.inf, 0.0
+        return np.full(S.shape[:-2], -np.inf)[()], np.zeros(S.shape[:-2])[()]
     unit = SPARED_ROUNDING * n * float(np.finfo(float).eps)
-    size, rounding, share = 0.0, unit, 1.0
+    size, share = np.zeros(S.shape[:-2]), 1.0
+    rounding = np.full(S.shape[:-2], unit)
+    tiny = float(np.finfo(float).tiny)
     for _ in range(SQUARINGS):
-        norm = float(np.linalg.norm(S))
-        if not (0.0 < norm < math.inf):
-            return (-math.inf if norm == 0.0 else math.inf), rounding
-        size += share * math.log(norm)
-        S = S / norm
-        S = S @ S
+        norm = np.linalg.norm(S, axis=(-2, -1))
+        known = (norm > 0.0) & (norm < math.inf)
+        with np.errstate(all="ignore"):  # 0 counts as -inf, and what overflows as inf, for good
+            size = size + share * np.log(norm)
+            S = S / np.where(norm > 0.0, norm, 1.0)[..., None, None]
+            S = S @ S
         share /= 2
         # What cancels in the square, because |S^2| is far below |S|^2, is lost to rounding.
-        rounding += share * unit / max(float(np.linalg.norm(S)), float(np.finfo(float).tiny))
-    return size, rounding
+        left = np.maximum(np.linalg.norm(S, axis=(-2, -1)), tiny)
+        rounding = rounding + np.where(known, share * unit / left, 0.0)
+    return np.where(np.isnan(size), np.inf, size)[()], rounding[()]
 
 
 def cayley(A: Any) -> RealArray:

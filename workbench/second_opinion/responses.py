@@ -64,7 +64,8 @@ def closing_error(plant: Any, P: ComplexArray, K: Any, C: ComplexArray, omega: A
     multiplied, and parts of the loop may cancel.
     """
     errors = [
-        CLOSING_ROUNDING + SPARED * _size(found - _transposed(system, omega)) / _size(found)
+        CLOSING_ROUNDING
+        + SPARED * _size(found - _transposed(system, omega)) / _nonzero(_size(found))
         for system, found in ((plant, P), (K, C))
     ]
     controls, measurements = C.shape[-2:]
@@ -89,6 +90,11 @@ def _transposed(system: Any, omega: RealArray) -> ComplexArray:
 def _size(M: ComplexArray) -> RealArray:
     """Frobenius norms (F,)."""
     return np.linalg.norm(M, axis=(-2, -1))
+
+
+def _nonzero(sizes: RealArray) -> RealArray:
+    """The sizes, with 1 for each 0."""
+    return np.where(sizes > 0.0, sizes, 1.0)
 
 
 def upper_closed(M: ComplexArray, Delta: ComplexArray) -> ComplexArray:

@@ -15,6 +15,8 @@ SAMPLES = 3000
 """Samples simulated."""
 SAMPLES_PER_PERIOD = 16
 """Samples in a period of the sinusoid that drives a continuous loop."""
+BLOCK = 16
+"""Samples of a block, a power of two; the blocks are simulated together."""
 PASSES = 3
 """Times that the loop is driven: each time by what came out before, run backwards."""
 
@@ -60,13 +62,26 @@ def energy_ratio(matrices: Any, dt: float | None, omega: float) -> float:
 
 
 def _run(A: RealArray, B: RealArray, C: RealArray, D: RealArray, w: RealArray) -> RealArray:
-    """Outputs (N, outputs) of the loop from rest, driven by w (N, inputs)."""
-    entering = w @ B.T
-    states = np.empty((len(w), len(A)))
-    x = np.zeros(len(A))
-    for k, drive in enumerate(entering):
-        states[k] = x
-        x = A @ x + drive
+    """Outputs (N, outputs) of the loop from rest, driven by w (N, inputs).
+
+    All blocks of samples are simulated from rest together, and then what the state at the start of
+    each block adds.
+    """
+    blocks, n = -(-len(w) // BLOCK), len(A)
+    entering = np.zeros((blocks * BLOCK, n))
+    entering[: len(w)] = w @ B.T
+    after = entering.reshape(blocks, BLOCK, n)  # the states after each sample of a block
+    powers = [np.eye(n)]
+    for _ in range(BLOCK):
+        powers.append(A @ powers[-1])
+    for span in (2**k for k in range(BLOCK.bit_length() - 1)):
+        after[:, span:] += after[:, :-span] @ powers[span].T  # the right side is made first
+    start = np.zeros((blocks, n))
+    for k in range(1, blocks):
+        start[k] = powers[BLOCK] @ start[k - 1] + after[k - 1, -1]
+    before = np.concatenate([np.zeros((blocks, 1, n)), after[:, :-1]], axis=1)
+    before += (start @ np.stack(powers[:BLOCK]).mT).transpose(1, 0, 2)
+    states = before.reshape(blocks * BLOCK, n)[: len(w)]
     return states @ C.T + w @ D.T
 
 

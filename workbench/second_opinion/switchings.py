@@ -39,18 +39,25 @@ def fastest_growth(
     Logarithm of the growth in one period: below 0 where every switching tried is stable.
     """
     rng = np.random.default_rng(SEED)
-    worst, which = -np.inf, ""
-    for modes, stays in _switchings(rng, shortest, longest):
-        period = np.broadcast_to(np.eye(transitions[0].shape[-1]), transitions[0].shape)
-        for i, stay in zip(modes, stays, strict=True):
-            period = np.linalg.matrix_power(transitions[i], stay) @ period
-        for plant, A in enumerate(period):
-            rate, rounding = growth(A, 1.0)
-            if rate - rounding > worst:
-                worst = rate - rounding
-                steps = ", ".join(f"{n} in mode {i + 1}" for i, n in zip(modes, stays, strict=True))
-                which = f"for plant {plant + 1}: {steps}"
-    return worst, which
+    tried = list(_switchings(rng, shortest, longest))
+    if not tried:
+        return -np.inf, ""
+    rate, rounding = growth(np.array([_period(transitions, *one) for one in tried]), 1.0)
+    excess = rate - rounding
+    number, plant = np.unravel_index(int(np.argmax(excess)), excess.shape)
+    modes, stays = tried[number]
+    steps = ", ".join(f"{n} in mode {i + 1}" for i, n in zip(modes, stays, strict=True))
+    return float(excess[number, plant]), f"for plant {plant + 1}: {steps}"
+
+
+def _period(
+    transitions: Sequence[RealArray], modes: Sequence[int], stays: Sequence[int]
+) -> RealArray:
+    """Transitions (V, n, n) of the plants over one period."""
+    period = np.broadcast_to(np.eye(transitions[0].shape[-1]), transitions[0].shape)
+    for i, stay in zip(modes, stays, strict=True):
+        period = np.linalg.matrix_power(transitions[i], stay) @ period
+    return period
 
 
 def _switchings(
