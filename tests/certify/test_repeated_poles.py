@@ -3,12 +3,16 @@
 import math
 from functools import partial
 
+import control
 import numpy as np
 import pytest
 
 from workbench.certify.hamiltonian import ball_discs
 from workbench.certify.interval import certified_interval
 from workbench.certify.stable_system import StableSystem, stable_system
+from workbench.errors import InputError
+from workbench.mu import peak
+from workbench.structure import Complex, Structure
 
 up_to_its_ends = partial(certified_interval, end_margin=0.0)
 
@@ -47,3 +51,17 @@ def test_no_interval_reaches_over_the_crossing(count):
     crossing = math.sqrt(0.5 ** (-2 / count) - 1)
     assert crossing <= low < crossing * 1.001
     assert high == math.inf
+
+
+def test_repeated_poles_that_no_output_sees_do_not_blur_the_others():
+    """A chain of equal poles hangs on the loop: it is proven stable, and left out of responses."""
+    A, B = np.zeros((6, 6)), np.eye(6, 1)
+    A[:2, :2] = [[-0.01, 1.0], [-1.0, -0.01]]
+    A[2:, 2:] = -5000.0 * np.eye(4) + 300.0 * np.diag(np.ones(3), -1)
+    A[2, 0] = 7.0
+    found = stable_system(control.ss(A, B, np.eye(1, 6), 0))
+    assert len(found.A) == 2
+    assert peak(control.ss(A, B, np.eye(1, 6), 0), Structure([Complex(1)])).upper < 50.06
+    A[5, 5] = 1e-3
+    with pytest.raises(InputError, match="unstable"):
+        stable_system(control.ss(A, B, np.eye(1, 6), 0))

@@ -111,7 +111,9 @@ def test_a_false_bound_over_frequency_or_of_a_skewed_mu_is_found_out(monkeypatch
             peak(system, structure)
     proven = Search.proven
     with monkeypatch.context() as patch:
-        patch.setattr(Search, "proven", lambda self, t: (proven(self, t)[0] / 2, ""))
+        patch.setattr(
+            Search, "proven", lambda self, t: (proven(self, t)[0] / 2, *proven(self, t)[1:])
+        )
         with pytest.raises(ContradictionError, match="the worst-case gain"):
             worst_case_gain(N, structure)
     upper = Skew.upper
@@ -119,6 +121,10 @@ def test_a_false_bound_over_frequency_or_of_a_skewed_mu_is_found_out(monkeypatch
         patch.setattr(Skew, "upper", lambda self: upper(self) / 2)
         with pytest.raises(ContradictionError, match="the skewed mu"):
             skew_bounds(np.eye(2) / 2, Structure([Complex(1), Complex(1)]), [0])
+
+
+def _halved(level, *others):
+    return level / 2, *others
 
 
 def test_the_message_shows_the_place_and_both_claims():

@@ -17,7 +17,12 @@ from typing import Any
 import numpy as np
 
 from workbench.arrays import Array, RealArray
-from workbench.certify.interval import certified_interval
+from workbench.certify.interval import (
+    END_MARGIN,
+    certified_interval,
+    proven_in_balls,
+    proven_in_doubles,
+)
 from workbench.certify.stable_system import StableSystem
 from workbench.systems.frequency_grid import starting_grid
 
@@ -103,6 +108,9 @@ NEGLIGIBLE_BOUND = 1e-9
 COARSENING_FACTOR, COARSENINGS = 10.0, 10
 """Factor by which the tolerance grows each time the allowed steps are used up, and how often."""
 
+MOST_FAILURES_OF_BALLS = 5
+"""Failures after which ball arithmetic, which takes its time, is tried no more."""
+
 HOPELESS_RATIO = 1e3
 """Growth of the bound at which the search stops: rounding hides every proof."""
 
@@ -161,6 +169,7 @@ class BandCover:
             (1 + tolerance) * float(found.upper.max()), NEGLIGIBLE_BOUND * min(size, 1.0)
         )
         self.intervals: list[CertifiedInterval] = []
+        self.failures_of_balls = 0
         self.open = [(float(found.omega[0]), float(found.omega[-1]))]
 
     @property
@@ -218,7 +227,11 @@ class BandCover:
         D_left, D_right, G = (
             part[index] for part in (self.found.D_left, self.found.D_right, self.found.G)
         )
-        ends = certified_interval(self.system, D_left, D_right, G, self.beta, omega)
+        multipliers = D_left, D_right, G
+        ends, doubt = proven_in_doubles(self.system, multipliers, self.beta, omega)
+        if ends is None and doubt and self.failures_of_balls < MOST_FAILURES_OF_BALLS:
+            ends = proven_in_balls(self.system, multipliers, self.beta, omega, END_MARGIN)
+            self.failures_of_balls += ends is None
         if ends is None or not _wide(*ends):
             self.beta *= 1 + self.tolerance
             return

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import Array, RealArray
+from workbench.arrays import Array, BoolArray, RealArray
 from workbench.certify.eigenvalues import Discs, pole_discs
 from workbench.certify.modal_form import PRECISIONS, Enclosures, enclosed_modal_form
 from workbench.certify.rounding import Enclosure, exact
@@ -114,7 +114,9 @@ def _picked(matrix: Enclosure, rows: Any, columns: Any) -> Enclosure:
 def stable_system(system: Any) -> StableSystem:
     """The realisation of a StateSpace or TransferFunction that is proven to be stable.
 
-    Its states are scaled; where doubles prove too little of its poles, they are modal.
+    Its states are scaled; where doubles prove too little of its poles, they are modal. States that
+    no input reaches, or that reach no output, by the zeros of the matrices, are proven stable too
+    and then left out: repeated poles of weights would only blur the others.
 
     Raises
     ------
@@ -140,6 +142,7 @@ def stable_system(system: Any) -> StableSystem:
     if not np.isfinite(part.M).all():
         raise InputError("the system has entries that are not finite")
     M, n = np.asarray(part.M, dtype=float), part.states
+    seen = _seen(M, n)
     scale = balancing(M, n)[0][:n]
     A, B, C = M[:n, :n] * scale[:, None] / scale, M[:n, n:] * scale[:, None], M[n:, :n] / scale
     parts: Enclosures = exact(A), exact(B), exact(C)
@@ -147,7 +150,7 @@ def stable_system(system: Any) -> StableSystem:
     D = exact(M[n:, n:])
     best, unstable = _spread(discs), _unstable(discs)
     for bits in PRECISIONS:
-        if best <= SHARPNESS or unstable:
+        if unstable or best <= (SHARPNESS if seen.all() else 1.0):
             break
         form = _scaled(enclosed_modal_form(A, B, C, bits))
         if form is not None:
@@ -157,6 +160,9 @@ def stable_system(system: Any) -> StableSystem:
                 best, discs, parts = _spread(found), found, form
     if unstable or not discs.rightmost < 0:
         raise _refusal(discs, A, unstable)
+    if not seen.all():
+        A, B, C = M[:n, :n][np.ix_(seen, seen)], M[:n, n:][seen], M[n:, :n][:, seen]
+        return stable_system(control.StateSpace(A, B, C, M[n:, n:], 0, remove_useless_states=False))
     poles = discs.centre.astype(complex)
 
     def modal() -> StableSystem | None:
@@ -169,6 +175,16 @@ def stable_system(system: Any) -> StableSystem:
         return _system(parts, D, poles, cache(modal) if n else lambda: None)
     source = _system((exact(A), exact(B), exact(C)), D, poles)
     return _system(parts, D, poles, source=source)
+
+
+def _seen(M: RealArray, n: int) -> BoolArray:
+    """Which of the n states of M = [A B; C D] lie between the inputs and the outputs."""
+    A = M[:n, :n] != 0.0
+    reached, reaching = (M[:n, n:] != 0.0).any(axis=1), (M[n:, :n] != 0.0).any(axis=0)
+    for _ in range(n):
+        reached, reaching = reached | A[:, reached].any(axis=1), reaching | A[reaching].any(axis=0)
+    seen: BoolArray = reached & reaching
+    return seen
 
 
 def _scaled(parts: Enclosures | None) -> Enclosures | None:
