@@ -46,7 +46,7 @@ def peak_checks(
             proven = proven_at(stable, structure, found.Delta, found.omega)
             if proven < lower:
                 proven = max(proven, proven_over_frequency(stable, structure, found.Delta))
-    short = 0.0 if lower == 0 else lower / proven - 1 if proven > 0 else math.inf
+    short = 0.0 if lower <= proven else lower / proven - 1 if proven > 0 else math.inf
     return [
         Check("peak", "whether the multipliers leave it unproven", float(bool(fault)), 0.0, fault),
         Check(
