@@ -11,8 +11,10 @@ import xarray as xr
 import workbench as wb
 from workbench.bench import netcdf
 from workbench.bench.files import read_json, write_json
+from workbench.bench.question import plain
 from workbench.bench.store import CHECKSUMS, seal
-from workbench.bench.verify import finished_folders
+from workbench.bench.verify import _certificates_apart, finished_folders
+from workbench.certificate import Certificate, Check
 from workbench.errors import ResultError
 
 
@@ -411,6 +413,27 @@ def test_a_study_edited_where_no_check_looks_is_found_by_a_rerun(project):
     assert wb.verify(run.path).holds
     found = wb.verify(run.path, rerun=True)
     assert any(text.startswith("re-run: total differs") for text in found.problems)
+
+
+@pytest.mark.parametrize(
+    ("opinion", "value", "same"),
+    [
+        (False, -4.8e-7, True),
+        (False, 9e-6, True),
+        (False, 2e-5, False),
+        (False, np.nan, False),
+        (True, 9e-4, True),
+        (True, 2e-3, False),
+    ],
+)
+def test_a_check_counts_as_the_same_within_a_hundredth_of_its_limit(opinion, value, same):
+    """Where a proof was found differs between machines; what an opinion measured, even more so."""
+
+    def written(excess):
+        check = Check("peak", "over the claim, less 1", excess, 1e-3, opinion=opinion)
+        return plain(Certificate((check,)).to_json())
+
+    assert (not _certificates_apart(written(value), written(0.0))) is same
 
 
 # --- where folders are ------------------------------------------------------------------------

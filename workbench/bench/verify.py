@@ -28,6 +28,9 @@ from workbench.study import Study
 SAME_NUMBER = 1e-9
 """Relative difference at which recomputed numbers count as the stored ones."""
 
+CHECKED = 1e-2
+"""Part of a check's limit within which recomputed values of the check count as the stored one."""
+
 
 @dataclass(frozen=True)
 class Verification:
@@ -139,29 +142,28 @@ def _recheck(run: Run, bound: Bound) -> tuple[Certificate | None, list[str]]:
     outcome = Solution(answer, claim, "", certificate).outcome
     if run.info["outcome"] != outcome:
         wrong.append(f"run.json says {run.info['outcome']!r}, the certificate {str(outcome)!r}")
-    stored, fresh = (
-        _without_opinion_values(each)
-        for each in (read_json(run.path / "certificate.json"), plain(certificate.to_json()))
-    )
-    # What is checked is near zero, rounding errors that differ between machines.
-    wrong += [f"certificate.json: {text}" for text in _apart(stored, fresh, floor=1.0)]
+    stored, fresh = read_json(run.path / "certificate.json"), plain(certificate.to_json())
+    wrong += [f"certificate.json: {text}" for text in _certificates_apart(stored, fresh)]
     stored, fresh = read_json(run.path / "metrics.json"), plain(task.metrics(answer))
     wrong += [f"metrics.json: {text}" for text in _apart(stored, fresh)]
     return certificate, wrong
 
 
-def _without_opinion_values(certificate: dict[str, Any]) -> dict[str, Any]:
-    """A certificate as JSON, without what the checks of the second opinion measured.
+def _certificates_apart(stored: dict[str, Any], fresh: dict[str, Any]) -> list[str]:
+    """Places where two certificates as JSON differ.
 
-    They sample in plain doubles, about poles and peaks that round differently on another machine;
-    that they hold, and what they say, is compared.
+    The value of a check is what rounding and a search for a proof leave over, and differs between
+    machines: it counts as the same within a hundredth of its limit. What a second opinion measured
+    is not compared, for it samples in plain doubles about poles and peaks that round differently;
+    that its checks hold, and what they say, is.
     """
-    measured = {"value", "limit", "over"}
-    checks = [
-        {k: v for k, v in check.items() if not (check.get("opinion") and k in measured)}
-        for check in certificate["checks"]
-    ]
-    return certificate | {"checks": checks}
+    if len(stored["checks"]) == len(fresh["checks"]):
+        for was, now in zip(stored["checks"], fresh["checks"], strict=True):
+            near = abs(float(was["value"]) - float(now["value"])) <= CHECKED * abs(now["limit"])
+            free = {"value", "limit", "over"} if now["opinion"] else {"value"} if near else set()
+            was.update({key: now[key] for key in free})
+    # What is checked is near zero, where a relative difference says nothing.
+    return _apart(stored, fresh, floor=1.0)
 
 
 def _apart(stored: Any, fresh: Any, path: str = "", floor: float = 0.0) -> list[str]:

@@ -6,6 +6,7 @@ from dataclasses import replace
 import control
 import numpy as np
 import pytest
+from scipy import signal
 from workbench.plants.cd_drive.drive.disc import Defect, Disc
 from workbench.plants.cd_drive.drive.plants import controller
 from workbench.plants.cd_drive.laboratory.bench_setup import PERIOD, RATE
@@ -173,7 +174,11 @@ def test_the_stand_in_filter_leaves_a_low_pass():
 
 
 def test_speed(slower):
-    """A million samples a second of an idle core, whose caches others may have; in its own time."""
+    """The nonlinear loop, sample by sample, against linear filters of SciPy in C beside it.
+
+    On an idle core 1.3 to 2.3 million samples a second, 8 to 20 times as long as the filters: what
+    makes a core slow makes them slow too.
+    """
     bench = Laboratory("focus", "nominal")
     designed = restored(slower["focus"].data, "sampled")
     made = Strategies("focus", clean_level(bench), 5.5, replacement=designed)
@@ -182,13 +187,17 @@ def test_speed(slower):
     seen = DISC.surface([Defect(1.2e-3, 0.0, 0.7)], at)
     exogenous = np.column_stack([DISC.deviation("focus", at), *seen])
     excitation, noise = np.zeros((samples, 1)), np.zeros((samples, 4))
+    sections = signal.butter(40, 0.1, output="sos")
     for name in STRATEGIES:
-        cascade, seconds = made.named(name), []
-        for _ in range(4):
+        cascade, loop, filters = made.named(name), [], []
+        for _ in range(6):
             start = time.thread_time()
+            signal.sosfilt(sections, exogenous[:-1, 0])
+            between = time.thread_time()
             _loop(bench).run(cascade, excitation, exogenous, noise)
-            seconds.append(time.thread_time() - start)
-        assert samples / min(seconds) > 1e6 / 2, name
+            filters.append(between - start)
+            loop.append(time.thread_time() - between)
+        assert min(loop) < 40.0 * min(filters), name
 
 
 @compiled
