@@ -19,7 +19,7 @@ import numpy as np
 from workbench.arrays import Array, RealArray
 from workbench.certify.interval import (
     END_MARGIN,
-    certified_interval,
+    Multipliers,
     proven_in_balls,
     proven_in_doubles,
 )
@@ -224,24 +224,45 @@ class BandCover:
         omega, bound = float(self.found.omega[index]), float(self.found.upper[index])
         if bound * (1 + 0.5 * self.tolerance) > self.beta:
             self.beta = bound * (1 + self.tolerance)
-        D_left, D_right, G = (
-            part[index] for part in (self.found.D_left, self.found.D_right, self.found.G)
-        )
-        multipliers = D_left, D_right, G
+        multipliers = self._multipliers(index)
         ends, doubt = proven_in_doubles(self.system, multipliers, self.beta, omega)
-        if ends is None and doubt and self.failures_of_balls < MOST_FAILURES_OF_BALLS:
-            ends = proven_in_balls(self.system, multipliers, self.beta, omega, END_MARGIN)
-            self.failures_of_balls += ends is None
-        if ends is None or not _wide(*ends):
+        if ends is None and doubt:
+            ends = self._in_balls(multipliers, omega)
+        if not self._covered(ends, omega, multipliers):
             self.beta *= 1 + self.tolerance
-            return
-        self.intervals.append(CertifiedInterval(*ends, omega, D_left, D_right, G))
-        self.open = [gap for one in self.open for gap in _without(one, ends)]
+
+    def _multipliers(self, index: int) -> Multipliers:
+        """D_left, D_right and G of a known frequency."""
+        return self.found.D_left[index], self.found.D_right[index], self.found.G[index]
+
+    def _in_balls(self, multipliers: Multipliers, omega: float) -> tuple[float, float] | None:
+        """Ends that ball arithmetic proves; None also where it failed too often before."""
+        if self.failures_of_balls >= MOST_FAILURES_OF_BALLS:
+            return None
+        ends = proven_in_balls(self.system, multipliers, self.beta, omega, END_MARGIN)
+        self.failures_of_balls += ends is None
+        return ends
+
+    def _covered(
+        self,
+        ends: tuple[float, float] | None,
+        omega: float,
+        multipliers: Multipliers,
+        slopes: tuple[Array, Array, Array] | None = None,
+    ) -> bool:
+        """Take an interval off the open gaps; False where there is none that is wide enough."""
+        if ends is None or not _wide(*ends):
+            return False
+        D_left, D_right, G = multipliers
+        self.intervals.append(CertifiedInterval(*ends, omega, D_left, D_right, G, slopes))
+        self.open = [rest for one in self.open for rest in _without(one, ends)]
+        return True
 
     def _linear_step(self, gap: tuple[float, float]) -> None:
         """Cover the middle of a gap with multipliers between those of its ends.
 
-        If they prove nothing, the gap is halved.
+        Where rounding hides what they prove, ball arithmetic tries those of the middle itself; if
+        nothing is proven, the gap is halved.
         """
         low, high = gap
         self._at(low), self._at(high)
@@ -250,8 +271,7 @@ class BandCover:
             bound = float(self.found.upper[index])
             if bound * (1 + 0.5 * self.tolerance) > self.beta:
                 self.beta = bound * (1 + self.tolerance)
-        parts = self.found.D_left, self.found.D_right, self.found.G
-        first, second = ([part[index] for part in parts] for index in indices)
+        first, second = (self._multipliers(index) for index in indices)
         # Multiples of multipliers prove the same bound: scale the second to be near the first.
         with np.errstate(all="ignore"):
             ratio = np.exp(np.mean(np.log(np.diag(first[1]).real / np.diag(second[1]).real)))
@@ -260,15 +280,17 @@ class BandCover:
         change = [(ratio * b - a) / 2 for a, b in pairs]
         omega, half = (low + high) / 2, (high - low) / 2
         slopes = change[0] / half, change[1] / half, change[2] / half
-        D_left, D_right, G = middle
-        ends = certified_interval(self.system, D_left, D_right, G, self.beta, omega, slopes, half)
-        if ends is not None and _wide(*ends):
-            self.intervals.append(CertifiedInterval(*ends, omega, D_left, D_right, G, slopes))
-            self.open = [rest for one in self.open for rest in _without(one, ends)]
-        else:
-            self.open.remove(gap)
-            between = _middle(low, high) if low > 0 else omega
-            self.open += [(low, between), (between, high)]
+        ends, doubt = proven_in_doubles(self.system, middle, self.beta, omega, slopes, half)
+        if self._covered(ends, omega, middle, slopes):
+            return
+        if ends is None and doubt:
+            index = self._at(omega)
+            fixed = self._multipliers(index)
+            if self._covered(self._in_balls(fixed, omega), omega, fixed):
+                return
+        self.open.remove(gap)
+        between = _middle(low, high) if low > 0 else omega
+        self.open += [(low, between), (between, high)]
 
     def _at(self, omega: float) -> int:
         """Index of a frequency; a new one is bounded first."""
