@@ -147,7 +147,7 @@ def in_time(
         rate, rounding = growth(A, loop.dt)
         fastest = max(fastest, rate - rounding)
         if rate <= rounding:
-            largest = max(largest, energy_ratio((A, B, C, D), loop.dt, omega))
+            largest = max(largest, energy_ratio((A, B, C, D), loop.dt, omega, claimed))
     return [
         Check(
             "sampled loops are stable",
