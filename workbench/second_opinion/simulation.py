@@ -29,8 +29,8 @@ PASSES = 3
 def energy_ratio(matrices: Any, dt: float | None, omega: float, claimed: float = 0.0) -> float:
     """Largest root of the ratio of output and input energy that simulations of a loop show.
 
-    Where it is above `claimed`, the same input is simulated with the states in another order, so that
-    other rounding errors are made, and the output counts less a multiple of what the two differ by.
+    Where it is above `claimed`, the same input is simulated with the states in another order, which
+    makes other rounding errors, and the output counts less a multiple of what the two differ by.
 
     A continuous loop is simulated after the bilinear transformation, which keeps its norm. The
     first input is a sinusoid; each next one is the adjoint's response to the last output, so that

@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import Array
+from workbench.arrays import Array, RealArray
 from workbench.errors import InputError
 from workbench.systems.balancing import balancing
 
 CHUNK_ENTRIES = 4_000_000
 """Total entries of the matrices that are solved in one call: 64 MB."""
+
+
+@lru_cache(maxsize=64)
+def _scale(size: bytes, shape: tuple[int, int], states: int) -> RealArray:
+    """Factors of the states; kept, for searches ask one system for one frequency at a time."""
+    rows, _ = balancing(np.frombuffer(size).reshape(shape), states)
+    return rows[:states]
 
 
 def frequency_response(M: Array, states: int, s: ArrayLike) -> Array:
@@ -20,7 +29,8 @@ def frequency_response(M: Array, states: int, s: ArrayLike) -> Array:
     Raises InputError where s is a pole.
     """
     points = np.atleast_1d(np.asarray(s, dtype=complex))
-    scale = balancing(abs(M).reshape(-1, *M.shape[-2:]).max(axis=0), states)[0][:states]
+    size = np.ascontiguousarray(abs(M).reshape(-1, *M.shape[-2:]).max(axis=0), dtype=float)
+    scale = _scale(size.tobytes(), size.shape, states)
     A = M[..., :states, :states] * scale[:, None] / scale
     B, C = M[..., :states, states:] * scale[:, None], M[..., states:, :states] / scale
     D = M[..., states:, states:]
