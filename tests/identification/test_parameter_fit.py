@@ -143,7 +143,7 @@ def test_symbols_and_numbers_are_one_model(name):
 RUNS = 500
 
 
-@pytest.mark.parametrize("periods", [6, 10, None])
+@pytest.mark.parametrize("periods", [6, pytest.param(10, marks=pytest.mark.slow), None])
 def test_the_intervals_cover_as_they_say(periods):
     """Weights known, or estimated from as many periods."""
     rng = np.random.default_rng(10)

@@ -151,7 +151,10 @@ ATTACKS = {
 }
 
 
-@pytest.mark.parametrize("name", ATTACKS)
+@pytest.mark.parametrize(
+    "name",
+    [n if n != "tails that vary" else pytest.param(n, marks=pytest.mark.slow) for n in ATTACKS],
+)
 def test_a_level_that_a_stable_T_has_is_never_proven(name):
     loop, T, basis = ATTACKS[name]
     roots = [
@@ -164,8 +167,8 @@ def test_a_level_that_a_stable_T_has_is_never_proven(name):
     omega = np.unique(np.concatenate([np.geomspace(1e-7, 1e9, 20_000), *about]))
     weights = loop.at(omega)
     level = float(weights.mu(T.response(omega)).max()) * (1 + 1e-6)
+    best = _candidate(loop, basis, level, Context(Options()))
     for factor in (1.0, 1.001, 1.5):
-        best = _candidate(loop, basis, level, Context(Options()))
         assert DualCertificate(factor * level, best.coefficients, basis).excess(loop) >= 0.0
     rng = np.random.default_rng(3)
     for _ in range(3):

@@ -52,6 +52,7 @@ def test_strategy_a_makes_the_balloon_smaller(small):
         assert numbers[f"balloon_{axis}_A"] < numbers[f"balloon_{axis}_reference"]
 
 
+@pytest.mark.slow
 def test_workers_do_not_change_the_answer(small):
     study, solution = small
     alone = wb.solve(replace(study, workers=1)).answer
