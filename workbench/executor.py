@@ -104,7 +104,8 @@ class Processes(Executor):
     workers
         How many at once.
     time_limit
-        Seconds after which a task is killed and its future raises `TimeLimitError`; None: never.
+        Seconds from its start in the process after which a task is killed and its future raises
+        `TimeLimitError`; None: never.
     """
 
     def __init__(self, workers: int, time_limit: float | None = None) -> None:
@@ -125,9 +126,10 @@ class Processes(Executor):
         process.start()
         theirs.close()
         try:
-            if not ours.poll(self._time_limit):
-                raise TimeLimitError(f"killed after its time limit of {self._time_limit:g} s")
             try:
+                ours.recv()  # the process has started; imports are not the task's time
+                if not ours.poll(self._time_limit):
+                    raise TimeLimitError(f"killed after its time limit of {self._time_limit:g} s")
                 done, value = ours.recv()
             except EOFError:
                 process.join()
@@ -147,6 +149,7 @@ def _send_result(
     pipe: Connection, fn: Callable[..., Any], args: tuple[Any, ...], kwargs: dict[str, Any]
 ) -> None:
     try:
+        pipe.send("started")
         pipe.send((True, fn(*args, **kwargs)))
     except KeyboardInterrupt:
         pipe.send((False, WorkbenchError("interrupted")))

@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import cache
 from typing import Any, Protocol
 
 from workbench.errors import InputError
@@ -241,12 +242,15 @@ _PACKAGES = (
 
 def versions() -> dict[str, str]:
     """Versions of the solvers and numerical libraries that can change an answer."""
+    return {package: found for package in _PACKAGES if (found := _version(package)) is not None}
+
+
+@cache
+def _version(package: str) -> str | None:
+    """Version of an installed package, None for another."""
     from importlib.metadata import PackageNotFoundError, version
 
-    found = {}
-    for package in _PACKAGES:
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:
-            continue
-    return found
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None

@@ -7,6 +7,7 @@ import itertools
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -58,16 +59,20 @@ def scan(root: Path) -> Iterator[Entry]:
         raise RegistryError(f"problem folder {root} does not exist")
     for file in sorted(root.rglob("*.py")):
         source = file.read_bytes()
-        if f"{DECORATOR}(".encode() not in source:
-            continue
-        try:
-            tree = ast.parse(source.decode(), filename=str(file))
-        except (SyntaxError, ValueError) as error:
-            line = getattr(error, "lineno", None) or 1
-            raise RegistryError(f"problem file {file}:{line}: {error}") from None
-        for node in tree.body:
-            if isinstance(node, ast.FunctionDef):
-                yield from _entries(node, root, file)
+        if f"{DECORATOR}(".encode() in source:
+            yield from _parsed(source, root, file)
+
+
+@lru_cache(maxsize=256)
+def _parsed(source: bytes, root: Path, file: Path) -> tuple[Entry, ...]:
+    """Entries of a file; parsing all files takes longer than running a small problem."""
+    try:
+        tree = ast.parse(source.decode(), filename=str(file))
+    except (SyntaxError, ValueError) as error:
+        line = getattr(error, "lineno", None) or 1
+        raise RegistryError(f"problem file {file}:{line}: {error}") from None
+    functions = [node for node in tree.body if isinstance(node, ast.FunctionDef)]
+    return tuple(entry for one in functions for entry in _entries(one, root, file))
 
 
 def _entries(function: ast.FunctionDef, root: Path, file: Path) -> Iterator[Entry]:
