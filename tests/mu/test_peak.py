@@ -14,6 +14,7 @@ from workbench.plants.cd_drive.uncertainty.parametric_model import (
     parametric_plant,
 )
 
+from workbench.certify import cover
 from workbench.certify.stable_system import stable_system
 from workbench.errors import InputError, UnknownNameError
 from workbench.mu.frequency.peak import peak, with_complex_part
@@ -170,6 +171,17 @@ def test_of_what_no_perturbation_can_destabilise():
     found = peak(system, Structure([Full(1, 1), Full(1, 1)]))
     assert found.lower == 0.0
     assert found.upper <= 1e-6
+
+
+def test_balls_prove_what_doubles_leave_open(monkeypatch):
+    """More intervals than are tried with fixed multipliers only."""
+    structure, rng = Structure([Complex(1), Full(2, 1)]), np.random.default_rng(5)
+    system = modes(rng, structure, 4)
+    known = peak(system, structure)
+    monkeypatch.setattr(cover, "proven_in_doubles", lambda *given: (None, True))
+    found = peak(system, structure)
+    assert len(found.intervals) > cover.FIXED_INTERVALS
+    assert known.lower <= found.upper <= known.upper * (1 + 1e-2)
 
 
 def test_stopped_early_it_is_still_a_bound():

@@ -1,34 +1,28 @@
 """The uncertainty models of an axis side by side."""
 
-from itertools import product
-from types import SimpleNamespace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from workbench.plants.cd_drive.drive.shared_parameters import WINDOWS
-from workbench.plants.cd_drive.uncertainty.parametric.problem import parametric_spread
 from workbench.plants.cd_drive.uncertainty.uncertainty_comparison import (
     COVER_METHODS,
     COVER_SHAPES,
     GAIN_VARIANTS,
     HIGH_FREQUENCY,
-    UncertaintyComparison,
     needs,
 )
 
 import workbench as wb
 
+STORED = Path(__file__).parents[4] / "results/reference/cd/focus/uncertainty-comparison"
 
-@pytest.fixture(scope="module", params=["focus"])
-def solved(request, covered):
-    axis, runs = request.param, {}
-    for shape, method in product(COVER_SHAPES, COVER_METHODS):
-        cover, answer = covered(axis, shape, method)
-        runs[shape, method] = SimpleNamespace(data=cover.to_dataset(answer), answer=answer)
-    frequencies = cover.responses.omega.size
-    spread = parametric_spread(axis, frequencies=frequencies, between=1, drawn=5)
-    parametric = SimpleNamespace(answer=wb.solve(spread).answer)
-    study = UncertaintyComparison(axis, runs, parametric)
+
+@pytest.fixture(scope="module")
+def solved():
+    """The study anew on the stored covers, of which the joint ones take their time."""
+    (folder,) = STORED.iterdir()
+    study = wb.open_run(folder).task
     return study, wb.solve(study)
 
 
