@@ -24,7 +24,7 @@ def test_a_resonance_between_two_frequencies_is_damped():
     assert np.allclose(np.abs(tame.poles.imag), between)
 
 
-@pytest.mark.parametrize("method", ["steps", "joint"])
+@pytest.mark.parametrize("method", ["steps", pytest.param("joint", marks=pytest.mark.slow)])
 def test_weights_hold_their_size_beyond_the_frequencies(method):
     rng = np.random.default_rng(3)
     s = 1j * OMEGA[:, None]
