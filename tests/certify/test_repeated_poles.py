@@ -2,6 +2,7 @@
 
 import math
 from functools import partial
+from pathlib import Path
 
 import control
 import numpy as np
@@ -65,3 +66,16 @@ def test_repeated_poles_that_no_output_sees_do_not_blur_the_others():
     A[5, 5] = 1e-3
     with pytest.raises(InputError, match="unstable"):
         stable_system(control.ss(A, B, np.eye(1, 6), 0))
+
+
+def test_coordinates_of_sixteen_equal_poles_are_not_worked_in():
+    """A loop with a Laguerre filter: its modal form in balls places the poles, and blurs all else.
+
+    Its responses were taken for those of the loop, up to 1e32 in place of 3.3.
+    """
+    parts = np.load(Path(__file__).parent / "data" / "laguerre_loop.npz")
+    A, B, C, D = (parts[name] for name in "ABCD")
+    stable = stable_system(control.StateSpace(A, B, C, D, remove_useless_states=False))
+    omega = np.array([0.0, 1.0, 100.0, 1e4])
+    plain = C @ np.linalg.solve(1j * omega[:, None, None] * np.eye(len(A)) - A, B) + D
+    np.testing.assert_allclose(stable.response(omega), plain, rtol=1e-6, atol=1e-6)

@@ -25,6 +25,9 @@ realisation is taken as it is. Bounds 0.1 % above a resonance need discs smaller
 than its damping. Other realisations are brought to modal coordinates by ball arithmetic."""
 WELL_DAMPED = 0.1
 """Damping ratio from which discs up to a tenth of the distance from the axis are taken."""
+LARGEST_BLUR = 1e-8
+"""Largest error of an entry of modal coordinates, relative to the largest entry of its matrix. The
+basis of a cluster of many poles, as of a Laguerre filter, proves where they are, and no more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,7 +160,8 @@ def stable_system(system: Any) -> StableSystem:
             found = pole_discs(form[0])
             unstable = _unstable(found)
             if _spread(found) < best:
-                best, discs, parts = _spread(found), found, form
+                best, discs = _spread(found), found
+                parts = form if _sharp(form) else parts
     if unstable or not discs.rightmost < 0:
         raise _refusal(discs, A, unstable)
     if not seen.all():
@@ -167,7 +171,7 @@ def stable_system(system: Any) -> StableSystem:
 
     def modal() -> StableSystem | None:
         form = _scaled(enclosed_modal_form(A, B, C, PRECISIONS[0]))
-        if form is None or not _spread(pole_discs(form[0])) < 1.0:
+        if form is None or not (_sharp(form) and _spread(pole_discs(form[0])) < 1.0):
             return None
         return _system(form, D, poles)
 
@@ -202,6 +206,14 @@ def _scaled(parts: Enclosures | None) -> Enclosures | None:
         A.scaled(scale, 1 / scale),
         B.scaled(scale, np.ones(inputs)),
         C.scaled(np.ones(outputs), 1 / scale),
+    )
+
+
+def _sharp(parts: Enclosures) -> bool:
+    """Whether modal coordinates are known well enough to work with."""
+    return all(
+        part.rad.max(initial=0.0) <= LARGEST_BLUR * np.abs(part.mid).max(initial=0.0)
+        for part in parts
     )
 
 
