@@ -16,14 +16,9 @@ def test_reference_result_is_verified(folder):
     assert wb.verify(folder).holds, wb.verify(folder)
 
 
-AWAITED = {"cd/focus/fault-filter"}
-"""Problems whose results were not yet made again since covers and proofs changed."""
-
-
 def test_every_problem_has_a_reference_result():
     named = {wb.open_run(folder).problem for folder in FOLDERS}
-    assert named | AWAITED == {entry.name for entry in wb.problems() if not entry.slow}
-    assert not named & AWAITED
+    assert named == {entry.name for entry in wb.problems() if not entry.slow}
 
 
 KEPT = {
