@@ -37,3 +37,16 @@ def test_units_of_states_and_of_time_do_not_matter():
     scale = np.array([1.0, 1e9])
     graded = 1e6 * A * scale[:, None] / scale
     assert growth(graded, 0)[0] == pytest.approx(growth(A, 0)[0], rel=0.2)
+
+
+@pytest.mark.parametrize("slowest", [-1.0, 1.0])
+def test_rounding_of_powers_is_no_growth(slowest):
+    """An integer similarity, exact in doubles, by which these take the stable one to grow too."""
+    rng = np.random.default_rng(0)
+    T = np.eye(6) + np.triu(rng.integers(-30, 30, (6, 6)), 1)
+    mixed = np.eye(6) + np.tril(rng.integers(-1, 2, (6, 6)), -1)
+    back, unmixed = np.round(np.linalg.inv(T)), np.round(np.linalg.inv(mixed))
+    assert np.array_equal(T @ back, np.eye(6)) and np.array_equal(mixed @ unmixed, np.eye(6))
+    A = T @ (mixed @ np.diag([slowest, -2.0, -3.0, -8.0, -30.0, -100.0]) @ unmixed) @ back
+    rate, rounding = growth(A, 0)
+    assert np.sign(rate) == slowest and abs(rate) > rounding

@@ -11,6 +11,8 @@ from workbench.arrays import RealArray
 
 SQUARINGS = 60
 """Squarings of the transition matrix: its power is then 2^60, the age of a loop in samples."""
+BITS = 512
+"""Bits of the powers that are taken again where doubles show growth."""
 SPARED_ROUNDING = 100.0
 """Roundings of a squaring, in units of n eps, that the growth of a stable loop may show."""
 
@@ -48,7 +50,31 @@ def growth(A: Any, dt: float | None) -> tuple[Any, Any]:
         # What cancels in the square, because |S^2| is far below |S|^2, is lost to rounding.
         left = np.maximum(np.linalg.norm(S, axis=(-2, -1)), tiny)
         rounding = rounding + np.where(known, share * unit / left, 0.0)
-    return np.where(np.isnan(size), np.inf, size)[()], rounding[()]
+    size = np.where(np.isnan(size), np.inf, size)
+    if S.ndim == 2 and np.isrealobj(S) and rounding < size < math.inf:
+        size = np.asarray(_precise_growth(np.asarray(A, dtype=float), dt))
+    return size[()], rounding[()]
+
+
+def _precise_growth(A: RealArray, dt: float | None) -> float:
+    """As `growth` in BITS bits: the rounding of doubles may look like growth."""
+    import flint
+
+    n, size, share = len(A), 0.0, 1.0
+    with flint.ctx.workprec(BITS):
+        S = flint.arb_mat(n, n, A.ravel().tolist())
+        if not dt:
+            a = (2.0 * float(np.linalg.norm(A)) or 1.0) * flint.arb_mat(np.eye(n).tolist())
+            S = (a - S).solve(a + S).mid()
+        for _ in range(SQUARINGS):
+            largest = max(abs(entry) for entry in S.entries())
+            if not largest > 0:
+                return -math.inf
+            size += share * float(largest.log())
+            S = S / largest
+            S = (S * S).mid()
+            share /= 2
+    return size
 
 
 def cayley(A: Any) -> RealArray:
