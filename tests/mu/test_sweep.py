@@ -4,7 +4,7 @@ import control
 import numpy as np
 import pytest
 
-from workbench.errors import InputError
+from workbench.errors import InputError, UnknownNameError
 from workbench.mu.frequency.sweep import sweep
 from workbench.structure import Complex, Full, Real, Structure
 from workbench.systems.frequency_grid import starting_grid
@@ -57,3 +57,9 @@ def test_wrong_frequencies(omega):
 def test_a_system_of_another_size():
     with pytest.raises(InputError, match="structure"):
         sweep(control.tf(1, [1, 1]), Structure([Full(2, 2)]))
+
+
+def test_an_unknown_method_is_named_without_a_gap_too():
+    structure = Structure([Full(1, 1)])
+    with pytest.raises(UnknownNameError, match="guess"):
+        sweep(control.ss(-1.0, 1.0, 1.0, 0.0), structure, [0.0, 1.0], "guess")

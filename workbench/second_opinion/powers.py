@@ -13,6 +13,8 @@ SQUARINGS = 60
 """Squarings of the transition matrix: its power is then 2^60, the age of a loop in samples."""
 BITS = 512
 """Bits of the powers that are taken again where doubles show growth."""
+PRECISE_ROUNDING = 1e-15
+"""What the growth over 2^SQUARINGS samples may then show: a factor of e^1000 on the way."""
 SPARED_ROUNDING = 100.0
 """Roundings of a squaring, in units of n eps, that the growth of a stable loop may show."""
 
@@ -52,20 +54,21 @@ def growth(A: Any, dt: float | None) -> tuple[Any, Any]:
         rounding = rounding + np.where(known, share * unit / left, 0.0)
     size = np.where(np.isnan(size), np.inf, size)
     if S.ndim == 2 and np.isrealobj(S) and rounding < size < math.inf:
-        size = np.asarray(_precise_growth(np.asarray(A, dtype=float), dt))
+        return _precise_growth(np.asarray(A, dtype=float), dt), PRECISE_ROUNDING
     return size[()], rounding[()]
 
 
 def _precise_growth(A: RealArray, dt: float | None) -> float:
-    """As `growth` in BITS bits: the rounding of doubles may look like growth."""
+    """As `growth`, for the same samples in BITS bits: rounding of doubles may look like growth."""
     import flint
 
     n, size, share = len(A), 0.0, 1.0
+    A, a = (A, 0.0) if dt else _balanced(A)
     with flint.ctx.workprec(BITS):
         S = flint.arb_mat(n, n, A.ravel().tolist())
         if not dt:
-            a = (2.0 * float(np.linalg.norm(A)) or 1.0) * flint.arb_mat(np.eye(n).tolist())
-            S = (a - S).solve(a + S).mid()
+            unit = a * flint.arb_mat(np.eye(n).tolist())
+            S = (unit - S).solve(unit + S).mid()
         for _ in range(SQUARINGS):
             largest = max(abs(entry) for entry in S.entries())
             if not largest > 0:
@@ -79,12 +82,17 @@ def _precise_growth(A: RealArray, dt: float | None) -> float:
 
 def cayley(A: Any) -> RealArray:
     """(a + A) / (a - A) with balanced states; `a` is above every pole, so that a - A is regular."""
-    from scipy.linalg import matrix_balance
-
     A = np.asarray(A)
     if not A.size:
         return A
-    A = matrix_balance(A, permute=False)[0]
-    a = 2.0 * float(np.linalg.norm(A, 2)) or 1.0
+    A, a = _balanced(A)
     unit = np.eye(len(A))
     return np.linalg.solve(a * unit - A, a * unit + A)
+
+
+def _balanced(A: RealArray) -> tuple[RealArray, float]:
+    """A with balanced states, by powers of two, and a number above the size of every pole."""
+    from scipy.linalg import matrix_balance
+
+    A = matrix_balance(A, permute=False)[0]
+    return A, 2.0 * float(np.linalg.norm(A, 2)) or 1.0

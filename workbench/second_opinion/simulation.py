@@ -44,13 +44,16 @@ def energy_ratio(matrices: Any, dt: float | None, omega: float, claimed: float =
         Its sampling time [s]; 0 or None in continuous time.
     omega
         Frequency of the first input [rad/s]; where it is not finite and positive, noise is taken.
+    claimed
+        Claimed bound of the ratio.
     """
     A, B, C, D = (np.asarray(part, dtype=float) for part in matrices)
-    given = A, B, C, D
     if 0 in D.shape:
         return 0.0
     known = 0.0 < omega < math.inf
-    A, B, C, D = given if dt else _bilinear(given, omega if known else None)
+    other = _permuted((A, B, C, D))
+    if not dt:
+        A, B, C, D = _bilinear((A, B, C, D), omega if known else None)
     rng = np.random.default_rng(SEED)
     w = rng.standard_normal((SAMPLES, D.shape[1]))
     if known:
@@ -61,9 +64,8 @@ def energy_ratio(matrices: Any, dt: float | None, omega: float, claimed: float =
         z = _run(A, B, C, D, w)
         size = float(np.linalg.norm(z))
         if size > claimed * np.linalg.norm(w):
-            permuted = _permuted(given)
-            other = permuted if dt else _bilinear(permuted, omega if known else None)
-            size -= SPREAD * float(np.linalg.norm(z - _run(*other, w)))
+            again = other if dt else _bilinear(other, omega if known else None)
+            size -= SPREAD * float(np.linalg.norm(z - _run(*again, w)))
         ratio = max(ratio, size / float(np.linalg.norm(w)))
         if not np.any(z):
             break

@@ -83,7 +83,7 @@ def _below(
     fast = lower_bound(found.M, structure, "power")
     value, Delta = fast.value, fast.Delta
     apart = value < found.upper * (1.0 - MET)
-    if method != "power" and apart.any():
+    if method != "power":  # also without a gap: a method that does not exist is named
         searched = lower_bound(found.M[apart], structure, method)
         better = searched.value > value[apart]
         place = np.flatnonzero(apart)[better]
