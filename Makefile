@@ -18,7 +18,7 @@ reproduce-all: $(READY)
 	@status=0; $(WORKBENCH) run '*' --slow --jobs 2 || status=$$?; $(WORKBENCH) report || status=$$?; exit $$status
 
 # Two workers, each with one thread for its small matrices: more get in each other's way.
-PYTEST := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2
+PYTEST := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist worksteal
 
 test: lint
 	$(PYTEST) -m "not slow"

@@ -325,6 +325,7 @@ def test_compare_prints_the_cells(cli):
     assert len(done["cells"]) == 6 and done["metrics"]["success_rate"] == 0.5
 
 
+@pytest.mark.slow
 def test_compare_kills_what_hangs(cli):
     words = ("compare", "toy/root", "--methods", "exact,hanging", "--accuracy", "low")
     status, out, _ = cli(*words, "--time-limit", "10", "--jobs", "2")

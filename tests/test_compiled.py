@@ -58,12 +58,14 @@ def test_compiled_code_is_reused_until_any_file_of_its_room_changes(room):
     assert call(room)[0] == 31.0
 
 
+@pytest.mark.slow
 def test_a_new_file_in_the_room_compiles_anew(room):
     call(room)
     (room / "other.py").touch()
     assert call(room) == (31.0, 0)
 
 
+@pytest.mark.slow
 def test_code_of_a_package_made_by_hand_is_kept_apart(room):
     """It names a module that an ordinary process cannot import."""
     (room / "outer.py").write_text(OUTER.replace("room.inner", ".inner"))

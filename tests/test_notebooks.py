@@ -16,19 +16,6 @@ OPTIONS = set(inspect.signature(wb.run).parameters)
 """Keywords of ``wb.run`` that are not parameters of a problem."""
 
 NOTEBOOKS = sorted((Path(__file__).parents[1] / "notebooks").glob("*.ipynb"))
-LONG = {
-    "from_disc_to_drives",
-    "from_estimates_to_tolerance",
-    "from_faults_to_estimates",
-    "from_mu_to_controllers",
-    "from_responses_to_uncertainty",
-    "from_uncertainty_to_mu",
-}
-"""Notebooks that take from a quarter of a minute to two: what they run is at full size."""
-
-
-def marked(path):
-    return pytest.param(path, marks=pytest.mark.slow if path.stem in LONG else (), id=path.stem)
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
@@ -54,8 +41,9 @@ def test_what_a_notebook_names_is_there(path):
                 assert given <= set(problem.parameters), ast.unparse(node)
 
 
+@pytest.mark.slow  # what they run is at full size
 @pytest.mark.filterwarnings("default")  # of the notebook client's own event loop
-@pytest.mark.parametrize("path", [marked(path) for path in NOTEBOOKS])
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_notebook_runs(path, tmp_path, monkeypatch):
     monkeypatch.setenv("WORKBENCH_RESULTS", str(tmp_path))
     notebook = nbformat.read(path, as_version=4)

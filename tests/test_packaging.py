@@ -122,6 +122,7 @@ def test_every_folder_of_plants_is_run_from_the_wheel(installed):
     assert folders - {"__pycache__"} == FAST.keys() | SLOW.keys()
 
 
+@pytest.mark.slow
 def test_wheel_runs_a_problem_of_fast_plants(elsewhere, tmp_path):
     said = elsewhere("-c", RUN.format(list(FAST.values())))
     assert [line.split()[1] for line in said.splitlines()] == ["solved"] * len(FAST), said

@@ -11,7 +11,14 @@ REFERENCE = Path(__file__).parents[1] / "results" / "reference"
 FOLDERS = finished_folders(REFERENCE)
 
 
-@pytest.mark.parametrize("folder", FOLDERS, ids=lambda p: p.relative_to(REFERENCE).as_posix())
+def marked(folder):
+    """The radial results repeat what those of focus prove, by the same code on other numbers."""
+    name = folder.relative_to(REFERENCE).as_posix()
+    slow = name.startswith("cd/radial/")
+    return pytest.param(folder, id=name, marks=pytest.mark.slow if slow else ())
+
+
+@pytest.mark.parametrize("folder", map(marked, FOLDERS))
 def test_reference_result_is_verified(folder):
     assert wb.verify(folder).holds, wb.verify(folder)
 

@@ -158,7 +158,7 @@ def test_a_method_that_heeds_the_clock_is_out_of_time_in_process(one):
     assert cell(run, "patient", "correct")
 
 
-@pytest.mark.parametrize("name", ["processes", "pool"])
+@pytest.mark.parametrize("name", ["processes", pytest.param("pool", marks=pytest.mark.slow)])
 def test_a_worker_that_dies_is_a_failed_cell(one, name):
     with EXECUTORS[name]() as executor:
         run = one("exact", "dying", executor=executor)

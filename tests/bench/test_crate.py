@@ -70,7 +70,9 @@ def read(folder: Path) -> dict[str, dict[str, Any]]:
 
 @rdflib_own
 @pytest.mark.parametrize(
-    ("run", "files"), [(RUN, FILES), (BARE, ["log.txt"])], ids=["full", "bare"]
+    ("run", "files"),
+    [(RUN, FILES), pytest.param(BARE, ["log.txt"], marks=pytest.mark.slow)],
+    ids=["full", "bare"],
 )
 def test_valid(tmp_path: Path, run: dict[str, Any], files: list[str]) -> None:
     assert issues(make(tmp_path / "run", run, files), tmp_path / "cache") == []
@@ -161,6 +163,7 @@ def unknown_term(crate: dict[str, dict[str, Any]]) -> None:
         (unknown_term, 'the JSON-LD key "mood" is not allowed'),
     ],
 )
+@pytest.mark.slow
 def test_the_validator_can_say_no(
     tmp_path: Path, mutate: Callable[[dict[str, dict[str, Any]]], None], complaint: str
 ) -> None:

@@ -277,6 +277,7 @@ def test_progress_tells_how_many_runs_are_drawn(root: Path, make: Make) -> None:
     assert told == [("runs drawn", done, 2) for done in range(3)]
 
 
+@pytest.mark.slow
 def test_several_processes_make_the_same_page(tmp_path: Path) -> None:
     stored = Path(__file__).parents[2] / "results" / "reference"
     pages = [tmp_path / f"{jobs}.html" for jobs in (1, 2)]

@@ -187,9 +187,21 @@ print(json.dumps([steps, path.exists(), failed.exists(), wb.run("toy/root").reus
     ("before", "action", "finished"),
     [
         ("clear(path)", 'wb.run("toy/root")', {1, 2}),
-        ('wb.run("toy/root")', 'wb.run("toy/root", fresh=True)', {2}),
-        ('wb.run("toy/root", "lying")', 'wb.run("toy/root", "lying")', {2}),
-        ('clear(failed); wb.run("toy/root").path.rename(failed)', 'wb.run("toy/root")', {1, 2}),
+        pytest.param(
+            'wb.run("toy/root")', 'wb.run("toy/root", fresh=True)', {2}, marks=pytest.mark.slow
+        ),
+        pytest.param(
+            'wb.run("toy/root", "lying")',
+            'wb.run("toy/root", "lying")',
+            {2},
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
+            'clear(failed); wb.run("toy/root").path.rename(failed)',
+            'wb.run("toy/root")',
+            {1, 2},
+            marks=pytest.mark.slow,
+        ),
     ],
     ids=["new", "replaced", "failed again", "failed before"],
 )

@@ -64,8 +64,8 @@ def test_riccati_and_every_lmi_agree_on_the_least_stacked_norm():
 @pytest.mark.parametrize(
     ("block", "method"),
     [
-        (Complex(1), "dk"),
-        (Real(1), "basis"),
+        pytest.param(Complex(1), "dk", marks=pytest.mark.slow),
+        pytest.param(Real(1), "basis", marks=pytest.mark.slow),
         pytest.param(Real(1), "dk", marks=pytest.mark.slow),
         pytest.param(Complex(1), "basis", marks=pytest.mark.slow),
     ],

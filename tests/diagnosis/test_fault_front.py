@@ -109,9 +109,8 @@ def test_the_front_is_met_falls_and_is_above_its_bound(loop):
         assert 0.2 * totals[True, 0.3] < bounds[1] < totals[True, 0.3]
 
 
-@pytest.mark.parametrize(
-    "loop", [pytest.param("continuous", marks=pytest.mark.slow), "sampled"], indirect=True
-)
+@pytest.mark.parametrize("loop", ["continuous", "sampled"], indirect=True)
+@pytest.mark.slow
 def test_a_filter_of_few_states_is_certified(loop):
     basis = LaguerreBasis(loop, CORNER)
     fine = full_order(loop, GRID, basis, 8, 0.5, 2e-3)

@@ -29,8 +29,8 @@ EXCESS = [
     (2, 1.02),
     (3, 1.02),
     (4, 1.04),
-    (5, 1.15),
-    (6, 1.16),
+    pytest.param(5, 1.15, marks=SLOW),
+    pytest.param(6, 1.16, marks=SLOW),
     pytest.param(7, 1.42, marks=SLOW),
     pytest.param(8, 1.42, marks=SLOW),
 ]

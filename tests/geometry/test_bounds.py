@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from lanes import thinned
 
 from workbench.geometry.bounds import circle_radius_bound, least_half_width
 from workbench.geometry.exact_circle import exact_circle
@@ -106,7 +107,7 @@ def test_circle_bound_is_below_the_least_radius_and_meets_it_at_the_optimum(kind
         assert circle_bound(points, best) >= least * (1 - 1e-9) - 8 * EPS * reach
 
 
-@pytest.mark.parametrize("away", [1e3, 1e6, 1e9, 1e12, 1e200])
+@pytest.mark.parametrize("away", thinned([1e9, 1e3, 1e6, 1e12, 1e200], 5))
 def test_circle_bound_holds_wherever_the_answer_is(away):
     # a bound of the optimum, whatever the answer was
     rng = np.random.default_rng(22)

@@ -322,6 +322,7 @@ def test_metrics():
     assert stadium["radius_peak"] == pytest.approx(0, abs=1e-15)
 
 
+@pytest.mark.slow
 def test_a_million_points_are_certified_within_seconds():
     points = random_sets(1, 1_000_000)
     for program in PROGRAMS:

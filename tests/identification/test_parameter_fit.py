@@ -143,7 +143,9 @@ def test_symbols_and_numbers_are_one_model(name):
 RUNS = 500
 
 
-@pytest.mark.parametrize("periods", [6, pytest.param(10, marks=pytest.mark.slow), None])
+@pytest.mark.parametrize(
+    "periods", [*(pytest.param(n, marks=pytest.mark.slow) for n in (6, 10)), None]
+)
 def test_the_intervals_cover_as_they_say(periods):
     """Weights known, or estimated from as many periods."""
     rng = np.random.default_rng(10)
@@ -171,6 +173,7 @@ def test_the_intervals_cover_as_they_say(periods):
     assert p == pytest.approx(0.5, abs=0.06)
 
 
+@pytest.mark.slow
 def test_intervals_cover_with_variance_unknown():
     rng = np.random.default_rng(11)
     frequency = FREQUENCY[::10]  # few data: Student's distribution matters

@@ -133,6 +133,7 @@ def test_a_flat_peak_ends_in_few_steps_with_a_coarser_bound():
     assert "above" in found.message
 
 
+@pytest.mark.slow
 def test_a_certified_peak_is_no_slower_than_ab13md_at_1000_frequencies(record_property):
     structure = Structure([Real(1), Complex(1), Full(2, 2)])
     ratios = []

@@ -88,7 +88,7 @@ def check_delta(system, structure, found):
 
 
 @pytest.mark.parametrize("structure", STRUCTURES, ids=lambda s: str(s.to_pairs()))
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_against_dense_sampling(structure, seed):
     rng = np.random.default_rng(seed)
     system = modes(rng, structure, int(rng.integers(1, 6)))
@@ -236,7 +236,9 @@ def uncertainty(kind):
     return UncertaintyModel(parametric_nominal("focus"), W_c, W_r)
 
 
-@pytest.mark.parametrize("kind", ["circle", "stadium", "parametric"])
+@pytest.mark.parametrize(
+    "kind", ["circle", "stadium", pytest.param("parametric", marks=pytest.mark.slow)]
+)
 def test_conditions_of_the_focus_loop(kind):
     plant = generalised("focus", uncertainty(kind))
     asked = conditions(plant, controller("focus"), performance="z_p", exogenous="w_p")

@@ -159,6 +159,7 @@ def test_what_is_in_no_loop_cannot_be_destabilised():
 
 @settings(deadline=None, max_examples=15)
 @given(st.integers(0, 10**6), st.floats(-6, 6), st.sampled_from(STRUCTURES))
+@pytest.mark.slow
 def test_is_homogeneous_in_the_varying_blocks(seed, decades, case):
     structure, fixed = case
     M = 0.2 * random(seed, structure)

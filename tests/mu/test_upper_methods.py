@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from lanes import thinned
 
 from workbench.errors import InputError
 from workbench.mu.upper.bound import MuUpperBound, upper_bound
@@ -35,7 +36,7 @@ def random_batch(rng, structure, count):
     return shapes[rng.integers(len(shapes))]
 
 
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("seed", thinned(range(40), 4))
 def test_never_above_ab13md(seed):
     rng = np.random.default_rng(seed)
     structure = random_structure(rng, simple=True)
@@ -47,7 +48,7 @@ def test_never_above_ab13md(seed):
     assert np.all(solution.answer.value <= peer * (1 + 1e-6) + floor)
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", thinned(range(12), 3))
 def test_never_above_the_semidefinite_program(seed):
     rng = np.random.default_rng(seed)
     structure = random_structure(rng, simple=False)
@@ -61,7 +62,7 @@ def test_never_above_the_semidefinite_program(seed):
     assert np.all(peer.answer.value <= solution.answer.value * (1 + 1e-3) + 1e4 * floor)
 
 
-@pytest.mark.parametrize("size", [6, 8, 10, 12])
+@pytest.mark.parametrize("size", thinned([8, 6, 10, 12], 4))
 def test_larger_sizes(size):
     rng = np.random.default_rng(size)
     structure = Structure([Real(1), Real(2), Complex(size - 5), Full(2, 2)])

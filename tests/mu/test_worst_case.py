@@ -57,7 +57,10 @@ def check(N, structure, found):
     assert gain_at(N, structure, found.omega, found.Delta) == pytest.approx(found.lower)
 
 
-@pytest.mark.parametrize(("damping", "share"), [(0.1, 0.5), (0.01, 0.5), (0.1, 0.999)])
+@pytest.mark.parametrize(
+    ("damping", "share"),
+    [(0.1, 0.5), (0.01, 0.5), pytest.param(0.1, 0.999, marks=pytest.mark.slow)],
+)
 def test_of_an_uncertain_damping(damping, share):
     N, structure = oscillator(damping, share), Structure([Real(1, "damping")])
     found = worst_case_gain(N, structure)
@@ -112,6 +115,7 @@ def test_an_unproven_gain_claims_nothing_above():
     assert all(check.holds for check in worst_case_checks(N, structure, again))
 
 
+@pytest.mark.slow
 def test_of_an_uncertain_damping_and_stiffness():
     """Largest at the least of both: 1 / (2 z sqrt(k - z^2)), with 2 z the damping coefficient."""
     N, structure = oscillator(0.05, 0.4, 0.3), Structure([Real(1), Real(1)])

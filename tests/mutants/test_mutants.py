@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from lanes import thinned
 from mutants import MUTANTS, applied
 from tight_problems import PROGRAMS, QUICK_METHODS, solved
 
@@ -9,13 +10,9 @@ import workbench as wb
 
 EVERY = 5
 """One mutant in so many runs with the quick tests; `make mutants` runs all."""
-CASES = [
-    pytest.param(mutant, id=mutant.name, marks=[] if k % EVERY == 0 else [pytest.mark.slow])
-    for k, mutant in enumerate(MUTANTS)
-]
 
 
-@pytest.mark.parametrize("mutant", CASES)
+@pytest.mark.parametrize("mutant", thinned(MUTANTS, EVERY), ids=lambda mutant: mutant.name)
 def test_a_mutant_is_killed(mutant, monkeypatch):
     solved(mutant.problem)  # which the original solves
     applied(mutant, monkeypatch)

@@ -2,10 +2,13 @@
 
 import numpy as np
 import pytest
+from lanes import thinned
 from planted_answers import PLANTED
 from tight_problems import solved
 
 ANSWERS = [(name, label) for name, wrong in PLANTED.items() for label in wrong]
+EVERY = 4
+"""One wrong answer in so many is planted with the quick tests; `make mutants` plants all."""
 
 
 def refusals(program, answer):
@@ -27,8 +30,9 @@ def test_the_right_answer_is_accepted(name):
     assert refusals(program, answer) == []
 
 
-@pytest.mark.parametrize(("name", "label"), ANSWERS)
-def test_a_wrong_answer_is_refused_though_one_check_lies(name, label):
+@pytest.mark.parametrize("planted", thinned(ANSWERS, EVERY), ids=":".join)
+def test_a_wrong_answer_is_refused_though_one_check_lies(planted):
+    name, label = planted
     program, answer = solved(name)
     refused = refusals(program, PLANTED[name][label](answer))
     assert len(refused) >= 2, refused

@@ -379,6 +379,7 @@ def test_methods_of_mu_synthesis_that_cannot_be_used():
     assert "give start" in solve(MuSynthesis(UNCERTAIN), "fixed").message
 
 
+@pytest.mark.slow
 def test_a_direct_term_and_a_transfer_function_are_nothing_to_mu_synthesis():
     plain = solve(MuSynthesis(UNCERTAIN)).answer.upper
     direct = without(D=entry(UNCERTAIN.system.D, 0.3, -1, -1))

@@ -78,6 +78,7 @@ def test_a_controller_of_norm_one_for_the_scaled_plant_holds_the_bound_of_the_lo
     assert Multiplied.of(plant, scalings, x).plant(beta).states > plant.system.nstates
 
 
+@pytest.mark.slow
 def test_without_real_scalars_it_is_d_k_iteration():
     plant = unstable_first_order()
     first, second = (wb.solve(MuSynthesis(plant), name).answer for name in ("dk", "dgk"))

@@ -47,6 +47,7 @@ def low_pass(leak=LEAK * CORNER):
 # --- known truths -----------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_level_of_a_plant_of_two_integrators_is_that_of_its_riccati_equations():
     import control
 
@@ -64,7 +65,9 @@ def test_the_level_of_a_plant_of_two_integrators_is_that_of_its_riccati_equation
     assert 0.99 * norm < found.level <= norm
 
 
-@pytest.mark.parametrize("p", [0.1, 1.0, 30.0])
+@pytest.mark.parametrize(
+    "p", [1.0, *(pytest.param(p, marks=pytest.mark.slow) for p in (0.1, 30.0))]
+)
 def test_an_unstable_pole_costs_twice_its_gain(p):
     """G = 1 / (s - p), W_u = 1: |K S| is 2 p at least, by Nehari; K = 2 p has it, and |S| = 1."""
     loop = LoopFunctions(constant(0.1 * p), ONE, Rational(NONE, [p], 1.0))
@@ -149,11 +152,12 @@ ATTACKS = {
         UNIT,
     ),
 }
+LONG = {"graded", "steep", "tails that vary"}
 
 
 @pytest.mark.parametrize(
     "name",
-    [n if n != "tails that vary" else pytest.param(n, marks=pytest.mark.slow) for n in ATTACKS],
+    [pytest.param(n, marks=pytest.mark.slow if n in LONG else ()) for n in ATTACKS],
 )
 def test_a_level_that_a_stable_T_has_is_never_proven(name):
     loop, T, basis = ATTACKS[name]
@@ -186,6 +190,7 @@ def test_a_level_that_one_frequency_forbids_is_proven_by_any_h():
 # --- second opinion ---------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_quadrature_of_the_closed_form_agrees_with_the_bound_from_below():
     loop = low_pass()
     for factor in (0.9, 0.97):

@@ -106,6 +106,7 @@ def test_a_fixed_order_is_optimised_from_its_start():
     assert "start" in wb.solve(MuSynthesis(plant), "fixed").message
 
 
+@pytest.mark.slow
 def test_mu_dk_is_dk_where_nothing_is_real(solved):
     _, first = solved
     program = MuSynthesis(unstable_first_order())

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import control
@@ -26,7 +27,7 @@ from workbench.synthesis.mu.scalings import Scalings
 from workbench.synthesis.mu.structured import fixed
 
 ROOT = Path(__file__).parents[2]
-METHODS = ("dk", "mu-dk", "fixed")
+METHODS = ("dk", pytest.param("mu-dk", marks=pytest.mark.slow), "fixed")
 
 
 class Memory(Checkpoint):
@@ -63,17 +64,17 @@ def few():
 
 
 @pytest.fixture(scope="module")
-def wholes(program, few):
-    """What each method gives that nobody stops."""
-    return {name: wb.solve(program, name) for name in METHODS}
+def whole_of(program, few):
+    """What a method gives that nobody stops."""
+    return cache(lambda name: wb.solve(program, name))
 
 
 # --- stopped ----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", METHODS)
-def test_an_interrupted_iteration_goes_on_to_the_same_answer(program, wholes, name):
-    whole = wholes[name]
+def test_an_interrupted_iteration_goes_on_to_the_same_answer(program, whole_of, name):
+    whole = whole_of(name)
     kept, rows = Memory(), []
     for after in (1, 3):
 
@@ -94,8 +95,8 @@ def test_an_interrupted_iteration_goes_on_to_the_same_answer(program, wholes, na
 
 
 @pytest.mark.parametrize("name", METHODS)
-def test_an_iteration_out_of_time_gives_its_best_and_goes_on_with_more(program, wholes, name):
-    whole, kept = wholes[name], Memory()
+def test_an_iteration_out_of_time_gives_its_best_and_goes_on_with_more(program, whole_of, name):
+    whole, kept = whole_of(name), Memory()
     context = Context(Options(time_limit=1000.0), checkpoint=kept)
 
     def late(description, done, total):
@@ -123,6 +124,7 @@ def test_before_the_first_controller_there_is_no_answer(program):
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no such signal")
+@pytest.mark.slow
 def test_a_killed_run_of_the_command_goes_on_where_it_was(tmp_path, monkeypatch):
     monkeypatch.setattr(dk, "MOST_ROUNDS", 30)  # as in a process of its own
     monkeypatch.setenv("WORKBENCH_RESULTS", str(tmp_path))
@@ -147,8 +149,8 @@ def test_a_killed_run_of_the_command_goes_on_where_it_was(tmp_path, monkeypatch)
 
 
 @pytest.mark.parametrize("name", METHODS)
-def test_every_round_is_stored_with_its_controller_and_scalings(program, wholes, name, tmp_path):
-    answer = wholes[name].answer
+def test_every_round_is_stored_with_its_controller_and_scalings(program, whole_of, name, tmp_path):
+    answer = whole_of(name).answer
     netcdf.write(program.to_dataset(answer), tmp_path / "data.nc")
     data = netcdf.read(tmp_path / "data.nc")
     back = program.from_dataset(data)
@@ -159,12 +161,12 @@ def test_every_round_is_stored_with_its_controller_and_scalings(program, wholes,
         assert 0.99 * found.lower <= each.peak <= found.upper
 
 
-def test_the_scalings_are_those_that_were_fitted_to_the_loop(program, wholes):
+def test_the_scalings_are_those_that_were_fitted_to_the_loop(program, whole_of):
     """The bound of the scaled loop is the one that `fit` says it misses."""
     from workbench.mu import upper_bound
     from workbench.synthesis.mu.scalings import diagonals
 
-    for each in wholes["dk"].answer.history:
+    for each in whole_of("dk").answer.history:
         loop = dk.LoopResponse.of(program.plant.close(each.K))
         x = each.scalings["D"]
         value, _ = Scalings.of(x).log_magnitude(x, loop.omega)

@@ -30,6 +30,8 @@ OMEGA = np.geomspace(1, 1000, 14)
 KINDS = {"circle": CircleCover, "stadium": StadiumCover}
 FORMS = ["multiplicative", "additive"]
 METHODS = ["steps", "joint"]
+SLOW_ADDITIVE = ["multiplicative", pytest.param("additive", marks=pytest.mark.slow)]
+"""Forms of tests by the joint method, whose additive covers take as long again."""
 NOMINAL = Rational([], [-1.5 + 30j, -1.5 - 30j], 900.0)
 
 
@@ -104,8 +106,14 @@ def assert_covers(program, solution, leave_out=0):
 # --- random families ------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("form", FORMS)
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(
+    ("method", "form"),
+    [
+        *(("steps", form) for form in FORMS),
+        ("joint", "multiplicative"),
+        pytest.param("joint", "additive", marks=pytest.mark.slow),
+    ],
+)
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_family_is_covered(kind, method, form):
     program, solution = solved(kind, form, method)
@@ -147,13 +155,14 @@ def mean_square(program, answer):
     return (shares @ (radius**2 + 0.1 * np.abs(end[:, 0]) ** 2)) / shares.sum()
 
 
-@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("form", SLOW_ADDITIVE)
 @pytest.mark.parametrize("kind", KINDS)
 def test_joint_is_never_worse_than_steps(kind, form):
     sizes = [mean_square(p, s.answer) for p, s in (solved(kind, form, m) for m in METHODS)]
     assert sizes[1] <= sizes[0] * (1 + 1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_joint_is_never_worse_than_steps_for_others(seed):
     program = program_of("circle", Responses(OMEGA, family(seed + 20, 4, 0.4)))
@@ -296,7 +305,7 @@ def test_degenerate_families(kind, name):
     assert_covers(program, wb.solve(program, "joint"))
 
 
-@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("form", SLOW_ADDITIVE)
 @pytest.mark.parametrize("kind", KINDS)
 def test_plants_that_are_the_nominal(kind, form):
     values = np.repeat(NOMINAL.response(OMEGA)[:, None], 2, axis=1)
@@ -455,7 +464,7 @@ def test_an_orientation_of_another_shape_is_named():
 # --- storage and figures --------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("form", SLOW_ADDITIVE)
 @pytest.mark.parametrize("kind", KINDS)
 def test_covers_come_back_from_their_files(kind, form, tmp_path):
     program, solution = solved(kind, form, "joint")

@@ -1,27 +1,14 @@
 """Mixed and complex mu of the two masses."""
 
-from pathlib import Path
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
-from workbench.plants.mass_spring.analysis import KINDS, QUESTIONS, analysis
+from workbench.plants.mass_spring.analysis import KINDS, QUESTIONS
 from workbench.plants.mass_spring.equations import characteristic_roots, real_spring_mu
 
-import workbench as wb
 
-STORED = Path(__file__).parents[3] / "results/reference/mass-spring/analysis"
-
-
-@pytest.fixture(scope="module", params=["stored", pytest.param("anew", marks=pytest.mark.slow)])
-def solved(request):
-    if request.param == "anew":
-        study = analysis(peers=4)
-        return study, wb.solve(study)
-    (folder,) = STORED.iterdir()
-    run = wb.open_run(folder)
-    study, answer = run.task, run.data
-    return study, SimpleNamespace(answer=answer, certificate=study.certify(answer, 1e-6))
+@pytest.fixture(scope="module")
+def solved(answered):
+    return answered("mass-spring/analysis")
 
 
 def failures(study, answer):

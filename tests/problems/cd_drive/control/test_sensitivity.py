@@ -4,13 +4,10 @@ import numpy as np
 import pytest
 from workbench.plants.cd_drive.control.sensitivity.problem import sensitivity
 
-import workbench as wb
-
 
 @pytest.fixture(scope="module", params=["focus", "radial"])
-def solved(request):
-    study = sensitivity(request.param, frequencies=60)
-    return study, wb.solve(study)
+def solved(request, answered):
+    return answered(f"cd/{request.param}/sensitivity")
 
 
 @pytest.fixture

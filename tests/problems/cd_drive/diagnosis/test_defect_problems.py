@@ -1,23 +1,20 @@
-"""The problems cd/{axis}/diode-plane and cd/{axis}/residuals at a small size, and their checks."""
+"""The problems cd/{axis}/diode-plane and cd/{axis}/residuals, and their checks."""
 
 import numpy as np
 import pytest
 from workbench.plants.cd_drive.diagnosis.diode_plane.problem import diode_plane
-from workbench.plants.cd_drive.diagnosis.residuals.problem import residuals
 
 import workbench as wb
 
 
 @pytest.fixture(scope="module")
-def plane():
-    study = diode_plane("focus", defects=6)
-    return study, wb.solve(study)
+def plane(answered):
+    return answered("cd/focus/diode-plane")
 
 
 @pytest.fixture(scope="module")
-def curves():
-    study = residuals("radial", runs=3, defects=10)
-    return study, wb.solve(study)
+def curves(answered):
+    return answered("cd/radial/residuals")
 
 
 def failures(study, answer):
@@ -36,7 +33,7 @@ def test_the_plane_is_certified(plane):
 
 def test_every_held_out_defect_is_counted(plane):
     counts = plane[1].answer["confusion"]
-    assert (counts.sum("found") == 6 * 6).all()
+    assert (counts.sum("found") == 6 * plane[0].defects).all()
 
 
 @pytest.mark.parametrize(
@@ -45,7 +42,7 @@ def test_every_held_out_defect_is_counted(plane):
         ({"zoom_quality": 0.9}, "equation 7.13"),
         ({"lost": 1.0}, "loop"),
         ({"clean": -1.0}, "triangle"),
-        ({"coupling": 20.0}, "coupling"),
+        ({"coupling": 200.0}, "coupling"),
         ({"missed": 1.1}, "quality finds all"),
         ({"lead": -1.0}, "quality is not later"),
     ],

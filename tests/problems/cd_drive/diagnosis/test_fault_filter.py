@@ -1,7 +1,5 @@
 """The fault filter's loop, front, bound and filters, against formulas and members of the set."""
 
-from pathlib import Path
-
 import control
 import numpy as np
 import pytest
@@ -34,13 +32,10 @@ from workbench.fitting.storage import function
 from workbench.systems.generalised_plant import response
 from workbench.uncertainty import UncertaintyModel
 
-REFERENCE = Path(__file__).parents[4] / "results" / "reference"
-
 
 @pytest.fixture(scope="module")
-def loops():
-    (folder,) = (REFERENCE / "cd" / "focus" / "cover-for-control").iterdir()
-    data = wb.open_run(folder).data
+def loops(reference):
+    data = reference("cd/focus/cover-for-control").data
     model = UncertaintyModel(*(function(data, f"{name}3_") for name in ("nominal", "W_c", "W_r")))
     K = control.ss(controller("focus"))
     return fault_loop("focus", model, K), fault_loop("focus", model, K, 1.0)

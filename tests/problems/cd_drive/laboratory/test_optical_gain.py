@@ -20,7 +20,7 @@ QUIET = {"noise": 0.0, "electronics": 0.0}
 PASSES = {"focus": 12, "radial": 6}
 
 
-@pytest.fixture(scope="module", params=["focus", "radial"])
+@pytest.fixture(scope="module", params=[pytest.param("focus", marks=pytest.mark.slow), "radial"])
 def solved(request):
     study = OpticalGain(request.param, PASSES[request.param])
     return study, solve(study, options=Options(seed=4))

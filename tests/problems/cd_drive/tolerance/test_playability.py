@@ -30,7 +30,7 @@ from workbench.errors import InputError, UnknownNameError
 SMALL = {"scenarios": 14, "training": 7, "trials": 4, "drives": 2, "duration": 0.6}
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="module", params=[pytest.param("small", marks=pytest.mark.slow)])
 def small(slower):
     study = playability(**slower, **SMALL, strategies="reference,A", workers=2)
     return study, wb.solve(study)

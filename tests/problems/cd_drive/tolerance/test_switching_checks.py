@@ -1,21 +1,16 @@
 """The checks of cd/{axis}/switching-stability fail where the answer is wrong."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from workbench.plants.cd_drive.tolerance.switching_stability import checks
 from workbench.plants.cd_drive.tolerance.switching_stability.study import SwitchingStability
 
-import workbench as wb
 from workbench.systems.storage import restored
-
-REFERENCE = Path(__file__).parents[4] / "results" / "reference" / "cd"
 
 
 @pytest.fixture(scope="module")
-def stored(slower):
-    run = wb.open_run(next((REFERENCE / "focus" / "switching-stability").iterdir()))
+def stored(slower, reference):
+    run = reference("cd/focus/switching-stability")
     K_lower = restored(slower["focus"].data, "controller")
     return SwitchingStability("focus", K_lower, 2.5e-3, 1.0, 0.0, "own", False), run.data
 

@@ -153,6 +153,7 @@ def test_a_cover_of_identified_drives():
     certified(program)
 
 
+@pytest.mark.slow
 def test_additive_weights_have_the_responses_unit():
     program = stadium_cover("focus", frequencies=SMALL, form="additive")
     answer, metrics = certified(program)
@@ -195,6 +196,7 @@ def test_orientations_of_the_third_set():
     assert turn["smooth"] < turn["narrowest"]
 
 
+@pytest.mark.slow
 def test_minimum_phase_is_kept_and_checked():
     program = stadium_cover("focus", frequencies=SMALL, minimum_phase=True)
     answer, _ = certified(program)

@@ -1,7 +1,5 @@
 """The uncertainty models of an axis side by side."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from workbench.plants.cd_drive.drive.shared_parameters import WINDOWS
@@ -13,17 +11,10 @@ from workbench.plants.cd_drive.uncertainty.uncertainty_comparison import (
     needs,
 )
 
-import workbench as wb
-
-STORED = Path(__file__).parents[4] / "results/reference/cd/focus/uncertainty-comparison"
-
 
 @pytest.fixture(scope="module")
-def solved():
-    """The study anew on the stored covers, of which the joint ones take their time."""
-    (folder,) = STORED.iterdir()
-    study = wb.open_run(folder).task
-    return study, wb.solve(study)
+def solved(answered):
+    return answered("cd/focus/uncertainty-comparison")
 
 
 def test_everything_is_on_one_grid():
