@@ -18,7 +18,13 @@ EXECUTORS = {
     "threads": lambda: ThreadPoolExecutor(2),
     "pool": lambda: ProcessPoolExecutor(1, get_context("spawn")),
 }
-any_executor = pytest.mark.parametrize("make", EXECUTORS.values(), ids=EXECUTORS)
+any_executor = pytest.mark.parametrize(
+    "make",
+    [
+        pytest.param(make, id=name, marks=pytest.mark.slow if name == "pool" else ())
+        for name, make in EXECUTORS.items()
+    ],
+)
 pytestmark = pytest.mark.usefixtures("project")
 
 

@@ -102,6 +102,7 @@ def test_the_basis_balances_its_requirements_and_keeps_its_poles():
     assert list(answer.history) == sorted(answer.history, reverse=True)
 
 
+@pytest.mark.slow
 def test_a_requirement_of_a_band_says_nothing_of_other_frequencies():
     low = FaultEstimation(plant(), "f", requirements(band=(5.0, np.inf)))
     answer = wb.solve(low, "basis").answer

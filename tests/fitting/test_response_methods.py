@@ -204,7 +204,7 @@ def test_weights_choose_where_the_error_is_small():
 FITTED = noisy(random_rational(3, 3), OMEGA, 0.02, 0)
 
 
-@settings(derandomize=True, deadline=None, max_examples=15)
+@settings(derandomize=True, deadline=None, max_examples=8)
 @given(st.integers(-30, 30), st.integers(-60, 60), st.booleans())
 def test_units_of_time_and_gain_do_not_matter(time, gain, negative):
     factor = -(2.0**gain) if negative else 2.0**gain
@@ -213,7 +213,7 @@ def test_units_of_time_and_gain_do_not_matter(time, gain, negative):
     assert error(there, "vector-fitting") == pytest.approx(error(here, "vector-fitting"), rel=1e-3)
 
 
-@settings(derandomize=True, deadline=None, max_examples=15)
+@settings(derandomize=True, deadline=None, max_examples=6)
 @given(st.integers(0, 10**6), st.integers(1, 6), st.integers(0, 6), st.booleans())
 def test_always_valid(seed, order, zeros, minimum_phase):
     rng = np.random.default_rng(seed)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import xarray as xr
+from lanes import thinned
 
 from workbench.errors import InputError, SolverError
 from workbench.geometry import (
@@ -64,7 +65,7 @@ def test_circles(solver, sets, level):
 @pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize("case", GIVEN)
 @pytest.mark.parametrize("sets", SETS)
-@pytest.mark.parametrize("level", ["low", "middle"])
+@pytest.mark.parametrize("level", thinned(["middle", "low"], 2))
 def test_stadiums_of_a_given_angle(solver, case, sets, level):
     options = Options(level)
     points, chosen = SETS[sets], dict(GIVEN[case])

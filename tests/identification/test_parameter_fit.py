@@ -143,9 +143,8 @@ def test_symbols_and_numbers_are_one_model(name):
 RUNS = 500
 
 
-@pytest.mark.parametrize(
-    "periods", [*(pytest.param(n, marks=pytest.mark.slow) for n in (6, 10)), None]
-)
+@pytest.mark.parametrize("periods", [6, 10, None])
+@pytest.mark.slow
 def test_the_intervals_cover_as_they_say(periods):
     """Weights known, or estimated from as many periods."""
     rng = np.random.default_rng(10)

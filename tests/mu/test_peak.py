@@ -150,7 +150,7 @@ def test_of_a_resonance(damping, size):
     assert found.lower <= found.upper <= 1.002 * found.lower
 
 
-@settings(deadline=None, max_examples=15)
+@settings(deadline=None, max_examples=6)
 @given(st.integers(0, 10**6), st.floats(-9, 9), st.sampled_from(STRUCTURES))
 def test_does_not_depend_on_the_unit_of_time(seed, decades, structure):
     system = modes(np.random.default_rng(seed), structure, 2)

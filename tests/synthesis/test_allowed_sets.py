@@ -66,6 +66,7 @@ def test_every_allowed_T_is_held_and_the_bound_is_reached(weights, factor):
                 assert most <= reached + 0.2 * level / size
 
 
+@pytest.mark.slow
 def test_nothing_is_allowed_below_the_least_mu_and_something_above(weights):
     least = least_mu(weights, 1e-4)
     for i in range(COUNT):

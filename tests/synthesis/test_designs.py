@@ -61,11 +61,13 @@ def made(task):
     return {name: DESIGNS[name](task, Context()) for name in QUICK}
 
 
+@pytest.mark.slow
 def test_every_controller_stabilises(task, made):
     for name, K in made.items():
         assert performance_peak(task.plant, K) is not None, name
 
 
+@pytest.mark.slow
 def test_each_method_is_best_at_its_own(task, made):
     def mean_square(K):
         return control.norm(task.quadratic.close(K), 2, print_warning=False)

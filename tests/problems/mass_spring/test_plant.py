@@ -63,6 +63,7 @@ def test_the_unmodelled_dynamics_cover_a_delay():
     omega=st.floats(0.01, 100.0),
     parts=st.lists(st.floats(-2.0, 2.0), min_size=11, max_size=11),
 )
+@pytest.mark.slow
 def test_the_determinant_is_that_of_n(omega, parts):
     plant = two_mass_plant()
     N = plant.close(simple_controller())(1j * omega)

@@ -2,6 +2,7 @@
 
 import control
 import pytest
+from lanes import thinned
 from workbench.plants.cd_drive.control.control_problem import generalised
 from workbench.plants.cd_drive.control.controller import controller as controller_problem
 from workbench.plants.cd_drive.control.design import MEASUREMENT_NOISE, synthesis_plant, uncertainty
@@ -21,7 +22,7 @@ from workbench.uncertainty import contains
 AXES = ["focus", "radial"]
 
 
-@pytest.mark.parametrize("axis", AXES)
+@pytest.mark.parametrize("axis", thinned(AXES, 2))
 def test_the_synthesis_plant_adds_only_noise_to_one_disturbance_and_both_outputs(axis):
     plant = synthesis_plant(axis, parametric_plant(axis))
     assert (plant.exogenous, plant.performance) == (2, 2)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 import pytest
+from lanes import thinned
 from workbench.plants.cd_drive.drive.actuator import resonances, specific_model
 from workbench.plants.cd_drive.drive.tables import drives
 from workbench.plants.cd_drive.drive.two_masses import FITTED, Lumped, lens, lumped
@@ -138,7 +139,7 @@ def test_neighbours_alike_by_chance_or_not():
     assert np.median([neighbours_p(one + bulge, 5) for one in noise]) < 0.01
 
 
-@pytest.mark.parametrize("axis", AXES)
+@pytest.mark.parametrize("axis", thinned(AXES, 2))
 @pytest.mark.parametrize("disturbances", [False, True])
 def test_parameters_come_back(runs, axis, disturbances):
     task, solution = runs(axis, disturbances)

@@ -144,7 +144,14 @@ def test_played_again(loop):
     assert _played(study, loop, "rotation", 40, 150) == pytest.approx(told, rel=5e-3)
 
 
-@pytest.mark.parametrize(("strategy", "least"), [("open", 0.9), ("filter", 0.9), ("lower", 0.5)])
+@pytest.mark.parametrize(
+    ("strategy", "least"),
+    [
+        pytest.param("open", 0.9, marks=pytest.mark.slow),
+        pytest.param("filter", 0.9, marks=pytest.mark.slow),
+        ("lower", 0.5),
+    ],
+)
 def test_the_laboratory_is_within_what_is_proven(strategy, least):
     """K' is handed over in another way there, and does better."""
     study = SwitchingStability("focus", LOWER, 2.5e-3, 1.0, 0.0, "own", False)
