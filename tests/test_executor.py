@@ -106,7 +106,11 @@ def test_a_value_that_cannot_be_sent_is_an_error(processes):
         processes.submit(unpicklable).result()
 
 
-@pytest.mark.parametrize("task", [(sleep, 60), (spin,)], ids=["sleeping", "spinning"])
+@pytest.mark.parametrize(
+    "task",
+    [pytest.param((sleep, 60), marks=pytest.mark.slow), (spin,)],
+    ids=["sleeping", "spinning"],
+)
 def test_a_task_is_killed_at_its_limit_and_the_next_one_runs(task):
     start = time.perf_counter()
     with Processes(1, time_limit=1.0) as executor:

@@ -363,6 +363,7 @@ def test_two_processes_asking_at_once_share_one_answer(project):
     assert len(wb.results("toy/sum")) == 1 and len(wb.results("toy/root")) == 2
 
 
+@pytest.mark.slow
 def test_results_may_be_listed_while_one_is_written(project):
     wb.run("toy/root")
     with project.start(ASK) as process:

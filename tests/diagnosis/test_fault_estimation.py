@@ -93,6 +93,7 @@ def test_a_robust_filter_is_better_than_the_nominal_one_on_members_of_the_set(bl
         assert faults.max() <= answer.peaks[1, 1] * (1 + 1e-6)
 
 
+@pytest.mark.slow
 def test_the_basis_balances_its_requirements_and_keeps_its_poles():
     start = wb.solve(program(), "riccati").answer
     answer = wb.solve(program(start=start.K), "basis").answer

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import xarray as xr
+from lanes import thinned
 
 from workbench.errors import SolverError
 from workbench.geometry import (
@@ -49,7 +50,7 @@ def test_circles(sets, level):
 
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.parametrize("sets", SETS)
-@pytest.mark.parametrize("level", ["low", "middle"])
+@pytest.mark.parametrize("level", thinned(["middle", "low"], 2))
 def test_stadiums(case, sets, level):
     options = Options(level)
     points, chosen = SETS[sets], dict(CASES[case])

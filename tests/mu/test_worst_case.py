@@ -143,6 +143,7 @@ def tied(share):
     return N, Structure([Real(2)])
 
 
+@pytest.mark.slow
 def test_of_a_scalar_that_moves_damping_and_stiffness():
     N, structure = tied(0.9)
     found = worst_case_gain(N, structure)
@@ -203,6 +204,7 @@ def test_against_samples(structure):
             assert gain_at(N, structure, omega, structure.random(rng)) <= found.upper
 
 
+@pytest.mark.slow
 def test_real_scalars_against_norms_of_closed_loops():
     structure = Structure([Real(1), Real(2)])
     N = random_system(5, structure, 0.1)

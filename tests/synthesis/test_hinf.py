@@ -141,6 +141,7 @@ def test_an_answer_is_stored_and_read_back():
     control_unit=st.floats(-6, 6),
     measurement_unit=st.floats(-6, 6),
 )
+@pytest.mark.slow
 def test_units_do_not_change_the_level(seed, time, control_unit, measurement_unit):
     rng = np.random.default_rng(seed)
     A, B, C = rng.normal(size=(4, 4)), rng.normal(size=(4, 5)), rng.normal(size=(5, 4))

@@ -53,7 +53,7 @@ def test_a_start_is_improved_on(solved):
     assert again.answer.upper <= solution.answer.upper * 1.001
 
 
-@pytest.mark.parametrize("method", ["dk", "fixed"])
+@pytest.mark.parametrize("method", [pytest.param("dk", marks=pytest.mark.slow), "fixed"])
 def test_a_target_ends_it_early_or_is_said_to_be_missed(solved, method):
     _, whole = solved
     start = None if method == "dk" else hinf(unstable_first_order()).K

@@ -85,6 +85,7 @@ def test_families_that_cannot_be_are_named():
         family.parameters(coupled)
 
 
+@pytest.mark.slow
 def test_a_pid_for_an_unstable_plant_gets_near_the_best_of_full_order():
     plant = unstable_first_order()
     family, x = PID.of(10.0, 10.0, 0.1, 0.01, leak=0.006)

@@ -299,7 +299,7 @@ def test_degenerate_families_by_steps(kind, name):
 @pytest.mark.parametrize(
     "name", [n if n == "equal" else pytest.param(n, marks=pytest.mark.slow) for n in DEGENERATE]
 )
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", thinned(KINDS, 2))
 def test_degenerate_families(kind, name):
     form = FORMS[len(name) % 2]
     program = program_of(kind, Responses(OMEGA, DEGENERATE[name]), form=form)
@@ -307,7 +307,7 @@ def test_degenerate_families(kind, name):
 
 
 @pytest.mark.parametrize("form", SLOW_ADDITIVE)
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", thinned(KINDS, 2))
 def test_plants_that_are_the_nominal(kind, form):
     values = np.repeat(NOMINAL.response(OMEGA)[:, None], 2, axis=1)
     program = program_of(kind, Responses(OMEGA, values), nominal=NOMINAL, form=form)

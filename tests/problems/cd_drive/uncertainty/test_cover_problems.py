@@ -164,6 +164,7 @@ def test_additive_weights_have_the_responses_unit():
     assert metrics["radius_peak"] == pytest.approx(abs(away).max())
 
 
+@pytest.mark.slow
 def test_points_left_out_make_smaller_sets():
     whole, _ = certified(circle_cover("focus", frequencies=SMALL))
     program = circle_cover("focus", frequencies=SMALL, leave_out=2)
@@ -174,6 +175,7 @@ def test_points_left_out_make_smaller_sets():
     assert contains(fewer.model, program.responses, leave_out=2)
 
 
+@pytest.mark.slow
 def test_content_widens_the_sets_and_says_what_it_assumes():
     program = circle_cover("focus", frequencies=SMALL, content=0.95)
     solution = wb.solve(program, "steps")

@@ -63,7 +63,7 @@ def test_complex_weights(axis, kind, cover):
 
 
 @pytest.mark.parametrize("minimum_phase", [False, True])
-@pytest.mark.parametrize("axis", AXES)
+@pytest.mark.parametrize("axis", thinned(AXES, 2))
 def test_real_weights(axis, minimum_phase):
     sets = third(axis)
     end = unwrapped(np.maximum(sets.half_length, 1e-6) * np.exp(1j * sets.angle))
