@@ -1,5 +1,7 @@
 """Magnitude fits: certified, better than SB10YD, in every order, and their invariances."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -111,6 +113,21 @@ def test_covers_cover_between_the_data_too(name, method):
     covered = size_of(solution.answer.state_space(), fine) / data
     assert covered.min() >= 1 - 1e-9
     assert program.metrics(solution.answer)["cover_margin"] >= 0
+
+
+@pytest.mark.parametrize(("name", "error"), [("first", 1.0913195), ("later", 1.0923205)])
+def test_a_cover_whose_plain_fit_is_zero_between_the_data_is_proven_optimal(name, error):
+    """Radii of a stadium cover of the drives on a refined grid, and stretched by eight decades.
+
+    The plain fit that a search starts from has a zero between the frequencies; from there it ended
+    at three times the least error, or at 1e4 times.
+    """
+    data = np.load(Path(__file__).parent / "data" / "stadium_radii.npz")
+    omega, magnitude, weight = (data[f"{name}_{one}"] for one in ("omega", "magnitude", "weight"))
+    program = MagnitudeFit(omega, magnitude, 4, weight=weight, cover=True)
+    solution = solve(program)
+    assert solution.certificate.holds, solution.certificate
+    assert program.error(solution.answer) == pytest.approx(error, rel=1e-4)
 
 
 def test_a_cover_has_the_shape_of_the_fit_where_the_data_are_dense():

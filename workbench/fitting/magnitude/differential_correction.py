@@ -12,15 +12,18 @@ quadratically (Barrodale, Powell and Roberts, SIAM J. Numerical Analysis 9, 1972
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from workbench.arrays import RealArray
+from workbench.errors import SolverError
 from workbench.executor import Context
 from workbench.fitting.magnitude.gain import Target, target_of, with_best_gain
 from workbench.fitting.magnitude.program import MagnitudeFit
 from workbench.fitting.magnitude.sanathanan_koerner import sanathanan_koerner
+from workbench.fitting.magnitude.sb10yd import fit_with_phase
 from workbench.fitting.magnitude.squared import SquaredBasis, stable_roots
 from workbench.fitting.rational import Rational
 
@@ -71,7 +74,8 @@ def minimax(
 ) -> Rational:
     """The best fit; if it is not proven optimal, the best of several starts.
 
-    The other starts come from fits of lower order, at most ``retreats`` orders lower.
+    The second start is a fit of magnitude and phase; others come from fits of lower order, at most
+    ``retreats`` orders lower.
     """
     target = target_of(program)
 
@@ -83,7 +87,11 @@ def minimax(
         return abs(program.gap(fit)[1]) <= context.options.accuracy
 
     fit = corrected(sanathanan_koerner(target, program.order))
-    if program.order == 0 or retreats == 0 or proven(fit):
+    if program.order == 0 or proven(fit):
+        return fit
+    with suppress(SolverError):  # where SLICOT gives no start there are others
+        fit = min((fit, corrected(fit_with_phase(program))), key=program.error)
+    if retreats == 0 or proven(fit):
         return fit
     lower = minimax(program.with_order(program.order - 1), solver, context, retreats - 1)
     if proven(lower):  # a degenerate optimum: the higher order gains nothing

@@ -17,14 +17,17 @@ from workbench.solvers import Outcome
 @method(MagnitudeFit, "sb10yd", optimal=False)
 def _sb10yd(program: MagnitudeFit, context: Context) -> Claim:
     """SLICOT SB10YD on the minimum-phase response of the magnitude, then the best gain."""
-    target = target_of(program)
-    if program.order == 0:  # SB10YD starts at one
-        none = np.zeros(0, dtype=complex)
-        return with_best_gain(target, none, none), Outcome.SOLVED, ""
+    none = np.zeros(0, dtype=complex)
+    fit = Rational(none, none, 1.0) if program.order == 0 else fit_with_phase(program)
+    return with_best_gain(target_of(program), fit.zeros, fit.poles), Outcome.SOLVED, ""
+
+
+def fit_with_phase(program: MagnitudeFit) -> Rational:
+    """SB10YD's fit to magnitude and minimum phase, of order one or more, with a gain of its own."""
     phase = minimum_phase(program.omega, program.magnitude)
     response = program.magnitude * np.exp(1j * phase)
     fit: Rational = sb10yd(program.omega, response, program.order, minimum_phase=True)
-    return with_best_gain(target, fit.zeros, fit.poles), Outcome.SOLVED, ""
+    return fit
 
 
 def minimum_phase(omega: RealArray, magnitude: RealArray) -> RealArray:

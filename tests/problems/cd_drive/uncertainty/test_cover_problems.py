@@ -51,6 +51,14 @@ def test_a_nominal_chosen_for_small_circles_gives_smaller_ones(covered):
     assert joint["radius_peak"] < steps["radius_peak"]
 
 
+@pytest.mark.parametrize("gain", ["own", "equal", "agc"])
+@pytest.mark.parametrize("shape", ["circle", "stadium"])
+@pytest.mark.parametrize("axis", ["focus", "radial"])
+def test_no_cover_is_much_larger_than_the_sets_it_is_fitted_to(covered, axis, shape, gain):
+    program, answer = covered(axis, shape, "steps", gain)
+    assert program.metrics(answer)["inflation"] < 10
+
+
 def test_circles_contain_the_drives(circles):
     _, program, answer = circles
     metrics = program.metrics(answer)
