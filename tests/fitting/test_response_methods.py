@@ -225,6 +225,20 @@ def test_always_valid(seed, order, zeros, minimum_phase):
     assert np.isfinite(error(program, "vector-fitting"))
 
 
+@pytest.mark.parametrize("seed", [1, 34, 240, *thinned(range(1000, 1100), 100)])
+def test_noise_gives_no_roots_that_doubles_cannot_realise(seed):
+    """Roots of unlimited fits: 1e18 times the last frequency, 1e-35 times the first."""
+    rng = np.random.default_rng(seed)
+    omega = np.unique(10 ** rng.uniform(-2, 3, 40))
+    response = rng.normal(size=omega.size) + 1j * rng.normal(size=omega.size)
+    order, zeros = rng.integers(1, 7, 2)
+    minimum_phase = bool(rng.integers(2))
+    program = ResponseFit(
+        omega, response, int(order), minimum_phase=minimum_phase, zeros=int(min(zeros, order))
+    )
+    assert np.isfinite(error(program, "vector-fitting"))
+
+
 # --- what a method cannot take --------------------------------------------------------------------
 
 

@@ -18,13 +18,10 @@ def test_a_realisation_is_compared_with_its_roots():
     assert not fits.realisation_agrees(SYSTEM, OMEGA, 1.01 * VALUES, np.abs(VALUES)).holds
 
 
-def test_decay_of_a_fit_and_of_its_inverse():
+def test_decay_of_a_fit():
     growing = control.ss([[1e-3]], [[1.0]], [[1.0]], [[1.0]])
-    zero_right = control.ss([[-1.0]], [[1.0]], [[-2.0]], [[1.0]])  # (s - 1) / (s + 1)
     assert fits.decays(SYSTEM, "fit").holds
     assert not fits.decays(growing, "fit").holds
-    assert fits.inverse_decays(SYSTEM, "inverse").holds
-    assert not fits.inverse_decays(zero_right, "inverse").holds
 
 
 def test_a_cover_is_tried_between_the_data():

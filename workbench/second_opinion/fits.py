@@ -74,11 +74,3 @@ def decays(system: Any, name: str) -> Check:
     rate, rounding = growth(system.A, system.dt)
     statement = "logarithmic growth per sample by a power of the transition matrix, less rounding"
     return Check(name, statement, rate - rounding, 0.0, over=THIS_SYSTEM)
-
-
-def inverse_decays(system: Any, name: str) -> Check:
-    """As `decays`, of the inverse of a system with as many zeros as poles."""
-    transition = system.A - system.B @ np.linalg.solve(system.D, system.C)
-    rate, rounding = growth(transition, system.dt)
-    statement = "logarithmic growth of the inverse per sample, less rounding"
-    return Check(name, statement, rate - rounding, 0.0, over=THIS_SYSTEM)

@@ -19,6 +19,10 @@ ERROR_ROUNDING = 1e-14
 """Worst error, relative to the largest weighted datum, that is rounding only."""
 MIN_LAWSON_WEIGHT = 1e-14
 """Smallest weight of Lawson's iteration, relative to the mean weight."""
+ROOT_REACH = 1e9
+"""Largest factor from the first or last frequency to a root, and the smallest damping's inverse."""
+REACH_COST = 1e-4
+"""Largest relative increase of the worst error for which far roots are brought within reach."""
 MIN_DAMPING = 1e-14
 """Smallest damping of a Gauss-Newton step, relative to the largest curvature."""
 
@@ -62,7 +66,28 @@ def polished(program: ResponseFit, start: Rational) -> tuple[float, Rational]:
             break
         here = moved
         best = min(best, here, key=lambda point: point.peak)
-    return best.peak, form.rational(best.vector)
+    found = form.rational(best.vector)
+    near = within_reach(found, data.omega)
+    peak = float(program.errors(near).max())
+    return (peak, near) if peak <= best.peak * (1 + REACH_COST) else (best.peak, found)
+
+
+def within_reach(function: Rational, omega: RealArray) -> Rational:
+    """The function with its roots no farther from the data than ROOT_REACH.
+
+    Data say nothing of a root so far away but that it is far; 1e18 times the last frequency no
+    realisation in doubles has it.
+    """
+    low, high = omega[0] / ROOT_REACH, omega[-1] * ROOT_REACH
+
+    def moved(roots: ComplexArray) -> tuple[ComplexArray, float]:
+        size = np.abs(roots)
+        unit = np.divide(roots, size, out=-np.ones_like(roots), where=size > 0)
+        unit.real = np.where(unit.real <= 0, np.minimum(unit.real, -1 / ROOT_REACH), unit.real)
+        return unit * np.clip(size, low, high), float(np.prod(size[size > high] / high))
+
+    (zeros, more), (poles, less) = moved(function.zeros), moved(function.poles)
+    return Rational(zeros, poles, function.gain * more / less)
 
 
 class _Point:
