@@ -18,10 +18,11 @@ def test_a_realisation_is_compared_with_its_roots():
     assert not fits.realisation_agrees(SYSTEM, OMEGA, 1.01 * VALUES, np.abs(VALUES)).holds
 
 
-def test_decay_of_a_fit():
+def test_decay_of_a_fit_and_of_its_inverse():
     growing = control.ss([[1e-3]], [[1.0]], [[1.0]], [[1.0]])
     assert fits.decays(SYSTEM, "fit").holds
     assert not fits.decays(growing, "fit").holds
+    assert not fits.inverse_decays(growing, "inverse").holds
 
 
 def test_a_cover_is_tried_between_the_data():

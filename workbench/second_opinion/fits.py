@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -74,3 +75,9 @@ def decays(system: Any, name: str) -> Check:
     rate, rounding = growth(system.A, system.dt)
     statement = "logarithmic growth per sample by a power of the transition matrix, less rounding"
     return Check(name, statement, rate - rounding, 0.0, over=THIS_SYSTEM)
+
+
+def inverse_decays(inverse: Any, name: str) -> Check:
+    """As `decays`, of a realisation of the inverse of a fit."""
+    statement = "logarithmic growth of the inverse per sample, less rounding"
+    return replace(decays(inverse, name), statement=statement)

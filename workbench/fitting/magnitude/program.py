@@ -21,7 +21,7 @@ from workbench.fitting.samples import as_count, as_frequencies, as_positive
 from workbench.fitting.storage import function
 from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.program import Program, find_method
-from workbench.second_opinion.fits import covers, decays, realisation_agrees
+from workbench.second_opinion.fits import covers, decays, inverse_decays, realisation_agrees
 from workbench.solvers import Options
 
 LARGEST_ORDER = 12
@@ -133,7 +133,7 @@ class MagnitudeFit(Program):
             decays(system, "fit decays"),
         ]
         if answer.zeros.size == answer.poles.size:
-            found.append(decays(answer.inverse().state_space(), "inverse decays"))
+            found.append(inverse_decays(answer.inverse().state_space(), "inverse decays"))
         if self.cover:
             found.append(covers(system, self.omega, self.magnitude))
         return found

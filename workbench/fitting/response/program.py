@@ -20,7 +20,7 @@ from workbench.fitting.samples import as_count, as_frequencies, as_responses, as
 from workbench.fitting.storage import function, roots
 from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.program import Program
-from workbench.second_opinion.fits import decays, realisation_agrees, within
+from workbench.second_opinion.fits import decays, inverse_decays, realisation_agrees, within
 from workbench.solution import solve
 from workbench.solvers import Options
 
@@ -141,7 +141,7 @@ class ResponseFit(Program):
         if self.stable:
             found.append(decays(system, "fit decays"))
         if self.minimum_phase and answer.gain and answer.zeros.size == answer.poles.size:
-            found.append(decays(answer.inverse().state_space(), "inverse decays"))
+            found.append(inverse_decays(answer.inverse().state_space(), "inverse decays"))
         return found
 
     def errors(self, answer: Rational) -> np.ndarray:

@@ -25,7 +25,7 @@ from workbench.geometry import Circle, NarrowestStadium, Stadium
 from workbench.geometry.cover import CONTAINMENT_TOLERANCE
 from workbench.heavy_types import Dataset, Figure
 from workbench.program import Program
-from workbench.second_opinion.fits import decays
+from workbench.second_opinion.fits import decays, inverse_decays
 from workbench.second_opinion.responses import plain_response
 from workbench.second_opinion.support import reach_beyond
 from workbench.uncertainty.covers.everywhere import (
@@ -270,7 +270,7 @@ class UncertaintyCover(Program):
             ),
             *self._between(sampled_containment, answer.model),
             *(decays(system, f"{name} decays") for name, system in systems.items()),
-            decays(answer.model.W_c.inverse().state_space(), "inverse of W_c decays"),
+            inverse_decays(answer.model.W_c.inverse().state_space(), "inverse of W_c decays"),
         ]
 
     def _between(
