@@ -150,6 +150,18 @@ EDITS = {
         lambda f: edit(f, "certificate.json", put("checks", 0, "limit", 1.0)),
         "certificate.json: checks[0].limit says 1",
     ),
+    "a check's value that is no number": (
+        lambda f: edit(f, "certificate.json", put("checks", 0, "value", "small")),
+        "certificate.json: checks[0].value says 'small'",
+    ),
+    "a check without a value": (
+        lambda f: edit(f, "certificate.json", put("checks", 0, {"name": "reach"})),
+        "certificate.json: checks[0]",
+    ),
+    "checks that are none": (
+        lambda f: edit(f, "certificate.json", put("checks", "all hold")),
+        "certificate.json: checks says 'all hold'",
+    ),
     "a check away": (
         lambda f: edit(f, "certificate.json", put("checks", [])),
         "certificate.json: checks",

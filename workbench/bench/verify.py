@@ -157,13 +157,24 @@ def _certificates_apart(stored: dict[str, Any], fresh: dict[str, Any]) -> list[s
     is not compared, for it samples in plain doubles about poles and peaks that round differently;
     that its checks hold, and what they say, is.
     """
-    if len(stored["checks"]) == len(fresh["checks"]):
-        for was, now in zip(stored["checks"], fresh["checks"], strict=True):
-            near = abs(float(was["value"]) - float(now["value"])) <= CHECKED * abs(now["limit"])
-            free = {"value", "limit", "over"} if now["opinion"] else {"value"} if near else set()
-            was.update({key: now[key] for key in free})
+    checks = stored.get("checks")
+    if isinstance(checks, list) and len(checks) == len(fresh["checks"]):
+        for was, now in zip(checks, fresh["checks"], strict=True):
+            if isinstance(was, dict):
+                was.update({key: now[key] for key in _free(was, now)})
     # What is checked is near zero, where a relative difference says nothing.
     return _apart(stored, fresh, floor=1.0)
+
+
+def _free(was: dict[str, Any], now: dict[str, Any]) -> set[str]:
+    """What a stored check may say otherwise than the recomputed one."""
+    if now["opinion"]:
+        return {"value", "limit", "over"}
+    try:
+        away = abs(float(was["value"]) - float(now["value"]))
+    except (KeyError, TypeError, ValueError):  # what was edited is no number
+        return set()
+    return {"value"} if away <= CHECKED * abs(now["limit"]) else set()
 
 
 def _apart(stored: Any, fresh: Any, path: str = "", floor: float = 0.0) -> list[str]:
