@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 
+import lanes
 import pytest
 from hypothesis import HealthCheck, settings
 
@@ -20,6 +21,15 @@ settings.register_profile(
     "workbench", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow]
 )
 settings.load_profile("workbench")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Property tests try fewer examples where the slow tests are left out (`lanes.examples`)."""
+    if "not slow" in config.getoption("markexpr"):
+        os.environ[lanes.ENVIRONMENT] = "1"
+    else:
+        os.environ.pop(lanes.ENVIRONMENT, None)
+
 
 TOY = '''
 """Square roots, by good methods and bad ones."""

@@ -6,8 +6,9 @@ from functools import partial
 import control
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from lanes import examples
 
 from workbench.certify.interval import certified_interval
 from workbench.certify.stable_system import stable_system
@@ -80,7 +81,7 @@ def test_a_narrow_crossing_ends_the_interval():
     assert top == math.inf
 
 
-@settings(deadline=None, max_examples=25)
+@examples(25, 60)
 @given(st.integers(0, 10**6), st.booleans(), st.floats(-2, 2))
 def test_holds_inside_and_ends_at_a_crossing(seed, real, decade):
     rng = np.random.default_rng(seed)

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
-from lanes import thinned
+from lanes import examples, thinned
 from workbench.plants.cd_drive.drive import plants as drives
 
 import workbench.fitting.response.best  # noqa: F401  registers the methods
@@ -204,7 +204,7 @@ def test_weights_choose_where_the_error_is_small():
 FITTED = noisy(random_rational(3, 3), OMEGA, 0.02, 0)
 
 
-@settings(derandomize=True, deadline=None, max_examples=8)
+@examples(8, 15)
 @given(st.integers(-30, 30), st.integers(-60, 60), st.booleans())
 def test_units_of_time_and_gain_do_not_matter(time, gain, negative):
     factor = -(2.0**gain) if negative else 2.0**gain
@@ -213,7 +213,7 @@ def test_units_of_time_and_gain_do_not_matter(time, gain, negative):
     assert error(there, "vector-fitting") == pytest.approx(error(here, "vector-fitting"), rel=1e-3)
 
 
-@settings(derandomize=True, deadline=None, max_examples=6)
+@examples(6, 15)
 @given(st.integers(0, 10**6), st.integers(1, 6), st.integers(0, 6), st.booleans())
 def test_always_valid(seed, order, zeros, minimum_phase):
     rng = np.random.default_rng(seed)

@@ -5,8 +5,9 @@ import math
 import control
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from lanes import examples
 from workbench.plants.cd_drive.control.control_problem import generalised
 from workbench.plants.cd_drive.drive.plants import controller
 from workbench.plants.cd_drive.uncertainty.parametric_model import (
@@ -150,7 +151,7 @@ def test_of_a_resonance(damping, size):
     assert found.lower <= found.upper <= 1.002 * found.lower
 
 
-@settings(deadline=None, max_examples=6)
+@examples(6, 15)
 @given(st.integers(0, 10**6), st.floats(-9, 9), st.sampled_from(STRUCTURES))
 def test_does_not_depend_on_the_unit_of_time(seed, decades, structure):
     system = modes(np.random.default_rng(seed), structure, 2)

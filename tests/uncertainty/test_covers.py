@@ -6,9 +6,9 @@ from functools import cache
 import control
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
-from lanes import thinned
+from lanes import examples, thinned
 
 import workbench as wb
 from workbench.bench import netcdf
@@ -121,7 +121,7 @@ def test_a_family_is_covered(kind, method, form):
     assert_covers(program, solution)
 
 
-@settings(derandomize=True, deadline=None, max_examples=2)
+@examples(2, 4)
 @given(
     st.integers(0, 10_000),
     st.integers(2, 40),
