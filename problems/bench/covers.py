@@ -169,7 +169,8 @@ def _timed(cover: Any, method: str, context: Context) -> tuple[CoverSteps, float
     start = time.perf_counter()
     solution = solve(cover, method, context.options)
     if solution.certificate is None or not solution.certificate.valid:
-        raise SolverError(f"{method}: {solution.message}")
+        failures = solution.certificate.failures if solution.certificate else ()
+        raise SolverError(f"{method}: {'; '.join(failures) or solution.message}")
     return solution.answer, time.perf_counter() - start
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from workbench.arrays import ComplexArray, RealArray
 from workbench.fitting.factored import FactoredRational
 from workbench.fitting.rational import Rational
+from workbench.fitting.reach import within_reach
 from workbench.fitting.response.program import ResponseFit
 
 LEAST_SQUARES_STEPS = 40
@@ -20,7 +21,7 @@ ERROR_ROUNDING = 1e-14
 MIN_LAWSON_WEIGHT = 1e-14
 """Smallest weight of Lawson's iteration, relative to the mean weight."""
 ROOT_REACH = 1e9
-"""Largest factor from the first or last frequency to a root, and the smallest damping's inverse."""
+"""Largest factor from the first or last frequency to a root."""
 REACH_COST = 1e-4
 """Largest relative increase of the worst error for which far roots are brought within reach."""
 MIN_DAMPING = 1e-14
@@ -67,27 +68,9 @@ def polished(program: ResponseFit, start: Rational) -> tuple[float, Rational]:
         here = moved
         best = min(best, here, key=lambda point: point.peak)
     found = form.rational(best.vector)
-    near = within_reach(found, data.omega)
+    near = within_reach(found, data.omega, ROOT_REACH)
     peak = float(program.errors(near).max())
     return (peak, near) if peak <= best.peak * (1 + REACH_COST) else (best.peak, found)
-
-
-def within_reach(function: Rational, omega: RealArray) -> Rational:
-    """The function with its roots no farther from the data than ROOT_REACH.
-
-    Data say nothing of a root so far away but that it is far; 1e18 times the last frequency no
-    realisation in doubles has it.
-    """
-    low, high = omega[0] / ROOT_REACH, omega[-1] * ROOT_REACH
-
-    def moved(roots: ComplexArray) -> tuple[ComplexArray, float]:
-        size = np.abs(roots)
-        unit = np.divide(roots, size, out=-np.ones_like(roots), where=size > 0)
-        unit.real = np.where(unit.real <= 0, np.minimum(unit.real, -1 / ROOT_REACH), unit.real)
-        return unit * np.clip(size, low, high), float(np.prod(size[size > high] / high))
-
-    (zeros, more), (poles, less) = moved(function.zeros), moved(function.poles)
-    return Rational(zeros, poles, function.gain * more / less)
 
 
 class _Point:

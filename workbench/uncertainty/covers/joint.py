@@ -25,6 +25,7 @@ from workbench.arrays import ComplexArray, RealArray
 from workbench.executor import Context
 from workbench.fitting.factored import FactoredRational
 from workbench.fitting.rational import Rational
+from workbench.fitting.reach import within_reach
 from workbench.uncertainty.covers.cover import UncertaintyCover
 from workbench.uncertainty.covers.steps import CoverSteps
 
@@ -34,6 +35,8 @@ NORM_POWERS = (8, 32, 128)
 """Powers p of the p-norms that replace the maximum over the plants, one after the other."""
 MAX_BFGS_STEPS = 200
 """Most quasi-Newton steps with each power."""
+ROOT_REACH = 1e3
+"""Largest factor from the first or last frequency to a root of the nominal or the real weight."""
 DIRECTIONS = 16
 """Larger point sets are reduced to the outermost point in each of this many directions."""
 
@@ -131,10 +134,14 @@ def smallest_sets(
             vector = minimize(scaled, vector, (power,), "BFGS", jac=True, options=steps).x
         vector = vector * scale
     of_nominal, of_weight = size.split(vector)
+
+    def found(factored: FactoredRational, vector: RealArray) -> Rational:
+        return within_reach(factored.rational(vector), omega, ROOT_REACH)
+
     return (
         size(vector, NORM_POWERS[-1])[0],
-        moving.rational(of_nominal) if isinstance(moving, FactoredRational) else nominal,
-        None if weight is None else weight.rational(of_weight),
+        found(moving, of_nominal) if isinstance(moving, FactoredRational) else nominal,
+        None if weight is None else found(weight, of_weight),
     )
 
 
