@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from scipy.signal import dlsim
 
+from workbench.fitting.rational import Rational
 from workbench.second_opinion import fits
 from workbench.second_opinion.records import convolved
 
@@ -22,7 +23,9 @@ def test_decay_of_a_fit_and_of_its_inverse():
     growing = control.ss([[1e-3]], [[1.0]], [[1.0]], [[1.0]])
     assert fits.decays(SYSTEM, "fit").holds
     assert not fits.decays(growing, "fit").holds
-    assert not fits.inverse_decays(growing, "inverse").holds
+    for zero, holds in ((-1e-3, True), (1e-3, False)):
+        fit = Rational(np.array([zero]), np.array([-1.0]), 2.0)
+        assert fits.inverse_decays(fit, "inverse").holds == holds
 
 
 def test_a_cover_is_tried_between_the_data():

@@ -77,7 +77,7 @@ def decays(system: Any, name: str) -> Check:
     return Check(name, statement, rate - rounding, 0.0, over=THIS_SYSTEM)
 
 
-def inverse_decays(inverse: Any, name: str) -> Check:
-    """As `decays`, of a realisation of the inverse of a fit."""
+def inverse_decays(fit: Any, name: str) -> Check:
+    """As `decays`, of a realisation of the inverse of a fit (a `Rational`)."""
     statement = "logarithmic growth of the inverse per sample, less rounding"
-    return replace(decays(inverse, name), statement=statement)
+    return replace(decays(fit.inverse().state_space(), name), statement=statement)

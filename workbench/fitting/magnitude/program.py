@@ -133,7 +133,7 @@ class MagnitudeFit(Program):
             decays(system, "fit decays"),
         ]
         if answer.zeros.size == answer.poles.size:
-            found.append(inverse_decays(answer.inverse().state_space(), "inverse decays"))
+            found.append(inverse_decays(answer, "inverse decays"))
         if self.cover:
             found.append(covers(system, self.omega, self.magnitude))
         return found

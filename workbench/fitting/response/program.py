@@ -141,7 +141,7 @@ class ResponseFit(Program):
         if self.stable:
             found.append(decays(system, "fit decays"))
         if self.minimum_phase and answer.gain and answer.zeros.size == answer.poles.size:
-            found.append(inverse_decays(answer.inverse().state_space(), "inverse decays"))
+            found.append(inverse_decays(answer, "inverse decays"))
         return found
 
     def errors(self, answer: Rational) -> np.ndarray:

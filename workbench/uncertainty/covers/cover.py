@@ -16,7 +16,7 @@ from typing import Any, ClassVar, Literal, Self, get_args
 import numpy as np
 
 from workbench.arrays import ComplexArray, RealArray
-from workbench.certificate import THIS_SYSTEM, Check, worst
+from workbench.certificate import Check, worst
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.fitting.rational import Rational, from_system
@@ -26,10 +26,13 @@ from workbench.geometry.cover import CONTAINMENT_TOLERANCE
 from workbench.heavy_types import Dataset, Figure
 from workbench.program import Program
 from workbench.second_opinion.fits import decays, inverse_decays
-from workbench.second_opinion.responses import plain_response
-from workbench.second_opinion.support import reach_beyond
+from workbench.uncertainty.covers.checks import (
+    at_most,
+    given_nominal,
+    left_check,
+    realised_support,
+)
 from workbench.uncertainty.covers.everywhere import (
-    REALISED_SUPPORT_TOLERANCE,
     containment_check,
     covering_weight,
     sampled_containment,
@@ -241,7 +244,7 @@ class UncertaintyCover(Program):
                 where,
                 over=self.responses.over,
             ),
-            *(_at_most("order", name, of.order, most) for name, of, most in fits),
+            *(at_most("order", name, of.order, most) for name, of, most in fits),
             self._nominal_check(model.nominal),
             *(left_check(f"{name} stable", "pole", of.poles) for name, of, _ in fits),
             left_check("W_c minimum phase", "zero", model.W_c.zeros),
@@ -249,28 +252,11 @@ class UncertaintyCover(Program):
 
     def second_opinion(self, answer: CoverSteps) -> Sequence[Check]:
         systems = answer.model.systems()
-        omega, values = self.responses.omega, self.responses.values
-        of = {name: plain_response(system, omega)[:, 0, 0] for name, system in systems.items()}
-        size = of["G"] if self.form == "multiplicative" else np.ones_like(of["G"])
-        segment = size * of.get("W_r", np.zeros_like(size))
-        radius = np.abs(size * of["W_c"])
-        excess = reach_beyond(values, of["G"], radius, np.abs(segment), np.angle(segment))
-        excess = np.where(self.responses.present, excess / radius[:, None], -np.inf)
-        counted = np.sort(excess, axis=1)[:, -1 - self.leave_out]
-        value, where = worst(counted, lambda i: f"at {self.responses.place(i[0])}")
-        statement = "how far a response reaches beyond the realised set, over the radius"
         return [
-            Check(
-                "support",
-                statement,
-                value,
-                REALISED_SUPPORT_TOLERANCE,
-                where,
-                over=self.responses.over,
-            ),
+            realised_support(answer.model, self.responses, self.leave_out),
             *self._between(sampled_containment, answer.model),
             *(decays(system, f"{name} decays") for name, system in systems.items()),
-            inverse_decays(answer.model.W_c.inverse().state_space(), "inverse of W_c decays"),
+            inverse_decays(answer.model.W_c, "inverse of W_c decays"),
         ]
 
     def _between(
@@ -298,14 +284,8 @@ class UncertaintyCover(Program):
     def _nominal_check(self, nominal: Rational) -> Check:
         """Check of the number of zeros or, of a given nominal, that it is the one given."""
         if self.nominal is None:
-            return _at_most("zeros", "nominal", nominal.zeros.size, self.zeros)
-        given = self.nominal.response(self.responses.omega)
-        apart = np.abs(nominal.response(self.responses.omega) - given)
-        apart = apart / np.maximum(np.abs(given), np.finfo(float).tiny)
-        value, where = worst(apart, lambda i: f"at {self.responses.place(i[0])}")
-        statement = "distance of its response from that of the given one, relative"
-        over = f"at the {self.responses.omega.size} given frequencies"
-        return Check("nominal given", statement, value, CONTAINMENT_TOLERANCE, where, over=over)
+            return at_most("zeros", "nominal", nominal.zeros.size, self.zeros)
+        return given_nominal(nominal, self.nominal, self.responses)
 
     def _orders(self, model: UncertaintyModel) -> list[tuple[str, Rational, int]]:
         """Name, function and largest order of the nominal and of each weight."""
@@ -347,16 +327,3 @@ class UncertaintyCover(Program):
 
     def figures(self, answer: CoverSteps) -> dict[str, Figure]:
         return cover_figures(self.responses, answer, self.windows)
-
-
-def _at_most(what: str, name: str, value: int, limit: int) -> Check:
-    """Check that a count, such as the order, is at most a limit."""
-    statement = f"{what} of {name}, at most what was asked for"
-    return Check(f"{what} of {name}", statement, float(value), float(limit))
-
-
-def left_check(name: str, kind: str, roots: ComplexArray) -> Check:
-    """Check that roots lie left of the imaginary axis."""
-    value = float(roots.real.max(initial=-np.inf))
-    text = f"largest real part of a {kind} [rad/s], negative"
-    return Check(name, text, value, -np.finfo(float).tiny, over=THIS_SYSTEM)

@@ -14,7 +14,8 @@ from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.fitting.rational import Rational
 from workbench.geometry import NarrowestStadium, Stadium, narrowest_stadium
-from workbench.uncertainty.covers.cover import RADIUS_ROUNDING, UncertaintyCover, left_check
+from workbench.uncertainty.covers.checks import left_check
+from workbench.uncertainty.covers.cover import RADIUS_ROUNDING, UncertaintyCover
 from workbench.uncertainty.covers.model import UncertaintyModel
 from workbench.uncertainty.covers.orientation import Orientation, smooth
 from workbench.uncertainty.covers.sets import stadiums_about_nominal

@@ -1,0 +1,55 @@
+"""Checks of a cover at the given frequencies, and of the roots and orders of its functions."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workbench.arrays import ComplexArray
+from workbench.certificate import THIS_SYSTEM, Check, worst
+from workbench.fitting.rational import Rational
+from workbench.geometry.cover import CONTAINMENT_TOLERANCE
+from workbench.second_opinion.responses import plain_response
+from workbench.second_opinion.support import reach_beyond
+from workbench.uncertainty.covers.everywhere import REALISED_SUPPORT_TOLERANCE
+from workbench.uncertainty.covers.model import UncertaintyModel
+from workbench.uncertainty.covers.responses import Responses
+
+
+def realised_support(model: UncertaintyModel, responses: Responses, leave_out: int) -> Check:
+    """Second opinion on containment: the realised model, by support functions."""
+    systems = model.systems()
+    of = {name: plain_response(s, responses.omega)[:, 0, 0] for name, s in systems.items()}
+    size = of["G"] if model.form == "multiplicative" else np.ones_like(of["G"])
+    segment = size * of.get("W_r", np.zeros_like(size))
+    radius = np.abs(size * of["W_c"])
+    excess = reach_beyond(responses.values, of["G"], radius, np.abs(segment), np.angle(segment))
+    excess = np.where(responses.present, excess / radius[:, None], -np.inf)
+    counted = np.sort(excess, axis=1)[:, -1 - leave_out]
+    value, where = worst(counted, lambda i: f"at {responses.place(i[0])}")
+    statement = "how far a response reaches beyond the realised set, over the radius"
+    limit, over = REALISED_SUPPORT_TOLERANCE, responses.over
+    return Check("support", statement, value, limit, where, over=over)
+
+
+def given_nominal(nominal: Rational, given: Rational, responses: Responses) -> Check:
+    """Check that the nominal is the one that was given."""
+    response = given.response(responses.omega)
+    apart = np.abs(nominal.response(responses.omega) - response)
+    apart = apart / np.maximum(np.abs(response), np.finfo(float).tiny)
+    value, where = worst(apart, lambda i: f"at {responses.place(i[0])}")
+    statement = "distance of its response from that of the given one, relative"
+    over = f"at the {responses.omega.size} given frequencies"
+    return Check("nominal given", statement, value, CONTAINMENT_TOLERANCE, where, over=over)
+
+
+def at_most(what: str, name: str, value: int, limit: int) -> Check:
+    """Check that a count, such as the order, is at most a limit."""
+    statement = f"{what} of {name}, at most what was asked for"
+    return Check(f"{what} of {name}", statement, float(value), float(limit))
+
+
+def left_check(name: str, kind: str, roots: ComplexArray) -> Check:
+    """Check that roots lie left of the imaginary axis."""
+    value = float(roots.real.max(initial=-np.inf))
+    text = f"largest real part of a {kind} [rad/s], negative"
+    return Check(name, text, value, -np.finfo(float).tiny, over=THIS_SYSTEM)
