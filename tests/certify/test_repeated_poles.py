@@ -8,8 +8,11 @@ import control
 import numpy as np
 import pytest
 
+from workbench.certify.eigenvalues import separate_pole_discs
 from workbench.certify.hamiltonian import ball_discs
 from workbench.certify.interval import certified_interval
+from workbench.certify.rounding import Enclosure
+from workbench.certify.stability import stability_of
 from workbench.certify.stable_system import StableSystem, stable_system
 from workbench.errors import InputError
 from workbench.mu import peak
@@ -79,3 +82,28 @@ def test_coordinates_of_sixteen_equal_poles_are_not_worked_in():
     omega = np.array([0.0, 1.0, 100.0, 1e4])
     plain = C @ np.linalg.solve(1j * omega[:, None, None] * np.eye(len(A)) - A, B) + D
     np.testing.assert_allclose(stable.response(omega), plain, rtol=1e-6, atol=1e-6)
+
+
+def test_a_resonance_before_a_chain_of_forty_equal_lags_is_proven_stable():
+    """The eigenvectors have no condition, and balls separate no modes; the blocks are clear."""
+    lag, rng = 3770.0, np.random.default_rng(0)
+    A = np.zeros((42, 42))
+    A[2:, 2:] = lag * (np.tril(rng.standard_normal((40, 40)), -1) - np.eye(40))
+    A[:2, :2], A[2, :2] = [[-10.0, 200.0], [-200.0, -10.0]], 1e4
+    B, C = np.eye(42, 1), np.ones((1, 42))
+    system = stable_system(control.ss(A, B, C, 0))
+    assert system.poles.real.max() == pytest.approx(-10.0)
+    assert stability_of(control.ss(A, B, C, 0)).holds
+    A[0, 0] = 30.0  # the resonance becomes unstable
+    with pytest.raises(InputError, match="unstable: it has the pole"):
+        stable_system(control.ss(A, B, C, 0))
+    assert not stability_of(control.ss(A, B, C, 0)).holds
+
+
+def test_blocks_are_those_of_every_matrix_enclosed():
+    """An entry that only may be there joins two states: [-1 1; 2 -1] has the pole 0.414."""
+    mid = np.array([[-1.0, 1.0], [0.0, -1.0]])
+    apart, joined = (Enclosure(mid, np.array([[0.0, 0.0], [rad, 0.0]])) for rad in (0.0, 2.0))
+    assert separate_pole_discs(apart).rightmost == pytest.approx(-1.0)
+    assert separate_pole_discs(joined).rightmost >= math.sqrt(2) - 1
+    assert separate_pole_discs(Enclosure(np.zeros((0, 0)), np.zeros((0, 0)))).rightmost == -math.inf

@@ -16,6 +16,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 
 from workbench.arrays import EPS, Array, RealArray
 from workbench.certify.rounding import (
@@ -189,6 +190,24 @@ def pole_discs(A: Enclosure) -> Discs:
     """Discs that contain all eigenvalues of the matrices A, small near the imaginary axis."""
     discs = eigenvalue_discs(Enclosure(-1j * A.mid, A.rad))
     return Discs(1j * discs.centre, discs.radius)
+
+
+def separate_pole_discs(A: Enclosure) -> Discs:
+    """As `pole_discs`, of each block on the diagonal of A's block triangular form by itself.
+
+    The states in another order make A block triangular where states do not act on each other in a
+    circle. Its eigenvalues are then those of the blocks, and a chain of equal lags, whose
+    eigenvectors are all alike, is as many blocks of one state.
+    """
+    acts = (A.mid != 0) | (A.rad != 0)
+    count, block = connected_components(acts, connection="strong")
+    places = [np.ix_(block == k, block == k) for k in range(count)]
+    found = [pole_discs(Enclosure(A.mid[place], A.rad[place])) for place in places]
+    empty = [np.zeros(0)]
+    return Discs(
+        np.concatenate([discs.centre for discs in found] or empty),
+        np.concatenate([discs.radius for discs in found] or empty),
+    )
 
 
 def touched(discs: Discs) -> tuple[RealArray, RealArray]:

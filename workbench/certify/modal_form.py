@@ -23,6 +23,8 @@ CLUSTER = 2.0**-16
 """Poles closer than this share of their size are kept together in one mode."""
 LARGEST_SCALE = 2.0**200
 """Largest factor of a state."""
+LARGEST_ENTRY = 1e150
+"""Largest entry of modal coordinates: its square is a double. Those of long chains may overflow."""
 
 Enclosures = tuple[Enclosure, Enclosure, Enclosure]
 """A, B and C of a realisation."""
@@ -48,6 +50,8 @@ def enclosed_modal_form(A: RealArray, B: RealArray, C: RealArray, bits: int) -> 
         except ZeroDivisionError:  # T may be singular
             return None
         enclosures = [_doubles(part) for part in parts]
+    if any(not (np.abs(part.mid) + part.rad <= LARGEST_ENTRY).all() for part in enclosures):
+        return None
     return _normalised(enclosures[0], enclosures[1], enclosures[2], mode)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from workbench.arrays import EPS, Array, RealArray
 from workbench.certificate import THIS_SYSTEM, Check
-from workbench.certify.eigenvalues import Discs, pole_discs
+from workbench.certify.eigenvalues import Discs, pole_discs, separate_pole_discs
 from workbench.certify.modal_form import PRECISIONS, enclosed_modal_form
 from workbench.certify.rounding import TINY, exact
 from workbench.heavy_types import StateSpace
@@ -36,7 +36,7 @@ def pole_bound(A: RealArray, sampled: bool) -> tuple[float, complex | None]:
         return np.nan, None
     with np.errstate(all="ignore"):  # an infinite radius proves nothing
         A, _ = balanced_states(A)
-        discs = pole_discs(exact(A))
+        discs = separate_pole_discs(exact(A))
     for bits in (0, *PRECISIONS):
         if bits:
             modal = enclosed_modal_form(A, np.zeros((len(A), 0)), np.zeros((0, len(A))), bits)

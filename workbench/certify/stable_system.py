@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.arrays import Array, BoolArray, RealArray
-from workbench.certify.eigenvalues import Discs, pole_discs
+from workbench.certify.eigenvalues import Discs, pole_discs, separate_pole_discs
 from workbench.certify.modal_form import PRECISIONS, Enclosures, enclosed_modal_form
 from workbench.certify.rounding import Enclosure, exact
 from workbench.errors import InputError
@@ -162,6 +162,9 @@ def stable_system(system: Any) -> StableSystem:
             if _spread(found) < best:
                 best, discs = _spread(found), found
                 parts = form if _sharp(form) else parts
+    if not (unstable or discs.rightmost < 0):
+        discs = separate_pole_discs(exact(A))
+        unstable = _unstable(discs)
     if unstable or not discs.rightmost < 0:
         raise _refusal(discs, A, unstable)
     if not seen.all():
