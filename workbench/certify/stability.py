@@ -30,13 +30,13 @@ def pole_bound(A: RealArray, sampled: bool) -> tuple[float, complex | None]:
     """Upper bound of the poles' distance beyond the stability boundary, and the worst pole.
 
     Ball arithmetic is asked where doubles prove neither that all poles of A (n, n) are stable nor
-    that one is not.
+    that one is not, and each block of the block triangular form by itself where balls do not.
     """
     if not np.isfinite(A).all():
         return np.nan, None
     with np.errstate(all="ignore"):  # an infinite radius proves nothing
         A, _ = balanced_states(A)
-        discs = separate_pole_discs(exact(A))
+        discs = pole_discs(exact(A))
     for bits in (0, *PRECISIONS):
         if bits:
             modal = enclosed_modal_form(A, np.zeros((len(A), 0)), np.zeros((0, len(A))), bits)
@@ -45,7 +45,8 @@ def pole_bound(A: RealArray, sampled: bool) -> tuple[float, complex | None]:
             discs = pole_discs(modal[0])
         bound, worst, decided = _worst(discs, sampled)
         if decided:
-            break
+            return bound, worst
+    bound, worst, _ = _worst(separate_pole_discs(exact(A)), sampled)
     return bound, worst
 
 
