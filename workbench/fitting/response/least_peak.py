@@ -20,7 +20,7 @@ ERROR_ROUNDING = 1e-14
 """Worst error, relative to the largest weighted datum, that is rounding only."""
 MIN_LAWSON_WEIGHT = 1e-14
 """Smallest weight of Lawson's iteration, relative to the mean weight."""
-ROOT_REACH = 1e9
+FIT_ROOT_REACH = 1e9
 """Largest factor from the first or last frequency to a root."""
 REACH_COST = 1e-4
 """Largest relative increase of the worst error for which far roots are brought within reach."""
@@ -68,7 +68,7 @@ def polished(program: ResponseFit, start: Rational) -> tuple[float, Rational]:
         here = moved
         best = min(best, here, key=lambda point: point.peak)
     found = form.rational(best.vector)
-    near = within_reach(found, data.omega, ROOT_REACH)
+    near = within_reach(found, data.omega, FIT_ROOT_REACH)
     peak = float(program.errors(near).max())
     return (peak, near) if peak <= best.peak * (1 + REACH_COST) else (best.peak, found)
 

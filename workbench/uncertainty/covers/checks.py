@@ -4,31 +4,48 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.arrays import ComplexArray
+from workbench.arrays import ComplexArray, RealArray
 from workbench.certificate import THIS_SYSTEM, Check, worst
 from workbench.fitting.rational import Rational
 from workbench.geometry.cover import CONTAINMENT_TOLERANCE
+from workbench.heavy_types import StateSpace
 from workbench.second_opinion.responses import plain_response
 from workbench.second_opinion.support import reach_beyond
-from workbench.uncertainty.covers.everywhere import REALISED_SUPPORT_TOLERANCE
-from workbench.uncertainty.covers.model import UncertaintyModel
 from workbench.uncertainty.covers.responses import Responses
+from workbench.uncertainty.covers.sets import Form
+
+REALISED_SUPPORT_TOLERANCE = 1e-6
+"""Largest reach of a response beyond its set in the second opinion, relative to the radius; the
+responses of realisations in double precision are that much worse than those of roots."""
 
 
-def realised_support(model: UncertaintyModel, responses: Responses, leave_out: int) -> Check:
+def realised_support(
+    systems: dict[str, StateSpace], form: Form, responses: Responses, leave_out: int
+) -> Check:
     """Second opinion on containment: the realised model, by support functions."""
-    systems = model.systems()
-    of = {name: plain_response(s, responses.omega)[:, 0, 0] for name, s in systems.items()}
-    size = of["G"] if model.form == "multiplicative" else np.ones_like(of["G"])
-    segment = size * of.get("W_r", np.zeros_like(size))
-    radius = np.abs(size * of["W_c"])
-    excess = reach_beyond(responses.values, of["G"], radius, np.abs(segment), np.angle(segment))
-    excess = np.where(responses.present, excess / radius[:, None], -np.inf)
+    excess = excess_over_radius(systems, form, responses.omega, responses.values)
+    excess = np.where(responses.present, excess, -np.inf)
     counted = np.sort(excess, axis=1)[:, -1 - leave_out]
     value, where = worst(counted, lambda i: f"at {responses.place(i[0])}")
     statement = "how far a response reaches beyond the realised set, over the radius"
     limit, over = REALISED_SUPPORT_TOLERANCE, responses.over
     return Check("support", statement, value, limit, where, over=over)
+
+
+def excess_over_radius(
+    systems: dict[str, StateSpace], form: Form, omega: RealArray, values: ComplexArray
+) -> RealArray:
+    """How far values (F, N) reach beyond the sets of a realised model, over its radii.
+
+    ``systems`` are the realisations of G, W_c and, for stadiums, W_r.
+    """
+    of = {name: plain_response(system, omega)[:, 0, 0] for name, system in systems.items()}
+    size = of["G"] if form == "multiplicative" else np.ones_like(of["G"])
+    segment = size * of.get("W_r", np.zeros_like(size))
+    radius = np.abs(size * of["W_c"])
+    excess = reach_beyond(values, of["G"], radius, np.abs(segment), np.angle(segment))
+    over: RealArray = excess / radius[:, None]
+    return over
 
 
 def given_nominal(nominal: Rational, given: Rational, responses: Responses) -> Check:

@@ -253,7 +253,7 @@ class UncertaintyCover(Program):
     def second_opinion(self, answer: CoverSteps) -> Sequence[Check]:
         systems = answer.model.systems()
         return [
-            realised_support(answer.model, self.responses, self.leave_out),
+            realised_support(systems, self.form, self.responses, self.leave_out),
             *self._between(sampled_containment, answer.model),
             *(decays(system, f"{name} decays") for name, system in systems.items()),
             inverse_decays(answer.model.W_c, "inverse of W_c decays"),

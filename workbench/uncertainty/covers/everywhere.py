@@ -18,7 +18,7 @@ from workbench.executor import Context
 from workbench.fitting.rational import Rational
 from workbench.geometry.cover import CONTAINMENT_TOLERANCE
 from workbench.second_opinion.responses import plain_response, tried_frequencies
-from workbench.second_opinion.support import reach_beyond
+from workbench.uncertainty.covers.checks import REALISED_SUPPORT_TOLERANCE, excess_over_radius
 from workbench.uncertainty.covers.model import UncertaintyModel
 from workbench.uncertainty.covers.responses import Responses
 from workbench.uncertainty.covers.sets import Form
@@ -38,9 +38,6 @@ BEYOND_BAND = 1e3
 """Factor from the first and last frequency to those that stand for 0 and for infinity in a fit."""
 SAMPLED_FREQUENCIES = 1000
 """Frequencies of the second opinion, evenly spread on a logarithmic scale; more lie about poles."""
-REALISED_SUPPORT_TOLERANCE = 1e-6
-"""Largest reach of a response beyond its set in the second opinion, relative to the radius; the
-responses of realisations in double precision are that much worse than those of roots."""
 
 Share = Callable[[RealArray, RealArray, RealArray], RealArray]
 """Weight (F,) of an excess of the radius, from frequencies [rad/s], radii and extents (F,)."""
@@ -157,13 +154,9 @@ def sampled_containment(model: UncertaintyModel, responses: Responses) -> Check:
     dense = tried_frequencies(np.concatenate([*poles, zeros]))
     spread = np.geomspace(responses.omega[0] / 10, responses.omega[-1] * 10, SAMPLED_FREQUENCIES)
     omega = np.union1d(dense[(dense > 0) & np.isfinite(dense)], spread)
-    of = {name: plain_response(system, omega)[:, 0, 0] for name, system in systems.items()}
     values = np.stack([plain_response(plant, omega)[:, 0, 0] for plant in plants.values()], axis=1)
-    size = of["G"] if model.form == "multiplicative" else np.ones_like(of["G"])
-    segment = size * of.get("W_r", np.zeros_like(size))
-    radius = np.abs(size * of["W_c"])
-    excess = reach_beyond(values, of["G"], radius, np.abs(segment), np.angle(segment))
-    excess = np.where(np.isnan(excess), np.inf, excess) / radius[:, None]
+    excess = excess_over_radius(systems, model.form, omega, values)
+    excess = np.where(np.isnan(excess), np.inf, excess)
     k, i = np.unravel_index(int(np.argmax(excess)), excess.shape)
     return Check(
         "support between",

@@ -35,7 +35,7 @@ NORM_POWERS = (8, 32, 128)
 """Powers p of the p-norms that replace the maximum over the plants, one after the other."""
 MAX_BFGS_STEPS = 200
 """Most quasi-Newton steps with each power."""
-ROOT_REACH = 1e3
+COVER_ROOT_REACH = 1e3
 """Largest factor from the first or last frequency to a root of the nominal or the real weight."""
 DIRECTIONS = 16
 """Larger point sets are reduced to the outermost point in each of this many directions."""
@@ -136,7 +136,7 @@ def smallest_sets(
     of_nominal, of_weight = size.split(vector)
 
     def found(factored: FactoredRational, vector: RealArray) -> Rational:
-        return within_reach(factored.rational(vector), omega, ROOT_REACH)
+        return within_reach(factored.rational(vector), omega, COVER_ROOT_REACH)
 
     return (
         size(vector, NORM_POWERS[-1])[0],
