@@ -224,3 +224,24 @@ def test_sb10yd_mirrors_what_is_unstable():
 def test_sb10yd_speaks_for_itself():
     with pytest.raises(SolverError, match=r"^SB10YD: \S"):
         sb10yd(OMEGA[:2], PLANT.response(OMEGA[:2]), 40, False)
+
+
+def test_a_direct_path_that_is_small_beside_the_states_keeps_its_zeros():
+    """A controller that almost integrates, in bad units: SLICOT alone finds zeros at 80, 15373.
+
+    Truth: eigenvalues of A - B C / D in 60 digits.
+    """
+    system = control.ss(
+        [
+            [0.0, 6.1448200917874516, 0.0],
+            [6.4351472527348825, -57426.703675800127, 0.0],
+            [0.0, 0.0, -73578.173781094738],
+        ],
+        [[2629.1905473699576], [-24571223.586227618], [-6878.2140020140141]],
+        [[-1572559421.2196736, -168266.73780401115, -6878.2140020204397]],
+        35.23059738498149,
+        remove_useless_states=False,
+    )
+    zeros = from_system(system).zeros
+    truth = [-617.12479 - 647.95134j, -617.12479 + 647.95134j, -373339.78804]
+    np.testing.assert_allclose(zeros, truth, rtol=1e-5)

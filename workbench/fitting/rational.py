@@ -10,10 +10,16 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.linalg import matrix_balance
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
+
+CONVERSION_ROUNDING = 1e-9
+"""Relative error of a response that is rounding of the roots only."""
+CONVERSION_LIMIT = 1e-2
+"""Relative error of a response with which roots are not those of the system."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,7 +163,8 @@ def from_system(system: StateSpace) -> Rational:
     Raises
     ------
     InputError
-        The argument is no system, not SISO, or in discrete time.
+        The argument is no system, not SISO, in discrete time, or so badly scaled that its zeros
+        cannot be told.
     """
     if not hasattr(system, "zeros"):
         raise InputError(f"a transfer function or state space is needed, not {system!r:.80}")
@@ -165,17 +172,52 @@ def from_system(system: StateSpace) -> Rational:
         raise InputError(f"a SISO system is needed, not {system.noutputs} x {system.ninputs}")
     if system.isdtime(strict=True):
         raise InputError(f"a continuous-time system is needed, dt is {system.dt}")
-    scaled, time = _scaled(system)
-    zeros, poles = conjugate_pairs(scaled.zeros() * time), conjugate_pairs(scaled.poles() * time)
+    function = _with_roots(system, _unit_signals(system))
+    distance = _distance(function, system)
+    if not distance <= CONVERSION_ROUNDING:  # zeros depend on the units that they are computed in
+        other = _with_roots(system, _balanced(system))
+        if not _distance(other, system) >= distance:
+            function, distance = other, _distance(other, system)
+    if not distance <= CONVERSION_LIMIT:
+        raise InputError(
+            f"zeros and poles cannot be told: those found miss the system's response by "
+            f"{distance:.2g}, relative; give it in balanced coordinates"
+        )
+    return function
+
+
+def _with_roots(system: StateSpace, scaled: tuple[StateSpace, float]) -> Rational:
+    """The function of a system, with the roots of a scaled one times ``time`` [rad/s]."""
+    same, time = scaled
+    zeros, poles = conjugate_pairs(same.zeros() * time), conjugate_pairs(same.poles() * time)
     bare = Rational(zeros, poles, 1.0)
     # take the gain where the function is neither tiny nor huge: off the axis, at a middle frequency
-    sizes = np.abs(np.concatenate([zeros, poles]))
-    sizes = sizes[sizes > 0]
-    at = complex(np.exp(np.mean(np.log(sizes))) if sizes.size else 1.0) * (1.0 + 0.5j)
+    at = complex(np.exp(_log_sizes(bare).mean()) * (1.0 + 0.5j))
     return Rational(zeros, poles, float((complex(system(at)) / complex(bare(at))).real))
 
 
-def _scaled(system: StateSpace) -> tuple[StateSpace, float]:
+def _log_sizes(function: Rational) -> RealArray:
+    """Logarithms of the sizes of roots other than 0; of 1 without any."""
+    sizes = np.abs(np.concatenate([function.zeros, function.poles]))
+    return np.log(sizes[sizes > 0]) if sizes.any() else np.zeros(1)
+
+
+def _distance(function: Rational, system: StateSpace) -> float:
+    """Largest relative difference of the responses, off the axis, about the sizes of the roots."""
+    s = np.exp(np.quantile(_log_sizes(function), np.linspace(0, 1, 9))) * (1.0 + 0.5j)
+    values = np.array([complex(system(each)) for each in s])
+    with np.errstate(all="ignore"):
+        apart = np.abs(function(s) - values) / np.abs(values)
+    return float(apart[values != 0].max(initial=0.0))
+
+
+def _scaled_time(system: StateSpace) -> float:
+    """Geometric mean of the sizes of the poles other than 0 [rad/s]; 1 without any."""
+    poles = np.abs(system.poles())
+    return float(np.exp(np.mean(np.log(poles[poles > 0])))) if poles.any() else 1.0
+
+
+def _unit_signals(system: StateSpace) -> tuple[StateSpace, float]:
     """The system with roots divided by ``time`` and signals of unit size, and ``time`` [rad/s].
 
     SLICOT computes zeros with an absolute tolerance, so the matrices must have unit size.
@@ -184,8 +226,7 @@ def _scaled(system: StateSpace) -> tuple[StateSpace, float]:
 
     if not isinstance(system, control.StateSpace) or not system.nstates:
         return system, 1.0
-    poles = np.abs(system.poles())
-    time = float(np.exp(np.mean(np.log(poles[poles > 0])))) if poles.any() else 1.0
+    time = _scaled_time(system)
     b, c = (float(np.abs(each).max()) or 1.0 for each in (system.B, system.C))
     return control.ss(
         system.A / time,
@@ -194,6 +235,24 @@ def _scaled(system: StateSpace) -> tuple[StateSpace, float]:
         system.D / b / c * time,
         remove_useless_states=False,
     ), time
+
+
+def _balanced(system: StateSpace) -> tuple[StateSpace, float]:
+    """As `_unit_signals`, with [A B; C D] balanced, input and output in the same unit.
+
+    That keeps a direct path that is small beside the paths through the states.
+    """
+    import control
+
+    if not isinstance(system, control.StateSpace) or not system.nstates:
+        return system, 1.0
+    time, n = _scaled_time(system), system.nstates
+    sides = system.B / np.sqrt(time), system.C / np.sqrt(time)
+    M, _ = matrix_balance(
+        np.block([[system.A / time, sides[0]], [sides[1], system.D]]), permute=False
+    )
+    parts = M[:n, :n], M[:n, n:], M[n:, :n], M[n:, n:]
+    return control.ss(*parts, remove_useless_states=False), time
 
 
 def _ordered(roots: ComplexArray) -> ComplexArray:
