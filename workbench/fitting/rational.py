@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import matrix_balance
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
@@ -18,6 +17,8 @@ from workbench.heavy_types import StateSpace
 
 CONVERSION_ROUNDING = 1e-9
 """Relative error of a response that is rounding of the roots only."""
+ROOT_BITS = 256
+"""Precision in bits of the roots of a badly scaled system."""
 CONVERSION_LIMIT = 1e-2
 """Relative error of a response with which roots are not those of the system."""
 
@@ -172,12 +173,10 @@ def from_system(system: StateSpace) -> Rational:
         raise InputError(f"a SISO system is needed, not {system.noutputs} x {system.ninputs}")
     if system.isdtime(strict=True):
         raise InputError(f"a continuous-time system is needed, dt is {system.dt}")
-    function = _with_roots(system, _unit_signals(system))
-    distance = _distance(function, system)
-    if not distance <= CONVERSION_ROUNDING:  # zeros depend on the units that they are computed in
-        other = _with_roots(system, _balanced(system))
-        if not _distance(other, system) >= distance:
-            function, distance = other, _distance(other, system)
+    found = [_with_roots(system, *_scaled_roots(system))]
+    if not _distance(found[0], system) <= CONVERSION_ROUNDING and _has_direct_path(system):
+        found.append(_with_roots(system, *_precise_roots(system)))
+    distance, _, function = min((_distance(one, system), i, one) for i, one in enumerate(found))
     if not distance <= CONVERSION_LIMIT:
         raise InputError(
             f"zeros and poles cannot be told: those found miss the system's response by "
@@ -186,14 +185,32 @@ def from_system(system: StateSpace) -> Rational:
     return function
 
 
-def _with_roots(system: StateSpace, scaled: tuple[StateSpace, float]) -> Rational:
-    """The function of a system, with the roots of a scaled one times ``time`` [rad/s]."""
-    same, time = scaled
-    zeros, poles = conjugate_pairs(same.zeros() * time), conjugate_pairs(same.poles() * time)
-    bare = Rational(zeros, poles, 1.0)
+def _with_roots(system: StateSpace, zeros: ArrayLike, poles: ArrayLike) -> Rational:
+    """The function of a system with these roots."""
+    bare = Rational(conjugate_pairs(zeros), conjugate_pairs(poles), 1.0)
     # take the gain where the function is neither tiny nor huge: off the axis, at a middle frequency
     at = complex(np.exp(_log_sizes(bare).mean()) * (1.0 + 0.5j))
-    return Rational(zeros, poles, float((complex(system(at)) / complex(bare(at))).real))
+    gain = float((complex(system(at)) / complex(bare(at))).real)
+    return Rational(bare.zeros, bare.poles, gain)
+
+
+def _has_direct_path(system: StateSpace) -> bool:
+    return bool(getattr(system, "nstates", 0)) and bool(system.D.any())
+
+
+def _precise_roots(system: StateSpace) -> tuple[ComplexArray, ComplexArray]:
+    """Zeros and poles of a system with D other than 0: eigenvalues in `ROOT_BITS` bits."""
+    import flint
+
+    with flint.ctx.workprec(ROOT_BITS):
+        parts = (system.A, system.B, system.C, system.D)
+        A, B, C, D = (flint.acb_mat(part.tolist()) for part in parts)
+        matrices = A - B * C * (1 / D[0, 0]), A
+        zeros, poles = (
+            np.array([complex(root) for root in matrix.eig(algorithm="approx")])
+            for matrix in matrices
+        )
+    return zeros, poles
 
 
 def _log_sizes(function: Rational) -> RealArray:
@@ -211,48 +228,26 @@ def _distance(function: Rational, system: StateSpace) -> float:
     return float(apart[values != 0].max(initial=0.0))
 
 
-def _scaled_time(system: StateSpace) -> float:
-    """Geometric mean of the sizes of the poles other than 0 [rad/s]; 1 without any."""
-    poles = np.abs(system.poles())
-    return float(np.exp(np.mean(np.log(poles[poles > 0])))) if poles.any() else 1.0
-
-
-def _unit_signals(system: StateSpace) -> tuple[StateSpace, float]:
-    """The system with roots divided by ``time`` and signals of unit size, and ``time`` [rad/s].
+def _scaled_roots(system: StateSpace) -> tuple[ComplexArray, ComplexArray]:
+    """Zeros and poles [rad/s] of a system, computed in another unit of time, signals of unit size.
 
     SLICOT computes zeros with an absolute tolerance, so the matrices must have unit size.
     """
     import control
 
     if not isinstance(system, control.StateSpace) or not system.nstates:
-        return system, 1.0
-    time = _scaled_time(system)
+        return system.zeros(), system.poles()
+    poles = np.abs(system.poles())
+    time = float(np.exp(np.mean(np.log(poles[poles > 0])))) if poles.any() else 1.0
     b, c = (float(np.abs(each).max()) or 1.0 for each in (system.B, system.C))
-    return control.ss(
+    scaled = control.ss(
         system.A / time,
         system.B / b,
         system.C / c,
         system.D / b / c * time,
         remove_useless_states=False,
-    ), time
-
-
-def _balanced(system: StateSpace) -> tuple[StateSpace, float]:
-    """As `_unit_signals`, with [A B; C D] balanced, input and output in the same unit.
-
-    That keeps a direct path that is small beside the paths through the states.
-    """
-    import control
-
-    if not isinstance(system, control.StateSpace) or not system.nstates:
-        return system, 1.0
-    time, n = _scaled_time(system), system.nstates
-    sides = system.B / np.sqrt(time), system.C / np.sqrt(time)
-    M, _ = matrix_balance(
-        np.block([[system.A / time, sides[0]], [sides[1], system.D]]), permute=False
     )
-    parts = M[:n, :n], M[:n, n:], M[n:, :n], M[n:, n:]
-    return control.ss(*parts, remove_useless_states=False), time
+    return scaled.zeros() * time, scaled.poles() * time
 
 
 def _ordered(roots: ComplexArray) -> ComplexArray:
