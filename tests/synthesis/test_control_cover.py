@@ -1,6 +1,5 @@
 """Covers chosen for a loop: they contain the plants, and lower the mu of the loop."""
 
-from copy import copy
 from dataclasses import replace
 
 import control
@@ -17,19 +16,24 @@ from workbench.uncertainty.covers.everywhere import containment_check
 OMEGA = np.geomspace(0.05, 20.0, 40)
 
 
-@pytest.fixture(scope="module")
-def cover():
-    """A damped mass with a stiffness of 0.7 to 1.3, and a gain of 0.9 to 1.1."""
-    s = 1j * OMEGA
-    plants = [g / (s**2 + 0.6 * s + k) for k in (0.7, 1.0, 1.3) for g in (0.9, 1.1)]
+SYSTEMS = [control.tf(g, [1.0, 0.6, k]) for k in (0.7, 1.0, 1.3) for g in (0.9, 1.1)]
+"""A damped mass with a stiffness of 0.7 to 1.3, and a gain of 0.9 to 1.1."""
+
+
+def control_cover(responses):
     return ControlCover(
-        Responses(OMEGA, np.array(plants).T),
+        responses,
         3,
         performance=lambda omega: 0.5 / (1j * omega + 0.05),
         control=lambda omega: 0.02 * np.ones(omega.shape),
         sensor=lambda omega: 1 / (1 + 1j * omega / 50),
         lowest=0.005,
     )
+
+
+@pytest.fixture(scope="module")
+def cover():
+    return control_cover(Responses(OMEGA, np.array([each(1j * OMEGA) for each in SYSTEMS]).T))
 
 
 @pytest.fixture(scope="module")
@@ -79,12 +83,39 @@ def test_a_chosen_weight_lowers_mu_and_its_model_holds_the_plants(cover, parts):
 
 
 def test_known_plants_are_held_at_every_frequency(cover, parts):
-    systems = [control.tf(g, [1.0, 0.6, k]) for k in (0.7, 1.0, 1.3) for g in (0.9, 1.1)]
-    known = copy(cover)
-    known.responses = replace(cover.responses, known=systems)
+    known = control_cover(replace(cover.responses, known=SYSTEMS))
     model = known.model(parts, Context())
     assert containment_check(model, known.responses).holds
     assert not containment_check(cover.model(parts, Context()), known.responses).holds
+
+
+def test_a_resonance_between_the_frequencies_counts(parts):
+    """Its width is 1e-3 of its frequency; the responses' frequencies are 16 % apart."""
+    light = [each + control.tf(0.01 * g, [1.0, 4e-3, 4.0]) for g, each in enumerate(SYSTEMS)]
+    values = np.array([each(1j * OMEGA) for each in light]).T
+    measured, known = (
+        control_cover(responses)
+        for responses in (Responses(OMEGA, values), Responses(OMEGA, values, known=light))
+    )
+    radii = [np.interp(2.0, each.omega, each.loop(parts).radius) for each in (measured, known)]
+    s, end = 2j, parts["real"].response(np.array([2.0]))[0]
+    away = [each(s) / parts["nominal"].response(np.array([2.0]))[0] - 1 for each in light]
+    x = np.linspace(-1, 1, 20_001)
+    needed = max(abs(each - x * end).min() for each in away)
+    assert radii[1] == pytest.approx(needed, rel=1e-3)
+    assert radii[0] < 0.5 * needed
+
+
+@pytest.mark.parametrize("unknown", [0, 3])
+def test_plants_that_are_not_known_count_beside_those_that_are(cover, parts, unknown):
+    """With the widest plant not known, the radius at the given frequencies is that of all."""
+    known = [None if i <= unknown else each for i, each in enumerate(SYSTEMS)]
+    some = control_cover(replace(cover.responses, known=known))
+    at = [np.searchsorted(each.omega, OMEGA) for each in (cover, some)]
+    expected, found = (
+        each.loop(parts).radius[k] for each, k in zip((cover, some), at, strict=True)
+    )
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
 
 
 def test_an_unstable_loop_has_no_model(cover, parts):
@@ -92,3 +123,13 @@ def test_an_unstable_loop_has_no_model(cover, parts):
     assert cover.loop(wrong) is None
     with pytest.raises(InputError, match="unstable"):
         cover.model(wrong, Context())
+
+
+@pytest.mark.parametrize(("gain", "stable"), [(3.0, True), (0.1, False)])
+def test_an_unstable_controller_may_close_a_stable_loop(cover, parts, gain, stable):
+    """K = gain * (s^2 + 0.6 s + 1) / ((s - 0.2) (0.05 s + 1)): L(0) = -gain / 0.2 before lags."""
+    K = control.tf(gain * np.array([1.0, 0.6, 1.0]), np.polymul([1.0, -0.2], [0.05, 1.0]))
+    loop = K * control.tf(1.0, [1.0, 0.6, 1.0]) * control.tf(1.0, [1 / 50, 1.0])
+    assert (control.feedback(loop).poles().real < 0).all() == stable
+    found = cover.loop(parts | {"controller": from_system(K)})
+    assert (found is not None) == stable

@@ -3,12 +3,13 @@
 With T = L / (1 + L) of a controller, mu of its loop is that of `LoopWeights`, with the radius that
 the plants need about a real weight. The narrowest stadium is not the one of least mu: here the
 real weight is chosen for mu, alone or together with nominal and controller, and the complex weight
-then exceeds the radius where mu leaves room for it.
+then exceeds the radius where mu leaves room for it. Plants that are known at every frequency count
+at every frequency of the grid, which is fine about their resonances.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -20,6 +21,7 @@ from workbench.executor import Context
 from workbench.fitting.factored import FactoredRational
 from workbench.fitting.rational import Rational
 from workbench.synthesis.limits.loop_weights import LoopWeights
+from workbench.systems.frequency_grid import starting_grid
 from workbench.uncertainty import Responses, UncertaintyModel
 from workbench.uncertainty.covers.everywhere import covering_weight
 from workbench.uncertainty.covers.weights import (
@@ -91,16 +93,13 @@ class ControlCover:
         lowest: float,
     ) -> None:
         self.responses, self.complex_order = responses, complex_order
-        # Weights go on between the responses' frequencies and beyond them, to the slowest pole of
-        # W_p and past the fastest of a controller.
-        low, high = lowest, beyond(responses.omega)[-1]
-        outside = np.geomspace(low, high, round(PER_DECADE * np.log10(high / low)))
-        inside = np.concatenate([responses.omega, between(responses.omega)])
-        outside = outside[(outside < inside.min()) | (outside > inside.max())]
-        self.omega = np.unique(np.concatenate([inside, outside]))
+        self.omega = frequencies(responses, lowest)
+        known = [plant.response(self.omega) for plant in responses.known_plants.values()]
+        self._known = np.array(known).reshape(len(known), self.omega.size).T
         self._performance = np.abs(performance(self.omega))
         self._control = np.abs(control(self.omega))
-        self._sensor = sensor(self.omega)
+        self._from_zero = np.concatenate([[0.0], self.omega])
+        self._sensor = sensor(self._from_zero)
 
     def chosen(
         self, parts: dict[Name, Rational], moving: Sequence[Name], context: Context
@@ -123,16 +122,15 @@ class ControlCover:
         ends = np.cumsum([len(start) for start in starts])[:-1]
         x = np.concatenate(starts)
         units = np.maximum(np.abs(x), LEAST_UNIT)
-        grids = self.omega, self.responses.omega
-        held = {name: [part.response(grid) for grid in grids] for name, part in parts.items()}
+        held = self._responses(parts)
+        unstable = _unstable_poles([part for name, part in parts.items() if name not in moving])
 
         def largest(y: RealArray, power: int) -> float:
             vectors = zip(sections.items(), np.split(y * units, ends), strict=True)
             moved = {
-                name: [part.response(vector, grid) for grid in grids]
-                for (name, part), vector in vectors
+                name: part.response(vector, self._from_zero) for (name, part), vector in vectors
             }
-            return _norm(self._loop(held | moved), power)
+            return _norm(self._loop(held | moved, unstable), power)
 
         y = x / units
         for power in context.track(POWERS, " and ".join(moving)):
@@ -147,13 +145,9 @@ class ControlCover:
     def loop(self, parts: dict[Name, Rational]) -> LoopData | None:
         """The loop of these parts; None where the nominal one is unstable.
 
-        Stability is read from the encirclements of -1, for a stable nominal and controller with
-        L(0) > -1 or one integrator.
+        Stability is read from the encirclements of -1; the controller may have one integrator.
         """
-        grids = self.omega, self.responses.omega
-        return self._loop(
-            {name: [part.response(grid) for grid in grids] for name, part in parts.items()}
-        )
+        return self._loop(self._responses(parts), _unstable_poles(parts.values()))
 
     def model(self, parts: dict[Name, Rational], context: Context) -> UncertaintyModel:
         """The model about nominal and real weight, with a complex weight for the controller's loop.
@@ -190,25 +184,57 @@ class ControlCover:
         )
         return UncertaintyModel(nominal, W_c, W_r)
 
-    def _loop(self, values: dict[Name, list[ComplexArray]]) -> LoopData | None:
-        """From responses of the parts at the cover's frequencies and at the responses'."""
-        (G, at), (real, end), (K, _) = (values[name] for name in ("nominal", "real", "controller"))
-        radius = self._radius(at, end)
-        lasting = np.exp(
-            np.interp(np.log(self.omega), np.log(self.responses.omega), np.log(radius))
-        )
-        L = K * G * self._sensor
-        if not np.isfinite(L).all() or _encirclements(L):
+    def _responses(self, parts: dict[Name, Rational]) -> dict[Name, ComplexArray]:
+        """Responses (1 + F,) of the parts at 0 and at the cover's frequencies."""
+        with np.errstate(divide="ignore", invalid="ignore"):  # an integrator has none at 0
+            return {name: part.response(self._from_zero) for name, part in parts.items()}
+
+    def _loop(self, values: dict[Name, ComplexArray], unstable: int) -> LoopData | None:
+        """From responses (1 + F,) of the parts, with a number of unstable poles."""
+        with np.errstate(invalid="ignore"):
+            whole = values["controller"] * values["nominal"] * self._sensor
+        L = whole[1:]
+        if not np.isfinite(L).all() or _encirclements(whole[0], L) != unstable:
             return None
-        weights = LoopWeights(self._performance, self._control / np.abs(G), lasting, real)
-        return LoopData(L / (1 + L), weights, lasting)
+        G, real = values["nominal"][1:], values["real"][1:]
+        radius = self._radius(G, real)
+        weights = LoopWeights(self._performance, self._control / np.abs(G), radius, real)
+        return LoopData(L / (1 + L), weights, radius)
 
     def _radius(self, nominal: ComplexArray, end: ComplexArray) -> RealArray:
-        """|W_c| that segments need at the responses' frequencies."""
-        values = self.responses.points
-        away = values / nominal[:, None] - 1
-        rounding = RESPONSE_ROUNDING * (1 + np.abs(values).max(axis=1) / np.abs(nominal))
-        return np.asarray(needed_radius(away, end) + rounding)
+        """|W_c| (F,) that segments need: exact for known plants, else between the responses."""
+        responses, radii = self.responses, []
+        if self._known.size:
+            radii.append(_needed(self._known, nominal, end))
+        if len(responses.known_plants) < len(responses.plants):
+            at = np.searchsorted(self.omega, responses.omega)
+            given = _needed(responses.points, nominal[at], end[at])
+            log = np.log(self.omega), np.log(responses.omega)
+            radii.append(np.exp(np.interp(*log, np.log(given))))
+        return np.max(radii, axis=0)
+
+
+def frequencies(responses: Responses, lowest: float) -> RealArray:
+    """Where mu is looked at [rad/s] (F,): those of the responses among them.
+
+    They go on between the responses' frequencies, about the resonances of known plants, and beyond:
+    to the slowest pole of W_p, and past the fastest of a controller.
+    """
+    low, high = lowest, beyond(responses.omega)[-1]
+    outside = np.geomspace(low, high, round(PER_DECADE * np.log10(high / low)))
+    poles = [plant.poles for plant in responses.known_plants.values()]
+    near = starting_grid(np.concatenate([np.zeros(0), *poles]))
+    near = near[(near > responses.omega[0]) & (near < responses.omega[-1])]
+    inside = np.concatenate([responses.omega, between(responses.omega), near])
+    outside = outside[(outside < inside.min()) | (outside > inside.max())]
+    return np.unique(np.concatenate([inside, outside]))
+
+
+def _needed(plants: ComplexArray, nominal: ComplexArray, end: ComplexArray) -> RealArray:
+    """|W_c| (F,) that plants (F, N) need about segments of a real weight, with rounding errors."""
+    away = plants / nominal[:, None] - 1
+    rounding = RESPONSE_ROUNDING * (1 + np.abs(plants).max(axis=1) / np.abs(nominal))
+    return np.asarray(needed_radius(away, end) + rounding)
 
 
 def _norm(loop: LoopData | None, power: int) -> float:
@@ -220,11 +246,19 @@ def _norm(loop: LoopData | None, power: int) -> float:
     return top * float(np.mean((mu / top) ** power)) ** (1 / power)
 
 
-def _encirclements(L: ComplexArray) -> int:
+def _unstable_poles(parts: Iterable[Rational]) -> int:
+    return sum(int(np.sum(part.poles.real > 0.0)) for part in parts)
+
+
+def _encirclements(L_0: complex, L: ComplexArray) -> int:
     """Number of times that L encircles -1 over frequencies of either sign; L vanishes at the last.
 
-    The path is closed through the positive real axis at the first: L(0) > -1, or one integrator.
+    The path starts at L(0); for an integrator, where that is not finite, far out on the positive
+    real axis, so that the integrator counts as a stable pole.
     """
     back = 1 + L
-    turned = np.angle(back[0]) + np.angle(back[1:] / back[:-1]).sum()
+    start = np.angle(back[0])
+    if np.isfinite(L_0) and L_0.real < -1.0:
+        start -= np.copysign(np.pi, start)
+    turned = start + np.angle(back[1:] / back[:-1]).sum()
     return round(float(turned) / np.pi)

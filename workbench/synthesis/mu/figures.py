@@ -13,6 +13,9 @@ from workbench.structure import Structure
 from workbench.synthesis.hinf.figures import grid
 from workbench.synthesis.mu.rounds import Iterate
 
+LOG_SCALE_RATIO = 10.0
+"""Ratio of the largest to the best peak from which on rounds need a logarithmic axis."""
+
 
 def bounds_figure(loop: StateSpace, structure: Structure, peak: float) -> Figure:
     """Figure of the bounds of mixed mu of a closed loop, also with real scalars as complex ones.
@@ -45,8 +48,10 @@ def rounds_figure(history: Sequence[Iterate], peak: float) -> Figure:
     if np.isfinite(levels).any():  # a structured controller has none
         peaks.plot(count, levels, "s:", label="H-infinity level")
     peaks.axhline(peak, color="0.4", linewidth=0.8, label="certified, best")
+    worst = max((each.peak for each in history), default=peak)
     orders.bar(count, [each.order for each in history], color=figures.SKY)
-    figures.label(peaks, y=r"$\mu$, $\gamma$ [1]")
+    log = "y" if worst > LOG_SCALE_RATIO * peak else ""
+    figures.label(peaks, y=r"$\mu$, $\gamma$ [1]", log=log)
     figures.label(orders, "round", "order of $K$")
     orders.locator_params(integer=True)
     figures.legend_below(figure, peaks)

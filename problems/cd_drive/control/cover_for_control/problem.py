@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -40,9 +40,6 @@ from ..design import CoverMethod, synthesis_plant, uncertainty
 from ..loop_weights import control_cover
 from .report import cover_figures
 
-if TYPE_CHECKING:
-    DesignStage = tuple[UncertaintyModel, StateSpace]
-
 STAGES = ("narrowest", "controller for it", "in turn", "together")
 LAST = STAGES[-1]
 PARTS = ("nominal", "W_c", "W_r")
@@ -50,6 +47,14 @@ PARTS = ("nominal", "W_c", "W_r")
 
 OptimisedStep = tuple[str, float]
 """Parts that a step optimised, and the certified upper bound after it."""
+
+
+class DesignStage(NamedTuple):
+    """A model, a controller, and the certified upper bound of their peak; infinite if unstable."""
+
+    model: UncertaintyModel
+    K: StateSpace
+    peak: float
 
 
 def needs(
@@ -78,10 +83,11 @@ def cover_for_control(
 
     A third-order controller and the stadiums' orientations and lengths are optimised in turn,
     about the nominal of the narrowest stadiums, from the reference controller; then these and the
-    nominal together.
+    nominal together, again and again.
 
     cover, frequencies, gain: of the narrowest stadiums, as `cd/<axis>/stadium-cover`.
-    complex_order: of the weight that is chosen for control. rounds: of the alternation.
+    complex_order: of the weight that is chosen for control. rounds: most of the alternation, and
+    of all together.
     """
     responses = measured_drives(axis, frequencies, 5.0, 5000.0, gain)
     return CoverForControl(axis, narrowest, responses, complex_order, rounds)
@@ -117,23 +123,17 @@ class CoverForControl(Study):
         import control
         import xarray as xr
 
-        reference = control.ss(controller(self.axis))
-        first = self._designed(self.given, reference)
-        stages = {
-            "narrowest": (self.given, reference),
-            "controller for it": (self.given, first),
-        }
-        steps = [
-            ("reference controller", self._peak(*stages["narrowest"])),
-            ("controller", self._peak(*stages["controller for it"])),
-        ]
+        first = self._stage(self.given, control.ss(controller(self.axis)))
+        second = self._designed(first)
+        steps = [("reference controller", first.peak), ("controller", second.peak)]
         cover = control_cover(self.axis, 1.0, self.responses, self.complex_order)
-        stages["in turn"] = self._in_turn(cover, stages["controller for it"], steps, context)
-        stages["together"] = self._together(cover, stages["in turn"], steps, context)
+        third = self._in_turn(cover, second, steps, context)
+        last = self._together(cover, third, steps, context)
+        stages = (first, second, third, last)
         omega = self.responses.omega
         curves, bounds = [], []
         variables: dict[str, Any] = {}
-        for number, (one, used) in enumerate(stages.values()):
+        for number, (one, used, _) in enumerate(stages):
             plant = synthesis_plant(self.axis, one)
             found = performance_sweep(plant, used, omega)
             curves.append([found.lower, found.upper])
@@ -172,7 +172,7 @@ class CoverForControl(Study):
                 ),
             },
         )
-        for number, (one, _) in enumerate(stages.values()):
+        for number, (one, *_) in enumerate(stages):
             for name in PARTS:
                 part = getattr(one, name)
                 data = data.assign(roots(part, name, f"{name}{number}_"))
@@ -182,58 +182,66 @@ class CoverForControl(Study):
         self, cover: ControlCover, best: DesignStage, steps: list[OptimisedStep], context: Context
     ) -> DesignStage:
         """Real weight and controller in turn, as long as the certified peak falls."""
-        model, K = best
         for _ in context.track(range(self.rounds), "in turn"):
-            model, K = self._chosen(cover, (model, K), ["real"], context)
-            steps.append(("stadiums", self._peak(model, K)))
-            if not np.isfinite(steps[-1][1]):
+            found = self._chosen(cover, best, ["real"], context)
+            steps.append(("stadiums", found.peak))
+            if not np.isfinite(found.peak):
                 break
-            K = self._designed(model, K)
-            steps.append(("controller", self._peak(model, K)))
-            if steps[-1][1] >= self._peak(*best) * (1 - PEAK_TOLERANCE):
+            try:
+                found = self._designed(found)
+            except SolverError as error:
+                steps.append((str(error), np.inf))
                 break
-            best = model, K
+            steps.append(("controller", found.peak))
+            if found.peak >= best.peak * (1 - PEAK_TOLERANCE):
+                break
+            best = found
         return best
 
     def _together(
         self, cover: ControlCover, best: DesignStage, steps: list[OptimisedStep], context: Context
     ) -> DesignStage:
-        """Nominal, real weight and controller at once; what came before where that is no better."""
-        found = self._chosen(cover, best, ["nominal", "real", "controller"], context)
-        steps.append(("nominal, stadiums, controller", self._peak(*found)))
-        return found if steps[-1][1] < self._peak(*best) else best
+        """Nominal, real weight and controller at once, as long as the certified peak falls."""
+        for _ in range(self.rounds):
+            found = self._chosen(cover, best, ["nominal", "real", "controller"], context)
+            steps.append(("nominal, stadiums, controller", found.peak))
+            if found.peak >= best.peak * (1 - PEAK_TOLERANCE):
+                break
+            best = found
+        return best
 
     def _chosen(
         self, cover: ControlCover, stage: DesignStage, moving: Sequence[Name], context: Context
     ) -> DesignStage:
         """The best of the choices by its certified peak."""
-        model, K = stage
-        assert model.W_r is not None
+        assert stage.model.W_r is not None
         parts: dict[Name, Rational] = {
-            "nominal": model.nominal,
-            "real": model.W_r,
-            "controller": from_system(K),
+            "nominal": stage.model.nominal,
+            "real": stage.model.W_r,
+            "controller": from_system(stage.K),
         }
-        found: list[DesignStage] = []
+        found = []
         for each in cover.chosen(parts, moving, context):
-            same = K if "controller" not in moving else each["controller"].state_space()
-            found.append((cover.model(each, context), same))
-        return min(found, key=lambda each: self._peak(*each))
+            K = stage.K if "controller" not in moving else each["controller"].state_space()
+            found.append(self._stage(cover.model(each, context), K))
+        return min(found, key=lambda each: each.peak)
 
-    def _designed(self, model: UncertaintyModel, K: StateSpace) -> StateSpace:
-        """The controller of K's order that method "fixed" finds near it."""
-        solution = solve(self.program(model, K), "fixed")
+    def _designed(self, stage: DesignStage) -> DesignStage:
+        """The controller of the same order that method "fixed" finds near that of a stage."""
+        solution = solve(self.program(stage.model, stage.K), "fixed")
         if solution.certificate is None or not solution.certificate.valid:
             raise SolverError(f"no controller for the stadiums: {solution.message}")
-        found: StateSpace = solution.answer.K
-        return found
+        return DesignStage(stage.model, solution.answer.K, solution.answer.upper)
+
+    def _stage(self, model: UncertaintyModel, K: StateSpace) -> DesignStage:
+        return DesignStage(model, K, self._peak(model, K))
 
     def _peak(self, model: UncertaintyModel, K: StateSpace) -> float:
         """Certified upper bound; infinite where the loop is unstable."""
         certified = self.program(model, None).certified(K)
         return np.inf if certified is None else certified.upper
 
-    def stage(self, answer: Dataset, number: int) -> DesignStage:
+    def stage(self, answer: Dataset, number: int) -> tuple[UncertaintyModel, StateSpace]:
         """The model and controller of a stage."""
         nominal, W_c, W_r = (function(answer, f"{name}{number}_") for name in PARTS)
         return UncertaintyModel(nominal, W_c, W_r), restored(answer, f"controller{number}")
