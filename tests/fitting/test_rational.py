@@ -3,6 +3,7 @@
 from fractions import Fraction
 
 import control
+import flint
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -245,3 +246,25 @@ def test_a_direct_path_that_is_small_beside_the_states_keeps_its_zeros():
     zeros = from_system(system).zeros
     truth = [-617.12479 - 647.95134j, -617.12479 + 647.95134j, -373339.78804]
     np.testing.assert_allclose(zeros, truth, rtol=1e-5)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 2**31), st.integers(1, 6), st.booleans())
+def test_badly_scaled_systems_are_converted_exactly(seed, order, direct):
+    """States that nearly cancel, in units that lie far apart: against 400 bits."""
+    rng = np.random.default_rng(seed)
+    units = np.diag(10 ** rng.uniform(-6, 6, order))
+    A = units @ rng.normal(size=(order, order)) @ np.linalg.inv(units)
+    b = units @ rng.normal(size=(order, 1)) * 10 ** rng.uniform(-8, 0, (order, 1))
+    c = rng.normal(size=(1, order)) * 10 ** rng.uniform(0, 8, (1, order))
+    d = [[float(direct) * 10 ** rng.uniform(-6, 6)]]
+    system = control.ss(A, b, c, d, remove_useless_states=False)
+    function = from_system(system)
+    s = complex(rng.normal(), rng.normal())
+    with flint.ctx.workprec(400):
+        parts = (system.A, system.B, system.C, system.D)
+        A, b, c, d = (flint.acb_mat(part.tolist()) for part in parts)
+        resolvent = (s * flint.acb_mat(np.eye(order).tolist()) - A).solve(b)
+        truth = complex((c * resolvent + d)[0, 0])
+    # rounded roots alone move a response that nearly cancels
+    assert abs(function(s) - truth) <= 1e-7 * abs(truth)

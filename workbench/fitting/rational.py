@@ -7,6 +7,8 @@ work on roots, and the result is realised as a cascade of second-order sections 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,12 +17,11 @@ from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 
+if TYPE_CHECKING:
+    from flint import fmpq, fmpq_poly
+
 CONVERSION_ROUNDING = 1e-9
 """Relative error of a response that is rounding of the roots only."""
-ROOT_BITS = 256
-"""Precision in bits of the roots of a badly scaled system."""
-CONVERSION_LIMIT = 1e-2
-"""Relative error of a response with which roots are not those of the system."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,8 +165,7 @@ def from_system(system: StateSpace) -> Rational:
     Raises
     ------
     InputError
-        The argument is no system, not SISO, in discrete time, or so badly scaled that its zeros
-        cannot be told.
+        The argument is no system, not SISO, in discrete time, or not finite.
     """
     if not hasattr(system, "zeros"):
         raise InputError(f"a transfer function or state space is needed, not {system!r:.80}")
@@ -173,16 +173,13 @@ def from_system(system: StateSpace) -> Rational:
         raise InputError(f"a SISO system is needed, not {system.noutputs} x {system.ninputs}")
     if system.isdtime(strict=True):
         raise InputError(f"a continuous-time system is needed, dt is {system.dt}")
-    found = [_with_roots(system, *_scaled_roots(system))]
-    if not _distance(found[0], system) <= CONVERSION_ROUNDING and _has_direct_path(system):
-        found.append(_with_roots(system, *_precise_roots(system)))
-    distance, _, function = min((_distance(one, system), i, one) for i, one in enumerate(found))
-    if not distance <= CONVERSION_LIMIT:
-        raise InputError(
-            f"zeros and poles cannot be told: those found miss the system's response by "
-            f"{distance:.2g}, relative; give it in balanced coordinates"
-        )
-    return function
+    parts = _parts(system)
+    if not all(np.isfinite(part).all() for part in parts):
+        raise InputError("the system has coefficients that are not finite")
+    function = _with_roots(system, *_scaled_roots(system))
+    if _distance(function, system) <= CONVERSION_ROUNDING:
+        return function
+    return _exact(system)
 
 
 def _with_roots(system: StateSpace, zeros: ArrayLike, poles: ArrayLike) -> Rational:
@@ -194,23 +191,49 @@ def _with_roots(system: StateSpace, zeros: ArrayLike, poles: ArrayLike) -> Ratio
     return Rational(bare.zeros, bare.poles, gain)
 
 
-def _has_direct_path(system: StateSpace) -> bool:
-    return bool(getattr(system, "nstates", 0)) and bool(system.D.any())
+def _exact(system: StateSpace) -> Rational:
+    """The function of a system, its polynomials exact and its roots correctly rounded."""
+    numerator, denominator = _polynomials(system)
+    gain = _leading(numerator) / _leading(denominator)
+    return Rational(_roots(numerator), _roots(denominator), float(gain))
 
 
-def _precise_roots(system: StateSpace) -> tuple[ComplexArray, ComplexArray]:
-    """Zeros and poles of a system with D other than 0: eigenvalues in `ROOT_BITS` bits."""
+def _roots(polynomial: fmpq_poly) -> ComplexArray:
+    found: Any = polynomial.complex_roots()  # pairs of root and multiplicity
+    return conjugate_pairs([complex(root) for root, count in found for _ in range(count)])
+
+
+def _leading(polynomial: fmpq_poly) -> Fraction:
+    """The coefficient of the highest power; 0 of the zero polynomial."""
+    degree = polynomial.degree()
+    last = polynomial[degree] if degree >= 0 else polynomial[0]
+    return Fraction(int(last.p), int(last.q))
+
+
+def _polynomials(system: StateSpace) -> tuple[fmpq_poly, fmpq_poly]:
+    """Numerator and denominator in exact rational numbers.
+
+    det(s - A + B C) = det(s - A) (1 + C (s - A)^-1 B) gives the numerator.
+    """
     import flint
 
-    with flint.ctx.workprec(ROOT_BITS):
-        parts = (system.A, system.B, system.C, system.D)
-        A, B, C, D = (flint.acb_mat(part.tolist()) for part in parts)
-        matrices = A - B * C * (1 / D[0, 0]), A
-        zeros, poles = (
-            np.array([complex(root) for root in matrix.eig(algorithm="approx")])
-            for matrix in matrices
-        )
-    return zeros, poles
+    def exact(values: RealArray) -> list[fmpq]:
+        return [flint.fmpq(*float(x).as_integer_ratio()) for x in values.ravel()]
+
+    parts = _parts(system)
+    if len(parts) == 2:
+        numerator, denominator = (flint.fmpq_poly(exact(part)[::-1]) for part in parts)
+        return numerator, denominator
+    A, B, C, D = (flint.fmpq_mat(part.shape[0], part.shape[1], exact(part)) for part in parts)
+    denominator = A.charpoly()
+    return (A - B * C).charpoly() + (D[0, 0] - 1) * denominator, denominator
+
+
+def _parts(system: StateSpace) -> tuple[RealArray, ...]:
+    """Matrices A, B, C, D of a state space; numerator and denominator of a transfer function."""
+    if hasattr(system, "A"):
+        return system.A, system.B, system.C, system.D
+    return system.num[0][0], system.den[0][0]
 
 
 def _log_sizes(function: Rational) -> RealArray:
