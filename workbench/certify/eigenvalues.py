@@ -31,6 +31,8 @@ ATTEMPTS = 3
 entries differ widely."""
 SHARP = 1e-7
 """Radius of a disc on the axis, as a share of its centre, with which attempts end."""
+SHARP_ENOUGH = 1e-4
+"""The same of a disc that only ends an interval."""
 SCALINGS = 8
 """Steps of the search for the scaling of the rows."""
 WANTED_SHARE = 1e-3
@@ -53,20 +55,22 @@ class Discs:
         """Upper bound of the real parts; -inf without discs."""
         return float((self.centre.real + self.radius).max(initial=-np.inf))
 
-    @property
-    def doubtful(self) -> int:
+    def doubtful(self, sharp: float = SHARP_ENOUGH) -> int:
         """Number of discs that meet the real axis and are not small."""
         meets = np.abs(self.centre.imag) <= self.radius
-        return int((meets & (self.radius > SHARP * np.abs(self.centre))).sum())
+        return int((meets & (self.radius > sharp * np.abs(self.centre))).sum())
 
 
 def eigenvalue_discs(A: Enclosure) -> Discs:
     """Discs that contain all eigenvalues of the matrices A (n, n)."""
     n = len(A.mid)
-    return static_discs(A, *(exact(np.zeros(shape)) for shape in ((n, 0), (0, n), (0, 0))))
+    B, C, D = (exact(np.zeros(shape)) for shape in ((n, 0), (0, n), (0, 0)))
+    return static_discs(A, B, C, D, SHARP)
 
 
-def static_discs(A: Enclosure, B: Enclosure, C: Enclosure, D: Enclosure) -> Discs:
+def static_discs(
+    A: Enclosure, B: Enclosure, C: Enclosure, D: Enclosure, sharp: float = SHARP_ENOUGH
+) -> Discs:
     """Discs that contain all s at which [A - s, B; C, D] is singular, D proven regular.
 
     The s are the eigenvalues of A - B D^-1 C. This matrix is only computed to find eigenvectors V1
@@ -93,9 +97,9 @@ def static_discs(A: Enclosure, B: Enclosure, C: Enclosure, D: Enclosure) -> Disc
             F = W1 @ B + W2 @ D
             P = W1 @ upper + W2 @ G - F @ (back @ G)
             found = pencil_discs(P, W1 @ V1)
-            if discs is nothing or found.doubtful < discs.doubtful:
+            if discs is nothing or found.doubtful(sharp) < discs.doubtful(sharp):
                 discs = found
-            if not discs.doubtful:
+            if not discs.doubtful(sharp):
                 break
             V = V @ np.linalg.eig(P.mid)[1]
             V = V / np.linalg.norm(V, axis=0)
@@ -116,7 +120,7 @@ def linear_discs(L: Enclosure, L_1: Enclosure, within: float) -> Discs:
             found = pencil_discs(P, E, within)
             if not attempt or len(touched(found)[0]) < len(touched(discs)[0]):
                 discs = found
-            if not discs.doubtful:
+            if not discs.doubtful():
                 break
             V = V @ np.linalg.eig(np.linalg.solve(P.mid, E.mid))[1]
             V = V / np.linalg.norm(V, axis=0)

@@ -47,7 +47,7 @@ def ball_discs(
             found = _discs(A, B, C, D, weight, omega)
         if found is not None:
             best = found
-            if not found.doubtful:
+            if not found.doubtful():
                 break
     return best
 

@@ -270,7 +270,7 @@ def _reach(form: _Form, omega: float, half: float) -> tuple[float, float, bool]:
 
 def _nearest(discs: Discs, omega: float, half: float) -> tuple[float, float, bool]:
     """As `_reach`, from the discs that contain all frequencies at which L is singular."""
-    doubt = discs.doubtful > 0
+    doubt = discs.doubtful() > 0
     first, last = touched(discs)
     if math.isinf(omega):
         return 0.0, max(float(last.max(initial=0.0)), 0.0), doubt

@@ -9,13 +9,14 @@ loop is stable and the peak falls.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.certify.stability import stability_of
-from workbench.errors import InputError
+from workbench.errors import InputError, SolverError
 from workbench.executor import Context
 from workbench.heavy_types import StateSpace
 from workbench.mu import UpperBound, gradient, upper_bound
@@ -43,6 +44,8 @@ above which it may grow."""
 START_SPREAD, DRAWS_PER_START = 0.5, 20
 """Standard deviation of random starts, in units of the parameters, and the most draws per start
 that is wanted."""
+LEAST_PROMISE = 1e-6
+"""Share of the peak that a step must promise."""
 SETTLED_FALL, PATIENCE = 1e-4, 12
 """The optimisation is settled if the peak falls by less than this share over this number of
 rounds."""
@@ -97,6 +100,22 @@ class _Problem:
         """The closed loop; None where it is not stable."""
         loop = self.plant.close(self.family.system(x))
         return loop if stability_of(loop).holds else None
+
+    def stable_loop(self, x: RealArray) -> StateSpace:
+        """The closed loop of parameters known to be stabilising."""
+        loop = self.loop(x)
+        if loop is None:
+            raise SolverError(
+                "rounding hides whether the loop of a stabilising controller is stable"
+            )
+        return loop
+
+    def about(self, K: StateSpace, x: RealArray) -> tuple[_Problem, RealArray]:
+        """The problem, and parameters x, with the family of all controllers made for K."""
+        if not isinstance(self.family, Modal):
+            return self, x
+        family, x = Modal.of(K)
+        return replace(self, family=family), x
 
     def curve(self, loop: StateSpace) -> tuple[RealArray, RealArray]:
         """Frequencies (F,) [rad/s] that resolve the maxima of the upper bound, and bounds (F,)."""
@@ -154,13 +173,14 @@ def _minimised(
 
     Returns the rounds, each better than the one before, and the reason why they ended.
     """
-    radius, hessian = FIRST_RADIUS, np.zeros((x.size, x.size))
+    radius, hessian, begun = FIRST_RADIUS, np.zeros((x.size, x.size)), 0
     kept = context.checkpoint.load()
     if kept is not None:
-        x, radius, hessian = kept["x"], float(kept["radius"]), kept["hessian"]
-    loop = problem.loop(x)
-    assert loop is not None  # the Program has tested that the start stabilises
-    omega, bound = problem.curve(loop)
+        radius, hessian, begun = float(kept["radius"]), kept["hessian"], int(kept["begun"])
+        x = kept["x"]
+        if begun:
+            problem, _ = problem.about(unpacked(kept)[begun].K, x)
+    omega, bound = problem.curve(problem.stable_loop(x))
     history = unpacked(kept) if kept is not None else [problem.iterate(x, bound)]
     for number, each in enumerate(history, start=1):
         context.record(each.row(number))
@@ -168,42 +188,73 @@ def _minimised(
         peak = history[-1].peak
         if peak <= target:
             return history, "reached the target"
-        units = problem.family.units(x)
-        near = omega[bound > LOWERED_SHARE * peak]
-        value, slope = problem.linear(x, near)
-        step = None
-        while radius > SMALLEST_RADIUS:
-            scaled = hessian * units[:, None] * units
-            step, level, weights = _step(scaled, slope * units, value, radius)
-            promised = peak - level
-            if promised < 1e-6 * peak:
-                return history, "no step promises less"
-            trial = x + units * step
-            loop = problem.loop(trial)
-            if loop is not None:
-                omega_, bound_ = problem.curve(loop)
-                share = (peak - float(bound_.max())) / promised
-                if share > ACCEPTED_SHARE:
-                    break
-            radius = 0.35 * min(radius, float(np.abs(step).max()))
-        else:
-            return history, "no step lowers the peak"
-        _, slope_ = problem.linear(trial, near)
-        hessian = _updated(hessian, trial - x, (slope_ - slope).T @ weights)
-        at_bound = float(np.abs(step).max()) > 0.8 * radius
-        if share > GROWING_SHARE and at_bound:
-            radius = min(2.5 * radius, LARGEST_RADIUS)
-        elif share < SHRINKING_SHARE:
-            radius *= 0.5
-        x, omega, bound = trial, omega_, bound_
+        found = _lower(problem, x, (omega, bound), hessian, radius)
+        if isinstance(found, str):
+            if begun == len(history) - 1:
+                return history, found
+            # Begin again: curvature seen far away, or poles in one block, may hide the way down.
+            begun = len(history) - 1
+            problem, x = problem.about(history[-1].K, x)
+            omega, bound = problem.curve(problem.stable_loop(x))
+            radius, hessian = FIRST_RADIUS, np.zeros_like(hessian)
+            continue
+        hessian = _updated(hessian, found.x - x, found.turned)
+        radius = found.next_radius
+        x, omega, bound = found.x, *found.curve
         history.append(problem.iterate(x, bound))
         context.record(history[-1].row(len(history)))
         earlier = history[:-PATIENCE]
         if earlier and history[-1].peak > (1 - SETTLED_FALL) * earlier[-1].peak:
             return history, "settled"
-        state = {"x": x, "radius": np.array(radius), "hessian": hessian}
+        state = {"x": x, "radius": np.array(radius), "hessian": hessian, "begun": np.array(begun)}
         context.checkpoint.save(state | packed(history))
     return history, f"stopped after {MOST_STEPS} rounds"
+
+
+class _Lower(NamedTuple):
+    """Parameters with a lower peak, their curve (omega, bound), and what the step to them taught.
+
+    turned: change of the largest bound's gradient (k,).
+    """
+
+    x: RealArray
+    curve: tuple[RealArray, RealArray]
+    turned: RealArray
+    next_radius: float
+
+
+def _lower(
+    problem: _Problem,
+    x: RealArray,
+    curve: tuple[RealArray, RealArray],
+    hessian: RealArray,
+    radius: float,
+) -> _Lower | str:
+    """The first step within the trust radius, or a smaller one, that is taken; else why none is."""
+    (omega, bound), units = curve, problem.family.units(x)
+    peak = float(bound.max())
+    near = omega[bound > LOWERED_SHARE * peak]
+    value, slope = problem.linear(x, near)
+    while radius > SMALLEST_RADIUS:
+        scaled = hessian * units[:, None] * units
+        step, level, weights = _step(scaled, slope * units, value, radius)
+        promised, length = peak - level, float(np.abs(step).max())
+        if promised < LEAST_PROMISE * peak:
+            return "no step promises less"
+        trial = x + units * step
+        loop = problem.loop(trial)
+        if loop is not None:
+            new = problem.curve(loop)
+            share = (peak - float(new[1].max())) / promised
+            if share > ACCEPTED_SHARE:
+                turned = (problem.linear(trial, near)[1] - slope).T @ weights
+                if share > GROWING_SHARE and length > 0.8 * radius:
+                    radius = min(2.5 * radius, LARGEST_RADIUS)
+                elif share < SHRINKING_SHARE:
+                    radius *= 0.5
+                return _Lower(trial, new, turned, radius)
+        radius = 0.35 * min(radius, length)
+    return "no step lowers the peak"
 
 
 def _step(
