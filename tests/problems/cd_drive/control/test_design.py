@@ -57,11 +57,6 @@ def measured():
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(
-    strict=True,
-    reason="since covers hold between the frequencies too, those for the controller cost more: "
-    "their search looks only at the given frequencies, and a later gain makes up the rest",
-)
 def test_stadiums_for_a_controller_contain_the_drives_and_hurt_its_loop_less(measured):
     K = control.ss(reference("focus"))
     run = wb.run("cd/focus/stadium-cover", method="steps", frequencies=60)
