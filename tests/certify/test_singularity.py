@@ -7,6 +7,7 @@ from flint import arb, ctx, fmpq, fmpq_mat
 from workbench.certify.balls import balls
 from workbench.certify.krawczyk import zero_within
 from workbench.certify.singularity import proven_bound, proven_bounds, singular_sizes
+from workbench.certify.skewed import proven_skew
 from workbench.mu import branch_and_bound, lower_bound, skew_bounds, upper_bound
 from workbench.structure import Complex, Full, Real, Structure
 
@@ -46,6 +47,20 @@ def test_no_bound_of_badly_scaled_real_matrices_is_false():
         assert value == 0 or arb(value) <= truth
         proven += value > 0
     assert proven >= 30
+
+
+@pytest.mark.parametrize("block", [Real(1), Complex(1), Full(1, 1)])
+@pytest.mark.parametrize(("M", "Delta"), [(1.5, 0.5), (0.25, 0.75), (-0.5, -1.5), (0.5, 1.0)])
+def test_a_proposal_that_is_not_singular_proves_no_more_than_is_true(block, M, Delta):
+    """Sums, differences and quotients that are 1 are no products that are 1."""
+    assert proven_bound(balls([[M]]), Structure([block]), np.array([[Delta]])) <= abs(M)
+
+
+def test_nothing_is_proven_by_what_is_not_finite():
+    structure = Structure([Real(1), Full(1, 1)])
+    for Delta in (np.diag([1.0, np.nan]), np.diag([np.inf, 1.0])):
+        assert proven_bound(balls(np.eye(2)), structure, Delta) == 0
+        assert proven_skew(np.eye(2), structure, np.array([True, False]), Delta) == 0
 
 
 @pytest.mark.parametrize("kind", [Real, Complex])

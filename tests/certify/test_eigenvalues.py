@@ -1,0 +1,93 @@
+"""Discs of eigenvalues against eigenvalues that are known exactly."""
+
+import numpy as np
+import pytest
+
+from workbench.certify.eigenvalues import (
+    Discs,
+    eigenvalue_discs,
+    linear_discs,
+    pole_discs,
+    static_discs,
+    touched,
+)
+from workbench.certify.rounding import Enclosure, exact
+
+
+def similar(rng, values):
+    """An integer matrix with these eigenvalues, exactly."""
+    n = len(values)
+    lower, upper = np.eye(n), np.eye(n)
+    lower += np.tril(rng.integers(-2, 3, (n, n)), -1)
+    upper += np.triu(rng.integers(-2, 3, (n, n)), 1)
+    T = lower @ upper
+    back = np.round(np.linalg.inv(upper) @ np.linalg.inv(lower))
+    assert (T @ back == np.eye(n)).all()
+    return T @ np.diag(values) @ back
+
+
+def holds(discs, values):
+    """Whether each value lies in a disc."""
+    away = np.abs(np.asarray(values, complex)[:, None] - discs.centre)
+    return (away <= discs.radius).any(axis=1).all()
+
+
+def test_the_part_of_the_axis_in_a_disc():
+    discs = Discs(np.array([3 + 4j, 1 - 3j, 2 + 1j, 7 + 0j]), np.array([5.0, 5.0, 0.5, 0.25]))
+    first, last = touched(discs)
+    np.testing.assert_allclose(first, [0.0, -3.0, 6.75], atol=1e-5)
+    np.testing.assert_allclose(last, [6.0, 5.0, 7.25], atol=1e-5)
+    assert (first <= [0.0, -3.0, 6.75]).all()
+    assert (last >= [6.0, 5.0, 7.25]).all()
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_discs_hold_known_eigenvalues(seed):
+    rng = np.random.default_rng(seed)
+    values = rng.choice(np.arange(-40, 41), 6, replace=False)
+    A = similar(rng, values)
+    found = eigenvalue_discs(exact(A))
+    assert holds(found, values)
+    assert found.radius.max() < 1e-3
+    assert found.rightmost >= values.max()
+    wider = eigenvalue_discs(Enclosure(A, np.full(A.shape, 1e-4)))
+    for _ in range(20):
+        member = A + 1e-4 * rng.uniform(-1, 1, A.shape) * (1 - 1e-9)
+        assert holds(wider, np.linalg.eigvals(member))
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_poles_keep_their_side_of_the_axis(seed):
+    rng = np.random.default_rng(seed)
+    values = -rng.choice(np.arange(1, 60), 5, replace=False)
+    A = similar(rng, values) / 1024.0
+    found = pole_discs(exact(A))
+    assert holds(found, values / 1024.0)
+    assert found.rightmost < 0
+    assert pole_discs(exact(-A)).rightmost > 0
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_discs_of_a_matrix_in_parts_hold_its_eigenvalues(seed):
+    """A - B D^-1 C is the integer matrix."""
+    rng = np.random.default_rng(seed)
+    values = rng.choice(np.arange(-30, 31), 5, replace=False)
+    B, C = rng.integers(-3, 4, (5, 2)), rng.integers(-3, 4, (2, 5))
+    D = np.diag([2.0, -4.0])
+    A = similar(rng, values) + B @ np.diag([0.5, -0.25]) @ C
+    found = static_discs(*(exact(part.astype(float)) for part in (A, B, C, D)))
+    assert holds(found, values)
+    assert np.sort(found.radius)[0] < 1e-3
+    singular = static_discs(*(exact(part.astype(float)) for part in (A, B, C, 0 * D)))
+    assert np.isinf(singular.radius).all()
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_discs_of_a_pencil_hold_the_roots_within_reach(seed):
+    """T (diag(a) - t) S is singular at t = a."""
+    rng = np.random.default_rng(seed)
+    a = rng.choice(np.arange(1, 40), 5, replace=False) * rng.choice([-1.0, 1.0], 5)
+    T, S = (similar(rng, np.array([1, 2, 3, 1, 2])).astype(float) for _ in range(2))
+    within = float(np.median(np.abs(a)))
+    found = linear_discs(exact(T @ np.diag(a) @ S), exact(T @ S), within)
+    assert holds(found, a[np.abs(a) <= within])

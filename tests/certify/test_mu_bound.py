@@ -1,0 +1,92 @@
+"""The bound that multipliers prove: its inequality in exact rational arithmetic."""
+
+import numpy as np
+import pytest
+from exact_rational import is_positive_definite, rational, real_form
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from workbench.certify.mu_bound import certified_bound, structured
+from workbench.structure import Complex, Full, Real, Structure
+
+STRUCTURES = [
+    Structure([Full(1, 1), Full(1, 1)]),
+    Structure([Real(2), Full(2, 1)]),
+    Structure([Real(1), Complex(2), Full(1, 2)]),
+]
+
+
+def proves(value, M, structure, multipliers):
+    """Whether value^2 D_r - M^H D_l M - j (G M - M^H G^H) > 0, without any rounding."""
+    D_left, D_right, G = structured(structure, *multipliers)
+    M, left, right, twist = (real_form(part) for part in (M, D_left, D_right, 1j * G))
+    square = rational(value) * rational(value)
+    twisted = twist * M
+    form = right * square - M.transpose() * left * M - twisted - twisted.transpose()
+    return is_positive_definite(form)
+
+
+def data(seed, structure, decades, least):
+    """A matrix and multipliers, their entries over so many decades, D nearly singular or not."""
+    rng = np.random.default_rng(seed)
+    c, r = structure.columns, structure.rows
+
+    def some(rows, columns):
+        return rng.normal(size=(rows, columns)) + 1j * rng.normal(size=(rows, columns))
+
+    out, into = (10 ** rng.uniform(-decades, decades, n) for n in (c, r))
+    M = out[:, None] * some(c, r) * into
+    blocks_left, blocks_right = np.zeros((c, c), complex), np.zeros((r, r), complex)
+    for block, row, column in zip(
+        structure, structure.row_slices, structure.column_slices, strict=True
+    ):
+        size = block.rows
+        if isinstance(block, Full):
+            d = 10 ** rng.uniform(-decades, decades)
+            blocks_left[column, column] = d * np.eye(block.columns)
+            blocks_right[row, row] = d * np.eye(size)
+            continue
+        vectors = np.linalg.qr(some(size, size))[0]
+        values = np.geomspace(1.0, least, size) if size > 1 else np.ones(1)
+        blocks_left[column, column] = blocks_right[row, row] = (vectors * values) @ vectors.conj().T
+    G = some(r, c) * 10 ** rng.uniform(-decades, decades)
+    return M, (blocks_left, blocks_right, G)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.integers(0, 2**31),
+    st.sampled_from(STRUCTURES),
+    st.sampled_from([0.0, 2.0, 6.0]),
+    st.sampled_from([1.0, 1e-6, 1e-12]),
+)
+def test_a_bound_satisfies_its_inequality_without_rounding(seed, structure, decades, least):
+    M, multipliers = data(seed, structure, decades, least)
+    value = float(certified_bound(M, structure, *multipliers))
+    assert value == np.inf or proves(value, M, structure, multipliers)
+
+
+@pytest.mark.parametrize("structure", STRUCTURES)
+@pytest.mark.parametrize("seed", range(5))
+def test_a_bound_is_the_least_one_of_good_multipliers(seed, structure):
+    M, multipliers = data(seed, structure, 0.0, 1.0)
+    value = float(certified_bound(M, structure, *multipliers))
+    assert not proves(value * (1 - 1e-9), M, structure, multipliers)
+
+
+def test_nearly_singular_multipliers_are_searched_and_stay_true():
+    """Rounding of the eigenvalue says nothing here; the bisection finds a bound in all cases."""
+    structure, found = Structure([Complex(3)]), 0
+    for seed in range(20):
+        M, multipliers = data(seed, structure, 5.0, 1e-10)
+        value = float(certified_bound(M, structure, *multipliers))
+        assert value == np.inf or proves(value, M, structure, multipliers)
+        found += value < np.inf
+    assert found >= 10
+
+
+def test_multipliers_that_are_not_positive_prove_nothing():
+    structure = Structure([Complex(2)])
+    M = np.eye(2)
+    for D in (np.diag([1.0, -1.0]), np.diag([1.0, 0.0]), np.diag([1.0, np.nan])):
+        assert certified_bound(M, structure, D, D, np.zeros((2, 2))) == np.inf
