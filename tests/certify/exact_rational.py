@@ -10,7 +10,7 @@ def rational(value):
 
 
 def real_form(matrix):
-    """The real matrix [[Re, -Im], [Im, Re]] of a complex one, exact; products agree with its own."""
+    """The real matrix [[Re, -Im], [Im, Re]] of a complex one, exact; of products, the product."""
     matrix = np.asarray(matrix, complex)
     whole = np.block([[matrix.real, -matrix.imag], [matrix.imag, matrix.real]])
     return flint.fmpq_mat(*whole.shape, [rational(x) for x in whole.ravel()])
