@@ -217,8 +217,10 @@ def _polynomials(system: StateSpace) -> tuple[fmpq_poly, fmpq_poly]:
     """
     import flint
 
+    from workbench.certify.known_plants.exact_function import exact_rational
+
     def exact(values: RealArray) -> list[fmpq]:
-        return [flint.fmpq(*float(x).as_integer_ratio()) for x in values.ravel()]
+        return [exact_rational(x) for x in values.ravel()]
 
     parts = _parts(system)
     if len(parts) == 2:
