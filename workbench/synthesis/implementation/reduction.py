@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -17,6 +18,7 @@ from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_positive, need_whole
 from workbench.mu.frequency.peak import Peak
 from workbench.mu.robust.conditions import Conditions, conditions
+from workbench.mu.robust.performance import performance_peak
 from workbench.solution import solve
 from workbench.synthesis.implementation import reduction_methods
 from workbench.synthesis.mu.program import MuSynthesis
@@ -24,6 +26,8 @@ from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.realisation import realisation
 
+Reducer = tuple[int, Callable[[int], StateSpace]]
+"""The least order that a method reaches, and a function from an order to the controller."""
 DETOUR = 8
 """States above the wanted order from which `approximations` starts again at most."""
 ReductionMethod = Literal["weighted", "balanced", "hankel"]
@@ -98,9 +102,7 @@ def approximated(
         K does not stabilise it.
     """
     K = _continuous(K)
-    least, of = _reducer(K, method, plant, None)
-    _check_order(order, least, K, method)
-    return of(order)
+    return _of_order(K, order, method, _reducer(K, method, plant, None))
 
 
 def approximations(
@@ -115,10 +117,15 @@ def approximations(
     """
     K = _continuous(K)
     yield approximated(K, order, method, plant)
+
+    @cache
+    def reducer(first: ReductionMethod) -> Reducer:
+        return _reducer(K, first, plant, None)
+
     for higher in range(order + 1, min(order + DETOUR, K.nstates - 1) + 1):
         for first in get_args(ReductionMethod):
             try:
-                between = approximated(K, higher, first, plant)
+                between = _of_order(K, higher, first, reducer(first))
                 yield approximated(between, order, method, plant)
             except InputError:  # it does not stabilise the plant, or keeps too many poles
                 continue
@@ -215,7 +222,7 @@ def _best_refined(
 
 def _reducer(
     K: StateSpace, method: str, plant: GeneralisedPlant | None, found: Conditions | None
-) -> tuple[int, Callable[[int], StateSpace]]:
+) -> Reducer:
     """The least order that a method reaches, and a function from an order to the controller."""
     parts = K.A, K.B, K.C, K.D
     least = 0
@@ -229,14 +236,14 @@ def _reducer(
                 'the method "weighted" weighs with the closed loop; give the plant, or ask '
                 '"balanced" or "hankel"'
             )
-        found = found or _certified(plant, K)[0]
-        peak = _peak(found)
+        peak = _peak(found) if found is not None else _only_peak(plant, K)
+        loop = plant.close(K)
         if peak is None:
+            poles = loop.poles()
             raise InputError(
                 f"the loop with the given controller is unstable, its rightmost pole "
-                f'{found.pole:.6g}; "weighted" needs a controller that stabilises the plant'
+                f'{complex(poles[np.argmax(poles.real)]):.6g}; "weighted" needs a controller that stabilises the plant'
             )
-        loop = plant.close(K)
         closed = loop.A, loop.B, loop.C, loop.D
         of = reduction_methods.weighted(parts, plant, closed, peak)
     else:
@@ -259,6 +266,13 @@ def _peak(found: Conditions) -> Peak | None:
     return found.robust_performance or found.robust_stability
 
 
+def _only_peak(plant: GeneralisedPlant, K: StateSpace) -> Peak | None:
+    """The same peak, without what else `conditions` certifies; None where the loop is unstable."""
+    if plant.performance and plant.exogenous:
+        return performance_peak(plant, K)
+    return conditions(plant, K).robust_stability
+
+
 def _continuous(K: Any) -> StateSpace:
     """K as a StateSpace; raises InputError for a sampled controller."""
     K = as_system(K, "K")
@@ -267,6 +281,12 @@ def _continuous(K: Any) -> StateSpace:
             f"K is sampled (dt = {K.dt}); reduce the continuous controller and discretise it then"
         )
     return K
+
+
+def _of_order(K: StateSpace, order: int, method: str, reducer: Reducer) -> StateSpace:
+    least, of = reducer
+    _check_order(order, least, K, method)
+    return of(order)
 
 
 def _check_order(order: int, least: int, K: StateSpace, method: str) -> None:
