@@ -240,9 +240,10 @@ def _reducer(
         loop = plant.close(K)
         if peak is None:
             poles = loop.poles()
+            pole = complex(poles[np.argmax(poles.real)])
             raise InputError(
-                f"the loop with the given controller is unstable, its rightmost pole "
-                f'{complex(poles[np.argmax(poles.real)]):.6g}; "weighted" needs a controller that stabilises the plant'
+                f"the loop with the given controller is unstable, its rightmost pole {pole:.6g}; "
+                '"weighted" needs a controller that stabilises the plant'
             )
         closed = loop.A, loop.B, loop.C, loop.D
         of = reduction_methods.weighted(parts, plant, closed, peak)
