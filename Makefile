@@ -51,7 +51,8 @@ reference: $(READY)
 	$(REFERENCE) 'cd/*/nominal' 'cd/*/uncertainty-comparison' --set frequencies=120
 	$(REFERENCE) 'cd/*/mu-pid-analysis' 'cd/*/nyquist' --set frequencies=120
 	$(REFERENCE) 'cd/*/five-x' 'cd/*/cover-for-control' --set frequencies=120
-	$(REFERENCE) 'cd/*/sensitivity' mass-spring/analysis bench/covers textbook/fault-detection
+	$(REFERENCE) 'cd/*/sensitivity' --set frequencies=200
+	$(REFERENCE) mass-spring/analysis bench/covers textbook/fault-detection
 	$(REFERENCE) '*/controller' 'cd/*/mu-pid' 'cd/*/position-estimator'
 	$(REFERENCE) 'cd/*/diode-plane' cd/focus/fault-filter
 	$(REFERENCE) 'cd/*/lower-bandwidth' 'cd/*/strategies' 'cd/*/switching-stability'

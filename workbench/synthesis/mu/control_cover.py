@@ -93,7 +93,7 @@ class ControlCover:
         lowest: float,
     ) -> None:
         self.responses, self.complex_order = responses, complex_order
-        self.omega = frequencies(responses, lowest)
+        self.omega = _frequencies(responses, lowest)
         known = [plant.response(self.omega) for plant in responses.known_plants.values()]
         self._known = np.array(known).reshape(len(known), self.omega.size).T
         self._performance = np.abs(performance(self.omega))
@@ -214,7 +214,7 @@ class ControlCover:
         return np.max(radii, axis=0)
 
 
-def frequencies(responses: Responses, lowest: float) -> RealArray:
+def _frequencies(responses: Responses, lowest: float) -> RealArray:
     """Where mu is looked at [rad/s] (F,): those of the responses among them.
 
     They go on between the responses' frequencies, about the resonances of known plants, and beyond:
