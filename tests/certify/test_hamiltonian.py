@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from ill_conditioned import ill_conditioned
 from lanes import examples
 
+from workbench.certify import hamiltonian
 from workbench.certify.interval import certified_interval
 from workbench.certify.stable_system import stable_system
 from workbench.errors import InputError
@@ -102,6 +104,22 @@ def test_holds_inside_and_ends_at_a_crossing(seed, real, decade):
             beyond = max(end + factor * 1e-4 * abs(end - omega), 0.0)
             values = least(system, D, G, beta, np.linspace(end, beyond, 9))
             assert values.min() < 1e-3 * np.linalg.norm(D)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_improved_discs_contain_the_eigenvalues_found_one_by_one(seed, monkeypatch):
+    given = stable_system(ill_conditioned(seed).system)
+    c, r = given.D.shape
+    parts = np.eye(c) + 0j, np.eye(r) + 0j, np.zeros((r, c)) + 0j
+    level = 1.01 * np.linalg.norm(given.D, 2) + 1e-3
+    improved = hamiltonian.ball_discs(given.source or given, parts, level, math.inf)
+    with monkeypatch.context() as patch:
+        patch.setattr(hamiltonian, "_improved", lambda T: None)
+        isolated = hamiltonian.ball_discs(given.source or given, parts, level, math.inf)
+    assert not improved.doubtful()
+    away = np.abs(isolated.centre[:, None] - improved.centre)
+    assert (away <= improved.radius + isolated.radius[:, None]).any(axis=1).all()
+    assert not np.array_equal(isolated.radius, improved.radius)
 
 
 def test_multipliers_that_are_not_positive_prove_nothing():

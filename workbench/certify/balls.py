@@ -47,6 +47,14 @@ def middle(M: Matrix) -> Array:
     )
 
 
+def doubles(M: Matrix) -> Enclosure:
+    """The balls, rounded outward to floating-point numbers."""
+    mid = middle(M)
+    rest = M - balls(mid)
+    rad = np.array([[above(entry.abs_upper()) for entry in row] for row in rest.tolist()])
+    return Enclosure(mid, rad.reshape(mid.shape))
+
+
 def submatrix(M: Matrix, rows: Array, columns: Array) -> Matrix:
     """The rows and columns with these numbers."""
     return acb_mat([[M[int(i), int(j)] for j in columns] for i in rows])

@@ -2,6 +2,9 @@
 
 The Hamiltonian is formed from the data in balls and its eigenvalues are enclosed there. It has
 simple eigenvalues even where A has none, as with repeated poles of weights.
+
+Eigenvectors in doubles, improved in balls, make it nearly diagonal. That takes a tenth of the time
+of its eigenvectors in balls from the start, which are computed only where this fails.
 """
 
 from __future__ import annotations
@@ -13,8 +16,8 @@ import numpy as np
 from flint import acb, acb_mat, ctx
 
 from workbench.arrays import Array
-from workbench.certify.balls import Matrix, above, balls, enclosed, identity
-from workbench.certify.eigenvalues import Discs
+from workbench.certify.balls import Matrix, above, balls, doubles, enclosed, identity, middle
+from workbench.certify.eigenvalues import ATTEMPTS, Discs, pencil_discs
 from workbench.certify.modal_form import PRECISIONS
 from workbench.certify.stable_system import StableSystem
 
@@ -62,10 +65,33 @@ def _discs(A: Matrix, B: Matrix, C: Matrix, D: Matrix, F: Matrix, omega: float) 
         Q, S, R = _blocks(F, C, D)
         back = R.solve(_columns(S.conjugate().transpose(), B.conjugate().transpose()))
         H = _square(A, -Q, -A.conjugate().transpose()) - _rows(B, -S) * back
-        values = H.eig(multiple=True, nonstop=True)
     except ZeroDivisionError:
         return None
-    t = [value * acb(0, -1) for value in values]
+    return _improved(H * acb(0, -1)) or _isolated(H * acb(0, -1))
+
+
+def _improved(T: Matrix) -> Discs | None:
+    """Discs of the pencil W T V - s W V, for eigenvectors V improved in balls and W near V^-1.
+
+    None where a disc that meets the axis stays large.
+    """
+    try:
+        V = balls(np.linalg.eig(middle(T))[1])
+        for _ in range(ATTEMPTS):
+            W = V.inv().mid()
+            P, E = doubles(W * (T * V)), doubles(W * V)
+            found = pencil_discs(P, E)
+            if not found.doubtful():
+                return found
+            V = (V * balls(np.linalg.eig(P.mid)[1])).mid()
+    except (np.linalg.LinAlgError, ZeroDivisionError):
+        pass
+    return None
+
+
+def _isolated(T: Matrix) -> Discs | None:
+    """A disc for each eigenvalue by itself; None where they are not found apart."""
+    t = T.eig(multiple=True, nonstop=True)
     centre = np.array([complex(one.mid()) for one in t])
     # The centre is rounded to a double, too.
     radius = np.array([above((one - acb(c)).abs_upper()) for one, c in zip(t, centre, strict=True)])
