@@ -364,7 +364,7 @@ def test_verbose_and_jobs_exclude_each_other(project, cli):
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no such signal")
 def test_an_interrupt_of_jobs_ends_them_all(project):
-    project.edit("PAUSE = 0.0", "PAUSE = 2.0")
+    project.edit("PAUSE = 0.0", "PAUSE = 20.0")
     words = ["run", *(f"toy/{one}/root" for one in "xy"), "toy/root", "--method", "newton"]
     running = subprocess.Popen(
         [COMMAND, *words, "--jobs", "2"],

@@ -19,9 +19,9 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.certify.agreement import SINGULAR_PROVEN, need_agreement
-from workbench.errors import InputError
 from workbench.mu.frequency.peak import INTERVALS_COVER, Peak, peak
 from workbench.structure import Full, Real, Structure
+from workbench.systems.conversion import need_plant
 from workbench.systems.generalised_plant import GeneralisedPlant, Signals
 
 COMPLEX_PART = 0.01
@@ -105,11 +105,7 @@ def conditions(
     """
     import control
 
-    if not isinstance(plant, GeneralisedPlant):
-        raise InputError(
-            f"plant must be a GeneralisedPlant, not {type(plant).__name__}; it says which of a "
-            "system's inputs and outputs are perturbation, performance and control"
-        )
+    need_plant(plant)
     chosen = plant.channel(performance, exogenous)
     N = chosen.close(K)
     poles = N.poles()

@@ -22,7 +22,7 @@ from workbench.mu.robust.performance import performance_peak
 from workbench.solution import solve
 from workbench.synthesis.implementation import reduction_methods
 from workbench.synthesis.mu.program import MuSynthesis
-from workbench.systems.conversion import as_system
+from workbench.systems.conversion import as_system, need_plant
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.realisation import realisation
 
@@ -269,6 +269,7 @@ def _peak(found: Conditions) -> Peak | None:
 
 def _only_peak(plant: GeneralisedPlant, K: StateSpace) -> Peak | None:
     """The same peak, without what else `conditions` certifies; None where the loop is unstable."""
+    need_plant(plant)
     if plant.performance and plant.exogenous:
         return performance_peak(plant, K)
     return conditions(plant, K).robust_stability
