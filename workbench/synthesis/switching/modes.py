@@ -76,10 +76,6 @@ class Mode:
         radius: RealArray = np.abs(np.linalg.eigvals(self.A)).max(axis=1)
         return radius
 
-    def powers(self, stays: Any) -> RealArray:
-        """Powers A^n (N, V, n, n) for stays n (N,)."""
-        return np.array([np.linalg.matrix_power(self.A, int(n)) for n in stays])
-
 
 def transitions(name: str, A: Any) -> RealArray:
     """A (V, n, n) of a mode; raises InputError for anything else."""

@@ -20,13 +20,11 @@ whole set is meant, a rate r < 1 keeps the inequalities linear in A:
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from workbench import figures
 from workbench.arrays import RealArray
@@ -36,13 +34,11 @@ from workbench.heavy_types import Dataset, Figure
 from workbench.program import Program
 from workbench.second_opinion.switchings import fastest_growth
 from workbench.synthesis.switching.modes import Mode, check_modes, is_whole
+from workbench.synthesis.switching.periodic import longest_unstable
 from workbench.synthesis.switching.quadratic_functions import largest_ratio, least_eigenvalue
 
 FALL_MARGIN = 1e-9
 """Least relative fall of V, far more than the rounding errors of the recomputed inequalities."""
-SEARCHED_STAYS = (80, 12)
-"""Numbers of stays of the sought mode and of the other mode that are tried in the search for an
-unstable periodic switching. Stays of the sought mode in between are tried afterwards."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +134,7 @@ class SwitchedStability(Program):
             for other in self.modes[i + 1 :]:
                 if one.shortest is None or other.shortest is None:
                     pair = (one, other) if one.shortest is None else (other, one)
-                    found, stay = _unstable(*pair, self.limit)
+                    found, stay = longest_unstable(*pair, self.limit)
                     if found > best:
                         best = found
                         which = f"{found} samples in {pair[0].name}, {stay} in {pair[1].name}"
@@ -234,40 +230,3 @@ class SwitchedStability(Program):
         panel.set_ylabel("V at the next entry over V at this [1]")
         figures.legend_below(figure, panel)
         return {"entries": figure}
-
-
-def _unstable(sought: Mode, other: Mode, limit: int) -> tuple[int, int]:
-    """Longest dwell with an unstable periodic switching of two modes, and the other mode's stay."""
-    many, few = SEARCHED_STAYS
-    both = other.shortest is None
-    # Powers of a stable mode beyond this horizon are negligible, except for transients.
-    horizon = min(limit, 1000, max(4, math.ceil(40.0 / max(1e-6, 1.0 - sought.radius.max()))))
-    n = _spread(1, horizon, many)
-    longest = other.longest or max(other.shortest or 1, horizon)
-    m = n if both else _spread(other.shortest or 1, longest, few)
-    radius = _radii(sought.powers(n), other.powers(m))
-    dwell = np.minimum(n[:, None], m) if both else np.broadcast_to(n[:, None], radius.shape)
-    unstable = np.where(radius > 1.0 + FALL_MARGIN, dwell, 0)
-    best = int(unstable.max())
-    if best == 0 or both:
-        place = np.unravel_index(int(np.argmax(unstable)), unstable.shape)
-        return best, int(m[place[1]])
-    stay = m[int(np.argmax(radius[int(np.searchsorted(n, best))]))]
-    after = n[n > best]
-    between = np.arange(best, int(after[0]) if after.size else best + 1)
-    fine = _radii(sought.powers(between), other.powers([stay]))[:, 0]
-    return int(between[fine > 1.0 + FALL_MARGIN].max()), int(stay)
-
-
-def _radii(first: RealArray, second: RealArray) -> RealArray:
-    """Spectral radii (N, M) of the products of N and M powers, the largest over the plants."""
-    product = first[:, None] @ second[None]
-    radius: RealArray = np.abs(np.linalg.eigvals(product)).max(axis=(-2, -1))
-    return radius
-
-
-def _spread(first: int, last: int, count: int) -> NDArray[np.int64]:
-    """Integers from first to last: all of them, or at most `count` on a logarithmic scale."""
-    if last - first < count:
-        return np.arange(first, last + 1)
-    return np.unique(np.geomspace(first, last, count).round().astype(np.int64))
