@@ -7,10 +7,23 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+from typing import Any
 
 
 class WorkbenchError(Exception):
     """Root of every error the workbench raises on purpose."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # A process hands its error to another one by its message; what made the message stays.
+        return _restored, (type(self), self.args, self.__dict__)
+
+
+def _restored(
+    kind: type[WorkbenchError], args: tuple[Any, ...], attributes: dict[str, Any]
+) -> WorkbenchError:
+    error = kind.__new__(kind, *args)
+    error.__dict__.update(attributes)
+    return error
 
 
 class InputError(WorkbenchError, ValueError):
