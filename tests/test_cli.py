@@ -372,6 +372,8 @@ def test_an_interrupt_of_jobs_ends_them_all(project):
         stdout=subprocess.PIPE,
         text=True,
         start_new_session=True,
+        # A shell that starts the tests in the background has its children ignore interrupts.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     )
     deadline = time.monotonic() + 120  # two cold processes on a busy machine
     while len(list(project.results.rglob("*.lock"))) < 2:  # taken when a run begins
