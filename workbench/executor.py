@@ -249,6 +249,20 @@ class Context:
             yield item
             self.progress(description, done, total)
 
+    def spread(self, function: Callable[[T], S], items: Sequence[T], description: str) -> list[S]:
+        """Results of a function of many items, in threads, for compiled code that lets others run.
+
+        Progress is shown, and `TimeLimitError` raised once the time limit has passed.
+        """
+
+        def in_time(item: T) -> S:
+            if self._late:
+                raise TimeLimitError(f"{description}: {self._limit} reached")
+            return function(item)
+
+        with Threads() as pool:
+            return spread(in_time, items, pool, self.progress, description)
+
     def rounds(self, count: int, description: str, first: int = 0) -> Iterator[int]:
         """Numbers of an iteration's rounds, those before ``first`` done by an earlier run.
 

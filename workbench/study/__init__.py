@@ -2,6 +2,13 @@
 
 from workbench.study.checks import check
 from workbench.study.declarations import array, arrays, dim, part, system, variables
+from workbench.study.draws import (
+    claimed,
+    independent_seeds,
+    over_draws,
+    share_of_draws,
+    with_interval,
+)
 from workbench.study.study import Study
 from workbench.study.views import figure, lines, metric, table
 
@@ -10,12 +17,17 @@ __all__ = [
     "array",
     "arrays",
     "check",
+    "claimed",
     "dim",
     "figure",
+    "independent_seeds",
     "lines",
     "metric",
+    "over_draws",
     "part",
+    "share_of_draws",
     "system",
     "table",
     "variables",
+    "with_interval",
 ]

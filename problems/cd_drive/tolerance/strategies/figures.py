@@ -11,6 +11,7 @@ import numpy as np
 
 from workbench import figures
 from workbench.heavy_types import Axes, Dataset, Figure
+from workbench.study import over_draws
 
 from ...drive.red_book import ACCEPTABLE_ERROR
 from ...drive.tables import Axis
@@ -55,7 +56,8 @@ def _against(answer: Dataset, name: str, axis: Axis) -> Figure:
         for panel in pair:
             panel.set_ylim(low, high)
     figure.suptitle(
-        f"Reference strategy, from {ENGAGED:g} s on {_title(name)}; shaded: quality $w_Q$ below 1",
+        f"One record: reference strategy, from {ENGAGED:g} s on {_title(name)}; "
+        "shaded: quality $w_Q$ below 1",
         fontsize=11,
     )
     return figure
@@ -96,10 +98,16 @@ def _drives(answer: Dataset, axis: Axis) -> Figure:
     ):
         for k, name in enumerate(names):
             places = np.arange(answer.sizes["drive"]) + 0.1 * (k - (len(names) - 1) / 2)
-            values = 1e6 * answer[what].sel(strategy=name).values
-            panel.plot(places, values, "os^vD"[k], color=COLOURS[name], label=titled(name))
+            every = over_draws(1e6 * answer[what].sel(strategy=name))
+            mean, *ends = every.transpose("summary", "drive").values
+            panel.vlines(places, *ends, color=COLOURS[name], linewidth=1.2)
+            panel.plot(places, mean, "os^vD"[k], color=COLOURS[name], label=titled(name))
         panel.set_ylabel(label)
     panels[0].set_ylim(bottom=0.0)
+    figure.suptitle(
+        f"Mean and 90 % of {answer.sizes['draw']} draws of noise and scratch on each drive",
+        fontsize=11,
+    )
     limit = 1e6 * ACCEPTABLE_ERROR[axis]
     panels[0].axhline(limit, color="0.4", linestyle="--", linewidth=0.9, label="allowed (Red Book)")
     panels[1].set_xticks(range(answer.sizes["drive"]), answer["drive"].values)

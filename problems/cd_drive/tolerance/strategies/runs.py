@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from ...diagnosis.defect_runs import ROTATION
 from ...drive.disc import VELOCITY, Defect, Disc
 from ...drive.red_book import ACCEPTABLE_ERROR
 from ...drive.tables import Axis, Values, red_book
-from ...laboratory.bench_setup import RATE
+from ...laboratory.bench_setup import PERIOD, RATE
 from ...laboratory.experiment import Laboratory
 from ...laboratory.record import Record
 from ..scenario import Scenario, Stage
@@ -31,6 +31,11 @@ ANGLE = {"focus": 0.0, "radial": 0.2}
 """Angle [revolutions] at which the 1.2 mm scratch starts. In focus the disc is fastest there, so
 that eq. 8.1 is near its worst. The radial loop would lose the track there with the reference
 strategy."""
+ANGLES = {"focus": (0.0, 0.5), "radial": (0.2, 0.36)}
+"""Angles [revolutions] between which a scratch is drawn, or half a turn later: all of them in
+focus; radially those at which the reference strategy keeps the track."""
+EDGES = (0.05, 0.4)
+"""Shares of a scratch between which its edge is drawn."""
 LENGTH, MINOR = 1.2e-3, 0.4e-3
 """Lengths of the two scratches along the track [m]; the minor one is on the disc's other side."""
 SCRATCHED = 0.3
@@ -43,12 +48,36 @@ BINS = 500
 """Stretches into which a whole run is cut; of each the least and the largest value are shown."""
 
 
+class Scratch(NamedTuple):
+    """What differs from one experiment to the next: the scratch, and the seed of the noise.
+
+    angle [revolutions] at which it starts; sign of its false displacement; edge as in `Defect`.
+    """
+
+    seed: int
+    angle: float
+    sign: float = 1.0
+    edge: float = 0.2
+
+    @classmethod
+    def drawn(cls, axis: Axis, seed: int) -> Self:
+        """The scratch of a seed; the noise has the same seed."""
+        rng = np.random.default_rng([seed, 1])
+        angle = rng.uniform(*ANGLES[axis]) + rng.choice([0.0, 0.5])
+        return cls(seed, angle % 1.0, rng.choice([-1.0, 1.0]), rng.uniform(*EDGES))
+
+
 class StrategyOutcome(NamedTuple):
-    """Excursion and periodic error [m], and how often focus or track was lost or regained."""
+    """Excursion and periodic error [m]; how often focus or track was lost or regained.
+
+    events: once the strategy has settled. early_events: before that, most of them while it takes
+    over from the reference strategy.
+    """
 
     excursion: float
     periodic: float
     events: int
+    early_events: int
 
 
 @dataclass(frozen=True)
@@ -80,19 +109,28 @@ class Experiment:
     def disc(self) -> Disc:
         return Disc.along(self.axis, red_book(self.axis).deviation, rotation=ROTATION)
 
-    def scenario(self, drive: str, strategy: str, seed: int, refine: int = 1) -> Scenario:
-        swing = self.displacement * ACCEPTABLE_ERROR[self.axis]
+    def printed(self, seed: int) -> Scratch:
+        """The scratch of section 8.6, where eq. 8.1 is near its worst."""
+        return Scratch(seed, ANGLE[self.axis])
+
+    def scenario(
+        self, drive: str, strategy: str, scratch: Scratch, refine: int = 1, noisy: bool = True
+    ) -> Scenario:
+        """The experiment as a scenario; ``noisy``: with noise of the diodes and electronics."""
+        swing = scratch.sign * self.displacement * ACCEPTABLE_ERROR[self.axis]
         start, lasts = FALSE
         again = start + np.ceil((self.first - start) * ROTATION) / ROTATION
+        quiet: dict[str, Any] = {} if noisy else {"noise": 0.0, "electronics": 0.0}
         return Scenario(
-            Laboratory(self.axis, drive, self.values, refine=refine),
+            Laboratory(self.axis, drive, self.values, refine=refine, **quiet),
             self.disc,
             tuple(
                 Defect(
                     length,
-                    (ANGLE[self.axis] + half) % 1.0,
+                    (scratch.angle + half) % 1.0,
                     self.depth,
                     displacement=swing,
+                    edge=scratch.edge,
                     present=(SCRATCHED, np.inf),
                 )
                 for length, half in ((LENGTH, 0.0), (MINOR, 0.5))
@@ -100,40 +138,37 @@ class Experiment:
             false_alarms=tuple((at, at + lasts) for at in (start, float(again))),
             stages=(Stage("reference"), Stage(strategy, ENGAGED)),
             duration=self.duration,
-            seed=seed,
+            seed=scratch.seed,
         )
 
-    def run(self, drive: str, strategy: str, seed: int, refine: int = 1, **designs: Any) -> Record:
-        return self.scenario(drive, strategy, seed, refine).run(**designs)
-
-    def outcome(self, record: Record) -> StrategyOutcome:
-        """Outcome of the strategy that took over."""
+    def outcome(self, record: Record, angle: float) -> StrategyOutcome:
+        """Outcome of the strategy that took over, with the scratch at an angle [revolutions]."""
         error = record.x_cd - record.x
         turning = slice(*(round(t * RATE) for t in (self.first, self._last)))
         wave = np.exp(-2j * np.pi * ROTATION * record.time[turning])
-        ends = self.starts + LENGTH / VELOCITY
+        starts = self.starts(angle)
+        evaluated = (starts > self.first - PERIOD) & (starts < self._last - PERIOD)
         excursion = max(
             float(abs(error[(record.time >= end) & (record.time <= end + AFTER)]).max())
-            for end in ends[ends > self.first]
+            for end in starts[evaluated] + LENGTH / VELOCITY
         )
         periodic = 2.0 * abs(np.mean(error[turning] * wave))
-        return StrategyOutcome(excursion, float(periodic), len(record.events))
+        late = sum(event.time >= self.first for event in record.events)
+        return StrategyOutcome(excursion, float(periodic), late, len(record.events) - late)
 
     @property
     def _last(self) -> float:
         return self.first + self.revolutions / ROTATION
 
-    @property
-    def starts(self) -> Any:
+    def starts(self, angle: float) -> Any:
         """Times [s] at which the 1.2 mm scratch is met, as long as `AFTER` is within the record."""
-        turns = np.arange(np.ceil(self.duration * ROTATION)) + ANGLE[self.axis]
-        times = turns / ROTATION
+        times = (np.arange(np.ceil(self.duration * ROTATION)) + angle) / ROTATION
         late = self.duration - LENGTH / VELOCITY - 2 * AFTER
         return times[(times > SCRATCHED) & (times < late)]
 
     def windows(self) -> dict[str, slice]:
-        """Samples about a scratch before and after the other strategy is engaged."""
-        starts = self.starts
+        """Samples about the printed scratch before and after the other strategy is engaged."""
+        starts = self.starts(ANGLE[self.axis])
         chosen = {"before": starts[starts < ENGAGED][-1], "after": starts[starts > self.first][0]}
         return {
             name: slice(

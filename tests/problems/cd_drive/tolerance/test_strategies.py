@@ -13,7 +13,12 @@ from workbench.plants.cd_drive.drive.plants import controller
 from workbench.plants.cd_drive.laboratory.bench_setup import PERIOD, RATE
 from workbench.plants.cd_drive.laboratory.experiment import MEASUREMENTS, Laboratory, _loop
 from workbench.plants.cd_drive.tolerance.strategies.problem import strategies
-from workbench.plants.cd_drive.tolerance.strategies.runs import LENGTH, Experiment, envelope
+from workbench.plants.cd_drive.tolerance.strategies.runs import (
+    LENGTH,
+    Experiment,
+    Scratch,
+    envelope,
+)
 from workbench.plants.cd_drive.tolerance.strategies.stability import (
     estimated_decay,
     repetitive_level,
@@ -42,11 +47,11 @@ def studies(slower):
     """Study and solution by axis, on the nominal drive and one more, each computed once."""
     found = {}
 
-    def run(axis):
-        if axis not in found:
-            task = strategies(axis, slower[axis], drive_count=1)
-            found[axis] = task, solve(task, options=Options(seed=4))
-        return found[axis]
+    def run(axis, seed=4, drive_count=1):
+        if (axis, seed) not in found:
+            task = strategies(axis, slower[axis], drive_count=drive_count)
+            found[axis, seed] = task, solve(task, options=Options(seed=seed))
+        return found[axis, seed]
 
     return run
 
@@ -57,26 +62,66 @@ def test_the_order_is_that_of_the_thesis(studies, axis):
     assert solution.certificate.valid, solution.certificate.failures
     numbers = task.metrics(solution.answer)
     for name in "ABC":
-        assert numbers[f"excursion_{name}"] < 0.5 * numbers["excursion_reference"]
+        assert numbers[f"excursion_{name}_mean"] < 0.6 * numbers["excursion_reference_mean"]
     for name in "AB":
-        assert numbers[f"periodic_{name}"] < 0.05 * numbers["periodic_reference"]
-        if axis == "focus":
-            assert numbers[f"excursion_{name}"] < 0.7 * numbers["excursion_C"]
-    assert numbers["periodic_C"] == pytest.approx(numbers["periodic_reference"], rel=0.05)
-    assert set(task.tables(solution.answer)) == {"excursion", "periodic"}
+        assert numbers[f"periodic_{name}_high"] < 0.05 * numbers["periodic_reference_low"]
+        assert numbers[f"excursion_{name}_mean"] < 0.7 * numbers["excursion_C_mean"]
+    assert numbers["periodic_C_mean"] == pytest.approx(numbers["periodic_reference_mean"], rel=0.05)
+    assert set(task.tables(solution.answer)) == {"excursion", "periodic", "claims"}
+
+
+@pytest.mark.parametrize("axis", thinned(AXES, 2))
+def test_another_seed_changes_no_verdict(studies, axis):
+    task, solution = studies(axis)
+    other = studies(axis, seed=5, drive_count=0)[1]
+    first, second = (one.answer["excursion"].sel(drive="nominal") for one in (solution, other))
+    assert (first != second).all()
+    verdicts = [
+        {check.name: check.holds for check in task.checks(one.answer, 1e-6)}
+        for one in (solution, other)
+    ]
+    assert verdicts[0] == verdicts[1]
+
+
+def test_draws_are_independent_and_strategies_share_them(studies):
+    task, solution = studies("focus")
+    answer = solution.answer
+    for name in ("seed", "angle", "edge"):
+        assert len(np.unique(answer[name])) == answer[name].size == 24
+    assert set(np.unique(answer["sign"])) == {-1.0, 1.0}
+    one = answer.sel(drive="CD1", draw=7)
+    again = task.outcomes("CD1", Scratch.drawn("focus", int(one["seed"])))
+    np.testing.assert_array_equal(one["excursion"], [outcome.excursion for outcome in again])
+
+
+def test_without_noise_the_scratch_costs_what_the_thesis_draws(studies):
+    """Two other simulations of the printed scratch gave 0.100 and 0.054 um for A and B."""
+    quiet = studies("focus")[1].answer["quiet_excursion"]
+    assert float(quiet.sel(strategy="A")) == pytest.approx(0.1e-6, rel=0.05)
+    assert float(quiet.sel(strategy="B")) == pytest.approx(0.054e-6, rel=0.05)
+    experiment = Experiment("focus")
+    costs = [
+        experiment.outcome(
+            experiment.scenario("nominal", "C", scratch, noisy=False).run(F=stand_in_filter()),
+            scratch.angle,
+        ).excursion
+        for scratch in (Scratch(0, 0.0), Scratch(0, 0.0, sign=-1.0), Scratch(0, 0.25))
+    ]
+    np.testing.assert_allclose(costs, [0.67e-6, 0.96e-6, 0.31e-6], rtol=0.02)
 
 
 def test_checks_can_fail(studies):
     task, solution = studies("focus")
     worse = solution.answer.copy(deep=True)
-    worse["excursion"].loc[{"strategy": "A", "drive": "CD1"}] = 1e-5
+    worse["reduced"].loc[{"strategy": "A", "level": 0.5}] = 0.94
+    worse["readable"].loc[{"strategy": "B"}] = 0.94
     worse["periodic"].loc[{"strategy": "B", "drive": "CD1"}] = 1e-5
-    worse["events"].loc[{"strategy": "C", "drive": "CD1"}] = 1
+    worse["events"].loc[{"strategy": "C", "drive": "CD1", "draw": 3}] = 1
     worse["repetitive_level"][0] = 1.0
     worse["estimated_decay"][1] = -1.0
     worse["excursion_half_step"][0] *= 1.2
     failed = {check.name for check in task.checks(worse, 1e-6) if not check.holds}
-    names = {"excursion A", "periodic B", "kept", "repetitive loop", "estimated loop"}
+    names = {"excursion A", "readable B", "periodic B", "kept", "repetitive loop", "estimated loop"}
     assert failed == {*names, "half the step"}
 
 
@@ -91,16 +136,16 @@ def test_figures(studies, axis):
 def test_outcome_of_a_known_error():
     """5 um after a scratch, 2 um at the rotation, and 1 um at twice it."""
     experiment = Experiment("focus")
-    record = experiment.run("nominal", "reference", 0)
+    record = experiment.scenario("nominal", "reference", experiment.printed(0)).run()
     wave = 2 * np.pi * 5.5 * record.time
     record.x[:] = record.x_cd - 2e-6 * np.sin(wave + 0.3) - 1e-6 * np.cos(2 * wave)
-    plain = experiment.outcome(record)
+    plain = experiment.outcome(record, 0.0)
     assert plain.periodic == pytest.approx(2e-6, rel=1e-3)
-    late = experiment.starts[-1] + LENGTH / 1.3 + 4.9e-3
+    late = experiment.starts(0.0)[-2] + LENGTH / 1.3 + 4.9e-3
     record.x[round(late * RATE)] = record.x_cd[round(late * RATE)] - 5e-6
-    assert experiment.outcome(record).excursion == pytest.approx(5e-6)
+    assert experiment.outcome(record, 0.0).excursion == pytest.approx(5e-6)
     record.x[round(late * RATE) + 5] = record.x_cd[round(late * RATE) + 5] - 9e-6
-    assert experiment.outcome(record).excursion == pytest.approx(5e-6)
+    assert experiment.outcome(record, 0.0).excursion == pytest.approx(5e-6)
     bounds, _ = envelope(record.x)
     assert bounds[0].min() == np.float32(record.x.min())
     assert bounds[1].max() == np.float32(record.x.max())
@@ -156,15 +201,21 @@ def test_bumpless_transfer_helps(axis, slower):
     experiment, sizes = Experiment(axis), {}
     designed = restored(slower[axis].data, "sampled")
     for bumpless in (False, True):
-        scenarios = (experiment.scenario("nominal", "K_prime", seed) for seed in range(3))
+        scratches = [experiment.printed(seed) for seed in range(3)]
+        scenarios = (experiment.scenario("nominal", "K_prime", one) for one in scratches)
         runs = [replace(one, bumpless=bumpless).run(replacement=designed) for one in scenarios]
-        sizes[bumpless] = np.mean([experiment.outcome(run).excursion for run in runs])
+        sizes[bumpless] = np.mean(
+            [
+                experiment.outcome(*each).excursion
+                for each in ((run, scratches[0].angle) for run in runs)
+            ]
+        )
     assert sizes[True] < {"focus": 1.1, "radial": 0.1}[axis] * sizes[False]
 
 
 def test_a_strategy_without_its_controller_is_named():
     with pytest.raises(InputError, match=r"needs a controller K', .* cd/radial/lower-bandwidth"):
-        Experiment("radial").run("nominal", "K_prime", 0)
+        Experiment("radial").scenario("nominal", "K_prime", Scratch(0, 0.2)).run()
 
 
 def test_the_stand_in_filter_leaves_a_low_pass():

@@ -1,0 +1,78 @@
+"""Numbers of random experiments, which differ from one draw to the next.
+
+An experiment is repeated with seeds that are independent of each other, and each of its numbers is
+a distribution over the dimension ``draw``. One draw proves nothing: a claim is made where it holds
+in nearly all draws, each compared with itself (the same noise, the same defect).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.errors import InputError
+from workbench.heavy_types import DataArray
+
+DRAW = "draw"
+"""The dimension of repeated experiments."""
+CENTRAL = 0.9
+"""Share of the draws that lie within the interval of a number."""
+SURE = 0.95
+"""Least share of the draws in which a claim holds that is made; above one minus it, and below it,
+the claim is undecided."""
+SUMMARY = ("mean", "low", "high")
+"""What is told of a number over its draws: its mean, and the ends of its interval."""
+
+
+def independent_seeds(rng: np.random.Generator, *shape: int) -> NDArray[np.int64]:
+    """Seeds (shape), one for each experiment, drawn independently."""
+    return rng.integers(2**31, size=shape)
+
+
+def over_draws(values: DataArray, *also: str) -> DataArray:
+    """Mean and interval of a number over its draws, along the dimension ``summary``.
+
+    Parameters
+    ----------
+    values
+        An array with the dimension ``draw``.
+    also
+        Other dimensions whose entries are draws too, such as ``drive``.
+
+    Raises InputError where there is no dimension ``draw``.
+    """
+    import xarray as xr
+
+    missing = [name for name in (DRAW, *also) if name not in values.dims]
+    if missing:
+        raise InputError(f"array over {values.dims} has no dimension {missing[0]!r}")
+    dims, tail = [DRAW, *also], (1.0 - CENTRAL) / 2
+    ends = values.astype(float).quantile([tail, 1.0 - tail], dims).rename(quantile="summary")
+    every = [values.mean(dims).expand_dims("summary"), ends.drop_vars("summary")]
+    found = xr.concat(every, "summary").assign_coords(summary=list(SUMMARY))
+    found.attrs |= {"units": values.attrs.get("units", "")}
+    return found
+
+
+def with_interval(summary: DataArray, form: str = "{:.3g}") -> str:
+    """Mean and interval, as `over_draws` gives them, in words: ``0.52 (0.41 to 0.66)``."""
+    mean, low, high = (form.format(float(one)) for one in summary.transpose("summary"))
+    return f"{mean} ({low} to {high})"
+
+
+def share_of_draws(holds: DataArray, *kept: str) -> DataArray:
+    """Share of the experiments (draws, drives, ...) in which a claim holds, over dims ``kept``."""
+    return holds.mean([name for name in holds.dims if name not in kept])
+
+
+def claimed(share: float) -> str:
+    """What may be claimed of something that holds in a share of the draws.
+
+    "holds" in `SURE` of them or more, "fails" in 1 - `SURE` or less, "undecided" between.
+    Raises InputError for a share outside 0 to 1.
+    """
+    if not 0.0 <= share <= 1.0:
+        raise InputError(f"share of the draws is {share}; it must be from 0 to 1")
+    if share >= SURE:
+        return "holds"
+    return "fails" if share <= 1.0 - SURE else "undecided"
