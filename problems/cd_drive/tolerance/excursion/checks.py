@@ -55,10 +55,11 @@ def flight_difference(crossing: Crossing, answer: Dataset) -> float:
 def half_step_change(crossing: Crossing, answer: Dataset) -> float:
     """Largest relative change of a kept peak error when the simulation's step is halved.
 
-    Every strategy meets the defect of middle length at the first angle again.
+    Every strategy meets the defect of middle length at the first angle again, in the first draw.
     """
-    place = answer.isel(angle=0, length=answer.sizes["length"] // 2).sel(share=1.0)
-    cell = DefectCase(float(place["angle"]), float(place["length"]), crossing.allowed)
+    place = answer.isel(angle=0, length=answer.sizes["length"] // 2, draw=0).sel(share=1.0)
+    angle, length, sign, edge = (float(place[n]) for n in ("angle", "length", "sign", "edge"))
+    cell = DefectCase(angle, length, crossing.allowed, sign, edge)
     off = [0.0]
     for name in answer["strategy"].values:
         stored = float(place["peak"].sel(strategy=name))

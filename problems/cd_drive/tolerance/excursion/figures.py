@@ -18,14 +18,16 @@ from ..strategy_looks import titled
 def against_theory(answer: Dataset, axis: Axis) -> Figure:
     """Excursion at the defect's end over length, worst angle; and over angle, longest defect."""
     figure, panels = figures.axes(1, 2, size=(10.0, 4.4))
-    reference = answer["end"].sel(strategy="reference", share=1.0)
+    reference = answer["end"]
     curves = (
         ("standing", "lens that stops, eq. 8.1", figures.BLACK, "--"),
         ("free", "free lens, voltage held", figures.GREEN, "-."),
         ("driven", "lens driven by the blind controller", figures.BLUE, "-"),
     )
     series = [(answer[name], label, colour, line, "") for name, label, colour, line in curves]
-    series.append((reference, "simulated, reference strategy", figures.ORANGE, "", "o"))
+    series.append(
+        (reference, "simulated without noise, reference strategy", figures.ORANGE, "", "o")
+    )
     for array, label, colour, line, marker in series:
         look: Any = {"color": colour, "linestyle": line or "none", "marker": marker, "label": label}
         turn = str(array.dims[0])
@@ -56,7 +58,7 @@ def maps(answer: Dataset, axis: Axis) -> Figure:
     share = answer["share"].values
     edges = np.concatenate([[0.0], share, [share[-1] * 1.25]])
     survived = np.array([survived_share(answer.sel(strategy=name), axis) for name in names])
-    size = 1e6 * answer["peak"].sel(share=1.0)
+    size = 1e6 * answer["peak"].sel(share=1.0).median("draw").transpose("strategy", ...)
     spec = 1e6 * ACCEPTABLE_ERROR[axis]
     scale = LogNorm(spec / 5, 20 * spec)
     angle, length = np.degrees(answer["angle"].values), 1e3 * answer["length"].values
@@ -74,17 +76,19 @@ def maps(answer: Dataset, axis: Axis) -> Figure:
         upper.set_title(titled(name))
         lower.set_xlabel("middle [deg]")
     middles = (edges[1:] + edges[:-1]) / 2
-    words = "deviation survived [Red Book's]"
+    words = "deviation survived\nin all draws [Red Book's]"
     bar = figure.colorbar(meshes[0], ax=rows[0], label=words, ticks=middles)
     bar.ax.tick_params(size=0)
     bar.ax.set_yticklabels(["none", *(f"{one:g}" for one in share)])
-    figure.colorbar(meshes[1], ax=rows[1], label=r"largest error [$\mu$m]", extend="both")
+    figure.colorbar(
+        meshes[1], ax=rows[1], label="largest error,\nmedian draw [$\\mu$m]", extend="both"
+    )
     return figure
 
 
 def survived_share(one: Dataset, axis: Axis) -> np.ndarray:
-    """Largest share up to which every smaller one is survived too (angle, length); 0: none."""
-    kept = (one["peak"] <= CAPTURE[axis]).transpose("angle", "length", "share").values
+    """Largest share up to which every draw is survived (angle, length); 0: none."""
+    kept = (one["peak"] <= CAPTURE[axis]).all("draw").transpose("angle", "length", "share").values
     count = np.cumprod(kept, axis=-1).sum(axis=-1)
     shares: np.ndarray = np.concatenate([[0.0], one["share"].values])[count]
     return shares

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -32,11 +32,16 @@ RECORDED_AFTER = 5e-3
 
 
 class DefectCase(NamedTuple):
-    """One defect on one disc: its middle [rad of the deviation], length [m], deviation [m]."""
+    """One defect on one disc: its middle [rad of the deviation], length [m], deviation [m].
+
+    sign of its false displacement; edge as in `Defect`.
+    """
 
     angle: float
     length: float
     deviation: float
+    sign: float = 1.0
+    edge: float = 0.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,19 +81,23 @@ class Crossing:
             length=cell.length,
             angle=where,
             depth=self.depth,
-            displacement=self.swing * ACCEPTABLE_ERROR[self.axis],
+            displacement=cell.sign * self.swing * ACCEPTABLE_ERROR[self.axis],
+            edge=cell.edge,
             present=(MET - 1e-6, MET + 1.5 * cell.length / VELOCITY),
         )
 
-    def run(self, cell: DefectCase, strategy: str, seed: int, refine: int = 1) -> Record:
-        """Simulate a strategy from the disc's run-up until AFTER the defect."""
-        bench = Laboratory(self.axis, self.drive, refine=refine)
+    def run(
+        self, cell: DefectCase, strategy: str, seed: int | None = None, refine: int = 1
+    ) -> Record:
+        """Simulate a strategy from the disc's run-up until AFTER the defect; no seed, no noise."""
+        quiet: dict[str, Any] = {"noise": 0.0, "electronics": 0.0} if seed is None else {}
+        bench = Laboratory(self.axis, self.drive, refine=refine, **quiet)
         return bench.closed_loop(
             self.strategies[strategy],
             duration=MET + cell.length / VELOCITY + RECORDED_AFTER,
             disc=self.disc(cell),
             defects=[self.defect(cell)],
-            seed=seed,
+            seed=0 if seed is None else seed,
         )
 
     @cached_property

@@ -14,6 +14,7 @@ import numpy as np
 
 from workbench.arrays import RealArray
 
+from ...diagnosis.defect_kinds import EDGES
 from ...diagnosis.defect_runs import ROTATION
 from ...drive.disc import VELOCITY, Defect, Disc
 from ...drive.red_book import ACCEPTABLE_ERROR
@@ -34,8 +35,6 @@ strategy."""
 ANGLES = {"focus": (0.0, 0.5), "radial": (0.2, 0.36)}
 """Angles [revolutions] between which a scratch is drawn, or half a turn later: all of them in
 focus; radially those at which the reference strategy keeps the track."""
-EDGES = (0.05, 0.4)
-"""Shares of a scratch between which its edge is drawn."""
 LENGTH, MINOR = 1.2e-3, 0.4e-3
 """Lengths of the two scratches along the track [m]; the minor one is on the disc's other side."""
 SCRATCHED = 0.3
