@@ -26,8 +26,6 @@ from ..laboratory.experiment import Laboratory
 
 BEAM = readout_beam(disc_formats()["CD"]).D
 """Diameter of the beam at the surface [m]."""
-EDGES = (0.05, 0.4)
-"""Shares of a scratch over which it sets in: what differs from one scratch to the next."""
 SHOCK_DURATION = 10e-3
 """Duration of a shock [s]: half a sine."""
 SHOCK_PEAK = {"focus": 10.0, "radial": 1.0}

@@ -9,6 +9,7 @@ import numpy as np
 from workbench import figures
 from workbench.figures import label, legend_below
 from workbench.heavy_types import Axes, Dataset, Figure
+from workbench.study import over_draws
 
 from ...drive.red_book import ACCEPTABLE_ERROR
 from ...drive.tables import Axis
@@ -87,8 +88,8 @@ def rotation(answer: Dataset) -> Figure:
         parts = answer["followed_start"], answer["followed"]
         course = np.concatenate([part.sel(rival=name) for part in parts])
         frequency.plot(time, course, label=str(name), **look)
-        rms = 1e6 * answer["error"].sel(estimator=name, phase="quiet", size="rms")
-        errors.bar(np.arange(len(cases)) + (k - 0.5) * width, rms, width, color=look["color"])
+        rms = over_draws(1e6 * answer["error"].sel(estimator=name, phase="quiet", size="rms"))
+        _bars(errors, np.arange(len(cases)) + (k - 0.5) * width, rms, width, color=look["color"])
     errors.set_xticks(range(len(cases)), [f"rotation\n{case}" for case in cases])
     label(frequency, "time [s]", "rotation followed [Hz]")
     label(errors, y=r"rms error away from scratches [$\mu$m]")
@@ -97,7 +98,7 @@ def rotation(answer: Dataset) -> Figure:
 
 
 def drives(answer: Dataset) -> Figure:
-    """Largest errors of the rivals on all drives."""
+    """Largest errors of the rivals on all drives: mean, and 90 % of the draws."""
     figure, panels = figures.axes(2, 1, size=(7.2, 6.0), sharex=True)
     names, width = answer["drive"].values, 0.27
     bars = [("measured", answer["drive_measured"], "0.55")]
@@ -108,14 +109,20 @@ def drives(answer: Dataset) -> Figure:
     phases = {"during": "in a scratch", "after": "in the 5 ms after"}
     for panel, (phase, words) in zip(panels, phases.items(), strict=True):
         for k, (rival, one, colour) in enumerate(bars):
-            size = 1e6 * one.sel(phase=phase, size="largest")
-            panel.bar(
-                np.arange(len(names)) + (k - 1) * width, size, width, color=colour, label=rival
-            )
+            size = over_draws(1e6 * one.sel(phase=phase, size="largest"))
+            places = np.arange(len(names)) + (k - 1) * width
+            _bars(panel, places, size, width, color=colour, label=rival)
         label(panel, y=f"largest error [$\\mu$m]\n{words}")
     panels[1].set_xticks(range(len(names)), names)
     legend_below(figure, panels[0])
     return figure
+
+
+def _bars(panel: Axes, places: Any, summary: Any, width: float, **look: Any) -> None:
+    """Means as bars, with a line over the interval of the draws."""
+    mean, low, high = summary.transpose("summary", ...).values
+    panel.bar(places, mean, width, **look)
+    panel.vlines(places, low, high, color=figures.BLACK, linewidth=0.8)
 
 
 def growth(answer: Dataset) -> Figure:

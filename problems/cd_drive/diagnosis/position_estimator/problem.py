@@ -14,7 +14,7 @@ from workbench import problem
 
 from ...drive.shared_parameters import TABLES
 from ...drive.tables import Axis, Values
-from .study import PositionEstimator
+from .told import PositionEstimator
 from .trials import Scratches
 
 
@@ -30,6 +30,7 @@ def position_estimator(
     displacement: Annotated[float, Field(ge=0, le=1)] = 0.5,
     wrong: Annotated[float, Field(gt=0, le=0.3)] = 0.05,
     values: Values = "printed",
+    draws: Annotated[int, Field(ge=1, le=1000)] = 12,
 ) -> PositionEstimator:
     """Positions and disturbance estimated through scratches (figures 7.14, 7.15, eq. 7.33-7.35).
 
@@ -41,6 +42,7 @@ def position_estimator(
 
     length [m], depth: of the scratches. displacement: their false one, in errors that can be read
     (2 um in focus, 0.2 um radially). wrong: relative error of the rotation. values: of the drives.
+    draws: of noise, the scratch's angle, its edge and the sign of its displacement, on each drive.
     """
     scratches = Scratches(axis, length, depth, displacement, values)
-    return PositionEstimator(axis, scratches, wrong, values)
+    return PositionEstimator(axis, scratches, wrong, values, draws)

@@ -3,27 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
-from workbench import Check
 from workbench.arrays import RealArray
 from workbench.diagnosis import Estimator, KalmanEstimator, Rotation, estimate
 from workbench.executor import Context
-from workbench.heavy_types import DataArray, Dataset
-from workbench.study import Study, array, arrays, check, dim, figure, metric, part, table
-from workbench.study.declarations import identifier
-from workbench.tables import markdown
+from workbench.heavy_types import DataArray
+from workbench.simulation.machine import machine
+from workbench.study import Study, array, arrays, dim, independent_seeds, part
 
-from ...drive.disc import VELOCITY
-from ...drive.red_book import ACCEPTABLE_ERROR
 from ...drive.tables import Axis, Values, drives, red_book
 from ...laboratory.bench_setup import PERIOD, RATE
 from ...laboratory.experiment import Laboratory
 from ..defect_runs import ROTATION
-from . import figures
-from .exact_gain import exact_companion_gain
+from ..scratch_draws import ScratchDraw
 from .model import (
     FAST_BANDWIDTH,
     PRINTED_K_OBS,
@@ -59,26 +54,39 @@ RIVALS = ("ITAE 300 Hz", "Kalman")
 """Estimators tried on all of the drives."""
 CASES = ("known", "wrong", "adapted")
 """Rotation frequency in the estimator's model: the true one, a wrong one, or one that adapts."""
-GAINS_AGREE = 0.15
-"""Largest relative deviation from eq. 7.34, whose realisation is not stated."""
-SPIKE = {"focus": 1e-6, "radial": 0.1e-6}
-"""The spike of section 7.3.3 [m]; radially the same share of the error that can be read."""
+
+
+COUNTED = {
+    "nominal_events": "",
+    "clean": "",
+    "false_alarms": "",
+    "covered": "",
+    "missed": "",
+    "position_error": "m",
+}
+"""What is counted or measured once a draw on the nominal drive, with units."""
+PRINTED_ANGLE = 0.25
+"""Angle of the scratch of the figures [revolutions]."""
+
+
+def _each(name: str) -> Any:
+    """A function of the draws on the nominal drive that collects one of their results."""
+    return lambda on_nominal: [one[name] for one in on_nominal]
 
 
 @dataclass(frozen=True)
-class PositionEstimator(Study):
-    """Estimators over recorded runs whose truth is known."""
+class EstimatorTrials(Study):
+    """Estimators over recorded runs whose truth is known: what is stored of them."""
 
     axis: Axis
     scratches: Scratches
     wrong: float
     values: Values
-
-    headline: ClassVar[str] = "spike_kalman_um"
+    draws: int
 
     @property
     def quantifier(self) -> str:
-        return "for these drives, in one simulated record of each"
+        return f"for these drives, in {self.draws} simulated draws of each"
 
     def designed(self, name: str, case: str = "known") -> Estimator | KalmanEstimator:
         """The estimator of this name, with one of CASES as its belief of the rotation."""
@@ -100,34 +108,77 @@ class PositionEstimator(Study):
 
     estimator, fixed, rival, case = dim(ESTIMATORS), dim(FIXED), dim(RIVALS), dim(CASES)
     phase, size = dim("during", "after", "quiet"), dim("rms", "largest")
-    noise, quality_level = dim("present", "absent"), dim(QUALITIES)
+    quality_level = dim(QUALITIES)
 
-    seed = part(lambda context: int(context.rng.integers(2**31)))
-    trial = part(lambda self, seed: self.scratches.trial("nominal", seed))
+    draw = dim(lambda self: range(self.draws))
     gain = part(lambda self: Laboratory(self.axis, "nominal").parameters.K_optn)
 
+    # --- the nominal drive, draw by draw ------------------------------------------------------
+
+    nominal_seed = array(
+        draw, value=lambda self, context: independent_seeds(context.rng, self.draws)
+    )
+
     @part
-    def runs(self, trial: Trial) -> dict[tuple[str, str], Any]:
-        """Estimates for the nominal drive by every estimator, by name and case."""
-        return {(n, c): self.estimated(trial, n, c) for n in ESTIMATORS for c in CASES}
+    def on_nominal(self, nominal_seed: DataArray, gain: float, context: Context) -> list[Any]:
+        """What each draw gives on the nominal drive, by the names of the arrays."""
 
-    known = part(lambda runs: [runs[name, "known"] for name in ESTIMATORS])
+        def met(seed: int) -> dict[str, Any]:
+            scratch = ScratchDraw.drawn(self.axis, seed)
+            trial = self.scratches.trial("nominal", scratch)
+            runs = {(n, c): self.estimated(trial, n, c) for n in ESTIMATORS for c in CASES}
+            clean, covered = trial.record.light == 1.0, self.scratches.covered(trial)
+            prompt = self.scratches.trial("nominal", scratch, prompt=True)
+            return {
+                "error": [
+                    [trial.errors(runs[n, c].outputs[:, 1]) for c in CASES] for n in ESTIMATORS
+                ],
+                "error_measured": trial.errors(trial.record.f_en / gain),
+                "prompt_error": prompt.errors(self.estimated(prompt, "thesis").outputs[:, 1]),
+                "followed_last": [runs[n, "adapted"].frequency[-1] for n in RIVALS],
+                "nominal_events": len(trial.record.events),
+                "clean": int(clean.sum()),
+                "false_alarms": int((clean & (trial.quality < 1)).sum()),
+                "covered": int(covered.sum()),
+                "missed": int((covered & (trial.quality > 0)).sum()),
+                "position_error": abs(runs["Kalman", "known"].outputs[:, 2] - trial.record.x).max(),
+            }
 
-    @array((estimator, case, phase, size), "m")
-    def error(self, trial: Trial, runs: Any) -> list[Any]:
-        return [[trial.errors(runs[n, c].outputs[:, 1]) for c in CASES] for n in ESTIMATORS]
+        machine()  # threads that meet it at one time would each compile it
+        return context.spread(met, nominal_seed.values.tolist(), "draws, nominal drive")
 
+    error = array((draw, estimator, case, phase, size), "m", "", _each("error"))
+    error_measured = array((draw, phase, size), "m", "", _each("error_measured"))
+    prompt_error = array(
+        (draw, phase, size),
+        "m",
+        "of the thesis' observer opened without delay",
+        _each("prompt_error"),
+    )
+    followed_last = array((draw, rival), "Hz", "at the end of the run", _each("followed_last"))
+    scalars = arrays(
+        draw,
+        lambda on_nominal: {name: [one[name] for one in on_nominal] for name in COUNTED},
+        **COUNTED,
+    )
+
+    # --- the record of the figures ------------------------------------------------------------
+
+    trial = part(
+        lambda self, nominal_seed: self.scratches.trial("nominal", self.shown_scratch(nominal_seed))
+    )
     measured = part(lambda trial, gain: trial.record.f_en / gain)
-    error_measured = array((phase, size), "m", "", lambda trial, measured: trial.errors(measured))
+    known = part(lambda self, trial: [self.estimated(trial, name) for name in ESTIMATORS])
 
-    @arrays((), nominal_events="", false_alarms="", missed="", position_error="m")
-    def scalars(self, trial: Trial, runs: Any) -> dict[str, float]:
-        return {
-            "nominal_events": len(trial.record.events),
-            "false_alarms": int(((trial.quality < 1) & (trial.record.light == 1.0)).sum()),
-            "missed": int(((trial.quality > 0) & self.scratches.covered(trial)).sum()),
-            "position_error": abs(runs["Kalman", "known"].outputs[:, 2] - trial.record.x).max(),
-        }
+    def shown_scratch(self, nominal_seed: DataArray) -> ScratchDraw:
+        """The scratch of the figures."""
+        return ScratchDraw(int(nominal_seed[0]), PRINTED_ANGLE)
+
+    @array((phase, size), "m", "of the thesis' observer opened without delay, without noise")
+    def prompt_error_quiet(self, nominal_seed: DataArray) -> Any:
+        scratch = self.shown_scratch(nominal_seed)
+        trial = self.scratches.trial("nominal", scratch, noise=0.0, prompt=True)
+        return trial.errors(self.estimated(trial, "thesis").outputs[:, 1])
 
     @part
     def onset(self, trial: Trial) -> int:
@@ -152,7 +203,9 @@ class PositionEstimator(Study):
     effort = array(courses, "V", "u_p", lambda known: _kept([one.disturbance for one in known]))
     true_effort = array(time, "V", "", lambda self, time: self.true_u_p(time.values).astype("f4"))
 
-    adapted = part(lambda runs: [runs[name, "adapted"].frequency for name in RIVALS])
+    adapted = part(
+        lambda self, trial: [self.estimated(trial, name, "adapted").frequency for name in RIVALS]
+    )
     followed = array(
         (rival, time), "Hz", "rotation frequency followed", lambda adapted: _kept(adapted)
     )
@@ -177,170 +230,55 @@ class PositionEstimator(Study):
     def growth(self) -> list[RealArray]:
         return [growth_rates(self.designed(name)) for name in FIXED]
 
-    @array((noise, phase, size), "m", "of the thesis' observer opened without delay")
-    def prompt_error(self, seed: int) -> list[Any]:
-        trials = [self.scratches.trial("nominal", seed, n, prompt=True) for n in (None, 0.0)]
-        return [one.errors(self.estimated(one, "thesis").outputs[:, 1]) for one in trials]
-
     drive = dim(lambda self: [one.name for one in drives(self.axis, self.values)])
 
+    seed = array(
+        (drive, draw),
+        value=lambda self, drive, context: independent_seeds(context.rng, drive.size, self.draws),
+    )
+
     @part
-    def on_drives(self, seed: int, gain: float, context: Context) -> list[tuple[list[Any], int]]:
-        """Errors of the rivals and, last, of the measurement; and events; drive by drive."""
+    def on_drives(self, seed: DataArray, gain: float, context: Context) -> list[Any]:
+        """Errors of the rivals, of the measurement, and events; drive by drive, draw by draw."""
         rivals = [self.designed(name, "adapted").controller for name in RIVALS]
-        found = []
-        for drive in context.track(list(drives(self.axis, self.values)), "drives"):
-            one = self.scratches.trial(drive.name, seed)
+        optical = {one.name: one.K_optn for one in drives(self.axis, self.values)}
+
+        def met(cell: tuple[str, int]) -> tuple[Any, Any, int]:
+            name, one = (
+                cell[0],
+                self.scratches.trial(cell[0], ScratchDraw.drawn(self.axis, cell[1])),
+            )
             # The estimator works in units of f_en: the drive's own optical gain makes them metres.
-            scale = gain / drive.K_optn
+            scale = gain / optical[name]
             runs = [estimate(each, one.record.f_en, one.known, one.quality) for each in rivals]
             errors = [one.errors(scale * run.outputs[:, 1]) for run in runs]
-            errors.append(one.errors(one.record.f_en / drive.K_optn))
-            found.append((errors, len(one.record.events)))
-        return found
+            return errors, one.errors(one.record.f_en / optical[name]), len(one.record.events)
+
+        cells = [
+            (name, int(n)) for name, row in zip(optical, seed.values, strict=True) for n in row
+        ]
+        return context.spread(met, cells, "draws, all drives")
 
     drive_error = array(
-        (drive, rival, phase, size), "m", "", lambda on_drives: [e[:-1] for e, _ in on_drives]
+        (drive, draw, rival, phase, size),
+        "m",
+        "",
+        lambda self, on_drives: self.by_drive(on_drives, 0),
     )
     drive_measured = array(
-        (drive, phase, size), "m", "", lambda on_drives: [e[-1] for e, _ in on_drives]
+        (drive, draw, phase, size), "m", "", lambda self, on_drives: self.by_drive(on_drives, 1)
     )
-    events = array(drive, value=lambda on_drives: [events for _, events in on_drives])
+    events = array((drive, draw), value=lambda self, on_drives: self.by_drive(on_drives, 2))
 
-    @check()
-    def of_runs(self, answer: Dataset) -> list[Check]:
-        """The loop stays closed, the quality sees scratches alone, the lens is computed exactly."""
-        lost = int(answer["nominal_events"]) + int(answer["events"].sum())
-        x, off = "largest error of x, the nominal drive's answer to u [m]", answer["position_error"]
-        return [
-            Check("loop", "times that it was lost or regained, all drives", lost, 0.0),
-            Check("quality, clean", "clean samples called bad", int(answer["false_alarms"]), 0.0),
-            Check("quality, scratch", "covered samples trusted", int(answer["missed"]), 0.0),
-            Check("lens", x, float(off), 1e-9),
-        ]
-
-    @check("K_obs", at_most=1e-3)
-    def ackermann(self, K_obs: DataArray) -> DataArray:
-        """distance from Ackermann's formula in exact arithmetic, relative"""
-        return abs(K_obs / exact_companion_gain(self.axis) - 1).max()
-
-    @check("equation 7.34", at_most=GAINS_AGREE)
-    def printed(self, K_obs: DataArray, K_obs_printed: DataArray | None) -> Any:
-        """largest deviation from a printed gain"""
-        return None if K_obs_printed is None else abs(K_obs / K_obs_printed - 1).max()
-
-    @check("spike", at_most=lambda self: SPIKE[self.axis])
-    def spike(self, error: DataArray) -> DataArray:
-        """largest error of the Kalman filter in 5 ms after a scratch [m]"""
-        return _kalman(error, "known").sel(phase="after")
-
-    @check("scratch", at_most=0.5)
-    def scratch(self, error: DataArray, error_measured: DataArray) -> DataArray:
-        """largest error of the Kalman filter in a scratch over that of the measurement"""
-        return (_kalman(error, "known") / error_measured.sel(size="largest")).sel(phase="during")
-
-    @check("adapted", at_most=0.5)
-    def as_known(self, error: DataArray) -> DataArray:
-        """largest error with the rotation followed over that with it known, less 1"""
-        return (_kalman(error, "adapted") / _kalman(error, "known")).max() - 1.0
-
-    @check("wrong rotation", at_most=0.5)
-    def cured(self, error: DataArray) -> DataArray:
-        """rms error with the rotation followed over that with it wrong, the slow observer"""
-        quiet = error.sel(estimator="ITAE 300 Hz", phase="quiet", size="rms")
-        return quiet.sel(case="adapted") / quiet.sel(case="wrong")
-
-    @check("rotation", at_most=2e-3)
-    def rotation_found(self, followed: DataArray) -> DataArray:
-        """relative error of the frequency followed"""
-        return abs(followed[:, -1] / ROTATION - 1).max()
-
-    @check("drives, scratch", at_most=0.75, where="at {drive}")
-    def improved(self, drive_error: DataArray, drive_measured: DataArray) -> DataArray:
-        """largest error of the nominal drive's Kalman filter over that of the measurement"""
-        return _in_scratch(drive_error.sel(rival="Kalman")) / _in_scratch(drive_measured)
-
-    @check("drives, readable", at_most=lambda self: ACCEPTABLE_ERROR[self.axis], where="at {drive}")
-    def readable(self, drive_error: DataArray) -> DataArray:
-        """largest error of the nominal drive's Kalman filter in a scratch [m]"""
-        return _in_scratch(drive_error.sel(rival="Kalman"))
-
-    @metric
-    def errors_um(self, error: DataArray) -> dict[str, DataArray]:
-        sizes = {"spike": ("after", "largest"), "during": ("during", "largest")}
-        return {
-            f"{word}_{identifier(name)}{'' if case == 'known' else f'_{case}'}_um": 1e6
-            * error.sel(estimator=name, case=case, phase=phase, size=size)
-            for name in ESTIMATORS
-            for case in CASES
-            for word, (phase, size) in (sizes | {"rms_quiet": ("quiet", "rms")}).items()
-        }
-
-    @metric
-    def rivals(self, drive_error: DataArray, followed: DataArray) -> dict[str, DataArray]:
-        found, worst = {}, 1e6 * drive_error.sel(size="largest").max("drive")
-        for name, word in ((one, identifier(one)) for one in RIVALS):
-            found[f"drives_during_{word}_um"] = worst.sel(rival=name, phase="during")
-            found[f"drives_spike_{word}_um"] = worst.sel(rival=name, phase="after")
-            found[f"followed_{word}_hz"] = followed.sel(rival=name)[-1]
-        return found
-
-    @metric
-    def deviations(self, K_obs: DataArray, K_obs_printed: DataArray | None) -> Any:
-        off = [] if K_obs_printed is None else K_obs / K_obs_printed - 1
-        return {f"K_obs_{k}_deviation": one for k, one in enumerate(off, start=1)}
-
-    growths = metric("growth_{fixed}_per_s", lambda growth: growth.max("quality_level"))
-    measured_um = metric("{phase}_measured_um", lambda error_measured: 1e6 * error_measured[:, 1])
-    drives_during_measured_um = metric(lambda drive_measured: 1e6 * drive_measured[:, 0, 1].max())
-    prompt_um = metric(
-        "spike_thesis_prompt_noise_{noise}_um", lambda prompt_error: 1e6 * prompt_error[:, 1, 1]
-    )
-    K_p_settles_per_s = metric(
-        lambda self: -np.log(abs(self.designed("thesis").poles()).max()) / PERIOD
-    )
-    scratch_ms = metric(lambda self: 1e3 * self.scratches.length / VELOCITY)
-
-    @table
-    def errors(self, error: DataArray, error_measured: DataArray) -> str:
-        sizes = {("measured", ""): error_measured}
-        sizes |= {(n, c): error.sel(estimator=n, case=c) for n in ESTIMATORS for c in CASES}
-        rows = [
-            [*words, *(f"{1e6 * float(one[k]):.3g}" for k in ((0, 1), (1, 1), (2, 0)))]
-            for words, one in sizes.items()
-        ]
-        heads = ["estimator", "rotation", "in a scratch", "5 ms after", "otherwise, rms"]
-        return "Largest errors of x_cd - x [um].\n\n" + markdown(heads, rows)
-
-    @table
-    def equation_7_34(self, K_obs: DataArray, K_obs_printed: DataArray | None) -> Any:
-        if K_obs_printed is None:
-            return None
-        rows = [
-            [k + 1, f"{one:.5g}", f"{own:.5g}", f"{own / one - 1:+.1%}"]
-            for k, (one, own) in enumerate(zip(K_obs_printed.values, K_obs.values, strict=True))
-        ]
-        return ["K_obs", "printed", "computed", "deviation"], rows
-
-    figure_7_14 = figure(figures.effort)
-    figure_7_15 = figure(lambda self, answer: figures.error(answer, self.axis))
-    rotation, drives = figure(figures.rotation), figure(figures.drives)
-    graded_quality = figure(figures.growth)
+    def by_drive(self, on_drives: list[Any], number: int) -> Any:
+        """One of the results of all drives and draws (drives, draws, ...)."""
+        every = np.array([one[number] for one in on_drives])
+        return every.reshape(-1, self.draws, *every.shape[1:])
 
 
 def _kept(courses: list[RealArray]) -> Any:
     """The samples kept of whole runs, in single precision."""
     return np.array([one[KEPT] for one in courses], np.float32)
-
-
-def _kalman(error: DataArray, case: str) -> DataArray:
-    """Largest errors (phase,) of the Kalman filter."""
-    return error.sel(estimator="Kalman", case=case, size="largest")
-
-
-def _in_scratch(error: DataArray) -> DataArray:
-    """Largest errors (drive,) in a scratch."""
-    return error.sel(phase="during", size="largest")
 
 
 def growth_rates(estimator: Estimator | KalmanEstimator) -> RealArray:

@@ -23,6 +23,7 @@ from ...laboratory.experiment import Laboratory, measurements
 from ...laboratory.record import Record
 from ..defect_runs import ROTATION
 from ..quality import diode_quality
+from ..scratch_draws import ScratchDraw
 
 DURATION, SCRATCHED, EVALUATED = 1.5, 0.3, 0.55
 """Length of a run, time from which the disc is scratched, and time from which errors count [s]."""
@@ -71,16 +72,19 @@ class Scratches:
     displacement: float
     values: Values
 
-    @property
-    def defect(self) -> Defect:
+    def defect(self, scratch: ScratchDraw) -> Defect:
         """One scratch in a revolution."""
-        false = self.displacement * ACCEPTABLE_ERROR[self.axis]
         return Defect(
-            self.length, 0.25, self.depth, displacement=false, present=(SCRATCHED, np.inf)
+            self.length,
+            scratch.angle,
+            self.depth,
+            displacement=scratch.sign * self.displacement * ACCEPTABLE_ERROR[self.axis],
+            edge=scratch.edge,
+            present=(SCRATCHED, np.inf),
         )
 
     def trial(
-        self, drive: str, seed: int, noise: float | None = None, prompt: bool = False
+        self, drive: str, scratch: ScratchDraw, noise: float | None = None, prompt: bool = False
     ) -> Trial:
         """The mu-PID on a drive with one sample of delay, the computer's.
 
@@ -89,8 +93,9 @@ class Scratches:
         bench = Laboratory(self.axis, drive, self.values, delay=1.0, noise=noise)
         disc = Disc.along(self.axis, red_book(self.axis).deviation, rotation=ROTATION)
         law = linear(controller(self.axis), PERIOD)
+        defects = [self.defect(scratch)]
         record = bench.closed_loop(
-            law, duration=DURATION, disc=disc, defects=[self.defect], seed=seed
+            law, duration=DURATION, disc=disc, defects=defects, seed=scratch.seed
         )
         optics = bench.parameters
         signal = diode_quality(optics.K_opt / optics.K_optn, DIST_MIN, DIST_MAX)

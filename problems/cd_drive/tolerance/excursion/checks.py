@@ -58,8 +58,7 @@ def half_step_change(crossing: Crossing, answer: Dataset) -> float:
     Every strategy meets the defect of middle length at the first angle again, in the first draw.
     """
     place = answer.isel(angle=0, length=answer.sizes["length"] // 2, draw=0).sel(share=1.0)
-    angle, length, sign, edge = (float(place[n]) for n in ("angle", "length", "sign", "edge"))
-    cell = DefectCase(angle, length, crossing.allowed, sign, edge)
+    cell = crossing.drawn(place["seed"])
     off = [0.0]
     for name in answer["strategy"].values:
         stored = float(place["peak"].sel(strategy=name))

@@ -34,7 +34,6 @@ from workbench.study.draws import SURE
 from workbench.synthesis import discretised
 from workbench.tables import markdown
 
-from ...diagnosis.defect_kinds import EDGES
 from ...drive.disc import VELOCITY
 from ...drive.photo_diodes import CAPTURE
 from ...drive.red_book import ACCEPTABLE_ERROR
@@ -134,26 +133,14 @@ class Excursion(Study):
     def seed(self, context: Context) -> Any:
         return independent_seeds(context.rng, self.angles, self.lengths, len(SHARES), self.draws)
 
-    @arrays((angle, length, share, draw), sign="", edge="")
-    def drawn(self, seed: DataArray, context: Context) -> dict[str, Any]:
-        """Sign of the false displacement, and edge, of every defect."""
-        sign = context.rng.choice([-1.0, 1.0], seed.shape)
-        return {"sign": sign, "edge": context.rng.uniform(*EDGES, seed.shape)}
-
     @array((angle, length, share, draw, strategy), "m")
-    def peak(self, context: Context, seed: DataArray, sign: DataArray, edge: DataArray) -> Any:
+    def peak(self, context: Context, seed: DataArray) -> Any:
         """Largest true error, defect and 5 ms after"""
         machine()  # threads that meet it at one time would each compile it
 
         def met(place: tuple[int, ...]) -> list[float]:
             one = seed[place]
-            case = DefectCase(
-                float(one["angle"]),
-                float(one["length"]),
-                float(one["share"]) * self.crossing.allowed,
-                float(sign[place]),
-                float(edge[place]),
-            )
+            case = self.crossing.drawn(one)
             runs = (self.crossing.run(case, name, int(one)) for name in STRATEGIES)
             return [excursion_of(record, case.length)[0] for record in runs]
 

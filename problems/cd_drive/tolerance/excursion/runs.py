@@ -13,9 +13,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from workbench.arrays import RealArray
-from workbench.heavy_types import StateSpace
+from workbench.heavy_types import DataArray, StateSpace
 from workbench.simulation import Cascade
 
+from ...diagnosis.scratch_draws import ScratchDraw
 from ...drive.disc import VELOCITY, Defect, Disc
 from ...drive.red_book import ACCEPTABLE_ERROR
 from ...drive.tables import Axis, red_book
@@ -67,6 +68,12 @@ class Crossing:
     def blind_lens(self, driven: bool) -> BlindLens:
         """Lens on a disc of the allowed deviation, without an error signal."""
         return BlindLens(self.axis, self.drive, self.allowed, self.rotation, driven)
+
+    def drawn(self, seed: DataArray) -> DefectCase:
+        """Defect of a seed with the coordinates angle, length, and share of the deviation."""
+        scratch = ScratchDraw.drawn(self.axis, int(seed))
+        angle, length, share = (float(seed[name]) for name in ("angle", "length", "share"))
+        return DefectCase(angle, length, share * self.allowed, scratch.sign, scratch.edge)
 
     def disc(self, cell: DefectCase) -> Disc:
         """Disc whose deviation has the cell's angle in the middle of the defect."""

@@ -36,6 +36,7 @@ from workbench.synthesis import discretised
 from workbench.systems.storage import restored
 
 from ...diagnosis.defect_runs import ROTATION
+from ...diagnosis.scratch_draws import ScratchDraw
 from ...drive.red_book import ACCEPTABLE_ERROR
 from ...drive.shared_parameters import TABLES
 from ...drive.tables import Axis, Values, drives
@@ -45,7 +46,7 @@ from ...laboratory.record import Record
 from ..tactics import STRATEGIES, Strategies, stand_in_filter
 from .claims import CLAIMED, LEVELS, claims_table, error_tables, over_reference, unmet
 from .figures import strategy_figures
-from .runs import Experiment, Scratch, StrategyOutcome, envelope
+from .runs import Experiment, StrategyOutcome, envelope
 from .stability import estimated_decay, repetitive_level
 
 SHOWN = ("u", "f_en", "error", "w_Q")
@@ -146,12 +147,12 @@ class StrategiesStudy(Study):
     wide_signal = dim(WIDE)
     side = dim("least", "largest")
 
-    def played(self, drive: str, strategy: str, scratch: Scratch, **how: Any) -> Record:
+    def played(self, drive: str, strategy: str, scratch: ScratchDraw, **how: Any) -> Record:
         """The experiment on a drive; ``how``: refine and noisy of `Experiment.scenario`."""
         one = self.experiment.scenario(drive, strategy, scratch, **how)
         return one.run(F=self.F, replacement=self.replacement)
 
-    def outcomes(self, drive: str, scratch: Scratch, **how: Any) -> list[StrategyOutcome]:
+    def outcomes(self, drive: str, scratch: ScratchDraw, **how: Any) -> list[StrategyOutcome]:
         """Outcome of every strategy in one draw."""
         records = (self.played(drive, strategy, scratch, **how) for strategy in STRATEGIES)
         return [self.experiment.outcome(record, scratch.angle) for record in records]
@@ -162,7 +163,7 @@ class StrategiesStudy(Study):
     )
     scratches = part(
         lambda self, seed: [
-            [Scratch.drawn(self.experiment.axis, one) for one in row]
+            [ScratchDraw.drawn(self.experiment.axis, one) for one in row]
             for row in seed.values.tolist()
         ]
     )
@@ -176,7 +177,7 @@ class StrategiesStudy(Study):
     )  # fmt: skip
 
     @part
-    def runs(self, context: Context, scratches: list[list[Scratch]]) -> Any:
+    def runs(self, context: Context, scratches: list[list[ScratchDraw]]) -> Any:
         """Outcomes (drives, draws, strategies, 4)."""
         cells = [
             (drive, one) for drive, row in zip(self.names, scratches, strict=True) for one in row
@@ -200,21 +201,21 @@ class StrategiesStudy(Study):
         quiet_excursion=("m", "without noise, the printed scratch"),
         quiet_periodic=("m", "without noise, the printed scratch"),
     )
-    def quiet(self, printed: Scratch) -> dict[str, Any]:
+    def quiet(self, printed: ScratchDraw) -> dict[str, Any]:
         excursion, periodic, *_ = np.transpose(self.outcomes("nominal", printed, noisy=False))
         return {"quiet_excursion": excursion, "quiet_periodic": periodic}
 
     @part
-    def nominal(self, printed: Scratch) -> list[Record]:
+    def nominal(self, printed: ScratchDraw) -> list[Record]:
         """One record of each strategy."""
         return [self.played("nominal", name, printed) for name in STRATEGIES]
 
     @part
-    def finer(self, printed: Scratch) -> list[Record]:
+    def finer(self, printed: ScratchDraw) -> list[Record]:
         """The same records at half the step."""
         return [self.played("nominal", name, printed, refine=2) for name in STRATEGIES]
 
-    def excursions(self, records: list[Record], printed: Scratch) -> list[float]:
+    def excursions(self, records: list[Record], printed: ScratchDraw) -> list[float]:
         return [self.experiment.outcome(one, printed.angle).excursion for one in records]
 
     excursion_shown = array(

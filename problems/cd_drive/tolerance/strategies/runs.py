@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from workbench.arrays import RealArray
 
-from ...diagnosis.defect_kinds import EDGES
 from ...diagnosis.defect_runs import ROTATION
+from ...diagnosis.scratch_draws import ScratchDraw
 from ...drive.disc import VELOCITY, Defect, Disc
 from ...drive.red_book import ACCEPTABLE_ERROR
 from ...drive.tables import Axis, Values, red_book
@@ -32,9 +32,6 @@ ANGLE = {"focus": 0.0, "radial": 0.2}
 """Angle [revolutions] at which the 1.2 mm scratch starts. In focus the disc is fastest there, so
 that eq. 8.1 is near its worst. The radial loop would lose the track there with the reference
 strategy."""
-ANGLES = {"focus": (0.0, 0.5), "radial": (0.2, 0.36)}
-"""Angles [revolutions] between which a scratch is drawn, or half a turn later: all of them in
-focus; radially those at which the reference strategy keeps the track."""
 LENGTH, MINOR = 1.2e-3, 0.4e-3
 """Lengths of the two scratches along the track [m]; the minor one is on the disc's other side."""
 SCRATCHED = 0.3
@@ -45,25 +42,6 @@ SCRATCH_WINDOW = (-1.5e-3, 6.5e-3)
 """Times [s] between which signals are shown, from the start of the 1.2 mm scratch."""
 BINS = 500
 """Stretches into which a whole run is cut; of each the least and the largest value are shown."""
-
-
-class Scratch(NamedTuple):
-    """What differs from one experiment to the next: the scratch, and the seed of the noise.
-
-    angle [revolutions] at which it starts; sign of its false displacement; edge as in `Defect`.
-    """
-
-    seed: int
-    angle: float
-    sign: float = 1.0
-    edge: float = 0.2
-
-    @classmethod
-    def drawn(cls, axis: Axis, seed: int) -> Self:
-        """The scratch of a seed; the noise has the same seed."""
-        rng = np.random.default_rng([seed, 1])
-        angle = rng.uniform(*ANGLES[axis]) + rng.choice([0.0, 0.5])
-        return cls(seed, angle % 1.0, rng.choice([-1.0, 1.0]), rng.uniform(*EDGES))
 
 
 class StrategyOutcome(NamedTuple):
@@ -108,12 +86,12 @@ class Experiment:
     def disc(self) -> Disc:
         return Disc.along(self.axis, red_book(self.axis).deviation, rotation=ROTATION)
 
-    def printed(self, seed: int) -> Scratch:
+    def printed(self, seed: int) -> ScratchDraw:
         """The scratch of section 8.6, where eq. 8.1 is near its worst."""
-        return Scratch(seed, ANGLE[self.axis])
+        return ScratchDraw(seed, ANGLE[self.axis])
 
     def scenario(
-        self, drive: str, strategy: str, scratch: Scratch, refine: int = 1, noisy: bool = True
+        self, drive: str, strategy: str, scratch: ScratchDraw, refine: int = 1, noisy: bool = True
     ) -> Scenario:
         """The experiment as a scenario; ``noisy``: with noise of the diodes and electronics."""
         swing = scratch.sign * self.displacement * ACCEPTABLE_ERROR[self.axis]

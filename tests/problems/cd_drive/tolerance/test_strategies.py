@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from lanes import thinned
 from scipy import signal
+from workbench.plants.cd_drive.diagnosis.scratch_draws import ScratchDraw
 from workbench.plants.cd_drive.drive.disc import Defect, Disc
 from workbench.plants.cd_drive.drive.plants import controller
 from workbench.plants.cd_drive.laboratory.bench_setup import PERIOD, RATE
@@ -16,7 +17,6 @@ from workbench.plants.cd_drive.tolerance.strategies.problem import strategies
 from workbench.plants.cd_drive.tolerance.strategies.runs import (
     LENGTH,
     Experiment,
-    Scratch,
     envelope,
 )
 from workbench.plants.cd_drive.tolerance.strategies.stability import (
@@ -90,7 +90,7 @@ def test_draws_are_independent_and_strategies_share_them(studies):
         assert len(np.unique(answer[name])) == answer[name].size == 24
     assert set(np.unique(answer["sign"])) == {-1.0, 1.0}
     one = answer.sel(drive="CD1", draw=7)
-    again = task.outcomes("CD1", Scratch.drawn("focus", int(one["seed"])))
+    again = task.outcomes("CD1", ScratchDraw.drawn("focus", int(one["seed"])))
     np.testing.assert_array_equal(one["excursion"], [outcome.excursion for outcome in again])
 
 
@@ -105,7 +105,7 @@ def test_without_noise_the_scratch_costs_what_the_thesis_draws(studies):
             experiment.scenario("nominal", "C", scratch, noisy=False).run(F=stand_in_filter()),
             scratch.angle,
         ).excursion
-        for scratch in (Scratch(0, 0.0), Scratch(0, 0.0, sign=-1.0), Scratch(0, 0.25))
+        for scratch in (ScratchDraw(0, 0.0), ScratchDraw(0, 0.0, sign=-1.0), ScratchDraw(0, 0.25))
     ]
     np.testing.assert_allclose(costs, [0.67e-6, 0.96e-6, 0.31e-6], rtol=0.02)
 
@@ -215,7 +215,7 @@ def test_bumpless_transfer_helps(axis, slower):
 
 def test_a_strategy_without_its_controller_is_named():
     with pytest.raises(InputError, match=r"needs a controller K', .* cd/radial/lower-bandwidth"):
-        Experiment("radial").scenario("nominal", "K_prime", Scratch(0, 0.2)).run()
+        Experiment("radial").scenario("nominal", "K_prime", ScratchDraw(0, 0.2)).run()
 
 
 def test_the_stand_in_filter_leaves_a_low_pass():
