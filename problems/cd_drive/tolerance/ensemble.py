@@ -131,6 +131,11 @@ class Circumstance:
     believed: float
     seed: int
 
+    def noise_seed(self, drive: str) -> int:
+        """Seed of the noise on a drive, independent of that on the others."""
+        key = (self.seed, *drive.encode())
+        return int(np.random.SeedSequence(key).generate_state(1)[0])
+
     def excitation(self, bench: Laboratory, duration: float) -> RealArray:
         """Voltage [V] (N,) that moves the lens as the shocks do, see `defect_kinds.shocks`."""
         return _excitation(bench, self.shocks, round(duration * RATE)).copy()

@@ -40,7 +40,7 @@ def effort(answer: Dataset) -> Figure:
     middle = float(answer.sel(estimator="Kalman")["effort_zoomed"].mean())
     whole.set_ylim(-2.5 * swing, 2.5 * swing)
     zoom.set_ylim(middle - swing, middle + swing)
-    label(whole, "time [s]", "$u_p$ [V]")
+    label(whole, "time [s]", "$u_p$ [V]", "one record")
     label(zoom, y="$u_p$ [V], one scratch")
     _quality(quality, answer)
     quality.sharex(zoom)
@@ -64,7 +64,7 @@ def error(answer: Dataset, axis: Axis) -> Figure:
         above.plot(time, one, label=name, **LOOKS[name])
     size = 1e6 * ACCEPTABLE_ERROR[axis]
     above.set_ylim(-4 * size, 4 * size)
-    label(above, y=r"$x_{cd} - x$ [$\mu$m]", title="all estimators, cropped")
+    label(above, y=r"$x_{cd} - x$ [$\mu$m]", title="one record, all estimators, cropped")
     words = r"estimated $x_{cd} - x$ [$\mu$m]"
     label(below, y=words, title="those that bridge the scratch")
     _quality(quality, answer)
@@ -91,8 +91,8 @@ def rotation(answer: Dataset) -> Figure:
         rms = over_draws(1e6 * answer["error"].sel(estimator=name, phase="quiet", size="rms"))
         _bars(errors, np.arange(len(cases)) + (k - 0.5) * width, rms, width, color=look["color"])
     errors.set_xticks(range(len(cases)), [f"rotation\n{case}" for case in cases])
-    label(frequency, "time [s]", "rotation followed [Hz]")
-    label(errors, y=r"rms error away from scratches [$\mu$m]")
+    label(frequency, "time [s]", "rotation followed [Hz]", "one record")
+    label(errors, y=r"rms error away from scratches [$\mu$m]", title="mean of the draws")
     legend_below(figure, frequency)
     return figure
 

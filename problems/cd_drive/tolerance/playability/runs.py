@@ -158,7 +158,7 @@ def played(
         one.excitation(bench, duration),
         disc=one.disc,
         defects=one.defects,
-        seed=one.seed,
+        seed=one.noise_seed(drive),
     )
 
 

@@ -103,7 +103,7 @@ class ControllerPair:
             one.excitation(bench, self.duration),
             disc=one.disc,
             defects=one.defects,
-            seed=one.seed,
+            seed=one.noise_seed(drive),
         )
         return evaluated(record)
 

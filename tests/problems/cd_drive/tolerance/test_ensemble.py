@@ -38,6 +38,13 @@ def test_the_same_seed_draws_the_same():
     assert drawn()[:7] == drawn(count=7)  # more of them do not change the first
 
 
+def test_the_noise_is_independent_between_drives_and_repeatable():
+    many, drives = drawn(), [f"CD{n}" for n in range(1, 13)]
+    seeds = [one.noise_seed(name) for one in many for name in drives]
+    assert len(set(seeds)) == len(seeds)
+    assert seeds == [one.noise_seed(name) for one in drawn() for name in drives]
+
+
 @pytest.mark.parametrize("axis", ["focus", "radial"])
 def test_what_is_drawn_lies_within_its_ranges(axis):
     spread = Spread()
