@@ -42,7 +42,8 @@ def switching_stability(
     - Margins of K, K (1 - F) and K', and the share of the parametric set that each tolerates.
     - Dwell times by LMIs: the shortest distance between defects for which any sequence of defects
       up to the longest is stable, of each drive, beside the longest that a periodic switching
-      makes unstable; from K to K' and back over all of the parametric set, cell by cell: at any
+      makes unstable, found among all pairs of stays: one less than what is proven where the proof
+      is tight; from K to K' and back over all of the parametric set, cell by cell: at any
       time in focus, even over twice its extent, with a millimetre between defects radially.
     - The true error at sampling instants, bounded for every sequence of defects by these functions
       and simulated, for a disc that moves in one harmonic of the Red Book's envelope at a time; the

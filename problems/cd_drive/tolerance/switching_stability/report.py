@@ -97,7 +97,12 @@ def _dwell(answer: Dataset) -> str:
     if answer.sizes["cell"]:
         longest_dwell, best = int(answer["cell_dwell"].max()), float(answer["box_of_cells"])
         below += f"\nSamples between defects that are enough, times {best:g}: {longest_dwell}."
-    head = f"Samples of {1e6 * PERIOD:.1f} us; defects of 1 to {longest} samples.\n\n"
+    gap = int((answer["dwell"] - 1 - answer["unstable"]).max())
+    between = "none: every proof is tight" if gap == 0 else f"at most {gap}"
+    head = (
+        f"Samples of {1e6 * PERIOD:.1f} us; defects of 1 to {longest} samples. "
+        f"Distances neither proven nor made unstable: {between}.\n\n"
+    )
     return head + markdown(heads, rows) + "\n" + below + "\n"
 
 

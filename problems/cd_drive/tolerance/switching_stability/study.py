@@ -167,7 +167,7 @@ class SwitchingStability(SwitchedDrives, Study):
     unstable = array(
         (strategy, drive),
         "1",
-        "distance that a periodic switching makes unstable",
+        "longest distance that a periodic switching makes unstable, of every pair of stays",
         lambda proofs: [[one.unstable for one in each] for each in proofs.values()],
     )
     dwell_common = array(
@@ -262,6 +262,7 @@ class SwitchingStability(SwitchedDrives, Study):
             one = answer.sel(strategy=strategy)
             found[f"dwell_{strategy}"] = float(one["dwell"].max())
             found[f"unstable_{strategy}"] = float(one["unstable"].max())
+            found[f"undecided_{strategy}"] = float((one["dwell"] - 1 - one["unstable"]).max())
             if self.common:
                 found[f"dwell_common_{strategy}"] = float(one["dwell_common"])
             for case in CASES:
