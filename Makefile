@@ -53,9 +53,10 @@ reference: $(READY)
 	$(REFERENCE) 'cd/*/five-x' 'cd/*/cover-for-control' --set frequencies=120
 	$(REFERENCE) 'cd/*/sensitivity' --set frequencies=200
 	$(REFERENCE) mass-spring/analysis bench/covers textbook/fault-detection
-	$(REFERENCE) '*/controller' 'cd/*/mu-pid' 'cd/*/position-estimator'
+	$(REFERENCE) '*/controller' 'cd/*/mu-pid'
+	$(REFERENCE) 'cd/*/position-estimator' 'cd/*/strategies' --set draws=50
 	$(REFERENCE) 'cd/*/diode-plane' cd/focus/fault-filter
-	$(REFERENCE) 'cd/*/lower-bandwidth' 'cd/*/strategies' 'cd/*/switching-stability'
+	$(REFERENCE) 'cd/*/lower-bandwidth' 'cd/*/switching-stability'
 	$(REFERENCE) 'cd/*/residuals' --set defects=20
 	$(REFERENCE) 'cd/*/excursion' cd/playability 'cd/*/two-controllers-switched'
 	rm -rf results/reference/.partial
