@@ -145,3 +145,10 @@ def test_wrong_input_is_named(loop):
         LaguerreBasis(loop, 0.0)
     with pytest.raises(InputError, match="noise_band"):
         EstimationDemands(1.0, 0.1, 2.0, control.ss(-1.0, 1.0, 1.0, 0.0), 0.1, 0.0)
+
+
+def test_a_measurement_filter_that_is_not_stable_is_refused():
+    model = UncertaintyModel(rational(0.2, 0.2), rational(2.0, 0.2), rational(1.0, 0.15))
+    K, H = control.ss(0.0, 0.1, 1.0, 0.8), control.ss(30.0, 30.0, 1.0, 0.0)
+    with pytest.raises(InputError, match=r"filter of a fault loop: .*pole"):
+        FaultLoop(model, K, H, DEMANDS)

@@ -17,7 +17,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.arrays import ComplexArray, RealArray
+from workbench.certify.stable_system import stable_system
 from workbench.diagnosis.estimation.weighting import Requirement
+from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_positive
 from workbench.systems.bilinear import bilinear_continuous
@@ -98,7 +100,7 @@ class FaultLoop:
     Raises
     ------
     InputError
-        A period that is not positive.
+        A period that is not positive, a filter that is not proven stable.
     """
 
     model: UncertaintyModel
@@ -111,6 +113,10 @@ class FaultLoop:
     def __post_init__(self) -> None:
         if self.period is not None:
             need_positive(self.period, "period")
+        try:
+            stable_system(self.filter)
+        except InputError as fault:
+            raise InputError(f"filter of a fault loop: {fault}") from fault
 
     def warped(self, frequency: ArrayLike) -> RealArray:
         """omega [rad/s] at which the continuous systems have the loop's response at `frequency`.
