@@ -131,12 +131,14 @@ class Certificate:
 
 def _read(stored: Mapping[str, Any], derived: str) -> dict[str, Any]:
     """Fields from JSON, which has NaN and infinities as their names; ``derived`` is left out."""
-    numbers = {"value", "limit", "tolerance"}
-    return {
-        k: float(v) if k in numbers and isinstance(v, str) else v
-        for k, v in stored.items()
-        if k != derived
-    }
+    numbers, found = {"value", "limit", "tolerance"}, {}
+    for name, entry in stored.items():
+        if name == derived:
+            continue
+        if name not in numbers and not isinstance(entry, str | bool | None):
+            raise TypeError(f"{name} is a {type(entry).__name__}")
+        found[name] = float(entry) if name in numbers else entry
+    return found
 
 
 def worst(values: Any, labels: Callable[[tuple[int, ...]], str]) -> tuple[float, str]:

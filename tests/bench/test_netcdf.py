@@ -111,7 +111,7 @@ def test_a_truncated_file_is_a_clear_error(file, share):
 
 
 def test_a_missing_file_is_a_clear_error(tmp_path):
-    with pytest.raises(ResultError, match=r"data\.nc cannot be read"):
+    with pytest.raises(ResultError, match=r"data\.nc is missing"):
         netcdf.read(tmp_path / "data.nc")
 
 

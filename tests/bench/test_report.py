@@ -76,6 +76,7 @@ def make(root: Path) -> Make:
         folder = root / problem.replace("<", "(") / (key + ".failed" if failed else key)
         folder.mkdir(parents=True)
         content = {
+            "format": 2,
             "problem": problem,
             "parameters": {"frequencies": 400, "angle": None},
             "data": {"data/drives.csv": "c" * 64},
@@ -290,7 +291,6 @@ def test_several_processes_make_the_same_page(tmp_path: Path) -> None:
 
 def test_hostile_words_are_inert(root: Path, make: Make) -> None:
     make(
-        f"lab/{HOSTILE}",
         method=HOSTILE,
         message=HOSTILE,
         platform=HOSTILE,
@@ -298,14 +298,54 @@ def test_hostile_words_are_inert(root: Path, make: Make) -> None:
         metrics={HOSTILE: 1.0},
         parameters={HOSTILE: HOSTILE},
         versions={HOSTILE: HOSTILE},
-        needs={HOSTILE: [HOSTILE]},
+        needs={HOSTILE: ["0a1b2c3d"]},
+        kind=HOSTILE,
+        code=HOSTILE,
     )
-    page = Page(report(root, pattern="*<script>*"))
+    page = Page(report(root))
+    assert page.all("details", "run")
     assert len(page.all("script")) == 1
     assert all("onerror" not in attributes for _, attributes in page.elements)
-    anchor = page.all("details")[0]["id"]
-    assert anchor == f"lab/{HOSTILE}/0a1b2c3d"
-    assert anchor in [unquote(link["href"][1:]) for link in page.all("a")]
+
+
+@pytest.mark.parametrize(
+    ("info", "reason"),
+    [
+        ({"problem": f"lab/{HOSTILE}"}, "is no name of a problem"),
+        ({"problem": "../../elsewhere"}, "is no name of a problem"),
+        ({"key": "../0a1b2c3d"}, "is no key"),
+        ({"needs": {"cover": "../../x"}}, "is no key"),
+        ({"format": 99}, "format 99, of a newer workbench"),
+        ({"outcome": HOSTILE}, "outcome"),
+        ({"started": "yesterday"}, "started"),
+        ({"seconds": {"total": "much"}}, "seconds.total"),
+        ({"seconds": {}}, "there is no total"),
+        ({"parameters": []}, "parameters"),
+        ({"metrics": {"radius": []}}, "metrics.json holds no metrics"),
+        ({"value": [1.0]}, "certificate.json holds no certificate"),
+    ],
+)
+def test_a_bad_folder_costs_its_row_only(
+    root: Path, make: Make, info: dict[str, Any], reason: str
+) -> None:
+    make("lab/circle", "0000000a")
+    folder = make("lab/stadium", "0000000b")
+    content = json.loads((folder / "run.json").read_text(encoding="utf-8"))
+    for name in info.keys() & {"metrics"}:
+        (folder / f"{name}.json").write_text(json.dumps(info[name]), encoding="utf-8")
+    if "value" in info:
+        stored = json.loads((folder / "certificate.json").read_text(encoding="utf-8"))
+        stored["checks"][0] |= info
+        (folder / "certificate.json").write_text(json.dumps(stored), encoding="utf-8")
+    (folder / "run.json").write_text(json.dumps(content | info), encoding="utf-8")
+    seal(folder)
+    page = Page(report(root))
+    assert [row["data-run"] for row in page.all("tr") if "data-run" in row] == [
+        "lab/circle/0000000a"
+    ]
+    assert "Left out: lab/stadium/0000000b: " in page.text
+    assert reason in page.text
+    assert len(page.all("script")) == 1
 
 
 def test_only_its_own_script_may_run(root: Path, make: Make) -> None:
@@ -334,13 +374,19 @@ def test_the_same_folders_give_the_same_page(root: Path, make: Make) -> None:
     assert report(root).read_bytes() == first
 
 
-def test_the_page_appears_whole_or_not_at_all(root: Path, make: Make) -> None:
-    folder = make()
+def test_the_page_appears_whole_or_not_at_all(
+    root: Path, make: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    make()
     page = report(root)
     before = page.read_bytes()
-    (folder / "run.json").write_text("no JSON", encoding="utf-8")
-    seal(folder)
-    with pytest.raises(ResultError, match="no JSON"):
+    make("lab/stadium")
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device", "page")
+
+    monkeypatch.setattr(Path, "replace", full)
+    with pytest.raises(ResultError, match="No space left on device"):
         report(root)
     assert page.read_bytes() == before
     assert sorted(file.name for file in root.iterdir()) == ["index.html", "lab"]
@@ -349,7 +395,11 @@ def test_the_page_appears_whole_or_not_at_all(root: Path, make: Make) -> None:
 def test_a_damaged_folder_is_left_out(root: Path, make: Make) -> None:
     make("lab/circle")
     (make("lab/stadium") / "run.json").write_text("{", encoding="utf-8")
-    assert "lab/stadium" not in Page(report(root)).text
+    page = Page(report(root))
+    assert [row["data-run"] for row in page.all("tr") if "data-run" in row] == [
+        "lab/circle/0a1b2c3d"
+    ]
+    assert "Left out: lab/stadium/0a1b2c3d: run.json was changed" in page.text
 
 
 def test_a_sealed_folder_is_not_written_into(make: Make) -> None:

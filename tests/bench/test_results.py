@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from workbench.bench.files import read_json, write_json
+from workbench.bench.files import write_json
 from workbench.bench.results import open_run
 from workbench.bench.store import CHECKSUMS, files
+from workbench.bench.untrusted import read_json
 from workbench.errors import ResultError
 
 

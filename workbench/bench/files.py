@@ -10,17 +10,8 @@ from pathlib import Path
 from typing import Any, cast
 
 from workbench.bench.question import plain
-from workbench.errors import ResultError
+from workbench.bench.untrusted import file_stem
 from workbench.heavy_types import Figure
-
-
-def read_json(file: Path) -> Any:
-    try:
-        return json.loads(file.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise ResultError(f"{file.name} is missing in {file.parent}") from None
-    except ValueError as error:
-        raise ResultError(f"{file.name} is no JSON: {error}") from None
 
 
 def write_json(file: Path, content: Mapping[str, Any]) -> None:
@@ -41,6 +32,7 @@ class Picture:
     def save(self, folder: str | Path, name: str) -> list[Path]:
         """Write ``name.svg`` and ``name.png`` into a folder, which is made if it is missing."""
         place = Path(folder)
+        file_stem(name)
         place.mkdir(parents=True, exist_ok=True)
         files = [place / f"{name}.svg", place / f"{name}.png"]
         for file, content in zip(files, (self.svg, self.png), strict=True):

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from workbench.bench.untrusted import need_bounded_arrays
 from workbench.errors import ResultError
 from workbench.executor import WALL_TIME
 
@@ -49,15 +50,17 @@ def read(file: Path) -> xr.Dataset:
     Raises
     ------
     ResultError
-        The file is missing, truncated or no NetCDF.
+        The file is missing, a link, truncated or no NetCDF, or it holds far more than its size.
     """
+    need_bounded_arrays(file)
     try:
         with xr.open_dataset(
             file, engine="h5netcdf", mask_and_scale=False, decode_times=False
         ) as stored:
             return _join(stored.load())
-    except (OSError, ValueError, KeyError, RuntimeError) as error:
-        raise ResultError(f"{file.name} cannot be read: {error}") from None
+    except Exception as error:  # a file can be made to break any part of its readers
+        reason = f"{type(error).__name__}: {error}"
+        raise ResultError(f"{file.name} cannot be read: {reason}") from None
 
 
 def _split(data: xr.Dataset) -> xr.Dataset:

@@ -34,18 +34,40 @@ class Project:
             file = candidate / "pyproject.toml"
             if not file.is_file():
                 continue
-            try:
-                table = tomllib.loads(file.read_text(encoding="utf-8"))
-            except tomllib.TOMLDecodeError as error:
-                raise RegistryError(f"{file}: {error}") from None
-            table = table.get("tool", {}).get("workbench")
+            table = _table(file)
             if table is not None:
-                folders = table.get("problems", [])
-                if not isinstance(folders, list):
-                    raise RegistryError(f"{file}: problems must be a list, not {folders!r}")
-                problems = tuple(candidate / name for name in folders)
-                return cls(problems, candidate / table.get("results", "results"))
+                folders, results = table
+                return cls(tuple(candidate / name for name in folders), candidate / results)
         return cls((), folder / "results")
+
+
+def _table(file: Path) -> tuple[list[str], str] | None:
+    """Problem folders and results folder of a pyproject.toml, None where it has no table of ours.
+
+    Raises
+    ------
+    RegistryError
+        The file cannot be read or is no TOML, or an entry has another type.
+    """
+    try:
+        tool = tomllib.loads(file.read_text(encoding="utf-8")).get("tool", {})
+    except (OSError, ValueError, RecursionError) as error:
+        raise RegistryError(f"{file}: {error}") from None
+    if not isinstance(tool, dict) or "workbench" not in tool:
+        return None
+    table = tool["workbench"]
+    if not isinstance(table, dict):
+        raise RegistryError(f"{file}: tool.workbench must be a table, not {table!r}")
+    problems, results = table.get("problems", []), table.get("results", "results")
+    if not isinstance(problems, list) or not all(map(_folder_name, problems)):
+        raise RegistryError(f"{file}: problems must be a list of folders, not {problems!r}")
+    if not _folder_name(results):
+        raise RegistryError(f"{file}: results must be a folder, not {results!r}")
+    return problems, results
+
+
+def _folder_name(name: object) -> bool:
+    return isinstance(name, str) and bool(name) and "\0" not in name
 
 
 def built_in() -> Path:

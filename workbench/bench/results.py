@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import fnmatch
 import html
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -21,19 +21,19 @@ from typing import Any
 
 from workbench.bench.comparison import Comparison
 from workbench.bench.declare import Fed
-from workbench.bench.files import Picture, picture, read_json
+from workbench.bench.files import Picture, picture
+from workbench.bench.information import run_information
 from workbench.bench.problem import Problem
 from workbench.bench.project import registry, results_root
 from workbench.bench.question import plain
 from workbench.bench.store import CHECKSUMS, Store, damage
+from workbench.bench.untrusted import file_stem, own_file, read_json, read_text
 from workbench.certificate import Certificate
 from workbench.errors import ResultError
 from workbench.heavy_types import Dataset, Figure
 from workbench.program import Task
 from workbench.solvers import Outcome
 
-FORMAT = 2
-"""Version of the layout of a results folder."""
 COMPARISON = "compare"
 """The problem of comparisons, which the bench makes itself."""
 
@@ -51,8 +51,8 @@ class Run(Fed):
 
     @cached_property
     def info(self) -> dict[str, Any]:
-        """Content of run.json."""
-        return read_json(self.path / "run.json")
+        """Content of run.json. Raises ResultError where it is not that of a run."""
+        return run_information(read_json(self.path / "run.json"), str(self.path))
 
     @property
     def problem(self) -> str:
@@ -82,7 +82,12 @@ class Run(Fed):
     def certificate(self) -> Certificate | None:
         """What was checked, against what, and by how much it holds; None without an answer."""
         file = self.path / "certificate.json"
-        return Certificate.from_json(read_json(file)) if file.exists() else None
+        if not _exists(file):
+            return None
+        try:
+            return Certificate.from_json(read_json(file))
+        except (AttributeError, KeyError, TypeError, ValueError) as error:
+            raise ResultError(f"{file.name} holds no certificate: {error!r}") from None
 
     @property
     def holds(self) -> bool:
@@ -99,8 +104,11 @@ class Run(Fed):
     def metrics(self) -> dict[str, float]:
         """The numbers people quote."""
         file = self.path / "metrics.json"
-        stored = read_json(file) if file.exists() else {}
-        return {name: float(value) for name, value in stored.items()}  # "nan" is a number too
+        stored = read_json(file) if _exists(file) else {}
+        try:
+            return {name: float(value) for name, value in stored.items()}  # "nan" is a number too
+        except (AttributeError, TypeError, ValueError, OverflowError) as error:
+            raise ResultError(f"{file.name} holds no metrics: {error}") from None
 
     @property
     def headline(self) -> str:
@@ -144,7 +152,7 @@ class Run(Fed):
 
     @property
     def log(self) -> str:
-        return (self.path / "log.txt").read_text(encoding="utf-8")
+        return read_text(self.path / "log.txt")
 
     def show(self, figure: str | None = None) -> Picture:
         """The figure that people look at (default: the first), as an image for a notebook."""
@@ -177,28 +185,33 @@ class Run(Fed):
             ]
             for name, table in self.tables.items():
                 place.mkdir(parents=True, exist_ok=True)
-                files.append(place / f"{name}.md")
+                files.append(place / f"{file_stem(name)}.md")
                 files[-1].write_text(table, encoding="utf-8")
         except OSError as error:
             raise ResultError(f"cannot write {error.filename}: {error.strerror}") from None
         return files
 
     def __repr__(self) -> str:
-        method = f" by {self.method}" if self.method else ""
-        return f"<Run {self.problem}{method}: {self.outcome}, {self.headline}, {self.path}>"
+        try:
+            method = f" by {self.method}" if self.method else ""
+            said = f"{self.problem}{method}: {self.outcome}, {self.headline}"
+        except ResultError as error:
+            return f"<Run {self.path}: {error}>"
+        return f"<Run {said}, {self.path}>"
 
     def _repr_html_(self) -> str:
         rows: list[tuple[str, str]] = [("outcome", self.outcome), ("method", self.method or "-")]
         rows += [(name, f"{value:.6g}") for name, value in self.metrics.items()]
         if self.certificate is not None:
             rows += [
-                (check.name, f"{check.value:.3g} &le; {check.limit:.3g}")
+                (check.name, f"{check.value:.3g} \N{LESS-THAN OR EQUAL TO} {check.limit:.3g}")
                 for check in self.certificate.checks
             ]
             if self.certificate.gap is not None:
                 rows.append(("optimality gap", f"{self.certificate.gap.value:.3g}"))
         cells = "".join(
-            f"<tr><th style='text-align:left'>{html.escape(name)}</th><td>{value}</td></tr>"
+            f"<tr><th style='text-align:left'>{html.escape(name)}</th>"
+            f"<td>{html.escape(value)}</td></tr>"
             for name, value in rows
         )
         title = html.escape(f"{self.problem}  {self.key}")
@@ -214,9 +227,20 @@ def open_run(path: str | Path) -> Run:
         The folder is no results folder.
     """
     path = Path(path)
-    if not (path / "run.json").is_file():
+    if not _exists(path / "run.json"):
         raise ResultError(f"{path} is no results folder: it has no run.json")
     return Run(path)
+
+
+def _exists(file: Path) -> bool:
+    """Whether the folder has this file; a link, or what is no file, is refused."""
+    try:
+        if not file.exists() and not file.is_symlink():
+            return False
+    except (OSError, ValueError):  # a name that no file can have, which is told then
+        pass
+    own_file(file)
+    return True
 
 
 @dataclass(frozen=True)
@@ -291,11 +315,27 @@ def _upstream(store: Store, problem: str, key: str) -> Run:
 
 def stored_runs(root: Path, pattern: str = "*") -> list[Run]:
     """The finished, undamaged runs below a results folder whose problem fits a shell pattern."""
-    runs = (Run(folder) for folder in Store(root).folders() if not damage(folder))
+    return fitting(Store(root).folders(), pattern)
+
+
+def fitting(folders: Iterable[Path], pattern: str) -> list[Run]:
+    """Runs in folders that can be read, whose problem fits a shell pattern."""
+    runs = [Run(folder) for folder in folders if not unreadable(folder)]
     return [run for run in runs if fnmatch.fnmatchcase(run.problem, pattern)]
 
 
 def damaged(root: Path) -> dict[Path, str]:
-    """The folders below a results folder that are not as they were sealed, and what differs."""
-    found = {folder: damage(folder) for folder in Store(root).folders()}
-    return {folder: "; ".join(wrong) for folder, wrong in found.items() if wrong}
+    """The folders below a results folder that cannot be read as they were sealed, and why."""
+    found = {folder: unreadable(folder) for folder in Store(root).folders()}
+    return {folder: wrong for folder, wrong in found.items() if wrong}
+
+
+def unreadable(folder: Path) -> str:
+    """Why a folder is no undamaged result that this workbench reads; empty where it is one."""
+    wrong, run = damage(folder), Run(folder)
+    try:
+        if not wrong:
+            _ = run.info, run.certificate, run.metrics
+    except ResultError as error:
+        wrong = [str(error)]
+    return "; ".join(wrong)

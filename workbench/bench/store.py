@@ -21,6 +21,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from urllib.parse import quote, unquote
 
+from workbench.bench.untrusted import own_file, read_text
 from workbench.errors import ResultError
 
 CHECKSUMS = "SHA256SUMS"
@@ -138,8 +139,9 @@ def seal(folder: Path) -> None:
 
 
 def files(folder: Path) -> list[str]:
-    """Names of the files of a results folder, its checksums left out."""
-    names = (p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file())
+    """Names of the files of a results folder, its checksums left out; links are files too."""
+    found = (p for p in folder.rglob("*") if p.is_symlink() or not p.is_dir())
+    names = (p.relative_to(folder).as_posix() for p in found)
     return sorted(name for name in names if name != CHECKSUMS)
 
 
@@ -153,8 +155,11 @@ def damage(folder: Path) -> list[str]:
     sums = folder / CHECKSUMS
     if not sums.is_file():
         return [f"{CHECKSUMS} is missing: the folder is not a finished result"]
+    try:
+        text = read_text(sums)
+    except ResultError as error:
+        return [str(error)]
     expected = {}
-    text = sums.read_text(encoding="utf-8", errors="replace")
     for number, line in enumerate(text.splitlines(), start=1):
         digest, gap, name = line.partition("  ")
         if not gap or len(digest) != 64:
@@ -164,7 +169,11 @@ def damage(folder: Path) -> list[str]:
     found = [f"{name} is missing" for name in sorted(expected.keys() - present)]
     found += [f"{name} is not in {CHECKSUMS}" for name in sorted(present - expected.keys())]
     for name in sorted(expected.keys() & present):
-        actual = file_hash(folder / name)
+        try:
+            actual = file_hash(own_file(folder / name))
+        except (OSError, ResultError) as error:
+            found.append(f"{name}: {error}")
+            continue
         if actual != expected[name]:
             size = (folder / name).stat().st_size
             found.append(

@@ -12,12 +12,12 @@ from pathlib import Path
 from typing import Any
 
 from workbench.bench import netcdf
-from workbench.bench.files import read_json
 from workbench.bench.project import registry
 from workbench.bench.question import Question, plain
 from workbench.bench.results import Run, given, rebuilt
 from workbench.bench.run import Bench, Bound, environment
 from workbench.bench.store import CHECKSUMS, FAILED, Store, damage
+from workbench.bench.untrusted import read_json
 from workbench.certificate import Certificate
 from workbench.errors import InputError, ResultError, WorkbenchError
 from workbench.program import Program, find_method

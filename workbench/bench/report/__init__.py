@@ -23,6 +23,7 @@ from workbench.bench.project import results_root
 from workbench.bench.report import words
 from workbench.bench.report.entries import entries, failed_runs
 from workbench.bench.report.looks import looks
+from workbench.bench.results import damaged
 from workbench.bench.store import CHECKSUMS
 from workbench.errors import ResultError
 from workbench.executor import InProcess, Progress, silent
@@ -77,6 +78,9 @@ def report(
         entries=shown,
         looks={entry.anchor: one for entry, one in zip(shown, drawn, strict=True)},
         pattern=pattern,
+        left_out={
+            folder.relative_to(root).as_posix(): reason for folder, reason in damaged(root).items()
+        },
         total=math.fsum(entry.run.seconds["total"] for entry in shown),
         places={entry.run.key: entry.anchor for entry in reversed(shown) if not entry.failed},
         css=_asset("page.css"),

@@ -5,12 +5,12 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass
-from fnmatch import fnmatchcase
 from pathlib import Path
 from urllib.parse import quote
 
-from workbench.bench.results import Run, stored_runs
-from workbench.bench.store import CHECKSUMS, FAILED, PARTIAL, REFERENCE, damage
+from workbench.bench.results import Run, fitting, stored_runs
+from workbench.bench.store import CHECKSUMS, FAILED, PARTIAL, REFERENCE
+from workbench.errors import ResultError
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,10 @@ class ReportEntry:
 
     @property
     def log(self) -> str:
-        return self.run.log if (self.run.path / "log.txt").is_file() else ""
+        try:
+            return self.run.log
+        except ResultError as error:
+            return str(error)
 
 
 def entries(root: Path, target: Path, pattern: str) -> Iterator[ReportEntry]:
@@ -78,9 +81,9 @@ def _link(folder: Path, start: Path) -> str | None:
 def failed_runs(root: Path, pattern: str = "*") -> list[Run]:
     """The kept failures below a results folder whose problem fits a shell pattern."""
     aside = {root / PARTIAL, root / REFERENCE}
-    runs = (
-        Run(file.parent)
+    folders = (
+        file.parent
         for file in sorted(root.rglob(f"*{FAILED}/{CHECKSUMS}"))
-        if not aside.intersection(file.parents) and not damage(file.parent)
+        if not aside.intersection(file.parents)
     )
-    return [run for run in runs if fnmatchcase(run.problem, pattern)]
+    return fitting(folders, pattern)
