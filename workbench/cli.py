@@ -11,6 +11,7 @@ import click
 
 import workbench
 from workbench.batch import ended, workers
+from workbench.bench.declare import RESERVED_PARAMETERS
 from workbench.bench.project import add_problems, registry, results_root, use_results
 from workbench.errors import WorkbenchError
 from workbench.terminal import (
@@ -63,6 +64,7 @@ def main(problems: tuple[str, ...], results: str | None) -> None:
 def list_(pattern: str, as_json: bool) -> None:
     """Names of the problems that fit PATTERN, one line each."""
     entries = registry().match(pattern)
+    _tell_unfit()
     if as_json:
         rows = [{"name": e.name, "summary": e.summary, "slow": e.slow} for e in entries]
         print_json(rows)
@@ -119,8 +121,9 @@ def run(
         raise click.UsageError("--verbose lets solvers print what is no JSON; leave out one")
     if verbose and jobs > 1:
         raise click.UsageError("--verbose lets solvers print all at once; leave out it or --jobs")
-    parameters = dict(_setting(text) for text in settings)
+    parameters = _settings(settings)
     entries = {e.name: e for pattern in patterns for e in registry().match(pattern)}
+    _tell_unfit()
     chosen = [e.name for e in entries.values() if slow or not e.slow or e.name in patterns]
     if not chosen:
         raise click.UsageError("every problem that fits is marked slow; add --slow to run them")
@@ -191,7 +194,7 @@ def compare(
             seed=seed,
             executor=executor,
             progress=progress,
-            **dict(_setting(text) for text in settings),
+            **_settings(settings),
         )
     every = done.metrics["success_rate"] == 1
     if as_json:
@@ -294,8 +297,23 @@ def report(root: Path | None, output: Path | None, open_: bool, jobs: int | None
         click.launch(str(page))
 
 
-def _setting(text: str) -> tuple[str, str]:
-    key, equals, value = text.partition("=")
-    if not equals or not key:
-        raise click.UsageError(f"--set needs KEY=VALUE, not {text!r}")
-    return key.strip(), value
+def _tell_unfit() -> None:
+    """Say which problem files and names are left out, and why."""
+    for sentence in registry().unfit:
+        click.echo(f"workbench: left out: {sentence}", err=True)
+
+
+def _settings(texts: tuple[str, ...]) -> dict[str, str]:
+    """Parameters of the problem from KEY=VALUE; options are no parameters."""
+    found = {}
+    for text in texts:
+        key, equals, value = text.partition("=")
+        name = key.strip()
+        if not equals or not name:
+            raise click.UsageError(f"--set needs KEY=VALUE, not {text!r}")
+        if name in RESERVED_PARAMETERS:
+            raise click.UsageError(
+                f"{name} is an option, not a parameter: --{name.replace('_', '-')}"
+            )
+        found[name] = value
+    return found

@@ -48,7 +48,7 @@ Case = tuple[str, str]
 
 @problem("mass-spring/analysis")
 def analysis(
-    tolerance: Annotated[float, Field(gt=0, lt=0.5)] = 1e-3,
+    peak_width: Annotated[float, Field(gt=0, lt=0.5)] = 1e-3,
     peers: Annotated[int, Field(ge=1)] = 12,
 ) -> Analysis:
     """Robust performance and stability of two masses with a real and with a complex spring.
@@ -57,17 +57,17 @@ def analysis(
     u = 0.005 s / (s + 0.1) y. The uncertain spring is a real scalar; as a complex one it gives the
     bounds that are usual without real uncertainty.
 
-    tolerance: relative width of the certified peaks. peers: frequencies at which CVXPY with
+    peak_width: relative width of the certified peaks. peers: frequencies at which CVXPY with
     Clarabel computes the upper bound again.
     """
-    return Analysis(tolerance, peers)
+    return Analysis(peak_width, peers)
 
 
 @dataclass(frozen=True)
 class Analysis(Study):
     """mu over frequency [rad/s] and its certified peaks."""
 
-    tolerance: float
+    peak_width: float
     peers: int
 
     headline: ClassVar[str] = "peak_mixed"
@@ -87,8 +87,10 @@ class Analysis(Study):
     @part
     def found(self, plants: dict[str, GeneralisedPlant]) -> dict[str, Conditions]:
         """Conditions of robustness by kind."""
-        K, tolerance = simple_controller(), self.tolerance
-        return {kind: conditions(plant, K, tolerance=tolerance) for kind, plant in plants.items()}
+        K = simple_controller()
+        return {
+            kind: conditions(plant, K, tolerance=self.peak_width) for kind, plant in plants.items()
+        }
 
     @part
     def peaks(self, found: dict[str, Conditions]) -> dict[Case, Any]:

@@ -11,7 +11,11 @@ HEAD = "from workbench import problem\n\n"
 def found(folder, text, name="problems.py"):
     (folder / name).parent.mkdir(parents=True, exist_ok=True)
     (folder / name).write_text(HEAD + text)
-    return list(scan(folder))
+    every = list(scan(folder))
+    for one in every:
+        if isinstance(one, RegistryError):
+            raise one
+    return every
 
 
 def test_a_name_with_its_help(tmp_path):
@@ -92,8 +96,19 @@ def test_a_name_may_not_take_a_place_that_the_bench_uses(tmp_path, name):
 
 def test_a_file_in_another_encoding_is_an_error_that_names_it(tmp_path):
     (tmp_path / "problems.py").write_bytes(b"# caf\xe9\n@problem('a')\ndef f(): ...\n")
-    with pytest.raises(RegistryError, match=r"problems\.py"):
-        list(scan(tmp_path))
+    (error,) = scan(tmp_path)
+    assert isinstance(error, RegistryError) and "problems.py" in str(error)
+
+
+def test_a_broken_file_costs_its_own_names_only(tmp_path):
+    (tmp_path / "a.py").write_text("@problem('a'\n")
+    (tmp_path / "b.py").write_text(HEAD + "@problem('b')\ndef f(): ...\n")
+    (tmp_path / "c.py").symlink_to(tmp_path / "gone")
+    deep = "@problem('d')\ndef f(): " + "(" * 5000 + ")" * 5000
+    (tmp_path / "d.py").write_text(deep)
+    first, entry, gone, deep = scan(tmp_path)
+    assert [isinstance(one, RegistryError) for one in (first, gone, deep)] == [True] * 3
+    assert entry.name == "b"
 
 
 def test_a_folder_must_exist(tmp_path):

@@ -51,8 +51,22 @@ def test_the_same_folder_named_twice_is_no_duplicate(project):
         ('[tool.workbench]\nproblems = ["gone"]\n', "gone does not exist"),
         ("[tool.workbench\n", r"pyproject\.toml: "),
         ('[tool.workbench]\nproblems = "plants"\n', r"pyproject\.toml"),
+        ("[tool.workbench]\nproblems = [3]\n", "must be a list of folders"),
+        ("[tool.workbench]\nresults = 3\n", "results must be a folder"),
+        ('[tool.workbench]\nresults = "a\\u0000b"\n', "results must be a folder"),
+        ("[tool]\nworkbench = 3\n", "must be a table"),
+        ("a = " + "[" * 3000, r"pyproject\.toml: "),
     ],
-    ids=["missing folder", "no TOML", "text for a list"],
+    ids=[
+        "missing folder",
+        "no TOML",
+        "text for a list",
+        "number for a folder",
+        "number for the results",
+        "NUL",
+        "number for the table",
+        "too deep",
+    ],
 )
 def test_a_bad_project_file_is_a_clear_error(project, text, words):
     project.write("pyproject.toml", text)
@@ -71,9 +85,20 @@ def test_the_results_folder_may_be_set_for_this_process_and_its_children(project
     assert project.python(code) == str(project.root / "elsewhere") == str(here.results_root())
 
 
-def test_a_broken_file_of_the_project_is_named_whatever_is_asked(project):
+def test_a_broken_file_costs_its_own_names_only(project):
     project.write("plants/bad.py", "@problem('x'\n")
-    with pytest.raises(RegistryError, match=r"bad\.py:1"):
+    assert wb.run("toy/root").holds
+    with pytest.raises(RegistryError, match=r"no problem is called 'x'.*bad\.py:1"):
+        wb.run("x")
+
+
+def test_a_clash_costs_its_own_name_only(project):
+    text = "from workbench import problem\n\n@problem('toy/root')\ndef f(): ...\n"
+    project.write("plants/other.py", text)
+    assert "toy/root" not in names() and "toy/x/root" in names()
+    with pytest.raises(
+        RegistryError, match=r"two problems are called 'toy/root': .*other.* and .*toy"
+    ):
         wb.run("toy/root")
 
 

@@ -235,7 +235,12 @@ def test_one_name_for_two_functions_is_an_error_that_names_both(project):
     project.write("more/again.py", '@problem("toy/root")\ndef again(): ...\n')
     words = r"two problems are called 'toy/root': .*problems\.py:root and .*again\.py:again"
     with pytest.raises(RegistryError, match=words):
-        _ = registry(project, "plants", "more").entries
+        registry(project, "plants", "more").find("toy/root")
+
+
+def test_a_parameter_named_like_an_option_is_refused(problem):
+    with pytest.raises(RegistryError, match=r"a parameter may not be called seed, tolerance, as"):
+        problem('@problem("a")\ndef f(seed: int = 1, tolerance: float = 2.0): ...\n')
 
 
 def test_a_file_that_raises_at_import_is_listed_and_says_so_when_found(project):

@@ -16,6 +16,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 PLACEMENT = "__workbench_problem__"
+RESERVED_PARAMETERS = frozenset(
+    {"name", "pattern", "method", "methods", "tolerance", "accuracies", "time_limit", "verbose"}
+    | {"seed", "fresh", "progress", "watch", "executor"}
+)
+"""Arguments of `workbench.run` and `workbench.compare`, which no parameter may be called."""
 
 
 class Fed:

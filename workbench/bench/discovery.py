@@ -47,20 +47,28 @@ class Entry:
         return f"{self.file}:{self.function}"
 
 
-def scan(root: Path) -> Iterator[Entry]:
+def scan(root: Path) -> Iterator[Entry | RegistryError]:
     """Entries of every ``@problem`` function in the Python files below a folder.
+
+    In place of those of a file that cannot be parsed, or whose names or axes are no literals, there
+    is the error: it costs the file's own names only.
 
     Raises
     ------
     RegistryError
-        The folder does not exist, a file cannot be parsed, or a name or axis is not a literal.
+        The folder does not exist.
     """
     if not root.is_dir():
         raise RegistryError(f"problem folder {root} does not exist")
     for file in sorted(root.rglob("*.py")):
-        source = file.read_bytes()
-        if f"{DECORATOR}(".encode() in source:
-            yield from _parsed(source, root, file)
+        try:
+            source = file.read_bytes()
+            if f"{DECORATOR}(".encode() in source:
+                yield from _parsed(source, root, file)
+        except RegistryError as error:
+            yield error
+        except OSError as error:
+            yield RegistryError(f"problem file {file} cannot be read: {error.strerror}")
 
 
 @lru_cache(maxsize=256)
@@ -68,7 +76,7 @@ def _parsed(source: bytes, root: Path, file: Path) -> tuple[Entry, ...]:
     """Entries of a file; parsing all files takes longer than running a small problem."""
     try:
         tree = ast.parse(source.decode(), filename=str(file))
-    except (SyntaxError, ValueError) as error:
+    except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         line = getattr(error, "lineno", None) or 1
         raise RegistryError(f"problem file {file}:{line}: {error}") from None
     functions = [node for node in tree.body if isinstance(node, ast.FunctionDef)]

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import workbench
 import workbench.plants
-from workbench.bench.declare import PLACEMENT, Fed, Needs, Ref, Settings
+from workbench.bench.declare import PLACEMENT, RESERVED_PARAMETERS, Fed, Needs, Ref, Settings
 from workbench.bench.discovery import Entry
 from workbench.bench.question import sources
 from workbench.errors import InputError, RegistryError, UnknownNameError, WorkbenchError
@@ -40,6 +40,13 @@ class Problem:
         if missing:
             raise RegistryError(
                 f"{entry.place}: the function takes no parameter for axis {', '.join(missing)}"
+            )
+
+        taken = RESERVED_PARAMETERS & self.parameters.keys()
+        if taken:
+            raise RegistryError(
+                f"{entry.place}: a parameter may not be called {', '.join(sorted(taken))}, as an "
+                "argument of workbench.run or workbench.compare is"
             )
 
     @cached_property

@@ -17,6 +17,7 @@ from pathlib import Path
 
 import workbench.plants
 from workbench.bench.registry import Registry
+from workbench.bench.untrusted import possible_path
 from workbench.errors import RegistryError
 
 
@@ -80,8 +81,12 @@ _added: list[Path] = []
 
 def add_problems(folder: str | Path) -> None:
     """Discover problems in one more folder, for the rest of this process."""
-    path = Path(folder).resolve()
-    if not path.is_dir():
+    try:
+        path = Path(folder).resolve()
+        there = path.is_dir()
+    except (OSError, ValueError, RuntimeError):  # a name that no folder can have
+        there = False
+    if not there:
         raise RegistryError(f"problem folder {folder} does not exist")
     if path not in _added:
         _added.append(path)
@@ -97,7 +102,7 @@ def registry() -> Registry:
     roots = [built_in(), *Project.around(Path.cwd()).problems, *_added]
     unique = tuple(dict.fromkeys(path.resolve() for path in roots))
     state = tuple(
-        (file, file.stat().st_mtime_ns) for root in unique for file in sorted(root.rglob("*.py"))
+        (file, file.lstat().st_mtime_ns) for root in unique for file in sorted(root.rglob("*.py"))
     )
     return _registry(unique, state)
 
@@ -113,7 +118,7 @@ RESULTS = "WORKBENCH_RESULTS"
 
 def use_results(folder: str | Path) -> None:
     """Keep results in this folder, for the rest of this process and those it starts."""
-    os.environ[RESULTS] = str(Path(folder).resolve())
+    os.environ[RESULTS] = str(possible_path(folder).resolve())
 
 
 def results_root() -> Path:

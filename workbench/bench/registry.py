@@ -8,52 +8,76 @@ from pathlib import Path
 
 from workbench.bench.discovery import Entry, scan
 from workbench.bench.problem import Problem
-from workbench.errors import RegistryError, UnknownNameError
+from workbench.errors import RegistryError, UnknownNameError, WorkbenchError
 
 
 class Registry:
-    """The problems of several folders, under one set of names."""
+    """The problems of several folders, under one set of names.
+
+    A file that cannot be read, and a name that two functions claim, cost their own names only:
+    ``unfit`` has a sentence for each.
+    """
 
     def __init__(self, roots: list[Path]) -> None:
         self.roots = roots
         self._problems: dict[str, Problem] = {}
 
     @cached_property
-    def entries(self) -> dict[str, Entry]:
-        """Every entry by name, sorted.
-
-        Raises
-        ------
-        RegistryError
-            Two functions claim one name.
-        """
-        found: dict[str, Entry] = {}
+    def _found(self) -> tuple[dict[str, list[Entry]], list[str]]:
+        """Entries by the name that they claim, and what is wrong with files."""
+        claims: dict[str, list[Entry]] = {}
+        wrong: list[str] = []
         for root in self.roots:
-            for entry in scan(root):
-                twin = found.setdefault(entry.name, entry)
-                if twin is not entry:
-                    raise RegistryError(
-                        f"two problems are called {entry.name!r}: {twin.place} and {entry.place}"
-                    )
-        return dict(sorted(found.items()))
+            for one in scan(root):
+                if isinstance(one, RegistryError):
+                    wrong.append(str(one))
+                else:
+                    claims.setdefault(one.name, []).append(one)
+        return claims, wrong
+
+    @cached_property
+    def entries(self) -> dict[str, Entry]:
+        """Every entry by name, sorted; those of a name that two functions claim left out."""
+        claims = sorted(self._found[0].items())
+        return {name: twins[0] for name, twins in claims if len(twins) == 1}
+
+    @cached_property
+    def clashes(self) -> dict[str, str]:
+        """A sentence for each name that several functions claim."""
+        return {
+            name: f"two problems are called {name!r}: {' and '.join(one.place for one in twins)}"
+            for name, twins in sorted(self._found[0].items())
+            if len(twins) > 1
+        }
+
+    @property
+    def unfit(self) -> list[str]:
+        """What costs names: files that cannot be read, and clashes."""
+        return [*self._found[1], *self.clashes.values()]
 
     def match(self, pattern: str) -> list[Entry]:
         """Entries whose name fits a shell pattern.
 
         Raises
         ------
-        UnknownNameError
-            None does.
+        UnknownNameError, RegistryError
+            None does; or one might, were it not for an unfit file or a clash.
         """
         found = [e for name, e in self.entries.items() if fnmatch.fnmatchcase(name, pattern)]
         if not found:
-            raise UnknownNameError("problem", pattern, self.entries)
+            raise self._unknown(pattern, fnmatch.filter(self.clashes, pattern))
         return found
 
     def find(self, name: str) -> Problem:
-        """The problem of that name, imported."""
+        """The problem of that name, imported. Raises as `match`."""
         if name not in self.entries:
-            raise UnknownNameError("problem", name, self.entries)
+            raise self._unknown(name, [name] if name in self.clashes else [])
         if name not in self._problems:
             self._problems[name] = Problem(self.entries[name])
         return self._problems[name]
+
+    def _unknown(self, name: str, clashing: list[str]) -> WorkbenchError:
+        if clashing:
+            return RegistryError("; ".join(self.clashes[one] for one in clashing))
+        unknown, wrong = UnknownNameError("problem", name, self.entries), self._found[1]
+        return RegistryError("; ".join([str(unknown), *wrong])) if wrong else unknown

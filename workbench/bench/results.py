@@ -27,7 +27,7 @@ from workbench.bench.problem import Problem
 from workbench.bench.project import registry, results_root
 from workbench.bench.question import plain
 from workbench.bench.store import CHECKSUMS, Store, damage
-from workbench.bench.untrusted import file_stem, own_file, read_json, read_text
+from workbench.bench.untrusted import file_stem, own_file, possible_path, read_json, read_text
 from workbench.certificate import Certificate
 from workbench.errors import ResultError
 from workbench.heavy_types import Dataset, Figure
@@ -172,7 +172,7 @@ class Run(Fed):
         ResultError
             The folder is a sealed results folder, or cannot be written.
         """
-        place = Path(folder)
+        place = possible_path(folder)
         if any(
             (above / CHECKSUMS).exists() for above in (place.absolute(), *place.absolute().parents)
         ):
@@ -226,7 +226,7 @@ def open_run(path: str | Path) -> Run:
     ResultError
         The folder is no results folder.
     """
-    path = Path(path)
+    path = possible_path(path)
     if not _exists(path / "run.json"):
         raise ResultError(f"{path} is no results folder: it has no run.json")
     return Run(path)

@@ -8,6 +8,7 @@ name before it is read.
 from __future__ import annotations
 
 import json
+import os
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -49,6 +50,17 @@ def file_stem(name: str) -> str:
     if _FILE.fullmatch(name):
         return name
     raise ResultError(f"{_short(name)} cannot be the name of a file")
+
+
+def possible_path(path: str | Path) -> Path:
+    """A path as a user names it. Raises ResultError for a text that no path can be."""
+    try:
+        os.lstat(path)
+    except ValueError as error:  # a NUL byte, half of a character
+        raise ResultError(f"{_short(str(path))} cannot be a path: {error}") from None
+    except OSError:  # whoever opens it will say more
+        pass
+    return Path(path)
 
 
 def own_file(file: Path) -> Path:

@@ -17,7 +17,7 @@ from workbench.bench.question import Question, plain
 from workbench.bench.results import Run, given, rebuilt
 from workbench.bench.run import Bench, Bound, environment
 from workbench.bench.store import CHECKSUMS, FAILED, Store, damage
-from workbench.bench.untrusted import read_json
+from workbench.bench.untrusted import possible_path, read_json
 from workbench.certificate import Certificate
 from workbench.errors import InputError, ResultError, WorkbenchError
 from workbench.program import Program, find_method
@@ -64,7 +64,7 @@ def verify_folder(path: Path, *, rerun: bool = False) -> Verification:
     ResultError
         The folder is no results folder.
     """
-    found: list[str] = damage(path)
+    found: list[str] = damage(possible_path(path))
     if not (path / "run.json").is_file():
         if not (path / CHECKSUMS).is_file():
             raise ResultError(f"{path} is no results folder: it has neither run.json nor checksums")
@@ -227,7 +227,7 @@ def finished_folders(path: Path) -> list[Path]:
     ResultError
         There is none.
     """
-    if (path / "run.json").is_file():
+    if (possible_path(path) / "run.json").is_file():
         return [path]
     folders = Store(path).folders()
     if not folders:

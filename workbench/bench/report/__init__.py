@@ -25,6 +25,7 @@ from workbench.bench.report.entries import entries, failed_runs
 from workbench.bench.report.looks import looks
 from workbench.bench.results import damaged
 from workbench.bench.store import CHECKSUMS
+from workbench.bench.untrusted import possible_path
 from workbench.errors import ResultError
 from workbench.executor import InProcess, Progress, silent
 
@@ -65,8 +66,8 @@ def report(
     ResultError
         The page cannot be written there, or a results folder cannot be read.
     """
-    root = Path(root) if root is not None else results_root()
-    target = Path(target) if target is not None else root / "index.html"
+    root = possible_path(root) if root is not None else results_root()
+    target = possible_path(target) if target is not None else root / "index.html"
     if any((folder / CHECKSUMS).exists() for folder in target.absolute().parents):
         raise ResultError(
             f"{target} would lie in a sealed results folder and break its checksums: "
