@@ -25,6 +25,8 @@ class Solution:
     certificate: Certificate | None
     seconds: Mapping[str, float] = field(default_factory=dict)
     trace: str = ""
+    note: str = ""
+    """What else there is to say, such as that the tolerance asked for makes no difference."""
 
     @property
     def outcome(self) -> Outcome:
@@ -62,11 +64,14 @@ def solve(
     if not isinstance(task, Task):
         raise InputError(f"a Program or a Study is needed, not {type(task).__name__}")
     optimal = task.claims_optimum(method)
+    asked = context.options.accuracy
+    note = task.unheeded(method, asked)
 
     trace = ""
     start = time.perf_counter()
     try:
-        answer, claim, message = task.respond(method, context)
+        with context.at(task.accuracy_range(method).served(asked)):
+            answer, claim, message = task.respond(method, context)
     except TimeLimitError as error:
         answer, claim, message = None, Outcome.TIME_LIMIT, str(error)
     except (KeyboardInterrupt, SystemExit, GeneratorExit):
@@ -81,16 +86,16 @@ def solve(
     stated = context.statement_seconds
     seconds = {"statement": stated, "solve": total - stated}
     if answer is None:
-        return Solution(None, claim, message, None, seconds, trace)
+        return Solution(None, claim, message, None, seconds, trace, note)
 
     start = time.perf_counter()
     optimal = optimal and claim is not Outcome.TIME_LIMIT
     try:
         answer = task.witnessed(answer)
-        certificate = task.certify(answer, context.options.accuracy, optimal=optimal)
+        certificate = task.certify(answer, task.judged(method, asked), optimal=optimal)
     except Exception as error:
         reason = f"the answer cannot be checked: {type(error).__name__}: {error}"
         message = f"{reason}; the method said: {message}" if message else reason
-        return Solution(None, claim, message, None, seconds, traceback.format_exc())
+        return Solution(None, claim, message, None, seconds, traceback.format_exc(), note)
     seconds["check"] = time.perf_counter() - start
-    return Solution(answer, claim, message, certificate, seconds)
+    return Solution(answer, claim, message, certificate, seconds, note=note)

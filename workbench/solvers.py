@@ -110,11 +110,15 @@ class Stopwatch(Protocol):
 
 @dataclass(frozen=True)
 class ConicSolver:
-    """A conic solver as CVXPY knows it, and how our options are told to it."""
+    """A conic solver as CVXPY knows it, and how our options are told to it.
+
+    Tolerances below ``finest`` are told to it as ``finest`` is.
+    """
 
     name: str
     module: str
     settings: Callable[[Options], dict[str, Any]]
+    finest: float = 0.0
 
     @property
     def installed(self) -> bool:
@@ -123,6 +127,10 @@ class ConicSolver:
 
 # Solvers stop on residuals of their own scaling, which the gap measured by a certificate exceeds
 # by some factor: each is asked for a share of the accuracy wanted that it was found to need.
+
+
+CVXOPT_FINEST = 3.4e-8
+"""Finest tolerance asked of CVXOPT, which ends without an answer at finer ones."""
 
 
 def _clarabel(options: Options) -> dict[str, Any]:
@@ -138,8 +146,7 @@ def _scs(options: Options) -> dict[str, Any]:
 
 
 def _cvxopt(options: Options) -> dict[str, Any]:
-    # Below 1e-8 CVXOPT ends without an answer; the certificate judges the one it gives there.
-    tolerance = max(0.3 * options.accuracy, 1e-8)
+    tolerance = 0.3 * max(options.accuracy, CVXOPT_FINEST)
     # The default KKT solver fails on control LMIs; this one is dense but right.
     return {"abstol": tolerance, "reltol": tolerance, "feastol": tolerance, "kktsolver": "ldl"}
 
@@ -147,7 +154,7 @@ def _cvxopt(options: Options) -> dict[str, Any]:
 _CONIC = (
     ConicSolver("clarabel", "clarabel", _clarabel),
     ConicSolver("scs", "scs", _scs),
-    ConicSolver("cvxopt", "cvxopt", _cvxopt),
+    ConicSolver("cvxopt", "cvxopt", _cvxopt, CVXOPT_FINEST),
 )
 
 

@@ -31,7 +31,7 @@ def print_json(value: Any) -> None:
 def verdict(one: Run) -> str:
     """The outcome of a run and its reason in one line."""
     said = "certificate holds" if one.holds else f"{one.outcome}: {_reason(one)}"
-    return said + (" (stored)" if one.reused else "")
+    return said + (" (stored)" if one.reused else "") + (f"; {one.note}" if one.note else "")
 
 
 def _reason(one: Run) -> str:
@@ -49,6 +49,7 @@ def row(one: Run) -> dict[str, Any]:
         "outcome": one.outcome,
         "holds": one.holds,
         "reused": one.reused,
+        "note": one.note,
         "metrics": one.metrics,
         "seconds": one.seconds,
         "path": str(one.path),

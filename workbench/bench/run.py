@@ -85,7 +85,8 @@ class Bench:
         code = bound.code
         stored = self._stored(question, code)
         if stored:  # without a lock, so that a read-only folder can be read
-            return stored
+            note = bound.task.unheeded(question.method, self.options.accuracy)
+            return replace(stored, note=note)
         with self.store.writing(question.problem, question.key) as writer:
             # While this process waited for the lock another may have answered.
             return self._stored(question, code) or self.answer(bound, question, code, writer)
@@ -109,7 +110,7 @@ class Bench:
         checkpoint = self._checkpoint(question, code, writer)
         context = Context(self.options, self.progress, self.watch, checkpoint)
         solution = solve(bound.task, question.method, context=context)
-        notes = went_on(solution, checkpoint)
+        notes = [solution.note] * bool(solution.note) + went_on(solution, checkpoint)
         if solution.certificate is not None and isinstance(bound.task, Study):
             solution = replace(solution, certificate=bound.inherit(solution.certificate))
 
@@ -193,7 +194,7 @@ class Bound:
                 for name, need in self.needs.items()
             },
             method,
-            asked(options),
+            asked(options, self.task.judged(method, options.accuracy)),
         )
 
     def _named_needs(self) -> Iterator[tuple[str, Run]]:

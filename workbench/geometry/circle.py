@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.arrays import EPS
 from workbench.errors import SolverError
 from workbench.executor import Context
@@ -106,13 +107,13 @@ def uncertified_answer(program: Cover, name: str, options: Options | None) -> An
     return answer
 
 
-@method(SmallestCircle, "exact", optimal=True)
+@method(SmallestCircle, "exact", optimal=True, accuracy=ANY_ACCURACY_ALIKE)
 def _exact(program: SmallestCircle, context: Context) -> Claim:
     """Exchange of support points; globally optimal, no tolerance."""
     return Circle(*exact_circle(program.points)), Outcome.SOLVED, ""
 
 
-@method(SmallestCircle, "thesis", optimal=False)
+@method(SmallestCircle, "thesis", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _thesis(program: SmallestCircle, context: Context) -> Claim:
     """The shrinking circle of the thesis, section 5.3.1, as printed."""
     circle = Circle(*thesis_circle(program.points))
