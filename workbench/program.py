@@ -136,6 +136,13 @@ class Task(ABC):
         held = "; only the gap is held to it" if self.claims_optimum(method) else ""
         return f"tolerance {tolerance:.2g} is not heeded: {accuracies.words}{held}"
 
+    def claim_task(self, claim: Outcome) -> Task | None:
+        """The task whose answer proves the claim that there is no solution, or no least value.
+
+        None where no such proof is known; then the claim counts for nothing.
+        """
+        return None
+
     def certify(self, answer: Any, tolerance: float, *, optimal: bool = False) -> Certificate:
         """Certificate of an answer; ``optimal`` when whoever gave it claims it is the best."""
         with np.errstate(all="ignore"):  # a wrong answer may make NaN of a check, which fails it

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 import traceback
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from workbench.certificate import Certificate
@@ -27,16 +27,25 @@ class Solution:
     trace: str = ""
     note: str = ""
     """What else there is to say, such as that the tolerance asked for makes no difference."""
+    proof: Task | None = None
+    """The task that answer and certificate belong to, where they prove a claim of no answer."""
 
     @property
     def outcome(self) -> Outcome:
         """Set by the certificate, whatever the method said.
 
         But a valid answer of a method that the clock stopped is no more than its best so far,
-        unless the gap shows that there is no better one.
+        unless the gap shows that there is no better one. The claim that there is no answer counts
+        for nothing without a proof.
         """
+        if self.proof is not None and self.certificate is not None:
+            if self.certificate.holds:
+                return self.claim
+            return Outcome.NONE_UP_TO_R if self.certificate.valid else Outcome.NO_CLAIM
         if self.certificate is None:
             claims_an_answer = self.claim in (Outcome.SOLVED, Outcome.INACCURATE)
+            if self.claim.without_answer:
+                return Outcome.NO_CLAIM
             return Outcome.FAILED if claims_an_answer else self.claim
         gap = self.certificate.gap
         best = gap is not None and gap.closed
@@ -86,7 +95,8 @@ def solve(
     stated = context.statement_seconds
     seconds = {"statement": stated, "solve": total - stated}
     if answer is None:
-        return Solution(None, claim, message, None, seconds, trace, note)
+        found = Solution(None, claim, message, None, seconds, trace, note)
+        return _with_proof(task, found, context) if claim.without_answer else found
 
     start = time.perf_counter()
     optimal = optimal and claim is not Outcome.TIME_LIMIT
@@ -99,3 +109,36 @@ def solve(
         return Solution(None, claim, message, None, seconds, traceback.format_exc(), note)
     seconds["check"] = time.perf_counter() - start
     return Solution(answer, claim, message, certificate, seconds, note=note)
+
+
+def proof_task(task: Task, claim: Outcome, outcome: Outcome) -> Task | None:
+    """The task that a stored answer belongs to if it proves a claim of no answer; else None."""
+    proofs = (claim, Outcome.NONE_UP_TO_R, Outcome.NO_CLAIM)
+    stored_proof = claim.without_answer and outcome in proofs
+    return task.claim_task(claim) if stored_proof else None
+
+
+def _with_proof(task: Task, found: Solution, context: Context) -> Solution:
+    """A claim that there is no answer, with what proves it, wherever that was found."""
+    start = time.perf_counter()
+    try:
+        proof = task.claim_task(found.claim)
+        if proof is None:
+            return found
+        evidence, _, said = proof.respond(None, context)
+        message = f"{found.message}; {said}" if found.message else said
+        if evidence is None:
+            return replace(found, message=message)
+        certificate = proof.certify(evidence, context.options.accuracy)
+    except Exception as error:
+        message = f"{found.message}; not proven: {type(error).__name__}: {error}"
+        return replace(found, message=message, trace=traceback.format_exc())
+    seconds = {**found.seconds, "check": time.perf_counter() - start}
+    return replace(
+        found,
+        answer=evidence,
+        message=message,
+        certificate=certificate,
+        seconds=seconds,
+        proof=proof,
+    )

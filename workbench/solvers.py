@@ -29,8 +29,20 @@ class Outcome(StrEnum):
     INACCURATE = "inaccurate"
     INFEASIBLE = "infeasible"
     UNBOUNDED = "unbounded"
+    NONE_UP_TO_R = "no solution up to R"
+    NO_CLAIM = "no claim"
     TIME_LIMIT = "time limit"
     FAILED = "failed"
+
+    @property
+    def proven(self) -> bool:
+        """The question is answered, and a certificate holds for the answer."""
+        return self in (Outcome.SOLVED, Outcome.INFEASIBLE, Outcome.UNBOUNDED)
+
+    @property
+    def without_answer(self) -> bool:
+        """The claim that a program has no answer: it is infeasible or unbounded."""
+        return self in (Outcome.INFEASIBLE, Outcome.UNBOUNDED)
 
     @property
     def advice(self) -> str:
@@ -44,6 +56,10 @@ _ADVICE = {
     "ask for a lower accuracy or try another method.",
     Outcome.INFEASIBLE: "No answer exists: relax a constraint or check the data.",
     Outcome.UNBOUNDED: "The objective has no limit: a constraint or a bound is missing.",
+    Outcome.NONE_UP_TO_R: "No solution is smaller than the stated R; whether there is a larger one "
+    "is not known: rescale the program, or relax a constraint.",
+    Outcome.NO_CLAIM: "The method says that there is no answer, which nothing proves: "
+    "try another method.",
     Outcome.TIME_LIMIT: "Stopped by the clock: raise the time limit or try a faster method.",
     Outcome.FAILED: "There is no valid answer: read the message, try another method.",
 }

@@ -73,10 +73,9 @@ class Bench:
 
     def _feed(self, need: Ref, problem: Problem, path: tuple[str, ...]) -> Run:
         run = self._run(need, path)
-        if not run.holds:
-            raise ResultError(
-                f"{problem.name} needs {need.name}, whose certificate does not hold: see {run.path}"
-            )
+        if not run.holds or run.outcome is not Outcome.SOLVED:
+            why = "certificate does not hold" if not run.holds else "certificate says: no answer"
+            raise ResultError(f"{problem.name} needs {need.name}, whose {why}: see {run.path}")
         return run
 
     def _run(self, asked_for: Ref, path: tuple[str, ...]) -> Run:
@@ -115,7 +114,7 @@ class Bench:
             solution = replace(solution, certificate=bound.inherit(solution.certificate))
 
         folder = writer.start()
-        data = _write_answer(folder, bound.task, solution)
+        data = _write_answer(folder, solution.proof or bound.task, solution)
         if data is not None:
             notes += compared(earlier, data, self.options)
         seconds = dict(solution.seconds) | {"total": time.perf_counter() - clock}
@@ -133,9 +132,9 @@ class Bench:
         text = log(info, solution, context.rows, notes)
         (folder / "log.txt").write_text(text, encoding="utf-8")
         write_crate(folder, info, bound.help)
-        solved = solution.outcome is Outcome.SOLVED
-        path = writer.publish(failed=not solved)
-        if solved:
+        proven = solution.outcome.proven
+        path = writer.publish(failed=not proven)
+        if proven:
             checkpoint.drop()
         return Run(path, note="; ".join(notes))
 
@@ -233,7 +232,7 @@ def _information(task: Task, question: Question, solution: Solution) -> dict[str
         **{name: getattr(question, name) for name in question.__dataclass_fields__},
         "key": question.key,
         "kind": "study" if isinstance(task, Study) else "program",
-        "headline": task.headline,
+        "headline": (solution.proof or task).headline,
         "claim": solution.claim,
         "outcome": solution.outcome,
         "message": solution.message,
