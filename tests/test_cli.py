@@ -127,7 +127,7 @@ def test_run_prints_the_certificate_and_the_folder(cli):
         ("boastful", 1, "FAILS (inaccurate)"),
         ("lying", 1, "FAILS  reach: 4 <= 1e-09"),
         ("raising", 1, "ArithmeticError: the sky fell"),
-        ("hopeless", 1, "FAILS (infeasible)"),
+        ("hopeless", 1, "FAILS (no claim)"),
     ],
 )
 def test_the_exit_status_is_the_certificates(cli, method, status, words):

@@ -179,7 +179,7 @@ def compare(
     as_json: bool,
 ) -> None:
     """Every problem that fits PATTERN by every method at every accuracy level."""
-    from workbench.bench.comparison import HEADS, rows, unfit
+    from workbench.bench.comparison import HEADS, alike, rows, unfit
     from workbench.executor import InProcess, Processes
 
     # Only a process can be killed when its solver does not listen.
@@ -203,6 +203,8 @@ def compare(
     print_table(HEADS, rows(done.data), right=3)
     for text in unfit(done.data):
         click.echo(f"  unfit: {text}")
+    for text in alike(done.data):
+        click.echo(f"  alike: {text}")
     click.echo(done.path)
     sys.exit(0 if every else 1)
 

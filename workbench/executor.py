@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Sized
 from concurrent.futures import Executor, Future, ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from multiprocessing.connection import Connection
 from typing import Any, TypeVar
@@ -222,6 +222,16 @@ class Context:
     def __post_init__(self) -> None:
         if not isinstance(self.options, Options):
             raise InputError(f"options must be Options(...), not {self.options!r}")
+
+    @contextmanager
+    def at(self, tolerance: float) -> Iterator[None]:
+        """Ask for another tolerance inside."""
+        asked = self.options
+        self.options = replace(asked, tolerance=tolerance)
+        try:
+            yield
+        finally:
+            self.options = asked
 
     @cached_property
     def rng(self) -> np.random.Generator:

@@ -19,6 +19,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from workbench.accuracy import DEFAULT_TOLERANCE, EVERY_ACCURACY, AccuracyRange
 from workbench.certificate import Certificate, Check, Gap, quantified
 from workbench.errors import InputError, RegistryError, UnknownNameError
 from workbench.executor import Context
@@ -37,6 +38,10 @@ class Task(ABC):
 
     headline: ClassVar[str] = ""
     """The metric that stands for the task in tables."""
+
+    checks_follow_accuracy: ClassVar[bool] = False
+    """Whether limits of `checks` depend on the tolerance. Otherwise they are absolute: the same at
+    every accuracy."""
 
     @property
     def quantifier(self) -> str:
@@ -111,6 +116,33 @@ class Task(ABC):
     def claims_optimum(self, method: str | None) -> bool:
         """Whether the method claims the best answer; raises as `find_method` for an unknown one."""
 
+    @abstractmethod
+    def accuracy_range(self, method: str | None) -> AccuracyRange:
+        """The tolerances that make a difference to the answer of a method."""
+
+    @abstractmethod
+    def judged(self, method: str | None, tolerance: float) -> float:
+        """The tolerance of the certificate, which stands in the question and so in its key."""
+
+    def unheeded(self, method: str | None, tolerance: float) -> str:
+        """A note to whoever asks for a tolerance that the method does not heed; empty if it does.
+
+        Nobody asks for the default tolerance.
+        """
+        accuracies = self.accuracy_range(method)
+        heeded = not accuracies.none and accuracies.served(tolerance) == tolerance
+        if heeded or tolerance == DEFAULT_TOLERANCE:
+            return ""
+        held = "; only the gap is held to it" if self.claims_optimum(method) else ""
+        return f"tolerance {tolerance:.2g} is not heeded: {accuracies.words}{held}"
+
+    def claim_task(self, claim: Outcome) -> Task | None:
+        """The task whose answer proves the claim that there is no solution, or no least value.
+
+        None where no such proof is known; then the claim counts for nothing.
+        """
+        return None
+
     def certify(self, answer: Any, tolerance: float, *, optimal: bool = False) -> Certificate:
         """Certificate of an answer; ``optimal`` when whoever gave it claims it is the best."""
         with np.errstate(all="ignore"):  # a wrong answer may make NaN of a check, which fails it
@@ -133,6 +165,12 @@ class Program(Task):
     def claims_optimum(self, method: str | None) -> bool:
         return find_method(self, method).optimal
 
+    def accuracy_range(self, method: str | None) -> AccuracyRange:
+        return find_method(self, method).accuracy
+
+    def judged(self, method: str | None, tolerance: float) -> float:
+        return find_method(self, method).judged(tolerance)
+
 
 # --- methods ----------------------------------------------------------------------------------
 
@@ -142,7 +180,7 @@ class Method:
     """Anything that answers a Program.
 
     ``optimal`` says that it claims the best answer; ``unfit`` returns the reason why it cannot
-    take a program, or None.
+    take a program, or None; ``accuracy`` holds the tolerances that make a difference to it.
     """
 
     name: str
@@ -150,6 +188,15 @@ class Method:
     optimal: bool
     unfit: Callable[[Any], str | None]
     help: str
+    accuracy: AccuracyRange = EVERY_ACCURACY
+
+    def judged(self, tolerance: float) -> float:
+        """The tolerance of the certificate.
+
+        It is the tolerance asked for where the method claims the best answer, since the gap must
+        close to it; else the one that the method serves.
+        """
+        return tolerance if self.optimal else self.accuracy.served(tolerance)
 
 
 _METHODS: dict[type[Program], dict[str, Method]] = {}
@@ -165,8 +212,11 @@ def method(
     *,
     optimal: bool,
     unfit: Callable[[Any], str | None] = _always_fit,
+    accuracy: AccuracyRange = EVERY_ACCURACY,
 ) -> Callable[[Callable[[Any, Context], Claim]], Callable[[Any, Context], Claim]]:
     """Register ``function(program, context)`` as a method; its docstring is the method's help.
+
+    Tolerances outside ``accuracy`` must make no difference to it: they never reach it.
 
     A subclass may have a method of its own under a name of its base class. A function that is
     defined again (its file imported anew, its notebook cell run again) takes its former place.
@@ -186,7 +236,7 @@ def method(
                 f"{_source(registered[name].answer)} and {_source(function)}; give one of them "
                 "another name"
             )
-        registered[name] = Method(name, function, optimal, unfit, text)
+        registered[name] = Method(name, function, optimal, unfit, text, accuracy)
         return function
 
     return register
@@ -219,10 +269,12 @@ def conic_method(
     *,
     optimal: bool = True,
     unfit: Callable[[Any], str | None] = _always_fit,
+    accuracy: AccuracyRange = EVERY_ACCURACY,
 ) -> Callable[..., Any]:
     """Register ``function(program, context, solver)`` once for every installed conic solver.
 
-    ``optimal`` is false where what is convex is only a part of the program.
+    ``optimal`` is false where what is convex is only a part of the program. No method is more
+    accurate than its solver.
     """
 
     def register(
@@ -234,7 +286,10 @@ def conic_method(
             def with_solver(program: Any, context: Context, solver: ConicSolver = solver) -> Claim:
                 return function(program, context, solver)
 
-            method(program, solver.name, optimal=optimal, unfit=unfit)(with_solver)
+            limited = accuracy.joined(solver.finest)
+            method(program, solver.name, optimal=optimal, unfit=unfit, accuracy=limited)(
+                with_solver
+            )
         return function
 
     return register

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 import traceback
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from workbench.certificate import Certificate
@@ -25,16 +25,27 @@ class Solution:
     certificate: Certificate | None
     seconds: Mapping[str, float] = field(default_factory=dict)
     trace: str = ""
+    note: str = ""
+    """What else there is to say, such as that the tolerance asked for makes no difference."""
+    proof: Task | None = None
+    """The task that answer and certificate belong to, where they prove a claim of no answer."""
 
     @property
     def outcome(self) -> Outcome:
         """Set by the certificate, whatever the method said.
 
         But a valid answer of a method that the clock stopped is no more than its best so far,
-        unless the gap shows that there is no better one.
+        unless the gap shows that there is no better one. The claim that there is no answer counts
+        for nothing without a proof.
         """
+        if self.proof is not None and self.certificate is not None:
+            if self.certificate.holds:
+                return self.claim
+            return Outcome.NONE_UP_TO_R if self.certificate.valid else Outcome.NO_CLAIM
         if self.certificate is None:
             claims_an_answer = self.claim in (Outcome.SOLVED, Outcome.INACCURATE)
+            if self.claim.without_answer:
+                return Outcome.NO_CLAIM
             return Outcome.FAILED if claims_an_answer else self.claim
         gap = self.certificate.gap
         best = gap is not None and gap.closed
@@ -62,11 +73,14 @@ def solve(
     if not isinstance(task, Task):
         raise InputError(f"a Program or a Study is needed, not {type(task).__name__}")
     optimal = task.claims_optimum(method)
+    asked = context.options.accuracy
+    note = task.unheeded(method, asked)
 
     trace = ""
     start = time.perf_counter()
     try:
-        answer, claim, message = task.respond(method, context)
+        with context.at(task.accuracy_range(method).served(asked)):
+            answer, claim, message = task.respond(method, context)
     except TimeLimitError as error:
         answer, claim, message = None, Outcome.TIME_LIMIT, str(error)
     except (KeyboardInterrupt, SystemExit, GeneratorExit):
@@ -81,16 +95,50 @@ def solve(
     stated = context.statement_seconds
     seconds = {"statement": stated, "solve": total - stated}
     if answer is None:
-        return Solution(None, claim, message, None, seconds, trace)
+        found = Solution(None, claim, message, None, seconds, trace, note)
+        return _with_proof(task, found, context) if claim.without_answer else found
 
     start = time.perf_counter()
     optimal = optimal and claim is not Outcome.TIME_LIMIT
     try:
         answer = task.witnessed(answer)
-        certificate = task.certify(answer, context.options.accuracy, optimal=optimal)
+        certificate = task.certify(answer, task.judged(method, asked), optimal=optimal)
     except Exception as error:
         reason = f"the answer cannot be checked: {type(error).__name__}: {error}"
         message = f"{reason}; the method said: {message}" if message else reason
-        return Solution(None, claim, message, None, seconds, traceback.format_exc())
+        return Solution(None, claim, message, None, seconds, traceback.format_exc(), note)
     seconds["check"] = time.perf_counter() - start
-    return Solution(answer, claim, message, certificate, seconds)
+    return Solution(answer, claim, message, certificate, seconds, note=note)
+
+
+def proof_task(task: Task, claim: Outcome, outcome: Outcome) -> Task | None:
+    """The task that a stored answer belongs to if it proves a claim of no answer; else None."""
+    proofs = (claim, Outcome.NONE_UP_TO_R, Outcome.NO_CLAIM)
+    stored_proof = claim.without_answer and outcome in proofs
+    return task.claim_task(claim) if stored_proof else None
+
+
+def _with_proof(task: Task, found: Solution, context: Context) -> Solution:
+    """A claim that there is no answer, with what proves it, wherever that was found."""
+    start = time.perf_counter()
+    try:
+        proof = task.claim_task(found.claim)
+        if proof is None:
+            return found
+        evidence, _, said = proof.respond(None, context)
+        message = f"{found.message}; {said}" if found.message else said
+        if evidence is None:
+            return replace(found, message=message)
+        certificate = proof.certify(evidence, context.options.accuracy)
+    except Exception as error:
+        message = f"{found.message}; not proven: {type(error).__name__}: {error}"
+        return replace(found, message=message, trace=traceback.format_exc())
+    seconds = {**found.seconds, "check": time.perf_counter() - start}
+    return replace(
+        found,
+        answer=evidence,
+        message=message,
+        certificate=certificate,
+        seconds=seconds,
+        proof=proof,
+    )

@@ -29,8 +29,20 @@ class Outcome(StrEnum):
     INACCURATE = "inaccurate"
     INFEASIBLE = "infeasible"
     UNBOUNDED = "unbounded"
+    NONE_UP_TO_R = "no solution up to R"
+    NO_CLAIM = "no claim"
     TIME_LIMIT = "time limit"
     FAILED = "failed"
+
+    @property
+    def proven(self) -> bool:
+        """The question is answered, and a certificate holds for the answer."""
+        return self in (Outcome.SOLVED, Outcome.INFEASIBLE, Outcome.UNBOUNDED)
+
+    @property
+    def without_answer(self) -> bool:
+        """The claim that a program has no answer: it is infeasible or unbounded."""
+        return self in (Outcome.INFEASIBLE, Outcome.UNBOUNDED)
 
     @property
     def advice(self) -> str:
@@ -44,6 +56,10 @@ _ADVICE = {
     "ask for a lower accuracy or try another method.",
     Outcome.INFEASIBLE: "No answer exists: relax a constraint or check the data.",
     Outcome.UNBOUNDED: "The objective has no limit: a constraint or a bound is missing.",
+    Outcome.NONE_UP_TO_R: "No solution is smaller than the stated R; whether there is a larger one "
+    "is not known: rescale the program, or relax a constraint.",
+    Outcome.NO_CLAIM: "The method says that there is no answer, which nothing proves: "
+    "try another method.",
     Outcome.TIME_LIMIT: "Stopped by the clock: raise the time limit or try a faster method.",
     Outcome.FAILED: "There is no valid answer: read the message, try another method.",
 }
@@ -110,11 +126,15 @@ class Stopwatch(Protocol):
 
 @dataclass(frozen=True)
 class ConicSolver:
-    """A conic solver as CVXPY knows it, and how our options are told to it."""
+    """A conic solver as CVXPY knows it, and how our options are told to it.
+
+    Tolerances below ``finest`` are told to it as ``finest`` is.
+    """
 
     name: str
     module: str
     settings: Callable[[Options], dict[str, Any]]
+    finest: float = 0.0
 
     @property
     def installed(self) -> bool:
@@ -123,6 +143,10 @@ class ConicSolver:
 
 # Solvers stop on residuals of their own scaling, which the gap measured by a certificate exceeds
 # by some factor: each is asked for a share of the accuracy wanted that it was found to need.
+
+
+CVXOPT_FINEST = 3.4e-8
+"""Finest tolerance asked of CVXOPT, which ends without an answer at finer ones."""
 
 
 def _clarabel(options: Options) -> dict[str, Any]:
@@ -138,8 +162,7 @@ def _scs(options: Options) -> dict[str, Any]:
 
 
 def _cvxopt(options: Options) -> dict[str, Any]:
-    # Below 1e-8 CVXOPT ends without an answer; the certificate judges the one it gives there.
-    tolerance = max(0.3 * options.accuracy, 1e-8)
+    tolerance = 0.3 * max(options.accuracy, CVXOPT_FINEST)
     # The default KKT solver fails on control LMIs; this one is dense but right.
     return {"abstol": tolerance, "reltol": tolerance, "feastol": tolerance, "kktsolver": "ldl"}
 
@@ -147,7 +170,7 @@ def _cvxopt(options: Options) -> dict[str, Any]:
 _CONIC = (
     ConicSolver("clarabel", "clarabel", _clarabel),
     ConicSolver("scs", "scs", _scs),
-    ConicSolver("cvxopt", "cvxopt", _cvxopt),
+    ConicSolver("cvxopt", "cvxopt", _cvxopt, CVXOPT_FINEST),
 )
 
 

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from workbench.solvers import Outcome
+
 if TYPE_CHECKING:
     from rich.table import Table
 
@@ -30,12 +32,13 @@ def print_json(value: Any) -> None:
 
 def verdict(one: Run) -> str:
     """The outcome of a run and its reason in one line."""
-    said = "certificate holds" if one.holds else f"{one.outcome}: {_reason(one)}"
-    return said + (" (stored)" if one.reused else "")
+    said = f"certificate {_word(one)}" if one.holds else f"{one.outcome}: {_reason(one)}"
+    return said + (" (stored)" if one.reused else "") + (f"; {one.note}" if one.note else "")
 
 
 def _reason(one: Run) -> str:
-    if one.certificate is None or not one.certificate.failures:
+    unproven = Outcome(one.info["claim"]).without_answer
+    if one.certificate is None or not one.certificate.failures or unproven:
         return str(one.info["message"])
     return "; ".join(one.certificate.failures)
 
@@ -49,6 +52,7 @@ def row(one: Run) -> dict[str, Any]:
         "outcome": one.outcome,
         "holds": one.holds,
         "reused": one.reused,
+        "note": one.note,
         "metrics": one.metrics,
         "seconds": one.seconds,
         "path": str(one.path),
@@ -75,7 +79,7 @@ def print_runs(runs: Sequence[Run]) -> None:
 
 def _word(one: Run) -> str:
     if one.holds:
-        return "holds"
+        return "holds" if one.outcome is Outcome.SOLVED else f"holds ({one.outcome})"
     return f"best so far ({one.outcome})" if one.best_so_far else f"FAILS ({one.outcome})"
 
 
@@ -95,9 +99,9 @@ def print_details(one: Run) -> None:
         if gap is not None:
             wanted = f" <= {gap.tolerance:.3g}" if gap.required else ""
             click.echo(f"  optimality gap {gap.value:.3g}{wanted}")
-    if one.certificate is None or one.best_so_far:
+    if one.certificate is None or one.outcome is not Outcome.SOLVED:
         click.echo(f"  {one.info['message']}")
-    if not one.holds:
+    if one.outcome is not Outcome.SOLVED:
         click.echo(f"  {one.outcome.advice}")
     if one.reused:
         click.echo("  found among the results; --fresh computes it anew")

@@ -48,8 +48,8 @@ CELLS = {  # outcome, claim, success, correctness
     "boastful": ("inaccurate", "solved", False, False),
     "lying": ("failed", "solved", False, False),
     "modest": ("solved", "inaccurate", True, False),
-    "hopeless": ("infeasible", "infeasible", False, True),
-    "raising": ("failed", "failed", False, True),
+    "hopeless": ("no claim", "infeasible", False, False),
+    "raising": ("failed", "failed", False, False),
     "garbage": ("failed", "solved", False, False),
 }
 
@@ -154,6 +154,7 @@ def test_a_hanging_method_is_killed_and_its_cell_says_so(one):
         run = one("hanging", "exact", executor=executor)
     assert cell(run, "hanging") == "time limit"
     assert "limit of 2 s" in cell(run, "hanging", "message")
+    assert not cell(run, "hanging", "correct")
     assert cell(run, "exact") == "solved"
     assert time.perf_counter() - start < 20
 
@@ -161,7 +162,7 @@ def test_a_hanging_method_is_killed_and_its_cell_says_so(one):
 def test_a_method_that_heeds_the_clock_is_out_of_time_in_process(one):
     run = one("exact", "patient", time_limit=0.05)
     assert cell(run, "patient") == cell(run, "patient", "claim") == "time limit"
-    assert cell(run, "patient", "correct")
+    assert not cell(run, "patient", "correct")  # it claims nothing of the problem
 
 
 @pytest.mark.parametrize("name", ["processes", pytest.param("pool", marks=pytest.mark.slow)])
@@ -171,6 +172,7 @@ def test_a_worker_that_dies_is_a_failed_cell(one, name):
     assert cell(run, "exact") == "solved"
     assert cell(run, "dying") == "failed"
     assert cell(run, "dying", "message")
+    assert not cell(run, "dying", "correct")
 
 
 def test_a_relative_results_folder_reaches_the_workers(project, monkeypatch):

@@ -44,7 +44,7 @@ def test_a_run_is_certified_and_stored(project):
         ("nan", Outcome.FAILED, True),
         ("raising", Outcome.FAILED, False),
         ("garbage", Outcome.FAILED, False),
-        ("hopeless", Outcome.INFEASIBLE, False),
+        ("hopeless", Outcome.NO_CLAIM, False),
     ],
 )
 def test_only_a_certificate_that_holds_makes_a_result(project, method, outcome, certified):

@@ -5,6 +5,7 @@ import pytest
 import xarray as xr
 from lanes import thinned
 
+from workbench.conic import ConicProgram
 from workbench.errors import InputError, SolverError
 from workbench.geometry import (
     NarrowestStadium,
@@ -13,7 +14,7 @@ from workbench.geometry import (
     narrowest_stadium,
     smallest_circle,
 )
-from workbench.program import methods
+from workbench.program import method, methods
 from workbench.solution import solve
 from workbench.solvers import Options, Outcome, conic_solvers
 
@@ -145,3 +146,31 @@ def test_batches(level):
     single = smallest_circle(points[0, 1], "clarabel", Options(level))
     assert single.radius.shape == ()
     assert single.radius == pytest.approx(solution.answer.radius[0, 1], rel=1e-9)
+
+
+def test_the_data_of_the_conic_program_are_those_of_the_circle():
+    points = np.random.default_rng(4).normal(size=(3, 9, 2)) @ [1.0, 1j] + 2.0
+    program = SmallestCircle(points)
+    by_data = solve(ConicProgram(program.conic_form()))
+    assert by_data.outcome is Outcome.SOLVED
+    found = by_data.answer["x"].values.reshape(3, 3)
+    exact = solve(program, "exact").answer
+    np.testing.assert_allclose(found[:, 2], exact.radius, rtol=1e-6)
+    np.testing.assert_allclose(found[:, :2] @ [1.0, 1j], exact.center, atol=1e-3)
+
+
+@pytest.mark.parametrize("claim", [Outcome.INFEASIBLE, Outcome.UNBOUNDED])
+def test_no_claim_that_a_circle_does_not_exist_is_proven(claim):
+    points = np.random.default_rng(5).normal(size=(6, 2)) @ [1.0, 1j] + 20.0
+
+    class Denied(SmallestCircle):
+        pass
+
+    @method(Denied, "denial", optimal=True)
+    def denial(program, context):
+        return None, claim, "none"
+
+    solution = solve(Denied(points), "denial")
+    assert solution.outcome in (Outcome.NO_CLAIM, Outcome.NONE_UP_TO_R)
+    if solution.proof is not None and solution.certificate is not None:
+        assert solution.proof.metrics(solution.answer)["radius"] <= abs(points).max()

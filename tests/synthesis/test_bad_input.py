@@ -295,7 +295,7 @@ def test_an_unstable_pole_that_a_weight_cancels_is_named():
 
 def test_infeasible_and_idle_levels_of_loop_shaping():
     below = solve(LoopShaping(G, gamma=0.9))
-    assert below.outcome is Outcome.INFEASIBLE
+    assert below.claim is Outcome.INFEASIBLE
     assert "0.9" in below.message
     assert solve(LoopShaping(G, gamma=1e308)).certificate.holds
 

@@ -91,7 +91,7 @@ def test_a_claim_beyond_the_largest_margin_fails():
 
 
 def test_a_level_that_cannot_be_had():
-    assert solve(LoopShaping(1 / s, gamma=1.4)).outcome is Outcome.INFEASIBLE
+    assert solve(LoopShaping(1 / s, gamma=1.4)).claim is Outcome.INFEASIBLE
     assert solve(LoopShaping(1 / s, gamma=1.5)).certificate.holds
 
 

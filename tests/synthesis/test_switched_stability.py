@@ -113,7 +113,8 @@ def test_no_dwell_within_the_limit():
     program = SwitchedStability((Mode("in", [[0.99]], None), Mode("out", [[2.0]], 1, 9)), limit=20)
     solution = wb.solve(program)
     assert solution.answer is None
-    assert solution.outcome is wb.Outcome.INFEASIBLE
+    assert solution.claim is wb.Outcome.INFEASIBLE
+    assert solution.outcome is wb.Outcome.NO_CLAIM
 
 
 def test_with_a_rate_the_dwell_holds_for_all_of_the_hull():

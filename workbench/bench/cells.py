@@ -36,13 +36,17 @@ class Cell:
 
     @property
     def success(self) -> bool:
-        """The certificate holds."""
-        return self.outcome == Outcome.SOLVED
+        """The certificate holds, of an answer or of there being none."""
+        return Outcome(self.outcome).proven if self.outcome != UNFIT else False
 
     @property
     def correct(self) -> bool:
-        """The method's claim agrees with the certificate."""
-        return (self.claim == Outcome.SOLVED) == self.success
+        """The method's claim is what its certificate proves, be it the best answer or not.
+
+        What claims nothing, or dies, is not correct; nor is a claim that nothing proves.
+        """
+        certified = self.success or self.outcome == Outcome.INACCURATE
+        return certified and self.claim == self.outcome
 
 
 def run_cell(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
@@ -20,6 +21,7 @@ from workbench.bench.run import Bound, default_bench
 from workbench.errors import InputError, UnknownNameError
 from workbench.executor import WALL_TIME, Context, InProcess, Progress, silent
 from workbench.heavy_types import Dataset
+from workbench.program import Program, methods
 from workbench.solvers import ACCURACY, Options
 
 
@@ -39,21 +41,30 @@ class Cells:
 
         shape = (len(self.problems), len(self.methods), len(self.accuracies))
         options = context.options
-        futures = [
-            self.executor.submit(
-                run_cell,
+        asked = [
+            (
                 self.problems[i],
                 self.methods[j],
-                self.parameters,
-                Options(self.accuracies[k], options.time_limit, seed=options.seed),
-                added_problems(),
-                self.results,
+                judged(self.problems[i], self.methods[j], ACCURACY[self.accuracies[k]]),
             )
             for i, j, k in np.ndindex(*shape)
         ]
+        futures = {
+            (name, method, tolerance): self.executor.submit(
+                run_cell,
+                name,
+                method,
+                self.parameters,
+                Options(tolerance, options.time_limit, seed=options.seed),
+                added_problems(),
+                self.results,
+            )
+            for name, method, tolerance in dict.fromkeys(asked)
+        }
         # The time limit is each cell's, not the comparison's.
         watched = Context(Options(), context.progress)
-        cells = [result_of(future) for future in watched.track(futures, "cells")]
+        done = {one: result_of(futures[one]) for one in watched.track(list(futures), "cells")}
+        cells = [done[one] for one in asked]
         dims = ("problem", METHOD, "accuracy")
 
         def table(values: list[Any], dtype: Any = float) -> tuple[Any, ...]:
@@ -66,6 +77,7 @@ class Cells:
                     {"units": "s"} | WALL_TIME,
                 ),
                 "solve": (*table([cell.solve for cell in cells]), {"units": "s"} | WALL_TIME),
+                "served": table([tolerance for _, _, tolerance in asked]),
                 "gap": (*table([cell.gap for cell in cells]), {"units": "1"}),
                 "success": table([cell.success for cell in cells], "int8"),
                 "correct": table([cell.correct for cell in cells], "int8"),
@@ -80,6 +92,16 @@ class Cells:
                 "tolerance": ("accuracy", [ACCURACY[name] for name in self.accuracies]),
             },
         )
+
+
+def judged(problem: str, name: str, tolerance: float) -> float:
+    """The tolerance that a method's answer to a problem is judged by (`Method.judged`).
+
+    It is the one asked for where the problem does not tell its Program without its data.
+    """
+    kind = registry().find(problem).hint("return")
+    known = methods(kind) if inspect.isclass(kind) and issubclass(kind, Program) else {}
+    return known[name].judged(tolerance) if name in known else tolerance
 
 
 def run_comparison(

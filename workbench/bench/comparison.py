@@ -67,7 +67,8 @@ class Comparison(Study):
 
     def tables(self, answer: Dataset) -> dict[str, str]:
         reasons = "".join(f"\nUnfit: {text}\n" for text in unfit(answer))
-        return {"comparison": markdown(HEADS, rows(answer)) + reasons}
+        same = "".join(f"\nAlike: {text}\n" for text in alike(answer))
+        return {"comparison": markdown(HEADS, rows(answer)) + reasons + same}
 
     def figures(self, answer: Dataset) -> dict[str, Figure]:
         return {"accuracy-against-time": accuracy_against_time(answer)}
@@ -103,6 +104,21 @@ def unfit(data: Dataset) -> list[str]:
             pair = f"{data['problem'].values[i]} by {data[METHOD].values[j]}"
             found[pair] = f"{pair}: {data['message'].values[i, j, k]}"
     return list(found.values())
+
+
+def alike(data: Dataset) -> list[str]:
+    """The methods that one computation answers for several levels, a sentence each."""
+    if "served" not in data:  # made before methods said so
+        return []
+    found = []
+    for i, j in np.ndindex(*data["outcome"].shape[:2]):
+        levels, served = data["accuracy"].values, data["served"].values[i, j]
+        for tolerance in dict.fromkeys(served.tolist()):
+            same = levels[served == tolerance]
+            if len(same) > 1 and (data["outcome"].values[i, j] != UNFIT).all():
+                pair = f"{data['problem'].values[i]} by {data[METHOD].values[j]}"
+                found.append(f"{pair}: one computation for {', '.join(same)}")
+    return found
 
 
 def accuracy_against_time(data: Dataset) -> Figure:

@@ -51,7 +51,8 @@ def describe(problem: Problem) -> Description:
         for name, entry in methods(kind).items():
             claim = " [claims the optimum]" if entry.optimal else ""
             default = " (default)" if name == kind.default_method else ""
-            listed[name] = f"{entry.help}{claim}{default}"
+            words = f" [{entry.accuracy.words}]" if entry.accuracy.words else ""
+            listed[name] = f"{entry.help}{claim}{words}{default}"
     return Description(
         problem.name,
         _source(problem.entry),

@@ -43,10 +43,14 @@ class Question:
         return replace(self, options={**self.options, "time_limit": None})
 
 
-def asked(options: Options) -> dict[str, Any]:
-    """The options that may change an answer."""
+def asked(options: Options, judged: float | None = None) -> dict[str, Any]:
+    """The options that may change an answer.
+
+    The tolerance is that of the certificate (`Task.judged`) where there is one: a tolerance that a
+    method does not heed changes no answer, so it asks the same question.
+    """
     return {
-        "tolerance": options.accuracy,
+        "tolerance": options.accuracy if judged is None else judged,
         "time_limit": options.time_limit,
         "seed": options.seed,
     }

@@ -32,6 +32,7 @@ from workbench.certificate import Certificate
 from workbench.errors import ResultError
 from workbench.heavy_types import Dataset, Figure
 from workbench.program import Task
+from workbench.solution import proof_task
 from workbench.solvers import Outcome
 
 COMPARISON = "compare"
@@ -137,18 +138,26 @@ class Run(Fed):
 
     @cached_property
     def answer(self) -> Any:
-        """The answer, read back from the arrays: what the task's methods returned."""
-        return self.task.from_dataset(self.data)
+        """The answer, read back from the arrays: what the task's methods returned.
+
+        Where there is none, it is what proves that.
+        """
+        return self.answered.from_dataset(self.data)
+
+    @property
+    def answered(self) -> Task:
+        """The task that the answer belongs to: its own, or a claim of no answer that it proves."""
+        return proof_task(self.task, Outcome(self.info["claim"]), self.outcome) or self.task
 
     @property
     def figures(self) -> dict[str, Figure]:
         """Figures by name, drawn from the arrays; the first is the one that people look at."""
-        return {} if self.certificate is None else self.task.figures(self.answer)
+        return {} if self.certificate is None else self.answered.figures(self.answer)
 
     @property
     def tables(self) -> dict[str, str]:
         """Tables in Markdown by name, made from the arrays."""
-        return {} if self.certificate is None else self.task.tables(self.answer)
+        return {} if self.certificate is None else self.answered.tables(self.answer)
 
     @property
     def log(self) -> str:

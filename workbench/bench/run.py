@@ -74,10 +74,9 @@ class Bench:
 
     def _feed(self, need: Ref, problem: Problem, path: tuple[str, ...]) -> Run:
         run = self._run(need, path)
-        if not run.holds:
-            raise ResultError(
-                f"{problem.name} needs {need.name}, whose certificate does not hold: see {run.path}"
-            )
+        if not run.holds or run.outcome is not Outcome.SOLVED:
+            why = "certificate does not hold" if not run.holds else "certificate says: no answer"
+            raise ResultError(f"{problem.name} needs {need.name}, whose {why}: see {run.path}")
         return run
 
     def _run(self, asked_for: Ref, path: tuple[str, ...]) -> Run:
@@ -86,7 +85,8 @@ class Bench:
         code = bound.code
         stored = self._stored(question, code)
         if stored:  # without a lock, so that a read-only folder can be read
-            return stored
+            note = bound.task.unheeded(question.method, self.options.accuracy)
+            return replace(stored, note=note)
         with self.store.writing(question.problem, question.key) as writer:
             # While this process waited for the lock another may have answered.
             return self._stored(question, code) or self.answer(bound, question, code, writer)
@@ -110,12 +110,12 @@ class Bench:
         checkpoint = self._checkpoint(question, code, writer)
         context = Context(self.options, self.progress, self.watch, checkpoint)
         solution = solve(bound.task, question.method, context=context)
-        notes = went_on(solution, checkpoint)
+        notes = [solution.note] * bool(solution.note) + went_on(solution, checkpoint)
         if solution.certificate is not None and isinstance(bound.task, Study):
             solution = replace(solution, certificate=bound.inherit(solution.certificate))
 
         folder = writer.start()
-        data = _write_answer(folder, bound.task, solution)
+        data = _write_answer(folder, solution.proof or bound.task, solution)
         if data is not None:
             notes += compared(earlier, data, self.options)
         seconds = dict(solution.seconds) | {"total": time.perf_counter() - clock}
@@ -133,9 +133,9 @@ class Bench:
         text = log(info, solution, context.rows, notes)
         (folder / "log.txt").write_text(text, encoding="utf-8")
         write_crate(folder, info, bound.help)
-        solved = solution.outcome is Outcome.SOLVED
-        path = writer.publish(failed=not solved)
-        if solved:
+        proven = solution.outcome.proven
+        path = writer.publish(failed=not proven)
+        if proven:
             checkpoint.drop()
         return Run(path, note="; ".join(notes))
 
@@ -194,7 +194,7 @@ class Bound:
                 for name, need in self.needs.items()
             },
             method,
-            asked(options),
+            asked(options, self.task.judged(method, options.accuracy)),
         )
 
     def _named_needs(self) -> Iterator[tuple[str, Run]]:
@@ -233,7 +233,7 @@ def _information(task: Task, question: Question, solution: Solution) -> dict[str
         **{name: getattr(question, name) for name in question.__dataclass_fields__},
         "key": question.key,
         "kind": "study" if isinstance(task, Study) else "program",
-        "headline": task.headline,
+        "headline": (solution.proof or task).headline,
         "claim": solution.claim,
         "outcome": solution.outcome,
         "message": solution.message,

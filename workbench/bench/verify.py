@@ -21,7 +21,7 @@ from workbench.bench.untrusted import possible_path, read_json
 from workbench.certificate import Certificate
 from workbench.errors import InputError, ResultError, WorkbenchError
 from workbench.program import Program, find_method
-from workbench.solution import Solution
+from workbench.solution import Solution, proof_task
 from workbench.solvers import Options, Outcome
 from workbench.study import Study
 
@@ -125,21 +125,22 @@ def _recheck(run: Run, bound: Bound) -> tuple[Certificate | None, list[str]]:
     """The certificate from the stored arrays, and where stored files disagree with them."""
     if not (run.path / "data.nc").exists():
         return None, ["data.nc is missing: there is no answer to check"]
-    task = bound.task
+    claim = Outcome(run.info["claim"])
+    proof = proof_task(bound.task, claim, run.outcome)
+    task = proof or bound.task
     try:
         answer = task.from_dataset(run.data)
         rebuilt = task.to_dataset(answer)
     except (KeyError, ValueError, InputError) as error:
         return None, [f"data.nc holds no answer to the question: {error}"]
     wrong = [f"data.nc: {text}" for text in netcdf.differences(run.data, rebuilt, SAME_NUMBER)]
-    claim = Outcome(run.info["claim"])
     optimal = isinstance(task, Program) and find_method(task, run.method).optimal
     optimal = optimal and claim is not Outcome.TIME_LIMIT
     certificate = task.certify(answer, float(run.info["options"]["tolerance"]), optimal=optimal)
     if isinstance(task, Study):
         certificate = bound.inherit(certificate)
     wrong += [f"certificate: {text}" for text in certificate.failures]
-    outcome = Solution(answer, claim, "", certificate).outcome
+    outcome = Solution(answer, claim, "", certificate, proof=proof).outcome
     if run.info["outcome"] != outcome:
         wrong.append(f"run.json says {run.info['outcome']!r}, the certificate {str(outcome)!r}")
     stored, fresh = read_json(run.path / "certificate.json"), plain(certificate.to_json())

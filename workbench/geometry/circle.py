@@ -8,7 +8,9 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.arrays import EPS
+from workbench.conic import ConeFactor, ConeKind, ConicallyStated, ConicForm
 from workbench.errors import SolverError
 from workbench.executor import Context
 from workbench.geometry.bounds import circle_radius_bound
@@ -39,7 +41,7 @@ class Circle:
 
 
 @dataclass(frozen=True, eq=False)
-class SmallestCircle(Cover):
+class SmallestCircle(Cover, ConicallyStated):
     """The circle of least radius that contains every point of a set.
 
     The optimum is unique. It is certified by containment and, for its radius, by weak duality:
@@ -56,6 +58,20 @@ class SmallestCircle(Cover):
         bound = circle_radius_bound(self.points, answer.center)
         value = float(np.max(relative(radius - bound - 8 * EPS * self.reach, radius), initial=0.0))
         return "radius above its bound from the dual of the support points, relative", value
+
+    def conic_form(self) -> ConicForm:
+        """The least sum of radii with (radius, p - centre) in a second-order cone for each point.
+
+        The variables are the centre's two coordinates and the radius of each set in turn.
+        """
+        from scipy.sparse import block_diag
+
+        sets = self.points.reshape(-1, self.points.shape[-1]).astype(complex)
+        one = np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+        A = block_diag([np.tile(one, (sets.shape[1], 1))] * len(sets), format="csr")
+        b = np.stack([np.zeros(sets.shape), sets.real, sets.imag], axis=-1).ravel()
+        cone = ConeFactor(ConeKind.SECOND_ORDER, 3)
+        return ConicForm(np.tile([0.0, 0.0, 1.0], len(sets)), A, b, (cone,) * sets.size)
 
     def from_dataset(self, data: Dataset) -> Circle:
         return Circle(data["center"].values, data["radius"].values)
@@ -106,13 +122,13 @@ def uncertified_answer(program: Cover, name: str, options: Options | None) -> An
     return answer
 
 
-@method(SmallestCircle, "exact", optimal=True)
+@method(SmallestCircle, "exact", optimal=True, accuracy=ANY_ACCURACY_ALIKE)
 def _exact(program: SmallestCircle, context: Context) -> Claim:
     """Exchange of support points; globally optimal, no tolerance."""
     return Circle(*exact_circle(program.points)), Outcome.SOLVED, ""
 
 
-@method(SmallestCircle, "thesis", optimal=False)
+@method(SmallestCircle, "thesis", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _thesis(program: SmallestCircle, context: Context) -> Claim:
     """The shrinking circle of the thesis, section 5.3.1, as printed."""
     circle = Circle(*thesis_circle(program.points))

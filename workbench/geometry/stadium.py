@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.arrays import EPS
 from workbench.certificate import Check, worst
 from workbench.errors import InputError
@@ -215,14 +216,14 @@ def narrowest_stadium(
     return uncertified_answer(NarrowestStadium(points, center, angle), method, options)
 
 
-@method(NarrowestStadium, "exact", optimal=True)
+@method(NarrowestStadium, "exact", optimal=True, accuracy=ANY_ACCURACY_ALIKE)
 def _exact(program: NarrowestStadium, context: Context) -> Claim:
     """Convex hull, rotating calipers and critical angles; globally optimal, no tolerance."""
     answer = exact_stadium(program.points, program.center, program.angle)
     return Stadium(*answer), Outcome.SOLVED, ""
 
 
-@method(NarrowestStadium, "thesis", optimal=False)
+@method(NarrowestStadium, "thesis", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _thesis(program: NarrowestStadium, context: Context) -> Claim:
     """The candidates of the thesis, sections 5.4.1 and 5.4.2, as printed."""
     stadium = Stadium(*thesis_stadium(program.points, program.center, program.angle))

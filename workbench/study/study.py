@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
+from workbench.accuracy import ANY_ACCURACY_ALIKE, AccuracyRange
 from workbench.certificate import Check
 from workbench.errors import InputError
 from workbench.executor import Context
@@ -33,6 +34,9 @@ class Study(Task):
     checks, metrics, tables and figures (see `workbench.study`), or define the methods of the same
     names below; a method may be defined and the rest declared.
     """
+
+    accuracies: ClassVar[AccuracyRange] = ANY_ACCURACY_ALIKE
+    """The tolerances that make a difference to `compute`; it hears of no others."""
 
     def compute(self, context: Context) -> Dataset:
         """The arrays, each declaration computed after what it needs.
@@ -81,6 +85,12 @@ class Study(Task):
         if method is not None:
             raise InputError(f"{type(self).__name__} is a study: it has no method {method!r}")
         return False
+
+    def accuracy_range(self, method: str | None) -> AccuracyRange:
+        return self.accuracies
+
+    def judged(self, method: str | None, tolerance: float) -> float:
+        return self.accuracies.served(tolerance)
 
     def _declared(self, kind: type[Kind]) -> Iterator[Kind]:
         """The declarations of a kind, those of base classes first, in order."""

@@ -70,7 +70,7 @@ def _looks(problems: Sequence[Path], folder: Path) -> Looks:
     tables: dict[str, str] = {}
     missing: list[str] = []
     try:
-        drawings = run.task.drawings(run.answer)
+        drawings = run.answered.drawings(run.answer)
     except Exception as error:
         return Looks([], {}, [f"Figures and tables cannot be made: {_reason(error)}"])
     for part, draw in drawings.items():

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
+from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.certify.norms import certified_norm
 from workbench.diagnosis.estimation.program import FaultEstimation
 from workbench.executor import Context
 from workbench.program import Claim, conic_method, find_method, method
 from workbench.solvers import ConicSolver
+from workbench.synthesis.hinf.conic import LMI_ACCURACY
+from workbench.synthesis.hinf.methods import LEVEL_ACCURACY
 from workbench.synthesis.hinf.program import HinfSynthesis
 from workbench.synthesis.mu.program import MuSynthesis
 
@@ -33,13 +36,13 @@ def nominal_filter(program: FaultEstimation, context: Context, name: str) -> Cla
     return program.answer(found.K, least=found.least), outcome, said
 
 
-@method(FaultEstimation, "riccati", optimal=False)
+@method(FaultEstimation, "riccati", optimal=False, accuracy=LEVEL_ACCURACY)
 def _riccati(program: FaultEstimation, context: Context) -> Claim:
     """Least stacked norm of the nominal plant, by two Riccati equations."""
     return nominal_filter(program, context, "riccati")
 
 
-@conic_method(FaultEstimation, optimal=False)
+@conic_method(FaultEstimation, optimal=False, accuracy=LMI_ACCURACY)
 def _conic(program: FaultEstimation, context: Context, solver: ConicSolver) -> Claim:
     """Least stacked norm of the nominal plant, by linear matrix inequalities."""
     return nominal_filter(program, context, solver.name)
@@ -62,7 +65,9 @@ def _iteration(name: str) -> None:
         return program.answer(found.K, peaks), outcome, said
 
     iterate.__doc__ = f"Least stacked mixed mu over the set of plants, by method {name!r}."
-    method(FaultEstimation, name, optimal=False, unfit=_certain)(iterate)
+    method(FaultEstimation, name, optimal=False, unfit=_certain, accuracy=ANY_ACCURACY_ALIKE)(
+        iterate
+    )
 
 
 for _name in MU_METHODS:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.arrays import RealArray
 from workbench.executor import Context
 from workbench.fitting.magnitude.gain import Target, target_of, with_best_gain
@@ -17,7 +18,7 @@ ITERATIONS = 12
 """Number of reweighted least-squares fits, of which the best is kept."""
 
 
-@method(MagnitudeFit, "sk", optimal=False)
+@method(MagnitudeFit, "sk", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _sk(program: MagnitudeFit, context: Context) -> Claim:
     """Sanathanan-Koerner iteration: reweighted linear least squares on |W|^2."""
     target = target_of(program)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.arrays import RealArray
 from workbench.executor import Context
 from workbench.fitting.magnitude.gain import target_of, with_best_gain
@@ -14,7 +15,7 @@ from workbench.program import Claim, method
 from workbench.solvers import Outcome
 
 
-@method(MagnitudeFit, "sb10yd", optimal=False)
+@method(MagnitudeFit, "sb10yd", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _sb10yd(program: MagnitudeFit, context: Context) -> Claim:
     """SLICOT SB10YD on the minimum-phase response of the magnitude, then the best gain."""
     none = np.zeros(0, dtype=complex)

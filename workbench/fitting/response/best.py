@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from workbench.accuracy import ANY_ACCURACY_ALIKE, AccuracyRange
 from workbench.errors import SolverError
 from workbench.executor import Context
 from workbench.fitting.response.least_peak import polished
-from workbench.fitting.response.nonlinear import refined_from, worst_error
+from workbench.fitting.response.nonlinear import IPOPT_ACCURACY, refined_from, worst_error
 from workbench.fitting.response.program import ResponseFit
 from workbench.fitting.response.vector_fitting import vector_fits
 from workbench.fitting.slicot import sb10yd
@@ -24,7 +25,7 @@ def _unfit_for_sb10yd(program: ResponseFit) -> str | None:
     return None
 
 
-@method(ResponseFit, "sb10yd", optimal=False, unfit=_unfit_for_sb10yd)
+@method(ResponseFit, "sb10yd", optimal=False, unfit=_unfit_for_sb10yd, accuracy=ANY_ACCURACY_ALIKE)
 def _sb10yd(program: ResponseFit, context: Context) -> Claim:
     """SLICOT's SB10YD, which has no weights and gives stability only with minimum phase."""
     data = program.active
@@ -32,7 +33,7 @@ def _sb10yd(program: ResponseFit, context: Context) -> Claim:
     return fit, Outcome.SOLVED, ""
 
 
-@method(ResponseFit, "best", optimal=False)
+@method(ResponseFit, "best", optimal=False, accuracy=AccuracyRange(finest=IPOPT_ACCURACY))
 def _best(program: ResponseFit, context: Context) -> Claim:
     """The fit of least error among vector-fitting, sb10yd, and IPOPT from the better of the two."""
     fits = vector_fits(program, context)

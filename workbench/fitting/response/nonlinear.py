@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from workbench.accuracy import AccuracyRange
 from workbench.arrays import ComplexArray, RealArray
 from workbench.executor import Context
 from workbench.fitting.factored import LARGEST_LOGARITHM
@@ -28,7 +29,7 @@ START_ERROR_RATIO = 1.1
 """Largest worst error of a start that is refined, relative to that of the best start."""
 
 
-@method(ResponseFit, "ipopt", optimal=False)
+@method(ResponseFit, "ipopt", optimal=False, accuracy=AccuracyRange(finest=IPOPT_ACCURACY))
 def _ipopt(program: ResponseFit, context: Context) -> Claim:
     """Nonlinear program over the coefficients of quadratic factors, from the best vector fits."""
     return refined_from(program, vector_fits(program, context), context)

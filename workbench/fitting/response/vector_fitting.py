@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.arrays import ComplexArray, RealArray
 from workbench.executor import Context
 from workbench.fitting.rational import Rational, conjugate_pairs
@@ -32,7 +33,7 @@ EXACT_ERROR = 1e-12
 """Worst error, relative to the largest weighted datum, at which only rounding is left to fit."""
 
 
-@method(ResponseFit, "vector-fitting", optimal=False)
+@method(ResponseFit, "vector-fitting", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _vector_fitting(program: ResponseFit, context: Context) -> Claim:
     """Relaxed vector fitting from several starts, polished by reweighted Gauss-Newton steps."""
     return vector_fits(program, context)[0], Outcome.SOLVED, ""

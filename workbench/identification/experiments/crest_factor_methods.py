@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.executor import Context
 from workbench.identification.experiments.crest_factor import CrestFactor, schroeder_phases
 from workbench.program import Claim, method
@@ -17,13 +18,13 @@ HALF_POWERS = tuple(2**n for n in range(1, 9))
 """Halves p / 2 of the even powers p whose p-norms are minimised in turn."""
 
 
-@method(CrestFactor, "schroeder", optimal=False)
+@method(CrestFactor, "schroeder", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _schroeder(program: CrestFactor, context: Context) -> Claim:
     """Schroeder's closed form."""
     return schroeder_phases(program.lines, program.amplitudes), Outcome.SOLVED, ""
 
 
-@method(CrestFactor, "clipping", optimal=False)
+@method(CrestFactor, "clipping", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _clipping(program: CrestFactor, context: Context) -> Claim:
     """Clipping in time and restoring the amplitudes in frequency, in turn, with less clipping each.
 

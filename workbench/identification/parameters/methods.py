@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.executor import Context
 from workbench.identification.parameters.program import ParameterFit
 from workbench.program import Claim, method
@@ -67,7 +68,7 @@ def _ipopt(program: ParameterFit, context: Context) -> Claim:
     return _best(program, context, local)
 
 
-@method(ParameterFit, "scipy", optimal=False)
+@method(ParameterFit, "scipy", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _scipy(program: ParameterFit, context: Context) -> Claim:
     """SciPy's trust-region least squares, derivatives by central differences."""
     from scipy.optimize import least_squares

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.arrays import RealArray
 from workbench.executor import Context
 from workbench.identification.state_space.innovations import InnovationsModel
@@ -71,7 +72,7 @@ def _claim(answer: IdentifiedModels | None) -> Claim:
     return answer, Outcome.SOLVED, orders
 
 
-@method(StateSpaceFit, "subspace", optimal=False)
+@method(StateSpaceFit, "subspace", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _subspace(program: StateSpaceFit, context: Context) -> Claim:
     """Predictor-based subspace identification for both uses; no iterations."""
 
@@ -81,7 +82,7 @@ def _subspace(program: StateSpaceFit, context: Context) -> Claim:
     return _claim(identify(program, way, way, context))
 
 
-@method(StateSpaceFit, "prediction-error", optimal=False)
+@method(StateSpaceFit, "prediction-error", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _prediction_error(program: StateSpaceFit, context: Context) -> Claim:
     """Minimisation of the errors of each use, from the subspace model, with exact gradients."""
     predictors, simulators = (_refined(weight) for weight in SIMULATION_WEIGHTS)

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.certify.singularity import proven_bounds
 from workbench.executor import Context
 from workbench.mu.lower.ascent import search_batch
@@ -56,7 +57,7 @@ def proposals(
     return search.proposed()
 
 
-@method(MuLowerBound, "power", optimal=False)
+@method(MuLowerBound, "power", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _power(program: MuLowerBound, context: Context) -> Claim:
     """Power iteration of Packard, Fan, Doyle and Young from random and warm starts."""
     search = _Search(program, context)
@@ -74,7 +75,7 @@ def _power_search(search: _Search) -> None:
         search.improve(chunk, values.max(axis=0), deltas[best, np.arange(values.shape[1])])
 
 
-@method(MuLowerBound, "gain", optimal=False, unfit=_has_real)
+@method(MuLowerBound, "gain", optimal=False, unfit=_has_real, accuracy=ANY_ACCURACY_ALIKE)
 def _gain(program: MuLowerBound, context: Context) -> Claim:
     """Vertices and edges of the real blocks, complex ones by the gain of the loop they close."""
     search = _Search(program, context)
@@ -90,7 +91,7 @@ def _ipopt(program: MuLowerBound, context: Context) -> Claim:
     return search.claim()
 
 
-@method(MuLowerBound, "best", optimal=False)
+@method(MuLowerBound, "best", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _best(program: MuLowerBound, context: Context) -> Claim:
     """The best of power iterations with local ascents and, for real blocks, their vertices."""
     search = _Search(program, context)

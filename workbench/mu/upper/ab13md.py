@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.executor import Context
 from workbench.mu.upper.program import MuUpperBound, proved
 from workbench.program import Claim, method
@@ -22,7 +23,7 @@ def _unfit(program: MuUpperBound) -> str | None:
     return None
 
 
-@method(MuUpperBound, "ab13md", optimal=False, unfit=_unfit)
+@method(MuUpperBound, "ab13md", optimal=False, unfit=_unfit, accuracy=ANY_ACCURACY_ALIKE)
 def _ab13md(program: MuUpperBound, context: Context) -> Claim:
     """SLICOT AB13MD, one matrix after the other; the bound is recomputed from its D and G."""
     import slycot

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import block_diag, null_space
 
+from workbench.accuracy import AccuracyRange
 from workbench.arrays import RealArray
 from workbench.executor import Context
 from workbench.program import Claim, conic_method
@@ -30,6 +31,8 @@ LEVEL_RISES = (2e-3, 1e-2, 5e-2)
 """Relative distances above the least level, tried until the loop holds its level."""
 FINEST_ACCURACY = 1e-5
 """Finest accuracy asked of solvers, much finer than the distance kept from the least level."""
+LMI_ACCURACY = AccuracyRange(finest=FINEST_ACCURACY)
+"""The tolerances that make a difference to the LMIs."""
 TRACE_RATIO = 4.0
 """Largest trace of X and Y relative to the least trace, when X and Y are centred."""
 
@@ -44,7 +47,7 @@ def _unfit(program: HinfSynthesis) -> str | None:
     return None
 
 
-@conic_method(HinfSynthesis, optimal=False, unfit=_unfit)
+@conic_method(HinfSynthesis, optimal=False, unfit=_unfit, accuracy=LMI_ACCURACY)
 def _conic(program: HinfSynthesis, context: Context, solver: ConicSolver) -> Claim:
     """The LMIs of Gahinet and Apkarian, at 2e-3 above the least level (5e-2 where needed)."""
     import cvxpy as cp

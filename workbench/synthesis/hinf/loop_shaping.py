@@ -24,7 +24,7 @@ from workbench.heavy_types import StateSpace
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
 from workbench.synthesis.hinf.levels import LARGEST_LEVEL
-from workbench.synthesis.hinf.methods import claimed, distance
+from workbench.synthesis.hinf.methods import LEVEL_ACCURACY, claimed, distance
 from workbench.synthesis.hinf.program import HinfController, HinfSynthesis
 from workbench.systems.balancing import balanced, speed
 from workbench.systems.bilinear import continuous, to_continuous
@@ -161,7 +161,7 @@ def _four_blocks(G: StateSpace) -> GeneralisedPlant:
     return GeneralisedPlant(realisation(matrices, dt), None, m, p)
 
 
-@method(LoopShaping, "coprime", optimal=False)
+@method(LoopShaping, "coprime", optimal=False, accuracy=LEVEL_ACCURACY)
 def _coprime(program: LoopShaping, context: Context) -> Claim:
     """Two Riccati equations of G_s give the least level in closed form; K is made 1e-3 above it."""
     system = program.shaped

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from workbench.accuracy import AccuracyRange
 from workbench.certify.norms import certified_norm
 from workbench.certify.stability import stability_of
 from workbench.errors import SolverError
@@ -22,6 +23,8 @@ from workbench.systems.realisation import Matrices, realisation
 LEAST_DISTANCE = 1e-3
 """Least relative distance kept above the least level; closer to it, the poles of K become very fast
 without any gain."""
+LEVEL_ACCURACY = AccuracyRange(finest=LEAST_DISTANCE)
+"""The tolerances that make a difference to a level that is kept at this distance."""
 NEGLIGIBLE_NORM = 1e-3
 """A norm of the loop below this share of the least level consists of rounding errors."""
 CANCELLED_CLAIM = 1e-8
@@ -74,7 +77,7 @@ def claimed(
     return HinfController(K_found, size, gamma, least), Outcome.SOLVED, said
 
 
-@method(HinfSynthesis, "riccati", optimal=False)
+@method(HinfSynthesis, "riccati", optimal=False, accuracy=LEVEL_ACCURACY)
 def _riccati(program: HinfSynthesis, context: Context) -> Claim:
     """Two Riccati equations and bisection of the level; K is made 1e-3 above the least level."""
     try:
@@ -94,7 +97,13 @@ def _static(program: HinfSynthesis) -> str | None:
     return None if program.scaled.plant.states else "SB10AD needs a plant with states"
 
 
-@method(HinfSynthesis, "sb10ad", optimal=False, unfit=_static)
+@method(
+    HinfSynthesis,
+    "sb10ad",
+    optimal=False,
+    unfit=_static,
+    accuracy=AccuracyRange(finest=LEAST_DISTANCE),
+)
 def _sb10ad(program: HinfSynthesis, context: Context) -> Claim:
     """SLICOT SB10AD with its own bisection on the scaled plant; K is made 1e-3 above its level."""
     from slycot import sb10ad

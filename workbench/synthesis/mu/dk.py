@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.arrays import RealArray
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError, SolverError
@@ -129,7 +130,7 @@ GAMMA_FUNCTION = Scalings(1, 2)
 """Function that represents gamma of the (mu, D)-K iteration: a gain and two biquads."""
 
 
-@method(MuSynthesis, "mu-dk", optimal=False)
+@method(MuSynthesis, "mu-dk", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _mu_dk(program: MuSynthesis, context: Context) -> Claim:
     """(mu, D)-K iteration: a scalar function gamma turns the complex bound into the mixed bound."""
     return iterated(program, context, GAMMA_SHARE)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import matrix_balance, solve_discrete_lyapunov
 
+from workbench.accuracy import AccuracyRange
 from workbench.arrays import RealArray
 from workbench.executor import Context
 from workbench.program import Claim, conic_method
@@ -30,7 +31,7 @@ LEAST_MARGIN = 1e-9
 """The inequalities count as infeasible if their margin is smaller, for P of trace n."""
 
 
-@conic_method(SwitchedStability, optimal=False)
+@conic_method(SwitchedStability, optimal=False, accuracy=AccuracyRange(finest=LMI_ACCURACY))
 def _conic(program: SwitchedStability, context: Context, solver: ConicSolver) -> Claim:
     """Bisection over the dwell time with a feasibility problem for each."""
     options = replace(context.options, tolerance=max(context.options.accuracy, LMI_ACCURACY))

@@ -211,6 +211,8 @@ class UncertaintyCover(Program):
 
     # --- the check --------------------------------------------------------------------------------
 
+    checks_follow_accuracy = True
+
     def checks(self, answer: CoverSteps, tolerance: float) -> Sequence[Check]:
         model = answer.model
         if model.form != self.form:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.arrays import RealArray
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError, SolverError
@@ -39,7 +40,7 @@ from workbench.synthesis.mu.program import MuSynthesis
 from workbench.synthesis.mu.rounds import Iterate, packed, unpacked
 
 
-@method(MuSynthesis, "dk", optimal=False)
+@method(MuSynthesis, "dk", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _dk(program: MuSynthesis, context: Context) -> Claim:
     """D-K iteration with real scalars as complex ones and scalings fitted by their effect."""
     structure = program.closed.complexified()
@@ -47,7 +48,7 @@ def _dk(program: MuSynthesis, context: Context) -> Claim:
     return _from_dk(program, context, structure if repeated else None)
 
 
-@method(MuSynthesis, "dgk", optimal=False)
+@method(MuSynthesis, "dgk", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _dgk(program: MuSynthesis, context: Context) -> Claim:
     """(D, G)-K iteration: D-K iteration, then rounds in which real scalars also have G."""
     real = program.closed != program.closed.complexified()

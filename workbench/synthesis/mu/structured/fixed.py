@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.arrays import RealArray
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError, SolverError
@@ -51,7 +52,7 @@ SETTLED_FALL, PATIENCE = 1e-4, 12
 rounds."""
 
 
-@method(MuSynthesis, "fixed", optimal=False)
+@method(MuSynthesis, "fixed", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _fixed(program: MuSynthesis, context: Context) -> Claim:
     """Nonsmooth optimisation over the start's family, or over all controllers of its order."""
     if program.start is None:

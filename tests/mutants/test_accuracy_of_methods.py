@@ -1,0 +1,122 @@
+"""Every method of the library reads the tolerance if it says that this makes a difference."""
+
+from dataclasses import replace
+
+import control
+import numpy as np
+import pytest
+from tight_problems import PROGRAMS, solved
+
+from workbench.executor import Context
+from workbench.fitting import ResponseFit
+from workbench.geometry import NarrowestStadium
+from workbench.program import _METHODS, methods
+from workbench.solvers import ACCURACY, Options
+
+
+class Recorded(Options):
+    """Options that tell whether anybody read the tolerance."""
+
+    def __getattribute__(self, name):
+        if name in ("tolerance", "accuracy"):
+            object.__setattr__(self, "heard", True)
+        return super().__getattribute__(name)
+
+
+def rational_fit():
+    omega = np.geomspace(0.1, 100.0, 25)
+    s = 1j * omega
+    return ResponseFit(omega, (s + 4.0) / (s**2 + s + 9.0) * (1 + 0.05 * np.exp(s)), 2)
+
+
+def mu_synthesis():
+    """With a start, which the method of a fixed order needs: it moves the pole from 1 to -2."""
+    return replace(PROGRAMS["mu_synthesis"](), start=control.ss([], [], [], [[-3.0]]))
+
+
+def given_angle():
+    return NarrowestStadium(np.random.default_rng(3).normal(size=(7, 2)) @ [1.0, 1j], angle=0.3)
+
+
+SMALL = {
+    name: PROGRAMS[name]
+    for name in (
+        *("circle", "stadium", "mu_upper_mixed", "mu_lower_mixed", "hinf", "fault_filter"),
+        *("switching", "magnitude_fit", "circle_cover", "crest_factor", "state_space_fit"),
+        "parameter_fit",
+    )
+}
+SMALL |= {"rational_fit": rational_fit, "given_angle": given_angle, "mu_synthesis": mu_synthesis}
+"""Programs on which every method of the library runs, or another of the same name."""
+ELSEWHERE = {("StadiumCover", "steps"), ("StadiumCover", "joint"), ("LoopShaping", "coprime")}
+"""The methods of circle covers, and one that keeps the distance of the Riccati equations."""
+SLOW = {"mu_synthesis", "fault_filter", "circle_cover"}
+
+
+def cells():
+    """Every method of the library on a program that it can take."""
+    for name, make in SMALL.items():
+        marks = [pytest.mark.slow] if name in SLOW else []
+        for method, entry in methods(make()).items():
+            if entry.unfit(make()) is None:
+                yield pytest.param(name, method, id=f"{name}-{method}", marks=marks)
+
+
+CELLS = list(cells())
+
+
+def test_every_method_of_the_library_is_tried():
+    tried = {(type(SMALL[cell.values[0]]()), cell.values[1]) for cell in CELLS}
+    reached = {(base.__name__, name) for kind, name in tried for base in kind.__mro__}
+    library = {
+        (kind.__name__, name)
+        for kind, registered in _METHODS.items()
+        for name, entry in registered.items()
+        if kind.__module__.startswith("workbench.")
+    }
+    assert library - reached <= ELSEWHERE, library - reached
+
+
+@pytest.mark.parametrize(("name", "method"), CELLS)
+def test_a_method_reads_the_tolerance_if_it_says_that_it_makes_a_difference(name, method):
+    program, options = SMALL[name](), Recorded()
+    object.__setattr__(options, "heard", False)
+    entry = methods(program)[method]
+    entry.answer(program, Context(options))
+    assert options.heard is not entry.accuracy.none
+
+
+LIMITED = [("hinf", "riccati"), ("hinf", "clarabel"), ("switching", "clarabel"),
+           ("rational_fit", "ipopt"), ("rational_fit", "best")]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "method"), LIMITED)
+def test_tolerances_out_of_range_give_the_same_answer(name, method):
+    """The method itself hears the tolerances here; in a run they do not even reach it."""
+    program = SMALL[name]()
+    entry = methods(program)[method]
+    finest = entry.accuracy.finest
+    assert 0.0 < finest < 1.0
+
+    def answer(tolerance):
+        found, _, _ = entry.answer(program, Context(Options(tolerance)))
+        return program.metrics(found)
+
+    assert answer(finest) == pytest.approx(answer(finest / 1e3), rel=1e-9)
+
+
+@pytest.mark.parametrize("name", [n for n in PROGRAMS if n not in SLOW | {"stadium_cover"}])
+def test_checks_are_absolute_or_say_that_they_follow_the_accuracy(name):
+    program, answer = solved(name)
+    limits = {
+        level: [check.limit for check in program.checks(answer, tolerance)]
+        for level, tolerance in ACCURACY.items()
+    }
+    assert (limits["low"] != limits["high"]) is program.checks_follow_accuracy
+
+
+@pytest.mark.slow
+def test_the_checks_of_covers_follow_the_accuracy():
+    program, answer = solved("circle_cover")
+    limits = [[c.limit for c in program.checks(answer, t)] for t in (1e-3, 1e-9)]
+    assert limits[0] != limits[1] and program.checks_follow_accuracy

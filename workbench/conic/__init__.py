@@ -1,0 +1,15 @@
+"""Conic programs by their data, and claims that they have no solution or no least value."""
+
+from workbench.certify.cones.form import ConeFactor, ConeKind, ConicForm
+from workbench.conic.claims import ConicallyStated, NoLeastValue, NoSolution
+from workbench.conic.program import ConicProgram
+
+__all__ = [
+    "ConeFactor",
+    "ConeKind",
+    "ConicForm",
+    "ConicProgram",
+    "ConicallyStated",
+    "NoLeastValue",
+    "NoSolution",
+]

@@ -1,0 +1,118 @@
+"""Rational points of conic programs: an approximate point, moved until it is one exactly."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+from flint import fmpq, fmpq_mat
+
+from workbench.arrays import RealArray
+from workbench.certify.cones.form import ConeKind, ConicForm
+from workbench.certify.cones.membership import Rational, outside
+from workbench.certify.cones.rays import conic_slack
+from workbench.certify.known_plants.exact_function import exact_rational
+from workbench.conic.faces import Combination, face_equations
+from workbench.conic.numeric import scaling
+
+CUTS = (0.0, 1e-8, 1e-6, 1e-4, 1e-3)
+"""Shares of the size of a point below which it counts as on the edge of a cone, tried in turn."""
+MOST_ENTRIES = 30_000
+"""Most entries of a system of equations that is solved exactly, in about half a minute."""
+
+
+def exact_point(form: ConicForm, near: RealArray) -> list[Rational] | None:
+    """Rational x near given doubles with b - A x in K exactly; None where none was found."""
+    tried: set[int] = set()
+    for cut in CUTS:
+        equations = _equations(form, near, cut)
+        if len(equations) in tried:  # larger cuts only add equations
+            continue
+        tried.add(len(equations))
+        if len(equations) * (form.c.size + 1) > MOST_ENTRIES:
+            return None
+        x = _solved(equations, near)
+        if x is not None and not outside(form, conic_slack(form, x)):
+            return x
+    return None
+
+
+def _equations(form: ConicForm, near: RealArray, cut: float) -> list[Combination]:
+    """Equations in x, the last column their right-hand side: zero cones and nearby faces."""
+    rows, _ = scaling(form)
+    s = form.b - form.A @ near
+    found: list[Combination] = []
+    for cone, part in form.blocks:
+        combinations: Sequence[Combination]
+        if cone.kind is ConeKind.ZERO:
+            combinations = [{i: Fraction(1)} for i in range(cone.size)]
+        else:
+            scaled = rows[part] * s[part]
+            size = max(float(np.abs(rows * s).max(initial=0.0)), 1e-300)
+            # One factor for the rows of a cone: equations between them stay what they are.
+            combinations = list(face_equations(cone, scaled / size, cut)) if cut else []
+        found += [_in_x(form, part.start, one) for one in combinations]
+    return found
+
+
+def _in_x(form: ConicForm, start: int, combination: Combination) -> Combination:
+    """The equation in x of a combination of rows of the slack that is zero."""
+    A, n = form.A, form.c.size
+    found: Combination = {n: Fraction(0)}
+    for row, factor in combination.items():
+        i = start + row
+        found[n] += factor * Fraction(float(form.b[i]))
+        for k in range(A.indptr[i], A.indptr[i + 1]):
+            j = int(A.indices[k])
+            found[j] = found.get(j, Fraction(0)) + factor * Fraction(float(A.data[k]))
+    return found
+
+
+def _solved(equations: Sequence[Combination], near: RealArray) -> list[Rational] | None:
+    """The rational solution that agrees with given doubles where the equations leave a choice.
+
+    None where the equations contradict each other.
+    """
+    n = near.size
+    x: list[Any] = [exact_rational(value) for value in near]
+    if not equations:
+        return x
+    order = _pivot_order(equations, near)
+    place = {column: k for k, column in enumerate(order)} | {n: n}
+    table = fmpq_mat(len(equations), n + 1)
+    for i, equation in enumerate(equations):
+        for column, value in equation.items():
+            table[i, place[column]] = fmpq(value.numerator, value.denominator)
+    reduced, rank = table.rref()
+    pivots = []
+    for i in range(rank):
+        pivot = next(k for k in range(n + 1) if reduced[i, k] != 0)
+        if pivot == n:
+            return None
+        pivots.append(pivot)
+    free = sorted(set(range(n)) - set(pivots))
+    for i, pivot in enumerate(pivots):
+        x[order[pivot]] = reduced[i, n] - sum(
+            (reduced[i, k] * x[order[k]] for k in free if k > pivot and reduced[i, k] != 0),
+            start=fmpq(0),
+        )
+    return x
+
+
+def _pivot_order(equations: Sequence[Combination], near: RealArray) -> list[int]:
+    """The columns, well-conditioned pivots first: what the equations ask moves them little."""
+    from scipy.linalg import qr
+
+    n = near.size
+    table = np.zeros((len(equations), n))
+    for i, equation in enumerate(equations):
+        for column, value in equation.items():
+            if column < n:
+                table[i, column] = float(value)
+    size = np.abs(table).max(axis=1, keepdims=True)
+    table /= np.where(size > 0, size, 1.0)
+    weight = np.abs(near)
+    weight = np.maximum(weight, 1e-9 * (weight.max(initial=0.0) or 1.0))
+    return [int(k) for k in qr(table * weight, pivoting=True, mode="r")[1]]

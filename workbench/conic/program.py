@@ -1,0 +1,124 @@
+"""Conic programs given by their data, for every conic solver."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from workbench.arrays import RealArray
+from workbench.certificate import Check, worst
+from workbench.certify.cones.form import ConeFactor, ConeKind, ConicForm, triangle
+from workbench.certify.cones.membership import fraction, outside
+from workbench.certify.cones.rays import dot, transposed
+from workbench.certify.known_plants.exact_function import exact_rational
+from workbench.conic.claims import ConicallyStated, parsed_rational
+from workbench.conic.ray_search import dual_point
+from workbench.executor import Context
+from workbench.heavy_types import Dataset
+from workbench.program import Claim, conic_method
+from workbench.solvers import ConicSolver, solve_conic
+
+
+@dataclass(frozen=True, eq=False)
+class ConicProgram(ConicallyStated):
+    """The least c'x with b - A x in a product of cones.
+
+    An answer is a dataset with ``x``; its ``dual`` is a rational y of the dual cone with
+    A'y = -c, which proves that no solution has a value below -b'y.
+    """
+
+    form: ConicForm
+
+    default_method = "clarabel"
+    headline = "value"
+    checks_follow_accuracy = True
+
+    @property
+    def quantifier(self) -> str:
+        return "for this one program"
+
+    def conic_form(self) -> ConicForm:
+        return self.form
+
+    def witnessed(self, answer: Dataset) -> Dataset:
+        y = dual_point(self.form)
+        if y is None:
+            return answer
+        return answer.assign(dual=("row", [str(value) for value in y], {"units": "1"}))
+
+    def checks(self, answer: Dataset, tolerance: float) -> Sequence[Check]:
+        form = self.form
+        s = form.b - form.A @ answer["x"].values
+        size = 1.0 + float(np.abs(form.b).max(initial=0.0))
+        off = [violation(cone, s[rows]) / size for cone, rows in form.blocks]
+        value, where = worst(off, lambda place: f"of cone {place[0]}")
+        statement = "distance of b - A x from its cone, relative to 1 + max |b|"
+        return [Check("solution", statement, value, tolerance, where)]
+
+    def gap(self, answer: Dataset) -> tuple[str, float]:
+        form, value = self.form, float(self.form.c @ answer["x"].values)
+        statement = "value above the exact bound of the dual point, relative to 1 + |value|"
+        if "dual" not in answer:
+            return f"{statement}; no dual point was found", math.inf
+        y = [parsed_rational(str(text)) for text in answer["dual"].values]
+        residual = [p + exact_rational(q) for p, q in zip(transposed(form, y), form.c, strict=True)]
+        if any(each != 0 for each in residual) or outside(form, y, dual=True):
+            return f"{statement}; the dual point is none", math.inf
+        bound = -fraction(dot(form.b, y))
+        return statement, (value - float(bound)) / (1.0 + abs(value))
+
+    def metrics(self, answer: Dataset) -> dict[str, float]:
+        return {"value": float(self.form.c @ answer["x"].values)}
+
+
+def violation(cone: ConeFactor, s: RealArray) -> float:
+    """Largest amount by which doubles s leave a cone; 0 or less inside."""
+    if cone.kind is ConeKind.ZERO:
+        return float(np.abs(s).max())
+    if cone.kind is ConeKind.NONNEGATIVE:
+        return float(-s.min())
+    if cone.kind is ConeKind.SECOND_ORDER:
+        return float(np.linalg.norm(s[1:]) - s[0])
+    S = np.zeros((cone.size, cone.size))
+    for (i, j), value in zip(triangle(cone.size), s, strict=True):
+        S[i, j] = S[j, i] = value
+    return float(-np.linalg.eigvalsh(S)[0]) if np.isfinite(S).all() else math.inf
+
+
+@conic_method(ConicProgram)
+def _conic(program: ConicProgram, context: Context, solver: ConicSolver) -> Claim:
+    """The program as it is given."""
+    import cvxpy as cp
+    import xarray as xr
+
+    form = program.form
+    with context.stating():
+        x = cp.Variable(form.c.size)
+        slack = form.b - form.A @ x
+        held = [_inside(cone, slack[rows]) for cone, rows in form.blocks]
+        problem = cp.Problem(cp.Minimize(form.c @ x), held)
+    outcome, said = solve_conic(problem, solver, context.options, context)
+    if x.value is None:
+        return None, outcome, said
+    return xr.Dataset({"x": ("column", x.value, {"units": "1"})}), outcome, said
+
+
+def _inside(cone: ConeFactor, s: Any) -> Any:
+    """The constraint of CVXPY that an expression lies in a cone."""
+    import cvxpy as cp
+
+    if cone.kind is ConeKind.ZERO:
+        return s == 0
+    if cone.kind is ConeKind.NONNEGATIVE:
+        return s >= 0
+    if cone.kind is ConeKind.SECOND_ORDER:
+        return cp.SOC(s[0], s[1:]) if cone.size > 1 else s >= 0
+    n = cone.size
+    full = np.zeros((n * n, cone.rows))
+    for row, (i, j) in enumerate(triangle(n)):
+        full[i * n + j, row] = full[j * n + i, row] = 1.0
+    return cp.reshape(full @ s, (n, n), order="C") >> 0

@@ -1,0 +1,157 @@
+"""Searches for the rays that prove a conic program infeasible or unbounded.
+
+Nothing here is trusted: `workbench.certify.cones` decides what a ray proves. No solver's ray is
+used, so that a claim of any method is judged in the same way, from the data alone.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.sparse import csr_array, diags_array, eye_array, hstack, vstack
+
+from workbench.arrays import EPS, RealArray
+from workbench.certify.cones.form import ConeFactor, ConeKind, ConicForm, triangle
+from workbench.certify.cones.membership import Rational
+from workbench.certify.cones.rays import excluded_radius
+from workbench.certify.known_plants.exact_function import exact_rational
+from workbench.conic.exact_points import exact_point
+from workbench.conic.numeric import inner_point, minimiser
+
+INNER_SHARES = (1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4)
+"""Shares of an inner point in a dual point, tried until it lies in its cone exactly."""
+ONE_ROW = ConeFactor(ConeKind.NONNEGATIVE, 1)
+
+
+def dual_ray(form: ConicForm) -> list[Rational] | None:
+    """Rational y in the dual of K with b'y < 0 that excludes solutions up to a large radius.
+
+    A'y = 0 exactly where such a y is found; else sum |A'y| is as small as a solver makes it. None
+    where no y excludes anything.
+    """
+    rays = dual_rays(form)
+    near = inner_point(rays)
+    y = exact_point(rays, near) if near is not None else None
+    if y is not None and excluded_radius(form, y) == math.inf:
+        return y
+    least = minimiser(_least_residual(form))
+    if least is None:
+        return None
+    y = exact_point(rays, least[: form.b.size])
+    if y is not None and excluded_radius(form, y) == math.inf:
+        return y
+    y = [exact_rational(value) for value in moved_into_dual(form, least[: form.b.size])]
+    return y if excluded_radius(form, y) > 0.0 else None
+
+
+def dual_point(form: ConicForm) -> list[Rational] | None:
+    """Rational y of the dual cone with A'y = -c and nearly the least b'y; None if none is found."""
+    into, cones = _into_dual(form)
+    duals = ConicForm(
+        form.b,
+        vstack([form.A.T, -into]),
+        np.concatenate([-form.c, np.zeros(into.shape[0])]),
+        (*_cone(ConeKind.ZERO, form.c.size), *cones),
+    )
+    best = minimiser(duals)
+    if best is None:
+        return None
+    if (y := exact_point(duals, best)) is not None:
+        return y
+    inner = inner_point(duals)
+    if inner is None:
+        return None
+    for share in INNER_SHARES:
+        if (y := exact_point(duals, (1 - share) * best + share * inner)) is not None:
+            return y
+    return None
+
+
+def falling_ray(form: ConicForm) -> list[Rational] | None:
+    """Rational d with -A d in K and c'd <= -1; None where none was found."""
+    rays = ConicForm(
+        form.c,
+        vstack([form.A, csr_array(form.c[None, :])]),
+        np.append(np.zeros(form.b.size), -1.0),
+        (*form.cones, ONE_ROW),
+    )
+    return _exact_inner(rays)
+
+
+def feasible_point(form: ConicForm) -> list[Rational] | None:
+    """Rational x with b - A x in K; None where none was found."""
+    return _exact_inner(form)
+
+
+def dual_rays(form: ConicForm) -> ConicForm:
+    """The y in the dual of K with A'y = 0 and b'y <= -1, as a conic form in y."""
+    into, cones = _into_dual(form)
+    return ConicForm(
+        form.b,
+        vstack([form.A.T, csr_array(form.b[None, :]), -into]),
+        np.concatenate([np.zeros(form.c.size), [-1.0], np.zeros(into.shape[0])]),
+        (*_cone(ConeKind.ZERO, form.c.size), ONE_ROW, *cones),
+    )
+
+
+def moved_into_dual(form: ConicForm, y: RealArray) -> RealArray:
+    """Doubles y (m,), each part of which outside the dual of its cone is moved in."""
+    found = y.copy()
+    for cone, rows in form.blocks:
+        part = found[rows]
+        if cone.kind is ConeKind.NONNEGATIVE:
+            found[rows] = np.maximum(part, 0.0)
+        elif cone.kind is ConeKind.SECOND_ORDER:
+            length = float(np.linalg.norm(part[1:])) * (1 + 8 * part.size * EPS)
+            found[rows.start] = max(part[0], length)
+        elif cone.kind is ConeKind.SEMIDEFINITE:
+            places = triangle(cone.size)
+            Y = np.zeros((cone.size, cone.size))
+            for (i, j), value in zip(places, part, strict=True):
+                Y[i, j] = Y[j, i] = value if i == j else value / 2
+            values = np.linalg.eigvalsh(Y)
+            lack = max(-values[0], 0.0) + 64 * cone.size * EPS * np.abs(values).max()
+            found[rows] = part + lack * np.array([i == j for i, j in places])
+    return found
+
+
+def _exact_inner(form: ConicForm) -> list[Rational] | None:
+    near = inner_point(form)
+    return None if near is None else exact_point(form, near)
+
+
+def _least_residual(form: ConicForm) -> ConicForm:
+    """Least sum |A'y| of a y in the dual of K with b'y <= -1, as a conic form in y and |A'y|."""
+    n, m = form.c.size, form.b.size
+    into, cones = _into_dual(form)
+    one, none = eye_array(n), csr_array((into.shape[0], n))
+    return ConicForm(
+        np.concatenate([np.zeros(m), np.ones(n)]),
+        vstack(
+            [
+                hstack([form.A.T, -one]),
+                hstack([-form.A.T, -one]),
+                hstack([csr_array(form.b[None, :]), csr_array((1, n))]),
+                hstack([-into, none]),
+            ]
+        ),
+        np.concatenate([np.zeros(2 * n), [-1.0], np.zeros(into.shape[0])]),
+        (*_cone(ConeKind.NONNEGATIVE, 2 * n), ONE_ROW, *cones),
+    )
+
+
+def _cone(kind: ConeKind, size: int) -> tuple[ConeFactor, ...]:
+    return (ConeFactor(kind, size),) if size else ()
+
+
+def _into_dual(form: ConicForm) -> tuple[csr_array, tuple[ConeFactor, ...]]:
+    """The map of y to points of the cones that are their own dual, and these cones."""
+    factors, kept = np.ones(form.b.size), np.ones(form.b.size, dtype=bool)
+    for cone, rows in form.blocks:
+        if cone.kind is ConeKind.ZERO:
+            kept[rows] = False
+        elif cone.kind is ConeKind.SEMIDEFINITE:  # y'S counts an entry beside the diagonal twice
+            factors[rows] = [1.0 if i == j else 0.5 for i, j in triangle(cone.size)]
+    cones = tuple(cone for cone in form.cones if cone.kind is not ConeKind.ZERO)
+    return csr_array(csr_array(diags_array(factors))[kept]), cones
