@@ -69,6 +69,11 @@ PRINTED_ANGLE = 0.25
 """Angle of the scratch of the figures [revolutions]."""
 
 
+def estimated(trial: Trial, law: Any) -> Any:
+    """Estimates of a trial by the law of an estimator."""
+    return estimate(law, trial.record.f_en, trial.known, trial.quality)
+
+
 def _each(name: str) -> Any:
     """A function of the draws on the nominal drive that collects one of their results."""
     return lambda on_nominal: [one[name] for one in on_nominal]
@@ -101,11 +106,6 @@ class EstimatorTrials(Study):
         bandwidth = FAST_BANDWIDTH if name == "ITAE 5 kHz" else SLOW_BANDWIDTH
         return itae(self.axis, rotation, bandwidth)
 
-    def estimated(self, trial: Trial, name: str, case: str = "known") -> Any:
-        """Estimates of a trial by an estimator."""
-        law = self.designed(name, case).controller
-        return estimate(law, trial.record.f_en, trial.known, trial.quality)
-
     estimator, fixed, rival, case = dim(ESTIMATORS), dim(FIXED), dim(RIVALS), dim(CASES)
     phase, size = dim("during", "after", "quiet"), dim("rms", "largest")
     quality_level = dim(QUALITIES)
@@ -119,14 +119,24 @@ class EstimatorTrials(Study):
         draw, value=lambda self, context: independent_seeds(context.rng, self.draws)
     )
 
+    laws = part(
+        lambda self: {(n, c): self.designed(n, c).controller for n in ESTIMATORS for c in CASES}
+    )
+
     @part
-    def on_nominal(self, nominal_seed: DataArray, gain: float, context: Context) -> list[Any]:
+    def on_nominal(
+        self,
+        nominal_seed: DataArray,
+        gain: float,
+        laws: dict[tuple[str, str], Any],
+        context: Context,
+    ) -> list[Any]:
         """What each draw gives on the nominal drive, by the names of the arrays."""
 
         def met(seed: int) -> dict[str, Any]:
             scratch = ScratchDraw.drawn(self.axis, seed)
             trial = self.scratches.trial("nominal", scratch)
-            runs = {(n, c): self.estimated(trial, n, c) for n in ESTIMATORS for c in CASES}
+            runs = {case: estimated(trial, law) for case, law in laws.items()}
             clean, covered = trial.record.light == 1.0, self.scratches.covered(trial)
             prompt = self.scratches.trial("nominal", scratch, prompt=True)
             return {
@@ -134,7 +144,9 @@ class EstimatorTrials(Study):
                     [trial.errors(runs[n, c].outputs[:, 1]) for c in CASES] for n in ESTIMATORS
                 ],
                 "error_measured": trial.errors(trial.record.f_en / gain),
-                "prompt_error": prompt.errors(self.estimated(prompt, "thesis").outputs[:, 1]),
+                "prompt_error": prompt.errors(
+                    estimated(prompt, laws["thesis", "known"]).outputs[:, 1]
+                ),
                 "followed_last": [runs[n, "adapted"].frequency[-1] for n in RIVALS],
                 "nominal_events": len(trial.record.events),
                 "clean": int(clean.sum()),
@@ -168,17 +180,17 @@ class EstimatorTrials(Study):
         lambda self, nominal_seed: self.scratches.trial("nominal", self.shown_scratch(nominal_seed))
     )
     measured = part(lambda trial, gain: trial.record.f_en / gain)
-    known = part(lambda self, trial: [self.estimated(trial, name) for name in ESTIMATORS])
+    known = part(lambda trial, laws: [estimated(trial, laws[name, "known"]) for name in ESTIMATORS])
 
     def shown_scratch(self, nominal_seed: DataArray) -> ScratchDraw:
         """The scratch of the figures."""
         return ScratchDraw(int(nominal_seed[0]), PRINTED_ANGLE)
 
     @array((phase, size), "m", "of the thesis' observer opened without delay, without noise")
-    def prompt_error_quiet(self, nominal_seed: DataArray) -> Any:
+    def prompt_error_quiet(self, nominal_seed: DataArray, laws: dict[tuple[str, str], Any]) -> Any:
         scratch = self.shown_scratch(nominal_seed)
         trial = self.scratches.trial("nominal", scratch, noise=0.0, prompt=True)
-        return trial.errors(self.estimated(trial, "thesis").outputs[:, 1])
+        return trial.errors(estimated(trial, laws["thesis", "known"]).outputs[:, 1])
 
     @part
     def onset(self, trial: Trial) -> int:
@@ -204,7 +216,7 @@ class EstimatorTrials(Study):
     true_effort = array(time, "V", "", lambda self, time: self.true_u_p(time.values).astype("f4"))
 
     adapted = part(
-        lambda self, trial: [self.estimated(trial, name, "adapted").frequency for name in RIVALS]
+        lambda trial, laws: [estimated(trial, laws[name, "adapted"]).frequency for name in RIVALS]
     )
     followed = array(
         (rival, time), "Hz", "rotation frequency followed", lambda adapted: _kept(adapted)
