@@ -132,11 +132,25 @@ def results(pattern: str = "*") -> list[Run]:
     return stored_runs(results_root(), pattern)
 
 
-def verify(path: str | Path, *, rerun: bool = False) -> Verification:
+def verify(path: str | Path, *, rerun: bool = False, trust: bool = False) -> Verification:
     """Verify a results folder: checksums, key, and the certificate from the stored arrays alone.
 
-    With ``rerun`` the question is also answered anew and the arrays compared.
+    Parameters
+    ----------
+    path
+        The folder.
+    rerun
+        The question is also answered anew and the arrays compared.
+    trust
+        Import the problems of the project that the folder lies in, where that is not the project
+        at hand: they are somebody's code.
+
+    Returns
+    -------
+    Verification
+        Its ``holds`` tells whether the certificate, recomputed here, holds for what is stored. The
+        log, the seconds and the method's claim are covered by their checksums only.
     """
     from workbench.bench.verify import verify_folder
 
-    return verify_folder(Path(path), rerun=rerun)
+    return verify_folder(Path(path), rerun=rerun, trust=trust)

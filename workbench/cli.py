@@ -212,15 +212,22 @@ def compare(
 @main.command()
 @click.argument("paths", nargs=-1, type=click.Path(path_type=Path))
 @click.option("--rerun", is_flag=True, help="Answer anew as well, and compare the arrays.")
+@click.option(
+    "--trust", is_flag=True, help="Import the problems of the project that a folder lies in."
+)
 @AS_JSON
-def verify(paths: tuple[Path, ...], rerun: bool, as_json: bool) -> None:
-    """Verify results folders at or below PATHS [default: the project's results]."""
+def verify(paths: tuple[Path, ...], rerun: bool, trust: bool, as_json: bool) -> None:
+    """Verify results folders at or below PATHS [default: the project's results].
+
+    Checksums, key, arrays, metrics and certificate; the log, the seconds and the method's claim by
+    their checksums only.
+    """
     from workbench.bench.verify import finished_folders, verify_folder
 
     found = []
     for path in paths or (results_root(),):
         for folder in finished_folders(path):
-            found.append(verify_folder(folder, rerun=rerun))
+            found.append(verify_folder(folder, rerun=rerun, trust=trust))
             if not as_json:
                 click.echo(repr(found[-1]))
     if as_json:

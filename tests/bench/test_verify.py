@@ -338,13 +338,26 @@ def test_an_unregistered_problem_gets_checksums_and_key_only(project, run):
     shutil.rmtree(project.toy.parent)
     project.restart()
     found = wb.verify(run.path)
-    assert found.holds and found.certificate is None
+    assert found.intact and not found.holds and found.certificate is None
     assert found.notes == ("problem 'toy/root' is not registered: checksums and key only",)
+    assert repr(found).startswith(f"{run.path}: intact, its answer NOT checked")
     (run.path / "log.txt").write_text("")
     edit(run.path, "run.json", put("parameters", "scale", 2.0))
     found = wb.verify(run.path).problems
     assert any("log.txt" in text for text in found)
     assert any(text.startswith("run.json: its question has key") for text in found)
+
+
+def test_the_project_of_a_folder_is_imported_only_where_it_is_trusted(
+    project, run, tmp_path_factory, monkeypatch
+):
+    project.write("plants/toy/more.py", "raise SystemExit\n@problem('toy/more')\ndef f(): ...\n")
+    project.restart()
+    monkeypatch.chdir(tmp_path_factory.mktemp("elsewhere"))
+    found = wb.verify(run.path)
+    assert found.intact and not found.holds
+    assert found.notes[1] == "the project about the folder is not trusted; --trust imports it"
+    assert wb.verify(run.path, trust=True).holds
 
 
 def test_a_problem_that_takes_other_parameters_now_says_so(project, run):

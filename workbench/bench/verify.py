@@ -2,6 +2,12 @@
 
 In order: checksums; the key, from the question in run.json; the problem rebuilt through the
 registry; its arrays and derived files against the stored ones; the certificate recomputed.
+
+What nothing can recompute is not covered beyond its checksum: the log, the seconds, the versions,
+and what the method claimed. Figures and tables are not stored: they are functions of the arrays.
+
+A folder is data. The code that checks it is that of the project at hand; the problems of a project
+that is found only through the folder's own path are imported where the caller trusts them.
 """
 
 from __future__ import annotations
@@ -12,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from workbench.bench import netcdf
-from workbench.bench.project import registry
+from workbench.bench.project import Project, add_problems, registry
 from workbench.bench.question import Question, plain
 from workbench.bench.results import Run, given, rebuilt
 from workbench.bench.run import Bench, Bound, environment
@@ -37,7 +43,7 @@ class Verification:
     """The result of verifying a folder.
 
     ``problems`` says what is wrong, ``notes`` what else is worth knowing. ``certificate`` is
-    recomputed here; None where that was impossible.
+    recomputed here; None where that was impossible, and then the answer was not checked.
     """
 
     path: Path
@@ -46,18 +52,30 @@ class Verification:
     certificate: Certificate | None
 
     @property
-    def holds(self) -> bool:
+    def intact(self) -> bool:
+        """Nothing is wrong with what could be checked."""
         return not self.problems
 
+    @property
+    def holds(self) -> bool:
+        """The folder is intact, and its certificate was recomputed."""
+        return self.intact and self.certificate is not None
+
     def __repr__(self) -> str:
-        lines = [f"{self.path}: {'verified' if self.holds else 'NOT verified'}"]
+        verdict = "verified" if self.holds else "NOT verified"
+        if self.intact and not self.holds:
+            verdict = "intact, its answer NOT checked"
+        lines = [f"{self.path}: {verdict}"]
         lines += [f"  {problem}" for problem in self.problems]
         lines += [f"  note: {note}" for note in self.notes]
         return "\n".join(lines)
 
 
-def verify_folder(path: Path, *, rerun: bool = False) -> Verification:
+def verify_folder(path: Path, *, rerun: bool = False, trust: bool = False) -> Verification:
     """Verify one results folder.
+
+    ``trust``: import the problems of the project that the folder lies in, as well as those of the
+    project at hand.
 
     Raises
     ------
@@ -65,6 +83,9 @@ def verify_folder(path: Path, *, rerun: bool = False) -> Verification:
         The folder is no results folder.
     """
     found: list[str] = damage(possible_path(path))
+    if trust:
+        for folder in _of_its_project(path):
+            add_problems(folder)
     if not (path / "run.json").is_file():
         if not (path / CHECKSUMS).is_file():
             raise ResultError(f"{path} is no results folder: it has neither run.json nor checksums")
@@ -76,6 +97,8 @@ def verify_folder(path: Path, *, rerun: bool = False) -> Verification:
         found += _misplaced(run)
         if run.problem not in registry().entries:
             notes.append(f"problem {run.problem!r} is not registered: checksums and key only")
+            if not trust and _of_its_project(path):
+                notes.append("the project about the folder is not trusted; --trust imports it")
         else:
             again = rebuilt(run)
             bound = Bound(again.problem, run.info["parameters"], again.needs, again.task)
@@ -91,6 +114,12 @@ def verify_folder(path: Path, *, rerun: bool = False) -> Verification:
     except (KeyError, TypeError, ValueError) as error:
         found.append(f"run.json cannot be read as a run: {type(error).__name__}: {error}")
     return Verification(path, tuple(found), tuple(notes), certificate)
+
+
+def _of_its_project(path: Path) -> list[Path]:
+    """Problem folders of the project that a results folder lies in, where it is not this one."""
+    own = Project.around(path.absolute()).problems
+    return [folder for folder in own if folder not in Project.around(Path.cwd()).problems]
 
 
 def _misplaced(run: Run) -> list[str]:
