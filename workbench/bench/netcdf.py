@@ -6,6 +6,7 @@ variables, ``name_real`` and ``name_imag``, and joined again on reading.
 
 from __future__ import annotations
 
+import io
 from collections.abc import Hashable, Iterator
 from contextlib import closing
 from pathlib import Path
@@ -40,8 +41,11 @@ def write(data: xr.Dataset, file: Path) -> None:
         name: packed if array.dtype.kind in "iuf" and array.nbytes >= WORTH_PACKING else plain
         for name, array in split.variables.items()
     }
-    with closing(H5NetCDFStore(h5netcdf.File(file, "w", libver="v110"))) as store:
+    # Made in memory: HDF5 that meets a full disk leaves open files and words of its own.
+    content = io.BytesIO()
+    with closing(H5NetCDFStore(h5netcdf.File(content, "w", libver="v110"))) as store:
         split.dump_to_store(store, encoding=encoding)
+    file.write_bytes(content.getbuffer())
 
 
 def read(file: Path) -> xr.Dataset:

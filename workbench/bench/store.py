@@ -19,6 +19,7 @@ import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 from urllib.parse import quote, unquote
 
 from workbench.bench.untrusted import own_file, read_text
@@ -60,37 +61,77 @@ class Store:
     @contextmanager
     def writing(self, problem: str, key: str) -> Iterator[Writer]:
         """Hold the lock of a question; what the writer publishes appears whole."""
-        from filelock import FileLock
-
         writer = Writer(self, problem, key)
-        lock = FileLock(writer.lock)
         try:
             writer.space.parent.mkdir(parents=True, exist_ok=True)
-            lock.acquire()
-        except OSError as error:
-            raise ResultError(f"cannot write results below {self.root}: {error.strerror}") from None
-        try:
-            writer.mend()
-            yield writer
-        finally:
-            writer.mend()
-            lock.release()
+            with _locked(writer.lock):
+                try:
+                    writer.mend()
+                    yield writer
+                finally:
+                    writer.mend()
+        except OSError as error:  # a full disk, a folder that may not be written, a file in its way
+            reason = f"{error.strerror}: {error.filename}" if error.filename else str(error)
+            raise ResultError(f"cannot write results below {self.root}: {reason}") from None
 
     def mend(self) -> None:
         """Undo what killed processes left; running ones are not disturbed."""
-        from filelock import FileLock, Timeout
+        from filelock import Timeout
 
-        for lock in sorted((self.root / PARTIAL).glob("*.lock")):
-            name = lock.with_suffix("").name
-            problem, key = name.rsplit("-", 1)
-            writer = Writer(self, unquote(problem), key)
-            if not writer.space.exists():
+        space = self.root / PARTIAL
+        left = {
+            file.name.removesuffix(".lock") for file in (*space.glob("*.lock"), *space.glob("*/"))
+        }
+        for name in sorted(left):
+            problem, dash, key = name.rpartition("-")
+            problem = unquote(problem)
+            if not dash or {"", ".", ".."} & {key, *problem.split("/")}:  # it would lead elsewhere
                 continue
+            writer = Writer(self, problem, key)
             try:
-                with FileLock(lock, blocking=False):
+                with _locked(writer.lock, blocking=False):
                     writer.mend()
             except (Timeout, OSError):  # its process is alive, or the folder is not ours
                 continue
+
+
+@contextmanager
+def _locked(file: Path, *, blocking: bool = True) -> Iterator[None]:
+    """Hold a lock, and remove its file with it.
+
+    Who waited for it may get the lock of a file that is gone by then, while another one holds that
+    of a new file: so whoever gets a lock sees that its file is still in place, and else asks again.
+
+    Raises
+    ------
+    Timeout
+        Another process holds it, and ``blocking`` is false.
+    """
+    from filelock import FileLock
+
+    while True:
+        lock = FileLock(file, blocking=blocking)
+        lock.acquire()
+        if _same_file(file, lock):
+            break
+        lock.release()
+    try:
+        yield
+    finally:
+        if os.name != "nt":  # Windows removes no file that is open
+            file.unlink(missing_ok=True)
+        lock.release()
+
+
+def _same_file(file: Path, lock: Any) -> bool:
+    """Whether a lock is on the file that is in place now."""
+    if os.name == "nt":
+        return True
+    try:
+        held = os.fstat(lock._context.lock_file_fd)  # filelock has no public name for it
+        return os.path.samestat(held, file.stat())
+    except FileNotFoundError:
+        return False
 
 
 class Writer:
