@@ -76,7 +76,7 @@ def estimated(trial: Trial, law: Any) -> Any:
 
 def _each(name: str) -> Any:
     """A function of the draws on the nominal drive that collects one of their results."""
-    return lambda on_nominal: [one[name] for one in on_nominal]
+    return lambda on_nominal: np.array([one[name] for one in on_nominal], np.float32)
 
 
 @dataclass(frozen=True)
@@ -284,7 +284,7 @@ class EstimatorTrials(Study):
 
     def by_drive(self, on_drives: list[Any], number: int) -> Any:
         """One of the results of all drives and draws (drives, draws, ...)."""
-        every = np.array([one[number] for one in on_drives])
+        every = np.array([one[number] for one in on_drives], np.float32)
         return every.reshape(-1, self.draws, *every.shape[1:])
 
 
