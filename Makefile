@@ -44,7 +44,7 @@ lint: $(READY)
 # Make the committed reference results anew, at a size that a repository can carry.
 reference: $(READY)
 	rm -rf results/reference
-	$(REFERENCE) cd/drives --set frequencies=60
+	$(REFERENCE) cd/drives --set frequencies=15
 	$(REFERENCE) 'cd/*/circles' 'cd/*/stadiums' --set frequencies=120
 	$(REFERENCE) cd/optics cd/red-book 'cd/*/linearity' bench/geometry cd-arm/identification
 	$(REFERENCE) 'cd/*/closed-loop' --set step_hz=10
@@ -52,7 +52,7 @@ reference: $(READY)
 	$(REFERENCE) 'cd/*/nominal' 'cd/*/uncertainty-comparison' --set frequencies=120
 	$(REFERENCE) 'cd/*/mu-pid-analysis' 'cd/*/nyquist' --set frequencies=120
 	$(REFERENCE) 'cd/*/five-x' 'cd/*/cover-for-control' --set frequencies=120
-	$(REFERENCE) 'cd/*/sensitivity' --set frequencies=150
+	$(REFERENCE) 'cd/*/sensitivity' --set frequencies=90
 	$(REFERENCE) mass-spring/analysis bench/covers textbook/fault-detection
 	$(REFERENCE) '*/controller' 'cd/*/mu-pid'
 	$(REFERENCE) 'cd/*/position-estimator' 'cd/*/strategies' --set draws=50
