@@ -197,7 +197,10 @@ def test_ipopt_prints_only_when_asked(capfd):
 
 def test_every_outcome_has_its_word_and_its_advice():
     words = [str(outcome) for outcome in Outcome]
-    assert words == ["solved", "inaccurate", "infeasible", "unbounded", "time limit", "failed"]
+    assert words == [
+        *("solved", "inaccurate", "infeasible", "unbounded", "no solution up to R", "no claim"),
+        *("time limit", "failed"),
+    ]
     assert len({outcome.advice for outcome in Outcome}) == len(words)
 
 

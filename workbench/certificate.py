@@ -125,7 +125,7 @@ class Certificate:
         gap = stored["gap"]
         return cls(
             tuple(Check(**_read(check, "holds")) for check in stored["checks"]),
-            gap and Gap(**_read(gap, "closed")),
+            None if gap is None else Gap(**_read(gap, "closed")),
         )
 
 

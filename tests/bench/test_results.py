@@ -11,7 +11,7 @@ import workbench as wb
 from workbench.bench.files import write_json
 from workbench.bench.results import open_run
 from workbench.bench.store import CHECKSUMS, files
-from workbench.bench.untrusted import read_json
+from workbench.bench.trust.untrusted import read_json
 from workbench.errors import ResultError
 
 

@@ -14,7 +14,7 @@ import workbench as wb
 from workbench.bench import netcdf
 from workbench.bench.results import Run
 from workbench.bench.store import damage, seal
-from workbench.bench.untrusted import (
+from workbench.bench.trust.untrusted import (
     DEEPEST,
     LARGEST_TEXT,
     file_stem,

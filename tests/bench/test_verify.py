@@ -13,7 +13,7 @@ from workbench.bench import netcdf
 from workbench.bench.files import write_json
 from workbench.bench.question import plain
 from workbench.bench.store import CHECKSUMS, seal
-from workbench.bench.untrusted import read_json
+from workbench.bench.trust.untrusted import read_json
 from workbench.bench.verify import _certificates_apart, finished_folders
 from workbench.certificate import Certificate, Check
 from workbench.errors import ResultError

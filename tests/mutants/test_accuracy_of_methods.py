@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from tight_problems import PROGRAMS, solved
 
+from workbench.conic import ConeFactor, ConeKind, ConicForm, ConicProgram
 from workbench.executor import Context
 from workbench.fitting import ResponseFit
 from workbench.geometry import NarrowestStadium
@@ -38,6 +39,12 @@ def given_angle():
     return NarrowestStadium(np.random.default_rng(3).normal(size=(7, 2)) @ [1.0, 1j], angle=0.3)
 
 
+def conic_program():
+    """The least x that is 1 or more."""
+    cone = ConeFactor(ConeKind.NONNEGATIVE, 1)
+    return ConicProgram(ConicForm([1.0], [[-1.0]], [-1.0], [cone]))
+
+
 SMALL = {
     name: PROGRAMS[name]
     for name in (
@@ -46,7 +53,13 @@ SMALL = {
         "parameter_fit",
     )
 }
-SMALL |= {"rational_fit": rational_fit, "given_angle": given_angle, "mu_synthesis": mu_synthesis}
+
+SMALL |= {
+    "conic_program": conic_program,
+    "rational_fit": rational_fit,
+    "given_angle": given_angle,
+    "mu_synthesis": mu_synthesis,
+}
 """Programs on which every method of the library runs, or another of the same name."""
 ELSEWHERE = {("StadiumCover", "steps"), ("StadiumCover", "joint"), ("LoopShaping", "coprime")}
 """The methods of circle covers, and one that keeps the distance of the Riccati equations."""

@@ -11,7 +11,7 @@ from workbench.errors import InputError, TimeLimitError
 from workbench.executor import Context
 from workbench.solvers import Options
 from workbench.study import (
-    claimed,
+    claim_of,
     independent_seeds,
     over_draws,
     share_of_draws,
@@ -51,13 +51,13 @@ def test_in_words():
     [(1.0, "holds"), (0.95, "holds"), (0.94, "undecided"), (0.06, "undecided"), (0.05, "fails")],
 )
 def test_what_is_claimed(share, words):
-    assert claimed(share) == words
+    assert claim_of(share) == words
 
 
 @pytest.mark.parametrize("share", [-0.1, 1.1, float("nan")])
 def test_a_share_is_from_0_to_1(share):
     with pytest.raises(InputError, match="must be from 0 to 1"):
-        claimed(share)
+        claim_of(share)
 
 
 def test_shares_are_paired():

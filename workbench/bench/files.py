@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from workbench.bench.question import plain
-from workbench.bench.untrusted import file_stem
+from workbench.bench.trust.untrusted import file_stem
 from workbench.heavy_types import Figure
 
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from workbench.bench.untrusted import need_bounded_arrays
+from workbench.bench.trust.untrusted import need_bounded_arrays
 from workbench.errors import ResultError
 from workbench.executor import WALL_TIME
 

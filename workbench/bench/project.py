@@ -17,7 +17,7 @@ from pathlib import Path
 
 import workbench.plants
 from workbench.bench.registry import Registry
-from workbench.bench.untrusted import possible_path
+from workbench.bench.trust.untrusted import possible_path
 from workbench.errors import RegistryError
 
 

@@ -22,12 +22,12 @@ from typing import Any
 from workbench.bench.comparison import Comparison
 from workbench.bench.declare import Fed
 from workbench.bench.files import Picture, picture
-from workbench.bench.information import run_information
 from workbench.bench.problem import Problem
 from workbench.bench.project import registry, results_root
 from workbench.bench.question import plain
 from workbench.bench.store import CHECKSUMS, Store, damage
-from workbench.bench.untrusted import file_stem, own_file, possible_path, read_json, read_text
+from workbench.bench.trust.information import run_information
+from workbench.bench.trust.untrusted import file_stem, own_file, possible_path, read_json, read_text
 from workbench.certificate import Certificate
 from workbench.errors import ResultError
 from workbench.heavy_types import Dataset, Figure
@@ -324,10 +324,10 @@ def _upstream(store: Store, problem: str, key: str) -> Run:
 
 def stored_runs(root: Path, pattern: str = "*") -> list[Run]:
     """The finished, undamaged runs below a results folder whose problem fits a shell pattern."""
-    return fitting(Store(root).folders(), pattern)
+    return runs_in(Store(root).folders(), pattern)
 
 
-def fitting(folders: Iterable[Path], pattern: str) -> list[Run]:
+def runs_in(folders: Iterable[Path], pattern: str) -> list[Run]:
     """Runs in folders that can be read, whose problem fits a shell pattern."""
     runs = [Run(folder) for folder in folders if not unreadable(folder)]
     return [run for run in runs if fnmatch.fnmatchcase(run.problem, pattern)]

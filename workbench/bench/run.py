@@ -16,13 +16,13 @@ from workbench.bench.checkpoint import FileCheckpoint
 from workbench.bench.crate import write_crate
 from workbench.bench.declare import Ref
 from workbench.bench.files import write_json
-from workbench.bench.information import FORMAT
 from workbench.bench.notes import compared, log, went_on
 from workbench.bench.problem import Problem
 from workbench.bench.project import registry, results_root
 from workbench.bench.question import Question, asked, canonical, code_hash, digest
 from workbench.bench.results import Run
 from workbench.bench.store import Store, Writer, damage
+from workbench.bench.trust.information import FORMAT
 from workbench.certificate import Certificate
 from workbench.errors import InputError, RegistryError, ResultError
 from workbench.executor import Context, Progress, Watch, silent, unwatched

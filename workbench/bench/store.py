@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote, unquote
 
-from workbench.bench.untrusted import own_file, read_text
+from workbench.bench.trust.untrusted import own_file, read_text
 from workbench.errors import ResultError
 
 CHECKSUMS = "SHA256SUMS"

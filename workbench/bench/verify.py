@@ -20,10 +20,10 @@ from typing import Any
 from workbench.bench import netcdf
 from workbench.bench.project import Project, add_problems, registry
 from workbench.bench.question import Question, plain
-from workbench.bench.results import Run, given, rebuilt
+from workbench.bench.results import COMPARISON, Run, given, rebuilt
 from workbench.bench.run import Bench, Bound, environment
 from workbench.bench.store import CHECKSUMS, FAILED, Store, damage
-from workbench.bench.untrusted import possible_path, read_json
+from workbench.bench.trust.untrusted import possible_path, read_json
 from workbench.certificate import Certificate
 from workbench.errors import InputError, ResultError, WorkbenchError
 from workbench.program import Program, find_method
@@ -95,19 +95,19 @@ def verify_folder(path: Path, *, rerun: bool = False, trust: bool = False) -> Ve
     certificate = None
     try:
         found += _misplaced(run)
-        if run.problem not in registry().entries:
+        if run.problem not in (COMPARISON, *registry().entries):
             notes.append(f"problem {run.problem!r} is not registered: checksums and key only")
             if not trust and _of_its_project(path):
                 notes.append("the project about the folder is not trusted; --trust imports it")
         else:
             again = rebuilt(run)
             bound = Bound(again.problem, run.info["parameters"], again.needs, again.task)
-            notes += _other_code(run, bound)
+            notes += _other_code(run, bound) if bound.problem else []
             certificate, wrong = _recheck(run, bound)
             found += wrong
             if run.best_so_far:
                 notes.append(f"stopped by the clock: {run.info['message']}")
-            if rerun:
+            if rerun and bound.problem:
                 found += _rerun(run, notes)
     except WorkbenchError as error:
         found.append(str(error))

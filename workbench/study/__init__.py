@@ -3,7 +3,7 @@
 from workbench.study.checks import check
 from workbench.study.declarations import array, arrays, dim, part, system, variables
 from workbench.study.draws import (
-    claimed,
+    claim_of,
     independent_seeds,
     over_draws,
     share_of_draws,
@@ -17,7 +17,7 @@ __all__ = [
     "array",
     "arrays",
     "check",
-    "claimed",
+    "claim_of",
     "dim",
     "figure",
     "independent_seeds",

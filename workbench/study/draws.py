@@ -65,7 +65,7 @@ def share_of_draws(holds: DataArray, *kept: str) -> DataArray:
     return holds.mean([name for name in holds.dims if name not in kept])
 
 
-def claimed(share: float) -> str:
+def claim_of(share: float) -> str:
     """What may be claimed of something that holds in a share of the draws.
 
     "holds" in `SURE` of them or more, "fails" in 1 - `SURE` or less, "undecided" between.

@@ -36,7 +36,8 @@ def balancing(M: Array, channels: int) -> tuple[Array, Array]:
     rows, columns = np.ones(M.shape[0]), np.ones(M.shape[1])
     for _ in range(50):
         scaled = rows[:, None] * abs(M) * columns
-        into, out = _norms(scaled.T), _norms(scaled)
+        into, out = np.linalg.norm(scaled, axis=1), np.linalg.norm(scaled, axis=0)
+        into[into == 0.0], out[out == 0.0] = 1.0, 1.0
         # All factors change at once, so each makes half of the change that it would make alone.
         inner = (into[:channels] / out[:channels]) ** 0.25
         rows /= np.concatenate([inner, into[channels:] ** 0.5])
@@ -44,15 +45,6 @@ def balancing(M: Array, channels: int) -> tuple[Array, Array]:
     rows, columns = (np.exp2(np.round(np.log2(factors))) for factors in (rows, columns))
     columns[:channels] = 1.0 / rows[:channels]
     return rows, columns
-
-
-def _norms(sizes: Array) -> Array:
-    """Euclidean norms of the columns, without overflow or underflow; 1 where a column is zero."""
-    largest = sizes.max(axis=0, initial=0.0)
-    largest[largest == 0.0] = 1.0
-    norms: Array = largest * np.linalg.norm(sizes / largest, axis=0)
-    norms[norms == 0.0] = 1.0
-    return norms
 
 
 def singular(a: Array) -> bool:

@@ -25,7 +25,7 @@ from workbench.bench.report.entries import entries, failed_runs
 from workbench.bench.report.looks import looks
 from workbench.bench.results import damaged
 from workbench.bench.store import CHECKSUMS
-from workbench.bench.untrusted import possible_path
+from workbench.bench.trust.untrusted import possible_path
 from workbench.errors import ResultError
 from workbench.executor import InProcess, Progress, silent
 

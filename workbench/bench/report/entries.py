@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote
 
-from workbench.bench.results import Run, fitting, stored_runs
+from workbench.bench.results import Run, runs_in, stored_runs
 from workbench.bench.store import CHECKSUMS, FAILED, PARTIAL, REFERENCE
 from workbench.errors import ResultError
 
@@ -86,4 +86,4 @@ def failed_runs(root: Path, pattern: str = "*") -> list[Run]:
         for file in sorted(root.rglob(f"*{FAILED}/{CHECKSUMS}"))
         if not aside.intersection(file.parents)
     )
-    return fitting(folders, pattern)
+    return runs_in(folders, pattern)

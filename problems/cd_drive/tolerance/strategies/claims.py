@@ -6,7 +6,7 @@ import math
 from itertools import combinations
 
 from workbench.heavy_types import DataArray, Dataset
-from workbench.study import claimed, over_draws, with_interval
+from workbench.study import claim_of, over_draws, with_interval
 from workbench.tables import markdown
 
 from ..strategy_looks import titled
@@ -55,7 +55,7 @@ def claims_table(answer: Dataset) -> str:
 
 
 def _share_and_claim(share: float) -> list[str]:
-    return ["none", "undecided"] if math.isnan(share) else [f"{share:.1%}", claimed(share)]
+    return ["none", "undecided"] if math.isnan(share) else [f"{share:.1%}", claim_of(share)]
 
 
 def error_tables(excursion: DataArray, periodic: DataArray, draws: int) -> dict[str, str]:

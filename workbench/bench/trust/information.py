@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
-from workbench.bench.untrusted import problem_name, question_key
+from workbench.bench.trust.untrusted import problem_name, question_key
 from workbench.errors import ResultError
 from workbench.solvers import Outcome
 
