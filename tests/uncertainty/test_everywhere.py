@@ -197,3 +197,28 @@ def test_known_plants_that_cannot_be_are_refused(known, words):
     values = np.tile((1 / (1j * OMEGA + 1))[:, None], 2)
     with pytest.raises(InputError, match=words):
         Responses(OMEGA, values, known=known)
+
+
+def test_grids_of_known_plants_are_refined_between_the_frequencies():
+    data = responses(family())
+    fine = data.refined()
+    assert set(data.omega) <= set(fine.omega)
+    assert np.abs(fine.omega - BETWEEN).min() < 0.02 * BETWEEN
+    assert fine.omega[[0, -1]].tolist() == data.omega[[0, -1]].tolist()
+    np.testing.assert_array_equal(fine.values[np.searchsorted(fine.omega, OMEGA)], data.values)
+    measured = responses(family(), False)
+    assert measured.refined() is measured
+    mixed = replace(data, known=[*data.known[:5], None])
+    assert mixed.refined() is mixed
+
+
+@pytest.mark.slow
+def test_a_joint_search_on_few_frequencies_sees_what_lies_between():
+    """The drives at 40 frequencies, 19 % apart; their resonances are 3 % wide."""
+    from workbench.plants.cd_drive.uncertainty.stadium_cover import stadium_cover
+
+    peaks = {}
+    for frequencies in (40, 200):
+        answer = wb.solve(stadium_cover("focus", frequencies=frequencies), "joint").answer
+        peaks[frequencies] = float(np.abs(answer.model.W_c.response(2 * np.pi * DENSE)).max())
+    assert peaks[40] < 1.5 * peaks[200]

@@ -136,6 +136,10 @@ class UncertaintyCover(Program):
         """The same program with at most so many of the frequencies."""
         return replace(self, responses=self.responses.thinned(most))
 
+    def refined(self) -> Self:
+        """The same program at further frequencies, at which the known plants' resonances show."""
+        return replace(self, responses=self.responses.refined())
+
     @property
     def minimum_phase(self) -> bool:
         """Whether the zeros of a real weight must lie in the left half plane."""

@@ -40,9 +40,9 @@ def _joint(program: UncertaintyCover, context: Context) -> Claim:
     if not found:
         return None, Outcome.FAILED, said
     first = program.first_set(program.points)
-    answers = []
+    fine, answers = program.thinned(FINAL_FREQUENCIES).refined(), []
     for _, nominal, W_r in sorted(found, key=_size)[:FINISHED_STARTS]:
-        _, nominal, W_r = smallest_sets(program.thinned(FINAL_FREQUENCIES), nominal, W_r, context)
+        _, nominal, W_r = smallest_sets(fine, nominal, W_r, context)
         nominal = program.realisable(nominal)
         third = program.third_set(program.away(nominal, program.points), W_r)
         answers.append(program.finished(first, nominal, third, W_r, context))

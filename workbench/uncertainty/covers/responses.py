@@ -12,6 +12,7 @@ from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.fitting.rational import Rational, from_system
 from workbench.heavy_types import DataArray, FrequencyResponseData
+from workbench.systems.frequency_grid import starting_grid
 
 KNOWN_RESPONSE_TOLERANCE = 1e-6
 """Largest distance of a given response from that of the known plant, relative to it."""
@@ -175,6 +176,24 @@ class Responses:
             values=self.values[chosen],
             present=self.present[chosen],
         )
+
+    def refined(self) -> Responses:
+        """The same plants with further frequencies of the band, at which resonances show.
+
+        Where a plant was only measured nothing is known between the frequencies: they stay.
+        """
+        if not self.known or None in self.known:
+            return self
+        poles = np.concatenate([plant.poles for plant in self.known])
+        more = starting_grid(poles)
+        more = more[(more > self.omega[0]) & (more < self.omega[-1])]
+        omega = np.union1d(self.omega, more)
+        values = np.stack([plant.response(omega) for plant in self.known], axis=1)
+        given = np.searchsorted(omega, self.omega)
+        values[given] = np.where(self.present, self.values, values[given])
+        present = np.ones(values.shape, bool)
+        present[given] = self.present
+        return replace(self, omega=omega, values=values, present=present)
 
     def place(self, index: int) -> str:
         """A frequency, for messages."""
