@@ -52,7 +52,7 @@ CONTINUOUS, SAMPLED = 16, 20
 """Functions of the Laguerre basis for the continuous loop and for the sampled one."""
 
 
-def needs(axis: str = "focus", frequencies: int = 120, gain: Gain = "own", **_: Any) -> Any:
+def needs(axis: str = "focus", frequencies: int = 400, gain: Gain = "own", **_: Any) -> Any:
     """Stadiums that were chosen for control: around the narrowest no loop is robustly stable."""
     return {
         "covered": ref(f"cd/{axis}/cover-for-control", frequencies=frequencies, gain=gain),
@@ -62,7 +62,7 @@ def needs(axis: str = "focus", frequencies: int = 120, gain: Gain = "own", **_: 
 @problem("cd/focus/fault-filter", needs=needs, data=TABLES)
 def fault_filter(
     covered: Run,
-    frequencies: Frequencies = 120,
+    frequencies: Frequencies = 400,
     gain: Gain = "own",
     error: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.3,
     leakage: Annotated[float, Field(gt=0.0, le=1e-4)] = 0.5e-6,
