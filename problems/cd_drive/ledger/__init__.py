@@ -1,0 +1,1 @@
+"""What the thesis says, item by item, and what became of it."""
