@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
-from itertools import product
 from typing import Any, ClassVar
 
 import numpy as np
@@ -14,11 +13,20 @@ from workbench.arrays import RealArray
 from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.study import Study, array, check, dim, figure, metric, part, table
 
-from .actuator import general_model, resonances, stack, transfer_coefficients
+from .actuator import general_model, resonances, stack
+from .derived_quantities import DERIVED
 from .nominal_table import compare_nominal
-from .plants import ANTIALIASING, crossover, nominal_response, phase_margin, responses
+from .plants import (
+    AMPLIFICATION,
+    ATTENUATION,
+    crossover,
+    nominal_response,
+    phase_margin,
+    responses,
+)
+from .printed_equations import off_equation_3_10, off_table_3_2
 from .shared_parameters import TABLES, WINDOWS, Frequencies, spread
-from .tables import AXES, ActuatorParameters, Axis, Drive, Values, drives
+from .tables import AXES, Axis, Drive, Values, drives
 
 PARAMETERS = [f.name for f in fields(Drive) if f.name not in ("name", "axis")]
 UNITS = {
@@ -70,6 +78,10 @@ class Drives(Study):
     kind = dim(RESONANCES)
     parameter = dim(PARAMETERS)
     unit = array(parameter, value=lambda: UNITS, coordinate=True)
+    quantity = dim(DERIVED)
+    derived_unit = array(
+        quantity, value=lambda: [one.unit for one in DERIVED.values()], coordinate=True
+    )
 
     @part
     def twelve(self) -> dict[Axis, tuple[Drive, ...]]:
@@ -104,12 +116,19 @@ class Drives(Study):
     def parameters(self, twelve: dict[Axis, Any]) -> list[Any]:
         return [[[getattr(one, name) for name in PARAMETERS] for one in twelve[a]] for a in AXES]
 
+    @array((axis, drive, quantity), meaning="what follows from the tables alone")
+    def derived(self, twelve: dict[Axis, Any]) -> list[Any]:
+        return [[[q.of(one) for q in DERIVED.values()] for one in twelve[a]] for a in AXES]
+
     @check("Table 3.2", at_most=1e-9)
     def polynomials(self, response: DataArray, parameters: DataArray) -> DataArray:
         """relative distance of the derived responses from the printed polynomials"""
-        printed = _from_table_3_2(parameters, response["frequency"])
-        shape, wanted = (one / one.isel(frequency=0) for one in (response, printed))
-        return abs(shape / wanted - 1).max()
+        return off_table_3_2(response, parameters)
+
+    @check("equation 3.10", at_most=1e-9)
+    def third_order(self, actuator_general: DataArray, parameters: DataArray) -> DataArray:
+        """relative distance of the general model from the printed equation"""
+        return off_equation_3_10(actuator_general, parameters)
 
     @check()
     def near_stated(self, resonance: DataArray) -> list[Check]:
@@ -140,6 +159,15 @@ class Drives(Study):
     )
     _crossover = metric("crossover_{axis}_hz", lambda crossover: crossover)
     _margin = metric(lambda: {f"phase_margin_{axis}_deg": phase_margin(axis) for axis in AXES})
+    table_3_2_off = metric(lambda response, parameters: off_table_3_2(response, parameters))
+    equation_3_10_off = metric(
+        lambda actuator_general, parameters: off_equation_3_10(actuator_general, parameters)
+    )
+
+    @metric("K_total_by_eq_3_18_{axis}")
+    def total_gain(self, parameters: DataArray) -> DataArray:
+        K_optn = parameters.sel(parameter="K_optn")
+        return ATTENUATION * AMPLIFICATION * (K_optn.min("drive") + K_optn.max("drive")) / 2
 
     @table
     def parameter_tables(self, parameters: DataArray) -> dict[str, Any]:
@@ -150,6 +178,17 @@ class Drives(Study):
             for one in parameters.sel(axis=axis)
         ]
         return {"parameters": (heads, rows), "table-5-2": _nominal_table(self.values)}
+
+    @table
+    def derived_table(self, derived: DataArray) -> dict[str, Any]:
+        heads = ["quantity", "meaning", "axis", "least", "median", "most"]
+        rows = [
+            [f"{name} [{one.unit}]", one.meaning, axis]
+            + [f"{x:.4g}" for x in derived.sel(axis=axis, quantity=name).quantile([0, 0.5, 1])]
+            for name, one in DERIVED.items()
+            for axis in AXES
+        ]
+        return {"derived": (heads, rows)}
 
     @figure
     def plots(self, answer: Dataset) -> dict[str, Figure]:
@@ -171,18 +210,6 @@ def _agc_gain(axis: Axis, values: Values) -> RealArray:
     at = [crossover(axis)]
     wanted, own = (responses(axis, at, gain, values) for gain in ("agc", "own"))
     return np.asarray((wanted / own)[:, 0].real)
-
-
-def _from_table_3_2(parameters: DataArray, frequency: DataArray) -> DataArray:
-    """Responses (axis, drive, frequency) by the polynomials of Table 3.2, without optical gain."""
-    s, result = 2j * np.pi * frequency.values, frequency * parameters.isel(parameter=0) * 0j
-    names = [field.name for field in fields(ActuatorParameters)]
-    for place in product(parameters["axis"].values, parameters["drive"].values):
-        row = parameters.loc[place].sel(parameter=names).values
-        num, den = transfer_coefficients(ActuatorParameters(**dict(zip(names, row, strict=True))))
-        values = np.polyval(num, s) / np.polyval(den, s) * ANTIALIASING / (s + ANTIALIASING)
-        result.loc[:, *place] = values
-    return result
 
 
 def _looks(drives: DataArray, nominal: DataArray) -> Iterator[tuple[DataArray, dict[str, Any]]]:

@@ -31,7 +31,8 @@ class Beam:
     """A readout beam.
 
     theta1, theta2: half angles of the cone in air and in the cover layer [deg]. D, d: diameters at
-    the surface and at the information layer [m]. density: of information [1/m^2].
+    the surface and at the information layer [m]. density: of information [1/m^2]. depth: distance
+    from the focus [m] that makes the wave front wrong by a quarter of a wavelength.
     """
 
     theta1: float
@@ -39,6 +40,7 @@ class Beam:
     D: float
     d: float
     density: float
+    depth: float
 
 
 def readout_beam(disc: DiscFormat, whole_degrees: bool = False) -> Beam:
@@ -54,7 +56,8 @@ def readout_beam(disc: DiscFormat, whole_degrees: bool = False) -> Beam:
     d = disc.wavelength / (2 * disc.NA)
     D = 2 * disc.layer_thickness * math.tan(theta2) + d
     density = (disc.NA / disc.wavelength) ** 2
-    return Beam(math.degrees(theta1), math.degrees(theta2), D, d, density)
+    depth = disc.wavelength / (2 * disc.NA**2)
+    return Beam(math.degrees(theta1), math.degrees(theta2), D, d, density, depth)
 
 
 def blocked_by_particle(D: float, diameter: float) -> float:
@@ -96,6 +99,7 @@ class Optics(Study):
     format = dim(lambda formats: list(formats))
     quantity = dim(UNITS)
     obstacle = dim("dust", "hair")
+    bound = dim("least", "most")
     unit = array(quantity, value=lambda: UNITS, coordinate=True)
     size = array(obstacle, "m", value=lambda self: [self.dust, self.hair], coordinate=True)
 
@@ -110,6 +114,18 @@ class Optics(Study):
     )
     printed = array(both, meaning="Table 2.2", value=lambda formats: _rows(formats.values()))
     density = array(format, "1/m^2", value=lambda beams: [one.density for one in beams])
+    depth_of_focus = array(format, "m", value=lambda beams: [one.depth for one in beams])
+    wavelength_inside = array(
+        format,
+        "m",
+        "in the cover layer",
+        lambda formats: [one.wavelength / one.refractive_index for one in formats.values()],
+    )
+    capacity = array(
+        (format, bound),
+        "GB",
+        value=lambda formats: [(one.capacity_min, one.capacity_max) for one in formats.values()],
+    )
     layer_thickness = array(
         format, "m", value=lambda formats: [one.layer_thickness for one in formats.values()]
     )
@@ -142,6 +158,14 @@ class Optics(Study):
     diameters = metric("{quantity}_{format}_m", lambda beam: beam.sel(quantity=["D", "d"]))
     shares = metric("blocked_by_{obstacle}_{format}", lambda blocked: blocked)
     densities = metric("density_{format}_over_CD", lambda density: density / density.loc["CD"])
+    depths = metric("depth_of_focus_{format}_m", lambda depth_of_focus: depth_of_focus)
+    inside = metric("wavelength_inside_{format}_m", lambda wavelength_inside: wavelength_inside)
+
+    @metric("capacity_{format}_{bound}_over_CD")
+    def capacities(self, capacity: DataArray) -> DataArray:
+        """The least capacity over the CD's largest, and the other way round."""
+        return capacity / capacity.sel(format="CD").values[::-1]
+
     missed = metric(
         "printed_D_missed_by_exact_angles",
         lambda beam, printed: (_halves(beam, printed).sel(quantity="D") > 1.0).sum(),

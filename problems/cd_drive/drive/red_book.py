@@ -19,6 +19,12 @@ from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.study import Study, array, check, dim, figure, metric, table
 
 from .actuator import checked_frequency
+from .compact_discs import (
+    coded_bits_per_mm,
+    largest_tracking_sensitivity,
+    rotations,
+    user_data_rate,
+)
 from .tables import AXES, Axis, red_book
 
 ACCEPTABLE_ERROR = {"focus": 2e-6, "radial": 0.2e-6}
@@ -59,12 +65,13 @@ def envelope(axis: Axis, frequency: ArrayLike) -> RealArray:
     return deviation
 
 
-@problem("cd/red-book", data="data/red_book.csv")
+@problem("cd/red-book", data=("data/red_book.csv", "data/compact_disc.csv"))
 def specifications(frequencies: Annotated[int, Field(ge=10, le=1_000_000)] = 400) -> Specifications:
     """Deviations that a CD may have, and the servo that they ask for (Tables 2.3, 2.4, fig. 2.12).
 
     The envelope of vertical and horizontal deviations by equations 2.6 to 2.8, the acceptable
-    errors beside it, and their ratio: how much the loops must attenuate.
+    errors beside it, and their ratio: how much the loops must attenuate. What else is known of the
+    disc stands among the metrics: rotation, data, the loop that measures the tracking error.
 
     frequencies: how many, logarithmically spaced from 1 Hz to 10 kHz.
     """
@@ -124,6 +131,11 @@ class Specifications(Study):
     @metric("error_acceptable_from_{axis}_hz")
     def acceptable_from(self, acceleration: DataArray, acceptable_error: DataArray) -> DataArray:
         return (acceleration / acceptable_error) ** 0.5 / (2 * np.pi)
+
+    _rotation = metric(lambda: {f"rotation_{place}_hz": f for place, f in rotations().items()})
+    _bits = metric(lambda: {f"coded_bits_per_mm_{v}": n for v, n in coded_bits_per_mm().items()})
+    user_data_kib_per_s = metric(lambda: user_data_rate())
+    largest_tracking_S = metric(lambda: largest_tracking_sensitivity())
 
     @table
     def tables_2_3_2_4(self, corner: DataArray) -> tuple[list[str], list[list[str]]]:

@@ -131,6 +131,29 @@ class RedBook:
     deviation_above: float
 
 
+@dataclass(frozen=True)
+class CompactDisc:
+    """A CD by Standard ECMA-130.
+
+    Radii [m] of the lead-in's start and of the program area; scanning velocities [m/s]; frames per
+    second and bytes of one behind the error code; frames and data bytes of a sector; open loop with
+    which the tracking error is measured: crossover, and corners of its lead network [Hz].
+    """
+
+    lead_in_radius: float
+    program_start: float
+    program_end: float
+    velocity_min: float
+    velocity_max: float
+    frame_rate: float
+    frame_coded_bytes: float
+    sector_frames: float
+    sector_bytes: float
+    tracking_crossover: float
+    tracking_lead_zero: float
+    tracking_lead_pole: float
+
+
 def check_axis(axis: str) -> None:
     """Raise InputError unless `axis` is "focus" or "radial"."""
     if axis not in AXES:
@@ -230,3 +253,10 @@ def red_book(axis: Axis) -> RedBook:
         float(row["value"]) for row in _rows("red_book.csv") if row["axis"] == direction
     )
     return RedBook(deviation, acceleration, deviation_above)
+
+
+def compact_disc() -> CompactDisc:
+    """The CD of Standard ECMA-130."""
+    return CompactDisc(
+        **{row["quantity"]: float(row["value"]) for row in _rows("compact_disc.csv")}
+    )

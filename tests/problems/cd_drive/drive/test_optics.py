@@ -59,6 +59,10 @@ def test_problem():
     assert metrics["blocked_by_dust_CD"] == pytest.approx(0.0032, abs=1e-4)
     assert metrics["blocked_by_dust_BRD"] == pytest.approx(0.0927, abs=1e-4)
     assert metrics["density_BRD_over_CD"] == pytest.approx(13.2, abs=0.1)
+    assert metrics["depth_of_focus_CD_m"] == pytest.approx(metrics["d_CD_m"] / 0.45)
+    assert metrics["wavelength_inside_CD_m"] == pytest.approx(503e-9, abs=1e-9)
+    assert metrics["capacity_DVD_most_over_CD"] == pytest.approx(17 / 0.65)
+    assert metrics["capacity_BRD_least_over_CD"] == pytest.approx(23.3 / 0.7)
     assert set(study.figures(solution.answer)) == {"out-of-focus"}
     table = " ".join(study.tables(solution.answer)["table-2-2"].split())
     assert "| CD | D [m] | 0.00072 | 0.0007108 | 0.0007163 |" in table

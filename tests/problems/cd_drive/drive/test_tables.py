@@ -105,6 +105,8 @@ def test_small_tables():
     formats = tables.disc_formats()
     assert formats["CD"].track_pitch == 1.6e-6 and formats["CD"].theta2 == 17
     assert formats["DVD"].wavelength == 650e-9 and formats["BRD"].d == 0.24e-6
+    disc = tables.compact_disc()
+    assert (disc.program_start, disc.velocity_max, disc.frame_rate) == (0.025, 1.4, 7350)
     assert tables.red_book("focus") == tables.RedBook(500e-6, 10, 1e-6)
     assert tables.red_book("radial") == tables.RedBook(70e-6, 0.4, 0.03e-6)
 
