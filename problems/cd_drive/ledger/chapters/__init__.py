@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from ..items import Item
-from . import chapter_2
+from . import chapter_1, chapter_2, chapter_2_disturbances, chapter_2_servos
 
-CHAPTERS: dict[str, tuple[Item, ...]] = {"Chapter 2": chapter_2.ITEMS}
+CHAPTERS: dict[str, tuple[Item, ...]] = {
+    "Chapter 1": chapter_1.ITEMS,
+    "Chapter 2": chapter_2.ITEMS + chapter_2_servos.ITEMS + chapter_2_disturbances.ITEMS,
+}
