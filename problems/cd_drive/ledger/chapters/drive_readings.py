@@ -15,6 +15,8 @@ from ..items import Number, Value
 
 DRIVES = "cd/drives"
 End = Literal["min", "median", "max"]
+SAME = 1e-9
+"""Relative difference below which two ways to compute a response are the same."""
 
 
 def derived(axis: Axis, quantity: str, end: End) -> Value:
