@@ -4,16 +4,22 @@ from __future__ import annotations
 
 from ..items import Item
 from . import (
+    appendix,
     chapter_1,
     chapter_2,
     chapter_2_disturbances,
     chapter_2_servos,
     chapter_3,
     chapter_3_drive,
+    chapter_4,
+    chapter_4_linearity,
+    chapter_4_results,
 )
 
 CHAPTERS: dict[str, tuple[Item, ...]] = {
     "Chapter 1": chapter_1.ITEMS,
     "Chapter 2": chapter_2.ITEMS + chapter_2_servos.ITEMS + chapter_2_disturbances.ITEMS,
     "Chapter 3": chapter_3.ITEMS + chapter_3_drive.ITEMS,
+    "Chapter 4": chapter_4.ITEMS + chapter_4_results.ITEMS + chapter_4_linearity.ITEMS,
+    "Appendix": appendix.ITEMS,
 }

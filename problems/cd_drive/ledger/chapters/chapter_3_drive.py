@@ -73,8 +73,8 @@ ITEMS = (
         "In a scratch the normalised error is large and misleading",
         Verdict.READING,
         (false_reading("focus"), false_reading("radial")),
-        "In one record. The scratch takes 70 % of the light and shifts the error by half of what can "
-        "be read; both are assumed.",
+        "In one record. The scratch takes 70 % of the light and shifts the error by half of what "
+        "can be read; both are assumed.",
         "figure-8-7",
     ),
     Item(
@@ -85,7 +85,7 @@ ITEMS = (
             at_most("by the equation, focus", DRIVES, "K_total_by_eq_3_18_focus", 70e3, 76e3),
             at_most("by the equation, radial", DRIVES, "K_total_by_eq_3_18_radial", 280e3, 300e3),
         ),
-        "It falls short by a quarter and a third. The power drive's gain, which the equation lacks, "
+        "It falls short by a quarter and a third. The power drive's gain, missing in the equation, "
         "cannot explain both.",
         "table-5-2",
     ),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Literal
 
 import numpy as np
@@ -11,37 +12,38 @@ from workbench import Run
 from ...drive.photo_diodes import TRACK_PITCH
 from ...drive.tables import Axis
 from ...laboratory.bench_setup import OUTPUT_LIMIT
-from ..items import Number, Value
+from ..items import Number
 
 DRIVES = "cd/drives"
 End = Literal["min", "median", "max"]
+Reading = Callable[[Run], float]
 SAME = 1e-9
 """Relative difference below which two ways to compute a response are the same."""
 
 
-def derived(axis: Axis, quantity: str, end: End) -> Value:
+def derived(axis: Axis, quantity: str, end: End) -> Reading:
     """Least, median or largest of a derived quantity over the twelve drives."""
     return lambda run: float(
         getattr(run.data["derived"].sel(axis=axis, quantity=quantity), end)("drive")
     )
 
 
-def off_by(axis: Axis, quantity: str) -> Value:
+def off_by(axis: Axis, quantity: str) -> Reading:
     """Largest magnitude of a derived quantity over the twelve drives."""
     return lambda run: float(abs(run.data["derived"].sel(axis=axis, quantity=quantity)).max())
 
 
-def how_many_off(quantity: str, rounding: float) -> Value:
+def how_many_off(quantity: str, rounding: float) -> Reading:
     """How many of the 24 loops have a derived quantity beyond what rounding explains."""
     return lambda run: float((abs(run.data["derived"].sel(quantity=quantity)) > rounding).sum())
 
 
-def resonance_range(axis: Axis, kind: str, end: End) -> Value:
+def resonance_range(axis: Axis, kind: str, end: End) -> Reading:
     """Least, median or largest natural frequency [Hz] over the twelve drives."""
     return lambda run: float(getattr(run.data["resonance"].sel(axis=axis, kind=kind), end)("drive"))
 
 
-def general_slope(axis: Axis, low: float) -> Value:
+def general_slope(axis: Axis, low: float) -> Reading:
     """Slope of |x / u| of the general model over the decade from `low` [Hz] [dB per decade]."""
 
     def slope(run: Run) -> float:
@@ -69,14 +71,10 @@ def tracks_in_reach(run: Run) -> float:
     return float((abs(slowest) / K_optn).median()) * OUTPUT_LIMIT / TRACK_PITCH
 
 
-def covered_response(axis: Axis) -> Value:
+def covered_response(run: Run) -> float:
     """Share of the frequencies at which the 99 % region of v_r/u holds the noise-free value."""
-
-    def share(run: Run) -> float:
-        inside = abs(run.data["response"] - run.data["exact"]) <= run.data["radius"]
-        return float(inside.mean())
-
-    return share
+    inside = abs(run.data["response"] - run.data["exact"]) <= run.data["radius"]
+    return float(inside.mean())
 
 
 def response_error(run: Run) -> float:
@@ -84,7 +82,7 @@ def response_error(run: Run) -> float:
     return float((abs(run.data["response"] - run.data["exact"]) / abs(run.data["exact"])).max())
 
 
-def bias_of_last_periods(count: int) -> Value:
+def bias_of_last_periods(count: int) -> Reading:
     """Mean error of v_r/u over the last periods and all frequencies, in its standard deviations.
 
     The larger one of real and imaginary part.
@@ -109,7 +107,6 @@ def dip(run: Run) -> float:
 def ringing_left(axis: Axis, highest: float) -> Number:
     """What is left of the first resonance's ringing after ten periods at a frequency [Hz]."""
     decay = derived(axis, "decay", "median")
-    assert callable(decay)
     return Number(
         f"ringing left after ten periods at {highest:g} Hz, {axis}",
         DRIVES,
@@ -118,10 +115,15 @@ def ringing_left(axis: Axis, highest: float) -> Number:
     )
 
 
-def half_width(parameter: str) -> Value:
+def half_width(parameter: str) -> Reading:
     """Half-width of a parameter's 99 % interval over its estimate."""
 
     def relative(run: Run) -> float:
         return float((run.data["half_width"] / run.data["estimate"]).sel(parameter=parameter))
 
     return relative
+
+
+def widest_interval(run: Run) -> float:
+    """Largest relative half-width of the 99 % intervals of all parameters."""
+    return float((run.data["half_width"] / run.data["estimate"]).max())
