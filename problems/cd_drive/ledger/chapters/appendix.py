@@ -66,7 +66,7 @@ ITEMS = (
         Verdict.READING,
         (at_most("values that contradict others", DRIVES, contradictions, 3.0),),
         "Taken over as printed. Three values contradict k1, k2, b1, b2 and have corrections beside "
-        "them.",
+        "them",
         "parameters",
     ),
     Item(
@@ -77,13 +77,13 @@ ITEMS = (
             at_most("largest error of a scan, focus", "cd/focus/optical-gain", "worst_error", 0.02),
             at_most("the same, radial", "cd/radial/optical-gain", "worst_error", 0.02),
         ),
-        "The scans of section 4.4 find them again in the laboratory.",
+        "The scans of section 4.4 find them again in the laboratory",
     ),
     Item(
         "Appendix A.1",
         "All 24 sets of parameters are estimated from experiments",
         Verdict.OPEN,
-        found="Needs stored runs of cd/focus/identified and cd/radial/identified, which are slow.",
+        found="Needs stored runs of cd/focus/identified and cd/radial/identified, which are slow",
     ),
     Item(
         "Appendix A.1",
@@ -96,7 +96,7 @@ ITEMS = (
             least_known_damper("radial"),
         ),
         "The experiment does not tell b2. The printed ones are 5 % of b in every drive, which is a "
-        "convention.",
+        "convention",
         "derived",
     ),
     Item(
@@ -104,7 +104,7 @@ ITEMS = (
         "The simulations hold a disc of 500 um, two scratches and a false detection",
         Verdict.OPEN,
         found="cd/*/strategies simulates it. The false detection has no metric: needs the largest "
-        "error within 5 ms after it.",
+        "error within 5 ms after it",
     ),
     Item(
         "Figures A.1, A.2",
@@ -131,7 +131,7 @@ ITEMS = (
         "The control signal's spikes are smaller with A, B and C",
         Verdict.REPRODUCED,
         (spike_of_control("A"), spike_of_control("B"), spike_of_control("C")),
-        "In one record.",
+        "In one record",
         "figure-8-7, 8-8, 8-9",
     ),
     Item(
@@ -159,7 +159,7 @@ ITEMS = (
                 2 / 3,
             ),
         ),
-        "True errors within 5 ms after the scratch, over 13 drives and draws of the scratch.",
+        "True errors within 5 ms after the scratch, over 13 drives and draws of the scratch",
         "excursion",
     ),
 )

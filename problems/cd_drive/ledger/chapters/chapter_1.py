@@ -24,7 +24,7 @@ ITEMS = (
             ),
         ),
         "The pair is worse than the fast one alone. Its slow one, K' of chapter 8, cannot follow "
-        "the disc's deviation; another is untried.",
+        "the disc's deviation; another is untried",
     ),
     Item(
         "Section 1.3",
@@ -38,19 +38,19 @@ ITEMS = (
                 1.0,
             ),
             at_most(
-                "largest |W_p S|, which the thesis takes for the standard",
+                "largest size of W_p S, which the thesis takes for the standard",
                 "cd/focus/sensitivity",
                 "max_weighted_S",
                 1.0,
             ),
         ),
         "It meets W_p, but in a band W_p permits more than 2 um. There the error is a few percent "
-        "too large.",
+        "too large",
     ),
     Item(
         "Section 1.3",
         "A measured coil current makes the loops less sensitive to shocks (a paper of 2000)",
         Verdict.NOT_COMPUTABLE,
-        found="The thesis names the method and does not describe it.",
+        found="The thesis names the method and does not describe it",
     ),
 )

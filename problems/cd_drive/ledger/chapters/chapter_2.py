@@ -64,7 +64,7 @@ ITEMS = (
             ),
             at_least("density of a DVD over a CD's", OPTICS, "density_DVD_over_CD", 2.0),
         ),
-        "The table is taken over as printed; Table 2.2 follows from it.",
+        "The table is taken over as printed; Table 2.2 follows from it",
         "table-2-2",
     ),
     Item(
@@ -80,14 +80,14 @@ ITEMS = (
                 0.05,
             ),
         ),
-        "Bits counted behind the error code, at 1.2 m/s. At 1.4 m/s they are 3360.",
+        "Bits counted behind the error code, at 1.2 m/s. At 1.4 m/s they are 3360",
     ),
     Item(
         "Section 2.3",
         "Pits of 3 to 11 clock periods are read by slicer, oscillator and eye pattern (figure 2.4)",
         Verdict.OPEN,
         found="Needs a model of the data channel: modulation, HF signal, slicer, phase-locked "
-        "loop. No run has one.",
+        "loop. No run has one",
     ),
     Item(
         "Section 2.4",
@@ -127,7 +127,7 @@ ITEMS = (
             near("DVD [m]", OPTICS, "D_DVD_m", 0.51e-3, 0.015),
             near("Blu-ray [m]", OPTICS, "D_BRD_m", 0.13e-3, 0.015),
         ),
-        "The printed widths follow from angles that are rounded to whole degrees.",
+        "The printed widths follow from angles that are rounded to whole degrees",
         "table-2-2",
     ),
     Item(
@@ -170,7 +170,7 @@ ITEMS = (
         "Debris of up to a few hundred micrometres on a CD is out of focus and costs no data",
         Verdict.READING,
         (at_most("light that a particle of 300 um takes", OPTICS, blocked_by_debris, 0.5),),
-        "Read as: most of the light still comes back. What the data need is not modelled.",
+        "Read as: most of the light still comes back. What the data need is not modelled",
     ),
     Item(
         "Section 2.4.1",
@@ -197,13 +197,13 @@ ITEMS = (
         "The astigmatic method catches the focus in a much smaller range than Foucault's",
         Verdict.OPEN,
         found="Needs the error curves of both methods from a model of the optics in cd/optics. "
-        "There is one s-curve, by its printed extremes.",
+        "There is one s-curve, by its printed extremes",
     ),
     Item(
         "Section 2.4.4",
         "Twin spot, push-pull, track wobble and phase detection give a radial error",
         Verdict.OPEN,
         found="Needs a model of diffraction at the track. The radial error is a sine of the "
-        "position, whichever the method.",
+        "position, whichever the method",
     ),
 )

@@ -54,14 +54,14 @@ ITEMS = (
         "Equation 2.9, figure 2.13",
         "Disc deviations, shocks, self-pollution and surface defects enter the focus error",
         Verdict.OPEN,
-        found="Deviations, shocks and defects are in the laboratory. Self-pollution is not.",
+        found="Deviations, shocks and defects are in the laboratory. Self-pollution is not",
     ),
     Item(
         "Section 2.5.1",
         "Jerks of the sledge, and air at 100 Hz of rotation, disturb the loops",
         Verdict.OPEN,
         found="Needs a force on the lens by the sledge and by the air in the laboratory. Nothing "
-        "is printed to size them by.",
+        "is printed to size them by",
     ),
     Item(
         "Section 2.5.1",
@@ -74,14 +74,14 @@ ITEMS = (
             shocks_of_fast("radial"),
         ),
         "Arms of two balloons, reference controller and K'. Least: lower end of the arm's interval "
-        "with shocks less upper end without.",
+        "with shocks less upper end without",
     ),
     Item(
         "Sections 2.5.1, 2.6",
         "A low bandwidth is better against surface defects",
         Verdict.OPEN,
         found="Needs figure 6.7 as a stored run: full and third gain over a scratch. K' of "
-        "two-controllers-switched leaves the spec on the bare disc, so its arms tell nothing.",
+        "two-controllers-switched leaves the spec on the bare disc, so its arms tell nothing",
     ),
     Item(
         "Section 2.5.1",
@@ -91,7 +91,7 @@ ITEMS = (
             repairable_defects_survived("focus", 0.5),
             repairable_defects_survived("radial", 0.25),
         ),
-        "Reference strategy, at the Red Book's deviation, over angles and draws.",
+        "Reference strategy, at the Red Book's deviation, over angles and draws",
         "survival",
     ),
     Item(
@@ -130,7 +130,7 @@ ITEMS = (
                 4.0,
             ),
         ),
-        "An arm is a share of time out of spec, over discs and shocks of assumed distributions.",
+        "An arm is a share of time out of spec, over discs and shocks of assumed distributions",
         "balloon",
     ),
     Item(
@@ -153,19 +153,19 @@ ITEMS = (
                 1.0,
             ),
         ),
-        "For the bandwidths of the reference controller and of K'.",
+        "For the bandwidths of the reference controller and of K'",
     ),
     Item(
         "Section 2.6",
         "The Red Book allows 220 block errors a second (data channel test)",
         Verdict.OPEN,
         found="Needs the data channel: modulation, error code, and bit errors by the true error. "
-        "Runs count bursts above 2.5 mm instead.",
+        "Runs count bursts above 2.5 mm instead",
     ),
     Item(
         "Section 2.6",
         "HF signal tests: more bandwidth lengthens the settling after a scratch, and jitter grows",
         Verdict.OPEN,
-        found="Needs an HF signal with slicer and phase-locked loop in the laboratory.",
+        found="Needs an HF signal with slicer and phase-locked loop in the laboratory",
     ),
 )

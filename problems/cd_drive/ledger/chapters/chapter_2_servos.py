@@ -80,11 +80,15 @@ ITEMS = (
         Verdict.READING,
         (
             Number(
-                "largest |S| of that loop above 500 Hz", RED_BOOK, "largest_tracking_S", 1.0, 1.5
+                "largest sensitivity of that loop above 500 Hz",
+                RED_BOOK,
+                "largest_tracking_S",
+                1.0,
+                1.5,
             ),
         ),
         "The loop is that of ECMA-130: double integrator, lead from 65 to 650 Hz. It enlarges "
-        "deviations, so the disc's own limit is 0.024 um.",
+        "deviations, so the disc's own limit is 0.024 um",
     ),
     Item(
         "Equation 2.7",
@@ -107,7 +111,7 @@ ITEMS = (
             near("upper corner [Hz]", RED_BOOK, "upper_corner_radial_hz", 580.0, 0.01),
         ),
         "The upper one takes the 0.03 um, a tracking error in closed loop, for a deviation of the "
-        "disc.",
+        "disc",
     ),
     Item(
         "Figure 2.12",
@@ -124,7 +128,7 @@ ITEMS = (
             near("500 um over the error", RED_BOOK, attenuation("focus"), 250.0, 0.001),
             near("70 um over the error", RED_BOOK, attenuation("radial"), 350.0, 0.001),
         ),
-        "The errors are taken over; the ratios are what the loops must attenuate.",
+        "The errors are taken over; the ratios are what the loops must attenuate",
         "figure-2-12",
     ),
     Item(
@@ -133,14 +137,14 @@ ITEMS = (
         Verdict.READING,
         (near("depth of focus of a CD [m]", "cd/optics", "depth_of_focus_CD_m", 2e-6, 0.05),),
         "As the depth of focus, lambda / (2 NA^2): there the wave front is wrong by a quarter of "
-        "the wavelength.",
+        "the wavelength",
     ),
     Item(
         "Section 2.5.2",
         "A sledge carries the pickup; its jerks disturb the radial loop more than the focus loop",
         Verdict.OPEN,
         found="Needs a sledge, its motor and its friction in the laboratory. The thesis prints no "
-        "number of them.",
+        "number of them",
     ),
     Item(
         "Section 2.5.3",
@@ -150,7 +154,7 @@ ITEMS = (
             near("where the lead-in starts [Hz]", RED_BOOK, "rotation_lead_in_hz", 9.0, 0.05),
             near("where the program ends [Hz]", RED_BOOK, "rotation_end_hz", 3.0, 0.2),
         ),
-        "From the lead-in on. At 1.3 m/s even the disc's edge would turn at 3.4 Hz.",
+        "From the lead-in on. At 1.3 m/s even the disc's edge would turn at 3.4 Hz",
     ),
     Item(
         "Section 2.5.3",
@@ -167,21 +171,21 @@ ITEMS = (
                 1.0,
             ),
         ),
-        "It falls as one over the radius.",
+        "It falls as one over the radius",
     ),
     Item(
         "Section 2.5.3",
         "The data rate is 150 KB/s",
         Verdict.REPRODUCED,
         (near("user data [1024 bytes/s]", RED_BOOK, "user_data_kib_per_s", 150.0, 0.01),),
-        "75 sectors a second of 2048 bytes.",
+        "75 sectors a second of 2048 bytes",
     ),
     Item(
         "Section 2.5.3",
         "The disc servo keeps the buffer filled at whatever speed is needed",
         Verdict.OPEN,
         found="Needs the disc motor, its loop and the data buffer. The laboratory's rotation is a "
-        "given profile.",
+        "given profile",
     ),
 )
 

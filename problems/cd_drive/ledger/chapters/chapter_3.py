@@ -100,13 +100,13 @@ ITEMS = (
         "Q = 1 / (2 zeta) is the height of the peak over the level at low frequency",
         Verdict.REPRODUCED,
         (near("height over Q, the drive farthest off", DRIVES, peak_over_quality, 1.0, 0.02),),
-        "With the damping of the back-EMF in zeta, as the coil is fed by a voltage.",
+        "With the damping of the back-EMF in zeta, as the coil is fed by a voltage",
     ),
     Item(
         "Figure 3.8",
         "Bode plots for several damping ratios",
         Verdict.OPEN,
-        found="The curves are not drawn. Needs a figure of equation 3.7 in cd/drives.",
+        found="The curves are not drawn. Needs a figure of equation 3.7 in cd/drives",
     ),
     Item(
         "Section 3.2.2",
@@ -118,7 +118,7 @@ ITEMS = (
             Number("least, radial", DRIVES, derived("radial", "quality", "min"), 10.0, 100.0),
             Number("largest, radial", DRIVES, derived("radial", "quality", "max"), 10.0, 100.0),
         ),
-        "Of the mechanics alone. With the back-EMF it is 9.6 to 12.2.",
+        "Of the mechanics alone. With the back-EMF it is 9.6 to 12.2",
         "derived",
     ),
     Item(
@@ -143,7 +143,7 @@ ITEMS = (
                 SAME,
             ),
         ),
-        "R is that of the whole circuit, R + r.",
+        "R is that of the whole circuit, R + r",
     ),
     Item(
         "Equation 3.11",
@@ -153,21 +153,21 @@ ITEMS = (
             Number("K_pd that K_total leaves, focus", DRIVES, power_drive("focus"), 1.0, 2.0),
             Number("K_pd that K_total leaves, radial", DRIVES, power_drive("radial"), 1.0, 2.0),
         ),
-        "K_pd is not printed. It is read from K_total of Table 5.2, and differs between the axes.",
+        "K_pd is not printed. It is read from K_total of Table 5.2, and differs between the axes",
     ),
     Item(
         "Section 3.5",
         "Electrical, magnetic, mechanical and optical paths couple focus and radial loop",
         Verdict.OPEN,
         found="Needs both axes in one laboratory, and the diodes' sum as a function of both "
-        "errors. No size is printed.",
+        "errors. No size is printed",
     ),
     Item(
         "Section 3.5",
         "The optical coupling is the largest, and small while errors are in the linear range",
         Verdict.OPEN,
         found="Needs the same two-axis laboratory. Its diodes would have to be modelled from the "
-        "optics.",
+        "optics",
     ),
     Item(
         "Section 3.6",
@@ -177,28 +177,28 @@ ITEMS = (
             near("both together, focus [dB]", DRIVES, control_path("focus"), -14.0, 0.01),
             near("both together, radial [dB]", DRIVES, control_path("radial"), -14.0, 0.01),
         ),
-        "Used as printed, as are 60 and 38 dB, 8 and 35 kHz, 12 bits, 5 and 10 V.",
+        "Used as printed, as are 60 and 38 dB, 8 and 35 kHz, 12 bits, 5 and 10 V",
     ),
     Item(
         "Section 3.6",
         "The series resistor is about 5 % of the coil's resistance",
         Verdict.READING,
         (chosen_share("focus"), chosen_share("radial")),
-        "Of the 1 ohm that was chosen. The 1.25 ohm after soldering are 7 %.",
+        "Of the 1 ohm that was chosen. The 1.25 ohm after soldering are 7 %",
         "derived",
     ),
     Item(
         "Section 3.6",
         "The diodes' currents are below 12 uA",
         Verdict.NOT_COMPUTABLE,
-        found="A measurement. The tables give the diodes' signals as voltages only.",
+        found="A measurement. The tables give the diodes' signals as voltages only",
     ),
     Item(
         "Section 3.6.1",
         "The focus is lost beyond 6 um",
         Verdict.READING,
         (near("extremes of the s-curve [m]", "cd/focus/optical-gain", extremes, 6e-6, 0.1),),
-        "Read as the extremes of the s-curve, whose distance of 12 um is the scale of the scan.",
+        "Read as the extremes of the s-curve, whose distance of 12 um is the scale of the scan",
         "s-curve",
     ),
     Item(
@@ -214,7 +214,7 @@ ITEMS = (
                 0.05,
             ),
         ),
-        "Half of the track pitch, which is the scale of the scan.",
+        "Half of the track pitch, which is the scale of the scan",
     ),
     Item(
         "Sections 2.5.2, 3.6.1",
@@ -225,7 +225,7 @@ ITEMS = (
                 "tracks to one side at the converter's 10 V", DRIVES, tracks_in_reach, 200.0, 900.0
             ),
         ),
-        "At the largest control voltage, with K_total of Table 5.2.",
+        "At the largest control voltage, with K_total of Table 5.2",
     ),
     Item(
         "Section 3.6.1",
@@ -233,7 +233,7 @@ ITEMS = (
         Verdict.REFUTED,
         (at_least("time from the middle at 9 Hz [s]", DRIVES, spiral_time, 20.0),),
         "A few hundred tracks at 9 tracks a second take longer, unless the coil starts near its "
-        "limit.",
+        "limit",
     ),
     Item(
         "Section 3.6.1",
@@ -255,7 +255,7 @@ ITEMS = (
                 2.0,
             ),
         ),
-        "The half sample of the hold counted in. Drive by drive Table A.4 does not fit a delay.",
+        "The half sample of the hold counted in. Drive by drive Table A.4 does not fit a delay",
         "margins",
     ),
 )

@@ -41,7 +41,7 @@ ITEMS = (
             at_least("lowest, focus [Hz]", DRIVES, derived("focus", "coil pole", "min"), 10e3),
             at_least("lowest, radial [Hz]", DRIVES, derived("radial", "coil pole", "min"), 10e3),
         ),
-        "From the measured R and L of Tables A.1 and A.2.",
+        "From the measured R and L of Tables A.1 and A.2",
         "derived",
     ),
     Item(
@@ -49,7 +49,7 @@ ITEMS = (
         "Two masses on two springs describe the arm and the lens",
         Verdict.REPRODUCED,
         (at_most("distance of the two models", DRIVES, "table_3_2_off", SAME),),
-        "With the coil of equation 3.5, against Table 3.2.",
+        "With the coil of equation 3.5, against Table 3.2",
     ),
     Item(
         "Section 3.6.2",
@@ -74,7 +74,7 @@ ITEMS = (
         Verdict.READING,
         (false_reading("focus"), false_reading("radial")),
         "In one record. The scratch takes 70 % of the light and shifts the error by half of what "
-        "can be read; both are assumed.",
+        "can be read; both are assumed",
         "figure-8-7",
     ),
     Item(
@@ -86,12 +86,12 @@ ITEMS = (
             at_most("by the equation, radial", DRIVES, "K_total_by_eq_3_18_radial", 280e3, 300e3),
         ),
         "It falls short by a quarter and a third. The power drive's gain, missing in the equation, "
-        "cannot explain both.",
+        "cannot explain both",
         "table-5-2",
     ),
     Item(
         "Table 3.2",
-        "Nine coefficients of the fourth-order model",
+        "Eight coefficients of the fourth-order model",
         Verdict.REPRODUCED,
         (
             at_most(
@@ -106,7 +106,7 @@ ITEMS = (
         "Equations 3.19 to 3.21",
         "k follows from the data sheet's DC sensitivity, and b from its Q",
         Verdict.NOT_COMPUTABLE,
-        found="The data sheet's values are not printed.",
+        found="The data sheet's values are not printed",
     ),
     Item(
         "Section 3.7",
@@ -116,7 +116,7 @@ ITEMS = (
             at_most("largest difference, focus [N/m]", DRIVES, off_by("focus", "k off"), 0.15),
             at_most("loops of 24 beyond rounding", DRIVES, how_many_off("k off", 0.15), 2.0),
         ),
-        "But for CD4 and CD9 radially, whose printed k and k1 contradict the other values.",
+        "But for CD4 and CD9 radially, whose printed k and k1 contradict the other values",
         "derived",
     ),
     Item(
@@ -124,7 +124,7 @@ ITEMS = (
         "b1 and b2 add to b",
         Verdict.READING,
         (at_most("loops of 24 beyond rounding", DRIVES, how_many_off("b off", 1e-6), 1.0),),
-        "But for CD10 in focus, whose b is printed as 7.6e-3 where the sum is 7.7e-3.",
+        "But for CD10 in focus, whose b is printed as 7.6e-3 where the sum is 7.7e-3",
         "derived",
     ),
 )

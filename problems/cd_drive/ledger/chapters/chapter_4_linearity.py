@@ -47,14 +47,14 @@ ITEMS = (
         "A multisine tests linearity faster than sines of growing size",
         Verdict.OPEN,
         found="Multisines and their distortions are in workbench.identification. Needs a run on a "
-        "drive, beside cd/*/linearity.",
+        "drive, beside cd/*/linearity",
     ),
     Item(
         "Section 4.5",
         "The optics are far less linear than the mechanics: a Wiener model",
         Verdict.NOT_COMPUTABLE,
         found="The laboratory's mechanics are linear, and the thesis prints no nonlinearity of the "
-        "real ones.",
+        "real ones",
     ),
     Item(
         "Section 4.6.4, figure 4.9",
@@ -75,7 +75,7 @@ ITEMS = (
             near("median over the frequencies, radial [%]", RADIAL, closed("output"), 5.0, 0.5),
         ),
         "Read as the median. It is noise: in the stored records single frequencies are far higher, "
-        "at 1562 Hz 68 % and 45 %.",
+        "at 1562 Hz 68 % and 45 %",
         "thd",
     ),
     Item(
@@ -88,7 +88,7 @@ ITEMS = (
             starts_high("radial"),
             at_most("input at 2000 Hz, radial [%]", RADIAL, "input_closed_last_percent", 10.0, 5.0),
         ),
-        "The first level depends on the excitation's size. The last one is below the output's.",
+        "The first level depends on the excitation's size. The last one is below the output's",
         "thd",
     ),
     Item(
@@ -106,13 +106,13 @@ ITEMS = (
                 5.0,
             ),
         ),
-        "What is left of the output's THD without noise and a turning disc.",
+        "What is left of the output's THD without noise and a turning disc",
     ),
     Item(
         "Section 4.6.4",
         "Above the fourth harmonic nothing adds to the THD",
         Verdict.OPEN,
         found="cd/*/linearity evaluates five harmonics. Needs more of them, and the THD with each "
-        "number.",
+        "number",
     ),
 )

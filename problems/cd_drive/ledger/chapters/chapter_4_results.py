@@ -39,7 +39,7 @@ ITEMS = (
             ringing_left("radial", 100.0),
         ),
         "At the end of the sweep a seventh and a quarter of the ringing are left. A fit of the "
-        "decay takes it out.",
+        "decay takes it out",
     ),
     Item(
         "Section 4.6.1",
@@ -51,7 +51,7 @@ ITEMS = (
             at_least("p-value of a circle, radial", OPEN_RADIAL, "circular_p", LEAST_P),
             at_least("p-value of independence, radial", OPEN_RADIAL, "independent_p", LEAST_P),
         ),
-        "Once the transient is taken out of the periods.",
+        "Once the transient is taken out of the periods",
     ),
     Item(
         "Figure 4.4",
@@ -65,7 +65,7 @@ ITEMS = (
         "All twelve drives are identified in both axes, 24 plots",
         Verdict.OPEN,
         found="cd/focus/identified and cd/radial/identified do it and are slow. Needs their stored "
-        "runs.",
+        "runs",
     ),
     Item(
         "Section 4.6.1",
@@ -84,7 +84,7 @@ ITEMS = (
                 -2.0,
             ),
         ),
-        "It changes the damping, hardly the frequency.",
+        "It changes the damping, hardly the frequency",
         "derived",
     ),
     Item(
@@ -100,7 +100,7 @@ ITEMS = (
             ),
             at_least("the same, radial [Hz]", DRIVES, derived("radial", "shift by Bl", "min"), 0.0),
         ),
-        "A lower Bl damps less, which raises the peak by less than a hundredth of a hertz.",
+        "A lower Bl damps less, which raises the peak by less than a hundredth of a hertz",
         "derived",
     ),
     Item(
@@ -122,14 +122,14 @@ ITEMS = (
             for axis, run in (("focus", OPEN_FOCUS), ("radial", OPEN_RADIAL))
             for name, accuracy in (("R", 0.01), ("Bl", 0.01), ("k", 0.01), ("b", 0.05))
         ),
-        "In the laboratory, whose noise is far smaller than the stated accuracy.",
+        "In the laboratory, whose noise is far smaller than the stated accuracy",
         "parameters",
     ),
     Item(
         "Section 4.6.1",
         "Bl of the radial coils is below the data sheet's minimum",
         Verdict.NOT_COMPUTABLE,
-        found="The data sheet's values are not printed.",
+        found="The data sheet's values are not printed",
     ),
     Item(
         "Section 4.6.2, figure 4.5",
@@ -147,20 +147,20 @@ ITEMS = (
         "CD12 shows two parasitic resonances; four unlike arms make a model of order 10",
         Verdict.OPEN,
         found="Needs a stored run of cd/focus/closed-loop for CD12 with mismatch > 0, two halves "
-        "of the arm (order 6), and four arms in the laboratory.",
+        "of the arm (order 6), and four arms in the laboratory",
     ),
     Item(
         "Section 4.6.2",
         "A model of too low an order makes the intervals hard to give",
         Verdict.OPEN,
         found="Needs the same run with mismatch > 0. Its metrics covered, neighbours_p and "
-        "wrong_order would tell it.",
+        "wrong_order would tell it",
     ),
     Item(
         "Section 4.6.3, figure 4.6",
         "A focus error changes the radial sum, which peaks away from the focus",
         Verdict.OPEN,
-        found="A cross-coupling. Needs both axes and their diodes in one laboratory.",
+        found="A cross-coupling. Needs both axes and their diodes in one laboratory",
     ),
     Item(
         "Section 4.6.3",
@@ -185,7 +185,7 @@ ITEMS = (
         "The large ovals of the Nyquist plots are the resonances at 30 and 50 Hz",
         Verdict.REPRODUCED,
         (largest_frequency("focus"), largest_frequency("radial")),
-        "Of the tables' parameters, not of identified ones.",
+        "Of the tables' parameters, not of identified ones",
         "nyquist",
     ),
 )

@@ -48,8 +48,15 @@ def test_without_numbers_there_are_words(item):
 
 @of(*Verdict)
 def test_texts_are_short(item):
-    assert 0 < len(item.says) <= LONGEST_SAYING and not item.says.endswith(".")
+    assert 0 < len(item.says) <= LONGEST_SAYING
     assert len(item.found) <= LONGEST_FINDING
+
+
+@of(*Verdict)
+def test_texts_fit_into_a_table(item):
+    """No bar, which would end a cell; no full stop, as more follows."""
+    texts = [item.place, item.says, item.found, item.shown, *(n.what for n in item.numbers)]
+    assert not any("|" in text or text.endswith(".") for text in texts)
 
 
 @of(*Verdict)
