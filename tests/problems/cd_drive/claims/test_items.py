@@ -4,8 +4,8 @@ import math
 from collections import Counter
 
 import pytest
-from workbench.plants.cd_drive.ledger.items import Number, Verdict, at_least, at_most, near
-from workbench.plants.cd_drive.ledger.problem import items
+from workbench.plants.cd_drive.claims.items import Number, Verdict, at_least, at_most, near
+from workbench.plants.cd_drive.claims.problem import items
 
 EVERY = list(items())
 LONGEST_SAYING, LONGEST_FINDING = 140, 220
