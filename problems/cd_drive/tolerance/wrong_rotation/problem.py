@@ -185,6 +185,7 @@ class WrongRotation(Study):
             panel.errorbar(off, mean, [mean - low, high - mean], label=titled(name), **look)
         panel.axhline(1e6 * ACCEPTABLE_ERROR[axis], color="0.4", linewidth=0.8, linestyle=":")
         panel.set_xscale("symlog", linthresh=1.0)
+        panel.set_xlim(-0.3, 60.0)
         panel.set_xticks(off, [f"{one:g}" for one in off])
         panel.set_yscale("log")
         title = f"{axis}, {self.draws} draws: mean, and 90 % of them"

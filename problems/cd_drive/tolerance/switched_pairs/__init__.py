@@ -1,0 +1,1 @@
+"""The best pair of a fast and a slow controller against the best single controller."""
