@@ -196,7 +196,9 @@ class MuPidAnalysis(Study):
         """Share of the frequencies at which mu of the sets themselves is above 1 at 1X."""
         curve = set_mu.sel(gain="own", speed=1.0, single="disturbance")
         share = (curve > 1.0).mean("frequency")
-        return {f"set_above_1_{name}": float(share.sel(set=name)) for name in SETS}
+        return {
+            f"set_above_1_{name.replace(' ', '_')}": float(share.sel(set=name)) for name in SETS
+        }
 
     claims = table(lambda answer: claims_table(answer))
     conditions = table(lambda answer: conditions_table(answer))
