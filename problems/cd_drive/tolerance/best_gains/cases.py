@@ -1,4 +1,4 @@
-"""Single controllers and switched pairs, each by a name, run through the same circumstances.
+"""Strategies at several gains and switched pairs, run through the same circumstances.
 
 Section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
 """
@@ -6,7 +6,7 @@ Section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
@@ -20,11 +20,12 @@ from ..ensemble import Circumstance
 from ..playability.runs import evaluated, sampled_controller, scored
 from ..tactics import Strategies, clean_level
 
-Use = Literal["alone", "held", "switched"]
-"""One controller that sees every error; one that is held while the light is bad, which is the
-reference strategy; and two that are switched by it."""
+Use = Literal["alone", "reference", "A", "B", "C", "switched"]
+"""One controller that sees every error; a strategy with one controller; two controllers that are
+switched while the light is bad."""
+USES: tuple[Use, ...] = get_args(Use)
 GAINS = (-9.5, -6.0, -3.0, 0.0, 1.0, 2.0)
-"""Gains of a single controller over the reference controller's [dB]; -9.5 is a third, and above 2
+"""Gains of one controller over the reference controller's [dB]; -9.5 is a third, and above 2
 the largest |S| passes 2 on one of the twelve drives."""
 FAST, SLOW = (0.0, 1.0, 2.0), (-9.5, -6.0, -3.0)
 """Gains [dB] of the fast controller of a pair, and of the slow one, which may also be K'."""
@@ -39,15 +40,14 @@ class Case(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Such as "held +2 dB", or "+2 dB and -6 dB"."""
+        """Such as "A +2 dB", or "+2 dB and -6 dB"."""
         if self.use != "switched":
             return f"{self.use} {self.fast:+g} dB"
         return f"{self.fast:+g} dB and {'K-prime' if self.slow is None else f'{self.slow:+g} dB'}"
 
 
 CASES = (
-    *(Case("alone", gain) for gain in GAINS),
-    *(Case("held", gain) for gain in GAINS),
+    *(Case(use, gain) for use in USES[:-1] for gain in GAINS),
     *(Case("switched", fast, slow) for fast in FAST for slow in (*SLOW, None)),
 )
 
@@ -69,7 +69,7 @@ class Cases:
         if case.use == "alone":
             return Cascade(MEASUREMENTS, [Part("K", linear(fast, PERIOD), ["f_en"], ["u"])])
         made = Strategies(one.axis, level, one.believed, K=fast, replacement=self._slow(case, one))
-        return made.named("reference" if case.use == "held" else "K_prime")
+        return made.named("K_prime" if case.use == "switched" else case.use)
 
     def _slow(self, case: Case, one: Circumstance) -> StateSpace:
         if case.slow is None:
