@@ -44,20 +44,16 @@ lint: $(READY)
 # Make the committed reference results anew, at a size that a repository can carry.
 reference: $(READY)
 	rm -rf results/reference
-	$(REFERENCE) cd/drives --set frequencies=15
-	$(REFERENCE) 'cd/*/circles' 'cd/*/stadiums' --set frequencies=120
-	$(REFERENCE) cd/optics cd/red-book 'cd/*/linearity' bench/geometry cd-arm/identification
+	$(REFERENCE) cd/drives cd/optics cd/red-book cd-arm/identification
+	$(REFERENCE) 'cd/*/circles' 'cd/*/stadiums' 'cd/*/nominal' 'cd/*/uncertainty-comparison'
+	$(REFERENCE) 'cd/*/mu-pid-analysis' 'cd/*/nyquist' 'cd/*/five-x' 'cd/*/sensitivity'
+	$(REFERENCE) 'cd/*/cover-for-control' cd/focus/fault-filter
+	$(REFERENCE) mass-spring/analysis bench/covers bench/geometry textbook/fault-detection
+	$(REFERENCE) '*/controller' 'cd/*/mu-pid' 'cd/*/lower-bandwidth' 'cd/*/switching-stability'
+	$(REFERENCE) 'cd/*/linearity' 'cd/*/diode-plane'
 	$(REFERENCE) 'cd/*/closed-loop' --set step_hz=10
 	$(REFERENCE) 'cd/*/optical-gain' --set passes=10
-	$(REFERENCE) 'cd/*/nominal' 'cd/*/uncertainty-comparison' --set frequencies=120
-	$(REFERENCE) 'cd/*/mu-pid-analysis' 'cd/*/nyquist' --set frequencies=120
-	$(REFERENCE) 'cd/*/five-x' 'cd/*/cover-for-control' --set frequencies=120
-	$(REFERENCE) 'cd/*/sensitivity' --set frequencies=90
-	$(REFERENCE) mass-spring/analysis bench/covers textbook/fault-detection
-	$(REFERENCE) '*/controller' 'cd/*/mu-pid'
 	$(REFERENCE) 'cd/*/position-estimator' 'cd/*/strategies' --set draws=50
-	$(REFERENCE) 'cd/*/diode-plane' cd/focus/fault-filter
-	$(REFERENCE) 'cd/*/lower-bandwidth' 'cd/*/switching-stability'
 	$(REFERENCE) 'cd/*/residuals' --set defects=20
 	$(REFERENCE) 'cd/*/excursion' cd/playability 'cd/*/two-controllers-switched'
 	rm -rf results/reference/.partial

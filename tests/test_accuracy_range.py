@@ -79,8 +79,8 @@ def test_a_study_that_says_nothing_computes_the_same_at_every_accuracy():
 def test_an_optimal_method_is_held_to_the_accuracy_asked_even_if_it_computes_the_same(toy):
     kept = methods(toy.Root)["boastful"]
     alike = replace(kept, accuracy=ANY_ACCURACY_ALIKE)
-    assert alike.judged(1e-9) == 1e-9
-    assert replace(alike, optimal=False).judged(1e-9) == DEFAULT_TOLERANCE
+    assert alike.judging_tolerance(1e-9) == 1e-9
+    assert replace(alike, optimal=False).judging_tolerance(1e-9) == DEFAULT_TOLERANCE
 
 
 def test_the_tolerance_of_a_method_never_reaches_it_out_of_range(toy):

@@ -11,10 +11,14 @@ REFERENCE = Path(__file__).parents[1] / "results" / "reference"
 FOLDERS = finished_folders(REFERENCE)
 
 
+SLOW = {entry.name for entry in wb.problems() if entry.slow} | {"cd/focus/controller"}
+"""Slow problems, and the problem whose results most of them are fed with."""
+
+
 def marked(folder):
     """The radial results repeat what those of focus prove, by the same code on other numbers."""
     name = folder.relative_to(REFERENCE).as_posix()
-    slow = name.startswith("cd/radial/")
+    slow = name.startswith("cd/radial/") or folder.parent.relative_to(REFERENCE).as_posix() in SLOW
     return pytest.param(folder, id=name, marks=pytest.mark.slow if slow else ())
 
 
@@ -25,7 +29,7 @@ def test_reference_result_is_verified(folder):
 
 def test_every_problem_has_a_reference_result():
     named = {wb.open_run(folder).problem for folder in FOLDERS}
-    assert named == {entry.name for entry in wb.problems() if not entry.slow}
+    assert named >= {entry.name for entry in wb.problems() if not entry.slow}
 
 
 KEPT = {
@@ -44,4 +48,4 @@ def test_reference_results_are_what_proves_them_and_small():
     assert all({file.name for file in folder.iterdir()} == KEPT for folder in FOLDERS)
     sizes = {file: file.stat().st_size for folder in FOLDERS for file in folder.iterdir()}
     assert max(sizes.values()) < 500_000
-    assert sum(sizes.values()) < 8_000_000
+    assert sum(sizes.values()) < 20_000_000

@@ -121,7 +121,7 @@ class Task(ABC):
         """The tolerances that make a difference to the answer of a method."""
 
     @abstractmethod
-    def judged(self, method: str | None, tolerance: float) -> float:
+    def judging_tolerance(self, method: str | None, tolerance: float) -> float:
         """The tolerance of the certificate, which stands in the question and so in its key."""
 
     def unheeded(self, method: str | None, tolerance: float) -> str:
@@ -168,8 +168,8 @@ class Program(Task):
     def accuracy_range(self, method: str | None) -> AccuracyRange:
         return find_method(self, method).accuracy
 
-    def judged(self, method: str | None, tolerance: float) -> float:
-        return find_method(self, method).judged(tolerance)
+    def judging_tolerance(self, method: str | None, tolerance: float) -> float:
+        return find_method(self, method).judging_tolerance(tolerance)
 
 
 # --- methods ----------------------------------------------------------------------------------
@@ -190,7 +190,7 @@ class Method:
     help: str
     accuracy: AccuracyRange = EVERY_ACCURACY
 
-    def judged(self, tolerance: float) -> float:
+    def judging_tolerance(self, tolerance: float) -> float:
         """The tolerance of the certificate.
 
         It is the tolerance asked for where the method claims the best answer, since the gap must

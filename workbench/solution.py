@@ -102,7 +102,7 @@ def solve(
     optimal = optimal and claim is not Outcome.TIME_LIMIT
     try:
         answer = task.witnessed(answer)
-        certificate = task.certify(answer, task.judged(method, asked), optimal=optimal)
+        certificate = task.certify(answer, task.judging_tolerance(method, asked), optimal=optimal)
     except Exception as error:
         reason = f"the answer cannot be checked: {type(error).__name__}: {error}"
         message = f"{reason}; the method said: {message}" if message else reason

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from workbench.errors import InputError
-from workbench.simulation import blend, following, linear, play, removed, silenced, total
+from workbench.simulation import blend, following, linear, play, ramped, removed, silenced, total
 
 PERIOD = 1e-3
 PI = control.tf([5.0, 100.0], [1.0, 1e-3])
@@ -74,3 +74,13 @@ def test_followers_that_cannot():
     hidden = control.ss(np.diag([0.999, 0.99]), [[1.0], [1.0]], [[1.0, 0.0]], 0.0, PERIOD)
     with pytest.raises(InputError, match="no observer"):
         following(hidden, PERIOD, rate=200.0)
+
+
+def test_a_ramp_starts_on_time_and_changes_by_its_rate():
+    told = play(ramped(20.0, 0.1, PERIOD), np.ones((round(1.1 / PERIOD) + 1, 1)))[:, 0]
+    time = np.arange(len(told)) * PERIOD
+    np.testing.assert_allclose(told, 10.0 ** np.maximum(time - 0.1, 0.0), rtol=1e-9)
+    assert (play(ramped(0.0, 0.0, PERIOD), np.ones((10, 1))) == 1.0).all()
+    for wrong in ((np.nan, 0.0), (1.0, -0.1), (1.0, np.inf)):
+        with pytest.raises(InputError, match="rate is"):
+            ramped(*wrong, PERIOD)

@@ -227,3 +227,10 @@ def test_views_see_stored_arrays_alone(answer):
         study.metrics(study.compute(Context(Options())))
     with pytest.raises(InputError, match="needs at_most"):
         broken(c=check(value=lambda: 1.0)).checks(answer, 1e-6)
+
+
+def test_a_declaration_that_hides_what_a_study_has_is_refused():
+    with pytest.raises(InputError, match="Hiding declares 'judging_tolerance', which a Study has"):
+
+        class Hiding(Study):
+            judging_tolerance = array((), value=lambda: 1.0)

@@ -95,13 +95,13 @@ class Cells:
 
 
 def judged(problem: str, name: str, tolerance: float) -> float:
-    """The tolerance that a method's answer to a problem is judged by (`Method.judged`).
+    """The tolerance that a method's answer to a problem is judged by (`Method.judging_tolerance`).
 
     It is the one asked for where the problem does not tell its Program without its data.
     """
     kind = registry().find(problem).hint("return")
     known = methods(kind) if inspect.isclass(kind) and issubclass(kind, Program) else {}
-    return known[name].judged(tolerance) if name in known else tolerance
+    return known[name].judging_tolerance(tolerance) if name in known else tolerance
 
 
 def run_comparison(

@@ -46,8 +46,8 @@ class Question:
 def asked(options: Options, judged: float | None = None) -> dict[str, Any]:
     """The options that may change an answer.
 
-    The tolerance is that of the certificate (`Task.judged`) where there is one: a tolerance that a
-    method does not heed changes no answer, so it asks the same question.
+    The tolerance is that of the certificate (`Task.judging_tolerance`) where there is one: a
+    tolerance that a method does not heed changes no answer, so it asks the same question.
     """
     return {
         "tolerance": options.accuracy if judged is None else judged,

@@ -194,7 +194,7 @@ class Bound:
                 for name, need in self.needs.items()
             },
             method,
-            asked(options, self.task.judged(method, options.accuracy)),
+            asked(options, self.task.judging_tolerance(method, options.accuracy)),
         )
 
     def _named_needs(self) -> Iterator[tuple[str, Run]]:

@@ -56,7 +56,7 @@ class _ConicClaim(Task):
     def accuracy_range(self, method: str | None) -> AccuracyRange:
         return ANY_ACCURACY_ALIKE
 
-    def judged(self, method: str | None, tolerance: float) -> float:
+    def judging_tolerance(self, method: str | None, tolerance: float) -> float:
         return ANY_ACCURACY_ALIKE.served(tolerance)
 
     def to_dataset(self, answer: Vectors) -> Dataset:

@@ -15,7 +15,7 @@ from workbench.simulation.loop import SampledLoop, Schedule, Trajectory
 from workbench.simulation.noise import band_limited
 from workbench.simulation.play import play
 from workbench.simulation.repetitive import Repetitive
-from workbench.simulation.switching import blend, following, removed, silenced, total
+from workbench.simulation.switching import blend, following, ramped, removed, silenced, total
 from workbench.systems.sampling import continued, hold, respond, sampled
 
 __all__ = [
@@ -42,6 +42,7 @@ __all__ = [
     "linear",
     "percentile_interval",
     "play",
+    "ramped",
     "removed",
     "respond",
     "sampled",

@@ -45,6 +45,18 @@ def silenced(intervals: Sequence[tuple[float, float]], period: float) -> Control
     return Controller(_silenced, np.zeros(1), times.ravel() / period - 0.5, period=period)
 
 
+def ramped(rate: float, start: float, period: float) -> Controller:
+    """Part that reads a and gives a with a gain of 1 that changes by `rate` [dB/s] from `start` on.
+
+    Time [s] starts at the first sample of its first stage. `period` is the sampling period [s].
+    Raises InputError for a rate that is not finite and for a start that is negative or not finite.
+    """
+    if not (np.isfinite(rate) and 0.0 <= start < np.inf):
+        raise InputError(f"rate is {rate} dB/s, start is {start} s; need finite, start 0 or later")
+    grown = 10.0 ** (rate * period / 20.0)
+    return Controller(_ramped, np.zeros(1), np.array([grown, start / period]), period=period)
+
+
 def following(
     system: StateSpace | TransferFunction,
     period: float,
@@ -126,6 +138,13 @@ def _silenced(state: RealArray, parameters: RealArray, given: RealArray, told: R
     for i in range(0, len(parameters), 2):
         if parameters[i] <= state[0] < parameters[i + 1]:
             told[0] = 0.0
+    state[0] += 1.0
+
+
+@kernel
+def _ramped(state: RealArray, parameters: RealArray, given: RealArray, told: RealArray) -> None:
+    """Step of `ramped`; the state counts samples; parameters are growth and start in samples."""
+    told[0] = given[0] * parameters[0] ** max(state[0] - parameters[1], 0.0)
     state[0] += 1.0
 
 

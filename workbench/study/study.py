@@ -38,6 +38,16 @@ class Study(Task):
     accuracies: ClassVar[AccuracyRange] = ANY_ACCURACY_ALIKE
     """The tolerances that make a difference to `compute`; it hears of no others."""
 
+    def __init_subclass__(cls, **rest: Any) -> None:
+        """Refuse a declaration that hides what a study itself has by this name."""
+        super().__init_subclass__(**rest)
+        for name, one in vars(cls).items():
+            if isinstance(one, Declaration) and hasattr(Study, name):
+                raise InputError(
+                    f"{cls.__name__} declares {name!r}, which a Study has already; "
+                    "give it another name"
+                )
+
     def compute(self, context: Context) -> Dataset:
         """The arrays, each declaration computed after what it needs.
 
@@ -89,7 +99,7 @@ class Study(Task):
     def accuracy_range(self, method: str | None) -> AccuracyRange:
         return self.accuracies
 
-    def judged(self, method: str | None, tolerance: float) -> float:
+    def judging_tolerance(self, method: str | None, tolerance: float) -> float:
         return self.accuracies.served(tolerance)
 
     def _declared(self, kind: type[Kind]) -> Iterator[Kind]:

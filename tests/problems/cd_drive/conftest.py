@@ -7,7 +7,7 @@ import pytest
 
 @pytest.fixture(scope="session")
 def covered(reference):
-    """Program and answer of a stored cover at 120 frequencies, by axis, shape, method, gain."""
+    """Program and answer of a stored cover, by axis, shape, method, gain."""
 
     @cache
     def find(axis, shape, method, gain="own"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import product
 
 from workbench import figures
@@ -129,32 +130,53 @@ def sets_table(set_mu: DataArray) -> Rows:
 
 
 def claims_table(answer: Dataset) -> Rows:
-    """Statements of section 6.3 about the focus loop, beside the numbers found for this axis."""
+    """Statements of section 6.3 about the focus loop, the numbers of this axis, and a verdict."""
     own = answer.sel(gain="own")
     sets = own["set_mu"].sel(speed=1.0, single="disturbance")
 
-    def peak(speed: float, channel: str, form: str) -> str:
+    def peak(speed: float, channel: str, form: str) -> tuple[float, float]:
         one = own.sel(speed=speed, channel=channel, form=form, condition="robust performance")
-        upper, where = float(one["peak"].sel(bound="upper")), float(one["peak_frequency"])
-        return f"{upper:.3f} at {where:.1f} Hz"
+        return float(one["peak"].sel(bound="upper")), float(one["peak_frequency"])
 
-    def set_peak(name: str) -> str:
+    def set_peak(name: str) -> tuple[float, float]:
         curve = sets.sel(set=name)
-        return f"{float(curve.max()):.3f} at {float(curve.idxmax('frequency')):.1f} Hz"
+        return float(curve.max()), float(curve.idxmax("frequency"))
 
+    def below(statement: str, *found: tuple[str, tuple[float, float]]) -> list[str]:
+        return _claim(statement, found, all(mu < 1.0 for _, (mu, _) in found))
+
+    circle = peak(1.0, "disturbance", "circle")
+    reaches = peak(5.0, "disturbance", "stadium")
     rows = [
-        ["1X: parametric below 1", peak(1.0, "disturbance", "parametric")],
-        ["1X: circles above 1 near 30 Hz", peak(1.0, "disturbance", "circle")],
-        ["the same, sets without weights", set_peak("circle")],
-        ["1X: stadiums below 1", peak(1.0, "disturbance", "stadium")],
-        ["the same, narrowest sets without weights", set_peak("stadium narrowest")],
-        ["... third sets", set_peak("stadium third set")],
-        ["... oriented for mu", set_peak("stadium for mu")],
-        [
+        below("1X: parametric below 1", ("", peak(1.0, "disturbance", "parametric"))),
+        _claim(
+            "1X: circles above 1 near 30 Hz", [("", circle)], circle[0] > 1.0 and _near(circle[1])
+        ),
+        _claim(
+            "the same, sets without weights", [("", set_peak("circle"))], set_peak("circle")[0] > 1
+        ),
+        below("1X: stadiums below 1", ("", peak(1.0, "disturbance", "stadium"))),
+        below("the same, narrowest sets without weights", ("", set_peak("stadium narrowest"))),
+        below("... third sets", ("", set_peak("stadium third set"))),
+        below("... oriented for mu", ("", set_peak("stadium for mu"))),
+        below(
             "1X: control channel below 1",
-            "; ".join(f"{form} {peak(1.0, 'control', form)}" for form in LOOKS),
-        ],
-        ["5X: disturbance reaches 20", peak(5.0, "disturbance", "stadium")],
-        ["5X: control channel below 1", peak(5.0, "control", "stadium")],
+            *((f"{form} ", peak(1.0, "control", form)) for form in LOOKS),
+        ),
+        _claim("5X: disturbance reaches 20", [("", reaches)], abs(reaches[0] / 20.0 - 1.0) < 0.25),
+        below("5X: control channel below 1", ("", peak(5.0, "control", "stadium"))),
     ]
-    return ["section 6.3, focus", "mu"], rows
+    return ["section 6.3, focus", "mu", "verdict"], rows
+
+
+def _claim(
+    statement: str, found: Sequence[tuple[str, tuple[float, float]]], holds: bool
+) -> list[str]:
+    """Cells of a statement: what it says, each mu with its frequency, whether they agree."""
+    told = "; ".join(f"{name}{mu:.3f} at {where:.1f} Hz" for name, (mu, where) in found)
+    return [statement, told, "holds" if holds else "contradicted"]
+
+
+def _near(frequency: float) -> bool:
+    """Whether a frequency [Hz] is about the first resonance."""
+    return RESONANCE_BAND[0] <= frequency <= RESONANCE_BAND[1]

@@ -180,6 +180,26 @@ class MuPidAnalysis(Study):
         lambda set_mu: set_mu.sel(gain="own", speed=1.0, single="disturbance").max("frequency"),
     )
 
+    @metric
+    def conservative(self, mu: DataArray) -> dict[str, float]:
+        """How often, and by how much, mu is larger with stadiums than with circles at 1X."""
+        curve = mu.sel(gain="own", speed=1.0, channel="disturbance", bound="upper")
+        ratio = curve.sel(form="stadium") / curve.sel(form="circle")
+        return {
+            "stadium_above_circle_share": float((ratio > 1.0).mean()),
+            "stadium_over_circle_most": float(ratio.max()),
+            "stadium_over_circle_least": float(ratio.min()),
+        }
+
+    @metric
+    def above_one(self, set_mu: DataArray) -> dict[str, float]:
+        """Share of the frequencies at which mu of the sets themselves is above 1 at 1X."""
+        curve = set_mu.sel(gain="own", speed=1.0, single="disturbance")
+        share = (curve > 1.0).mean("frequency")
+        return {
+            f"set_above_1_{name.replace(' ', '_')}": float(share.sel(set=name)) for name in SETS
+        }
+
     claims = table(lambda answer: claims_table(answer))
     conditions = table(lambda answer: conditions_table(answer))
     sets = table(lambda set_mu: sets_table(set_mu))

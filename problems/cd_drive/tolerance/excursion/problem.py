@@ -42,6 +42,7 @@ from ...drive.tables import Axis, red_book
 from ...laboratory.bench_setup import PERIOD
 from ..strategy_looks import titled
 from ..tactics import STRATEGIES
+from .cells import cells_table, counts
 from .checks import disc_difference, flight_difference, half_step_change
 from .figures import against_theory, maps
 from .runs import Crossing, DefectCase, excursion_of
@@ -285,6 +286,9 @@ class Excursion(Study):
             rows.append([titled(name), *own, worst, "none" if np.isnan(lost) else f"{lost:.2f}"])
         heads = ["strategy", "kept, all [%]", "kept, Red Book [%]", "in spec, Red Book [%]"]
         return [*heads, "worst [um]", "shortest defect lost [mm]"], rows
+
+    defect_by_defect = metric(lambda peak: counts(peak))
+    cells = table(lambda peak: cells_table(peak))
 
     @table
     def theories(self, answer: Dataset) -> Any:

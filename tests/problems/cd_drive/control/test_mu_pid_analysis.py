@@ -73,7 +73,11 @@ def test_figures_and_tables_are_made(solved, data):
     tables = study.tables(data)
     assert re.search(r"\| own +\| stadium for mu +\|", tables["sets"])
     assert tables["conditions"].count("\n") == 2 + 6 * 7  # the parametric model has one gain
-    assert "1X: stadiums below 1" in tables["claims"]
+    claims = tables["claims"].splitlines()[2:]
+    verdicts = {line.split("|")[1].strip(): line.split("|")[3].strip() for line in claims}
+    assert set(verdicts.values()) == {"holds", "contradicted"}
+    assert verdicts["1X: parametric below 1"] == "holds"
+    assert verdicts["1X: stadiums below 1"] == "contradicted"
 
 
 def test_covers_of_every_gain_are_needed():

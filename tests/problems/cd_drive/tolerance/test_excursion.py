@@ -103,3 +103,24 @@ def test_an_unknown_drive_is_named(slower):
         "CD13"
         in wb.solve(excursion("focus", slower["focus"], drive="CD13", angles=2, lengths=2)).message
     )
+
+
+def test_defects_are_counted_by_verdict():
+    """Three draws of two defects: smaller in all, in two, in none."""
+    import xarray as xr
+    from workbench.plants.cd_drive.tolerance.excursion.cells import OTHERS, cells_table, counts
+    from workbench.plants.cd_drive.tolerance.tactics import STRATEGIES
+
+    dims = ("angle", "length", "share", "draw", "strategy")
+    peak = xr.DataArray(
+        np.ones((2, 1, 1, 3, len(STRATEGIES))), {"share": [1.0], "strategy": list(STRATEGIES)}, dims
+    )
+    peak.loc[{"strategy": "A"}] = 0.5
+    peak.loc[{"strategy": "B"}] = 2.0
+    peak.loc[{"strategy": "C", "draw": [0, 1]}] = 0.5
+    numbers = counts(peak)
+    assert [numbers[f"{one}_red_book_A"] for one in ("better", "worse", "undecided")] == [2, 0, 0]
+    assert [numbers[f"{one}_red_book_B"] for one in ("better", "worse", "undecided")] == [0, 2, 0]
+    assert [numbers[f"{one}_all_C"] for one in ("better", "worse", "undecided")] == [0, 0, 2]
+    _, rows = cells_table(peak)
+    assert len(rows) == len(OTHERS) and rows[1][-1] == "2.00" and rows[0][-1] == "-"

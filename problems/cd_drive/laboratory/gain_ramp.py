@@ -1,0 +1,258 @@
+"""The controller's gain raised and lowered until the loop fails (section 6.3.3, Table A.4).
+
+Section and table numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players
+(2003).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar, NamedTuple
+
+import numpy as np
+from pydantic import Field
+
+from workbench import figures, problem
+from workbench.arrays import RealArray
+from workbench.executor import Context
+from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
+from workbench.simulation import Cascade, Part, linear, ramped
+from workbench.simulation.machine import machine
+from workbench.study import (
+    Study,
+    array,
+    arrays,
+    check,
+    dim,
+    figure,
+    independent_seeds,
+    metric,
+    over_draws,
+    part,
+    table,
+    with_interval,
+)
+from workbench.systems.margins import Margins, margins
+from workbench.tables import markdown
+
+from ..drive.disc import Disc
+from ..drive.plants import controller
+from ..drive.shared_parameters import TABLES
+from ..drive.tables import Axis, drives, gain_margins, red_book
+from .bench_setup import OUTPUT_LIMIT, PERIOD, RATE
+from .experiment import MEASUREMENTS, Laboratory
+from .record import Record
+
+SETTLED, SPEED = 0.5, 2.0
+"""Time [s] at which a ramp begins, and its speed [dB/s]."""
+BEFORE = 0.05
+"""Time [s] before the end of which the oscillation is read."""
+LOWEST = 60.0
+"""Lowest frequency [Hz] of an oscillation of the loop; below is the disc's wobble."""
+SLACK = 1.0
+"""How far [dB] a ramp may go on beyond the model's limit: what it changes in half a second."""
+DIRECTIONS = {"up": 1.0, "down": -1.0}
+FARTHEST = {"up": 17.0, "down": 33.0}
+"""Change of the gain [dB] at which a ramp is given up, beyond the model's limit on every drive."""
+
+
+class Ending(NamedTuple):
+    """Where a ramp ended: change of the gain [dB], frequency [Hz] before, and whether u was full.
+
+    NaN where it did not end.
+    """
+
+    change: float
+    frequency: float
+    full: float
+
+
+@problem(
+    "cd/{axis}/gain-ramp",
+    axis=("focus", "radial"),
+    data=(*TABLES, "data/gain_margins.csv", "data/red_book.csv"),
+)
+def gain_ramp(
+    axis: Axis,
+    deviation: Annotated[float, Field(ge=0, le=1)] = 0.2,
+    draws: Annotated[int, Field(ge=1, le=1000)] = 3,
+) -> GainRamp:
+    """The gain raised and lowered by 2 dB/s until the loop fails (section 6.3.3, Table A.4).
+
+    On a turning disc, with noise, on each of the twelve drives. Going up the ramp ends when the
+    control signal is full, or the focus or track is lost; going down when it is lost. Beside it the
+    change at which the sampled loop becomes unstable, by its model, and the measured margins of
+    Table A.4; and the frequency of the control signal just before the end.
+
+    deviation: of the disc over the Red Book's. draws: of the noise, on each drive.
+    """
+    return GainRamp(axis, deviation, draws)
+
+
+@dataclass(frozen=True)
+class GainRamp(Study):
+    """Ramps in both directions on every drive."""
+
+    axis: Axis
+    deviation: float
+    draws: int
+
+    headline: ClassVar[str] = "change_up_mean"
+
+    @property
+    def quantifier(self) -> str:
+        return f"for these 12 drives, in {self.draws} simulated draws on each"
+
+    drive = dim(lambda self: [one.name for one in drives(self.axis)])
+    direction = dim(DIRECTIONS)
+    draw = dim(lambda self: range(self.draws))
+
+    @array((drive, draw))
+    def seed(self, context: Context) -> Any:
+        return independent_seeds(context.rng, 12, self.draws)
+
+    def record(self, drive: str, direction: str, seed: int) -> Record:
+        """A ramp on a drive; it is played to its end whatever happens."""
+        deviation = self.deviation * red_book(self.axis).deviation
+        slope = DIRECTIONS[direction] * SPEED
+        law = [
+            Part("K", linear(controller(self.axis), PERIOD), ["f_en"], ["u_k"]),
+            Part("ramp", ramped(slope, SETTLED, PERIOD), ["u_k"], ["u"]),
+        ]
+        return Laboratory(self.axis, drive).closed_loop(
+            Cascade(MEASUREMENTS, law),
+            duration=SETTLED + FARTHEST[direction] / SPEED,
+            disc=Disc.along(self.axis, deviation),
+            seed=seed,
+        )
+
+    def ending(self, direction: str, record: Record) -> Ending:
+        """Where a ramp ended."""
+        full = abs(record.u) >= OUTPUT_LIMIT
+        lost = np.zeros_like(full)
+        at = np.array([round(event.time * RATE) for event in record.events], int)
+        lost[at[at < len(lost)]] = True
+        ends = np.flatnonzero((lost | full) if direction == "up" else lost)
+        ends = ends[ends > SETTLED * RATE]
+        if not ends.size:
+            return Ending(np.nan, np.nan, np.nan)
+        end = int(ends[0])
+        change = DIRECTIONS[direction] * SPEED * (end / RATE - SETTLED)
+        signal = record.u if direction == "up" else record.f_en
+        return Ending(change, oscillation(signal[:end]), float(full[end]))
+
+    @part
+    def ended(self, context: Context, seed: DataArray) -> RealArray:
+        """Endings (drives, draws, directions, 3)."""
+        machine()  # threads that meet it at one time would each compile it
+
+        def endings(place: tuple[int, ...]) -> list[Ending]:
+            one = seed[place]
+            drive = str(one["drive"].values)
+            return [self.ending(d, self.record(drive, d, int(one))) for d in DIRECTIONS]
+
+        found = context.spread(endings, list(np.ndindex(seed.shape)), "ramps")
+        return np.reshape(found, (*seed.shape, len(DIRECTIONS), len(Ending._fields)))
+
+    @arrays((drive, draw, direction), change="dB", frequency="Hz", full="1")
+    def endings(self, ended: RealArray) -> dict[str, RealArray]:
+        """Change of the gain, frequency of the oscillation, and whether u was full."""
+        return {name: ended[..., n] for n, name in enumerate(Ending._fields)}
+
+    @part
+    def limits(self) -> list[Margins]:
+        """Margins of every drive's sampled loop, by its model."""
+        return [margins(self.loop(one.name)) for one in drives(self.axis)]
+
+    @arrays((drive, direction), model="dB", model_frequency="Hz")
+    def by_model(self, limits: list[Margins]) -> dict[str, Any]:
+        """Change of the gain at which the sampled loop becomes unstable, and its frequency."""
+        return {
+            "model": [20.0 * np.log10([one.increase, one.decrease]) for one in limits],
+            "model_frequency": [[one.increase_hz, one.decrease_hz] for one in limits],
+        }
+
+    def loop(self, drive: str) -> StateSpace:
+        """Loop transfer function of the bench, sampled."""
+        import control
+
+        law = control.sample_system(control.ss(controller(self.axis)), PERIOD, "bilinear")
+        return -Laboratory(self.axis, drive).sampled_error() * law
+
+    # --- checks -------------------------------------------------------------------------------
+
+    ended_ = check(
+        "ramps end",
+        "share of ramps that never end",
+        lambda change: np.isnan(change).mean(),
+        at_most=0.0,
+    )
+
+    @check("{direction} by the model", at_most=SLACK, each="direction")
+    def within(self, change: DataArray, model: DataArray) -> DataArray:
+        """how far a ramp goes on where the model is unstable [dB]"""
+        return (abs(change) - abs(model)).max(["drive", "draw"])
+
+    # --- what is told -------------------------------------------------------------------------
+
+    changes = metric(
+        "change_{direction}_{summary}", lambda change: over_draws(abs(change), "drive")
+    )
+    frequencies = metric(
+        "frequency_{direction}_{summary}", lambda frequency: over_draws(frequency, "drive")
+    )
+    share_full = metric("full_{direction}", lambda full: full.mean(["drive", "draw"]))
+    models = metric("model_{direction}_mean", lambda model: abs(model).mean("drive"))
+    model_frequencies = metric(
+        "model_frequency_{direction}_mean", lambda model_frequency: model_frequency.mean("drive")
+    )
+
+    @table
+    def ramps(self, answer: Dataset) -> dict[str, str]:
+        """Each drive: mean, and 90 % of the draws, the model's margin and the printed one."""
+        printed = gain_margins() if self.axis == "focus" else {}
+        rows = []
+        for name in answer["drive"].values:
+            one, cells = answer.sel(drive=name), []
+            for direction in DIRECTIONS:
+                at = one.sel(direction=direction)
+                cells += [
+                    with_interval(over_draws(at["change"]), "{:.1f}"),
+                    f"{float(at['model']):.1f}",
+                    with_interval(over_draws(at["frequency"]), "{:.0f}"),
+                    f"{float(at['model_frequency']):.0f}",
+                ]
+            rows.append([str(name), *cells, f"{printed.get(str(name), np.nan):.1f}"])
+        heads = ["drive", "up [dB]", "model", "at [Hz]", "model", "down [dB]", "model", "at [Hz]"]
+        return {"gain-ramp": markdown([*heads, "model", "Table A.4 [dB]"], rows)}
+
+    @figure
+    def drawn(self, answer: Dataset) -> dict[str, Figure]:
+        """Changes of the gain at which ramps end, beside the model's and the printed margins."""
+        drawn, panels = figures.axes(2, 1, size=(8.0, 6.0), sharex=True)
+        place = np.arange(12)
+        for panel, direction in zip(panels, DIRECTIONS, strict=True):
+            one = answer.sel(direction=direction)
+            told = over_draws(abs(one["change"])).transpose("summary", ...).values
+            mean, low, high = told
+            look: Any = {"fmt": "o", "capsize": 3, "color": figures.BLUE, "label": "ramp, 90 %"}
+            panel.errorbar(place, mean, [mean - low, high - mean], **look)
+            panel.plot(place, abs(one["model"]), "_", ms=14, color=figures.ORANGE, label="model")
+            figures.label(panel, y="change of the gain [dB]", title=f"{self.axis}, {direction}")
+        if self.axis == "focus":
+            printed = [gain_margins()[str(name)] for name in answer["drive"].values]
+            for panel in panels:
+                panel.plot(place, printed, "x", color=figures.BLACK, label="Table A.4")
+        panels[1].set_xticks(place, answer["drive"].values)
+        figures.legend_below(drawn, panels[0])
+        return {"gain-ramp": drawn}
+
+
+def oscillation(signal: RealArray) -> float:
+    """Frequency [Hz] above LOWEST with the largest part of the last stretch of a signal (N,)."""
+    last = signal[-round(BEFORE * RATE) :]
+    size = 8 * len(last)
+    spectrum = abs(np.fft.rfft((last - last.mean()) * np.hanning(len(last)), size))
+    frequency = np.fft.rfftfreq(size, PERIOD)
+    spectrum[frequency < LOWEST] = 0.0
+    return float(frequency[np.argmax(spectrum)])

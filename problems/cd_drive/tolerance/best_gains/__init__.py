@@ -1,0 +1,1 @@
+"""The best gain of every strategy, and what a second controller gains."""

@@ -1,0 +1,227 @@
+"""The best gain of every strategy, and what a second controller gains (1.3, 2.5.1, 9.1).
+
+Section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from workbench import Run, figures, problem, ref
+from workbench.arrays import RealArray
+from workbench.executor import Context
+from workbench.heavy_types import DataArray, Dataset, Figure
+from workbench.simulation.ensemble_scores import (
+    BOOTSTRAP_SAMPLES,
+    balloon_size,
+    bootstrap_weights,
+    group_means,
+    percentile_interval,
+)
+from workbench.study import Study, array, arrays, check, dim, figure, metric, part, table
+from workbench.synthesis import discretised
+from workbench.tables import markdown
+
+from ...drive.shared_parameters import TABLES
+from ...drive.tables import Axis
+from ...laboratory.bench_setup import PERIOD
+from ..ensemble import GROUPS, circumstances, groups
+from ..playability.runs import chosen, met, sampled_controller
+from ..playability.search import LARGEST_SENSITIVITY, peak_sensitivity
+from .cases import CASES, GAINS, USES, Case, Cases
+
+Scores = tuple[RealArray, NDArray[np.int64]]
+"""Share of time out of spec (cases, circumstances), and the groups of circumstances."""
+HALVES = ("chosen on", "judged on")
+"""Circumstances by which the best of each use is chosen, and other ones that judge it."""
+
+
+@problem(
+    "cd/{axis}/best-gains",
+    axis=("focus", "radial"),
+    needs=lambda axis, **_: {"lower": ref(f"cd/{axis}/lower-bandwidth")},
+    data=(*TABLES, "data/red_book.csv"),
+)
+def best_gains(
+    axis: Axis,
+    lower: Run,
+    scenarios: Annotated[int, Field(ge=14, le=100_000)] = 84,
+    drives: Annotated[int, Field(ge=1, le=12)] = 2,
+    workers: Annotated[int, Field(ge=1, le=256)] = 2,
+) -> BestGains:
+    """The best gain of every strategy, and what a second controller gains (1.3, 2.5.1, 9.1).
+
+    Strategies at six gains of the reference controller, the controller alone among them, and twelve
+    pairs of a fast and a slow controller that are switched by the quality signal. The best of each
+    use is chosen on half of the circumstances of `cd/playability` and judged on the other half, so
+    that the choice flatters nobody. Time out of spec in shocks is judged beside the whole.
+
+    scenarios: circumstances, 7 kinds in turn, for both halves. drives: how many of the twelve.
+    workers: threads; the answer is the same with any.
+    """
+    cases = Cases(discretised(lower.answer.K, PERIOD), chosen(drives))
+    return BestGains(axis, cases, scenarios - scenarios % (2 * len(GROUPS)), workers)
+
+
+@dataclass(frozen=True, eq=False)
+class BestGains(Study):
+    """Every case through the same circumstances, and the best of each use."""
+
+    axis: Axis
+    cases: Cases
+    scenarios: int
+    workers: int
+
+    headline: ClassVar[str] = "switched_less_alone_found"
+
+    @property
+    def quantifier(self) -> str:
+        drives = len(self.cases.drives)
+        return f"for {drives} drives, in {self.scenarios // 2} simulated circumstances of each"
+
+    case = dim(lambda: [case.name for case in CASES])
+    use, half, group = dim(USES), dim(HALVES), dim(GROUPS)
+
+    @part
+    def scores(self, context: Context) -> Scores:
+        """Share of time out of spec (cases, circumstances), and the groups of circumstances."""
+        rng = np.random.default_rng(context.rng.integers(2**31))
+        many = circumstances(self.axis, self.scenarios, self.cases.duration, rng)
+        every = met(self.cases, many, self.workers, context.progress, "circumstances")
+        return every[..., 0].mean(axis=1), groups(many)
+
+    @array((half, case, group), "1")
+    def arm(self, scores: Scores) -> RealArray:
+        """Share of time out of spec, by cause"""
+        out, group = scores
+        halves = (slice(None, self.scenarios // 2), slice(self.scenarios // 2, None))
+        return np.array([group_means(out[:, one], group[one]) for one in halves])
+
+    balloon = array((half, case), value=lambda arm: balloon_size(arm.values))
+
+    @array(use)
+    def best(self, balloon: DataArray) -> list[int]:
+        """Number of the best case of each use on the circumstances it is chosen on"""
+        tried = balloon.sel(half=HALVES[0]).values
+        uses = [np.flatnonzero([case.use == use for case in CASES]) for use in USES]
+        return [int(one[np.argmin(tried[one])]) for one in uses]
+
+    @part
+    def judged_means(self, scores: Scores, best: DataArray, context: Context) -> RealArray:
+        """Bootstrapped arms (samples, uses, groups) of the best, where they are judged."""
+        half = self.scenarios // 2
+        out, group = scores[0][:, half:], scores[1][half:]
+        weight = bootstrap_weights(group, BOOTSTRAP_SAMPLES, context.rng)
+        return np.moveaxis(group_means(out[best.values], group, weight), 0, 1)
+
+    told = dim("found", "low", "high")
+    than = dim("alone", "reference")
+
+    @arrays((told, use, than), whole="1", in_shocks="1")
+    def less(self, arm: DataArray, best: DataArray, judged_means: RealArray) -> dict[str, Any]:
+        """Best of a use less that of another, with 95 %: balloon, time out of spec in shocks."""
+        found = arm.values[1, best.values][None]
+        shocks = GROUPS.index("shocks")
+        return {
+            "whole": _less(balloon_size(found), balloon_size(judged_means)),
+            "in_shocks": _less(found[..., shocks], judged_means[..., shocks]),
+        }
+
+    # --- checks -------------------------------------------------------------------------------
+
+    @check("loops", at_most=LARGEST_SENSITIVITY)
+    def loops(self) -> float:
+        """largest |S| of the twelve drives, with any of the gains"""
+        return max(peak_sensitivity(self.axis, sampled_controller(self.axis, g)) for g in GAINS)
+
+    @check("arms", at_most=1.0)
+    def shares(self, arm: DataArray) -> float:
+        """largest share of time"""
+        return float(arm.max())
+
+    @check("a third of the gain alone", at_most=1.0)
+    def slow_alone(self, balloon: DataArray) -> float:
+        """balloon of the reference controller over that of a third of its gain, both alone"""
+        full, third = (Case("alone", gain).name for gain in (0.0, GAINS[0]))
+        return float((balloon.sel(case=full) / balloon.sel(case=third)).max())
+
+    # --- what is told -------------------------------------------------------------------------
+
+    def of_best(self, answer: Dataset) -> DataArray:
+        """Balloon of the best of each use on the circumstances that judge."""
+        return answer["balloon"].sel(half=HALVES[1]).isel(case=answer["best"])
+
+    balloons = metric("balloon_{use}", lambda self, answer: self.of_best(answer))
+    best_gain = metric(
+        lambda best: {
+            f"best_gain_{use}": CASES[int(n)].fast for use, n in zip(USES, best, strict=True)
+        }
+    )
+
+    shocks = metric(
+        "shocks_{use}",
+        lambda arm, best: arm.sel(half=HALVES[1], group="shocks").isel(case=best).drop_vars("case"),
+    )
+    differences = metric("{use}_less_{than}_{told}", lambda whole: whole)
+    in_shocks_less = metric("{use}_less_{than}_in_shocks_{told}", lambda in_shocks: in_shocks)
+
+    @table
+    def compared(self, answer: Dataset) -> Any:
+        """The best of each use, less the best controller alone and the reference strategy."""
+        balloon, rows = self.of_best(answer), []
+        for n, use in enumerate(USES):
+            cells = [
+                _cell(answer[name].sel(use=use, than=than).values)
+                for name in ("whole", "in_shocks")
+                for than in ("alone", "reference")
+            ]
+            best = CASES[int(answer["best"][n])].name
+            rows.append([best, f"{float(balloon.sel(use=use)):.3f}", *cells])
+        heads = ["best", "balloon", "less alone", "less reference"]
+        return [*heads, "in shocks less alone", "less reference"], rows
+
+    @table
+    def every(self, answer: Dataset) -> dict[str, str]:
+        """Balloons of every case, and the best of each use."""
+        best = answer["best"].values.tolist()
+        rows = [
+            [case.use, case.name, *(f"{one:.3f}" for one in values), "best" if n in best else ""]
+            for n, (case, values) in enumerate(
+                zip(CASES, answer["balloon"].transpose("case", "half").values, strict=True)
+            )
+        ]
+        return {"balloons": markdown(["use", "controller", *HALVES, ""], rows)}
+
+    @figure
+    def drawn(self, answer: Dataset) -> dict[str, Figure]:
+        """Time out of spec of the best of each use, cause by cause."""
+        drawn, (panel,) = figures.axes(size=(8.0, 4.4))
+        place = np.arange(len(GROUPS))
+        for n, number in enumerate(answer["best"].values.tolist()):
+            share = 100 * answer["arm"].sel(half=HALVES[1]).isel(case=number).values
+            label = f"best {USES[n]}: {CASES[number].name}"
+            panel.bar(place + 0.14 * (n - 2.5), share, 0.13, color=figures.CYCLE[n], label=label)
+        panel.set_xticks(place, GROUPS, rotation=25, ha="right")
+        panel.set_yscale("symlog", linthresh=0.1, linscale=0.4)
+        panel.set_ylim(bottom=0.0)
+        figures.label(panel, y="time out of spec [%]", title=self.axis)
+        figures.legend_below(drawn, panel)
+        return {"best": drawn}
+
+
+def _less(found: RealArray, samples: RealArray) -> RealArray:
+    """Each use less those of `than` (3, uses, 2): found (1, uses), and of samples (S, uses)."""
+    others = [USES.index(use) for use in ("alone", "reference")]
+    point, less = (one[:, :, None] - one[:, None, others] for one in (found, samples))
+    return np.concatenate([point, percentile_interval(np.moveaxis(less, 0, -1))])
+
+
+def _cell(told: RealArray) -> str:
+    """A difference with its interval, or nothing where there is none."""
+    found, low, high = told
+    return "" if found == low == high == 0.0 else f"{found:+.3f} ({low:+.3f} to {high:+.3f})"
