@@ -38,7 +38,7 @@ def plane(answer: Dataset, detectors: Detectors) -> Figure:
     for kind, colour in zip(answer["kind"].values, COLOURS, strict=True):
         trace = answer["trace"].sel(kind=kind).values
         panels[1].plot(*trace.T, "-", color=colour, lw=1.0, marker=".", ms=3.0, label=str(kind))
-    for panel, title in zip(panels, ("clean disc", "surface defects"), strict=True):
+    for panel, title in zip(panels, ("clean disc, one record", "surface defects, one record"), strict=True):
         _areas(panel, float(answer["linear"]), detectors)
         outline = ellipse(clean.mean(axis=0), np.cov(clean.T))
         panel.plot(*outline, "-.", color=figures.BLACK, label=f"clean, {CLEAN:.0%}")
@@ -88,7 +88,7 @@ def over_time(answer: Dataset) -> Figure:
     below.plot(zoom, answer["zoom_quality"], **signal)
     binary: dict[str, Any] = {"linestyle": "--", "label": "binary, 1: no defect"}
     below.step(zoom, 1.0 - answer["zoom_binary"], where="post", color=figures.ORANGE, **binary)
-    words = "a scratch once a revolution; lowest values of every millisecond"
+    words = "one record, a scratch once a revolution; lowest values of every millisecond"
     label(above, "time [s]", "sum, quality [1]", words)
     label(below, "time in the second revolution's scratch [ms]", "sum, quality [1]")
     for panel in (above, below):
@@ -111,6 +111,6 @@ def clusters(answer: Dataset) -> Figure:
             covariance = (factor @ factor.T)[np.ix_([x, y], [x, y])]
             mean = answer["cluster_mean"].values[k][[x, y]]
             panel.plot(*ellipse(mean, covariance), color=COLOURS[k], lw=1.0)
-        label(panel, names[x], names[y])
+        label(panel, names[x], names[y], "held-out defects of one draw")
     legend_below(figure, panels[0])
     return figure

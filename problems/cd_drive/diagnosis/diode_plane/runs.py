@@ -99,9 +99,14 @@ class Detectors:
         above = play(hysteresis(error_level, 0.5 * error_level), error)[:, 0]
         return self.binary(one), self.quality(one)[:, 0] < 1.0, above
 
-    def on_drive(self, name: str, defects: int, rng: np.random.Generator) -> OneDrive:
-        """Findings on a drive, for a number of defects of each kind, clean discs and shocks."""
-        bench = Laboratory(self.axis, name)
+    def on_drive(self, name: str, defects: int, seed: int, noisy: bool = True) -> OneDrive:
+        """Findings on a drive, for a number of defects of each kind, clean discs and shocks.
+
+        noisy: with noise of the diodes and electronics.
+        """
+        rng = np.random.default_rng(seed)
+        quiet: dict[str, Any] = {} if noisy else {"noise": 0.0, "electronics": 0.0}
+        bench = Laboratory(self.axis, name, **quiet)
         first, *seeds, last = rng.integers(2**31, size=len(CONDITIONS) + 2).tolist()
         error = abs(run(bench, [], first, duration=CLEAN_TIME).record.f_en)
         still, wobbling, shaken = self._clean(bench, seeds)
@@ -175,6 +180,23 @@ class Detectors:
             "zoom_binary": self.binary(turning)[zoom],
             "zoom_diodes": turning.diodes[zoom],
         }
+
+
+def delays_and_missed(drives: list[OneDrive]) -> tuple[RealArray, RealArray]:
+    """Mean delay [s] of what was found, and share missed, of all drives: (kinds, detectors)."""
+    labels = np.concatenate([one.labels for one in drives])
+    delays = np.concatenate([one.delays for one in drives], axis=1)
+    of_kind = [delays[:, labels == k] for k in range(len(KINDS))]
+    found = [[row[~np.isnan(row)] for row in own] for own in of_kind]
+    mean = [[row.mean() if row.size else np.nan for row in own] for own in found]
+    return np.array(mean), np.array([np.isnan(own).mean(axis=1) for own in of_kind])
+
+
+def lead_of_quality(drives: list[OneDrive]) -> float:
+    """Mean time [s] by which the quality is sooner than the binary detector, where both find."""
+    delays = np.concatenate([one.delays[:2] for one in drives], axis=1)
+    both = delays[:, ~np.isnan(delays).any(axis=0)]
+    return float(np.mean(both[0] - both[1]))
 
 
 def isolated(trained: list[EventFeatures], held_out: list[EventFeatures]) -> dict[str, Any]:

@@ -7,6 +7,9 @@ from typing import Any
 from workbench import figures
 from workbench.figures import label, legend_below
 from workbench.heavy_types import Dataset, Figure
+from workbench.study import over_draws
+
+from .trials import at_usual_noise
 
 NAMES = {
     "sum": "sum signal",
@@ -28,13 +31,16 @@ def curves(answer: Dataset) -> Figure:
     figure, panels = figures.axes(
         len(noises), len(lengths), size=(9.0, 8.4), sharex=True, sharey=True
     )
+    rate = answer["rate"].values[1:]
     for row, noise in enumerate(noises):
         for column, length in enumerate(lengths):
             panel = panels[row * len(lengths) + column]
             one = answer["detection"].sel(depth=SHOWN_DEPTH, length=length, noise=noise)
-            for name, text in NAMES.items():
-                curve = one.sel(statistic=name).values[1:]
-                panel.plot(answer["rate"].values[1:], curve, STYLES[name], label=text)
+            for number, (name, text) in enumerate(NAMES.items()):
+                mean, low, high = one.sel(statistic=name).transpose("summary", "rate").values[:, 1:]
+                colour = figures.CYCLE[number]
+                panel.fill_between(rate, low, high, color=colour, alpha=0.15, linewidth=0)
+                panel.plot(rate, mean, STYLES[name], color=colour, label=text)
             label(
                 panel,
                 "false alarms per window [1]" if row == len(noises) - 1 else "",
@@ -43,34 +49,38 @@ def curves(answer: Dataset) -> Figure:
                 "x",
             )
     panels[0].set_ylim(-0.02, 1.02)
-    figure.suptitle(f"defects that take {SHOWN_DEPTH:.0%} of the light")
+    figure.suptitle(
+        f"defects that take {SHOWN_DEPTH:.0%} of the light: mean and 90 % of "
+        f"{answer.sizes['draw']} draws"
+    )
     legend_below(figure, panels[0], columns=5)
     return figure
 
 
 def areas(answer: Dataset) -> Figure:
-    """Area under the curve with two standard errors, and delay, over depth at the usual noise."""
+    """Area under the curve, and delay, over depth at the usual noise."""
     lengths = answer["length"].values
-    usual = answer.isel(noise=len(answer["noise"]) // 2)
+    area, delay, missed = (at_usual_noise(answer[n]) for n in ("area", "delay", "missed"))
+    found = delay.where(missed.mean("draw") <= 0.5)
     figure, panels = figures.axes(2, len(lengths), size=(9.5, 6.4), sharex=True, sharey="row")
     depth = 100 * answer["depth"].values
+    for row, values in enumerate((over_draws(area), over_draws(1e3 * found))):
+        for column, length in enumerate(lengths):
+            panel = panels[row * len(lengths) + column]
+            for number, (name, text) in enumerate(NAMES.items()):
+                one = values.sel(length=length, statistic=name)
+                mean, low, high = one.transpose("summary", "depth").values
+                beside = depth * 1.03 ** (number - 2)  # so that the bars can be told apart
+                look: Any = {"marker": MARKERS[name], "markersize": 4.0, "label": text}
+                (line,) = panel.plot(beside, mean, STYLES[name], **look)
+                panel.vlines(beside, low, high, color=line.get_color(), linewidth=1.0)
     for column, length in enumerate(lengths):
-        above, below = panels[column], panels[len(lengths) + column]
-        for number, (name, text) in enumerate(NAMES.items()):
-            one = usual.sel(length=length, statistic=name)
-            beside = depth * 1.03 ** (number - 2)  # so that the bars can be told apart
-            look: Any = {"marker": MARKERS[name], "markersize": 4.0}
-            spread = 2 * one["deviation"].values
-            above.errorbar(
-                beside, one["area"], spread, fmt=STYLES[name], capsize=2.0, label=text, **look
-            )
-            delay = one["delay"].where(one["missed"] <= 0.5)
-            below.plot(beside, 1e3 * delay, STYLES[name], **look)
-        label(above, title=f"{1e3 * length:g} mm")
-        label(below, "light taken [%]", log="xy")
-        below.set_xticks(depth, [f"{one:g}" for one in depth])
-        below.minorticks_off()
+        label(panels[column], title=f"{1e3 * length:g} mm")
+        label(panels[len(lengths) + column], "light taken [%]", log="xy")
+        panels[column].set_xticks(depth, [f"{one:g}" for one in depth])
+        panels[column].minorticks_off()
     label(panels[0], y="area under the ROC curve [1]")
     label(panels[len(lengths)], y="mean delay, where half are found [ms]")
+    figure.suptitle(f"mean and 90 % of {answer.sizes['draw']} draws")
     legend_below(figure, panels[0], columns=5)
     return figure

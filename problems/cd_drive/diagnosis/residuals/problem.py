@@ -7,62 +7,78 @@ apart. Section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Cont
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Annotated, Any, ClassVar, NamedTuple
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
 from scipy import stats
 
 from workbench import Check, problem
-from workbench.arrays import RealArray
-from workbench.diagnosis import quantile_threshold, roc
 from workbench.executor import Context
 from workbench.heavy_types import DataArray, Dataset
-from workbench.study import Study, array, arrays, dim, figure, metric, part, table
-from workbench.tables import crossed, markdown
+from workbench.simulation.machine import machine
+from workbench.study import (
+    Study,
+    array,
+    arrays,
+    check,
+    dim,
+    figure,
+    independent_seeds,
+    metric,
+    over_draws,
+    part,
+    table,
+    with_interval,
+)
+from workbench.study.draws import SUMMARY
+from workbench.tables import markdown
 
-from ...drive.disc import VELOCITY, Defect
-from ...drive.red_book import ACCEPTABLE_ERROR
 from ...drive.shared_parameters import TABLES
 from ...drive.tables import Axis
 from ...laboratory.bench_setup import NOISE, RATE
-from ...laboratory.experiment import Laboratory
-from ..defect_events import LATE
-from ..defect_runs import SPACING, DefectRun, run
-from ..defect_statistics import STATISTICS, peaks, statistics_of
-from ..diode_plane.problem import DIST_MIN
+from ..defect_claims import claim_checks, claims_in_words
+from ..defect_statistics import STATISTICS
 from . import figures
-from .sets import FAULTS, RESIDUALS, STRUCTURE, fading, isolation
+from .claims import CLAIMED, isolated_share, residual_claims
+from .figures import SHOWN_DEPTH
+from .sets import (
+    FAULTS,
+    RESIDUALS,
+    STRUCTURE,
+    WAYS,
+    fading,
+    isolation,
+    lost_at_alarm_without_noise,
+)
+from .trials import (
+    BLOCK,
+    CLEAN_TIME,
+    DEPTHS,
+    FACTORS,
+    LENGTHS,
+    RATES,
+    DefectTrials,
+    Trial,
+    at_usual_noise,
+)
 
-DEPTHS = (0.05, 0.1, 0.2, 0.4)
-"""Share of the light that a defect takes."""
-LENGTHS = (0.3e-3, 1.0e-3, 4.0e-3)
-"""Lengths of defects along the track [m]."""
-FACTORS = (0.5, 1.0, 2.0)
-"""Measurement noise as a multiple of the usual one, 0.15 um in focus."""
-RATES = np.concatenate([[0.0], np.geomspace(1e-3, 1.0, 60)])
-"""False-alarm rates at which the curves are stored."""
-ALARMS, BLOCK = 0.01, 350
-"""False-alarm rate of the thresholds at which delays are measured, per block of 10 ms."""
-DIST_MAX = 0.5
-"""Distance from the linear area at which the quality signal is 0."""
 DOUBT = 1e-3
 """Probability below which the false alarms on fresh runs contradict the rate that was promised."""
+EXPERIMENTS = ("clean", "fresh", "defects", "fading", "isolation")
+"""What has a seed of its own in each draw."""
 
 Share = Annotated[float, Field(ge=0, le=1)]
-
-RunStatistics = list[dict[str, RealArray]]
-"""Statistics of several runs, each by name."""
 
 
 @problem("cd/{axis}/residuals", axis=("focus", "radial"), data=(*TABLES, "data/red_book.csv"))
 def residuals(
     axis: Axis,
     drive: str = "CD1",
-    runs: Annotated[int, Field(ge=3, le=100)] = 3,
-    defects: Annotated[int, Field(ge=10, le=500)] = 30,
+    defects: Annotated[int, Field(ge=10, le=500)] = 20,
     displacement: Share = 0.2,
+    draws: Annotated[int, Field(ge=1, le=1000)] = 12,
 ) -> ResidualCurves:
     """ROC curves of residuals over defect depth, length and noise (section 7.1).
 
@@ -70,219 +86,237 @@ def residuals(
     light, on a disc that wobbles by what the Red Book allows under the reference controller. Area
     under the curve for 36 kinds of defects; delay and misses at one false alarm a second. A laser
     that fades is noticed by level and by a slow cumulative sum; signatures isolate black dots,
-    scratches and shocks.
+    scratches and shocks. Each number is a distribution over draws of noise and defects; the
+    statistics are compared in the same draw.
 
-    drive: "CD1" to "CD12", or "nominal". runs: seeded, of each condition. defects: in each run.
-    displacement: false swing of the error, as a share of the acceptable one.
+    drive: "CD1" to "CD12", or "nominal". defects: of each kind in a draw. displacement: false swing
+    of the error, as a share of the acceptable one. draws: of the whole experiment.
     """
-    return ResidualCurves(axis, drive, runs, defects, displacement)
-
-
-class Quiet(NamedTuple):
-    """Runs without a defect at one noise: statistics, thresholds, alarms on as many fresh runs.
-
-    level, promised (statistic,): thresholds and the upper ends of their false-alarm rates'
-    intervals; fresh (statistic, 2): blocks of other runs above the level, and of how many; lost:
-    how often the loop was lost or regained.
-    """
-
-    clean: RunStatistics
-    level: list[float]
-    promised: list[float]
-    fresh: list[tuple[int, int]]
-    lost: int
+    return ResidualCurves(DefectTrials(axis, drive, defects, displacement), draws)
 
 
 @dataclass(frozen=True)
 class ResidualCurves(Study):
     """Runs with defects of one depth and length each, and without any, at three noises."""
 
-    axis: Axis
-    drive: str
-    runs: int
-    defects: int
-    displacement: float
+    trials: DefectTrials
+    draws: int
 
-    headline: ClassVar[str] = "area_cusum"
+    headline: ClassVar[str] = "area_cusum_mean"
 
     @property
     def quantifier(self) -> str:
-        return "in these simulated records"
+        return f"in {self.draws} simulated draws"
 
-    statistic, count = dim(STATISTICS), dim("alarms", "blocks")
+    draw, experiment = dim(lambda self: range(self.draws)), dim(EXPERIMENTS)
+    statistic, summary = dim(STATISTICS), dim(SUMMARY)
     depth, length = dim(DEPTHS, unit="1"), dim(LENGTHS, unit="m")
-    noise = dim(lambda self: np.array(FACTORS) * NOISE[self.axis], unit="m")
+    noise = dim(lambda self: np.array(FACTORS) * NOISE[self.trials.axis], unit="m")
     rate = dim(RATES, unit="1", meaning="false-alarm rate")
     fault, isolated_as = dim(FAULTS), dim(*FAULTS, "none or several")
-    residual, way = dim(RESIDUALS), dim("level", "slow sum")
+    residual, way = dim(RESIDUALS), dim(WAYS)
 
-    quiet = part(lambda self, context: [self._quiet(each, context.rng) for each in FACTORS])
-    level = array((noise, statistic), value=lambda quiet: [one.level for one in quiet])
-    promised = array((noise, statistic), value=lambda quiet: [one.promised for one in quiet])
-    fresh = array((noise, statistic, count), value=lambda quiet: [one.fresh for one in quiet])
+    seed = array(
+        (draw, experiment),
+        value=lambda self, context: independent_seeds(context.rng, self.draws, len(EXPERIMENTS)),
+    )
 
-    def bench(self, factor: float = 1.0) -> Laboratory:
-        """The laboratory with the usual noise times a factor."""
-        return Laboratory(self.axis, self.drive, noise=factor * NOISE[self.axis])
-
-    def measured(self, runs: list[DefectRun]) -> RunStatistics:
-        return [statistics_of(one, DIST_MIN[self.axis], DIST_MAX) for one in runs]
-
-    def _quiet(self, factor: float, rng: np.random.Generator) -> Quiet:
-        """Thresholds from half of the runs without a defect, tried on the other half."""
-        bench, duration = self.bench(factor), SPACING * self.defects
-        seeds = rng.integers(2**31, size=2 * self.runs).tolist()
-        runs = [run(bench, [], seed, duration=duration) for seed in seeds]
-        measured = self.measured(runs)
-        clean, others = measured[: self.runs], measured[self.runs :]
-        level, promised, fresh = [], [], []
-        for name in STATISTICS:
-            joined = np.concatenate([one[name] for one in clean])
-            threshold = quantile_threshold(joined, ALARMS, block=BLOCK)
-            again = _blocks(others, name, BLOCK)
-            level.append(threshold.level)
-            promised.append(threshold.interval[1])
-            fresh.append((int(np.sum(again > threshold.level)), len(again)))
-        return Quiet(clean, level, promised, fresh, _lost(runs))
+    # --- statistics of defects ----------------------------------------------------------------
 
     @part
-    def judged(self, quiet: list[Quiet], context: Context) -> dict[str, Any]:
-        """Stored numbers of each statistic and condition, and how often the loop was lost."""
-        shape = len(DEPTHS), len(LENGTHS), len(FACTORS)
-        rows, lost = [], 0
-        for d, n, f in context.track(list(np.ndindex(shape)), "conditions"):
-            defect = Defect(LENGTHS[n], depth=DEPTHS[d], edge=0.2)
-            bench = self.bench(FACTORS[f])
-            runs = [self._dirty(bench, defect, context.rng) for _ in range(self.runs)]
-            lost += _lost(runs)
-            rows.append(self._judge(runs, defect, quiet[f]))
-        stored = {name: np.array([[s[name] for s in row] for row in rows]) for name in rows[0][0]}
-        return {"lost": lost} | {
-            name: np.moveaxis(every, 1, 0).reshape(len(STATISTICS), *shape, *every.shape[2:])
-            for name, every in stored.items()
+    def found(self, seed: DataArray, context: Context) -> dict[str, Any]:
+        """Results of all draws and noises by name, (draw, noise, ...)."""
+        machine()  # threads that meet it at one time would each compile it
+        cells = [(factor, seeds[:3]) for seeds in seed.values.tolist() for factor in FACTORS]
+        every = context.spread(lambda cell: self.trials.trial(*cell), cells, "draws and noises")
+        return {
+            name: np.reshape(value, (self.draws, len(FACTORS), *np.shape(value)[1:]))
+            for name, value in zip(Trial._fields, zip(*every, strict=True), strict=True)
         }
 
-    def _judge(self, runs: list[DefectRun], defect: Defect, quiet: Quiet) -> list[dict[str, Any]]:
-        """Curve, delays and misses of each statistic on runs with like defects."""
-        measured, found = self.measured(runs), []
-        window = round(defect.length / VELOCITY * RATE) + 1 + LATE
-        for name, level in zip(STATISTICS, quiet.level, strict=True):
-            pairs = [(m[name], one.faults) for m, one in zip(measured, runs, strict=True)]
-            curve = roc(_blocks(quiet.clean, name, window), [p for q in pairs for p in peaks(*q)])
-            delays = np.concatenate([_delays(*pair, level) for pair in pairs])
-            hits = delays[~np.isnan(delays)]
-            found.append(
-                {
-                    "area": curve.area,
-                    "deviation": curve.deviation,
-                    "delay": float(hits.mean()) if hits.size else np.nan,
-                    "missed": 1.0 - len(hits) / len(delays),
-                    "detection": np.interp(RATES, curve.false_alarm, curve.detection),
-                }
-            )
-        return found
-
-    def _dirty(self, bench: Laboratory, defect: Defect, rng: np.random.Generator) -> DefectRun:
-        """One defect after the other, all alike but for the direction in which they refract."""
-        swing = self.displacement * ACCEPTABLE_ERROR[self.axis]
-        signs = rng.choice([-1.0, 1.0], self.defects)
-        defects = [replace(defect, displacement=sign * swing) for sign in signs]
-        return run(bench, defects, int(rng.integers(2**31)))
-
-    condition = (statistic, depth, length, noise)
-    curves = arrays(
-        condition, lambda judged: judged, area="1", deviation="1", delay="s", missed="1"
+    thresholds = arrays(
+        (draw, noise, statistic),
+        lambda found: {"level": np.float32(found["level"]), "alarms": np.int16(found["alarms"])},
+        level="",
+        alarms=("", "blocks of the fresh run above the threshold"),
     )
-    detection = array((*condition, rate), "1", "", lambda judged: judged["detection"])
-    lost = array(value=lambda quiet, judged: sum(one.lost for one in quiet) + judged["lost"])
+    promised = array(
+        (),
+        "1",
+        "end of the interval of the false-alarm rate",
+        lambda found: found["promised"].max(),
+    )
+    blocks = array((), "", "of a run without defects", lambda: int(CLEAN_TIME * RATE) // BLOCK)
+    condition = (statistic, depth, length)
+    curves = arrays(
+        (draw, noise, *condition),
+        lambda found: {name: np.float32(found[name]) for name in ("area", "delay", "missed")},
+        area="1",
+        delay=("s", "mean over what was found"),
+        missed="1",
+    )
 
-    seeds = part(lambda judged, context: context.rng.integers(2**31, size=8).tolist())
-    fade = array(way, "1", "", lambda self, seeds: fading(self.bench(), seeds[:4]))
-    fired_and_found = part(lambda self, seeds: isolation(self.bench(), seeds[4:]))
-    fired = array((fault, residual), "1", "", lambda fired_and_found: fired_and_found[0])
-    confusion = array((fault, isolated_as), value=lambda fired_and_found: fired_and_found[1])
+    @array((noise, *condition, rate, summary), "1", "detection rate over the draws")
+    def detection(self, found: dict[str, Any]) -> DataArray:
+        import xarray as xr
+
+        dims = ("draw", "noise", "statistic", "depth", "length", "rate")
+        return over_draws(xr.DataArray(found["detection"], dims=dims)).astype("f4")
+
+    lost = array(draw, value=lambda found: found["lost"].sum(axis=1))
+    delay_without_noise = array(
+        condition,
+        "s",
+        "at the mean thresholds of the usual noise",
+        lambda self, level: self.trials.delays_without_noise(
+            at_usual_noise(level).mean("draw").values
+        ),
+    )
+
+    # --- a laser that fades -------------------------------------------------------------------
+
+    @arrays((draw, way), fade=("1", "light lost at the alarm"), fade_level="")
+    def fading(self, seed: DataArray, context: Context) -> dict[str, Any]:
+        seeds = seed.sel(experiment="fading").values.tolist()
+        every = context.spread(lambda one: fading(self.trials.bench(), one), seeds, "fading laser")
+        found = np.array(every, np.float32)
+        return {"fade": found[..., 0], "fade_level": found[..., 1]}
+
+    fade_without_noise = array(
+        way,
+        "1",
+        "at the mean thresholds",
+        lambda self, fade_level: lost_at_alarm_without_noise(
+            self.trials.bench(0.0), fade_level.mean("draw").values.tolist()
+        ),
+    )
+
+    # --- isolation ----------------------------------------------------------------------------
+
+    @part
+    def fired_and_found(self, seed: DataArray, context: Context) -> Any:
+        seeds = seed.sel(experiment="isolation").values.tolist()
+        every = context.spread(lambda one: isolation(self.trials.bench(), one), seeds, "isolation")
+        return tuple(zip(*every, strict=True))
+
+    fired = array(
+        (draw, fault, residual), "1", "", lambda fired_and_found: np.float32(fired_and_found[0])
+    )
+    confusion = array(
+        (draw, fault, isolated_as), value=lambda fired_and_found: np.int16(fired_and_found[1])
+    )
     structure = array((residual, fault), value=lambda: STRUCTURE)
 
-    def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
-        area, curve = answer["area"], answer["detection"].values
-        under = np.trapezoid(curve, RATES, axis=-1)
-        alarms, blocks = np.moveaxis(answer["fresh"].values, -1, 0)
-        chance = stats.binom.sf(alarms - 1, blocks, answer["promised"].values)
-        by_sum, usual = area.sel(statistic="sum"), area.sel(noise=NOISE[self.axis])
-        deep = usual.sel(statistic=["sum", "quality", "cusum"], depth=max(DEPTHS), length=1e-3)
-        better = (area.sel(statistic="quality") - by_sum).max()
-        falls = -float(by_sum.diff("depth").min())
-        slow, by_level = (answer["fade"].sel(way=name) for name in ("slow sum", "level"))
-        sooner = "light lost when the slow sum alarms, over that of the level"
-        fresh = "false alarms on fresh runs, one minus their probability at the interval's end"
+    # --- checks -------------------------------------------------------------------------------
+
+    @check()
+    def of_draws(self, answer: Dataset) -> list[Check]:
+        """The loop stays closed, the curves are curves, and what is claimed holds."""
+        rises = float(-answer["detection"].diff("rate").min())
+        under = answer["detection"].sel(summary="mean").integrate("rate")
+        off = abs(under - answer["area"].mean("draw")).max()
+        loop = "times that it was lost or regained, all draws"
         return [
-            Check("loop", "times that it was lost or regained", float(answer["lost"]), 0.0),
-            Check("curves rise", "largest step down", float(-np.diff(curve, axis=-1).min()), 0.0),
-            Check("area", "|area - integral|", float(abs(under - area.values).max()), 0.02),
-            Check("promised rate", fresh, 1.0 - float(chance.min()), 1.0 - DOUBT),
-            Check("deep defects", "1 - area at 1 mm", 1.0 - float(deep.min()), 0.01),
-            Check("depth", "largest loss of the sum's area to a deeper defect", falls, 0.05),
-            Check("quality is the sum", "its area above the sum's", float(better), 0.02),
-            Check("fading laser", sooner, float(slow / by_level), 0.8),
-            Check("isolation", "share not isolated", 1.0 - _isolated(answer["confusion"]), 0.3),
+            Check("loop", loop, float(answer["lost"].sum()), 0.0),
+            Check("curves rise", "largest step down", rises, 0.0),
+            Check("area", "|mean area - integral of the mean curve|", float(off), 0.02),
+            *claim_checks(residual_claims(answer), CLAIMED),
         ]
 
-    isolated = metric(lambda confusion: _isolated(confusion))
-    light_lost = metric("light_lost_at_alarm_{way}", lambda fade: fade)
+    @check("promised rate", at_most=1.0 - DOUBT)
+    def kept_rate(self, alarms: DataArray, blocks: DataArray, promised: DataArray) -> DataArray:
+        """one minus the probability of the false alarms on the fresh runs of all draws, at the end
+        of the promised interval"""
+        tried = int(blocks) * self.draws
+        chance = stats.binom.sf(alarms.sum("draw") - 1, tried, float(promised))
+        return alarms.sum("draw").copy(data=1.0 - chance)
+
+    # --- what is told -------------------------------------------------------------------------
+
+    isolated = metric("isolated_{summary}", lambda confusion: over_draws(isolated_share(confusion)))
+    light_lost = metric("light_lost_at_alarm_{way}_{summary}", lambda fade: over_draws(fade))
+    light_lost_without_noise = metric(
+        "light_lost_at_alarm_{way}_without_noise", lambda fade_without_noise: fade_without_noise
+    )
+    false_alarms = metric(
+        "false_alarms_{statistic}_{summary}",
+        lambda alarms, blocks: over_draws(at_usual_noise(alarms) / blocks),
+    )
+    areas_of_all = metric(
+        "area_{statistic}_{summary}",
+        lambda area: over_draws(at_usual_noise(area).mean(["depth", "length"])),
+    )
 
     @metric
-    def at_usual_noise(self, answer: Dataset) -> dict[str, DataArray]:
-        numbers = {}
-        for name in STATISTICS:
-            one = answer.sel(noise=NOISE[self.axis], statistic=name)
-            numbers[f"area_{name}"] = one["area"].mean()
-            for length in LENGTHS:
-                shallow = one["area"].sel(depth=0.1, length=length)
-                numbers[f"area_{name}_10pct_{1e3 * length:g}mm"] = shallow
-            deep = one.sel(depth=0.4, length=1e-3)
-            numbers[f"delay_{name}_40pct_1mm_us"] = 1e6 * deep["delay"]
-            numbers[f"missed_{name}_40pct_1mm"] = deep["missed"]
-        return numbers
+    def areas_of_shallow(self, area: DataArray) -> dict[str, DataArray]:
+        shallow = over_draws(at_usual_noise(area).sel(depth=SHOWN_DEPTH))
+        return {
+            f"area_{name}_10pct_{1e3 * length:g}mm_{end}": shallow.sel(
+                statistic=name, length=length, summary=end
+            )
+            for name in STATISTICS
+            for length in LENGTHS
+            for end in SUMMARY
+        }
+
+    delays_of_deep = metric(
+        "delay_{statistic}_40pct_1mm_{summary}_us",
+        lambda delay: over_draws(1e6 * _deep(at_usual_noise(delay))),
+    )
+    delays_without_noise = metric(
+        "delay_{statistic}_40pct_1mm_without_noise_us",
+        lambda delay_without_noise: 1e6 * _deep(delay_without_noise),
+    )
+    missed_of_deep = metric(
+        "missed_{statistic}_40pct_1mm_{summary}",
+        lambda missed: over_draws(_deep(at_usual_noise(missed))),
+    )
+
+    claims = table(lambda answer: claims_in_words(residual_claims(answer)))
 
     @table
-    def areas(self, area: DataArray) -> tuple[list[str], list[list[str]]]:
+    def areas(self, area: DataArray) -> str:
         """Areas of all conditions."""
         heads = ["light taken", "length [mm]", "noise [um]", *figures.NAMES.values()]
-        conditions = area.stack(condition=("depth", "length", "noise")).transpose("condition", ...)
-        return heads, [
-            [f"{depth:.0%}", f"{1e3 * length:g}", f"{1e6 * noise:.3g}", *map("{:.3f}".format, one)]
+        rows = over_draws(area).stack(condition=("depth", "length", "noise"))
+        cells = [
+            [f"{depth:.0%}", f"{1e3 * length:g}", f"{1e6 * noise:.3g}", *_each(one)]
             for (depth, length, noise), one in zip(
-                conditions["condition"].values, conditions.values, strict=True
+                rows["condition"].values, rows.transpose("condition", ...), strict=True
             )
         ]
+        return self._title("Area under the ROC curve") + markdown(heads, cells)
 
     @table
     def isolation(self, confusion: DataArray, fired: DataArray) -> str:
         """Confusion of the faults and how often each residual fired."""
-        shares = crossed(fired, "{:.2f}", "share that fired")
-        return markdown(*crossed(confusion)) + "\n" + markdown(*shares)
+        shares = confusion / confusion.sum("isolated_as")
+        return "\n".join(
+            self._title(title)
+            + markdown(
+                ["fault", *map(str, one[one.dims[-1]].values)],
+                [
+                    [str(row["fault"].values), *_each(row)]
+                    for row in over_draws(one).transpose("fault", ...)
+                ],
+            )
+            for title, one in (
+                ("Share of the faults taken for each", shares),
+                ("Share at which each residual fired", fired),
+            )
+        )
+
+    def _title(self, text: str) -> str:
+        return f"{text}: mean, and the interval of 90 % of {self.draws} draws.\n\n"
 
     roc, area_ = figure(figures.curves), figure(figures.areas)
 
 
-def _lost(runs: list[DefectRun]) -> int:
-    """Number of times that the loop was lost or regained."""
-    return sum(len(one.record.events) for one in runs)
+def _deep(values: DataArray) -> DataArray:
+    """Values of defects that take 40 % of the light over 1 mm."""
+    return values.sel(depth=0.4, length=1e-3, drop=True)
 
 
-def _isolated(confusion: DataArray) -> float:
-    """Share of the faults that were isolated rightly."""
-    return float(np.trace(confusion.values) / confusion.values.sum())
-
-
-def _blocks(runs: RunStatistics, name: str, size: int) -> RealArray:
-    """Largest value of a statistic in each block of `size` samples; a block lies within a run."""
-    blocks = [one[name][: len(one[name]) // size * size].reshape(-1, size) for one in runs]
-    largest: RealArray = np.concatenate(blocks).max(axis=1)
-    return largest
-
-
-def _delays(statistic: RealArray, faults: list[tuple[int, int]], level: float) -> RealArray:
-    """Time from each fault's start to the first value above the level [s], NaN where missed."""
-    hits = [np.flatnonzero(statistic[start : end + LATE] > level) for start, end in faults]
-    return np.array([hit[0] / RATE if hit.size else np.nan for hit in hits])
+def _each(rows: DataArray) -> list[str]:
+    """Mean and interval of each entry in words."""
+    return [with_interval(one, "{:.2f}") for one in rows.transpose(..., "summary")]

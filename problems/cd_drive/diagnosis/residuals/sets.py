@@ -6,6 +6,7 @@ Section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 from workbench.arrays import RealArray
 from workbench.diagnosis import confusion, cusum, isolate, quantile_threshold
 from workbench.simulation import linear, play
+from workbench.study import independent_seeds
 
 from ...laboratory.bench_setup import PERIOD, RATE
 from ...laboratory.experiment import Laboratory
@@ -34,33 +36,58 @@ STRUCTURE = np.array([[True, True, False], [False, True, False], [False, False, 
 """True where a residual (row) responds to a fault (column)."""
 SLOW_BAND = (30.0, 150.0)
 """Band [Hz] of the slow error: shocks are in it, the disc's rotation is below."""
-COUNT = 60
-"""Number of trials of each fault."""
+COUNT = 20
+"""Number of trials of each fault in a draw."""
+RECORDS = 4
+"""Records of a draw with a fading laser: one fades, the others give the thresholds."""
 ALARMS, BLOCK = 0.01, 350
 """False-alarm rate of each residual's threshold, per block of 10 ms."""
 
 
-def fading(bench: Laboratory, seeds: list[int]) -> list[float]:
-    """Share of light lost when a fading laser is noticed: by a level, by a slow cumulative sum.
+def _slow_sum(lost: RealArray) -> RealArray:
+    return play(cusum(SLOW_DRIFT), lost[:, None])[:, 0]
+
+
+WAYS: dict[str, Callable[[RealArray], RealArray]] = {
+    "level": lambda lost: lost,
+    "slow sum": _slow_sum,
+}
+"""What is watched of the share of light that is lost (N,) to notice that the laser fades."""
+
+
+def fading(bench: Laboratory, seed: int) -> list[tuple[float, float]]:
+    """Share of light lost when a fading laser is noticed, and threshold, for each of `WAYS`.
 
     The fault is incipient (section 7.1.2). Both diodes lose the same share, so the normalised error
     and with it the loop do not see it: it is applied to the diodes of a record. Thresholds are the
-    largest values on all other records, of the same length; each record is faded in turn, and the
-    median is given.
+    largest values on the other records, of the same length.
     """
-    records = [run(bench, [], seed, duration=FADING) for seed in seeds]
-    share = FADE * np.arange(len(records[0].record.time)) * PERIOD
-    # The level is that of the disc at the start: its own median follows the fading.
-    lost = [1.0 - one.diodes.sum(axis=1) for one in records]
-    noticed: list[list[float]] = [[], []]
-    for i, own in enumerate(lost):
-        others = [one for k, one in enumerate(lost) if k != i]
-        faded = [1.0 - (1.0 - own) * (1.0 - share), *others]
-        sums = [play(cusum(SLOW_DRIFT), one[:, None])[:, 0] for one in faded]
-        for way, (watched, *clean) in zip(noticed, (faded, sums), strict=True):
-            above = np.flatnonzero(watched > max(float(one.max()) for one in clean))
-            way.append(float(share[above[0]]) if above.size else math.inf)
-    return [float(np.median(way)) for way in noticed]
+    seeds = independent_seeds(np.random.default_rng(seed), RECORDS).tolist()
+    own, *others = (_lost_light(run(bench, [], one, duration=FADING)) for one in seeds)
+    level = [max(float(watched(one).max()) for one in others) for watched in WAYS.values()]
+    return list(zip(lost_at_alarm(own, level), level, strict=True))
+
+
+def lost_at_alarm(lost: RealArray, level: Sequence[float]) -> list[float]:
+    """Share of light that the laser has lost at the alarm of each of `WAYS`; infinite without one.
+
+    lost (N,): the share of light that is lost on a record of a laser that does not fade.
+    """
+    share = FADE * np.arange(len(lost)) * PERIOD
+    faded = 1.0 - (1.0 - lost) * (1.0 - share)
+    above = [np.flatnonzero(f(faded) > at) for f, at in zip(WAYS.values(), level, strict=True)]
+    return [float(share[places[0]]) if places.size else math.inf for places in above]
+
+
+def lost_at_alarm_without_noise(bench: Laboratory, level: Sequence[float]) -> list[float]:
+    """The same on a record without noise; bench: without noise."""
+    return lost_at_alarm(_lost_light(run(bench, [], 0, duration=FADING)), level)
+
+
+def _lost_light(one: DefectRun) -> RealArray:
+    # The level is that of the disc at the start: a median of the faded record would follow it.
+    lost: RealArray = 1.0 - one.diodes.sum(axis=1)
+    return lost
 
 
 def residual_set(one: DefectRun) -> dict[str, RealArray]:
@@ -75,24 +102,28 @@ def residual_set(one: DefectRun) -> dict[str, RealArray]:
     low, high = (2 * math.pi * corner for corner in SLOW_BAND)
     band = control.tf([high, 0.0], [1.0, low + high, low * high])
     slow = play(linear(band, PERIOD), difference[:, None])[:, 0]
-    lost = 1.0 - one.diodes.sum(axis=1)
-    return {"sum": lost, "fast error": abs(high_passed(difference)), "slow error": abs(slow)}
+    return {
+        "sum": _lost_light(one),
+        "fast error": abs(high_passed(difference)),
+        "slow error": abs(slow),
+    }
 
 
-def isolation(bench: Laboratory, seeds: list[int]) -> tuple[list[RealArray], NDArray[np.int64]]:
+def isolation(bench: Laboratory, seed: int) -> tuple[list[RealArray], NDArray[np.int64]]:
     """Isolation of black dots, scratches and shocks by the residuals that they make fire.
 
     Returns the share of each fault at which each residual fired (fault, residual), and how many of
     each fault were taken for which (fault, 4), the last for none or several.
     """
-    rng = np.random.default_rng(seeds[0])
-    clean = residual_set(run(bench, [], seeds[1], duration=FADING))
+    rng = np.random.default_rng(seed)
+    quiet, dimmed, shaking = independent_seeds(rng, 3).tolist()
+    clean = residual_set(run(bench, [], quiet, duration=FADING))
     level = [quantile_threshold(r, ALARMS, block=BLOCK).level for r in clean.values()]
     kinds = np.repeat([0, 1], COUNT)
     drawn = [draw(FAULTS[k], rng, bench.axis) for k in kinds]
-    dirty = run(bench, drawn, seeds[2])
+    dirty = run(bench, drawn, dimmed)
     duration = SHOCK_PERIOD * (COUNT + 1) + 1e-3
-    shaken = run(bench, [], seeds[3], SHOCK_PEAK[bench.axis], duration)
+    shaken = run(bench, [], shaking, SHOCK_PEAK[bench.axis], duration)
     starts = np.round(np.arange(COUNT) * SHOCK_PERIOD * RATE).astype(int).tolist()
     windows = [(start, start + round(SHOCK_DURATION * RATE)) for start in starts]
     fired = []
