@@ -38,7 +38,8 @@ def plane(answer: Dataset, detectors: Detectors) -> Figure:
     for kind, colour in zip(answer["kind"].values, COLOURS, strict=True):
         trace = answer["trace"].sel(kind=kind).values
         panels[1].plot(*trace.T, "-", color=colour, lw=1.0, marker=".", ms=3.0, label=str(kind))
-    for panel, title in zip(panels, ("clean disc, one record", "surface defects, one record"), strict=True):
+    titles = "clean disc, one record", "surface defects, one record"
+    for panel, title in zip(panels, titles, strict=True):
         _areas(panel, float(answer["linear"]), detectors)
         outline = ellipse(clean.mean(axis=0), np.cov(clean.T))
         panel.plot(*outline, "-.", color=figures.BLACK, label=f"clean, {CLEAN:.0%}")
