@@ -9,12 +9,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
+from pydantic import Field
 
 from workbench import Check, Run, figures, problem, ref
 from workbench.arrays import RealArray
+from workbench.bench.declare import Ref
 from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.study import Study, array, figure, metric, table
 from workbench.tables import markdown
@@ -29,6 +31,15 @@ COLOURS = {
     Verdict.NOT_COMPUTABLE: "0.75",
     Verdict.OPEN: "0.9",
 }
+REPEATED = (
+    "bandwidth-trade-off",
+    "diode-plane",
+    "position-estimator",
+    "residuals",
+    "strategies",
+    "wrong-rotation",
+)
+"""Random experiments whose number of draws is asked for."""
 STORED = 1e-12
 """Relative difference of a number from that of its run, by rounding."""
 
@@ -43,11 +54,24 @@ def items() -> Iterator[tuple[str, Item]]:
     return ((chapter, item) for chapter, every in CHAPTERS.items() for item in every)
 
 
-@problem("cd/claims", needs=lambda **_: {"runs": [ref(name) for name in sources()]})
-def claims(runs: list[Run]) -> Ledger:
+def needs(draws: int = 12, **_: Any) -> dict[str, list[Ref]]:
+    """Every run that a number comes from, random experiments of so many draws."""
+    return {
+        "runs": [
+            ref(name, draws=draws) if name.rpartition("/")[2] in REPEATED else ref(name)
+            for name in sources()
+        ]
+    }
+
+
+@problem("cd/claims", needs=needs)
+def claims(runs: list[Run], draws: Annotated[int, Field(ge=1, le=1000)] = 12) -> Ledger:
     """What the thesis says, item by item, and the verdict that stored results give on it.
 
-    Each verdict is a check: it stands while the numbers of the runs stay between its limits.
+    Each verdict is a check: it stands while the numbers of the runs stay between its limits. In an
+    empty results folder it runs all that it needs, which takes an hour or two.
+
+    draws: of the random experiments that are compared over draws.
     """
     return Ledger({run.problem: run for run in runs})
 
