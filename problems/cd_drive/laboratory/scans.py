@@ -39,13 +39,28 @@ WINDOW_SAMPLES = round(0.016 * RATE)
 """Length [samples] of a window in which the speed of the tracks changes linearly."""
 
 
+GROUPS = 5
+"""Groups into which the passes of the s-curve are divided; their scatter is that of the noise."""
+TOP_SHARE, TOP_DEGREE = 0.25, 3
+"""Stretch about an extreme, over half the way between them, and degree of the curve through it,
+where no law of the s-curve is taken for granted."""
+
+
 class Scan(NamedTuple):
-    """Distance [m], difference and sum of the diodes [V] along it, and the gains of `GAINS`."""
+    """Distance [m], difference and sum of the diodes [V] along it, and the gains that they give.
+
+    gains: K_opt [V/m] and K_optn [units/m]. scatter (2,): their standard errors by the noise,
+    relative, from `repeats` repetitions. law: relative difference of the gains if no law of the
+    s-curve is taken for granted; 0 radially, where the law is a sine.
+    """
 
     distance: RealArray
     difference: RealArray
     sum: RealArray
     gains: tuple[float, float]
+    scatter: tuple[float, float]
+    repeats: int
+    law: float = 0.0
 
 
 def ramps(passes: int) -> RealArray:
@@ -69,25 +84,71 @@ def focus_scan(bench: Laboratory, passes: int, seed: int) -> Scan:
     turn = int(np.argmax(u[samples : 2 * samples]))
 
     def to_and_fro(signal: RealArray) -> RealArray:
-        average: RealArray = signal[samples:].reshape(passes, samples).mean(axis=0)
-        return np.roll(average, -turn).reshape(2, -1)
+        """Averages (GROUPS, 2, N) of the passes of each group, in both directions."""
+        cut = signal[samples:].reshape(passes, samples)
+        groups = [part.mean(axis=0) for part in np.array_split(cut, min(GROUPS, passes))]
+        turned: RealArray = np.roll(groups, -turn, axis=1).astype(float)
+        return turned.reshape(len(groups), 2, -1)
 
     grid = np.linspace(-SHOWN_DISTANCE["focus"], SHOWN_DISTANCE["focus"], 401)
-    sweeps = []
-    for difference, total in zip(
-        to_and_fro(record.d1 - record.d2), to_and_fro(record.sum), strict=True
-    ):
-        centre, half = _s_curve_extremes(difference)
-        distance = (np.arange(difference.size) - centre) * S_CURVE_PEAK / half
-        inside = np.abs(distance) < S_CURVE_LINEAR
-        # A ratio of averages: the noise of the sum would shift an average of ratios.
-        x, d, level = (signal[inside] for signal in (distance, difference, total))
-        gains = [np.polyfit(x, signal, 1)[0] for signal in (d, d / level)]
+    differences, totals = to_and_fro(record.d1 - record.d2), to_and_fro(record.sum)
+    repeats = [
+        _s_curve_gains(*pair)
+        for pair in zip(
+            differences.reshape(-1, samples // 2), totals.reshape(-1, samples // 2), strict=True
+        )
+    ]
+    gains, scatter = _with_scatter(repeats)
+    shown, free = [], []
+    for pair in zip(differences.mean(axis=0), totals.mean(axis=0), strict=True):
+        distance = _distance(pair[0], *_s_curve_extremes(pair[0]))
         forward = np.argsort(distance)
-        shown = [np.interp(grid, distance[forward], s[forward]) for s in (difference, total)]
-        sweeps.append([*shown, gains])
-    difference, total, gains = (np.mean(part, axis=0) for part in zip(*sweeps, strict=True))
-    return Scan(grid, difference, total, (float(gains[0]), float(gains[1])))
+        shown.append([np.interp(grid, distance[forward], one[forward]) for one in pair])
+        free.append(_top_to_top(pair[0]) / abs(_s_curve_extremes(pair[0])[1]))
+    difference, total = np.mean(shown, axis=0)
+    law = float(abs(np.mean(free) - 1.0))
+    return Scan(grid, difference, total, gains, scatter, len(repeats), law)
+
+
+def _distance(difference: RealArray, centre: float, half: float) -> RealArray:
+    """Distance [m] from the focus at each sample, from centre and half way of the extremes."""
+    return (np.arange(difference.size) - centre) * S_CURVE_PEAK / half
+
+
+def _s_curve_gains(difference: RealArray, total: RealArray) -> RealArray:
+    """Slopes of the difference [V/m] and of the normalised error [units/m] about the focus."""
+    distance = _distance(difference, *_s_curve_extremes(difference))
+    inside = np.abs(distance) < S_CURVE_LINEAR
+    # A ratio of averages: the noise of the sum would shift an average of ratios.
+    x, d, level = (signal[inside] for signal in (distance, difference, total))
+    return np.array([np.polyfit(x, signal, 1)[0] for signal in (d, d / level)])
+
+
+def _with_scatter(repeats: list[RealArray]) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Means of repeated gains (R, 2), and the standard errors of these, relative."""
+    mean, spread = np.mean(repeats, axis=0), np.std(repeats, axis=0, ddof=1)
+    scatter = spread / abs(mean) / np.sqrt(len(repeats))
+    return (float(mean[0]), float(mean[1])), (float(scatter[0]), float(scatter[1]))
+
+
+def _top_to_top(difference: RealArray) -> float:
+    """Half the way between the extremes [samples], each the top of a curve through what is near.
+
+    It takes no law of the s-curve for granted, and moves a sharp extreme to its flatter side.
+    """
+    coarse = np.convolve(difference, np.full(61, 1 / 61), "same")
+    ends = np.array([coarse.argmin(), coarse.argmax()], float)
+    half = abs(ends[1] - ends[0]) / 2
+    for _ in range(4):
+        for end, sign in enumerate((-1.0, 1.0)):
+            near = np.arange(
+                int(ends[end] - TOP_SHARE * half), int(ends[end] + TOP_SHARE * half) + 1
+            )
+            x = (near - ends[end]) / half
+            curve = np.polynomial.Polynomial.fit(x, sign * difference[near], TOP_DEGREE)
+            fine = np.linspace(-TOP_SHARE, TOP_SHARE, 401)
+            ends[end] += half * fine[np.argmax(curve(fine))] / 2
+    return float(abs(ends[1] - ends[0]) / 2)
 
 
 def _s_curve_extremes(difference: RealArray) -> tuple[float, float]:
@@ -151,9 +212,8 @@ def radial_scan(bench: Laboratory, passes: int, seed: int) -> Scan:
             shown = distance, (record.d1 - record.d2)[window], record.sum[window]
     assert shown is not None  # the fastest window is one of them
     grid = np.linspace(-SHOWN_DISTANCE["radial"], SHOWN_DISTANCE["radial"], 301)
-    K_opt, K_optn = np.mean(gains, axis=0)
     difference, total = (np.interp(grid, shown[0], signal) for signal in shown[1:])
-    return Scan(grid, difference, total, (float(K_opt), float(K_optn)))
+    return Scan(grid, difference, total, *_with_scatter(gains), len(gains))
 
 
 def _tracks_passed(signal: RealArray) -> float:

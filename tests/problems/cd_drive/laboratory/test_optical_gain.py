@@ -5,7 +5,7 @@ import pytest
 from workbench.plants.cd_drive.drive.tables import drives
 from workbench.plants.cd_drive.laboratory.bench_setup import RATE
 from workbench.plants.cd_drive.laboratory.experiment import Laboratory
-from workbench.plants.cd_drive.laboratory.optical_gain import OPTICAL_GAINS, OpticalGain
+from workbench.plants.cd_drive.laboratory.optical_gain import OpticalGain
 from workbench.plants.cd_drive.laboratory.scans import (
     RAMP_TIME,
     SHOWN_DISTANCE,
@@ -17,12 +17,12 @@ from workbench.plants.cd_drive.laboratory.scans import (
 from workbench import Options, solve
 
 QUIET = {"noise": 0.0, "electronics": 0.0}
-PASSES = {"focus": 12, "radial": 6}
+PASSES = {"focus": 6, "radial": 6}
 
 
 @pytest.fixture(scope="module", params=[pytest.param("focus", marks=pytest.mark.slow), "radial"])
 def solved(request):
-    study = OpticalGain(request.param, PASSES[request.param])
+    study = OpticalGain(request.param, PASSES[request.param], 2)
     return study, solve(study, options=Options(seed=4))
 
 
@@ -30,10 +30,11 @@ def test_gains_and_their_spreads_come_back(solved):
     study, solution = solved
     assert solution.certificate.failures == ()
     metrics = study.metrics(solution.answer)
-    assert metrics["worst_error"] < 0.02
+    assert metrics["error_K_optn_known_distance_high"] < 0.02
+    assert metrics["covered_K_opt"] > 0.9 and metrics["covered_K_optn"] > 0.9
     stated = {"focus": (0.545, 0.182), "radial": (0.282, 0.110)}[study.axis]  # by Table A.3 itself
-    assert metrics["spread_K_opt"] == pytest.approx(stated[0], abs=0.02)
-    assert metrics["spread_K_optn"] == pytest.approx(stated[1], abs=0.02)
+    assert metrics["spread_K_opt_mean"] == pytest.approx(stated[0], abs=0.05)
+    assert metrics["spread_K_optn_mean"] == pytest.approx(stated[1], abs=0.05)
 
 
 def test_scans_look_as_the_figures_do(solved):
@@ -61,10 +62,29 @@ def test_the_run_is_stored_and_shown(solved):
     assert study.figures(stored).keys() == {name, "gains"}
 
 
-def test_a_wrong_gain_fails(solved):
+def test_wrong_gains_and_narrow_intervals_fail(solved):
     study, solution = solved
-    spoiled = solution.answer.assign(gain=solution.answer["gain"] * 1.03)
-    assert not any(check.holds for check in study.checks(spoiled, 1e-6)[: len(OPTICAL_GAINS)])
+    wrong = solution.answer.assign(found=solution.answer["found"] * 1.1)
+    failing = {check.name for check in study.checks(wrong, 1e-6) if not check.holds}
+    assert {"K_opt", "K_optn"} <= failing
+    narrow = solution.answer.assign(half_width=solution.answer["half_width"] * 0.05)
+    failing = {check.name for check in study.checks(narrow, 1e-6) if not check.holds}
+    assert {"K_opt covered", "K_optn covered"} <= failing
+
+
+@pytest.mark.slow
+def test_intervals_cover_in_many_draws_whatever_the_seed():
+    for seed in (0, 1):
+        study = OpticalGain("radial", 4, 12)
+        solution = solve(study, options=Options(seed=seed))
+        assert solution.certificate.holds, solution.certificate
+
+
+def test_no_law_of_the_s_curve_is_needed_for_a_rough_gain():
+    """Its extremes are found within 8 %, the sharpest ones farthest off."""
+    scan = focus_scan(Laboratory("focus", "CD7", **QUIET), 2, 0)
+    assert 0.03 < scan.law < 0.08
+    assert focus_scan(Laboratory("focus", "CD4", **QUIET), 2, 0).law < 0.02
 
 
 @pytest.mark.parametrize("axis", ["focus", "radial"])
