@@ -34,6 +34,8 @@ COLOURS = {
 REPEATED = (
     "bandwidth-trade-off",
     "diode-plane",
+    "linearity",
+    "optical-gain",
     "position-estimator",
     "residuals",
     "strategies",

@@ -112,7 +112,8 @@ def focus_scan(bench: Laboratory, passes: int, seed: int) -> Scan:
 
 def _distance(difference: RealArray, centre: float, half: float) -> RealArray:
     """Distance [m] from the focus at each sample, from centre and half way of the extremes."""
-    return (np.arange(difference.size) - centre) * S_CURVE_PEAK / half
+    distance: RealArray = (np.arange(float(difference.size)) - centre) * (S_CURVE_PEAK / half)
+    return distance
 
 
 def _s_curve_gains(difference: RealArray, total: RealArray) -> RealArray:
