@@ -42,7 +42,7 @@ from ...drive.tables import Axis, red_book
 from ...laboratory.bench_setup import PERIOD
 from ..strategy_looks import titled
 from ..tactics import STRATEGIES
-from .cells import cells_table, counts
+from .cells import cells_table
 from .checks import disc_difference, flight_difference, half_step_change
 from .figures import against_theory, maps
 from .runs import Crossing, DefectCase, excursion_of
@@ -287,7 +287,6 @@ class Excursion(Study):
         heads = ["strategy", "kept, all [%]", "kept, Red Book [%]", "in spec, Red Book [%]"]
         return [*heads, "worst [um]", "shortest defect lost [mm]"], rows
 
-    defect_by_defect = metric(lambda peak: counts(peak))
     cells = table(lambda peak: cells_table(peak))
 
     @table
