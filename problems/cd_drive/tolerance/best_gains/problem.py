@@ -204,13 +204,13 @@ class BestGains(Study):
         place = np.arange(len(GROUPS))
         for n, number in enumerate(answer["best"].values.tolist()):
             share = 100 * answer["arm"].sel(half=HALVES[1]).isel(case=number).values
-            label = f"best {USES[n]}: {CASES[number].name}"
+            label = CASES[number].name
             panel.bar(place + 0.14 * (n - 2.5), share, 0.13, color=figures.CYCLE[n], label=label)
         panel.set_xticks(place, GROUPS, rotation=25, ha="right")
         panel.set_yscale("symlog", linthresh=0.1, linscale=0.4)
         panel.set_ylim(bottom=0.0)
-        figures.label(panel, y="time out of spec [%]", title=self.axis)
-        figures.legend_below(drawn, panel)
+        figures.label(panel, y="time out of spec [%]", title=f"{self.axis}, the best of each use")
+        figures.legend_below(drawn, panel, 6)
         return {"best": drawn}
 
 
