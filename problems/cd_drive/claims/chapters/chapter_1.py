@@ -11,20 +11,22 @@ ITEMS = (
         Verdict.REFUTED,
         (
             at_least(
-                "size of the pair's balloon less that of the fast one alone, lower end, focus",
-                "cd/focus/two-controllers-switched",
-                "switched_less_fast_low",
+                "balloon of the best pair less the best controller alone, upper end, focus",
+                "cd/focus/best-gains",
+                "switched_less_alone_high",
                 0.0,
             ),
-            at_least(
-                "the same, radial",
-                "cd/radial/two-controllers-switched",
-                "switched_less_fast_low",
+            at_least("the same, radial", "cd/radial/best-gains", "switched_less_alone_high", 0.0),
+            at_most(
+                "the best pair less the best reference strategy, upper end, focus",
+                "cd/focus/best-gains",
+                "switched_less_reference_high",
                 0.0,
             ),
         ),
-        "The pair is worse than the fast one alone. Its slow one, K' of chapter 8, cannot follow "
-        "the disc's deviation; another is untried",
+        "The best of twelve pairs gains nothing that is sure over the best controller alone. It "
+        "gains much over the reference strategy, which is held in defects",
+        "compared",
     ),
     Item(
         "Section 1.3",

@@ -79,9 +79,36 @@ ITEMS = (
     Item(
         "Sections 2.5.1, 2.6",
         "A low bandwidth is better against surface defects",
-        Verdict.OPEN,
-        found="Needs figure 6.7 as a stored run: full and third gain over a scratch. K' of "
-        "two-controllers-switched leaves the spec on the bare disc, so its arms tell nothing",
+        Verdict.READING,
+        (
+            at_most(
+                "motion by a scratch, a third of the gain over all of it, focus",
+                "cd/focus/bandwidth-trade-off",
+                "scratch_third_over_full_high",
+                0.7,
+            ),
+            at_most(
+                "the same, radial",
+                "cd/radial/bandwidth-trade-off",
+                "scratch_third_over_full_high",
+                0.7,
+            ),
+            at_least(
+                "discs and scratches of 15 in which the third ends nearer, focus",
+                "cd/focus/bandwidth-trade-off",
+                "better_third",
+                1.0,
+            ),
+            at_least(
+                "in which it ends farther, focus",
+                "cd/focus/bandwidth-trade-off",
+                "worse_third",
+                1.0,
+            ),
+        ),
+        "True of what the scratch adds. Of the whole error it is true where the disc deviates by a "
+        "tenth of what is allowed, and false at half of it",
+        "trade-off",
     ),
     Item(
         "Section 2.5.1",

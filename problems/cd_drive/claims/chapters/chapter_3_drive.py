@@ -63,8 +63,18 @@ ITEMS = (
         "The difference of two diodes over their sum is the normalised error",
         Verdict.REPRODUCED,
         (
-            at_most("error of K_optFn by a scan", "cd/focus/optical-gain", "error_K_optn", 0.02),
-            at_most("error of K_optRn by a scan", "cd/radial/optical-gain", "error_K_optn", 0.02),
+            at_most(
+                "error of K_optFn by a scan, nine draws of ten",
+                "cd/focus/optical-gain",
+                "error_K_optn_high",
+                0.06,
+            ),
+            at_most(
+                "error of K_optRn by a scan, nine draws of ten",
+                "cd/radial/optical-gain",
+                "error_K_optn_high",
+                0.03,
+            ),
         ),
         shown="s-curve",
     ),

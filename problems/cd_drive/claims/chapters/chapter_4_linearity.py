@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 from workbench import Run
 
 from ...drive.tables import Axis
-from ..items import Item, Number, Value, Verdict, at_most, near
+from ..items import Item, Number, Verdict, at_most, near
 
 FOCUS, RADIAL = "cd/focus/linearity", "cd/radial/linearity"
+MEDIAN = "output_closed_median_percent_mean"
 
 
 def apart(run: Run) -> float:
@@ -18,15 +17,18 @@ def apart(run: Run) -> float:
     return float(abs(levels.sel(channel="input") - levels.sel(channel="output")).max())
 
 
-def closed(channel: Literal["input", "output"]) -> Value:
-    """Median level [%] in closed loop over the frequencies."""
-    return lambda run: float(run.data["thd"].sel(loop="closed", channel=channel).median())
+def added(run: Run) -> float:
+    """Mean THD of the output with eight harmonics over that with five."""
+    eight, five = (run.metrics[f"output_closed_{n}_harmonics_percent"] for n in (8, 5))
+    return eight / five
 
 
 def starts_high(axis: Axis) -> Number:
     """Level of the input at 100 Hz, tens of percents."""
     what = f"input at 100 Hz, {axis} [%]"
-    return Number(what, f"cd/{axis}/linearity", "input_closed_first_percent", 25.0, 200.0, 100.0)
+    return Number(
+        what, f"cd/{axis}/linearity", "input_closed_first_percent_mean", 25.0, 200.0, 100.0
+    )
 
 
 ITEMS = (
@@ -36,9 +38,12 @@ ITEMS = (
         Verdict.REPRODUCED,
         (
             at_most(
-                "mean of the excitation as measured, focus [%]", FOCUS, "input_open_percent", 1.0
+                "mean of the excitation as measured, focus [%]",
+                FOCUS,
+                "input_open_percent_high",
+                1.0,
             ),
-            at_most("the same, radial [%]", RADIAL, "input_open_percent", 1.0),
+            at_most("the same, radial [%]", RADIAL, "input_open_percent_high", 1.0),
         ),
         shown="thd",
     ),
@@ -71,11 +76,11 @@ ITEMS = (
         "In closed loop the output's THD stays around 5 %",
         Verdict.READING,
         (
-            near("median over the frequencies, focus [%]", FOCUS, closed("output"), 5.0, 0.5),
-            near("median over the frequencies, radial [%]", RADIAL, closed("output"), 5.0, 0.5),
+            near("median over the frequencies, mean of draws, focus [%]", FOCUS, MEDIAN, 5.0, 0.3),
+            near("the same, radial [%]", RADIAL, MEDIAN, 5.0, 0.3),
         ),
-        "Read as the median. It is noise: in the stored records single frequencies are far higher, "
-        "at 1562 Hz 68 % and 45 %",
+        "Read as the median over the frequencies. It is noise: a record's largest level is 13 to "
+        "25 % in focus, and 13 to 30 % radially, in nine draws of ten",
         "thd",
     ),
     Item(
@@ -84,9 +89,13 @@ ITEMS = (
         Verdict.READING,
         (
             starts_high("focus"),
-            at_most("input at 2000 Hz, focus [%]", FOCUS, "input_closed_last_percent", 10.0, 5.0),
+            at_most(
+                "input at 2000 Hz, focus [%]", FOCUS, "input_closed_last_percent_mean", 10.0, 5.0
+            ),
             starts_high("radial"),
-            at_most("input at 2000 Hz, radial [%]", RADIAL, "input_closed_last_percent", 10.0, 5.0),
+            at_most(
+                "input at 2000 Hz, radial [%]", RADIAL, "input_closed_last_percent_mean", 10.0, 5.0
+            ),
         ),
         "The first level depends on the excitation's size. The last one is below the output's",
         "thd",
@@ -111,8 +120,11 @@ ITEMS = (
     Item(
         "Section 4.6.4",
         "Above the fourth harmonic nothing adds to the THD",
-        Verdict.OPEN,
-        found="cd/*/linearity evaluates five harmonics. Needs more of them, and the THD with each "
-        "number",
+        Verdict.REPRODUCED,
+        (
+            at_most("mean THD of the output with 8 over that with 5, focus", FOCUS, added, 1.15),
+            at_most("the same, radial", RADIAL, added, 1.15),
+        ),
+        "Eight harmonics instead of five add a tenth to the output's THD, which is noise",
     ),
 )
