@@ -100,14 +100,14 @@ ITEMS = (
                 1.0,
             ),
             at_least(
-                "in which it ends farther, focus",
-                "cd/focus/bandwidth-trade-off",
+                "in which it ends farther, radial",
+                "cd/radial/bandwidth-trade-off",
                 "worse_third",
                 1.0,
             ),
         ),
         "True of what the scratch adds. Of the whole error it is true where the disc deviates by a "
-        "tenth of what is allowed, and false at half of it",
+        "tenth of what is allowed at most; radially it is false from a quarter of it on",
         "trade-off",
     ),
     Item(
