@@ -7,7 +7,7 @@ WORKBENCH := $(BIN)/workbench
 REFERENCE := $(WORKBENCH) --results results/reference run --jobs 2
 
 .DELETE_ON_ERROR:
-.PHONY: reproduce reproduce-all test test-all mutants quick lint reference clean
+.PHONY: reproduce reproduce-all test test-all mutants quick lint reference thesis clean
 
 # Run every named problem, print the table, write the HTML index.
 reproduce: $(READY)
@@ -50,13 +50,19 @@ reference: $(READY)
 	$(REFERENCE) 'cd/*/cover-for-control' cd/focus/fault-filter
 	$(REFERENCE) mass-spring/analysis bench/covers bench/geometry textbook/fault-detection
 	$(REFERENCE) '*/controller' 'cd/*/mu-pid' 'cd/*/lower-bandwidth' 'cd/*/switching-stability'
-	$(REFERENCE) 'cd/*/linearity' 'cd/*/diode-plane'
 	$(REFERENCE) 'cd/*/closed-loop' --set step_hz=10
-	$(REFERENCE) 'cd/*/optical-gain' --set passes=10
-	$(REFERENCE) 'cd/*/position-estimator' 'cd/*/strategies' --set draws=50
-	$(REFERENCE) 'cd/*/residuals' --set defects=20
-	$(REFERENCE) 'cd/*/excursion' cd/playability 'cd/*/two-controllers-switched'
+	$(REFERENCE) 'cd/*/optical-gain' 'cd/*/linearity' --set draws=50
+	$(REFERENCE) 'cd/*/residuals' 'cd/*/diode-plane' 'cd/*/position-estimator' --set draws=50
+	$(REFERENCE) 'cd/*/strategies' 'cd/*/bandwidth-trade-off' 'cd/*/wrong-rotation' --set draws=50
+	$(REFERENCE) 'cd/*/excursion' 'cd/*/best-gains' 'cd/*/gain-ramp' cd/playability
+	$(REFERENCE) 'cd/*/two-controllers-switched'
+	$(REFERENCE) cd/focus/methods cd/focus/controllers
+	$(REFERENCE) cd/claims --set draws=50
 	rm -rf results/reference/.partial
+
+# The page about the thesis, from the reference results.
+thesis: $(READY)
+	$(BIN)/python docs/thesis.py
 
 $(READY): requirements.txt pyproject.toml
 	$(PYTHON) -m venv .venv

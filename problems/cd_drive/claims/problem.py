@@ -24,6 +24,12 @@ from workbench.tables import markdown
 from .chapters import CHAPTERS
 from .items import Item, Number, Verdict
 
+INTRODUCTION = (
+    "E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003), item by item, in "
+    "our words. Numbers are those of the committed reference results; each verdict is a check that "
+    "stands while they stay between its limits. The page is made by `make thesis`."
+)
+"""What stands at the head of the page."""
 COLOURS = {
     Verdict.REPRODUCED: figures.GREEN,
     Verdict.READING: figures.SKY,
@@ -64,6 +70,12 @@ def needs(draws: int = 12, **_: Any) -> dict[str, list[Ref]]:
             for name in sources()
         ]
     }
+
+
+def counted() -> dict[Verdict, int]:
+    """Number of items of each verdict."""
+    every = [item.verdict for _, item in items()]
+    return {one: every.count(one) for one in Verdict}
 
 
 @problem("cd/claims", needs=needs)
@@ -123,9 +135,8 @@ class Ledger(Study):
     @metric
     def by_verdict(self) -> dict[str, float]:
         """Number of items of each verdict."""
-        every = [item.verdict for _, item in items()]
-        counts = {str(one).replace(" ", "_"): float(every.count(one)) for one in Verdict}
-        return counts | {"items": float(len(every))}
+        counts = {str(one).replace(" ", "_"): float(n) for one, n in counted().items()}
+        return counts | {"items": sum(counts.values())}
 
     @table
     def ledger(self, value: DataArray) -> dict[str, str]:
@@ -136,6 +147,14 @@ class Ledger(Study):
             name = chapter.lower().replace(" ", "-")
             tables[name] = markdown(["place", "the thesis says", "found", "verdict"], rows)
         return tables
+
+    def page(self, answer: Dataset) -> str:
+        """The ledger as one page in Markdown."""
+        told = ", ".join(f"{count} {verdict}" for verdict, count in counted().items())
+        parts = [f"# What the thesis says, and what became of it\n\n{INTRODUCTION}\n\n{told}.\n"]
+        for chapter, table_ in zip(CHAPTERS, self.tables(answer).values(), strict=True):
+            parts.append(f"## {chapter}\n\n{table_}")
+        return "\n".join(parts)
 
     @figure
     def verdicts(self, answer: Dataset) -> Figure:

@@ -14,6 +14,12 @@ from . import (
     chapter_4,
     chapter_4_linearity,
     chapter_4_results,
+    chapter_5,
+    chapter_5_results,
+    chapter_6,
+    chapter_6_mu,
+    chapter_7,
+    chapter_7_results,
 )
 
 CHAPTERS: dict[str, tuple[Item, ...]] = {
@@ -21,5 +27,8 @@ CHAPTERS: dict[str, tuple[Item, ...]] = {
     "Chapter 2": chapter_2.ITEMS + chapter_2_servos.ITEMS + chapter_2_disturbances.ITEMS,
     "Chapter 3": chapter_3.ITEMS + chapter_3_drive.ITEMS,
     "Chapter 4": chapter_4.ITEMS + chapter_4_results.ITEMS + chapter_4_linearity.ITEMS,
+    "Chapter 5": chapter_5.ITEMS + chapter_5_results.ITEMS,
+    "Chapter 6": chapter_6_mu.ITEMS + chapter_6.ITEMS,
+    "Chapter 7": chapter_7.ITEMS + chapter_7_results.ITEMS,
     "Appendix": appendix.ITEMS,
 }

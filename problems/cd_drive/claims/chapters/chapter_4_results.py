@@ -167,8 +167,8 @@ ITEMS = (
         "The focus gain spreads by more than 50 % over the drives, normalised by less than 20 %",
         Verdict.REPRODUCED,
         (
-            at_least("spread of K_optF", GAIN_FOCUS, "spread_K_opt", 0.5, 0.5),
-            at_most("spread of K_optFn", GAIN_FOCUS, "spread_K_optn", 0.2, 0.2),
+            at_least("spread of K_optF", GAIN_FOCUS, "spread_K_opt_mean", 0.5, 0.5),
+            at_most("spread of K_optFn", GAIN_FOCUS, "spread_K_optn_mean", 0.2, 0.2),
         ),
     ),
     Item(
@@ -176,8 +176,8 @@ ITEMS = (
         "The radial gain spreads by nearly 30 % over the drives, normalised by around 10 %",
         Verdict.REPRODUCED,
         (
-            near("spread of K_optR", GAIN_RADIAL, "spread_K_opt", 0.3, 0.1),
-            near("spread of K_optRn", GAIN_RADIAL, "spread_K_optn", 0.1, 0.15),
+            near("spread of K_optR", GAIN_RADIAL, "spread_K_opt_mean", 0.3, 0.1),
+            near("spread of K_optRn", GAIN_RADIAL, "spread_K_optn_mean", 0.1, 0.15),
         ),
     ),
     Item(
