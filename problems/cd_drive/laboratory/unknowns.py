@@ -1,0 +1,82 @@
+"""What an experimenter is told of a drive and of the bench, which is never quite the truth.
+
+The numbers are drawn about the truth with stated standard deviations. An estimator is given the
+numbers and their deviations; the truth is for the simulation and for those who judge the estimate.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.study import independent_seeds
+
+from ..drive.plants import ANTIALIASING
+from ..drive.tables import Axis
+
+Experiment = Literal["open-loop", "closed-loop", "optical-gain", "linearity"]
+DRIVES = ("nominal", *(f"CD{number}" for number in range(1, 13)))
+
+MASS_DEVIATION = 0.02
+"""Relative standard deviation of the effective mass: its parts can be weighed, but how much of the
+springs and of the glue moves with them cannot."""
+GAIN_DEVIATION = {"focus": 0.03, "radial": 0.02}
+"""Relative standard deviation of the optical gain that a scan finds (`cd/{axis}/optical-gain`)."""
+DISTANCE_DEVIATION = {"focus": 0.02, "radial": 0.01}
+"""Relative standard deviation of the known distance of a scan: that of the s-curve's extremes of
+one pick-up, or the track pitch of one disc."""
+CORNER_DEVIATION = 0.02
+"""Relative standard deviation of the corner of each channel's anti-aliasing filter."""
+DELAY_DEVIATION = 0.02
+"""Standard deviation of the computer's delay [samples]: half a microsecond."""
+
+
+@dataclass(frozen=True)
+class Told:
+    """What an experimenter is told in one draw; without arguments it is the truth.
+
+    mass, gain, distance: effective mass, optical gain and known distance of a scan, over the true
+    ones. delay: the told less the true one [samples]. error_corner, control_corner, current_corner:
+    corners of the filters of the diodes', u_m's and v_r's channels, over the true ones.
+    """
+
+    mass: float = 1.0
+    gain: float = 1.0
+    distance: float = 1.0
+    delay: float = 0.0
+    error_corner: float = 1.0
+    control_corner: float = 1.0
+    current_corner: float = 1.0
+
+    @classmethod
+    def drawn(cls, axis: Axis, seed: int) -> Told:
+        """What is told in the draw of a seed, whose noise is independent of it."""
+        rng = np.random.default_rng([int(seed), 1])  # the noise is that of the seed alone
+        about_one = (MASS_DEVIATION, GAIN_DEVIATION[axis], DISTANCE_DEVIATION[axis])
+        mass, gain, distance = 1 + np.array(about_one) * rng.standard_normal(3)
+        corners = 1 + CORNER_DEVIATION * rng.standard_normal(3)
+        delay = DELAY_DEVIATION * rng.standard_normal()
+        return cls(*map(float, (mass, gain, distance, delay, *corners)))
+
+
+TRUTH = Told()
+
+
+def experiment_seeds(
+    rng: np.random.Generator, experiment: Experiment, drive: str, draws: int
+) -> NDArray[np.int64]:
+    """Seeds (draws,) of an experiment on a drive, independent of other experiments and drives.
+
+    They begin alike whatever the number of draws.
+    """
+    kinds = get_args(Experiment)
+    every = independent_seeds(rng, draws, len(kinds), len(DRIVES))
+    return every[:, kinds.index(experiment), DRIVES.index(drive)]
+
+
+def corner_ratio(ratio: Any, s: Any) -> Any:
+    """Response of one channel's filter over another's with a corner lower by the ratio."""
+    return (1 + s / ANTIALIASING) / (1 + s / (ratio * ANTIALIASING))
