@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import stats
 from scipy.ndimage import uniform_filter1d
+from scipy.signal import savgol_filter
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.identification import PeriodicResponse, SteppedSine, from_periods, sine_fit
@@ -34,13 +35,15 @@ LOOP_SETTLING = 0.5
 ERROR_SWING = {"focus": 1.0e-6, "radial": 0.05e-6}
 """Amplitude [m] of the error that the excitation aims at: half the linear range of the
 focus diodes; where the sine of the radial ones is half a per cent below its tangent."""
-LARGEST_EXCITATION = 1.5
+LARGEST_EXCITATION = 2.0
 """Largest amplitude [V] of the excitation and of its part in u, in the nominal loop.
 
-CD8 makes 2.3 V of it in u, and has noise of 1.2 V rms there: six times that is left below 10 V."""
+CD8 makes 3.1 V of it in u, and has noise of 1.2 V rms there: 5.7 times that is left below 10 V."""
 DISC_SHARE, ROTATION, ROTATION_HARMONICS = 0.2, 6.0, 3
 """The disc's deviation as a share of the Red Book's, its rotation [Hz], and the number of harmonics
 of the rotation that are removed from the signals."""
+INPUT_BAND = 200.0
+"""Band [Hz] within which the power of the loop's response is taken as a parabola in decibels."""
 RECORDED = ("u", "u_m", "d1", "d2")
 """Signals whose converters must not saturate; the coil's current is not recorded."""
 POOLING_BAND = 50.0
@@ -171,6 +174,10 @@ def measure(record: Record, error: RealArray, sine: SteppedSine, turning: bool) 
     The harmonics of a turning disc are removed first. They are coherent, so that the scatter of ten
     periods would not show them. Successive periods are not independent either, so `noise_colour`
     corrects the variance of their mean.
+
+    The weights of a fit must not depend on the noise of the response that they weigh: noise that
+    enlarges u makes y/u smaller, and its variance by u alone smaller too, so that small responses
+    would count more. Noise and input therefore have the power of their neighbourhood.
     """
     start = round(LOOP_SETTLING * RATE)
     signals = np.stack([record.u_m, error])[:, start:]
@@ -188,8 +195,22 @@ def measure(record: Record, error: RealArray, sine: SteppedSine, turning: bool) 
     u, y = np.moveaxis(np.array(pairs), 1, 0)
     estimate = from_periods(sine.frequencies, u, y)
     scatter = y - estimate.response[:, 0] * u
-    ratio = uniform_filter1d(noise_colour(scatter), pool_steps(sine.frequencies), mode="nearest")
-    return replace(estimate, variance=estimate.variance * ratio[:, None, None])
+    steps = pool_steps(sine.frequencies)
+    noise = np.sum(abs(scatter) ** 2, axis=1) / (EVALUATED - 1) / EVALUATED
+    noise, colour = (
+        uniform_filter1d(one, steps, mode="nearest") for one in (noise, noise_colour(scatter))
+    )
+    variance = (noise * colour / smooth_power(u, sine))[:, None, None]
+    return replace(estimate, variance=variance, degrees=estimate.degrees * steps)
+
+
+def smooth_power(u: ComplexArray, sine: SteppedSine) -> RealArray:
+    """Power (F,) of the input, given its amplitudes (F, M), smooth over frequencies."""
+    power = np.log(abs(u.mean(axis=1)) ** 2 / sine.amplitude**2)
+    steps = 2 * round(INPUT_BAND / float(np.mean(np.diff(sine.frequencies))) / 2) + 1
+    smooth = np.exp(savgol_filter(power, min(max(steps, 5), power.size), 2))
+    found: RealArray = smooth * sine.amplitude**2
+    return found
 
 
 def noise_colour(scatter: ComplexArray) -> RealArray:
@@ -209,13 +230,12 @@ def neighbours_p(residual: ComplexArray, lags: int) -> float:
     """Probability that residuals (F,) resemble their neighbours, up to `lags` away, by chance.
 
     The noises of different frequencies are independent. A resonance that the model lacks leaves a
-    bulge that the chi-square of all frequencies does not show. Only the residuals' directions
-    count, not their sizes.
+    bulge that the chi-square of all frequencies does not show. The products of neighbours have
+    their own scatter as the measure, so the sizes of the residuals need not be known.
     """
-    turn = residual / abs(residual)
-    products = [np.sum(turn[lag:] * turn[:-lag].conj()).real for lag in range(1, lags + 1)]
-    pairs = np.sum(len(residual) - np.arange(1, lags + 1))
-    return float(stats.norm.sf(np.sum(products) / np.sqrt(pairs / 2)))
+    every = [(residual[lag:] * residual[:-lag].conj()).real for lag in range(1, lags + 1)]
+    products = np.concatenate(every)
+    return float(stats.norm.sf(products.sum() / np.linalg.norm(products)))
 
 
 def pool_steps(frequency: RealArray) -> int:
