@@ -4,6 +4,7 @@ from workbench.study.checks import check
 from workbench.study.declarations import array, arrays, dim, part, system, variables
 from workbench.study.draws import (
     claim_of,
+    coverage_p,
     independent_seeds,
     over_draws,
     share_of_draws,
@@ -18,6 +19,7 @@ __all__ = [
     "arrays",
     "check",
     "claim_of",
+    "coverage_p",
     "dim",
     "figure",
     "independent_seeds",

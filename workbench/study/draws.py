@@ -20,6 +20,8 @@ CENTRAL = 0.9
 SURE = 0.95
 """Least share of the draws in which a claim holds that is made; above one minus it, and below it,
 the claim is undecided."""
+LEAST_COVERAGE_P = 1e-3
+"""Significance of the test whether intervals cover as often as they promise."""
 SUMMARY = ("mean", "low", "high")
 """What is told of a number over its draws: its mean, and the ends of its interval."""
 
@@ -76,3 +78,23 @@ def claim_of(share: float) -> str:
     if share >= SURE:
         return "holds"
     return "fails" if share <= 1.0 - SURE else "undecided"
+
+
+def coverage_p(covered: DataArray, promised: float) -> DataArray:
+    """Probability that intervals which keep their promise cover no more of the draws than these.
+
+    A binomial test over the dimension ``draw``: below `LEAST_COVERAGE_P` the intervals are too
+    narrow.
+
+    Parameters
+    ----------
+    covered
+        Whether an interval holds the truth, by draw; the draws must be independent.
+    promised
+        Probability with which it should.
+    """
+    from scipy import stats
+
+    held = covered.sum(DRAW)
+    chance = stats.binom.cdf(held, covered.sizes[DRAW], promised)
+    return held.copy(data=np.asarray(chance))

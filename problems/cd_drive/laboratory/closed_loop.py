@@ -8,57 +8,70 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
 from pydantic import Field
 
-from workbench import Check, Run, figures, problem, ref, solve
-from workbench.arrays import RealArray
+from workbench import Check, Run, problem, ref, solve
+from workbench.arrays import ComplexArray, RealArray
 from workbench.bench.declare import Ref
 from workbench.errors import SolverError
 from workbench.executor import Context
 from workbench.heavy_types import DataArray, Dataset, Figure
-from workbench.identification import IdentificationWarning, PeriodicResponse, SteppedSine
-from workbench.simulation import linear
-from workbench.study import Study, check, figure, metric, table
+from workbench.identification import IdentificationWarning, PeriodicResponse
+from workbench.simulation.machine import machine
+from workbench.study import (
+    Study,
+    array,
+    arrays,
+    check,
+    coverage_p,
+    dim,
+    figure,
+    metric,
+    over_draws,
+    part,
+    share_of_draws,
+    table,
+)
+from workbench.study.draws import LEAST_COVERAGE_P, SURE
 from workbench.tables import markdown
 
-from ..drive.disc import Disc
-from ..drive.photo_diodes import TRACK_PITCH
-from ..drive.plants import controller
 from ..drive.red_book import ACCEPTABLE_ERROR
 from ..drive.shared_parameters import TABLES
-from ..drive.tables import Axis, Values, red_book
-from ..drive.two_masses import FITTED, Lumped, lens, lumped, two_mass_fit
-from .bench_setup import PERIOD, RATE
+from ..drive.tables import Axis, Values
+from ..drive.two_masses import FITTED, lens, lumped, lumped_values
 from .experiment import Laboratory
-from .in_the_loop import (
-    DISC_SHARE,
-    LOOP_SETTLING,
-    ROTATION,
-    excitation,
-    measure,
-    measurement_chain,
-    neighbours_p,
-    pool_steps,
-)
-from .record import Record
+from .figures import closed_loop_bode
+from .in_the_loop import RECORDED, Chain, LoopExperiment, LoopRecord, neighbours_p, pool_steps
+from .known_values import CONFIDENCE, Lumped, chain_ratio, two_mass_fit
+from .unknowns import Told, experiment_seeds
 
 LIMITS = {"m1": 0.008, "m2": 0.12, "k1": 0.015, "k2": 0.12, "b1": 0.06, "b2": 6.0}
-"""Largest relative errors at frequency steps of FINE_STEP; they grow with the square root of the
-step. b2 is a twentieth of the damping: the experiment tells no more than that it is small."""
+"""Largest relative errors of the parameters over the effective mass, at frequency steps of
+FINE_STEP; they grow with the square root of the step. b2 is a twentieth of the damping: the
+experiment tells no more than that it is small."""
 FINE_STEP = 2.0
 """Frequency step of the thesis [Hz]."""
-LEAST_P = 1e-3
-"""p-value of either test of the fit below which the model's order is rejected."""
-RECORDED = ("u", "u_m", "d1", "d2")
-"""Signals whose converters must not saturate; the coil's current is not recorded."""
+NUMBERS = (
+    "gain",
+    "chi_square",
+    "chi_square_p",
+    "neighbours_p",
+    "independent_p",
+    "unproven",
+    "covered_response",
+    "error_fitted",
+)
+"""Numbers of the fit of a draw."""
+LEAST_P = 0.01
+"""p-value of either test of the fit below which the model's order is rejected in a draw."""
 
 
-def experiment(axis: str, drive: str, values: str, **_: Any) -> dict[str, Ref]:
-    """The open-loop experiment on the same drive."""
-    return {"open_loop": ref(f"cd/{axis}/open-loop", drive=drive, values=values)}
+def experiment(axis: str, drive: str, draws: int, values: str, **_: Any) -> dict[str, Ref]:
+    """The open-loop experiment on the same drive, as many draws of it."""
+    return {"open_loop": ref(f"cd/{axis}/open-loop", drive=drive, draws=draws, values=values)}
 
 
 @problem(
@@ -74,236 +87,328 @@ def closed_loop(
     disturbances: bool = True,
     mismatch: Annotated[float, Field(ge=0, lt=1)] = 0.0,
     step_hz: Annotated[float, Field(ge=1, le=100)] = FINE_STEP,
+    draws: Annotated[int, Field(ge=1, le=1000)] = 12,
     values: Values = "printed",
 ) -> ClosedLoop:
     """Actuator measured in closed loop, and its two masses on two springs fitted (figure 4.5).
 
-    A stepped sine from 100 to 2000 Hz is added to the controller's output. The ratio f_en/u_m of
-    two measured signals is the plant's response, whatever the loop does. The lumped parameters of
-    the open-loop experiment are distributed over m1, m2, k1, k2, b1, b2 so that the parasitic
-    resonance fits.
+    A stepped sine from 100 to 2000 Hz, designed for the nominal drive, is added to the controller's
+    output. The ratio f_en/u_m of two measured signals is the plant's response, whatever the loop
+    does. The lumped parameters of the open-loop experiment are distributed over m1, m2, k1, k2, b1,
+    b2 so that the parasitic resonance fits. What the experimenter is told is off, in each draw by
+    other amounts: effective mass, optical gain, delay and the corners of the filters (see
+    `unknowns`). The intervals contain that, and the share of draws in which they hold the truth is
+    counted.
 
     drive: "CD1" to "CD12", or "nominal". disturbances: the disc turns and wobbles by a fifth of
     what the Red Book allows; there is always measurement noise. mismatch of the arm's halves:
     above 0 there are two parasitic resonances, one more than the model has. step_hz: distance of
-    the frequencies [Hz]. values: tables "printed" or "corrected".
+    the frequencies [Hz]. draws: of the noise and of what is told. values: tables "printed" or
+    "corrected".
     """
     frequency = np.arange(100.0, 2000.0 + step_hz / 2, step_hz)
     bench = Laboratory(axis, drive, values, mismatch=mismatch)
-    known = Lumped.from_open_loop(open_loop.answer, lumped(bench.parameters).m)
-    return ClosedLoop(bench, frequency, disturbances, known)
+    answer = open_loop.answer
+    known = tuple(Lumped.from_open_loop(answer.isel(draw=n)) for n in range(draws))
+    return ClosedLoop(LoopExperiment(bench, frequency, disturbances), draws, known)
+
+
+class LoopFit(NamedTuple):
+    """The fit of one draw.
+
+    value, half_width (6,): of FITTED. response, radius, fitted, exact (F,): measured with its
+    region, fitted, and without noise, all by the measurement chain that is told.
+    """
+
+    value: RealArray
+    half_width: RealArray
+    response: ComplexArray
+    radius: RealArray
+    fitted: ComplexArray
+    exact: ComplexArray
+    numbers: dict[str, float]
+    notes: list[str]
 
 
 @dataclass(frozen=True, eq=False)
 class ClosedLoop(Study):
-    """A stepped sine in the loop of a drive on the bench, and the fit of its physical parameters.
+    """Stepped sines in the loop of a drive on the bench, and fits of its physical parameters.
 
-    grid: frequencies [Hz] (F,). lumped: parameters from the open-loop experiment; None draws them
-    about the drive's own.
+    lumped: parameters from the open-loop experiment, by draw; None draws them about the drive's
+    own.
     """
 
-    bench: Laboratory
-    grid: RealArray
-    disturbances: bool = True
-    lumped: Lumped | None = None
+    experiment: LoopExperiment
+    draws: int
+    lumped: tuple[Lumped, ...] | None = None
 
-    headline: ClassVar[str] = "chi_square"
+    headline: ClassVar[str] = "chi_square_mean"
 
     @property
     def quantifier(self) -> str:
-        return "for this one drive, in one simulated experiment"
+        return f"for this one drive, in {self.draws} simulated draws"
+
+    @property
+    def bench(self) -> Laboratory:
+        return self.experiment.bench
 
     @property
     def limits(self) -> dict[str, float]:
         """Largest relative errors of the parameters, given the step of the frequencies."""
-        wider = max(1.0, float(np.mean(np.diff(self.grid))) / FINE_STEP) ** 0.5
+        wider = max(1.0, float(np.mean(np.diff(self.experiment.frequency))) / FINE_STEP) ** 0.5
         return {name: limit * wider for name, limit in LIMITS.items()}
 
-    def compute(self, context: Context) -> Dataset:
-        import xarray as xr
+    frequency = dim(lambda self: self.experiment.frequency, unit="Hz", meaning="frequency")
+    parameter, signal = dim(FITTED), dim(RECORDED)
+    draw = dim(lambda self: range(self.draws))
 
-        bench = self.bench
-        known = self.lumped or lumped(bench.parameters).drawn(context.rng)
-        sine = excitation(bench, self.grid)
-        record = self._play(sine, int(context.rng.integers(2**31)))
-        raw, notes = self._measure(record, sine)
-        to_volts = measurement_chain(bench, self.grid)[:, None, None]
-        variance = raw.variance / abs(to_volts) ** 2
-        estimate = replace(raw, response=raw.response / to_volts, variance=variance)
-        response, radius = estimate.response[:, 0, 0], estimate.radius()[:, 0, 0]
+    @array(draw)
+    def seed(self, context: Context) -> Any:
+        return experiment_seeds(context.rng, "closed-loop", self.bench.drive, self.draws)
 
-        fit = two_mass_fit(estimate, known, bench.axis)
-        solution = solve(fit, options=context.options)
+    told = part(
+        lambda self, seed: [Told.drawn(self.bench.axis, one) for one in seed.values.tolist()]
+    )
+
+    @part
+    def known(self, seed: DataArray) -> tuple[Lumped, ...]:
+        """What the open-loop experiment found, by draw."""
+        if self.lumped is not None:
+            return self.lumped
+        own = Lumped.of(self.bench.parameters)
+        return tuple(own.drawn(np.random.default_rng([one, 2])) for one in seed.values.tolist())
+
+    @part
+    def heard(self, context: Context, seed: DataArray, told: list[Told]) -> Any:
+        """The records of all draws, and the warnings of their estimation."""
+        machine()  # threads that meet it at one time would each compile it
+        cells = list(zip(seed.values.tolist(), told, strict=True))
+        with warnings.catch_warnings(record=True) as heard:
+            warnings.simplefilter("always", IdentificationWarning)
+            records = context.spread(
+                lambda cell: self.experiment.measured(*cell), cells, "experiments"
+            )
+        return records, sorted({str(one.message) for one in heard})
+
+    records = part(lambda heard: heard[0])
+
+    @part
+    def fits(
+        self, context: Context, records: list[LoopRecord], told: list[Told], known: Any
+    ) -> list[LoopFit]:
+        every = list(zip(records, told, known, strict=True))
+        return [self.fit(context, *one) for one in context.track(every, "fits")]
+
+    def fit(self, context: Context, record: LoopRecord, told: Told, known: Lumped) -> LoopFit:
+        """The two masses on two springs of one draw."""
+        grid, s = self.experiment.frequency, 2j * np.pi * self.experiment.frequency
+        chain = Chain.told(self.bench, told).response(grid)
+        estimate = _of_lens(record.estimate, chain)
+        program = two_mass_fit(estimate, known, self.bench.axis)
+        solution = solve(program, options=context.options)
         if solution.answer is None or solution.certificate is None:
             raise SolverError(f"the fit gave no answer: {solution.message}")
         found = solution.answer
-        values = dict(zip(fit.names, found.tolist(), strict=True))
-        model = lens(values, 2j * np.pi * self.grid, known.R, known.Bl)
-        chi_square, p = fit.chi_square(found)
-        in_step = neighbours_p((response - model) / radius, pool_steps(self.grid))
-        notes += fit.notes(found)
-        if in_step < LEAST_P:
-            notes.append(
-                f"neighbouring frequencies miss the model in the same direction (p = {in_step:.1g})"
-                ": it lacks something, for instance order, and the intervals do not hold"
-            )
-        unit, error = {"units": "m/V"}, abs(record.x_cd - record.x)[round(LOOP_SETTLING * RATE) :]
-        return xr.Dataset(
-            {
-                "response": ("frequency", response, unit),
-                "radius": ("frequency", radius, unit),
-                "true": ("frequency", bench.actuator.response(self.grid), unit),
-                "fitted": ("frequency", model, unit),
-                "excitation": ("frequency", sine.amplitude, {"units": "V"}),
-                "value": ("parameter", [values[name] for name in FITTED]),
-                "half_width": ("parameter", fit.intervals(found)[: len(FITTED)]),
-                "table": ("parameter", [getattr(bench.parameters, name) for name in FITTED]),
-                "gain": values["gain"],
-                "chi_square": chi_square,
-                "chi_square_p": p,
-                "neighbours_p": in_step,
-                "independent_p": raw.assumptions.independent,
-                "unproven": len(solution.certificate.failures),
-                "events": len(record.events),
-                "saturated": sum(record.saturation[name] for name in RECORDED),
-                "largest_error": ((), float(error.max()), {"units": "m"}),
-            },
-            {"frequency": ("frequency", self.grid, {"units": "Hz"}), "parameter": list(FITTED)},
-            {"notes": "\n".join(notes)},
-        )
+        p = dict(zip(program.names, found.tolist(), strict=True))
+        fitted = lens(p, s, known.R) * chain_ratio(p, s)
+        response, radius = estimate.response[:, 0, 0], estimate.radius(CONFIDENCE)[:, 0, 0]
+        exact = self.bench.actuator.response(grid) * Chain.told(self.bench).response(grid) / chain
+        chi_square, p_value = program.chi_square(found)
+        numbers = {
+            "gain": p["gain"],
+            "chi_square": chi_square,
+            "chi_square_p": p_value,
+            "neighbours_p": neighbours_p((response - fitted) / radius, pool_steps(grid)),
+            "independent_p": record.estimate.assumptions.independent,
+            "unproven": len(solution.certificate.failures),
+            "covered_response": (abs(response - exact) <= radius).mean(),
+            "error_fitted": (abs(fitted - exact) / abs(exact)).max(),
+        }
+        value, half_width = found[: len(FITTED)], program.intervals(found)[: len(FITTED)]
+        shown = response, radius, fitted, exact
+        return LoopFit(value, half_width, *shown, numbers, program.notes(found))
 
-    def _play(self, sine: SteppedSine, seed: int) -> Record:
-        """The signals of the experiment: the loop settles, then the sine is played."""
-        axis = self.bench.axis
-        size = DISC_SHARE * red_book(axis).deviation if self.disturbances else 0.0
-        disc = Disc.along(axis, size, rotation=ROTATION)
-        rest = np.zeros(round(LOOP_SETTLING * RATE))
-        played = np.concatenate([rest, *(signal for _, signal in sine)])
-        law = linear(controller(axis), PERIOD)
-        return self.bench.closed_loop(law, played, disc=disc, seed=seed)
+    # --- the first draw -----------------------------------------------------------------------
 
-    def _measure(self, record: Record, sine: SteppedSine) -> tuple[PeriodicResponse, list[str]]:
-        """f_en/u_m with its region, and the warnings of its estimation."""
-        with warnings.catch_warnings(record=True) as heard:
-            warnings.simplefilter("always", IdentificationWarning)
-            raw = measure(record, self._error(record), sine, self.disturbances)
-        return raw, [str(one.message) for one in heard]
+    shown = arrays(
+        frequency,
+        lambda fits: fits[0]._asdict(),
+        response="m/V", radius="m/V", fitted="m/V",
+        exact=("m/V", "without noise, by the measurement chain that is told"),
+    )  # fmt: skip
+    excitation = array(frequency, "V", value=lambda self: self.experiment.sine.amplitude)
+    notes = array(value=lambda heard, fits: "\n".join([*heard[1][:1], *fits[0].notes]))
 
-    def _error(self, record: Record) -> RealArray:
-        """The error of linear diodes: the radial ones see a sine whose period is the pitch."""
-        if self.bench.axis == "focus":
-            return record.f_en
-        peak = self.bench.parameters.K_optn * TRACK_PITCH / (2 * np.pi)
-        straight: RealArray = peak * np.arcsin(np.clip(record.f_en / peak, -1.0, 1.0))
-        return straight
+    # --- all draws ----------------------------------------------------------------------------
+
+    value = array((draw, parameter), value=lambda fits: [one.value for one in fits])
+    half_width = array(
+        (draw, parameter), "", "of the 99 % interval", lambda fits: [one.half_width for one in fits]
+    )
+    table_value = array(
+        parameter, value=lambda self: [getattr(self.bench.parameters, name) for name in FITTED]
+    )
+    numbers = arrays(
+        draw,
+        lambda fits: {name: [one.numbers[name] for one in fits] for name in NUMBERS},
+        **dict.fromkeys(NUMBERS, ""),
+    )
+    events = array(draw, "", "", lambda records: [one.events for one in records])
+    largest_error = array(draw, "m", "", lambda records: [one.largest_error for one in records])
+    saturated = array(
+        (draw, signal), "", "share of samples", lambda records: [one.saturated for one in records]
+    )
+    level = array(
+        (draw, signal),
+        "",
+        "largest magnitude over the converter's limit",
+        lambda records: [one.level for one in records],
+    )
+
+    # --- checks -------------------------------------------------------------------------------
 
     @check()
-    def experiment(self, answer: Dataset) -> list[Check]:
-        """The loop held, in the linear range of diodes and converters, and the fit is proven."""
-        acceptable, error = ACCEPTABLE_ERROR[self.bench.axis], float(answer["largest_error"])
-        lost, saturated, failed = (
-            float(answer[name]) for name in ("events", "saturated", "unproven")
-        )
+    def experiments(self, answer: Dataset) -> list[Check]:
+        """The loop held, in the linear range of diodes and converters, and the fits are proven."""
+        far = share_of_draws(answer["largest_error"] > ACCEPTABLE_ERROR[self.bench.axis])
         return [
-            Check("loop", "times that it was lost or regained", lost, 0.0),
-            Check("saturation", "share of saturated samples", saturated, 0.0),
-            Check("linear range", "largest error [m]", error, acceptable),
-            Check("fit", "checks of the fit that fail", failed, 0.0),
+            Check("loop", "times that it was lost or regained, all draws", _sum(answer["events"]), 0),
+            Check(
+                "saturation",
+                "share of saturated samples, any draw",
+                float(answer["saturated"].max()),
+                0.0,
+            ),
+            Check(
+                "linear range",
+                "share of draws whose largest error leaves it",
+                float(far),
+                1.0 - SURE,
+            ),
+            Check("fit", "checks of a fit that fail, all draws", _sum(answer["unproven"]), 0),
         ]
 
-    @check("{parameter}", each="parameter", at_most=lambda self: self.limits)
+    @check("{parameter} over mass", each="parameter", at_most=1.0 - SURE)
     def parameters_close(self, answer: Dataset) -> DataArray | None:
-        """relative error"""
-        return abs(_errors(answer)) if self._order_is_right else None
+        """share of draws with a relative error above the limit, over the effective mass"""
+        if not self._order_is_right:
+            return None
+        limits = answer["table_value"].copy(data=[self.limits[name] for name in FITTED])
+        return share_of_draws(_errors_over_mass(answer) > limits, "parameter")
 
-    @check("order", at_most=1.0 - LEAST_P)
+    @check("coverage of {parameter}", each="parameter", at_most=1.0 - LEAST_COVERAGE_P)
+    def coverage(self, answer: Dataset) -> DataArray | None:
+        """1 - p of so few draws whose 99 % interval holds the truth"""
+        return 1.0 - coverage_p(_held(answer), CONFIDENCE) if self._order_is_right else None
+
+    @check("order", at_most=1.0 - LEAST_COVERAGE_P)
     def order(self, chi_square_p: DataArray) -> DataArray | None:
-        """chi-square of the fit, its probability"""
-        return 1.0 - chi_square_p if self._order_is_right else None
+        """1 - p of so many draws in which the chi-square of the fit rejects the order"""
+        return 1.0 - _accepted_p(chi_square_p) if self._order_is_right else None
 
-    @check("smooth misfit", at_most=1.0 - LEAST_P)
+    @check("smooth misfit", at_most=1.0 - LEAST_COVERAGE_P)
     def smooth_misfit(self, neighbours_p: DataArray) -> DataArray | None:
-        """residuals alike at neighbouring frequencies, its probability"""
-        return 1.0 - neighbours_p if self._order_is_right else None
+        """1 - p of so many draws whose residuals are alike at neighbouring frequencies"""
+        return 1.0 - _accepted_p(neighbours_p) if self._order_is_right else None
 
     @property
     def _order_is_right(self) -> bool:
         """Whether the model has the order of the bench; if not, metrics and notes tell it."""
         return self.bench.mismatch <= 0.0
 
-    errors = metric("error_{parameter}", lambda answer: abs(_errors(answer)))
+    # --- what is told -------------------------------------------------------------------------
+
+    errors = metric("error_{parameter}_{summary}", lambda answer: over_draws(_errors(answer)))
+    errors_over_mass = metric(
+        "error_{parameter}_over_mass_{summary}",
+        lambda answer: over_draws(_errors_over_mass(answer)),
+    )
+    half_widths = metric(
+        "half_width_{parameter}_{summary}",
+        lambda half_width, value: over_draws(half_width / abs(value)),
+    )
+    covered_each = metric("covered_{parameter}", lambda answer: _held(answer).mean("draw"))
+    covered = metric(lambda answer: _held(answer).mean())
+    levels = metric("level_{signal}", lambda level: level.max("draw"))
+    largest_um = metric(
+        "largest_error_{summary}_um", lambda largest_error: over_draws(1e6 * largest_error)
+    )
 
     @metric
-    def numbers(self, answer: Dataset) -> dict[str, Any]:
-        names = ("chi_square", "chi_square_p", "neighbours_p", "independent_p", "gain")
-        held = abs(answer["value"] - answer["table"]) <= answer["half_width"]
-        true, size, radius = answer["true"], abs(answer["true"]), answer["radius"]
+    def told_numbers(self, answer: Dataset) -> dict[str, DataArray]:
+        found = {name: over_draws(answer[name]) for name in NUMBERS if name != "unproven"}
         return {
-            "covered": held.mean(),
-            "covered_response": (abs(answer["response"] - true) <= radius).mean(),
-            "error_fitted": (abs(answer["fitted"] - true) / size).max(),
-            "half_width_m2": (answer["half_width"] / answer["value"]).sel(parameter="m2"),
-            **{name: answer[name] for name in names},
-            "wrong_order": min(answer["chi_square_p"], answer["neighbours_p"]) < LEAST_P,
-            "radius_median": (radius / size).median(),
-            "largest_error_um": 1e6 * answer["largest_error"],
+            f"{name}_{end}": one.sel(summary=end)
+            for name, one in found.items()
+            for end in one["summary"].values
         }
+
+    wrong_order = metric(
+        lambda chi_square_p, neighbours_p: share_of_draws(
+            np.minimum(chi_square_p, neighbours_p) < LEAST_P
+        )
+    )
+    radius_median = metric(lambda radius, exact: (radius / abs(exact)).median())
 
     @table
     def parameters(self, answer: Dataset) -> str:
-        heads, rows = ["parameter", "fitted", "99 %, +-", "true", "error"], []
-        for name, error in zip(FITTED, _errors(answer).values, strict=True):
-            one = answer.sel(parameter=name)
-            value, half, true = (float(one[key]) for key in ("value", "half_width", "table"))
-            rows.append([name, f"{value:.4g}", f"{half:.2g}", f"{true:.4g}", f"{error:+.2%}"])
-        notes = [f"- {note}" for note in answer.attrs["notes"].splitlines()]
+        """The first draw, and how often the intervals of all draws hold the truth."""
+        heads = ["parameter", "fitted", "99 %, +-", "true", "error", "intervals that hold"]
+        held, first, rows = _held(answer), answer.isel(draw=0), []
+        for name in FITTED:
+            one = first.sel(parameter=name)
+            value, half, true = (float(one[key]) for key in ("value", "half_width", "table_value"))
+            cells = [f"{value:.4g}", f"{half:.2g}", f"{true:.4g}", f"{value / true - 1:+.2%}"]
+            rows.append([name, *cells, f"{int(held.sel(parameter=name).sum())}/{self.draws}"])
+        notes = [f"- {note}" for note in str(answer["notes"].values).splitlines()]
+        rejected = int(self.draws * self.metrics(answer)["wrong_order"] + 0.5)
+        if rejected:
+            notes.append(
+                f"- in {rejected} of {self.draws} draws the fit misses the data by more than noise "
+                "does: the model lacks something, for instance order, and the intervals do not hold"
+            )
         return "\n".join([markdown(heads, rows), *notes]) + "\n"
 
     @figure
     def figure_4_5(self, answer: Dataset) -> Figure:
-        return _bode(answer, f"{self.bench.drive}, {self.bench.axis}")
+        return closed_loop_bode(answer, f"{self.bench.drive}, {self.bench.axis}, one record")
+
+
+def _of_lens(raw: PeriodicResponse, chain: ComplexArray) -> PeriodicResponse:
+    """A measured f_en/u_m, by the measurement chain (F,), as x / coil voltage."""
+    factor = chain[:, None, None]
+    variance = raw.variance / abs(factor) ** 2
+    return replace(raw, response=raw.response / factor, variance=variance)
+
+
+def _held(answer: Dataset) -> DataArray:
+    """Whether an interval (draw, parameter) holds the truth."""
+    return abs(answer["value"] - answer["table_value"]) <= answer["half_width"]
 
 
 def _errors(answer: Dataset) -> DataArray:
-    """Relative errors of the fitted parameters."""
-    return answer["value"] / answer["table"] - 1
+    """Relative errors (draw, parameter) of the fitted parameters."""
+    return abs(answer["value"] / answer["table_value"] - 1)
 
 
-def _bode(answer: Dataset, title: str) -> Figure:
-    """Magnitude, phase and error: measured with the 99 % region, fitted, true."""
-    drawn, (magnitude, phase, error) = figures.axes(3, 1, size=(7.0, 8.0), sharex=True)
-    frequency, measured = answer["frequency"].values, answer["response"].values
-    fitted, true, radius = (answer[name].values for name in ("fitted", "true", "radius"))
-    size = abs(measured)
-    share = np.minimum(radius / size, 1.0)
-    lead = np.degrees(np.arcsin(share))
-    dots: Any = {"marker": ".", "markersize": 2.5, "linestyle": "none", "color": figures.BLUE}
-    region: Any = {"color": figures.SKY, "alpha": 0.4, "linewidth": 0.0}
-    # The measured phase is unwrapped about the fitted one: noise then cannot make it jump.
-    around = figures.phase(fitted)
-    measured_phase = around + np.degrees(np.angle(measured / fitted))
+def _errors_over_mass(answer: Dataset) -> DataArray:
+    """Relative errors (draw, parameter) of the parameters over the effective mass.
 
-    low, high = size * (1 - 0.999 * share), size * (1 + share)
-    magnitude.fill_between(frequency, low, high, label="99 % region", **region)
-    magnitude.plot(frequency, size, label="measured", **dots)
-    phase.fill_between(frequency, measured_phase - lead, measured_phase + lead, **region)
-    phase.plot(frequency, measured_phase, **dots)
-    lines = (("true", true, figures.BLACK, "--"), ("fitted", fitted, figures.ORANGE, "-"))
-    for name, response, color, style in lines:
-        own = around + np.degrees(np.angle(response / fitted))
-        magnitude.plot(frequency, abs(response), style, color=color, label=name)
-        phase.plot(frequency, own, style, color=color)
-        error.plot(frequency, abs(response - measured) / radius, ".", markersize=2.5, color=color)
-    error.axhline(1.0, color=figures.BLACK, linewidth=0.8)
-    magnitude.set_ylim(0.5 * abs(true).min(), 2.0 * abs(true).max())
-    around_true = around + np.degrees(np.angle(true / fitted))
-    phase.set_ylim(around_true.min() - 40.0, around_true.max() + 40.0)
-    figures.label(magnitude, y="x / coil voltage [m/V]", title=title, log="y")
-    figures.label(phase, y="phase [deg]")
-    figures.label(error, "frequency [Hz]", "distance / radius [1]", log="x")
-    ticks = [100, 200, 500, 1000, 2000]
-    error.set_xticks(ticks, [str(tick) for tick in ticks])
-    error.minorticks_off()
-    error.set_ylim(0.0, None)
-    figures.legend_below(drawn, magnitude)
-    return drawn
+    The responses tell those; the mass itself is as good as it is told.
+    """
+    over = [answer[key] / _effective_mass(answer[key]) for key in ("value", "table_value")]
+    return abs(over[0] / over[1] - 1)
+
+
+def _effective_mass(values: DataArray) -> DataArray:
+    """Both masses as the first resonance sees them."""
+    return lumped_values({name: values.sel(parameter=name) for name in FITTED} | {"Bl": 0.0}).m
+
+
+def _accepted_p(p: DataArray) -> DataArray:
+    """Probability that a true order is accepted in no more of the draws than by these p-values."""
+    return coverage_p(p >= LEAST_P, 1.0 - LEAST_P)
+
+
+def _sum(values: DataArray) -> float:
+    return float(values.sum())

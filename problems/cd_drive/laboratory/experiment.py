@@ -135,15 +135,14 @@ class Laboratory:
 
         It is faster than `open_loop`, because the system is linear except for its converters.
         """
+        return self.coil_signals(excitation).measured(seed)
+
+    def coil_signals(self, excitation: ArrayLike) -> CoilSignals:
+        """The signals of `coil` before noise and converters, from which many records are made."""
         u = _series("excitation", excitation)
         u_dac, saturated = Converter(OUTPUT_LIMIT, self.bits).convert(u)
         exact = respond(_sampled(self), u_dac[:, None])[:, 1:]
-        noisy = exact + electronics_noise(np.random.default_rng(seed), len(u), self.electronics)
-        measured, saturation = {}, {"u": saturated}
-        for name, values in zip(ELECTRICAL, noisy.T, strict=True):
-            converter, gain = Converter(INPUT_LIMIT, self.bits), CHANNEL_GAINS[name]
-            measured[name], saturation[name] = converter.convert(values, gain)
-        return CoilRecord(_time(len(u)), u, u_dac, **measured, saturation=saturation)
+        return CoilSignals(u, u_dac, exact, saturated, self.electronics, self.bits)
 
     def open_loop(
         self,
@@ -248,6 +247,31 @@ def _loop(laboratory: Laboratory) -> SampledLoop:
         delay=laboratory.delay,
         refine=laboratory.refine,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class CoilSignals:
+    """Excitation u, output u_dac (N,) [V], v_r and u_m (N, 2) [V] of a coil, without noise.
+
+    saturated: share of the samples of u at the converter's limit. electronics, bits: of the
+    `Laboratory`.
+    """
+
+    u: RealArray
+    u_dac: RealArray
+    exact: RealArray
+    saturated: float
+    electronics: float
+    bits: int | None
+
+    def measured(self, seed: int) -> CoilRecord:
+        """A record of these signals with the noise of a seed."""
+        noise = electronics_noise(np.random.default_rng(seed), len(self.u), self.electronics)
+        measured, saturation = {}, {"u": self.saturated}
+        for name, values in zip(ELECTRICAL, (self.exact + noise).T, strict=True):
+            converter, gain = Converter(INPUT_LIMIT, self.bits), CHANNEL_GAINS[name]
+            measured[name], saturation[name] = converter.convert(values, gain)
+        return CoilRecord(_time(len(self.u)), self.u, self.u_dac, **measured, saturation=saturation)
 
 
 def measurements(record: Record) -> RealArray:

@@ -6,20 +6,27 @@ CD-players (2003).
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from scipy import stats
 from scipy.ndimage import uniform_filter1d
+from scipy.signal import savgol_filter
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.identification import PeriodicResponse, SteppedSine, from_periods, sine_fit
-from workbench.simulation import sampled
+from workbench.simulation import linear, sampled
 
+from ..drive.disc import Disc
+from ..drive.photo_diodes import TRACK_PITCH
 from ..drive.plants import ANTIALIASING, controller
-from .bench_setup import PERIOD, RATE
+from ..drive.tables import Axis, red_book
+from .bench_setup import CHANNEL_GAINS, INPUT_LIMIT, OUTPUT_LIMIT, PERIOD, RATE
 from .experiment import Laboratory
 from .record import Record
+from .unknowns import TRUTH, Told
 
 PERIODS, EVALUATED = 20, 10
 """Periods played at each frequency, and how many of the last are evaluated (section 4.6.2)."""
@@ -28,27 +35,137 @@ LOOP_SETTLING = 0.5
 ERROR_SWING = {"focus": 1.0e-6, "radial": 0.05e-6}
 """Amplitude [m] of the error that the excitation aims at: half the linear range of the
 focus diodes; where the sine of the radial ones is half a per cent below its tangent."""
-LARGEST_EXCITATION = 4.0
-"""Largest amplitude [V] of the excitation and of its part in u; u has up to 10 V, the rest of which
-is left for the loop's noise."""
+LARGEST_EXCITATION = 2.0
+"""Largest amplitude [V] of the excitation and of its part in u, in the nominal loop.
+
+CD8 makes 3.1 V of it in u, and has noise of 1.2 V rms there: 5.7 times that is left below 10 V."""
 DISC_SHARE, ROTATION, ROTATION_HARMONICS = 0.2, 6.0, 3
 """The disc's deviation as a share of the Red Book's, its rotation [Hz], and the number of harmonics
 of the rotation that are removed from the signals."""
+INPUT_BAND = 200.0
+"""Band [Hz] within which the power of the loop's response is taken as a parabola in decibels."""
+RECORDED = ("u", "u_m", "d1", "d2")
+"""Signals whose converters must not saturate; the coil's current is not recorded."""
 POOLING_BAND = 50.0
 """Band [Hz] within which the noise's colour, or the error of a fit, is taken as equal."""
 
 
-def excitation(bench: Laboratory, frequency: RealArray) -> SteppedSine:
-    """The stepped sine that moves the error by ERROR_SWING, or u by LARGEST_EXCITATION if less."""
+class Chain(NamedTuple):
+    """The measurement chain from x / coil voltage to f_en / u_m.
+
+    gain [units V / (m V)]: of optics and amplifiers. delay [samples]. error_corner, control_corner
+    [rad/s]: of the filters of the diodes' and of u_m's channels.
+    """
+
+    gain: float
+    delay: float
+    error_corner: float
+    control_corner: float
+
+    @classmethod
+    def told(cls, bench: Laboratory, told: Told = TRUTH) -> Chain:
+        """The chain as an experimenter is told."""
+        return cls(
+            told.gain * bench.parameters.K_optn * bench.coil_gain,
+            bench.delay + told.delay,
+            told.error_corner * ANTIALIASING,
+            told.control_corner * ANTIALIASING,
+        )
+
+    def response(self, frequency: RealArray) -> ComplexArray:
+        """Factor (F,) from x / coil voltage to f_en / u_m: gain, hold, delay and filters.
+
+        The sampling of u_m behind its filter is exact; aliasing of the lens's motion is below 1e-4.
+        """
+        import control
+
+        s = 2j * np.pi * frequency
+        hold = (1 - np.exp(-s * PERIOD)) / (s * PERIOD) * np.exp(-s * PERIOD * self.delay)
+        corner = self.control_corner
+        u_m = sampled(control.ss(-corner, corner, 1.0, 0.0), PERIOD, self.delay)
+        control_signal = u_m(np.exp(s * PERIOD), squeeze=False)[0, 0]
+        lens_signal = hold * self.error_corner / (s + self.error_corner)
+        found: ComplexArray = -self.gain * lens_signal / control_signal
+        return found
+
+
+class LoopRecord(NamedTuple):
+    """What is kept of a record in the loop.
+
+    estimate: f_en/u_m with its region. independent_p: of the test that periods are independent.
+    events: times that the loop was lost or regained. saturated: largest share of samples at a
+    converter's limit, and level: largest magnitude over its limit, of the signals RECORDED.
+    largest_error [m]: distance of focus or track.
+    """
+
+    estimate: PeriodicResponse
+    events: int
+    saturated: RealArray
+    level: RealArray
+    largest_error: float
+
+
+def excitation(axis: Axis, frequency: RealArray) -> SteppedSine:
+    """The stepped sine that moves the error by ERROR_SWING, or u by LARGEST_EXCITATION if less.
+
+    It is designed for the nominal drive: the experiment is to tell what the drive at hand is.
+    """
     import control
 
-    law = control.sample_system(control.ss(controller(bench.axis)), PERIOD, "bilinear")
-    plant = -bench.response(frequency)["f_en"]  # the sign of eq. 3.16
+    nominal = Laboratory(axis, "nominal")
+    law = control.sample_system(control.ss(controller(axis)), PERIOD, "bilinear")
+    plant = -nominal.response(frequency)["f_en"]  # the sign of eq. 3.16
     gain = law(np.exp(2j * np.pi * frequency * PERIOD), squeeze=False)[0, 0]
     sensitivity = 1 / (1 + plant * gain)
-    wanted = ERROR_SWING[bench.axis] * bench.parameters.K_optn / abs(plant * sensitivity)
+    wanted = ERROR_SWING[axis] * nominal.parameters.K_optn / abs(plant * sensitivity)
     allowed = LARGEST_EXCITATION / np.maximum(1.0, abs(sensitivity))
     return SteppedSine(frequency, PERIODS, np.minimum(wanted, allowed), RATE)
+
+
+@dataclass(frozen=True, eq=False)
+class LoopExperiment:
+    """A stepped sine at frequencies [Hz] (F,) in the loop of a drive, with a disc that turns or not."""
+
+    bench: Laboratory
+    frequency: RealArray
+    disturbances: bool
+
+    @cached_property
+    def sine(self) -> SteppedSine:
+        return excitation(self.bench.axis, self.frequency)
+
+    def played(self, seed: int) -> Record:
+        """The signals of the experiment: the loop settles, then the sine is played."""
+        axis = self.bench.axis
+        size = DISC_SHARE * red_book(axis).deviation if self.disturbances else 0.0
+        disc = Disc.along(axis, size, rotation=ROTATION)
+        rest = np.zeros(round(LOOP_SETTLING * RATE))
+        signal = np.concatenate([rest, *(part for _, part in self.sine)])
+        law = linear(controller(axis), PERIOD)
+        return self.bench.closed_loop(law, signal, disc=disc, seed=seed)
+
+    def measured(self, seed: int, told: Told) -> LoopRecord:
+        """One draw of the experiment, as an experimenter sees it."""
+        record = self.played(seed)
+        error = self._straight(record.f_en, told)
+        settled = slice(round(LOOP_SETTLING * RATE), None)
+        limits = [OUTPUT_LIMIT, *(INPUT_LIMIT / CHANNEL_GAINS[name] for name in RECORDED[1:])]
+        signals = [record.u_dac, *(getattr(record, name) for name in RECORDED[1:])]
+        return LoopRecord(
+            measure(record, error, self.sine, self.disturbances),
+            len(record.events),
+            np.array([record.saturation[name] for name in RECORDED]),
+            np.array([abs(one).max() for one in signals]) / limits,
+            float(abs(record.x_cd - record.x)[settled].max()),
+        )
+
+    def _straight(self, f_en: RealArray, told: Told) -> RealArray:
+        """The error of linear diodes: the radial ones see a sine whose period is the pitch."""
+        if self.bench.axis == "focus":
+            return f_en
+        peak = told.gain * self.bench.parameters.K_optn * TRACK_PITCH * told.distance / (2 * np.pi)
+        straight: RealArray = peak * np.arcsin(np.clip(f_en / peak, -1.0, 1.0))
+        return straight
 
 
 def measure(record: Record, error: RealArray, sine: SteppedSine, turning: bool) -> PeriodicResponse:
@@ -57,6 +174,10 @@ def measure(record: Record, error: RealArray, sine: SteppedSine, turning: bool) 
     The harmonics of a turning disc are removed first. They are coherent, so that the scatter of ten
     periods would not show them. Successive periods are not independent either, so `noise_colour`
     corrects the variance of their mean.
+
+    The weights of a fit must not depend on the noise of the response that they weigh: noise that
+    enlarges u makes y/u smaller, and its variance by u alone smaller too, so that small responses
+    would count more. Noise and input therefore have the power of their neighbourhood.
     """
     start = round(LOOP_SETTLING * RATE)
     signals = np.stack([record.u_m, error])[:, start:]
@@ -74,8 +195,22 @@ def measure(record: Record, error: RealArray, sine: SteppedSine, turning: bool) 
     u, y = np.moveaxis(np.array(pairs), 1, 0)
     estimate = from_periods(sine.frequencies, u, y)
     scatter = y - estimate.response[:, 0] * u
-    ratio = uniform_filter1d(noise_colour(scatter), pool_steps(sine.frequencies), mode="nearest")
-    return replace(estimate, variance=estimate.variance * ratio[:, None, None])
+    steps = pool_steps(sine.frequencies)
+    noise = np.sum(abs(scatter) ** 2, axis=1) / (EVALUATED - 1) / EVALUATED
+    noise, colour = (
+        uniform_filter1d(one, steps, mode="nearest") for one in (noise, noise_colour(scatter))
+    )
+    variance = (noise * colour / smooth_power(u, sine))[:, None, None]
+    return replace(estimate, variance=variance, degrees=estimate.degrees * steps)
+
+
+def smooth_power(u: ComplexArray, sine: SteppedSine) -> RealArray:
+    """Power (F,) of the input, given its amplitudes (F, M), smooth over frequencies."""
+    power = np.log(abs(u.mean(axis=1)) ** 2 / sine.amplitude**2)
+    steps = 2 * round(INPUT_BAND / float(np.mean(np.diff(sine.frequencies))) / 2) + 1
+    smooth = np.exp(savgol_filter(power, min(max(steps, 5), power.size), 2))
+    found: RealArray = smooth * sine.amplitude**2
+    return found
 
 
 def noise_colour(scatter: ComplexArray) -> RealArray:
@@ -95,31 +230,14 @@ def neighbours_p(residual: ComplexArray, lags: int) -> float:
     """Probability that residuals (F,) resemble their neighbours, up to `lags` away, by chance.
 
     The noises of different frequencies are independent. A resonance that the model lacks leaves a
-    bulge that the chi-square of all frequencies does not show. Only the residuals' directions
-    count, not their sizes.
+    bulge that the chi-square of all frequencies does not show. The products of neighbours have
+    their own scatter as the measure, so the sizes of the residuals need not be known.
     """
-    turn = residual / abs(residual)
-    products = [np.sum(turn[lag:] * turn[:-lag].conj()).real for lag in range(1, lags + 1)]
-    pairs = np.sum(len(residual) - np.arange(1, lags + 1))
-    return float(stats.norm.sf(np.sum(products) / np.sqrt(pairs / 2)))
+    every = [(residual[lag:] * residual[:-lag].conj()).real for lag in range(1, lags + 1)]
+    products = np.concatenate(every)
+    return float(stats.norm.sf(products.sum() / np.linalg.norm(products)))
 
 
 def pool_steps(frequency: RealArray) -> int:
     """Number of frequency steps in POOLING_BAND."""
     return max(1, round(POOLING_BAND / float(np.mean(np.diff(frequency)))))
-
-
-def measurement_chain(bench: Laboratory, frequency: RealArray) -> ComplexArray:
-    """Factor from x / coil voltage to f_en / u_m: gains, hold, delay and filters.
-
-    The sampling of u_m behind its filter is exact; aliasing of the lens's motion is below 1e-4.
-    """
-    import control
-
-    s = 2j * np.pi * frequency
-    hold = (1 - np.exp(-s * PERIOD)) / (s * PERIOD) * np.exp(-s * PERIOD * bench.delay)
-    control_signal = sampled(control.ss(-ANTIALIASING, ANTIALIASING, 1.0, 0.0), PERIOD, bench.delay)
-    u_m = control_signal(np.exp(s * PERIOD), squeeze=False)[0, 0]
-    gain = -bench.parameters.K_optn * bench.coil_gain
-    response: ComplexArray = gain * hold * ANTIALIASING / (s + ANTIALIASING) / u_m
-    return response

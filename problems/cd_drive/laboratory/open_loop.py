@@ -1,7 +1,7 @@
 """Open-loop identification: the actuator's parameters from the current in its coil (section 4.3.1).
 
-A resistor r in series with the coil measures its current. The back-EMF makes the current depend on
-the motion, so that |v_r / u| has a dip at the first resonance (eq. 4.17). The optics take no part.
+Equation and section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
+CD-players (2003).
 """
 
 from __future__ import annotations
@@ -11,47 +11,45 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
+from scipy import stats
 
-from workbench import figures, problem, solve
+from workbench import problem
 from workbench.arrays import ComplexArray, RealArray
-from workbench.errors import SolverError
 from workbench.executor import Context
 from workbench.heavy_types import DataArray, Dataset, Figure
-from workbench.identification import (
-    FittedParameter,
-    MeasuredResponse,
-    ParameterFit,
-    PeriodicResponse,
-    SteppedSine,
-    from_periods,
-    sine_fit,
+from workbench.identification import PeriodicResponse, from_periods
+from workbench.study import (
+    Study,
+    array,
+    arrays,
+    check,
+    coverage_p,
+    dim,
+    figure,
+    metric,
+    over_draws,
+    part,
+    share_of_draws,
+    table,
 )
-from workbench.study import Study, array, arrays, check, dim, figure, metric, part, table
+from workbench.study.draws import LEAST_COVERAGE_P, SURE
 
-from ..drive.actuator import SERIES_RESISTANCE
 from ..drive.shared_parameters import TABLES
 from ..drive.tables import Axis, Values
-from ..drive.two_masses import lumped
-from .bench_setup import RATE
+from .coil_current import DEGREES, DISCARDED, FOUND, CoilExperiment, Current, LumpedFit
 from .experiment import Laboratory
+from .figures import open_loop_bode
+from .known_values import CONFIDENCE, MASS_POWER
+from .unknowns import Told, experiment_seeds
 
-PERIODS, DISCARDED = 20, 10
-"""Periods played at each frequency, and those at its start left out of the mean (section 4.6.1)."""
-LOWEST, HIGHEST = 10, {"focus": 50.0, "radial": 100.0}
-"""First and last frequency [Hz] of the sweep (section 4.6.1)."""
-RESONANCE = {"focus": 30.0, "radial": 50.0}
-"""First resonance [Hz] from which the fits start."""
 PARAMETERS = {"R": "ohm", "Bl": "N/A", "k": "N/m", "b": "N s/m"}
-"""Parameters of the lumped model and their units."""
+"""Parameters of the lumped model that are judged, and their units; they come first in `FOUND`."""
+JUDGED = len(PARAMETERS)
 ERROR_TOLERANCE = {"R": 0.01, "Bl": 0.01, "k": 0.01, "b": 0.05}
-"""Largest relative error of each parameter: the accuracies that the thesis states."""
+"""Largest relative error of each parameter at the mass that is told: the accuracies that the thesis
+states, where the mass is taken as known."""
 ASSUMPTIONS = ("circular", "normal", "independent")
 """Assumptions of the intervals about the noise, each tested with a p-value."""
-DEGREES = 2 * (PERIODS - DISCARDED - 1) - 2
-"""Degrees of freedom of the variances: an amplitude of the transient was estimated beside the mean
-of the periods."""
-CONFIDENCE = 0.99
-"""Probability with which an interval covers the true value."""
 
 
 @problem("cd/{axis}/open-loop", axis=("focus", "radial"), data=TABLES)
@@ -60,276 +58,234 @@ def open_loop(
     drive: str = "CD1",
     step: Annotated[float, Field(gt=0, le=5)] = 0.1,
     amplitude: Annotated[float, Field(gt=0, le=10)] = 1.0,
+    draws: Annotated[int, Field(ge=1, le=1000)] = 12,
     values: Values = "printed",
 ) -> OpenLoop:
     """R, Bl, k and b of a drive from its coil's current, by stepped sine (figure 4.4).
 
     v_r/u is measured from 10 to 50 Hz (focus) or 100 Hz (radial), 20 periods at each frequency of
-    which the last 10 count, and fitted by the lumped model of eq. 4.17, the mass taken as known:
-    physical parameters directly, and by eq. 4.20-4.23 from the rational structure of eq. 4.19.
-    Judged against the lumped fit to the noise-free response of the same drive.
+    which the last 10 count, and fitted by the lumped model of eq. 4.17: physical parameters
+    directly, and by eq. 4.20-4.23 from the rational structure of eq. 4.19. The current tells k/m,
+    b/m and Bl^2/m alone. The experimenter is told the mass with an error of 2 % and the corners of
+    the channels' filters with one of 2 % (standard deviations), other ones in each draw, and the
+    intervals contain them. Judged against the lumped fit to the noise-free response of the same
+    drive.
 
-    drive: CD1 ... CD12. step [Hz] of the frequencies. amplitude [V] of the excitation. values:
-    tables "printed" or "corrected".
+    drive: CD1 ... CD12. step [Hz] of the frequencies. amplitude [V] of the excitation. draws: of
+    the noise and of what the experimenter is told. values: tables "printed" or "corrected".
     """
-    return OpenLoop(Laboratory(axis, drive, values), step, amplitude)
+    return OpenLoop(CoilExperiment(Laboratory(axis, drive, values), step, amplitude), draws)
 
 
 @dataclass(frozen=True, eq=False)
 class OpenLoop(Study):
-    """A stepped-sine experiment on the coil of a drive, and the lumped fits to it."""
+    """Stepped-sine experiments on the coil of a drive, and the lumped fits to them."""
 
-    laboratory: Laboratory
-    step: float
-    amplitude: float
+    experiment: CoilExperiment
+    draws: int
 
-    headline: ClassVar[str] = "error_b"
+    headline: ClassVar[str] = "error_b_mean"
 
     @property
     def quantifier(self) -> str:
-        return "for this one drive, in one simulated experiment"
+        return f"for this one drive, in {self.draws} simulated draws"
 
-    @property
-    def mass(self) -> float:
-        """m_eff [kg]: both masses as the first resonance sees them, taken as known."""
-        return lumped(self.laboratory.parameters).m
-
-    @property
-    def grid(self) -> np.ndarray:
-        """Frequencies [Hz] of the sweep."""
-        count = round((HIGHEST[self.laboratory.axis] - LOWEST) / self.step)
-        return LOWEST + self.step * np.arange(count + 1)
-
-    frequency = dim(lambda self: self.grid, unit="Hz", meaning="frequency")
+    frequency = dim(lambda self: self.experiment.frequency, unit="Hz", meaning="frequency")
     parameter, assumption = dim(PARAMETERS), dim(ASSUMPTIONS)
     unit = array(parameter, value=lambda: PARAMETERS, coordinate=True)
+    found, other = dim(FOUND), dim(FOUND)
+    draw = dim(lambda self: range(self.draws))
+
+    @array(draw)
+    def seed(self, context: Context) -> Any:
+        bench = self.experiment.laboratory
+        return experiment_seeds(context.rng, "open-loop", bench.drive, self.draws)
 
     @part
-    def measured(self, context: Context) -> tuple[ComplexArray, ComplexArray, float]:
-        """Amplitudes (F, PERIODS) of u and v_r, and the largest share of saturated samples.
-
-        Both channels pass the same hold, delay and filter, which cancel in their ratio.
-        """
-        sweep = SteppedSine(self.grid, PERIODS, self.amplitude, RATE)
-        played = np.concatenate([samples for _, samples in sweep])
-        record = self.laboratory.coil(played, int(context.rng.integers(2**31)))
-        pieces = list(zip(self.grid, sweep.lengths, np.cumsum(sweep.lengths), strict=True))
-        u, v = (
-            np.array([sine_fit(one[end - n : end], RATE, f)[:PERIODS, 0] for f, n, end in pieces])
-            for one in (record.u_m, record.v_r / self.laboratory.coil_gain)
-        )
-        return u, v, max(record.saturation.values())
+    def told(self, seed: DataArray) -> list[Told]:
+        axis = self.experiment.axis
+        return [Told.drawn(axis, one) for one in seed.values.tolist()]
 
     @part
-    def raw(self, measured: Any) -> PeriodicResponse:
-        """v_r/u with what still rings of the resonance."""
-        return from_periods(self.grid, *measured[:2], transients=DISCARDED)
+    def currents(self, context: Context, seed: DataArray, told: list[Told]) -> list[Current]:
+        """The signals of each draw, corrected by what is told of the filters."""
+        first, *others = seed.values.tolist()
+        found = [self.experiment.played(first)]  # makes the signals that the others share
+        found += context.spread(self.experiment.played, others, "draws")
+        pairs = zip(found, told, strict=True)
+        return [one.corrected(each, self.experiment.frequency) for one, each in pairs]
 
-    @part
-    def settled(self, measured: Any, raw: PeriodicResponse) -> PeriodicResponse:
-        """v_r/u without what still rings of the resonance."""
-        v = without_transient(measured[1], self.grid, self._pole(raw.response[:, 0, 0]), DISCARDED)
-        return from_periods(self.grid, measured[0], v, transients=DISCARDED)
-
-    response = array(frequency, "V/V", "v_r/u measured", lambda settled: settled.response[:, 0, 0])
-    variance = array(
-        frequency,
-        "1",
-        value=lambda settled: (DEGREES + 2) / DEGREES * settled.variance[:, 0, 0],
-        degrees=DEGREES,
+    mass = array(
+        draw, "kg", "as told", lambda self, told: [self.experiment.mass * one.mass for one in told]
     )
-    radius = array(frequency, "V/V", value=lambda variance: _radius(variance.values, DEGREES))
+    raw = part(
+        lambda self, currents: [
+            from_periods(self.experiment.frequency, one.u, one.v, transients=DISCARDED)
+            for one in currents
+        ]
+    )
 
-    @array(frequency, "V/V", "v_r/u noise-free")
-    def exact(self) -> ComplexArray:
-        channels = self.laboratory.response(self.grid)
-        ratio: ComplexArray = channels["v_r"] / channels["u_m"] / self.laboratory.coil_gain
-        return ratio
+    @part
+    def settled(
+        self, raw: list[PeriodicResponse], currents: list[Current], mass: DataArray
+    ) -> list[PeriodicResponse]:
+        """v_r/u of each draw without what still rings of the resonance."""
+        every = zip(raw, currents, mass.values.tolist(), strict=True)
+        return [self.experiment.settled(*one) for one in every]
+
+    @part
+    def fits(
+        self, settled: list[PeriodicResponse], mass: DataArray, context: Context
+    ) -> list[LumpedFit]:
+        every = list(zip(settled, mass.values.tolist(), strict=True))
+        return [self.experiment.fit(*_measured(one), m) for one, m in context.track(every, "fits")]
+
+    # --- the first draw -----------------------------------------------------------------------
+
+    response = array(
+        frequency, "V/V", "v_r/u measured", lambda settled: settled[0].response[:, 0, 0]
+    )
+    variance = array(
+        frequency, "1", value=lambda settled: _measured(settled[0])[1], degrees=DEGREES
+    )
+    radius = array(
+        frequency,
+        "V/V",
+        value=lambda variance: np.sqrt(stats.f.ppf(CONFIDENCE, 2, DEGREES) * variance),
+    )
+    exact = array(frequency, "V/V", "v_r/u noise-free", lambda self: self.experiment.exact())
 
     @array((frequency, "period"), "V/V")
-    def periods(self, measured: Any) -> Any:
-        return (measured[1] / measured[0])[:, DISCARDED:]
+    def periods(self, currents: list[Current]) -> Any:
+        return (currents[0].v / currents[0].u)[:, DISCARDED:].astype(np.complex64)
 
-    saturation = array((), "1", value=lambda measured: measured[2])
+    # --- all draws ----------------------------------------------------------------------------
+
+    estimate = array(
+        (draw, parameter), value=lambda fits: [one.values[:JUDGED] for one in fits]
+    )
+    covariance = array((draw, found, other), value=lambda fits: [one.covariance for one in fits])
+    half_width = array(
+        (draw, parameter),
+        "",
+        "of the 99 % interval",
+        lambda fits: [one.half_width[:JUDGED] for one in fits],
+    )
+    chi_square = array(
+        draw, "", "of the fit, per degree of freedom", lambda fits: [one.chi_square for one in fits]
+    )
+
+    @array((draw, parameter))
+    def by_equations(self, settled: list[PeriodicResponse], mass: DataArray) -> Any:
+        """R, Bl, k, b by equations 4.20-4.23"""
+        every = zip(settled, mass.values.tolist(), strict=True)
+        return [self.experiment.by_equations(*_measured(one)[:2], m) for one, m in every]
 
     @arrays(
         parameter,
-        estimate="",
-        half_width=("", "of the 99 % interval"),
-        by_equations="",
-        truth=("", "lumped fit to the noise-free response"),
+        truth=("", "lumped fit to the noise-free response, true mass"),
         table=("", "printed table, b = b1 + b2"),
     )
-    def fits(self, fit: Any, response: Any, variance: Any, exact: Any) -> dict[str, RealArray]:
-        p = self.laboratory.parameters
+    def known(self, exact: DataArray, variance: DataArray) -> dict[str, RealArray]:
+        p, one = self.experiment.laboratory.parameters, self.experiment
         return {
-            "estimate": fit[0],
-            "half_width": fit[1],
-            "by_equations": self._by_equations(response.values, variance.values),
-            "truth": self._fit(exact.values, variance.values, np.inf)[0],
+            "truth": one.fit(exact.values, variance.values, np.inf, one.mass).values[:JUDGED],
             "table": np.array([p.R, p.Bl, p.k1 * p.k2 / (p.k1 + p.k2), p.b1 + p.b2]),
         }
 
-    @part
-    def fit(self, response: DataArray, variance: DataArray) -> tuple[RealArray, RealArray, float]:
-        return self._fit(response.values, variance.values, DEGREES)
-
-    chi_square = array((), "", "of the fit, per degree of freedom", lambda fit: fit[2])
     assumption_p = array(
-        assumption, value=lambda settled: [getattr(settled.assumptions, n) for n in ASSUMPTIONS]
+        (draw, assumption),
+        value=lambda settled: [[getattr(s.assumptions, n) for n in ASSUMPTIONS] for s in settled],
     )
-    transient_p = array(value=lambda raw: raw.assumptions.independent)
+    transient_p = array(draw, value=lambda raw: [one.assumptions.independent for one in raw])
+    saturation = array(draw, "1", value=lambda currents: [one.saturation for one in currents])
+
+    # --- checks -------------------------------------------------------------------------------
+
+    def at_told_mass(self, answer: Dataset) -> DataArray:
+        """Relative errors (draw, parameter) of the estimates, the truth at the mass that is told."""
+        power = answer["truth"].copy(data=[MASS_POWER[name] for name in PARAMETERS])
+        told = answer["mass"] / self.experiment.mass
+        return abs(answer["estimate"] / (answer["truth"] * told**power) - 1)
 
     check_errors = check(
         "error of {parameter}",
-        "relative, against the noise-free lumped fit",
-        lambda estimate, truth: abs(estimate / truth - 1),
-        at_most=ERROR_TOLERANCE,
+        "share of draws with a relative error, the mass as told, above the thesis' accuracy",
+        lambda self, answer: share_of_draws(
+            self.at_told_mass(answer)
+            > answer["truth"].copy(data=[ERROR_TOLERANCE[name] for name in PARAMETERS]),
+            "parameter",
+        ),
         each="parameter",
+        at_most=1.0 - SURE,
+    )
+    check_coverage = check(
+        "coverage of {parameter}",
+        "1 - p of so few draws whose 99 % interval holds the truth",
+        lambda answer: 1.0 - coverage_p(_held(answer), CONFIDENCE),
+        each="parameter",
+        at_most=1.0 - LEAST_COVERAGE_P,
     )
     check_equations = check(
         "equations 4.20-4.23",
-        "relative distance of their parameters from those of the direct fit",
-        lambda by_equations, estimate: abs(by_equations / estimate - 1).max(),
+        "relative distance of their parameters from those of the direct fit, any draw",
+        lambda by_equations, estimate: abs(by_equations / estimate - 1),
         at_most=1e-4,
     )
     check_saturation = check(
-        "saturation", "share of samples at a converter's limit", lambda saturation: saturation,
+        "saturation",
+        "share of samples at a converter's limit, any draw",
+        lambda saturation: saturation,
         at_most=0.0,
-    )  # fmt: skip
-
-    errors = metric("error_{parameter}", lambda estimate, truth: abs(estimate / truth - 1))
-    covered = metric(
-        lambda estimate, truth, half_width: (abs(estimate - truth) <= half_width).mean()
     )
+
+    # --- what is told -------------------------------------------------------------------------
+
+    errors = metric(
+        "error_{parameter}_{summary}",
+        lambda answer: over_draws(abs(answer["estimate"] / answer["truth"] - 1)),
+    )
+    errors_at_told_mass = metric(
+        "error_{parameter}_told_mass_{summary}",
+        lambda self, answer: over_draws(self.at_told_mass(answer)),
+    )
+    covered = metric("covered_{parameter}", lambda answer: _held(answer).mean("draw"))
+    covered_all = metric(lambda answer: _held(answer).mean())
     biases = metric("bias_{parameter}", lambda answer: answer["truth"] / answer["table"] - 1)
-    tests = metric("{assumption}_p", lambda assumption_p: assumption_p)
-    scalars = metric(lambda answer: {n: answer[n] for n in ("chi_square", "transient_p")})
+    tests = metric("{assumption}_p_{summary}", lambda assumption_p: over_draws(assumption_p))
+    ringing = metric("transient_p_{summary}", lambda transient_p: over_draws(transient_p))
+    misfit = metric("chi_square_{summary}", lambda chi_square: over_draws(chi_square))
 
     @table
     def parameters(self, answer: Dataset) -> tuple[list[str], list[list[str]]]:
+        """The first draw, and how often the intervals of all draws hold the truth."""
         heads = ["parameter", "estimate", "99 % interval", "by eq. 4.20-4.23", "noise-free fit"]
-        rows = []
+        held, first, rows = _held(answer), answer.isel(draw=0), []
         for name, unit in PARAMETERS.items():
-            row = answer.sel(parameter=name)
-            estimate, truth, printed = (float(row[key]) for key in ("estimate", "truth", "table"))
+            row = first.sel(parameter=name)
+            estimate, truth, printed = (
+                float(row[key]) for key in ("estimate", "truth", "table")
+            )
             cells = [f"{estimate:.6g}", f"+- {float(row['half_width']) / estimate:.2%}"]
             cells += [f"{one:.6g}" for one in (float(row["by_equations"]), truth, printed)]
-            rows.append([f"{name} [{unit}]", *cells, f"{truth / printed - 1:+.2%}"])
-        return [*heads, "table", "bias of the lumped model"], rows
+            covered = int(held.sel(parameter=name).sum())
+            rows.append(
+                [f"{name} [{unit}]", *cells, f"{truth / printed - 1:+.2%}", f"{covered}/{self.draws}"]
+            )
+        return [*heads, "table", "bias of the lumped model", "intervals that hold"], rows
 
     @figure
     def bode(self, answer: Dataset) -> Figure:
-        drawn, panels = figures.axes(2, 2, size=(9.0, 6.0), sharex=True)
-        frequency, response = answer["frequency"].values, answer["response"].values
-        radius, exact = answer["radius"].values, answer["exact"].values
-
-        def plot(column: int, values: ComplexArray, *style: str, **look: Any) -> None:
-            parts = (abs(values), np.degrees(np.angle(values)))
-            for panel, one in zip(panels[column::2], parts, strict=True):
-                panel.plot(frequency, one, *style, **look)
-
-        # Rasterized, as there are thousands of points.
-        dots: Any = {"linestyle": "none", "marker": ".", "markersize": 1.5, "rasterized": True}
-        plot(0, answer["periods"].values, color=figures.BLUE, **dots)
-        plot(1, exact, "--", color=figures.BLACK, label="noise-free")
-        angle, lead = np.degrees(np.angle(response)), np.degrees(radius / abs(response))
-        bands = ((abs(response), radius), (angle, lead))
-        for panel, (middle, half) in zip(panels[1::2], bands, strict=True):
-            panel.fill_between(
-                frequency, middle - half, middle + half, label="99 % interval",
-                color=figures.ORANGE, alpha=0.5, linewidth=0,
-            )  # fmt: skip
-        plot(1, response, color=figures.BLUE, linewidth=1.0, label="measured")
-        for column, title in enumerate(("ten periods each", "mean and 99 % interval")):
-            title = f"{self.laboratory.drive} {self.laboratory.axis}, {title}"
-            figures.label(panels[column], title=title)
-            figures.label(panels[2 + column], "frequency [Hz]")
-        figures.label(panels[0], y="$|v_r/u|$ [V/V]")
-        figures.label(panels[2], y="phase [deg]")
-        figures.legend_below(drawn, panels[1])
-        return drawn
-
-    def _fit(
-        self, response: ComplexArray, variance: RealArray | None, degrees: float
-    ) -> tuple[RealArray, RealArray, float]:
-        """R, Bl, k, b, the half-widths of their intervals, and chi-square per degree of freedom."""
-        stiffness = self.mass * (2 * np.pi * RESONANCE[self.laboratory.axis]) ** 2
-        start = {
-            "R": FittedParameter(15.0, 1.0, 100.0),
-            "Bl": FittedParameter(0.2, 0.01, 2.0),
-            "k": FittedParameter(stiffness, 1.0, 1e3),
-            "b": FittedParameter(0.01, 1e-4, 1.0),
-        }
-        measured = MeasuredResponse(
-            self._model, self.grid, response, variance, degrees, name="v_r/u"
-        )
-        program = ParameterFit([measured], start)
-        values = solved(program)
-        widths = np.asarray(program.intervals(values, CONFIDENCE))
-        return values, widths, program.chi_square(values)[0]
-
-    def _model(self, p: Any, s: Any) -> Any:
-        """v_r/u of the lumped model by equation 4.17."""
-        m, r = self.mass, SERIES_RESISTANCE
-        total = p["R"] + r
-        held = m * s**2 + p["b"] * s + p["k"]
-        return r / total * held / (held + p["Bl"] ** 2 / total * s)
-
-    def _by_equations(self, response: ComplexArray, variance: RealArray) -> RealArray:
-        """R, Bl, k, b by equations 4.20-4.23 from the fitted coefficients of eq. 4.19."""
-
-        def rational(p: Any, s: Any) -> Any:
-            held = s**2 + p["a1"] * s + p["a2"]
-            return p["A"] * held / (s**2 + p["b1"] * s + p["a2"])
-
-        resonance = (2 * np.pi * RESONANCE[self.laboratory.axis]) ** 2
-        start = {
-            "A": FittedParameter(0.07, 1e-3, 1.0),
-            "a1": FittedParameter(15.0, 0.1, 1e3),
-            "a2": FittedParameter(resonance, 0.1 * resonance, 10 * resonance),
-            "b1": FittedParameter(20.0, 0.1, 1e3),
-        }
-        measured = MeasuredResponse(rational, self.grid, response, variance, DEGREES)
-        A, a1, a2, b1 = solved(ParameterFit([measured], start))
-        m, r = self.mass, SERIES_RESISTANCE
-        return np.array([r * (1 - A) / A, np.sqrt(m * r / A * (b1 - a1)), m * a2, m * a1])
-
-    def _pole(self, response: ComplexArray) -> complex:
-        """Pole [rad/s] of the first resonance, by a fit without weights."""
-        R, Bl, k, b = self._fit(response, None, np.inf)[0]
-        half = (b + Bl**2 / (R + SERIES_RESISTANCE)) / self.mass / 2
-        return complex(-half, np.sqrt(k / self.mass - half**2))
+        bench = self.experiment.laboratory
+        return open_loop_bode(answer, f"{bench.drive} {bench.axis}, one record")
 
 
-def without_transient(
-    amplitudes: ComplexArray, frequency: RealArray, pole: complex, discarded: int
-) -> ComplexArray:
-    """Amplitudes (F, periods) without what still rings of a resonance after discarded periods.
-
-    A decaying mode at the pole [rad/s] turns, from period to period of a sine at f [Hz], by
-    exp((pole - j 2 pi f) / f). Its amplitude is fitted beside the constant one by least squares.
-    """
-    periods = np.arange(amplitudes.shape[1])
-    turn = np.exp((pole / frequency - 2j * np.pi)[:, None] * periods)
-    kept = slice(discarded, None)
-    centred = turn[:, kept] - turn[:, kept].mean(axis=1, keepdims=True)
-    weight = (amplitudes[:, kept] * centred.conj()).sum(axis=1) / (abs(centred) ** 2).sum(axis=1)
-    result: ComplexArray = amplitudes - weight[:, None] * turn
-    return result
+def _measured(settled: PeriodicResponse) -> tuple[ComplexArray, RealArray, float]:
+    """v_r/u (F,), its variance and the degrees of freedom of that."""
+    variance = (DEGREES + 2) / DEGREES * settled.variance[:, 0, 0]
+    return settled.response[:, 0, 0], variance, DEGREES
 
 
-def solved(program: ParameterFit, failed: str = "the fit failed") -> RealArray:
-    """The fitted parameters; raises SolverError, its text begun by ``failed``, without a proof."""
-    solution = solve(program)
-    if solution.certificate is None or not solution.certificate.valid:
-        failures = solution.certificate.failures if solution.certificate else ()
-        raise SolverError("; ".join([f"{failed}: {solution.message}", *failures]))
-    return np.asarray(solution.answer)
-
-
-def _radius(variance: RealArray, degrees: float) -> RealArray:
-    """Radius of the regions that cover a response, from the variance of its estimate."""
-    from scipy import stats
-
-    return np.sqrt(stats.f.ppf(CONFIDENCE, 2, degrees) * variance)
+def _held(answer: Dataset) -> DataArray:
+    """Whether an interval (draw, parameter) holds the truth."""
+    return abs(answer["estimate"] - answer["truth"]) <= answer["half_width"]

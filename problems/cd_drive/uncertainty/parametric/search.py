@@ -52,7 +52,6 @@ def _plants(
     """f_en / u [units/V] at deltas (..., P) and frequencies that broadcast against them."""
     values = {name: entry.nominal for name, entry in nominal_table(axis).items()}
     values |= {p.name: p.at(delta[..., i]) for i, p in enumerate(box)}
-    values["gain"] = values.pop("K_total")
-    R, Bl = values.pop("R") + SERIES_RESISTANCE, values.pop("Bl")
-    response: ComplexArray = lens(values, 2j * np.pi * frequency, R, Bl)
+    moved = lens(values, 2j * np.pi * frequency, values["R"] + SERIES_RESISTANCE)
+    response: ComplexArray = values["K_total"] * moved
     return response

@@ -1,0 +1,192 @@
+"""What is known of a drive before its loop is closed, and the fit of its two masses with it.
+
+Equation and section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
+CD-players (2003).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+
+from workbench.arrays import RealArray
+from workbench.heavy_types import Dataset
+from workbench.identification import (
+    FittedParameter,
+    MeasuredResponse,
+    ParameterFit,
+    PeriodicResponse,
+)
+
+from ..drive.actuator import SERIES_RESISTANCE
+from ..drive.plants import nominal_parameters
+from ..drive.tables import ActuatorParameters, Axis
+from ..drive.two_masses import FITTED, LumpedValues, lens, lumped, lumped_values
+from .bench_setup import PERIOD
+from .unknowns import (
+    CORNER_DEVIATION,
+    DELAY_DEVIATION,
+    GAIN_DEVIATION,
+    MASS_DEVIATION,
+    corner_ratio,
+)
+
+CONFIDENCE, NORMAL_99 = 0.99, 2.576
+"""Probability with which an interval covers the true value, and its half-width in standard
+deviations."""
+MODEL_DEVIATION = {"Bl": 0.001, "k": 0.001, "b": 0.01, "m": 0.001}
+"""Relative errors of the lumped model itself, as standard deviations."""
+MASS_POWER = {"R": 0.0, "Bl": 0.5, "k": 1.0, "b": 1.0, "m": 1.0}
+"""Powers of the mass by which lumped parameters grow that are found with another mass: the current
+tells k/m, b/m and Bl^2/m alone."""
+RATIO_DEVIATION = np.sqrt(2.0) * CORNER_DEVIATION
+"""Relative standard deviation of the ratio of two channels' corners."""
+
+
+@dataclass(frozen=True, eq=False)
+class KnownQuantities:
+    """Quantities known beforehand, as data of a fit.
+
+    quantities: function of the parameters that returns them. given: their known values (n,).
+    covariance: of those (n, n).
+    """
+
+    quantities: Callable[[Mapping[str, Any]], Sequence[Any]]
+    given: RealArray
+    covariance: RealArray
+    name: str = "known values"
+    degrees: ClassVar[float] = np.inf
+    weighted: ClassVar[bool] = True
+    size: ClassVar[float] = 0.0
+
+    @property
+    def count(self) -> int:
+        return len(self.given)
+
+    @cached_property
+    def _whitening(self) -> RealArray:
+        """Matrix that makes the errors independent, each with a standard deviation of one."""
+        found: RealArray = np.linalg.inv(np.linalg.cholesky(self.covariance))
+        return found
+
+    def residuals(self, values: Mapping[str, float]) -> RealArray:
+        found: RealArray = self._whitening @ (np.array(self.quantities(values)) - self.given)
+        return found
+
+    def expression(self, names: Sequence[str], vector: Any) -> Any:
+        import casadi as ca
+
+        values = self.quantities({name: vector[i] for i, name in enumerate(names)})
+        return ca.mtimes(ca.DM(self._whitening), ca.vertcat(*values) - ca.DM(self.given))
+
+
+def independent(given: Mapping[str, tuple[float, float]], name: str) -> KnownQuantities:
+    """Parameters known by themselves: value and standard deviation of each, by name."""
+    values, deviations = np.transpose(list(given.values()))
+    return KnownQuantities(
+        lambda p: [p[one] for one in given], values, np.diag(deviations**2), name
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Lumped:
+    """Lumped parameters of a drive as known before the loop is closed.
+
+    R: resistance of the whole circuit [ohm]. values: force factor, spring, damper, mass.
+    covariance: of those (4, 4).
+    """
+
+    R: float
+    values: LumpedValues
+    covariance: RealArray
+
+    @classmethod
+    def of(cls, drive: ActuatorParameters) -> Lumped:
+        """The true ones of a drive, known as well as the mass that is told."""
+        values = lumped(drive)
+        common = MASS_DEVIATION * np.array([MASS_POWER[name] for name in values._fields])
+        relative = np.outer(common, common) + _model_covariance()
+        return cls(drive.R + SERIES_RESISTANCE, values, relative * np.outer(values, values))
+
+    @classmethod
+    def from_open_loop(cls, draw: Dataset) -> Lumped:
+        """Those that one draw of the open-loop experiment found, its mass as told.
+
+        The experiment's covariance holds for the lumped model; that model's own error is added.
+        """
+        names = list(LumpedValues._fields)
+        R, *found = draw["estimate"].sel(parameter=["R", *names[:-1]]).values.tolist()
+        found.append(float(draw["mass"]))
+        covariance = draw["covariance"].sel(found=names, other=names).values
+        model = _model_covariance() * np.outer(found, found)
+        return cls(R + SERIES_RESISTANCE, LumpedValues(*found), covariance + model)
+
+    @property
+    def data(self) -> KnownQuantities:
+        """These values as data of a fit."""
+        return KnownQuantities(lumped_values, np.array(self.values), self.covariance)
+
+    def drawn(self, rng: np.random.Generator) -> Lumped:
+        """These values with random errors, as an experiment would find them."""
+        found = rng.multivariate_normal(self.values, self.covariance)
+        return replace(self, values=LumpedValues(*found.tolist()))
+
+
+def _model_covariance() -> RealArray:
+    return np.diag([MODEL_DEVIATION[name] ** 2 for name in LumpedValues._fields])
+
+
+def chain_of_loop(gain_deviation: float) -> KnownQuantities:
+    """What is known of the true measurement chain over the one that is told: see `chain_ratio`."""
+    lag = DELAY_DEVIATION * PERIOD
+    given = {"gain": (1.0, gain_deviation), "lag": (0.0, lag), "corner": (1.0, RATIO_DEVIATION)}
+    return independent(given, "measurement chain")
+
+
+def chain_ratio(p: Mapping[str, Any], s: Any) -> Any:
+    """The true measurement chain over the told one, from control signal to error.
+
+    gain: ratio of the optical gains. lag [s]: by which the error's channel comes later. corner:
+    ratio of both filters' corners.
+    """
+    return p["gain"] * np.exp(-s * p["lag"]) * corner_ratio(p["corner"], s)
+
+
+def chain_parameters() -> dict[str, FittedParameter]:
+    """Starts and bounds of the parameters of `chain_ratio`."""
+    lag = 20 * DELAY_DEVIATION * PERIOD
+    return {
+        "gain": FittedParameter(1.0, 0.2, 5.0),
+        "lag": FittedParameter(0.0, -lag, lag),
+        "corner": FittedParameter(1.0, 0.2, 5.0),
+    }
+
+
+def arm_parameters(axis: Axis, names: Sequence[str]) -> dict[str, FittedParameter]:
+    """Starts and bounds of parameters of the fourth-order model, about the nominal drive's.
+
+    b2 may become negative: a bound at zero would hide how little the data tell about it.
+    """
+    arm = nominal_parameters(axis)
+    start = {name: getattr(arm, name) for name in names}
+    found = {name: FittedParameter(value, value / 5, value * 5) for name, value in start.items()}
+    found["b2"] = FittedParameter(arm.b2, -20 * arm.b2, 20 * arm.b2)
+    return found
+
+
+def two_mass_fit(estimate: PeriodicResponse, known: Lumped, axis: Axis) -> ParameterFit:
+    """Fit of the masses, springs and dampers to a measured response x / coil voltage [m/V].
+
+    The force factor and the measurement chain are fitted beside them, as what is known of them is
+    not exact either. The search starts at the nominal drive.
+    """
+
+    def model(p: Any, s: Any) -> Any:
+        return lens(p, s, known.R) * chain_ratio(p, s)
+
+    data = [MeasuredResponse.of(model, estimate), known.data, chain_of_loop(GAIN_DEVIATION[axis])]
+    return ParameterFit(data, arm_parameters(axis, (*FITTED, "Bl")) | chain_parameters())
