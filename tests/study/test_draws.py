@@ -79,3 +79,10 @@ def test_experiments_run_in_threads_within_the_time_limit():
     late = Context(Options(time_limit=1e-9))
     with pytest.raises(TimeLimitError, match="squares: time limit of 1e-09 s reached"):
         late.spread(lambda n: n, [1], "squares")
+
+
+def test_draws_without_a_value_do_not_count():
+    values = xr.DataArray([[1.0, np.nan], [np.nan, np.nan], [3.0, np.nan]], dims=("draw", "kind"))
+    told = over_draws(values)
+    assert told.sel(summary="mean").values[0] == 2.0
+    assert np.isnan(told.isel(kind=1)).all()

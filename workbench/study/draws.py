@@ -7,6 +7,8 @@ in nearly all draws, each compared with itself (the same noise, the same defect)
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -34,6 +36,8 @@ def independent_seeds(rng: np.random.Generator, *shape: int) -> NDArray[np.int64
 def over_draws(values: DataArray, *also: str) -> DataArray:
     """Mean and interval of a number over its draws, along the dimension ``summary``.
 
+    Draws without a value, NaN, do not count; where none has one the summary is NaN.
+
     Parameters
     ----------
     values
@@ -49,8 +53,11 @@ def over_draws(values: DataArray, *also: str) -> DataArray:
     if missing:
         raise InputError(f"array over {values.dims} has no dimension {missing[0]!r}")
     dims, tail = [DRAW, *also], (1.0 - CENTRAL) / 2
-    ends = values.astype(float).quantile([tail, 1.0 - tail], dims).rename(quantile="summary")
-    every = [values.mean(dims).expand_dims("summary"), ends.drop_vars("summary")]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # of what has no value in any draw
+        ends = values.astype(float).quantile([tail, 1.0 - tail], dims).rename(quantile="summary")
+        mean = values.mean(dims)
+    every = [mean.expand_dims("summary"), ends.drop_vars("summary")]
     found = xr.concat(every, "summary").assign_coords(summary=list(SUMMARY))
     found.attrs |= {"units": values.attrs.get("units", "")}
     return found

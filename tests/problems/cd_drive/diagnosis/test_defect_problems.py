@@ -89,7 +89,7 @@ def test_noise_makes_shallow_defects_harder(curves):
 def test_numbers_of_the_curves_have_an_interval(curves):
     study, solution = curves
     numbers = study.metrics(solution.answer)
-    for name in ("area_sum", "area_glr_10pct_1mm", "isolated", "light_lost_at_alarm_level"):
+    for name in ("area_sum", "area_error_10pct_1mm", "isolated", "light_lost_at_alarm_level"):
         low, mean, high = (numbers[f"{name}_{end}"] for end in ("low", "mean", "high"))
         assert low < mean < high
     assert "undecided" in study.tables(solution.answer)["claims"]
