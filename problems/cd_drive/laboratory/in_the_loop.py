@@ -32,9 +32,10 @@ PERIODS, EVALUATED = 20, 10
 """Periods played at each frequency, and how many of the last are evaluated (section 4.6.2)."""
 LOOP_SETTLING = 0.5
 """Time [s] in which the disc runs up and the loop settles."""
-ERROR_SWING = {"focus": 1.0e-6, "radial": 0.05e-6}
-"""Amplitude [m] of the error that the excitation aims at: half the linear range of the
-focus diodes; where the sine of the radial ones is half a per cent below its tangent."""
+ERROR_SWING = {"focus": 0.9e-6, "radial": 0.05e-6}
+"""Amplitude [m] of the error that the excitation aims at: half the linear range of the focus
+diodes, less a tenth for drives of small gain; where the sine of the radial ones is half a per cent
+below its tangent."""
 LARGEST_EXCITATION = 2.0
 """Largest amplitude [V] of the excitation and of its part in u, in the nominal loop.
 

@@ -6,9 +6,10 @@ CD-players (2003).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import product
 from typing import Any, ClassVar
 
 import numpy as np
@@ -45,6 +46,9 @@ MASS_POWER = {"R": 0.0, "Bl": 0.5, "k": 1.0, "b": 1.0, "m": 1.0}
 tells k/m, b/m and Bl^2/m alone."""
 RATIO_DEVIATION = np.sqrt(2.0) * CORNER_DEVIATION
 """Relative standard deviation of the ratio of two channels' corners."""
+
+ARM_SHARES = np.geomspace(0.5, 2.0, 9)
+"""Springs and masses of the arm, over the nominal ones, among which a fit finds its start."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,11 +186,31 @@ def two_mass_fit(estimate: PeriodicResponse, known: Lumped, axis: Axis) -> Param
     """Fit of the masses, springs and dampers to a measured response x / coil voltage [m/V].
 
     The force factor and the measurement chain are fitted beside them, as what is known of them is
-    not exact either. The search starts at the nominal drive.
+    not exact either. The search starts at the best of several arms with the lumped values known:
+    a resonance in noise has other minima, where the arm's mass runs away.
     """
 
     def model(p: Any, s: Any) -> Any:
         return lens(p, s, known.R) * chain_ratio(p, s)
 
     data = [MeasuredResponse.of(model, estimate), known.data, chain_of_loop(GAIN_DEVIATION[axis])]
-    return ParameterFit(data, arm_parameters(axis, (*FITTED, "Bl")) | chain_parameters())
+    parameters = arm_parameters(axis, (*FITTED, "Bl")) | chain_parameters()
+    program = ParameterFit(data, parameters)
+    chain = [parameters[name].start for name in ("gain", "lag", "corner")]
+    starts = [
+        np.array([*arm.values(), known.values.Bl, *chain]) for arm in _arms(known.values, axis)
+    ]
+    best = min(starts, key=lambda values: float(np.linalg.norm(program.residuals(values))))
+    near = dict(zip(program.names, best.tolist(), strict=True))
+    return ParameterFit(data, {n: replace(one, start=near[n]) for n, one in parameters.items()})
+
+
+def _arms(values: LumpedValues, axis: Axis) -> Iterator[dict[str, float]]:
+    """FITTED parameters with these lumped values, link and mass of the arm about the nominal."""
+    arm = nominal_parameters(axis)
+    for share, weight in product(ARM_SHARES, ARM_SHARES):
+        k2, m2, b2 = share * arm.k2, weight * arm.m2, arm.b2
+        k1 = values.k * k2 / (k2 - values.k)
+        rho = k2 / (k1 + k2)
+        m1, b1 = values.m - m2 * rho**2, (values.b - b2 * (1 - rho) ** 2) / rho**2
+        yield dict(zip(FITTED, (m1, m2, k1, k2, b1, b2), strict=True))
