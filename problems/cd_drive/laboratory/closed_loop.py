@@ -41,7 +41,7 @@ from workbench.tables import markdown
 from ..drive.red_book import ACCEPTABLE_ERROR
 from ..drive.shared_parameters import TABLES
 from ..drive.tables import Axis, Values
-from ..drive.two_masses import FITTED, lens, lumped, lumped_values
+from ..drive.two_masses import FITTED, lens, lumped_values
 from .experiment import Laboratory
 from .figures import closed_loop_bode
 from .in_the_loop import RECORDED, Chain, LoopExperiment, LoopRecord, neighbours_p, pool_steps
@@ -272,7 +272,9 @@ class ClosedLoop(Study):
         """The loop held, in the linear range of diodes and converters, and the fits are proven."""
         far = share_of_draws(answer["largest_error"] > ACCEPTABLE_ERROR[self.bench.axis])
         return [
-            Check("loop", "times that it was lost or regained, all draws", _sum(answer["events"]), 0),
+            Check(
+                "loop", "times that it was lost or regained, all draws", _sum(answer["events"]), 0
+            ),
             Check(
                 "saturation",
                 "share of saturated samples, any draw",

@@ -161,9 +161,7 @@ class OpenLoop(Study):
 
     # --- all draws ----------------------------------------------------------------------------
 
-    estimate = array(
-        (draw, parameter), value=lambda fits: [one.values[:JUDGED] for one in fits]
-    )
+    estimate = array((draw, parameter), value=lambda fits: [one.values[:JUDGED] for one in fits])
     covariance = array((draw, found, other), value=lambda fits: [one.covariance for one in fits])
     half_width = array(
         (draw, parameter),
@@ -263,14 +261,17 @@ class OpenLoop(Study):
         held, first, rows = _held(answer), answer.isel(draw=0), []
         for name, unit in PARAMETERS.items():
             row = first.sel(parameter=name)
-            estimate, truth, printed = (
-                float(row[key]) for key in ("estimate", "truth", "table")
-            )
+            estimate, truth, printed = (float(row[key]) for key in ("estimate", "truth", "table"))
             cells = [f"{estimate:.6g}", f"+- {float(row['half_width']) / estimate:.2%}"]
             cells += [f"{one:.6g}" for one in (float(row["by_equations"]), truth, printed)]
             covered = int(held.sel(parameter=name).sum())
             rows.append(
-                [f"{name} [{unit}]", *cells, f"{truth / printed - 1:+.2%}", f"{covered}/{self.draws}"]
+                [
+                    f"{name} [{unit}]",
+                    *cells,
+                    f"{truth / printed - 1:+.2%}",
+                    f"{covered}/{self.draws}",
+                ]
             )
         return [*heads, "table", "bias of the lumped model", "intervals that hold"], rows
 

@@ -8,9 +8,13 @@ import xarray as xr
 from scipy import stats
 from workbench.plants.cd_drive.drive.actuator import SERIES_RESISTANCE, specific_model
 from workbench.plants.cd_drive.drive.tables import drives
+from workbench.plants.cd_drive.drive.two_masses import lumped, lumped_values
 from workbench.plants.cd_drive.laboratory.identified import NAMES, Identified
+from workbench.plants.cd_drive.laboratory.unknowns import Told
 
 import workbench as wb
+
+SEED = 5
 
 
 def measured(axis):
@@ -23,19 +27,26 @@ def measured(axis):
     current = SERIES_RESISTANCE / total * (1 - drive.Bl * 2j * np.pi * low * model.response(low))
     motion = model.response(high)
     noise = [rng.normal(size=n) + 1j * rng.normal(size=n) for n in (low.size, high.size)]
-    current = current + 1e-6 * noise[0] / np.sqrt(2)
-    sigma = 1e-4 * abs(motion)
+    current = current + 1e-5 * noise[0] / np.sqrt(2)
+    sigma = 1e-3 * abs(motion)
     motion = motion + sigma * noise[1] / np.sqrt(2)
+    told = Told.drawn(axis, SEED).gain  # by the gain that the closed-loop run is told
+    motion, sigma = motion / told, sigma / told
     radius = sigma * np.sqrt(stats.f.ppf(0.99, 2, 18))
     open_loop = xr.Dataset(
         {
             "response": ("frequency", current),
-            "variance": ("frequency", np.full(low.size, 1e-12), {"degrees": 16.0}),
+            "variance": ("frequency", np.full(low.size, 1e-10), {"degrees": 16.0}),
+            "mass": ("draw", [float(lumped(drive).m)]),
         },
         {"frequency": low},
     )
     closed_loop = xr.Dataset(
-        {"response": ("frequency", motion), "radius": ("frequency", radius)},
+        {
+            "response": ("frequency", motion),
+            "radius": ("frequency", radius),
+            "seed": ("draw", [SEED]),
+        },
         {"frequency": high},
     )
     runs = [SimpleNamespace(answer=data) for data in (open_loop, closed_loop)]
@@ -48,14 +59,19 @@ def test_precise_responses_give_the_drive_back(axis):
     fit = study._fit(drive, drive.K_optn, 0)
     truth = np.array([getattr(drive, name) for name in NAMES])
     assert np.all(abs(fit.answer[: len(NAMES)] - truth) <= 1.5 * fit.half_width[: len(NAMES)])
-    assert np.all(fit.half_width[: len(NAMES)] <= 0.05 * truth)
+    assert np.all(fit.half_width[: len(NAMES)] <= 0.3 * truth)
     assert fit.chi_square == pytest.approx(1.0, abs=0.3)
 
 
-def test_a_wrong_optical_gain_is_corrected_within_its_accuracy():
+def test_a_wrong_optical_gain_is_told_from_the_responses():
+    """But for the mass: one that is heavier by e makes the gain larger by e / 2."""
     drive, study = measured("focus")
     fit = study._fit(drive, 1.005 * drive.K_optn, 0)
-    assert fit.answer[-1] == pytest.approx(1 / 1.005, rel=1e-3)
+    found = dict(zip(NAMES, fit.answer[: len(NAMES)], strict=True))
+    heavier = lumped_values(found).m / lumped(drive).m
+    gain = fit.answer[-3]
+    assert gain / np.sqrt(heavier) == pytest.approx(1 / 1.005, rel=2e-3)
+    assert heavier == pytest.approx(1.0, abs=0.03)
 
 
 @pytest.mark.slow
