@@ -161,9 +161,7 @@ class OpenLoop(Study):
 
     # --- all draws ----------------------------------------------------------------------------
 
-    estimate = array(
-        (draw, parameter), value=lambda fits: [one.values[:JUDGED] for one in fits]
-    )
+    estimate = array((draw, parameter), value=lambda fits: [one.values[:JUDGED] for one in fits])
     covariance = array((draw, found, other), value=lambda fits: [one.covariance for one in fits])
     half_width = array(
         (draw, parameter),
@@ -203,7 +201,7 @@ class OpenLoop(Study):
     # --- checks -------------------------------------------------------------------------------
 
     def at_told_mass(self, answer: Dataset) -> DataArray:
-        """Relative errors (draw, parameter) of the estimates, the truth at the mass that is told."""
+        """Relative errors (draw, parameter), the truth taken at the mass that is told."""
         power = answer["truth"].copy(data=[MASS_POWER[name] for name in PARAMETERS])
         told = answer["mass"] / self.experiment.mass
         return abs(answer["estimate"] / (answer["truth"] * told**power) - 1)
@@ -249,8 +247,8 @@ class OpenLoop(Study):
         "error_{parameter}_told_mass_{summary}",
         lambda self, answer: over_draws(self.at_told_mass(answer)),
     )
-    covered = metric("covered_{parameter}", lambda answer: _held(answer).mean("draw"))
-    covered_all = metric(lambda answer: _held(answer).mean())
+    covered_each = metric("covered_{parameter}", lambda answer: _held(answer).mean("draw"))
+    covered = metric(lambda answer: _held(answer).mean())
     biases = metric("bias_{parameter}", lambda answer: answer["truth"] / answer["table"] - 1)
     tests = metric("{assumption}_p_{summary}", lambda assumption_p: over_draws(assumption_p))
     ringing = metric("transient_p_{summary}", lambda transient_p: over_draws(transient_p))
@@ -263,14 +261,17 @@ class OpenLoop(Study):
         held, first, rows = _held(answer), answer.isel(draw=0), []
         for name, unit in PARAMETERS.items():
             row = first.sel(parameter=name)
-            estimate, truth, printed = (
-                float(row[key]) for key in ("estimate", "truth", "table")
-            )
+            estimate, truth, printed = (float(row[key]) for key in ("estimate", "truth", "table"))
             cells = [f"{estimate:.6g}", f"+- {float(row['half_width']) / estimate:.2%}"]
             cells += [f"{one:.6g}" for one in (float(row["by_equations"]), truth, printed)]
             covered = int(held.sel(parameter=name).sum())
             rows.append(
-                [f"{name} [{unit}]", *cells, f"{truth / printed - 1:+.2%}", f"{covered}/{self.draws}"]
+                [
+                    f"{name} [{unit}]",
+                    *cells,
+                    f"{truth / printed - 1:+.2%}",
+                    f"{covered}/{self.draws}",
+                ]
             )
         return [*heads, "table", "bias of the lumped model", "intervals that hold"], rows
 
