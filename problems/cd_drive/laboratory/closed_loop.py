@@ -7,19 +7,17 @@ CD-players (2003).
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass, replace
-from typing import Annotated, Any, ClassVar, NamedTuple
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
 
-from workbench import Check, Run, problem, ref, solve
-from workbench.arrays import ComplexArray, RealArray
+from workbench import Check, Run, problem, ref
 from workbench.bench.declare import Ref
-from workbench.errors import SolverError
 from workbench.executor import Context
 from workbench.heavy_types import DataArray, Dataset, Figure
-from workbench.identification import IdentificationWarning, PeriodicResponse
+from workbench.identification import IdentificationWarning
 from workbench.simulation.machine import machine
 from workbench.study import (
     Study,
@@ -41,11 +39,12 @@ from workbench.tables import markdown
 from ..drive.red_book import ACCEPTABLE_ERROR
 from ..drive.shared_parameters import TABLES
 from ..drive.tables import Axis, Values
-from ..drive.two_masses import FITTED, lens, lumped_values
+from ..drive.two_masses import FITTED, lumped_values
 from .experiment import Laboratory
 from .figures import closed_loop_bode
-from .in_the_loop import RECORDED, Chain, LoopExperiment, LoopRecord, neighbours_p, pool_steps
-from .known_values import CONFIDENCE, Lumped, chain_ratio, two_mass_fit
+from .in_the_loop import RECORDED, LoopExperiment, LoopRecord
+from .known_values import CONFIDENCE, Lumped
+from .loop_fit import NUMBERS, LoopFit, fit_of_draw
 from .unknowns import Told, experiment_seeds
 
 LIMITS = {"m1": 0.008, "m2": 0.12, "k1": 0.015, "k2": 0.12, "b1": 0.06, "b2": 6.0}
@@ -54,17 +53,6 @@ FINE_STEP; they grow with the square root of the step. b2 is a twentieth of the 
 experiment tells no more than that it is small."""
 FINE_STEP = 2.0
 """Frequency step of the thesis [Hz]."""
-NUMBERS = (
-    "gain",
-    "chi_square",
-    "chi_square_p",
-    "neighbours_p",
-    "independent_p",
-    "unproven",
-    "covered_response",
-    "error_fitted",
-)
-"""Numbers of the fit of a draw."""
 LEAST_P = 0.01
 """p-value of either test of the fit below which the model's order is rejected in a draw."""
 
@@ -111,23 +99,6 @@ def closed_loop(
     answer = open_loop.answer
     known = tuple(Lumped.from_open_loop(answer.isel(draw=n)) for n in range(draws))
     return ClosedLoop(LoopExperiment(bench, frequency, disturbances), draws, known)
-
-
-class LoopFit(NamedTuple):
-    """The fit of one draw.
-
-    value, half_width (6,): of FITTED. response, radius, fitted, exact (F,): measured with its
-    region, fitted, and without noise, all by the measurement chain that is told.
-    """
-
-    value: RealArray
-    half_width: RealArray
-    response: ComplexArray
-    radius: RealArray
-    fitted: ComplexArray
-    exact: ComplexArray
-    numbers: dict[str, float]
-    notes: list[str]
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,36 +168,10 @@ class ClosedLoop(Study):
         self, context: Context, records: list[LoopRecord], told: list[Told], known: Any
     ) -> list[LoopFit]:
         every = list(zip(records, told, known, strict=True))
-        return [self.fit(context, *one) for one in context.track(every, "fits")]
-
-    def fit(self, context: Context, record: LoopRecord, told: Told, known: Lumped) -> LoopFit:
-        """The two masses on two springs of one draw."""
-        grid, s = self.experiment.frequency, 2j * np.pi * self.experiment.frequency
-        chain = Chain.told(self.bench, told).response(grid)
-        estimate = _of_lens(record.estimate, chain)
-        program = two_mass_fit(estimate, known, self.bench.axis)
-        solution = solve(program, options=context.options)
-        if solution.answer is None or solution.certificate is None:
-            raise SolverError(f"the fit gave no answer: {solution.message}")
-        found = solution.answer
-        p = dict(zip(program.names, found.tolist(), strict=True))
-        fitted = lens(p, s, known.R) * chain_ratio(p, s)
-        response, radius = estimate.response[:, 0, 0], estimate.radius(CONFIDENCE)[:, 0, 0]
-        exact = self.bench.actuator.response(grid) * Chain.told(self.bench).response(grid) / chain
-        chi_square, p_value = program.chi_square(found)
-        numbers = {
-            "gain": p["gain"],
-            "chi_square": chi_square,
-            "chi_square_p": p_value,
-            "neighbours_p": neighbours_p((response - fitted) / radius, pool_steps(grid)),
-            "independent_p": record.estimate.assumptions.independent,
-            "unproven": len(solution.certificate.failures),
-            "covered_response": (abs(response - exact) <= radius).mean(),
-            "error_fitted": (abs(fitted - exact) / abs(exact)).max(),
-        }
-        value, half_width = found[: len(FITTED)], program.intervals(found)[: len(FITTED)]
-        shown = response, radius, fitted, exact
-        return LoopFit(value, half_width, *shown, numbers, program.notes(found))
+        return [
+            fit_of_draw(self.experiment, *one, context.options)
+            for one in context.track(every, "fits")
+        ]
 
     # --- the first draw -----------------------------------------------------------------------
 
@@ -271,23 +216,13 @@ class ClosedLoop(Study):
     def experiments(self, answer: Dataset) -> list[Check]:
         """The loop held, in the linear range of diodes and converters, and the fits are proven."""
         far = share_of_draws(answer["largest_error"] > ACCEPTABLE_ERROR[self.bench.axis])
+        lost, failed = (float(answer[name].sum()) for name in ("events", "unproven"))
+        most = float(answer["saturated"].max())
         return [
-            Check(
-                "loop", "times that it was lost or regained, all draws", _sum(answer["events"]), 0
-            ),
-            Check(
-                "saturation",
-                "share of saturated samples, any draw",
-                float(answer["saturated"].max()),
-                0.0,
-            ),
-            Check(
-                "linear range",
-                "share of draws whose largest error leaves it",
-                float(far),
-                1.0 - SURE,
-            ),
-            Check("fit", "checks of a fit that fail, all draws", _sum(answer["unproven"]), 0),
+            Check("loop", "times that it was lost or regained, all draws", lost, 0.0),
+            Check("saturation", "largest share of saturated samples, any draw", most, 0.0),
+            Check("linear range", "share of draws that leave it", float(far), 1.0 - SURE),
+            Check("fit", "checks of a fit that fail, all draws", failed, 0.0),
         ]
 
     @check("{parameter} over mass", each="parameter", at_most=1.0 - SURE)
@@ -327,7 +262,7 @@ class ClosedLoop(Study):
     )
     half_widths = metric(
         "half_width_{parameter}_{summary}",
-        lambda half_width, value: over_draws(half_width / abs(value)),
+        lambda half_width, table_value: over_draws(half_width / table_value),
     )
     covered_each = metric("covered_{parameter}", lambda answer: _held(answer).mean("draw"))
     covered = metric(lambda answer: _held(answer).mean())
@@ -376,13 +311,6 @@ class ClosedLoop(Study):
         return closed_loop_bode(answer, f"{self.bench.drive}, {self.bench.axis}, one record")
 
 
-def _of_lens(raw: PeriodicResponse, chain: ComplexArray) -> PeriodicResponse:
-    """A measured f_en/u_m, by the measurement chain (F,), as x / coil voltage."""
-    factor = chain[:, None, None]
-    variance = raw.variance / abs(factor) ** 2
-    return replace(raw, response=raw.response / factor, variance=variance)
-
-
 def _held(answer: Dataset) -> DataArray:
     """Whether an interval (draw, parameter) holds the truth."""
     return abs(answer["value"] - answer["table_value"]) <= answer["half_width"]
@@ -410,7 +338,3 @@ def _effective_mass(values: DataArray) -> DataArray:
 def _accepted_p(p: DataArray) -> DataArray:
     """Probability that a true order is accepted in no more of the draws than by these p-values."""
     return coverage_p(p >= LEAST_P, 1.0 - LEAST_P)
-
-
-def _sum(values: DataArray) -> float:
-    return float(values.sum())

@@ -98,7 +98,8 @@ class CoilExperiment:
     def frequency(self) -> RealArray:
         """Frequencies [Hz] (F,) of the sweep."""
         count = round((HIGHEST[self.axis] - LOWEST) / self.step)
-        return LOWEST + self.step * np.arange(count + 1)
+        grid: RealArray = LOWEST + self.step * np.arange(count + 1.0)
+        return grid
 
     @cached_property
     def _sweep(self) -> SteppedSine:

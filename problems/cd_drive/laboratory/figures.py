@@ -34,8 +34,8 @@ def open_loop_bode(answer: Dataset, title: str) -> Figure:
             color=figures.ORANGE, alpha=0.5, linewidth=0,
         )  # fmt: skip
     plot(1, response, color=figures.BLUE, linewidth=1.0, label="measured")
-    for column, shown in enumerate(("ten periods each", "mean and 99 % interval")):
-        figures.label(panels[column], title=f"{title}, {shown}")
+    for column, shown in enumerate((title, "mean of ten periods, 99 % interval")):
+        figures.label(panels[column], title=shown)
         figures.label(panels[2 + column], "frequency [Hz]")
     figures.label(panels[0], y="$|v_r/u|$ [V/V]")
     figures.label(panels[2], y="phase [deg]")

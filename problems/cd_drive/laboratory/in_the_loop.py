@@ -125,7 +125,7 @@ def excitation(axis: Axis, frequency: RealArray) -> SteppedSine:
 
 @dataclass(frozen=True, eq=False)
 class LoopExperiment:
-    """A stepped sine at frequencies [Hz] (F,) in the loop of a drive, with a disc that turns or not."""
+    """A stepped sine at frequencies [Hz] (F,) in a drive's loop; disturbances: the disc turns."""
 
     bench: Laboratory
     frequency: RealArray

@@ -1,4 +1,4 @@
-"""What is known of a drive before its loop is closed, and the fit of its two masses with it.
+"""What is known of a drive and of the bench before the loop is closed, as data of a fit.
 
 Equation and section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
 CD-players (2003).
@@ -6,32 +6,25 @@ CD-players (2003).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import product
 from typing import Any, ClassVar
 
 import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.heavy_types import Dataset
-from workbench.identification import (
-    FittedParameter,
-    MeasuredResponse,
-    ParameterFit,
-    PeriodicResponse,
-)
+from workbench.identification import FittedParameter
 
 from ..drive.actuator import SERIES_RESISTANCE
 from ..drive.plants import nominal_parameters
 from ..drive.tables import ActuatorParameters, Axis
-from ..drive.two_masses import FITTED, LumpedValues, lens, lumped, lumped_values
+from ..drive.two_masses import LumpedValues, lumped, lumped_values
 from .bench_setup import PERIOD
 from .unknowns import (
     CORNER_DEVIATION,
     DELAY_DEVIATION,
-    GAIN_DEVIATION,
     MASS_DEVIATION,
     corner_ratio,
 )
@@ -46,9 +39,6 @@ MASS_POWER = {"R": 0.0, "Bl": 0.5, "k": 1.0, "b": 1.0, "m": 1.0}
 tells k/m, b/m and Bl^2/m alone."""
 RATIO_DEVIATION = np.sqrt(2.0) * CORNER_DEVIATION
 """Relative standard deviation of the ratio of two channels' corners."""
-
-ARM_SHARES = np.geomspace(0.5, 2.0, 9)
-"""Springs and masses of the arm, over the nominal ones, among which a fit finds its start."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,30 +134,29 @@ def _model_covariance() -> RealArray:
     return np.diag([MODEL_DEVIATION[name] ** 2 for name in LumpedValues._fields])
 
 
-def chain_of_loop(gain_deviation: float) -> KnownQuantities:
-    """What is known of the true measurement chain over the one that is told: see `chain_ratio`."""
-    lag = DELAY_DEVIATION * PERIOD
-    given = {"gain": (1.0, gain_deviation), "lag": (0.0, lag), "corner": (1.0, RATIO_DEVIATION)}
+CHAIN = {
+    "gain": FittedParameter(1.0, 0.2, 5.0),
+    "delay": FittedParameter(1.0, 0.5, 1.5),
+    "corner": FittedParameter(1.0, 0.2, 5.0),
+}
+"""Starts and bounds of the parameters of `chain_ratio`."""
+
+
+def chain_known(gain_deviation: float) -> KnownQuantities:
+    """What is known of the measurement chain, its gain with a relative standard deviation."""
+    deviations = gain_deviation, DELAY_DEVIATION, RATIO_DEVIATION
+    given = {name: (1.0, one) for name, one in zip(CHAIN, deviations, strict=True)}
     return independent(given, "measurement chain")
 
 
 def chain_ratio(p: Mapping[str, Any], s: Any) -> Any:
     """The true measurement chain over the told one, from control signal to error.
 
-    gain: ratio of the optical gains. lag [s]: by which the error's channel comes later. corner:
-    ratio of both filters' corners.
+    gain, delay, corner: true over told optical gain, delay, and ratio of both filters' corners. The
+    delay is of one sample; what is told of it wrongly looks like a lag of the error's channel.
     """
-    return p["gain"] * np.exp(-s * p["lag"]) * corner_ratio(p["corner"], s)
-
-
-def chain_parameters() -> dict[str, FittedParameter]:
-    """Starts and bounds of the parameters of `chain_ratio`."""
-    lag = 20 * DELAY_DEVIATION * PERIOD
-    return {
-        "gain": FittedParameter(1.0, 0.2, 5.0),
-        "lag": FittedParameter(0.0, -lag, lag),
-        "corner": FittedParameter(1.0, 0.2, 5.0),
-    }
+    lag = np.exp(-s * (PERIOD * (p["delay"] - 1.0)))
+    return p["gain"] * lag * corner_ratio(p["corner"], s)
 
 
 def arm_parameters(axis: Axis, names: Sequence[str]) -> dict[str, FittedParameter]:
@@ -180,37 +169,3 @@ def arm_parameters(axis: Axis, names: Sequence[str]) -> dict[str, FittedParamete
     found = {name: FittedParameter(value, value / 5, value * 5) for name, value in start.items()}
     found["b2"] = FittedParameter(arm.b2, -20 * arm.b2, 20 * arm.b2)
     return found
-
-
-def two_mass_fit(estimate: PeriodicResponse, known: Lumped, axis: Axis) -> ParameterFit:
-    """Fit of the masses, springs and dampers to a measured response x / coil voltage [m/V].
-
-    The force factor and the measurement chain are fitted beside them, as what is known of them is
-    not exact either. The search starts at the best of several arms with the lumped values known:
-    a resonance in noise has other minima, where the arm's mass runs away.
-    """
-
-    def model(p: Any, s: Any) -> Any:
-        return lens(p, s, known.R) * chain_ratio(p, s)
-
-    data = [MeasuredResponse.of(model, estimate), known.data, chain_of_loop(GAIN_DEVIATION[axis])]
-    parameters = arm_parameters(axis, (*FITTED, "Bl")) | chain_parameters()
-    program = ParameterFit(data, parameters)
-    chain = [parameters[name].start for name in ("gain", "lag", "corner")]
-    starts = [
-        np.array([*arm.values(), known.values.Bl, *chain]) for arm in _arms(known.values, axis)
-    ]
-    best = min(starts, key=lambda values: float(np.linalg.norm(program.residuals(values))))
-    near = dict(zip(program.names, best.tolist(), strict=True))
-    return ParameterFit(data, {n: replace(one, start=near[n]) for n, one in parameters.items()})
-
-
-def _arms(values: LumpedValues, axis: Axis) -> Iterator[dict[str, float]]:
-    """FITTED parameters with these lumped values, link and mass of the arm about the nominal."""
-    arm = nominal_parameters(axis)
-    for share, weight in product(ARM_SHARES, ARM_SHARES):
-        k2, m2, b2 = share * arm.k2, weight * arm.m2, arm.b2
-        k1 = values.k * k2 / (k2 - values.k)
-        rho = k2 / (k1 + k2)
-        m1, b1 = values.m - m2 * rho**2, (values.b - b2 * (1 - rho) ** 2) / rho**2
-        yield dict(zip(FITTED, (m1, m2, k1, k2, b1, b2), strict=True))

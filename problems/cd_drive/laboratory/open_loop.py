@@ -201,7 +201,7 @@ class OpenLoop(Study):
     # --- checks -------------------------------------------------------------------------------
 
     def at_told_mass(self, answer: Dataset) -> DataArray:
-        """Relative errors (draw, parameter) of the estimates, the truth at the mass that is told."""
+        """Relative errors (draw, parameter), the truth taken at the mass that is told."""
         power = answer["truth"].copy(data=[MASS_POWER[name] for name in PARAMETERS])
         told = answer["mass"] / self.experiment.mass
         return abs(answer["estimate"] / (answer["truth"] * told**power) - 1)
@@ -247,8 +247,8 @@ class OpenLoop(Study):
         "error_{parameter}_told_mass_{summary}",
         lambda self, answer: over_draws(self.at_told_mass(answer)),
     )
-    covered = metric("covered_{parameter}", lambda answer: _held(answer).mean("draw"))
-    covered_all = metric(lambda answer: _held(answer).mean())
+    covered_each = metric("covered_{parameter}", lambda answer: _held(answer).mean("draw"))
+    covered = metric(lambda answer: _held(answer).mean())
     biases = metric("bias_{parameter}", lambda answer: answer["truth"] / answer["table"] - 1)
     tests = metric("{assumption}_p_{summary}", lambda assumption_p: over_draws(assumption_p))
     ringing = metric("transient_p_{summary}", lambda transient_p: over_draws(transient_p))
