@@ -39,8 +39,10 @@ COLOURS = {
 }
 REPEATED = (
     "bandwidth-trade-off",
+    "closed-loop",
     "diode-plane",
     "linearity",
+    "open-loop",
     "optical-gain",
     "position-estimator",
     "residuals",

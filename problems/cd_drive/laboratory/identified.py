@@ -17,21 +17,21 @@ from workbench import Run, figures, problem, ref
 from workbench.arrays import RealArray
 from workbench.executor import Context
 from workbench.heavy_types import DataArray, Dataset, Figure
-from workbench.identification import FittedParameter, MeasuredResponse, ParameterFit
+from workbench.identification import MeasuredResponse, ParameterFit
 from workbench.study import Study, array, arrays, check, dim, figure, metric, part, table
 
 from ..drive.actuator import SERIES_RESISTANCE, specific_model, stack
-from ..drive.plants import nominal_parameters
 from ..drive.shared_parameters import TABLES, WINDOWS
 from ..drive.tables import ActuatorParameters, Axis, Drive, drives
 from ..drive.two_masses import lens, lumped_values
 from .coil_current import solved
 from .known_values import (
+    CHAIN,
     MASS_POWER,
     RATIO_DEVIATION,
     KnownQuantities,
-    chain_of_loop,
-    chain_parameters,
+    arm_parameters,
+    chain_known,
     chain_ratio,
     independent,
 )
@@ -53,8 +53,8 @@ def experiments(axis: str, **_: Any) -> dict[str, Any]:
     """The runs that identify a drive: its own two experiments, and the scans of all drives."""
     names = [f"CD{number}" for number in range(1, 13)]
     return {
-        "open_loops": [ref(f"cd/{axis}/open-loop", drive=name) for name in names],
-        "closed_loops": [ref(f"cd/{axis}/closed-loop", drive=name) for name in names],
+        "open_loops": [ref(f"cd/{axis}/open-loop", drive=name, draws=1) for name in names],
+        "closed_loops": [ref(f"cd/{axis}/closed-loop", drive=name, draws=1) for name in names],
         "optical_gains": ref(f"cd/{axis}/optical-gain"),
     }
 
@@ -70,7 +70,7 @@ def identified(axis: Axis, open_loops, closed_loops, optical_gains) -> Identifie
     """Twelve drives identified from all their experiments, against the truth (figure 4.8).
 
     The fourth-order model is fitted to v_r/u of the open loop and to the displacement of the closed
-    loop together, in the first draw of each. Known as well as an experimenter is told are the mass
+    loop together, one draw of each. Known as well as an experimenter is told are the mass
     that the first resonance sees, the optical gain of the scan, the delay and the filters' corners;
     all are fitted. That removes the bias of the lumped damper, which is not b1 + b2.
     """
@@ -90,7 +90,7 @@ class Identified(Study):
 
     @property
     def quantifier(self) -> str:
-        return "for these 12 drives, in one simulated experiment of each"
+        return "for these 12 drives, in one simulated draw of each"
 
     drive = dim(lambda self: [one.name for one in drives(self.axis)])
     parameter = dim(NAMES)
@@ -211,14 +211,11 @@ class Identified(Study):
                 np.array([[(MASS_DEVIATION * mass) ** 2]]),
                 "mass",
             ),
-            chain_of_loop(GAIN_DEVIATION[self.axis]),
+            chain_known(GAIN_DEVIATION[self.axis]),
             independent({"filters": (1.0, RATIO_DEVIATION)}, "filters of the current"),
         ]
-        nominal = nominal_parameters(self.axis)
-        start = {name: getattr(nominal, name) for name in NAMES} | {"filters": 1.0}
-        parameters = {name: FittedParameter(v, v / 5, v * 5) for name, v in start.items()}
-        parameters["b2"] = FittedParameter(nominal.b2, -20 * nominal.b2, 20 * nominal.b2)
-        program = ParameterFit(data, parameters | chain_parameters())
+        parameters = arm_parameters(self.axis, NAMES) | CHAIN
+        program = ParameterFit(data, parameters | {"filters": CHAIN["corner"]})
         answer = solved(program, drive.name)
         return DriveFit(answer, program.intervals(answer, 0.99), program.chi_square(answer)[0])
 
