@@ -115,15 +115,6 @@ def ringing_left(axis: Axis, highest: float) -> Number:
     )
 
 
-def half_width(parameter: str) -> Reading:
-    """Half-width of a parameter's 99 % interval over its estimate."""
-
-    def relative(run: Run) -> float:
-        return float((run.data["half_width"] / run.data["estimate"]).sel(parameter=parameter))
-
-    return relative
-
-
-def widest_interval(run: Run) -> float:
-    """Largest relative half-width of the 99 % intervals of all parameters."""
-    return float((run.data["half_width"] / run.data["estimate"]).max())
+def error_of_current(run: Run) -> float:
+    """Largest error of R, Bl, k, b at the told mass, in nine draws of ten."""
+    return max(run.metrics[f"error_{name}_told_mass_high"] for name in ("R", "Bl", "k", "b"))
