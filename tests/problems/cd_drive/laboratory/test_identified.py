@@ -82,5 +82,5 @@ def test_twelve_drives_are_identified(axis, tmp_path, monkeypatch):
     assert run.certificate.failures == ()
     assert run.metrics["bias_b_lumped"] < -0.1
     assert abs(run.metrics["bias_b_joint"]) < 0.1
-    covered = [one.metrics["covered_all"] for one in wb.results(f"cd/{axis}/open-loop")]
+    covered = [one.metrics["covered"] for one in wb.results(f"cd/{axis}/open-loop")]
     assert len(covered) == 12 and np.mean(covered) >= 0.95
