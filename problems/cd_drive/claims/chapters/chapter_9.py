@@ -1,0 +1,111 @@
+"""Chapter 9: conclusions, and what is left to do."""
+
+from __future__ import annotations
+
+from ..items import Item, Verdict, at_least, at_most
+
+FOCUS, RADIAL = "cd/focus/best-gains", "cd/radial/best-gains"
+
+ITEMS = (
+    Item(
+        "Section 9.1",
+        "The balloon of playability shrinks with A, B and C",
+        Verdict.REPRODUCED,
+        tuple(
+            at_most(
+                f"balloon with {name} less the reference strategy's, upper end, {axis}",
+                run,
+                f"{name}_less_reference_high",
+                0.0,
+            )
+            for axis, run in (("focus", FOCUS), ("radial", RADIAL))
+            for name in ("A", "B", "C")
+        ),
+        "Each at the gain that suits it best, chosen and judged on different circumstances",
+        "compared",
+    ),
+    Item(
+        "Section 9.1",
+        "A and B do not make the loops worse in shocks",
+        Verdict.REPRODUCED,
+        (
+            at_most(
+                "time out of spec with A less the reference strategy's, lower end, focus",
+                FOCUS,
+                "A_less_reference_in_shocks_low",
+                0.0,
+            ),
+            at_most("the same, radial", RADIAL, "A_less_reference_in_shocks_low", 0.0),
+            at_most("with B, upper end, focus", FOCUS, "B_less_reference_in_shocks_high", 0.0),
+            at_most("the same, radial", RADIAL, "B_less_reference_in_shocks_high", 0.0),
+        ),
+        "A is as good as the reference strategy within what can be told, B is a little better",
+        "compared",
+    ),
+    Item(
+        "Section 9.1",
+        "C does not make the loops worse in shocks",
+        Verdict.REFUTED,
+        (
+            at_least(
+                "time out of spec with C less the reference strategy's, lower end, focus",
+                FOCUS,
+                "C_less_reference_in_shocks_low",
+                0.0,
+            ),
+        ),
+        "By two thousandths of the time, each at its best gain",
+        "compared",
+    ),
+    Item(
+        "Section 9.1",
+        "Immunity against defects allows more bandwidth",
+        Verdict.READING,
+        (
+            at_least("best gain with A [dB], focus", FOCUS, "best_gain_A", 1.0),
+            at_least("best gain with B [dB], focus", FOCUS, "best_gain_B", 1.0),
+            at_least("best gain with A [dB], radial", RADIAL, "best_gain_A", 1.0),
+            at_least("best gain with B [dB], radial", RADIAL, "best_gain_B", 1.0),
+        ),
+        "Of gains up to 2 dB, above which |S| passes 2 on a drive. The controller alone likes them "
+        "as well",
+        "balloons",
+    ),
+    Item(
+        "Section 9.2",
+        "The cross-couplings of both loops should be identified",
+        Verdict.OPEN,
+        found="Needs both axes in one laboratory",
+    ),
+    Item(
+        "Section 9.2",
+        "Faults of the sledge should be diagnosed",
+        Verdict.OPEN,
+        found="Needs a sledge in the laboratory",
+    ),
+    Item(
+        "Section 9.2",
+        "The set of plants should be extrapolated beyond the twelve drives",
+        Verdict.OPEN,
+        found="Covers take it as their parameter `content`. Needs a stored cover with it, and what "
+        "it costs in mu",
+    ),
+    Item(
+        "Section 9.2",
+        "Playability should be measured objectively",
+        Verdict.READING,
+        (
+            at_most("balloon with B, focus", FOCUS, "balloon_B", 0.2),
+            at_least("balloon of the reference strategy, focus", FOCUS, "balloon_reference", 0.2),
+        ),
+        "As shares of time out of spec by the true error, over an ensemble of discs. The data "
+        "channel is not part of it",
+        "balloons",
+    ),
+    Item(
+        "Section 9.2",
+        "The methods should be tried on a DVD drive",
+        Verdict.OPEN,
+        found="Needs the parameters of such a drive; none are printed",
+    ),
+)
