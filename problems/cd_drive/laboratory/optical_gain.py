@@ -284,6 +284,8 @@ def _gain_figure(answer: Dataset) -> Figure:
         middle = (gain.max() + gain.min()) / 2
         panel.bar(answer["drive"].values, gain, color=figures.BLUE, width=0.6)
         panel.axhline(middle, color=figures.BLACK, linestyle="--", linewidth=1.0)
-        panel.set_title(f"{SIGNS[name]}: ±{float(spread(found)):.1%} around the dashed middle")
+        panel.set_title(
+            f"{SIGNS[name]}: ±{float(spread(found)):.1%} around the dashed middle, one draw"
+        )
         panel.set_ylabel(f"{SIGNS[name]} [{unit}]")
     return figure
