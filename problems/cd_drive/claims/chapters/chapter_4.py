@@ -104,7 +104,7 @@ ITEMS = (
                 SURE,
             ),
         ),
-        "Bias of v_r/u from the last four of twenty periods, averaged over all frequencies",
+        "Mean of v_r/u over the last four of twenty periods less that over the six before them",
     ),
     Item(
         "Equations 4.14, 4.15",
