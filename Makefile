@@ -56,7 +56,7 @@ reference: $(READY)
 	$(REFERENCE) 'cd/*/excursion' 'cd/*/best-gains' 'cd/*/gain-ramp' cd/playability
 	$(REFERENCE) 'cd/*/two-controllers-switched'
 	$(REFERENCE) cd/focus/methods cd/focus/controllers
-	$(REFERENCE) cd/claims --set draws=50
+	$(REFERENCE) cd/claims
 	rm -rf results/reference/.partial
 
 # The page about the thesis, from the reference results.

@@ -64,7 +64,7 @@ def items() -> Iterator[tuple[str, Item]]:
     return ((chapter, item) for chapter, every in CHAPTERS.items() for item in every)
 
 
-def needs(draws: int = 12, **_: Any) -> dict[str, list[Ref]]:
+def needs(draws: int = 50, **_: Any) -> dict[str, list[Ref]]:
     """Every run that a number comes from, random experiments of so many draws."""
     return {
         "runs": [
@@ -80,12 +80,12 @@ def counted() -> dict[Verdict, int]:
     return {one: every.count(one) for one in Verdict}
 
 
-@problem("cd/claims", needs=needs)
-def claims(runs: list[Run], draws: Annotated[int, Field(ge=1, le=1000)] = 12) -> Ledger:
+@problem("cd/claims", needs=needs, slow=True)
+def claims(runs: list[Run], draws: Annotated[int, Field(ge=1, le=1000)] = 50) -> Ledger:
     """What the thesis says, item by item, and the verdict that stored results give on it.
 
     Each verdict is a check: it stands while the numbers of the runs stay between its limits. In an
-    empty results folder it runs all that it needs, which takes an hour or two.
+    empty results folder it runs all that it needs, which takes hours.
 
     draws: of the random experiments that are compared over draws.
     """
