@@ -183,7 +183,9 @@ class Identified(Study):
                 for key, look in (("identified", fit), ("true", truth)):
                     one = part[key][i]
                     panel.plot(one.real, one.imag, label="_" * i + key, **look)
-            figures.label(panel, "real part of x/v [mm/V]", title=f"{self.axis}, {caption}")
+            figures.label(
+                panel, "real part of x/v [mm/V]", title=f"{self.axis}, {caption}, one draw"
+            )
             panel.set_aspect("equal", adjustable="datalim")
             panel.locator_params(axis="x", nbins=6)
         panels[0].set_ylabel("imaginary part [mm/V]")
