@@ -59,7 +59,8 @@ HELD_OUT = tuple(f"CD{n}" for n in range(7, 13))
 DIST_MIN = {"focus": 0.18, "radial": 0.06}
 """Security margin: five and a half times the noise of dist on the noisiest drive."""
 MOST_LOST = 0.01
-"""Most often that a loop may be lost or regained, over the records."""
+"""Largest share of the records in which the loop may be lost. One lost loop chatters: its record
+counts once."""
 Fraction = Annotated[float, Field(gt=0, lt=1)]
 
 
@@ -161,7 +162,12 @@ class DiodePlane(Study):
         "squared correlation of sum and error under shocks",
         lambda every: [[one.coupling for one in row] for row in every],
     )
-    lost = array(draw, value=lambda every: [sum(one.lost for one in row) for row in every])
+    lost = array(
+        draw,
+        "",
+        "records in which the loop was lost",
+        lambda every: [sum(one.lost for one in row) for row in every],
+    )
 
     @part
     def isolation(self, every: list[list[OneDrive]]) -> list[dict[str, Any]]:
@@ -184,7 +190,7 @@ class DiodePlane(Study):
         # The third side of the triangle is the noise's.
         outside = -min(float(answer[name].min()) for name in ("clean", "shaken", "trace"))
         ellipse = "share of one record's clean points outside the 99 % ellipse"
-        lost = "times that it was lost or regained, over the number of records"
+        lost = "share of the records in which it was lost"
         records = answer["seed"].size * (len(CONDITIONS) + 1)
         return [
             Check("loop", lost, float(answer["lost"].sum()) / records, MOST_LOST),
@@ -202,7 +208,7 @@ class DiodePlane(Study):
         return float(abs(ramp**law.alpha - answer["zoom_quality"].values).max())
 
     isolated = metric("isolated_{summary}", lambda confusion: over_draws(isolated_share(confusion)))
-    lost_share = metric("lost_per_draw", lambda lost: lost.mean("draw"))
+    lost_share = metric("records_lost_per_draw", lambda lost: lost.mean("draw"))
     leads = metric("quality_leads_binary_{summary}_us", lambda lead: over_draws(1e6 * lead))
     largest_coupling = metric(
         "coupling_{summary}", lambda coupling: over_draws(coupling.max("drive"))

@@ -61,7 +61,7 @@ class OneDrive(NamedTuple):
 
     labels (F,): kinds of its defects. delays (detector, F) [s]: NaN where missed. points: their
     events. false_alarms (detector, condition): how many. coupling: squared correlation of sum and
-    error under shocks. lost: how often the loop was lost or regained.
+    error under shocks. lost: in how many of its records the loop was lost.
     """
 
     labels: NDArray[np.int64]
@@ -128,7 +128,7 @@ class Detectors:
             for k, i in zip(labels.tolist(), matched_events(seen, dirty.faults, LATE), strict=True)
         ]
         coupling = np.corrcoef(shaken.record.sum, shaken.record.f_en)[0, 1] ** 2
-        lost = sum(len(one.record.events) for one in (still, wobbling, shaken, dirty))
+        lost = sum(bool(one.record.events) for one in (still, wobbling, shaken, dirty))
         return OneDrive(labels, np.array(delays), points, false_alarms, float(coupling), lost)
 
     def _clean(self, bench: Laboratory, seeds: list[int]) -> list[DefectRun]:
