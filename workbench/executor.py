@@ -266,8 +266,7 @@ class Context:
         """
 
         def in_time(item: T) -> S:
-            if self._late:
-                raise TimeLimitError(f"{description}: {self._limit} reached")
+            self.seconds_left(description)
             return function(item)
 
         with Threads() as pool:
@@ -296,6 +295,13 @@ class Context:
         """Tell whoever watches of a round; an iteration that goes on tells the earlier ones too."""
         self.rows.append(row)
         self.watch(self.rows)
+
+    def seconds_left(self, description: str) -> float:
+        """Seconds until the time limit, infinite without one; raise `TimeLimitError` after it."""
+        if self._late:
+            raise TimeLimitError(f"{description}: {self._limit} reached")
+        limit = self.options.time_limit
+        return math.inf if limit is None else limit - (time.perf_counter() - self.started)
 
     @property
     def _late(self) -> bool:

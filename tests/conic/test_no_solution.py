@@ -20,7 +20,7 @@ from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.program import methods
 from workbench.solution import solve
-from workbench.solvers import Outcome, conic_solvers
+from workbench.solvers import Options, Outcome, conic_solvers
 
 SOLVERS = [solver.name for solver in conic_solvers()]
 
@@ -29,7 +29,7 @@ def cases(programs):
     return pytest.mark.parametrize("form", programs.values(), ids=list(programs))
 
 
-def claimed(form, claim):
+def claimed(form, claim, options=None):
     """The solution of a program of which a method claims that it has none."""
 
     class Claimed(ConicProgram):
@@ -42,7 +42,7 @@ def claimed(form, claim):
 
     method(Claimed, "claim", optimal=True)(answer)
     assert "claim" in methods(Claimed)
-    return solve(Claimed(form), "claim")
+    return solve(Claimed(form), "claim", options)
 
 
 # --- claims of being infeasible -----------------------------------------------------------------
@@ -100,6 +100,14 @@ def test_a_program_with_the_solution_0_excludes_nothing():
     solution = claimed(form, Outcome.INFEASIBLE)
     assert solution.outcome is Outcome.NO_CLAIM and solution.certificate is None
     assert "speaks against a solution" in solution.message
+
+
+@pytest.mark.parametrize("claim", [Outcome.INFEASIBLE, Outcome.UNBOUNDED])
+def test_the_time_limit_ends_the_search_for_a_proof(claim):
+    form = known.infeasible_lp(0)
+    solution = claimed(form, claim, Options(time_limit=1e-9))
+    assert solution.outcome is Outcome.NO_CLAIM and solution.certificate is None
+    assert "search for a ray: time limit of 1e-09 s reached" in solution.message
 
 
 # --- claims of being unbounded ------------------------------------------------------------------

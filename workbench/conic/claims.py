@@ -90,7 +90,7 @@ class NoSolution(_ConicClaim):
     lengths: ClassVar[dict[str, str]] = {"y": "row"}
 
     def respond(self, method: str | None, context: Context) -> Claim:
-        y = dual_ray(self.form)
+        y = dual_ray(self.form, context)
         if y is None:
             return None, Outcome.FAILED, "no ray of the dual cone speaks against a solution"
         radius = excluded_radius(self.form, y)
@@ -131,10 +131,10 @@ class NoLeastValue(_ConicClaim):
     lengths: ClassVar[dict[str, str]] = {"x": "column", "ray": "column"}
 
     def respond(self, method: str | None, context: Context) -> Claim:
-        ray = falling_ray(self.form)
+        ray = falling_ray(self.form, context)
         if ray is None:
             return None, Outcome.FAILED, "no ray was found along which the objective falls"
-        x = feasible_point(self.form)
+        x = feasible_point(self.form, context)
         if x is None:
             said = "the objective falls along a ray, but no solution was found from which it starts"
             return None, Outcome.FAILED, said

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -16,8 +17,11 @@ SEARCH_TOLERANCE = 1e-9
 """Tolerance asked of the solver; a point well inside the cones needs no finer one."""
 
 
-def minimiser(form: ConicForm) -> RealArray | None:
-    """An approximate minimiser (n,) of a form; None where the solver has none, whatever it says."""
+def minimiser(form: ConicForm, seconds: float = math.inf) -> RealArray | None:
+    """An approximate minimiser (n,) of a form; None where the solver has none, whatever it says.
+
+    The solver stops after so many seconds.
+    """
     import clarabel
 
     rows, columns = scaling(form)
@@ -25,6 +29,7 @@ def minimiser(form: ConicForm) -> RealArray | None:
     root = diags_array(_vectorised(form))
     settings = clarabel.DefaultSettings()
     settings.verbose = False
+    settings.time_limit = seconds
     for name in ("tol_gap_abs", "tol_gap_rel", "tol_feas"):
         setattr(settings, name, SEARCH_TOLERANCE)
     n = form.c.size
@@ -48,10 +53,11 @@ def minimiser(form: ConicForm) -> RealArray | None:
     return x if np.isfinite(x).all() and "Infeasible" not in str(solution.status) else None
 
 
-def inner_point(form: ConicForm) -> RealArray | None:
+def inner_point(form: ConicForm, seconds: float = math.inf) -> RealArray | None:
     """A point (n,) whose slack b - A x lies as deep in the cones as it can, up to a depth of 1.
 
-    The depth is measured in the scaled rows of the form. None where no point was found.
+    The depth is measured in the scaled rows of the form. None where no point was found in so
+    many seconds.
     """
     rows, _ = scaling(form)
     unit = units(form) / rows
@@ -65,7 +71,7 @@ def inner_point(form: ConicForm) -> RealArray | None:
         np.append(form.b, 1.0),
         (*form.cones, ConeFactor(ConeKind.NONNEGATIVE, 1)),
     )
-    found = minimiser(deeper)
+    found = minimiser(deeper, seconds)
     return None if found is None else found[:n]
 
 

@@ -18,24 +18,27 @@ from workbench.certify.cones.rays import excluded_radius
 from workbench.certify.known_plants.exact_function import exact_rational
 from workbench.conic.exact_points import exact_point
 from workbench.conic.numeric import inner_point, minimiser
+from workbench.executor import Context
 
 INNER_SHARES = (1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4)
 """Shares of an inner point in a dual point, tried until it lies in its cone exactly."""
+SEARCH = "search for a ray"
+"""What is said of a search that the time limit ends."""
 ONE_ROW = ConeFactor(ConeKind.NONNEGATIVE, 1)
 
 
-def dual_ray(form: ConicForm) -> list[Rational] | None:
+def dual_ray(form: ConicForm, context: Context) -> list[Rational] | None:
     """Rational y in the dual of K with b'y < 0 that excludes solutions up to a large radius.
 
     A'y = 0 exactly where such a y is found; else sum |A'y| is as small as a solver makes it. None
-    where no y excludes anything.
+    where no y excludes anything. Raises TimeLimitError.
     """
     rays = dual_rays(form)
-    near = inner_point(rays)
+    near = inner_point(rays, context.seconds_left(SEARCH))
     y = exact_point(rays, near) if near is not None else None
     if y is not None and excluded_radius(form, y) == math.inf:
         return y
-    least = minimiser(_least_residual(form))
+    least = minimiser(_least_residual(form), context.seconds_left(SEARCH))
     if least is None:
         return None
     y = exact_point(rays, least[: form.b.size])
@@ -68,20 +71,20 @@ def dual_point(form: ConicForm) -> list[Rational] | None:
     return None
 
 
-def falling_ray(form: ConicForm) -> list[Rational] | None:
-    """Rational d with -A d in K and c'd <= -1; None where none was found."""
+def falling_ray(form: ConicForm, context: Context) -> list[Rational] | None:
+    """Rational d with -A d in K and c'd <= -1; None where none was found. Raises TimeLimitError."""
     rays = ConicForm(
         form.c,
         vstack([form.A, csr_array(form.c[None, :])]),
         np.append(np.zeros(form.b.size), -1.0),
         (*form.cones, ONE_ROW),
     )
-    return _exact_inner(rays)
+    return _exact_inner(rays, context)
 
 
-def feasible_point(form: ConicForm) -> list[Rational] | None:
-    """Rational x with b - A x in K; None where none was found."""
-    return _exact_inner(form)
+def feasible_point(form: ConicForm, context: Context) -> list[Rational] | None:
+    """Rational x with b - A x in K; None where none was found. Raises TimeLimitError."""
+    return _exact_inner(form, context)
 
 
 def dual_rays(form: ConicForm) -> ConicForm:
@@ -116,8 +119,8 @@ def moved_into_dual(form: ConicForm, y: RealArray) -> RealArray:
     return found
 
 
-def _exact_inner(form: ConicForm) -> list[Rational] | None:
-    near = inner_point(form)
+def _exact_inner(form: ConicForm, context: Context) -> list[Rational] | None:
+    near = inner_point(form, context.seconds_left(SEARCH))
     return None if near is None else exact_point(form, near)
 
 
