@@ -94,11 +94,17 @@ def closed_loop(
     the frequencies [Hz]. draws: of the noise and of what is told. values: tables "printed" or
     "corrected".
     """
-    frequency = np.arange(100.0, 2000.0 + step_hz / 2, step_hz)
     bench = Laboratory(axis, drive, values, mismatch=mismatch)
-    answer = open_loop.answer
-    known = tuple(Lumped.from_open_loop(answer.isel(draw=n)) for n in range(draws))
-    return ClosedLoop(LoopExperiment(bench, frequency, disturbances), draws, known)
+    return after_open_loop(open_loop.answer, bench, disturbances, step_hz)
+
+
+def after_open_loop(
+    answer: Dataset, bench: Laboratory, disturbances: bool = True, step_hz: float = FINE_STEP
+) -> ClosedLoop:
+    """The experiment in closed loop with the lumped parameters that each draw of `answer` found."""
+    frequency = np.arange(100.0, 2000.0 + step_hz / 2, step_hz)
+    known = tuple(Lumped.from_open_loop(answer.isel(draw=n)) for n in range(answer.sizes["draw"]))
+    return ClosedLoop(LoopExperiment(bench, frequency, disturbances), len(known), known)
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,15 +18,29 @@ from workbench.arrays import RealArray
 from workbench.executor import Context
 from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.identification import MeasuredResponse, ParameterFit
-from workbench.study import Study, array, arrays, check, dim, figure, metric, part, table
+from workbench.study import (
+    Study,
+    array,
+    arrays,
+    check,
+    coverage_p,
+    dim,
+    figure,
+    metric,
+    part,
+    table,
+)
+from workbench.study.draws import LEAST_COVERAGE_P
 
 from ..drive.actuator import SERIES_RESISTANCE, specific_model, stack
 from ..drive.shared_parameters import TABLES, WINDOWS
 from ..drive.tables import ActuatorParameters, Axis, Drive, drives
 from ..drive.two_masses import lens, lumped_values
 from .coil_current import solved
+from .drive_experiments import DriveExperiments, drive_experiments
 from .known_values import (
     CHAIN,
+    CONFIDENCE,
     MASS_POWER,
     RATIO_DEVIATION,
     KnownQuantities,
@@ -35,6 +49,7 @@ from .known_values import (
     chain_ratio,
     independent,
 )
+from .open_loop import PARAMETERS
 from .unknowns import GAIN_DEVIATION, MASS_DEVIATION, Told, corner_ratio
 
 NAMES = ("R", "Bl", "k1", "k2", "b1", "b2", "m1", "m2")
@@ -49,24 +64,14 @@ limits the radial experiment's amplitude to a twentieth of the focus one's, over
 noise."""
 
 
-def experiments(axis: str, **_: Any) -> dict[str, Any]:
-    """The runs that identify a drive: its own two experiments, and the scans of all drives."""
-    names = [f"CD{number}" for number in range(1, 13)]
-    return {
-        "open_loops": [ref(f"cd/{axis}/open-loop", drive=name, draws=1) for name in names],
-        "closed_loops": [ref(f"cd/{axis}/closed-loop", drive=name, draws=1) for name in names],
-        "optical_gains": ref(f"cd/{axis}/optical-gain"),
-    }
-
-
 @problem(
     "cd/{axis}/identified",
     axis=("focus", "radial"),
-    needs=experiments,
-    data=TABLES,
+    needs={"optical_gains": ref("cd/{axis}/optical-gain")},
+    data=(*TABLES, "data/red_book.csv"),
     slow=True,
 )
-def identified(axis: Axis, open_loops, closed_loops, optical_gains) -> Identified:  # type: ignore[no-untyped-def]
+def identified(axis: Axis, optical_gains: Run) -> Identified:
     """Twelve drives identified from all their experiments, against the truth (figure 4.8).
 
     The fourth-order model is fitted to v_r/u of the open loop and to the displacement of the closed
@@ -74,16 +79,14 @@ def identified(axis: Axis, open_loops, closed_loops, optical_gains) -> Identifie
     that the first resonance sees, the optical gain of the scan, the delay and the filters' corners;
     all are fitted. That removes the bias of the lumped damper, which is not b1 + b2.
     """
-    return Identified(axis, tuple(open_loops), tuple(closed_loops), optical_gains)
+    return Identified(axis, optical_gains)
 
 
 @dataclass(frozen=True, eq=False)
 class Identified(Study):
-    """The joint fits of twelve drives, from the runs of their experiments."""
+    """The joint fits of twelve drives to their experiments."""
 
     axis: Axis
-    open_loops: tuple[Run, ...]
-    closed_loops: tuple[Run, ...]
     optical_gains: Run
 
     headline: ClassVar[str] = "worst_response"
@@ -94,6 +97,7 @@ class Identified(Study):
 
     drive = dim(lambda self: [one.name for one in drives(self.axis)])
     parameter = dim(NAMES)
+    lumped = dim(PARAMETERS)
 
     @dim(unit="Hz", meaning="frequency")
     def frequency(self) -> RealArray:
@@ -102,11 +106,18 @@ class Identified(Study):
         return np.unique(np.concatenate([np.geomspace(10, 2000, 200), *dense]))
 
     @part
-    def fits(self, context: Context) -> list[DriveFit]:
+    def experiments(self, context: Context) -> list[DriveExperiments]:
+        names = [one.name for one in drives(self.axis)]
+        every = context.track(names, "experiments")
+        return [drive_experiments(self.axis, name, context.options) for name in every]
+
+    @part
+    def fits(self, context: Context, experiments: list[DriveExperiments]) -> list[DriveFit]:
         gains = self.optical_gains.answer["gain"].sel(quantity="K_optn")
+        every = zip(drives(self.axis), experiments, strict=True)
         return [
-            self._fit(one, float(gains.sel(drive=one.name)), index)
-            for index, one in enumerate(context.track(drives(self.axis), "drives"))
+            self._fit(one, float(gains.sel(drive=one.name)), found)
+            for one, found in context.track(list(every), "fits")
         ]
 
     @array((drive, frequency), "m/V")
@@ -126,14 +137,38 @@ class Identified(Study):
             "table": [[getattr(drive, name) for name in NAMES] for drive in drives(self.axis)],
         }
 
-    lumped_b = array(
+    failures = array(
         drive,
-        value=lambda self: [
-            run.answer["estimate"].isel(draw=0).sel(parameter="b") for run in self.open_loops
-        ],
+        "",
+        "checks of its experiments that fail",
+        lambda experiments: [found.failures for found in experiments],
     )
+
+    @arrays((drive, lumped), lumped_value="", lumped_half_width="", lumped_truth="")
+    def open_loops(self, experiments: list[DriveExperiments]) -> dict[str, Any]:
+        """what v_r/u alone tells of the lumped model"""
+        every = [found.open_loop for found in experiments]
+        return {
+            "lumped_value": [one["estimate"][0] for one in every],
+            "lumped_half_width": [one["half_width"][0] for one in every],
+            "lumped_truth": [one["truth"] for one in every],
+        }
+
     chi_square = array(drive, value=lambda fits: [fit.chi_square for fit in fits])
 
+    hold = check(
+        "experiments",
+        "checks of a drive's experiments that fail",
+        lambda failures: failures,
+        at_most=0.0,
+    )
+    coverage = check(
+        "coverage of {lumped}",
+        "1 - p of so few drives whose 99 % interval, of the current alone, holds the truth",
+        lambda answer: 1.0 - coverage_p(_held(answer).rename(drive="draw"), CONFIDENCE),
+        each="lumped",
+        at_most=1.0 - LEAST_COVERAGE_P,
+    )
     near_true = check(
         "{parameter}",
         "largest relative error over the drives",
@@ -156,7 +191,8 @@ class Identified(Study):
         damping = answer[["value", "table"]].sel(parameter=["b1", "b2"]).sum("parameter")
         return {
             "covered": (abs(answer["value"] - answer["table"]) <= answer["half_width"]).mean(),
-            "bias_b_lumped": (answer["lumped_b"] / damping["table"] - 1).mean(),
+            "bias_b_lumped": (answer["lumped_value"].sel(lumped="b") / damping["table"] - 1).mean(),
+            "covered_lumped": _held(answer).mean(),
             "bias_b_joint": (damping["value"] / damping["table"] - 1).mean(),
             "chi_square": answer["chi_square"].max(),
         }
@@ -192,9 +228,9 @@ class Identified(Study):
         figures.legend_below(drawn, panels[0])
         return drawn
 
-    def _fit(self, drive: Drive, gain: float, index: int) -> DriveFit:
+    def _fit(self, drive: Drive, gain: float, found: DriveExperiments) -> DriveFit:
         """The joint fit of one drive, its optical gain [units/m] as identified by the scan."""
-        current, motion = self.open_loops[index].answer, self.closed_loops[index].answer
+        current, motion = found.open_loop, found.closed_loop
         degrees = float(current["variance"].attrs["degrees"])
         mass = float(current["mass"].isel(draw=0))
         # The closed-loop run took the gain as told there; here it is that of the scan.
@@ -248,6 +284,12 @@ def _motion(p: Mapping[str, Any], s: Any) -> Any:
 def _responses(parameters: Sequence[ActuatorParameters], frequency: DataArray) -> Any:
     """Responses x/v [m/V] (drives, F) at frequencies [Hz]."""
     return stack([specific_model(one) for one in parameters]).response(frequency.values)
+
+
+def _held(answer: Dataset) -> DataArray:
+    """Whether the current's interval (drive, lumped) holds the lumped parameter's truth."""
+    off = abs(answer["lumped_value"] - answer["lumped_truth"])
+    return off <= answer["lumped_half_width"]
 
 
 def _errors(answer: Dataset) -> DataArray:
