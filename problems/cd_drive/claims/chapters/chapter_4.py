@@ -274,6 +274,27 @@ ITEMS = (
     ),
     Item(
         "Section 4.4.1",
+        "In practice Foucault's curve comes near the astigmatic one",
+        Verdict.READING,
+        (
+            at_most(
+                "K_optFn, middle of Table A.3, over Foucault's gain by diffraction",
+                "cd/focus-error",
+                "table_A_3_over_gain_Foucault",
+                1.0,
+            ),
+            at_least(
+                "over that of the astigmatic method with extremes about 12 um apart",
+                "cd/focus-error",
+                "table_A_3_over_gain_astigmatic",
+                1.0,
+            ),
+        ),
+        "Read as: the measured gain lies between those of the two methods",
+        "figure-2-8",
+    ),
+    Item(
+        "Section 4.4.1",
         "A ramp through the s-curve, whose extremes are 12 um apart, gives the focus gain",
         Verdict.REPRODUCED,
         (
