@@ -44,7 +44,7 @@ lint: $(READY)
 # Make the committed reference results anew, at a size that a repository can carry.
 reference: $(READY)
 	rm -rf results/reference
-	$(REFERENCE) cd/drives cd/optics cd/red-book cd/focus-error cd-arm/identification
+	$(REFERENCE) cd/drives cd/optics cd/red-book cd/focus-error cd/radial-error cd-arm/identification
 	$(REFERENCE) 'cd/*/circles' 'cd/*/stadiums' 'cd/*/nominal' 'cd/*/uncertainty-comparison'
 	$(REFERENCE) 'cd/*/mu-pid-analysis' 'cd/*/nyquist' 'cd/*/five-x' 'cd/*/sensitivity'
 	$(REFERENCE) 'cd/*/cover-for-control' cd/focus/fault-filter

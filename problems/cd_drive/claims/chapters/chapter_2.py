@@ -1,14 +1,15 @@
-"""Chapter 2: optical discs and their readout beam. Its servo loops are in `chapter_2_servos`."""
+"""Chapter 2: optical discs and their readout beam.
+
+How focus and track are sensed is in `chapter_2_sensing`, the servo loops in `chapter_2_servos`.
+"""
 
 from __future__ import annotations
 
 from workbench import Run
 
-from ...drive.focus_error.problem import MUCH
 from ..items import Item, Number, Verdict, at_least, at_most, near
 
 OPTICS, RED_BOOK = "cd/optics", "cd/red-book"
-FOCUS_ERROR = "cd/focus-error"
 DEBRIS = 300e-6
 """Diameter [m] that stands for "a few hundred micrometres"."""
 
@@ -193,67 +194,5 @@ ITEMS = (
             ),
         ),
         shown="table-2-2",
-    ),
-    Item(
-        "Section 2.4.3, figure 2.8",
-        "The astigmatic method catches the focus in a much smaller range than Foucault's",
-        Verdict.READING,
-        (
-            at_least(
-                "Foucault's over it, same diodes, least of 12 designs, by the extremes",
-                FOCUS_ERROR,
-                "extremes_Foucault_over_astigmatic_least",
-                1.0,
-            ),
-            at_most(
-                "median",
-                FOCUS_ERROR,
-                "extremes_Foucault_over_astigmatic_median",
-                MUCH,
-            ),
-            at_least(
-                "median with the same gain at the focus, too",
-                FOCUS_ERROR,
-                "extremes_Foucault_over_same_gain_median",
-                MUCH,
-            ),
-            at_least(
-                "the same by half of the extremes",
-                FOCUS_ERROR,
-                "half_Foucault_over_same_gain_median",
-                MUCH,
-            ),
-        ),
-        "By scalar diffraction. With the same diodes it is smaller in every design, but twice so "
-        "only with wide ones. It is much smaller, by a factor of 2, if it must have Foucault's "
-        "gain: focal lines and gain are tied, while Foucault's range is set by the diodes",
-        "figure-2-8",
-    ),
-    Item(
-        "Section 2.4.3",
-        "The lateral position of Foucault's knife is highly critical",
-        Verdict.READING,
-        (
-            at_least(
-                "false focus by a displacement of the diodes [um/um]",
-                FOCUS_ERROR,
-                "offset_Foucault_um_per_um_on_the_diodes",
-                0.2,
-            ),
-            at_most(
-                "with the astigmatic method [um/um]",
-                FOCUS_ERROR,
-                "offset_astigmatic_um_per_um_on_the_diodes",
-                1e-3,
-            ),
-        ),
-        "Lenses of 4 and 24 mm: 5 um on the diodes cost 2 um, all of the error that is allowed",
-    ),
-    Item(
-        "Section 2.4.4",
-        "Twin spot, push-pull, track wobble and phase detection give a radial error",
-        Verdict.OPEN,
-        found="Needs a model of diffraction at the track. The radial error is a sine of the "
-        "position, whichever the method",
     ),
 )

@@ -320,4 +320,19 @@ ITEMS = (
             ),
         ),
     ),
+    Item(
+        "Section 4.4.2",
+        "Tracks that pass sideways give a sine, whose zeros are on a track and between two",
+        Verdict.REPRODUCED,
+        (
+            at_least(
+                "correlation of the error by twin spots with a sine, least of 15 layers",
+                "cd/radial-error",
+                "likeness_to_a_sine_twin_spot",
+                0.999,
+            ),
+        ),
+        "By diffraction: of the layer's orders across the tracks only the first enter the lens",
+        "radial-errors",
+    ),
 )
