@@ -45,6 +45,7 @@ REPEATED = (
     "open-loop",
     "optical-gain",
     "position-estimator",
+    "raised-sum",
     "residuals",
     "strategies",
     "wrong-rotation",
