@@ -52,6 +52,7 @@ reference: $(READY)
 	$(REFERENCE) '*/controller' 'cd/*/mu-pid' 'cd/*/lower-bandwidth' 'cd/*/switching-stability'
 	$(REFERENCE) 'cd/*/closed-loop' 'cd/*/optical-gain' 'cd/*/linearity' --set draws=50
 	$(REFERENCE) 'cd/*/residuals' 'cd/*/diode-plane' 'cd/*/position-estimator' cd/raised-sum --set draws=50
+	$(REFERENCE) 'cd/*/disturbance-groups' --set draws=50
 	$(REFERENCE) 'cd/*/strategies' 'cd/*/bandwidth-trade-off' 'cd/*/wrong-rotation' --set draws=50
 	$(REFERENCE) 'cd/*/excursion' 'cd/*/best-gains' 'cd/*/gain-ramp' cd/playability
 	$(REFERENCE) 'cd/*/two-controllers-switched'

@@ -41,6 +41,7 @@ REPEATED = (
     "bandwidth-trade-off",
     "closed-loop",
     "diode-plane",
+    "disturbance-groups",
     "linearity",
     "open-loop",
     "optical-gain",

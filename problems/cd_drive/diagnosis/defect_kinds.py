@@ -110,6 +110,11 @@ def draw(kind: str, rng: np.random.Generator, axis: Axis) -> Defect:
     return KINDS[kind](rng, ACCEPTABLE_ERROR[axis])
 
 
+def voltage_of_force(bench: Laboratory) -> float:
+    """Control voltage u [V/N] that puts on the coil the force that acts on the lens."""
+    return float(bench.actuator.R) / (bench.parameters.Bl * bench.coil_gain)
+
+
 def shocks(
     bench: Laboratory, many: Sequence[tuple[float, float, float]], samples: int
 ) -> RealArray:
@@ -123,8 +128,7 @@ def shocks(
     Half sines of given start [s], peak [m/s^2] and duration [s]. Those of SHOCK seconds are far
     below the parasitic resonance, about which it matters where the force attacks.
     """
-    drive = bench.parameters
-    volts = float(bench.actuator.R) / (drive.Bl * bench.coil_gain)
+    drive, volts = bench.parameters, voltage_of_force(bench)
     time = np.arange(samples) / RATE
     pulse = np.zeros(samples)
     for start, peak, lasts in many:
