@@ -8,7 +8,6 @@ from . import (
     chapter_1,
     chapter_2,
     chapter_2_disturbances,
-    chapter_2_sensing,
     chapter_2_servos,
     chapter_3,
     chapter_3_drive,
@@ -27,12 +26,7 @@ from . import (
 
 CHAPTERS: dict[str, tuple[Item, ...]] = {
     "Chapter 1": chapter_1.ITEMS,
-    "Chapter 2": (
-        chapter_2.ITEMS
-        + chapter_2_sensing.ITEMS
-        + chapter_2_servos.ITEMS
-        + chapter_2_disturbances.ITEMS
-    ),
+    "Chapter 2": chapter_2.ITEMS + chapter_2_servos.ITEMS + chapter_2_disturbances.ITEMS,
     "Chapter 3": chapter_3.ITEMS + chapter_3_drive.ITEMS,
     "Chapter 4": chapter_4.ITEMS + chapter_4_results.ITEMS + chapter_4_linearity.ITEMS,
     "Chapter 5": chapter_5.ITEMS + chapter_5_results.ITEMS,

@@ -206,9 +206,8 @@ ITEMS = (
                 1.2,
             ),
         ),
-        "White dots are read as areas with shallow pits or none, whose light is a mirror's by "
-        "diffraction at most; the sum between tracks is by diffraction, too. The binary detector "
-        "sees no white dot, while the quality signal takes each for a defect",
+        "White dots are read as areas with few pits or none. Their light, and the sum between "
+        "tracks, are by diffraction. The binary detector sees none of them, the quality signal all",
         "sums, jump",
     ),
     Item(
