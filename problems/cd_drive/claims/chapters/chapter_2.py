@@ -231,8 +231,8 @@ ITEMS = (
                 MUCH,
             ),
         ),
-        "By diffraction. With the same diodes always smaller, by half only where they are wide; by "
-        "half in the median where both have the same gain, to which focal lines are tied",
+        "By diffraction. With the same diodes it is always smaller, but half as large only where "
+        "they are wide. With Foucault's gain, too, it is less than half as large in the median",
         "figure-2-8",
     ),
     Item(
@@ -276,7 +276,8 @@ ITEMS = (
                 for name, key in METHODS
             ),
         ),
-        "By scalar diffraction, for pits of 3 to 11 clock periods and the printed depth",
+        "By diffraction, for pits of 3 to 11 clock periods, 0.4 to 0.6 um wide (assumed), and the "
+        "printed depth",
         "radial-errors",
     ),
     Item(

@@ -326,7 +326,7 @@ ITEMS = (
         Verdict.REPRODUCED,
         (
             at_least(
-                "correlation of the error by twin spots with a sine, least of 15 layers",
+                "correlation of the error by twin spots with a sine, least of 45 layers",
                 "cd/radial-error",
                 "likeness_to_a_sine_twin_spot",
                 0.999,

@@ -54,16 +54,17 @@ def raised_sum(
     """The sum of the diodes in white dots, and while tracks are jumped (section 7.1.3).
 
     The reference controller follows discs that wobble by all the Red Book allows. A white dot is an
-    area of the layer with shallow pits or none; a mirror's light is that of `cd/radial-error`. It
-    is met beside a defect of each other kind, on twelve drives and both axes. The binary detector
-    waits for light that is missing; the quality signal of equation 7.13 counts distances.
+    area of the layer with shallow pits or none; a mirror's light is that of `cd/radial-error`, and
+    the radial error is assumed to be sensed in the dot as beside it. A dot is met beside a defect
+    of each other kind, on twelve drives and both axes. The binary detector waits for light that is
+    missing; the quality signal of equation 7.13 counts distances.
 
     A shock to the radial loop makes it jump tracks, or does not. The focus sum is that of
     `cd/radial-error` at the place between the tracks, behind the anti-aliasing filter.
 
     draws: of noise, defects and shocks, on each drive.
     """
-    light = tracks.answer["light"].median(["bits", "stagger"]).values
+    light = tracks.answer["light"].median(["width", "bits", "stagger"]).values
     return RaisedSum(np.asarray(light, float), draws)
 
 

@@ -59,8 +59,8 @@ def focus_error(
     the width over which it tells the side by at least half of its extremes. Gains are those of the
     normalised difference (equation 3.16).
 
-    errors: how many errors within 60 um. objective, detector_lens: focal lengths [m], which turn
-    lengths at the disc into lengths on the diodes, and change nothing else.
+    errors: how many errors within 60 um, made odd. objective, detector_lens: focal lengths [m],
+    which turn lengths at the disc into lengths on the diodes, and change nothing else.
     """
     if errors % 2 == 0:
         errors += 1

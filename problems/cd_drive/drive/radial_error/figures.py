@@ -7,12 +7,12 @@ from workbench.heavy_types import Dataset, Figure
 
 
 def over_track(answer: Dataset) -> Figure:
-    """Errors over one pitch, for every length of pits, in tracks shifted by a quarter period."""
+    """Errors over a pitch by the length of pits, in tracks shifted by a quarter of their period."""
     drawn, panels = figures.axes(2, 2, size=(9.0, 6.4), sharex=True)
     place = 1e6 * answer["place"]
     for panel, name in zip(panels, answer["scheme"].values, strict=True):
         for bits in answer["bits"].values:
-            one = answer["error"].sel(scheme=name, bits=bits, stagger=0.25)
+            one = answer["error"].sel(scheme=name, width=0.5e-6, bits=bits, stagger=0.25)
             panel.plot(place, one, label=f"{bits}T")
         unit = "phase [rad]" if name == "DPD" else "normalised error"
         figures.label(panel, y=unit, title=str(name))

@@ -46,15 +46,15 @@ class TrackSensor:
     """The optics of a CD over a layer of pits.
 
     depth: of the pits in wavelengths in the disc: light that goes to and fro is delayed by twice as
-    much. bits: length of a pit, and of the land behind it, in channel bits. width: of a pit [m].
+    much. width: of a pit [m]. bits: length of a pit, and of the land behind it, in channel bits.
     stagger: shift of the pits from track to track over their period. reflection: amplitude that a
     pit reflects, over the land's. landing: displacement of the light on the split diodes across the
     tracks, in radii of the pupil.
     """
 
     depth: float
-    bits: int
     width: float
+    bits: int
     stagger: float = 0.0
     reflection: float = 1.0
     landing: float = 0.0

@@ -6,11 +6,12 @@ CD-players (2003).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar
+from itertools import product
+from typing import Any, ClassVar
 
 import numpy as np
-from pydantic import Field
 
 from workbench import problem
 from workbench.arrays import RealArray
@@ -31,44 +32,41 @@ DEPTHS = tuple(n / 64 for n in range(2, 25))
 LANDING = 0.1
 """Displacement of the light on the diodes [radii of the pupil]: 0.18 mm of a lens of 4 mm, half of
 what the radial coil moves it by."""
-PLACES = 65
+WIDTHS = (0.4e-6, 0.5e-6, 0.6e-6)
+"""Widths of pits [m], which no source of ours prints: about those of pressed discs."""
+PLACES = 33
 """Places over one pitch."""
-TYPICAL = (5, 0.25)
-"""Length of pits and stagger at which their depth is varied: about the mean length."""
+TYPICAL = (0.5e-6, 5, 0.25)
+"""Width, length and stagger of pits whose depth is varied: about the mean length."""
 
 
 @problem(
     "cd/radial-error", data=("data/disc_formats.csv", "data/drives.csv", "data/compact_disc.csv")
 )
-def radial_error(
-    width: Annotated[float, Field(gt=0, lt=1.6e-6)] = 0.5e-6,
-) -> RadialError:
+def radial_error() -> RadialError:
     """Radial error by twin spot, push-pull, track wobble and phase detection (section 2.4.4).
 
     Scalar diffraction at a layer of equal pits: orders of the layer overlap in the pupil of the
-    objective. Each method's error over one track for pits of 3 to 11 channel bits, three shifts
-    between neighbouring tracks, and the printed depth of 0.12 um; its strength over the depth; the
-    false error by light that lands beside the middle of the diodes; and the same layer without
-    depth, whose pits are dark.
-
-    width: of a pit [m].
+    objective. Each method's error over one track for pits of 3 to 11 channel bits, 0.4 to 0.6 um
+    wide, three shifts between neighbouring tracks, and the printed depth of 0.12 um; its strength
+    over the depth; the false error by light that lands beside the middle of the diodes; and the
+    same layer without depth, whose pits are dark.
     """
-    return RadialError(width)
+    return RadialError()
 
 
 @dataclass(frozen=True)
 class RadialError(Study):
     """Errors of all methods."""
 
-    width: float
-
     headline: ClassVar[str] = "contrast_twin_spot_median"
 
     @property
     def quantifier(self) -> str:
-        return f"for {len(BITS)} lengths of pits and {len(STAGGERS)} shifts between tracks"
+        return f"for {len(WIDTHS) * len(BITS) * len(STAGGERS)} layers of pits"
 
     scheme = dim(METHODS)
+    width = dim(WIDTHS, unit="m", meaning="width of a pit")
     bits = dim(BITS, meaning="length of a pit in channel bits")
     stagger = dim(STAGGERS, meaning="shift from track to track over the period")
     place = dim(
@@ -77,39 +75,32 @@ class RadialError(Study):
         meaning="distance from the track",
     )
     depth = dim(DEPTHS, meaning="depth of a pit in wavelengths in the disc")
-    layers = (bits, stagger)
+    layers = (width, bits, stagger)
 
-    def sensor(self, depth: float, bits: int, stagger: float, **rest: float) -> TrackSensor:
-        return TrackSensor(depth, bits, self.width, stagger, **rest)
+    def over_layers(
+        self, read: Callable[[TrackSensor], Any], depth: float, reflection: float = 1.0
+    ) -> Any:
+        """What is read of all layers of one depth, in the order of `layers`."""
+        every = product(WIDTHS, BITS, STAGGERS)
+        found = [read(TrackSensor(depth, w, b, s, reflection)) for w, b, s in every]
+        return np.reshape(found, (len(WIDTHS), len(BITS), len(STAGGERS), *np.shape(found[0])))
 
-    def over_layers(self, place: RealArray, depth: float, **rest: float) -> RealArray:
-        """Errors (scheme, bits, stagger, place) on all layers of one depth."""
-        found = [
-            [self.sensor(depth, bits, stagger, **rest).errors(place) for stagger in STAGGERS]
-            for bits in BITS
-        ]
-        return np.array([[[one[name] for one in row] for row in found] for name in METHODS])
+    @array((*layers, scheme, place), "1", "normalised error; of DPD in rad")
+    def error(self, place: DataArray) -> Any:
+        read = self.over_layers(lambda one: _all(one.errors(place.values)), printed_depth())
+        return np.float32(read)
 
-    @array((scheme, bits, stagger, place), "1", "normalised error; of DPD in rad")
-    def error(self, place: DataArray) -> RealArray:
-        return self.over_layers(place.values, printed_depth()).astype("f4")
+    @array((*layers, place), "1", "light over a mirror's")
+    def light(self, place: DataArray) -> Any:
+        return self.over_layers(lambda one: one.light(place.values), printed_depth())
 
-    @array((bits, stagger, place), "1", "light over a mirror's")
-    def light(self, place: DataArray) -> RealArray:
-        return np.array(
-            [
-                [self.sensor(printed_depth(), b, s).light(place.values) for s in STAGGERS]
-                for b in BITS
-            ]
-        )
-
-    @array((scheme, bits, stagger), "1/m", "slope at the track")
-    def slope(self) -> RealArray:
-        return _slope(lambda place: self.over_layers(place, printed_depth()))
+    @array((*layers, scheme), "1/m", "slope at the track")
+    def slope(self) -> Any:
+        return self.over_layers(_slope, printed_depth())
 
     @array((scheme, depth), "1", "strength before normalising, over a mirror's light")
     def strength(self) -> RealArray:
-        found = [self.sensor(one, *TYPICAL).strengths() for one in DEPTHS]
+        found = [TrackSensor(one, *TYPICAL).strengths() for one in DEPTHS]
         return np.array([[one[name] for one in found] for name in METHODS])
 
     @array((scheme, depth), "m", "false error by light beside the middle of the diodes")
@@ -117,15 +108,15 @@ class RadialError(Study):
         """Error of displaced light on the track over the slope of centred light."""
         found = []
         for one in DEPTHS:
-            false = self.sensor(one, *TYPICAL, landing=LANDING).errors(np.zeros(1))
-            slope = _slope(lambda place, one=one: _all(self.sensor(one, *TYPICAL).errors(place)))
+            false = TrackSensor(one, *TYPICAL, landing=LANDING).errors(np.zeros(1))
+            slope = _slope(TrackSensor(one, *TYPICAL))
             with np.errstate(divide="ignore", invalid="ignore"):
                 found.append(_all(false)[:, 0] / slope)
         return np.transpose(found)
 
-    @array((scheme, bits, stagger), "1/m", "slope with dark pits that have no depth")
-    def dark_slope(self) -> RealArray:
-        return _slope(lambda place: self.over_layers(place, 0.0, reflection=0.3))
+    @array((*layers, scheme), "1/m", "slope with dark pits that have no depth")
+    def dark_slope(self) -> Any:
+        return self.over_layers(_slope, 0.0, reflection=0.3)
 
     # --- checks ---------------------------------------------------------------------------------
 
@@ -237,11 +228,11 @@ def _all(errors: dict[str, RealArray]) -> RealArray:
     return np.array([errors[name] for name in METHODS])
 
 
-def _slope(errors: Any) -> RealArray:
-    """Slopes [1/m] at the track of errors (..., place) as a function of places [m]."""
+def _slope(sensor: TrackSensor) -> RealArray:
+    """Slope [1/m] of every method at the track."""
     step = 5e-9
-    ends = errors(np.array([-step, step]))
-    slope: RealArray = (ends[..., 1] - ends[..., 0]) / (2 * step)
+    ends = _all(sensor.errors(np.array([-step, step])))
+    slope: RealArray = (ends[:, 1] - ends[:, 0]) / (2 * step)
     return slope
 
 

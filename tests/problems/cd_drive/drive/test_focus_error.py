@@ -8,7 +8,7 @@ from pydantic import ValidationError
 from workbench.plants.cd_drive.drive.focus_error import methods
 from workbench.plants.cd_drive.drive.tables import disc_formats
 
-from workbench import load, solve
+from workbench import load
 from workbench.errors import WorkbenchError
 
 CD = disc_formats()["CD"]
@@ -54,9 +54,8 @@ def test_half_range_spans_both_sides():
     assert methods.half_range(errors, signal) == pytest.approx(2 * told.max())
 
 
-def test_problem():
-    study = load("cd/focus-error", errors=81)
-    solution = solve(study)
+def test_problem(answered):
+    study, solution = answered("cd/focus-error")
     assert solution.certificate.holds, solution.certificate
     numbers = study.metrics(solution.answer)
     assert numbers["extremes_Foucault_over_astigmatic_least"] >= 1.0
