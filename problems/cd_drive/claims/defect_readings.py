@@ -14,6 +14,7 @@ from ..laboratory.bench_setup import PERIOD
 from .items import Value
 
 PLANE, RESIDUALS = "cd/{}/diode-plane", "cd/{}/residuals"
+RAISED = "cd/raised-sum"
 FILTER, ESTIMATOR = "cd/focus/fault-filter", "cd/focus/position-estimator"
 STRATEGIES, EXCURSION = "cd/{}/strategies", "cd/{}/excursion"
 SWITCHING, PLAYED = "cd/{}/switching-stability", "cd/playability"
@@ -21,6 +22,12 @@ AFTER = 52
 """Samples after a defect in which the error's swing is read: 1.5 ms."""
 
 # --- the plane of the diodes ----------------------------------------------------------------------
+
+
+def largest_other_sum(run: Run) -> float:
+    """Largest mean sum, over the clean one, in defects of the kinds other than white dots."""
+    means = run.data["raised"].mean(["draw", "axis", "drive"])
+    return float(means.drop_sel(kind="white dot").max())
 
 
 def lowest_sum(run: Run) -> float:

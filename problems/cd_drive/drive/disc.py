@@ -32,9 +32,11 @@ STRICT = ConfigDict(extra="forbid", allow_inf_nan=True)
 class Defect:
     """A surface defect (scratch, finger print, dust): it dims the light and falsifies the error.
 
+    A white dot has a negative depth: it reflects more than the pits around it.
+
     length        along the track [m];
     angle         where it starts [revolutions];
-    depth         share of the light that it takes, 0 to 1;
+    depth         share of the light that it takes, at most 1; that it adds, if negative;
     displacement  false displacement f_sd that swings once up and down, amplitude [m] (eq. 2.9);
     offset        constant false displacement within the defect [m];
     edge          share of the length over which it begins, and ends, smoothly, 0 to 0.5;
@@ -52,8 +54,8 @@ class Defect:
     present: tuple[float, float] = (0.0, np.inf)
 
     def __post_init__(self) -> None:
-        if not (self.length > 0.0 and 0.0 <= self.depth <= 1.0 and 0.0 <= self.edge <= 0.5):
-            raise InputError(f"{self}: need length > 0, depth in 0 to 1 and edge in 0 to 0.5")
+        if not (self.length > 0.0 and -9.0 <= self.depth <= 1.0 and 0.0 <= self.edge <= 0.5):
+            raise InputError(f"{self}: need length > 0, depth in -9 to 1 and edge in 0 to 0.5")
 
     def met(
         self, revolutions: RealArray, time: RealArray, rotation: RealArray

@@ -15,6 +15,13 @@ from workbench.study import Study, array, check, dim, figure, metric, part, tabl
 
 from .actuator import general_model, resonances, stack
 from .derived_quantities import DERIVED
+from .mass_on_spring import (
+    DAMPING_RATIOS,
+    RELATIVE_FREQUENCIES,
+    figure_3_8,
+    peak_off,
+    relative_response,
+)
 from .nominal_table import compare_nominal
 from .plants import (
     AMPLIFICATION,
@@ -48,7 +55,8 @@ def overview(frequencies: Frequencies = 300, values: Values = "printed") -> Driv
 
     The responses from control voltage to normalised error of all drives in both axes (24), with the
     optical gain of each drive, and with the gain spread removed by the automatic gain control; the
-    resonances of each drive; the parameter table; Table 5.2 recomputed.
+    resonances of each drive; the parameter table; Table 5.2 recomputed; the response of a mass on a
+    damped spring by its damping ratio (figure 3.8).
 
     frequencies: how many, logarithmically spaced from 5 Hz to 20 kHz; around each resonance there
     are 80 more. values: tables "printed" or "corrected".
@@ -120,6 +128,20 @@ class Drives(Study):
     def derived(self, twelve: dict[Axis, Any]) -> list[Any]:
         return [[[q.of(one) for q in DERIVED.values()] for one in twelve[a]] for a in AXES]
 
+    zeta = dim(DAMPING_RATIOS, meaning="damping ratio")
+    relative = dim(lambda: RELATIVE_FREQUENCIES, meaning="frequency over the natural one")
+    spring_response = array(
+        (zeta, relative),
+        "1",
+        "k x / F by equation 3.7",
+        lambda zeta, relative: relative_response(zeta.values, relative.values),
+    )
+
+    @check("figure 3.8", at_most=0.01)
+    def peaks(self, spring_response: DataArray) -> float:
+        """relative distance of the peaks from their closed forms, in frequency and height"""
+        return max(peak_off(spring_response))
+
     @check("Table 3.2", at_most=1e-9)
     def polynomials(self, response: DataArray, parameters: DataArray) -> DataArray:
         """relative distance of the derived responses from the printed polynomials"""
@@ -160,6 +182,15 @@ class Drives(Study):
     _crossover = metric("crossover_{axis}_hz", lambda crossover: crossover)
     _margin = metric(lambda: {f"phase_margin_{axis}_deg": phase_margin(axis) for axis in AXES})
     table_3_2_off = metric(lambda response, parameters: off_table_3_2(response, parameters))
+    figure_3_8_off = metric(
+        lambda spring_response: dict(
+            zip(
+                ("figure_3_8_frequency_off", "figure_3_8_height_off"),
+                peak_off(spring_response),
+                strict=True,
+            )
+        )
+    )
     equation_3_10_off = metric(
         lambda actuator_general, parameters: off_equation_3_10(actuator_general, parameters)
     )
@@ -197,6 +228,7 @@ class Drives(Study):
             "bode": _bode(own, nominal, "own optical gain"),
             "bode-agc": _bode(own * answer["agc_gain"], nominal, "gain equalised at crossover"),
             "nyquist": _nyquist(own, nominal),
+            "figure-3-8": figure_3_8(answer),
         }
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from workbench import Run
 
 from ...drive.photo_diodes import TRACK_PITCH
-from ...drive.tables import Axis
+from ...drive.tables import Axis, red_book
 from ..items import Item, Number, Value, Verdict, at_least, at_most, near
 
 RED_BOOK = "cd/red-book"
@@ -34,6 +34,11 @@ def slope(axis: Axis, low: float, high: float) -> Number:
         return float(20.0 * np.log10(np.e) * np.diff(logarithms)[0] / np.log10(high / low))
 
     return Number(f"slope, {axis} [dB per decade]", RED_BOOK, slope_of, -41.0, -39.0)
+
+
+def disc_limit(run: Run) -> float:
+    """Deviation [um] of the track that the measuring loop turns into 0.03 um at most."""
+    return 1e6 * red_book("radial").deviation_above / run.metrics["largest_tracking_S"]
 
 
 ITEMS = (
@@ -86,9 +91,10 @@ ITEMS = (
                 1.0,
                 1.5,
             ),
+            at_most("limit of the disc itself [um]", RED_BOOK, disc_limit, 0.03),
         ),
         "The loop is that of ECMA-130: double integrator, lead from 65 to 650 Hz. It enlarges "
-        "deviations, so the disc's own limit is 0.024 um",
+        "deviations, so the disc itself may deviate less",
     ),
     Item(
         "Equation 2.7",

@@ -274,6 +274,27 @@ ITEMS = (
     ),
     Item(
         "Section 4.4.1",
+        "In practice Foucault's curve comes near the astigmatic one",
+        Verdict.READING,
+        (
+            at_most(
+                "K_optFn, middle of Table A.3, over Foucault's gain by diffraction",
+                "cd/focus-error",
+                "table_A_3_over_gain_Foucault",
+                1.0,
+            ),
+            at_least(
+                "over that of the astigmatic method with extremes about 12 um apart",
+                "cd/focus-error",
+                "table_A_3_over_gain_astigmatic",
+                1.0,
+            ),
+        ),
+        "Read as: the measured gain lies between those of the two methods",
+        "figure-2-8",
+    ),
+    Item(
+        "Section 4.4.1",
         "A ramp through the s-curve, whose extremes are 12 um apart, gives the focus gain",
         Verdict.REPRODUCED,
         (
@@ -298,5 +319,20 @@ ITEMS = (
                 0.03,
             ),
         ),
+    ),
+    Item(
+        "Section 4.4.2",
+        "Tracks that pass sideways give a sine, whose zeros are on a track and between two",
+        Verdict.REPRODUCED,
+        (
+            at_least(
+                "correlation of the error by twin spots with a sine, least of 45 layers",
+                "cd/radial-error",
+                "likeness_to_a_sine_twin_spot",
+                0.999,
+            ),
+        ),
+        "By diffraction: of the layer's orders across the tracks only the first enter the lens",
+        "radial-errors",
     ),
 )

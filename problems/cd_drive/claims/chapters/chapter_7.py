@@ -5,11 +5,13 @@ from __future__ import annotations
 from ..defect_readings import (
     FILTER,
     PLANE,
+    RAISED,
     RESIDUALS,
     STRATEGIES,
     alarms_of_error,
     alarms_of_sum,
     largest_coupling,
+    largest_other_sum,
     least_diode,
     lost_light,
     lowest_sum,
@@ -181,9 +183,32 @@ ITEMS = (
     Item(
         "Section 7.1.3",
         "White dots, and tracks that are jumped, raise the sum",
-        Verdict.OPEN,
-        found="Needs a defect that reflects more in the laboratory, and the sum as a function of "
-        "the place between tracks",
+        Verdict.READING,
+        (
+            at_least(
+                "sum in a white dot over the clean one, least of 90 %",
+                RAISED,
+                "sum_white_dot_low",
+                1.2,
+            ),
+            at_most("in the defects of other kinds, largest mean", RAISED, largest_other_sum, 0.9),
+            at_least(
+                "largest focus sum while tracks are jumped, over that on the track, least of 90 %",
+                RAISED,
+                "sum_most_jumping_low",
+                1.3,
+            ),
+            at_least("mean, least of 90 %", RAISED, "sum_mean_jumping_low", 1.1),
+            at_most(
+                "largest under a shock without a jump, most of 90 %",
+                RAISED,
+                "sum_most_stood_high",
+                1.2,
+            ),
+        ),
+        "White dots are read as areas with few pits or none. Their light, and the sum between "
+        "tracks, are by diffraction. The binary detector sees none of them, the quality signal all",
+        "sums, jump",
     ),
     Item(
         "Section 7.1.4, equation 7.22",

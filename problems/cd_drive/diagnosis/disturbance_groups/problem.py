@@ -1,0 +1,197 @@
+"""Four groups of disturbances enter the focus error: self-pollution too (eq. 2.9, fig. 2.13).
+
+Section, equation and figure numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
+CD-players (2003).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from workbench import problem
+from workbench.arrays import RealArray
+from workbench.executor import Context
+from workbench.heavy_types import DataArray, Dataset
+from workbench.simulation.machine import machine
+from workbench.study import (
+    Study,
+    array,
+    arrays,
+    check,
+    dim,
+    figure,
+    independent_seeds,
+    metric,
+    over_draws,
+    part,
+    share_of_draws,
+    table,
+    with_interval,
+)
+from workbench.study.draws import SURE
+
+from ...drive.red_book import ACCEPTABLE_ERROR
+from ...drive.shared_parameters import TABLES
+from ...drive.tables import Axis, drives
+from ...laboratory.bench_setup import RATE
+from .figures import by_force, groups
+from .pollution import AUDIO_ROTATION
+from .runs import CASES, DURATION, Disturbed, Superposed, error_of_force
+
+FAST_ROTATION = 100.0
+"""Rotation frequency [Hz] of a fast CD-ROM drive (section 2.5.1)."""
+SUPERPOSED = 0.1
+"""Largest relative difference of the whole error from the sum of its parts: the sine of the radial
+diodes is bent by 3 % at half of the acceptable error."""
+EQUATION = 0.05
+"""Largest relative difference of the sensed error from equation 2.9, between whose samples the
+lens is taken to move straight."""
+LEAST_MOTION = 1e-9
+"""Error [m] that a group causes at least."""
+
+
+@problem(
+    "cd/{axis}/disturbance-groups", axis=("focus", "radial"), data=(*TABLES, "data/red_book.csv")
+)
+def disturbance_groups(
+    axis: Axis, draws: Annotated[int, Field(ge=1, le=1000)] = 12
+) -> DisturbanceGroups:
+    """Disc deviations, shocks, self-pollution and surface defects in one error (figure 2.13).
+
+    Self-pollution is a force w_sp on the lens: the carriage jumps and pulls at the suspension, a
+    share of the other coil's force leaks in, and the air of the disc pushes at the rotation
+    frequency. The thesis prints no sizes; assumed ones are drawn. Each group acts alone and all act
+    together, without noise, within the linear range: the sensed error is compared with equation
+    2.9, and with the sum of what the groups do alone.
+
+    The force that costs the acceptable error is told over frequency, with no assumed size.
+
+    draws: of all disturbances, on each of the twelve drives.
+    """
+    return DisturbanceGroups(axis, draws)
+
+
+@dataclass(frozen=True)
+class DisturbanceGroups(Study):
+    """Every group alone and all together, on twelve drives."""
+
+    axis: Axis
+    draws: int
+
+    headline: ClassVar[str] = "superposition_off_high"
+
+    @property
+    def quantifier(self) -> str:
+        return f"for these 12 drives, in {self.draws} simulated draws"
+
+    case = dim(CASES)
+    drive = dim(lambda self: [one.name for one in drives(self.axis)])
+    draw = dim(lambda self: range(self.draws))
+    frequency = dim(lambda: np.geomspace(1.0, 1e3, 91), unit="Hz", meaning="frequency of a force")
+    time = dim(lambda: np.arange(round(DURATION * RATE)) / RATE, unit="s")
+
+    @array((draw, drive))
+    def seed(self, context: Context) -> Any:
+        return independent_seeds(context.rng, self.draws, 12)
+
+    @part
+    def met(self, context: Context, seed: DataArray) -> list[Superposed]:
+        """Every drive in every draw."""
+        machine()  # threads that meet it at one time would each compile it
+
+        def one(place: tuple[int, ...]) -> Superposed:
+            at = seed[place]
+            return Disturbed(self.axis, str(at["drive"].values), int(at)).met()
+
+        return context.spread(one, list(np.ndindex(seed.shape)), "drives and draws")
+
+    @array((draw, drive, case), "m", "largest true error")
+    def peak(self, met: list[Superposed], seed: DataArray) -> RealArray:
+        found = np.array([abs(one.error).max(axis=1) for one in met])
+        return found.reshape(*seed.shape, len(CASES))
+
+    @arrays((draw, drive), superposition_off="1", equation_2_9_off="1")
+    def off(self, met: list[Superposed], seed: DataArray) -> dict[str, RealArray]:
+        """How far the sensed error is from the sum of its parts, and from equation 2.9."""
+        names = {"superposition_off": "superposition", "equation_2_9_off": "equation_2_9"}
+        return {
+            name: np.reshape([getattr(one, field) for one in met], seed.shape)
+            for name, field in names.items()
+        }
+
+    shown = array(
+        (case, time),
+        "m",
+        "sensed error of the first drive in the first draw",
+        lambda met: met[0].sensed.astype("f4"),
+    )
+
+    @array((drive, frequency), "m/N", "error by a force on the lens")
+    def error_of_force(self, drive: DataArray, frequency: DataArray) -> RealArray:
+        names = drive.values.tolist()
+        return np.array([error_of_force(self.axis, one, frequency.values) for one in names])
+
+    # --- checks ---------------------------------------------------------------------------------
+
+    @check(at_most=1.0 - SURE)
+    def superposed(self, superposition_off: DataArray) -> float:
+        """share of draws in which the error is farther than 10 % from the sum of its parts"""
+        return float(share_of_draws(superposition_off > SUPERPOSED))
+
+    @check("equation 2.9", at_most=1.0 - SURE)
+    def as_printed(self, equation_2_9_off: DataArray) -> float:
+        """share of draws in which the sensed error is farther than 5 % from the equation"""
+        return float(share_of_draws(equation_2_9_off > EQUATION))
+
+    @check("{case}", at_most=1.0 - SURE, each="case")
+    def enters(self, peak: DataArray) -> DataArray:
+        """share of draws in which a group causes an error below 1 nm"""
+        return share_of_draws(peak < LEAST_MOTION, "case")
+
+    # --- what is told ---------------------------------------------------------------------------
+
+    peaks = metric("peak_{case}_{summary}_um", lambda peak: 1e6 * over_draws(peak, "drive"))
+    superpositions = metric(
+        "superposition_off_{summary}",
+        lambda superposition_off: over_draws(superposition_off, "drive"),
+    )
+    equations = metric(
+        "equation_2_9_off_{summary}", lambda equation_2_9_off: over_draws(equation_2_9_off, "drive")
+    )
+
+    @metric
+    def air(self, error_of_force: DataArray) -> dict[str, float]:
+        """Errors at the rotations of fast and audio drives: by the same force, and by air.
+
+        Air pushes with the square of the rotation; over the drives the least ratio.
+        """
+        slow, fast = (
+            error_of_force.interp(frequency=one) for one in (AUDIO_ROTATION, FAST_ROTATION)
+        )
+        ratio, square = fast / slow, (FAST_ROTATION / AUDIO_ROTATION) ** 2
+        acceptable = 1e3 * ACCEPTABLE_ERROR[self.axis]
+        return {
+            "fast_over_audio_same_force": float(ratio.min()),
+            "fast_over_audio_air": float(square * ratio.min()),
+            "force_allowed_audio_mN": float(acceptable / slow.max()),
+            "force_allowed_fast_mN": float(acceptable / fast.max()),
+        }
+
+    @table
+    def groups(self, answer: Dataset) -> tuple[list[str], list[list[str]]]:
+        """Errors of every case over draws and drives."""
+        told = over_draws(1e6 * answer["peak"], "drive")
+        rows = [[case, with_interval(told.sel(case=case), "{:.4f}")] for case in CASES]
+        return ["group", "largest error [um]"], rows
+
+    @figure
+    def drawn(self, answer: Dataset) -> dict[str, Any]:
+        acceptable = ACCEPTABLE_ERROR[self.axis]
+        return {
+            "figure-2-13": groups(answer, self.axis),
+            "allowed-force": by_force(answer, self.axis, acceptable),
+        }

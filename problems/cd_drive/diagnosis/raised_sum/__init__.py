@@ -1,0 +1,1 @@
+"""What raises the sum of the diodes: white dots, and tracks that are jumped."""

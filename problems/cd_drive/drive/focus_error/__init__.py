@@ -1,0 +1,1 @@
+"""Focus error of the astigmatic and of Foucault's method, from the optics."""

@@ -1,0 +1,1 @@
+"""Radial errors of four methods, from diffraction at the tracks."""

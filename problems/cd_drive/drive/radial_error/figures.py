@@ -1,0 +1,43 @@
+"""Figures of the four methods to sense a track."""
+
+from __future__ import annotations
+
+from workbench import figures
+from workbench.heavy_types import Dataset, Figure
+
+
+def over_track(answer: Dataset) -> Figure:
+    """Errors over a pitch by the length of pits, in tracks shifted by a quarter of their period."""
+    drawn, panels = figures.axes(2, 2, size=(9.0, 6.4), sharex=True)
+    place = 1e6 * answer["place"]
+    for panel, name in zip(panels, answer["scheme"].values, strict=True):
+        for bits in answer["bits"].values:
+            one = answer["error"].sel(scheme=name, width=0.5e-6, bits=bits, stagger=0.25)
+            panel.plot(place, one, label=f"{bits}T")
+        unit = "phase [rad]" if name == "DPD" else "normalised error"
+        figures.label(panel, y=unit, title=str(name))
+    for panel in panels[2:]:
+        panel.set_xlabel(r"distance from the track [$\mu$m]")
+    figures.legend_below(drawn, panels[0], columns=5)
+    return drawn
+
+
+def against_depth(answer: Dataset, printed: float, with_offset: tuple[str, ...]) -> Figure:
+    """Strength of every method and false error by landing, over the depth of the pits."""
+    drawn, (strength, offset) = figures.axes(1, 2, size=(9.0, 4.2), sharex=True)
+    looks = dict(zip(answer["scheme"].values.tolist(), figures.CYCLE, strict=False))
+    styles = {"DPD": "--"}
+    for name, colour in looks.items():
+        look = {"color": colour, "linestyle": styles.get(name, "-"), "label": name}
+        strength.plot(answer["depth"], answer["strength"].sel(scheme=name), **look)
+        if name in with_offset:
+            false = 1e6 * abs(answer["offset"].sel(scheme=name))
+            offset.plot(answer["depth"], false.where(false < 0.8), **look)
+    for panel in (strength, offset):
+        panel.axvline(printed, color="0.4", linestyle=":", linewidth=1.0)
+    at = "depth of the pits [wavelengths in the disc]"
+    figures.label(strength, at, "strength over a mirror's light", "before normalising")
+    title = "light lands 10 % beside the middle"
+    figures.label(offset, at, r"false error [$\mu$m]", title)
+    figures.legend_below(drawn, strength)
+    return drawn
