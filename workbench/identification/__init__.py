@@ -4,6 +4,7 @@ from workbench.identification.experiments import crest_factor_methods
 from workbench.identification.experiments.crest_factor import CrestFactor, schroeder_phases
 from workbench.identification.experiments.distortion import (
     LineDistortion,
+    harmonic_distortion,
     line_distortion,
     total_harmonic_distortion,
 )
@@ -74,6 +75,7 @@ __all__ = [
     "filtered_least_squares",
     "fit_parameters",
     "from_periods",
+    "harmonic_distortion",
     "line_amplitudes",
     "line_distortion",
     "local_polynomial",

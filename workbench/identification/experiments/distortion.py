@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import stats
 
+from workbench.arrays import ComplexArray
 from workbench.errors import InputError
 
 
@@ -35,7 +36,7 @@ def total_harmonic_distortion(amplitudes: ArrayLike) -> np.ndarray:
 
 @dataclass(frozen=True)
 class LineDistortion:
-    """Nonlinear distortion at the silent lines of an odd multisine.
+    """Nonlinear distortion at the silent lines of an odd multisine, or at harmonics of sines.
 
     Parameters
     ----------
@@ -47,6 +48,9 @@ class LineDistortion:
         Root-mean-square amplitude at excited lines.
     odd_p, even_p
         p-values of the hypothesis that these lines contain only noise.
+    odd_square, even_square
+        Mean squares at these lines without the noise's share: unbiased, so that noise alone makes
+        them negative about as often as positive. ``odd`` and ``even`` are their roots, or 0.
     """
 
     odd: float
@@ -55,6 +59,8 @@ class LineDistortion:
     excited: float
     odd_p: float
     even_p: float
+    odd_square: float
+    even_square: float
 
     def detected(self, level: float = 0.01) -> bool:
         """Whether distortion is significant at this level, shared between odd and even lines."""
@@ -68,8 +74,8 @@ def line_distortion(
 
     A linear system responds at excited lines only; an even nonlinearity appears at even lines, an
     odd one at silent odd lines (Pintelon and Schoukens, section 4.3). Repeated periods separate
-    distortion from noise: with noise alone, the ratio of sum |mean|^2 to sum S^2 / M over L lines
-    has the distribution F(2 L, 2 L (M - 1)).
+    distortion from noise: with noise alone, the ratio of |mean|^2 to S^2 / M at a line has the
+    distribution F(2, 2 (M - 1)), whatever the colour of the noise; Fisher's rule joins the lines.
 
     Parameters
     ----------
@@ -80,28 +86,67 @@ def line_distortion(
     transients
         Number of leading periods to discard.
     """
-    periods = np.asarray(amplitudes, dtype=complex)[transients:]
+    periods = np.asarray(amplitudes, dtype=complex)
     lines = np.asarray(excited)
-    if periods.ndim != 2 or len(periods) < 2:
-        raise InputError("two periods or more are needed to tell distortion from noise")
+    if periods.ndim != 2:
+        raise InputError(f"amplitudes have shape {periods.shape}; (periods, lines) is needed")
     if np.any(lines % 2 == 0) or lines.max() >= periods.shape[1]:
         raise InputError("excited lines must be odd and below the number of lines measured")
     silent = np.setdiff1d(np.arange(lines.min(), lines.max() + 1), lines)
-    mean, noise = periods.mean(axis=0), periods.var(axis=0, ddof=1) / len(periods)
-    found = {}
-    for name, chosen in (("odd", silent[silent % 2 == 1]), ("even", silent[silent % 2 == 0])):
-        if not len(chosen):
+    for name, remainder in (("odd", 1), ("even", 0)):
+        if not np.any(silent % 2 == remainder):
             raise InputError(f"the multisine leaves no {name} line silent: choose by `odd_lines`")
-        power, floor = np.sum(np.abs(mean[chosen]) ** 2), np.sum(noise[chosen])
-        count = 2 * len(chosen)
-        ratio = power / floor if floor > 0 else np.inf if power > 0 else 0.0
-        p = float(stats.f.sf(ratio, count, count * (len(periods) - 1)))
-        found[name] = (float(np.sqrt(max(power - floor, 0) / len(chosen))), p)
+    odd, even = (periods[:, silent[silent % 2 == remainder]] for remainder in (1, 0))
+    return _distortion(periods[:, lines], odd, even, transients)
+
+
+def harmonic_distortion(amplitudes: ArrayLike, *, transients: int = 0) -> LineDistortion:
+    """Odd and even distortion from the harmonics of sines at F frequencies, taken together.
+
+    Parameters
+    ----------
+    amplitudes
+        Complex amplitudes, shape (F, periods, harmonics), the fundamental first, as `sine_fit`
+        gives; three harmonics or more.
+    transients
+        Number of leading periods at each frequency to discard.
+    """
+    every = np.asarray(amplitudes, dtype=complex)
+    if every.ndim != 3 or every.shape[2] < 3:
+        raise InputError(
+            f"amplitudes have shape {every.shape}; (frequencies, periods, harmonics) is needed, "
+            "with three harmonics or more"
+        )
+    parts = every[..., :1], every[..., 2::2], every[..., 1::2]
+    rows = [np.moveaxis(one, 1, 0).reshape(every.shape[1], -1) for one in parts]
+    return _distortion(*rows, transients)
+
+
+def _distortion(
+    excited: ComplexArray, odd: ComplexArray, even: ComplexArray, transients: int
+) -> LineDistortion:
+    """Distortion from amplitudes (periods, lines) of each kind of line."""
+    kinds = {name: one[transients:] for name, one in (("odd", odd), ("even", even))}
+    count = len(kinds["odd"])
+    if count < 2:
+        raise InputError("two periods or more are needed to tell distortion from noise")
+    found, noises = {}, []
+    for name, periods in kinds.items():
+        noise = periods.var(axis=0, ddof=1) / count
+        power = np.abs(periods.mean(axis=0)) ** 2
+        ratio = np.divide(power, noise, out=np.where(power > 0, np.inf, 0.0), where=noise > 0)
+        logarithms = stats.f.logsf(ratio, 2, 2 * (count - 1))
+        p = float(stats.chi2.sf(-2 * np.sum(logarithms), 2 * len(power)))
+        found[name] = (float(np.mean(power - noise)), p)
+        noises.append(noise)
+    mean = excited[transients:].mean(axis=0)
     return LineDistortion(
-        odd=found["odd"][0],
-        even=found["even"][0],
-        noise=float(np.sqrt(np.mean(noise[silent]))),
-        excited=float(np.sqrt(np.mean(np.abs(mean[lines]) ** 2))),
+        odd=float(np.sqrt(max(found["odd"][0], 0.0))),
+        even=float(np.sqrt(max(found["even"][0], 0.0))),
+        noise=float(np.sqrt(np.mean(np.concatenate(noises)))),
+        excited=float(np.sqrt(np.mean(np.abs(mean) ** 2))),
         odd_p=found["odd"][1],
         even_p=found["even"][1],
+        odd_square=found["odd"][0],
+        even_square=found["even"][0],
     )

@@ -46,7 +46,7 @@ class FilteredRecord:
         filter_ = np.asarray(denominator, float)
         if filter_.shape != (n + 1,) or filter_[0] != 1.0 or not np.isfinite(filter_).all():
             raise InputError(
-                f"the filter needs a monic polynomial of degree {n}, not {denominator}"
+                f"the filter needs a monic polynomial of degree {n}, not {filter_.tolist()}"
             )
         if np.roots(filter_).real.max() >= 0.0:
             raise InputError(f"the filter has a root at {np.roots(filter_).real.max():g} rad/s")
