@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from workbench.errors import InputError
 from workbench.identification import (
@@ -107,12 +108,27 @@ def test_noise_is_seen_only_behind_the_transients():
     assert harmonic_distortion(amplitudes).odd_p > 0.1
 
 
+def test_slow_noise_is_not_taken_for_distortion_nor_hides_it():
+    """A single period hardly tells a harmonic from noise far below it."""
+    rng, squares, alarms = np.random.default_rng(3), [], 0
+    for _ in range(200):
+        noise = lfilter([0.05], [1, -0.99], rng.normal(size=1000))
+        found = sine_fit(np.cos(0.02 * np.pi * np.arange(1000)) + noise, 1.0, 0.01, harmonics=5)
+        one = harmonic_distortion(found[None])
+        squares.append(one.odd_square)
+        alarms += one.detected(0.05)
+    assert abs(np.mean(squares)) < 4 * np.std(squares) / np.sqrt(200)
+    assert alarms <= 22  # of 10 expected
+
+
 def test_bad_harmonics():
     with pytest.raises(InputError, match="three harmonics"):
         harmonic_distortion(np.ones((2, 4, 2)))
     with pytest.raises(InputError, match="three harmonics"):
         harmonic_distortion(np.ones((4, 5)))
     with pytest.raises(InputError, match="two periods"):
-        harmonic_distortion(np.ones((2, 3, 5)), transients=2)
+        line_distortion(np.ones((3, 10)), [1, 5], transients=2)
+    with pytest.raises(InputError, match="three periods"):
+        harmonic_distortion(np.ones((2, 3, 5)), transients=1)
     with pytest.raises(InputError, match="periods, lines"):
         line_distortion(np.ones(10), [1, 5])

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy import stats
 
-from workbench.arrays import ComplexArray
+from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
 
 
@@ -97,17 +98,23 @@ def line_distortion(
         if not np.any(silent % 2 == remainder):
             raise InputError(f"the multisine leaves no {name} line silent: choose by `odd_lines`")
     odd, even = (periods[:, silent[silent % 2 == remainder]] for remainder in (1, 0))
-    return _distortion(periods[:, lines], odd, even, transients)
+    parts = [_evaluated(one, transients, 2) for one in (periods[:, lines], odd, even)]
+    noises = [one.var(axis=0, ddof=1) / len(one) for one in parts[1:]]
+    return _distortion([one.mean(axis=0) for one in parts], noises, 2 * (len(parts[0]) - 1))
 
 
 def harmonic_distortion(amplitudes: ArrayLike, *, transients: int = 0) -> LineDistortion:
     """Odd and even distortion from the harmonics of sines at F frequencies, taken together.
 
+    A single period hardly resolves a harmonic from its neighbours, so that the scatter of the
+    periods tells the variance of their mean only in white noise. The noise is taken from the two
+    lines nearest to each harmonic that all M periods together resolve, at f (1 +- 1 / M).
+
     Parameters
     ----------
     amplitudes
         Complex amplitudes, shape (F, periods, harmonics), the fundamental first, as `sine_fit`
-        gives; three harmonics or more.
+        gives; three harmonics or more, and three periods or more.
     transients
         Number of leading periods at each frequency to discard.
     """
@@ -117,36 +124,48 @@ def harmonic_distortion(amplitudes: ArrayLike, *, transients: int = 0) -> LineDi
             f"amplitudes have shape {every.shape}; (frequencies, periods, harmonics) is needed, "
             "with three harmonics or more"
         )
-    parts = every[..., :1], every[..., 2::2], every[..., 1::2]
-    rows = [np.moveaxis(one, 1, 0).reshape(every.shape[1], -1) for one in parts]
-    return _distortion(*rows, transients)
+    periods = _evaluated(np.moveaxis(every, 1, 0), transients, 3)
+    lines = np.fft.fft(periods, axis=0) / len(periods)
+    noise = np.mean(np.abs(lines[[1, -1]]) ** 2, axis=0)
+    kinds = slice(2, None, 2), slice(1, None, 2)
+    means = [lines[0][:, :1], *(lines[0][:, one] for one in kinds)]
+    noises = [noise[:, one].ravel() for one in kinds]
+    return _distortion([one.ravel() for one in means], noises, 4)
+
+
+def _evaluated(periods: ComplexArray, transients: int, least: int) -> ComplexArray:
+    """The periods behind the transients, or an `InputError` if there are too few."""
+    kept = periods[transients:]
+    if len(kept) < least:
+        raise InputError(
+            f"{'two' if least == 2 else 'three'} periods or more are needed to tell distortion "
+            f"from noise, not {len(kept)}"
+        )
+    return kept
 
 
 def _distortion(
-    excited: ComplexArray, odd: ComplexArray, even: ComplexArray, transients: int
+    means: Sequence[ComplexArray], noises: Sequence[RealArray], degrees: int
 ) -> LineDistortion:
-    """Distortion from amplitudes (periods, lines) of each kind of line."""
-    kinds = {name: one[transients:] for name, one in (("odd", odd), ("even", even))}
-    count = len(kinds["odd"])
-    if count < 2:
-        raise InputError("two periods or more are needed to tell distortion from noise")
-    found, noises = {}, []
-    for name, periods in kinds.items():
-        noise = periods.var(axis=0, ddof=1) / count
-        power = np.abs(periods.mean(axis=0)) ** 2
+    """Distortion from mean amplitudes at excited, odd and even lines, and variances of the latter.
+
+    The variances have so many degrees of freedom at each line.
+    """
+    found = []
+    for mean, noise in zip(means[1:], noises, strict=True):
+        power = np.abs(mean) ** 2
         ratio = np.divide(power, noise, out=np.where(power > 0, np.inf, 0.0), where=noise > 0)
-        logarithms = stats.f.logsf(ratio, 2, 2 * (count - 1))
+        logarithms = stats.f.logsf(ratio, 2, degrees)
         p = float(stats.chi2.sf(-2 * np.sum(logarithms), 2 * len(power)))
-        found[name] = (float(np.mean(power - noise)), p)
-        noises.append(noise)
-    mean = excited[transients:].mean(axis=0)
+        found.append((float(np.mean(power - noise)), p))
+    (odd, odd_p), (even, even_p) = found
     return LineDistortion(
-        odd=float(np.sqrt(max(found["odd"][0], 0.0))),
-        even=float(np.sqrt(max(found["even"][0], 0.0))),
+        odd=float(np.sqrt(max(odd, 0.0))),
+        even=float(np.sqrt(max(even, 0.0))),
         noise=float(np.sqrt(np.mean(np.concatenate(noises)))),
-        excited=float(np.sqrt(np.mean(np.abs(mean) ** 2))),
-        odd_p=found["odd"][1],
-        even_p=found["even"][1],
-        odd_square=found["odd"][0],
-        even_square=found["even"][0],
+        excited=float(np.sqrt(np.mean(np.abs(means[0]) ** 2))),
+        odd_p=odd_p,
+        even_p=even_p,
+        odd_square=odd,
+        even_square=even,
     )

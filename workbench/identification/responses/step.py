@@ -6,6 +6,10 @@ G = sum dy_k z^-k / sum du_k z^-k, without leakage and without a model. A step t
 frequencies: its differences have the same size at all of them, those of the noise grow with the
 frequency and with the square root of the length of the record.
 
+The noise of the first and of the last sample would add to that of the differences, and at low
+frequencies outweigh it. So the differences fade in before a step and out at the end of its record,
+while the signals are at rest, which averages over those samples.
+
 Source: L. Ljung, System Identification, 2nd ed., 1999, section 6.1.
 """
 
@@ -49,7 +53,8 @@ def step_response(
     starts
         Indices (M,) of the first sample of each step, two or more, each at least 1.
     length
-        Number of samples evaluated from each start on; until then the system must settle.
+        Number of samples evaluated from each start on. The system must settle in nine tenths of
+        them, and have settled a tenth of them before the first step.
     frequency
         Frequencies [Hz], shape (F,), between 0 and half the sample rate.
 
@@ -75,32 +80,29 @@ def step_response(
         raise InputError(f"frequencies must lie between 0 and {sample_rate / 2:g} Hz")
     if first.dtype.kind not in "iu" or first.size < 2 or length < 20:
         raise InputError("two steps of 20 samples or more are needed, their starts whole numbers")
-    if np.any(np.diff(first) < length) or first[0] < 1 or first[-1] + length > len(signals[0]):
+    fade = length // 10
+    if np.any(np.diff(first) < length) or first[0] <= fade or first[-1] + length > len(signals[0]):
         raise InputError(
-            f"steps of {length} samples must not overlap, and must begin at sample 1 or later and "
-            f"end within the {len(signals[0])} samples of the record"
+            f"steps of {length} samples must not overlap, and must begin after {fade} samples or "
+            f"more and end within the {len(signals[0])} samples of the record"
         )
-    du, dy = (_differences(one, first, length) for one in signals)
+    instants = np.arange(-fade, length)
+    du, dy = (np.diff(one)[first[:, None] - 1 + instants] for one in signals)
     size = du @ du[0]
     if not np.all(np.abs(size) > 0):
         raise InputError("the input makes no step at one of the starts")
     # Steps of either sign and of any size become repetitions of the first one.
     du, dy = (one * (size[0] / size)[:, None] for one in (du, dy))
     _warn_of_motion(dy)
-    turn = np.exp(-2j * np.pi / sample_rate * np.outer(frequencies, np.arange(length)))
+    rise = np.sin(np.pi / 2 * (np.arange(fade) + 0.5) / fade) ** 2
+    window = np.concatenate([rise, np.ones(length - fade), rise[::-1]])
+    turn = window * np.exp(-2j * np.pi / sample_rate * np.outer(frequencies, instants))
     return from_periods(frequencies, turn @ du.T, turn @ dy.T)
-
-
-def _differences(signal: RealArray, starts: RealArray, length: int) -> RealArray:
-    """Differences (M, length) of a signal from sample to sample, from each start on."""
-    change = np.diff(signal)
-    found: RealArray = change[starts[:, None] - 1 + np.arange(length)]
-    return found
 
 
 def _warn_of_motion(dy: RealArray) -> None:
     """Warn if the mean output of the steps still changes between their last two tenths."""
-    tenth = dy.shape[1] // 10
+    tenth = dy.shape[1] // 11
     level = np.cumsum(dy, axis=1)
     moved = level[:, -tenth:].mean(axis=1) - level[:, -2 * tenth : -tenth].mean(axis=1)
     error = moved.std(ddof=1) / np.sqrt(len(moved))

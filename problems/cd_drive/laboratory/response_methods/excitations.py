@@ -37,7 +37,7 @@ FREQUENCY_STEP = {"focus": 2.0, "radial": 6.0}
 SETTLING = 1.0
 """Time [s] in which the coil settles, six to ten time constants: after each step, and after each
 change of the sine's frequency."""
-REST = 0.1
+REST = 0.2
 """Time [s] of rest before an excitation."""
 BLOCKS = 4
 """Averages of whole periods at each frequency, from whose scatter the variance comes."""
