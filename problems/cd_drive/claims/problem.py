@@ -42,10 +42,12 @@ REPEATED = (
     "closed-loop",
     "diode-plane",
     "linearity",
+    "multisine-linearity",
     "open-loop",
     "optical-gain",
     "position-estimator",
     "residuals",
+    "response-methods",
     "strategies",
     "wrong-rotation",
 )

@@ -5,9 +5,10 @@ from __future__ import annotations
 from workbench import Run
 
 from ...drive.tables import Axis
-from ..items import Item, Number, Verdict, at_most, near
+from ..items import Item, Number, Verdict, at_least, at_most, near
 
 FOCUS, RADIAL = "cd/focus/linearity", "cd/radial/linearity"
+MULTISINE = "cd/{}/multisine-linearity"
 MEDIAN = "output_closed_median_percent_mean"
 
 
@@ -50,9 +51,30 @@ ITEMS = (
     Item(
         "Section 4.5",
         "A multisine tests linearity faster than sines of growing size",
-        Verdict.OPEN,
-        found="Multisines and their distortions are in workbench.identification. Needs a run on a "
-        "drive, beside cd/*/linearity",
+        Verdict.READING,
+        (
+            at_most(
+                "its time over that of four sizes, equal errors of its level, focus, 97.5 % bound",
+                MULTISINE.format("focus"),
+                "time_ratio_absolute_high",
+                1.0,
+            ),
+            at_most(
+                "the same, equal relative errors, radial",
+                MULTISINE.format("radial"),
+                "time_ratio_relative_high",
+                1.0,
+            ),
+            at_least(
+                "its time over that of the largest size alone, focus, 2.5 % bound",
+                MULTISINE.format("focus"),
+                "time_ratio_one_size_absolute_low",
+                1.0,
+            ),
+        ),
+        "Per accuracy of the odd distortion in closed loop. It saves the smaller sizes; sines of "
+        "the largest one alone are as fast or faster",
+        "tests",
     ),
     Item(
         "Section 4.5",
