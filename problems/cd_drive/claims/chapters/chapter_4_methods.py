@@ -42,8 +42,11 @@ ITEMS = (
         Verdict.REPRODUCED,
         (
             *both(
-                at_most, "largest rms error of R, Bl, k by any", METHODS,
-                worst_parameters("R Bl k"), 0.01,
+                at_most,
+                "largest rms error of R, Bl, k by any",
+                METHODS,
+                worst_parameters("R Bl k"),
+                0.01,
             ),
             *both(at_most, "largest rms error of b by any", METHODS, worst_parameters("b"), 0.05),
         ),
@@ -56,18 +59,25 @@ ITEMS = (
         Verdict.REPRODUCED,
         (
             *both(
-                at_least, "draws in which instruments are nearer, least of three excitations",
+                at_least,
+                "draws in which instruments are nearer, least of three excitations",
                 METHODS,
                 nearer("noisy", *(f"{one}_instruments_than_least_squares" for one in EXCITATIONS)),
                 SURE,
             ),
             *both(
-                at_least, "rms error by least squares, steps", METHODS,
-                "error_noisy_step_least_squares_mean", 0.05,
+                at_least,
+                "rms error by least squares, steps",
+                METHODS,
+                "error_noisy_step_least_squares_mean",
+                0.05,
             ),
             *both(
-                at_most, "the same by instruments", METHODS,
-                "error_noisy_step_instruments_mean", 0.02,
+                at_most,
+                "the same by instruments",
+                METHODS,
+                "error_noisy_step_instruments_mean",
+                0.02,
             ),
         ),
         "White noise, ten times the laboratory's; the filtered regressors colour it. Instruments "
@@ -89,7 +99,9 @@ ITEMS = (
         Verdict.REPRODUCED,
         (
             *both(at_most, "rms error, quiet", METHODS, "error_quiet_step_mean", 0.005),
-            *both(at_least, "the same, ten times the noise", METHODS, "error_noisy_step_mean", 0.01),
+            *both(
+                at_least, "the same, ten times the noise", METHODS, "error_noisy_step_mean", 0.01
+            ),
         ),
         "Without a model. A model fitted by instruments to the same noisy steps stays below 1 %",
         "responses",
@@ -101,8 +113,11 @@ ITEMS = (
         (
             *both(at_least, "share of the time in which the coil settles", METHODS, "waiting", 0.5),
             *both(
-                at_least, "draws in which sines are nearer than steps and spectra of equal time",
-                METHODS, nearer("quiet", "sines_than_step", "sines_than_spectra_4s"), SURE,
+                at_least,
+                "draws in which sines are nearer than steps and spectra of equal time",
+                METHODS,
+                nearer("quiet", "sines_than_step", "sines_than_spectra_4s"),
+                SURE,
             ),
         ),
         "More than half of the time is spent waiting, and the sines are still the nearest",
@@ -113,9 +128,12 @@ ITEMS = (
         "The response by spectra depends on how the spectra are estimated",
         Verdict.REPRODUCED,
         both(
-            at_least, "error with segments of 1/2 s over that with 4 s", METHODS,
-            quotient("error_quiet_spectra_half_s_mean", "error_quiet_spectra_4s_mean"), 3.0,
+            at_least,
+            "error with segments of 1/2 s over that with 4 s",
+            METHODS,
+            quotient("error_quiet_spectra_half_s_mean", "error_quiet_spectra_4s_mean"),
+            3.0,
         ),
         shown="responses",
     ),
-)  # fmt: skip
+)
