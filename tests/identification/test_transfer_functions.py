@@ -20,7 +20,7 @@ from workbench.identification import (
 )
 from workbench.identification.transfer_functions import regression
 from workbench.identification.transfer_functions.filtered_record import FilteredRecord, solved
-from workbench.identification.transfer_functions.filters import DerivativeFilter, stable
+from workbench.identification.transfer_functions.filters import DerivativeFilter, mirrored
 
 RATE = 100.0
 NUMERATOR, DENOMINATOR = [-6400.0, 1600.0], [1.0, 5.0, 408.0, 416.0, 1600.0]
@@ -169,8 +169,8 @@ def test_derivatives_are_exact_for_straight_lines():
 
 
 def test_unstable_roots_are_mirrored():
-    np.testing.assert_allclose(stable(np.poly([-1.0, 2.0])), np.poly([-1.0, -2.0]))
-    np.testing.assert_allclose(stable(np.poly([1 + 2j, 1 - 2j])), [1.0, 2.0, 5.0])
+    np.testing.assert_allclose(mirrored(np.poly([-1.0, 2.0])), np.poly([-1.0, -2.0]))
+    np.testing.assert_allclose(mirrored(np.poly([1 + 2j, 1 - 2j])), [1.0, 2.0, 5.0])
 
 
 def test_bad_records_and_models():

@@ -73,7 +73,7 @@ class DerivativeFilter:
         return respond(sampled, inputs)
 
 
-def stable(denominator: RealArray) -> RealArray:
+def mirrored(denominator: RealArray) -> RealArray:
     """The polynomial (n + 1,) with its roots of positive real part mirrored to the left."""
     roots = np.roots(denominator)
     found: RealArray = np.real(np.poly(np.where(roots.real > 0, -roots.conj(), roots)))

@@ -31,7 +31,7 @@ from workbench.identification.transfer_functions.filtered_record import (
     in_deviations,
     solved,
 )
-from workbench.identification.transfer_functions.filters import stable
+from workbench.identification.transfer_functions.filters import mirrored
 from workbench.identification.transfer_functions.record import SampledRecord
 
 CHANGE_TOLERANCE = 1e-4
@@ -86,7 +86,7 @@ def refined_instruments(
         The iterations do not settle: start from a better model, or lower the degrees.
     """
     degrees = len(start.numerator) - 1, len(start.denominator) - 1
-    values = np.append(start.numerator, stable(start.denominator)[1:])
+    values = np.append(start.numerator, mirrored(start.denominator)[1:])
     for done in range(1, MOST_ITERATIONS + 1):
         model = FilteredRecord.at(record, degrees, values)
         z, _ = model.instruments(values, record.clean_input)
@@ -98,7 +98,7 @@ def refined_instruments(
         if change < CHANGE_TOLERANCE:
             return model.estimate(theta, (z, phi), error, done)
         values = theta * model.units
-        values[-degrees[1] :] = stable(np.append(1.0, values[-degrees[1] :]))[1:]
+        values[-degrees[1] :] = mirrored(np.append(1.0, values[-degrees[1] :]))[1:]
     raise SolverError(
         f"the instruments do not settle in {MOST_ITERATIONS} iterations: the last one changed a "
         f"coefficient by {change:.2g} standard deviations"
@@ -125,7 +125,7 @@ def output_error(
         The steps do not end at a minimum.
     """
     degrees = len(start.numerator) - 1, len(start.denominator) - 1
-    values = np.append(start.numerator, stable(start.denominator)[1:])
+    values = np.append(start.numerator, mirrored(start.denominator)[1:])
     model = FilteredRecord.at(record, degrees, values)
     z, output = model.instruments(values, record.u)
     for done in range(1, MOST_ITERATIONS + 1):
