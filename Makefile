@@ -51,12 +51,13 @@ reference: $(READY)
 	$(REFERENCE) mass-spring/analysis bench/covers bench/geometry textbook/fault-detection
 	$(REFERENCE) '*/controller' 'cd/*/mu-pid' 'cd/*/lower-bandwidth' 'cd/*/switching-stability'
 	$(REFERENCE) 'cd/*/closed-loop' 'cd/*/optical-gain' 'cd/*/linearity' --set draws=50
-	$(REFERENCE) 'cd/*/residuals' 'cd/*/diode-plane' 'cd/*/position-estimator' cd/raised-sum --set draws=50
-	$(REFERENCE) 'cd/*/disturbance-groups' --set draws=50
+	$(REFERENCE) 'cd/*/response-methods' 'cd/*/multisine-linearity' --set draws=50
+	$(REFERENCE) 'cd/*/residuals' 'cd/*/diode-plane' 'cd/*/position-estimator' --set draws=50
+	$(REFERENCE) 'cd/*/disturbance-groups' cd/raised-sum --set draws=50
 	$(REFERENCE) 'cd/*/strategies' 'cd/*/bandwidth-trade-off' 'cd/*/wrong-rotation' --set draws=50
 	$(REFERENCE) 'cd/*/excursion' 'cd/*/best-gains' 'cd/*/gain-ramp' cd/playability
 	$(REFERENCE) 'cd/*/two-controllers-switched'
-	$(REFERENCE) cd/focus/methods cd/focus/controllers
+	$(REFERENCE) cd/focus/methods cd/focus/controllers cd/focus/identified cd/radial/identified
 	$(REFERENCE) cd/claims
 	rm -rf results/reference/.partial
 

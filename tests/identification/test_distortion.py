@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from workbench.errors import InputError
 from workbench.identification import (
+    harmonic_distortion,
     line_amplitudes,
     line_distortion,
     odd_lines,
@@ -67,3 +69,66 @@ def test_bad_input():
         line_distortion(np.ones((3, 10)), [1, 4])
     with pytest.raises(InputError, match="no odd line"):
         line_distortion(np.ones((3, 10)), [1, 3, 5])
+
+
+def harmonics(nonlinearity, seed=0, size=1e-2):
+    """Amplitudes (3, 10, 5) of sines of unit size behind a nonlinearity, with white noise."""
+    rng, found = np.random.default_rng(seed), []
+    for frequency in (0.01, 0.02, 0.04):
+        x = np.cos(2 * np.pi * frequency * np.arange(round(10 / frequency)))
+        noisy = nonlinearity(x) + size * rng.normal(size=len(x))
+        found.append(sine_fit(noisy, 1.0, frequency, harmonics=5)[:10])
+    return np.array(found)
+
+
+def test_harmonics_of_sines_tell_even_from_odd():
+    cubic = harmonic_distortion(harmonics(lambda x: x - x**3 / 3))
+    assert cubic.odd / cubic.excited == pytest.approx(1 / 9 / np.sqrt(2), rel=1e-2)
+    assert cubic.odd_p < 1e-6 < 1e-3 < cubic.even_p
+    square = harmonic_distortion(harmonics(lambda x: x + 0.1 * x**2))
+    assert square.even / square.excited == pytest.approx(0.05 / np.sqrt(2), rel=2e-2)
+    assert square.even_p < 1e-6 < 1e-3 < square.odd_p
+
+
+def test_squares_are_unbiased():
+    """Of a linear system they are zero in the mean, and their roots are not."""
+    found = [harmonic_distortion(harmonics(lambda x: 2 * x, seed, 0.3)) for seed in range(300)]
+    squares = np.array([one.odd_square for one in found])
+    assert abs(squares.mean()) < 3 * squares.std() / np.sqrt(len(squares))
+    assert np.mean(squares < 0) == pytest.approx(0.5, abs=0.15)
+    assert sum(one.detected(0.05) for one in found) <= 30  # of 15 expected
+    lines = [measured(lambda x: x, seed).odd_square for seed in range(100)]
+    assert abs(np.mean(lines)) < 3 * np.std(lines) / 10
+
+
+def test_noise_is_seen_only_behind_the_transients():
+    amplitudes = harmonics(lambda x: x, size=0)
+    amplitudes[:, 0, 2] = 1.0
+    assert harmonic_distortion(amplitudes, transients=1).odd < 1e-12
+    assert harmonic_distortion(amplitudes).odd_p > 0.1
+
+
+def test_slow_noise_is_not_taken_for_distortion_nor_hides_it():
+    """A single period hardly tells a harmonic from noise far below it."""
+    rng, squares, alarms = np.random.default_rng(3), [], 0
+    for _ in range(200):
+        noise = lfilter([0.05], [1, -0.99], rng.normal(size=1000))
+        found = sine_fit(np.cos(0.02 * np.pi * np.arange(1000)) + noise, 1.0, 0.01, harmonics=5)
+        one = harmonic_distortion(found[None])
+        squares.append(one.odd_square)
+        alarms += one.detected(0.05)
+    assert abs(np.mean(squares)) < 4 * np.std(squares) / np.sqrt(200)
+    assert alarms <= 22  # of 10 expected
+
+
+def test_bad_harmonics():
+    with pytest.raises(InputError, match="three harmonics"):
+        harmonic_distortion(np.ones((2, 4, 2)))
+    with pytest.raises(InputError, match="three harmonics"):
+        harmonic_distortion(np.ones((4, 5)))
+    with pytest.raises(InputError, match="two periods"):
+        line_distortion(np.ones((3, 10)), [1, 5], transients=2)
+    with pytest.raises(InputError, match="three periods"):
+        harmonic_distortion(np.ones((2, 3, 5)), transients=1)
+    with pytest.raises(InputError, match="periods, lines"):
+        line_distortion(np.ones(10), [1, 5])

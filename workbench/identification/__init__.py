@@ -4,6 +4,7 @@ from workbench.identification.experiments import crest_factor_methods
 from workbench.identification.experiments.crest_factor import CrestFactor, schroeder_phases
 from workbench.identification.experiments.distortion import (
     LineDistortion,
+    harmonic_distortion,
     line_distortion,
     total_harmonic_distortion,
 )
@@ -37,9 +38,17 @@ from workbench.identification.responses.periodic import (
     from_periods,
 )
 from workbench.identification.responses.spectral import SpectralResponse, spectral_response
+from workbench.identification.responses.step import step_response
 from workbench.identification.state_space import methods as state_space_methods
 from workbench.identification.state_space.innovations import InnovationsModel
 from workbench.identification.state_space.program import StateSpaceFit
+from workbench.identification.transfer_functions.estimate import TransferFunctionEstimate
+from workbench.identification.transfer_functions.record import SampledRecord
+from workbench.identification.transfer_functions.regression import (
+    filtered_least_squares,
+    output_error,
+    refined_instruments,
+)
 
 __all__ = [
     "Assumptions",
@@ -56,26 +65,33 @@ __all__ = [
     "ParameterFit",
     "PeriodicResponse",
     "ResponseEstimate",
+    "SampledRecord",
     "SpectralResponse",
     "StateSpaceFit",
     "SteppedSine",
+    "TransferFunctionEstimate",
     "as_record",
     "crest_factor_methods",
+    "filtered_least_squares",
     "fit_parameters",
     "from_periods",
+    "harmonic_distortion",
     "line_amplitudes",
     "line_distortion",
     "local_polynomial",
     "odd_lines",
+    "output_error",
     "parameter_methods",
     "random_multisine",
     "read_record",
     "read_response",
     "read_variables",
+    "refined_instruments",
     "saturation",
     "schroeder_phases",
     "sine_fit",
     "spectral_response",
     "state_space_methods",
+    "step_response",
     "total_harmonic_distortion",
 ]

@@ -43,11 +43,13 @@ REPEATED = (
     "diode-plane",
     "disturbance-groups",
     "linearity",
+    "multisine-linearity",
     "open-loop",
     "optical-gain",
     "position-estimator",
     "raised-sum",
     "residuals",
+    "response-methods",
     "strategies",
     "wrong-rotation",
 )

@@ -264,13 +264,18 @@ def closed_loop(
 
 def closed_loop_amplitude(axis: Axis, frequency: RealArray) -> float:
     """Amplitude [V] of the excitation: it moves the nominal lens by `LARGEST_DISPLACEMENT`."""
+    return LARGEST_DISPLACEMENT[axis] / float(abs(displacement(axis, frequency)).max())
+
+
+def displacement(axis: Axis, frequency: RealArray) -> ComplexArray:
+    """Response (F,) from an excitation in closed loop to the nominal lens [m/V]."""
     import control
 
     discrete = control.sample_system(control.ss(controller(axis)), PERIOD, "bilinear")
     response = Laboratory(axis, "nominal").response(frequency)
     K = discrete(np.exp(2j * np.pi * frequency * PERIOD))
-    moved = np.abs(response["x"] / (1 - K * response["f_en"]))
-    return LARGEST_DISPLACEMENT[axis] / float(moved.max())
+    moved: ComplexArray = response["x"] / (1 - K * response["f_en"])
+    return moved
 
 
 def averages(signal: RealArray, sweep: SteppedSine) -> ComplexArray:

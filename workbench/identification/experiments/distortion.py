@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy import stats
 
+from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
 
 
@@ -35,7 +37,7 @@ def total_harmonic_distortion(amplitudes: ArrayLike) -> np.ndarray:
 
 @dataclass(frozen=True)
 class LineDistortion:
-    """Nonlinear distortion at the silent lines of an odd multisine.
+    """Nonlinear distortion at the silent lines of an odd multisine, or at harmonics of sines.
 
     Parameters
     ----------
@@ -47,6 +49,9 @@ class LineDistortion:
         Root-mean-square amplitude at excited lines.
     odd_p, even_p
         p-values of the hypothesis that these lines contain only noise.
+    odd_square, even_square
+        Mean squares at these lines without the noise's share: unbiased, so that noise alone makes
+        them negative about as often as positive. ``odd`` and ``even`` are their roots, or 0.
     """
 
     odd: float
@@ -55,6 +60,8 @@ class LineDistortion:
     excited: float
     odd_p: float
     even_p: float
+    odd_square: float
+    even_square: float
 
     def detected(self, level: float = 0.01) -> bool:
         """Whether distortion is significant at this level, shared between odd and even lines."""
@@ -68,8 +75,8 @@ def line_distortion(
 
     A linear system responds at excited lines only; an even nonlinearity appears at even lines, an
     odd one at silent odd lines (Pintelon and Schoukens, section 4.3). Repeated periods separate
-    distortion from noise: with noise alone, the ratio of sum |mean|^2 to sum S^2 / M over L lines
-    has the distribution F(2 L, 2 L (M - 1)).
+    distortion from noise: with noise alone, the ratio of |mean|^2 to S^2 / M at a line has the
+    distribution F(2, 2 (M - 1)), whatever the colour of the noise; Fisher's rule joins the lines.
 
     Parameters
     ----------
@@ -80,28 +87,85 @@ def line_distortion(
     transients
         Number of leading periods to discard.
     """
-    periods = np.asarray(amplitudes, dtype=complex)[transients:]
+    periods = np.asarray(amplitudes, dtype=complex)
     lines = np.asarray(excited)
-    if periods.ndim != 2 or len(periods) < 2:
-        raise InputError("two periods or more are needed to tell distortion from noise")
+    if periods.ndim != 2:
+        raise InputError(f"amplitudes have shape {periods.shape}; (periods, lines) is needed")
     if np.any(lines % 2 == 0) or lines.max() >= periods.shape[1]:
         raise InputError("excited lines must be odd and below the number of lines measured")
     silent = np.setdiff1d(np.arange(lines.min(), lines.max() + 1), lines)
-    mean, noise = periods.mean(axis=0), periods.var(axis=0, ddof=1) / len(periods)
-    found = {}
-    for name, chosen in (("odd", silent[silent % 2 == 1]), ("even", silent[silent % 2 == 0])):
-        if not len(chosen):
+    for name, remainder in (("odd", 1), ("even", 0)):
+        if not np.any(silent % 2 == remainder):
             raise InputError(f"the multisine leaves no {name} line silent: choose by `odd_lines`")
-        power, floor = np.sum(np.abs(mean[chosen]) ** 2), np.sum(noise[chosen])
-        count = 2 * len(chosen)
-        ratio = power / floor if floor > 0 else np.inf if power > 0 else 0.0
-        p = float(stats.f.sf(ratio, count, count * (len(periods) - 1)))
-        found[name] = (float(np.sqrt(max(power - floor, 0) / len(chosen))), p)
+    odd, even = (periods[:, silent[silent % 2 == remainder]] for remainder in (1, 0))
+    parts = [_evaluated(one, transients, 2) for one in (periods[:, lines], odd, even)]
+    noises = [one.var(axis=0, ddof=1) / len(one) for one in parts[1:]]
+    return _distortion([one.mean(axis=0) for one in parts], noises, 2 * (len(parts[0]) - 1))
+
+
+def harmonic_distortion(amplitudes: ArrayLike, *, transients: int = 0) -> LineDistortion:
+    """Odd and even distortion from the harmonics of sines at F frequencies, taken together.
+
+    A single period hardly resolves a harmonic from its neighbours, so that the scatter of the
+    periods tells the variance of their mean only in white noise. The noise is taken from the two
+    lines nearest to each harmonic that all M periods together resolve, at f (1 +- 1 / M).
+
+    Parameters
+    ----------
+    amplitudes
+        Complex amplitudes, shape (F, periods, harmonics), the fundamental first, as `sine_fit`
+        gives; three harmonics or more, and three periods or more.
+    transients
+        Number of leading periods at each frequency to discard.
+    """
+    every = np.asarray(amplitudes, dtype=complex)
+    if every.ndim != 3 or every.shape[2] < 3:
+        raise InputError(
+            f"amplitudes have shape {every.shape}; (frequencies, periods, harmonics) is needed, "
+            "with three harmonics or more"
+        )
+    periods = _evaluated(np.moveaxis(every, 1, 0), transients, 3)
+    lines = np.fft.fft(periods, axis=0) / len(periods)
+    noise = np.mean(np.abs(lines[[1, -1]]) ** 2, axis=0)
+    kinds = slice(2, None, 2), slice(1, None, 2)
+    means = [lines[0][:, :1], *(lines[0][:, one] for one in kinds)]
+    noises = [noise[:, one].ravel() for one in kinds]
+    return _distortion([one.ravel() for one in means], noises, 4)
+
+
+def _evaluated(periods: ComplexArray, transients: int, least: int) -> ComplexArray:
+    """The periods behind the transients, or an `InputError` if there are too few."""
+    kept = periods[transients:]
+    if len(kept) < least:
+        raise InputError(
+            f"{'two' if least == 2 else 'three'} periods or more are needed to tell distortion "
+            f"from noise, not {len(kept)}"
+        )
+    return kept
+
+
+def _distortion(
+    means: Sequence[ComplexArray], noises: Sequence[RealArray], degrees: int
+) -> LineDistortion:
+    """Distortion from mean amplitudes at excited, odd and even lines, and variances of the latter.
+
+    The variances have so many degrees of freedom at each line.
+    """
+    found = []
+    for mean, noise in zip(means[1:], noises, strict=True):
+        power = np.abs(mean) ** 2
+        ratio = np.divide(power, noise, out=np.where(power > 0, np.inf, 0.0), where=noise > 0)
+        logarithms = stats.f.logsf(ratio, 2, degrees)
+        p = float(stats.chi2.sf(-2 * np.sum(logarithms), 2 * len(power)))
+        found.append((float(np.mean(power - noise)), p))
+    (odd, odd_p), (even, even_p) = found
     return LineDistortion(
-        odd=found["odd"][0],
-        even=found["even"][0],
-        noise=float(np.sqrt(np.mean(noise[silent]))),
-        excited=float(np.sqrt(np.mean(np.abs(mean[lines]) ** 2))),
-        odd_p=found["odd"][1],
-        even_p=found["even"][1],
+        odd=float(np.sqrt(max(odd, 0.0))),
+        even=float(np.sqrt(max(even, 0.0))),
+        noise=float(np.sqrt(np.mean(np.concatenate(noises)))),
+        excited=float(np.sqrt(np.mean(np.abs(means[0]) ** 2))),
+        odd_p=odd_p,
+        even_p=even_p,
+        odd_square=odd,
+        even_square=even,
     )

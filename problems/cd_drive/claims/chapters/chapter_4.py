@@ -1,4 +1,4 @@
-"""Chapter 4: how the drives are identified (sections 4.1 to 4.4)."""
+"""Chapter 4: how the drives are identified (sections 4.2 to 4.4)."""
 
 from __future__ import annotations
 
@@ -61,20 +61,6 @@ def shown_in_current(axis: Axis) -> tuple[Number, Number]:
 
 
 ITEMS = (
-    Item(
-        "Section 4.1.1",
-        "Parameters are found by least squares, prediction errors, instruments or likelihood",
-        Verdict.OPEN,
-        found="Least squares, weighted fits and prediction errors are in workbench.identification "
-        "and in runs. Instrumental variables are not",
-    ),
-    Item(
-        "Section 4.1.2",
-        "Responses are found from a step, from sines, or from spectra",
-        Verdict.OPEN,
-        found="Stepped sines are in runs, spectra in workbench.identification. A method by "
-        "the step response is missing, and a run that compares them on a drive",
-    ),
     Item(
         "Equations 4.4 to 4.13",
         "Averages over periods of noisy input and output give the response",

@@ -1,0 +1,1 @@
+"""Continuous-time transfer functions from sampled records."""

@@ -1,0 +1,85 @@
+"""An estimated continuous-time transfer function, with the covariance of its coefficients."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import stats
+
+from workbench.arrays import ComplexArray, RealArray
+from workbench.heavy_types import TransferFunction
+
+
+@dataclass(frozen=True, eq=False)
+class TransferFunctionEstimate:
+    """B(s) / A(s), coefficients in descending powers of s.
+
+    Parameters
+    ----------
+    numerator
+        B, shape (m + 1,).
+    denominator
+        A, shape (n + 1,), monic.
+    covariance
+        Covariance of (B, A without its leading 1), shape (m + 1 + n, m + 1 + n).
+    noise
+        Root mean square of the output's error.
+    iterations
+        Number of iterations made.
+    """
+
+    numerator: RealArray
+    denominator: RealArray
+    covariance: RealArray
+    noise: float
+    iterations: int = 0
+
+    @property
+    def values(self) -> RealArray:
+        """Free coefficients (m + 1 + n,): B, then A without its leading 1."""
+        return np.append(self.numerator, self.denominator[1:])
+
+    @property
+    def deviations(self) -> RealArray:
+        """Standard deviations of `values`."""
+        found: RealArray = np.sqrt(np.diag(self.covariance))
+        return found
+
+    def system(self) -> TransferFunction:
+        """The transfer function of python-control."""
+        import control
+
+        return control.tf(self.numerator, self.denominator)
+
+    def response(self, frequency: ArrayLike) -> ComplexArray:
+        """Response (F,) at frequencies [Hz] (F,)."""
+        s = 2j * np.pi * np.asarray(frequency, float)
+        found: ComplexArray = np.polyval(self.numerator, s) / np.polyval(self.denominator, s)
+        return found
+
+    def response_covariance(self, frequency: ArrayLike) -> RealArray:
+        """Covariance (F, 2, 2) of real and imaginary part of the response, to first order."""
+        s = 2j * np.pi * np.asarray(frequency, float)[:, None]
+        below, orders = np.polyval(self.denominator, s), np.arange(len(self.denominator))[::-1]
+        by_numerator = s ** orders[-len(self.numerator) :] / below
+        by_denominator = -np.polyval(self.numerator, s) / below**2 * s ** orders[1:]
+        gradient = np.hstack([by_numerator, by_denominator])
+        parts = np.stack([gradient.real, gradient.imag], axis=1)
+        found: RealArray = parts @ self.covariance @ parts.swapaxes(1, 2)
+        return found
+
+    def distance(
+        self, frequency: ArrayLike, truth: ArrayLike, confidence: float = 0.99
+    ) -> RealArray:
+        """Distance (F,) of a response (F,) from the estimate, over the region's size that way.
+
+        The region is the ellipse that holds the true response with a probability of `confidence`
+        at each frequency; a distance of 1 lies on it.
+        """
+        error = np.asarray(truth) - self.response(frequency)
+        parts = np.stack([error.real, error.imag], axis=-1)[..., None]
+        size = parts.swapaxes(1, 2) @ np.linalg.solve(self.response_covariance(frequency), parts)
+        found: RealArray = np.sqrt(size[:, 0, 0] / stats.chi2.ppf(confidence, 2))
+        return found

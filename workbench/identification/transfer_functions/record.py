@@ -1,0 +1,58 @@
+"""A sampled record of a system with one input and one output."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from workbench.arrays import RealArray
+from workbench.errors import InputError
+from workbench.identification.experiments.quality import as_record, require_alive
+from workbench.identification.transfer_functions.filters import Hold
+
+
+@dataclass(frozen=True, eq=False)
+class SampledRecord:
+    """A record of a system with one input and one output, which starts at rest.
+
+    Parameters
+    ----------
+    u, y
+        Input and output, shape (N,).
+    sample_rate
+        Sampling frequency [Hz].
+    hold
+        How the input moves between its samples; the output is taken as straight lines. Where both
+        pass filters against aliasing, "first-order" suits both.
+    noise_free_input
+        Input (N,) without the noise that feedback brings into it, for the instruments, such as the
+        part of u that an excitation of the loop explains. None: u, which is right in open loop.
+
+    Raises
+    ------
+    InputError
+        Records of different lengths, values that are not finite, or a channel that never changes.
+    """
+
+    u: RealArray
+    y: RealArray
+    sample_rate: float
+    hold: Hold = "zero-order"
+    noise_free_input: RealArray | None = None
+
+    def __post_init__(self) -> None:
+        if not self.sample_rate > 0:
+            raise InputError(f"the sample rate must be positive, not {self.sample_rate}")
+        if self.hold not in ("zero-order", "first-order"):
+            raise InputError(f'hold is {self.hold!r}; it must be "zero-order" or "first-order"')
+        given = {"u": self.u, "y": self.y, "noise_free_input": self.noise_free_input}
+        for name, values in given.items():
+            if values is not None:
+                signal = as_record(values, name)
+                if signal.shape != (len(self.y),):
+                    raise InputError(f"{name} has shape {signal.shape}; as many samples as y has")
+                require_alive(signal, name)
+                object.__setattr__(self, name, signal)
+
+    @property
+    def clean_input(self) -> RealArray:
+        return self.u if self.noise_free_input is None else self.noise_free_input
