@@ -38,9 +38,11 @@ COLOURS = {
     Verdict.OPEN: "0.9",
 }
 REPEATED = (
+    "after-defects",
     "bandwidth-trade-off",
     "closed-loop",
     "diode-plane",
+    "false-detections",
     "linearity",
     "open-loop",
     "optical-gain",

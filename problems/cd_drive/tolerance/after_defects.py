@@ -50,6 +50,8 @@ LOOPS = ("no detector", "reference strategy")
 """The reference controller by itself, and with its error set to 0 while a defect is detected."""
 SIGNALS = ("error", "sum", "high-passed error")
 """Signals that are watched, in units in which a clean disc's sum is 1."""
+SHARES: dict[Axis, float] = {"focus": 1.0, "radial": 0.5}
+"""Deviations of the disc over the Red Book's at which no loop is lost."""
 SIGMAS = 3.0
 """Standard deviations of a signal's noise beyond which the effect of a defect is seen."""
 SETTLED = 0.05
@@ -66,7 +68,7 @@ SHOWN = (-2e-3, 8e-3)
 def after_defects(
     axis: Axis,
     drive: str = "CD1",
-    share: Annotated[float, Field(ge=0, le=1)] = 1.0,
+    share: Annotated[float, Field(ge=0, le=1)] | None = None,
     defects: Annotated[int, Field(ge=1, le=100)] = 6,
     draws: Annotated[int, Field(ge=1, le=1000)] = 12,
 ) -> AfterDefects:
@@ -79,10 +81,11 @@ def after_defects(
     largest size. As a detector would see it, the error is high-passed and compared with its largest
     value on a clean record.
 
-    drive: "CD1" to "CD12", or "nominal". share: deviation of the disc over the Red Book's.
-    defects: of each kind in a draw. draws: of noise and defects.
+    drive: "CD1" to "CD12", or "nominal". share: deviation of the disc over the Red Book's; by
+    default 1 in focus and a half radially, where the reference strategy loses the track of the
+    worst disc at some angles. defects: of each kind in a draw. draws: of noise and defects.
     """
-    return AfterDefects(axis, drive, share, defects, draws)
+    return AfterDefects(axis, drive, SHARES[axis] if share is None else share, defects, draws)
 
 
 @dataclass(frozen=True)
@@ -262,8 +265,9 @@ class AfterDefects(Study):
             for n, loop in enumerate(LOOPS):
                 mean, low, high = told.sel(signal=name, loop=loop).transpose("summary", ...).values
                 place = np.arange(len(KINDS)) + 0.15 * (2 * n + k - 1.5)
-                look: Any = {"fmt": mark, "color": figures.CYCLE[n], "capsize": 2, "markersize": 4}
-                panels[2].errorbar(mean, place, xerr=[mean - low, high - mean], **look)
+                colour = figures.CYCLE[n]
+                panels[2].hlines(place, low, high, color=colour, linewidth=1.0)
+                panels[2].plot(mean, place, mark, color=colour, markersize=4)
         panels[2].set_yticks(np.arange(len(KINDS)), list(KINDS))
         panels[2].invert_yaxis()
         figures.label(panels[2], "seen after a defect [ms]", "", "dot: error, square: sum")

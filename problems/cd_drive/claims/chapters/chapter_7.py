@@ -23,6 +23,7 @@ from ..items import Item, Number, Verdict, at_least, at_most
 from ..readings import both
 
 FOCUS = PLANE.format("focus")
+AFTER_DEFECTS, INTEGRATED = "cd/{}/after-defects", "cd/{}/integrated-design"
 EXACT, INDEX = "cd/{}/exact-residuals", "cd/{}/residual-index"
 LEAK_PLUS, LEAK_MINUS = "leak_plus_equation_7_6", "least_leak_minus_equation_7_6"
 
@@ -129,6 +130,20 @@ ITEMS = (
         "After a defect its effects remain in the error and not in the sum",
         Verdict.REPRODUCED,
         (
+            *both(
+                at_least,
+                "time in which a scratch's effect on the error settles, least of 90 % [ms]",
+                AFTER_DEFECTS,
+                "error_settles_reference_strategy_low_ms",
+                0.2,
+            ),
+            *both(
+                at_most,
+                "on the sum, most of 90 % [ms]",
+                AFTER_DEFECTS,
+                "sum_settles_reference_strategy_high_ms",
+                0.1,
+            ),
             at_least(
                 "swing of the error in the 1.5 ms of full light after, over that before",
                 STRATEGIES.format("focus"),
@@ -136,7 +151,32 @@ ITEMS = (
                 2.0,
             ),
         ),
-        "Reference strategy, one record. The quality, which follows the sum, is 1 again by then",
+        "Reference strategy, to a twentieth of its size, without noise; the swing in one record",
+        "durations",
+    ),
+    Item(
+        "Section 7.1.2",
+        "They are visible in the error",
+        Verdict.READING,
+        (
+            *both(
+                at_least,
+                "time that a scratch is seen in the error after it, mean [ms]",
+                AFTER_DEFECTS,
+                "error_after_scratch_reference_strategy_mean_ms",
+                0.03,
+            ),
+            *both(
+                at_most,
+                "with no detector, which opens no loop [ms]",
+                AFTER_DEFECTS,
+                "error_after_scratch_no_detector_mean_ms",
+                0.1,
+            ),
+        ),
+        "Beyond three standard deviations of its noise: for a few samples only, on discs of the "
+        "Red Book's deviation in focus and of half of it radially",
+        "durations",
     ),
     Item(
         "Figure 7.5",
@@ -300,9 +340,55 @@ ITEMS = (
     Item(
         "Section 7.1.5",
         "Designing controller and filter in one improves neither over one after the other",
-        Verdict.OPEN,
-        found="Needs the design classes of that paper: controller and filter in one synthesis, "
-        "beside the filter made for a given controller, by both criteria",
+        Verdict.READING,
+        (
+            *both(
+                at_most,
+                "spread of the estimate's least level over four controllers",
+                INTEGRATED,
+                "level_spread",
+                1e-3,
+            ),
+            *both(
+                at_most,
+                "of a filter's certified norm, carried over to them",
+                INTEGRATED,
+                "carried_over_spread",
+                0.01,
+            ),
+            *both(
+                at_least,
+                "control's norm in one synthesis over that alone",
+                INTEGRATED,
+                "joint_over_separate_control",
+                1.0,
+            ),
+            *both(
+                at_least,
+                "the estimate's",
+                INTEGRATED,
+                "joint_over_separate_estimate",
+                0.999,
+            ),
+        ),
+        "Nominal class: a filter beside one controller is F (1 + L') / (1 + L) beside another, "
+        "with the same error, so that the two separate exactly",
+        "designs",
+    ),
+    Item(
+        "Section 7.1.5",
+        "With robust performance of both the designs are coupled",
+        Verdict.REPRODUCED,
+        both(
+            at_least,
+            "least robust error beside the mu-PID over that beside a third of it, at one frequency",
+            INTEGRATED,
+            "pid_over_third",
+            1.1,
+        ),
+        "For every gain of the twelve drives, by bounds on all filters. A controller chosen for "
+        "the estimate's sake would help it there, at a cost to control",
+        "designs",
     ),
     Item(
         "Figures 7.6, 7.8",
