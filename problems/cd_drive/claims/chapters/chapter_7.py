@@ -386,8 +386,8 @@ ITEMS = (
             "pid_over_third",
             1.1,
         ),
-        "For every gain of the twelve drives, by bounds on all filters. A controller chosen for "
-        "the estimate's sake would help it there, at a cost to control",
+        "Complex uncertainty as large as the spread of twelve drives' gains, by bounds on all "
+        "filters. A controller chosen for the estimate's sake would help it, at a cost to control",
         "designs",
     ),
     Item(

@@ -56,9 +56,22 @@ ITEMS = (
     Item(
         "Equation 7.32",
         "W_sd lets defects of up to 1.6 mm be estimated",
-        Verdict.NOT_COMPUTABLE,
-        found="How a length follows from the weight is not told: it passes 1 at 695 Hz, which at "
-        "1.3 m/s is 1.9 mm a period",
+        Verdict.REFUTED,
+        (
+            at_least(
+                "error of a bump of 1.6 mm over its size, filter made with W_sd",
+                FILTER,
+                "estimation_error_slow_bump_H_infinity",
+                1.0,
+            ),
+            at_least(
+                "of the robust filter, worst drive", FILTER, "estimation_error_slow_bump", 1.0
+            ),
+            at_most("of a swing of 0.8 mm, robust filter", FILTER, "estimation_error_doublet", 0.5),
+        ),
+        "Read as a length along the track at 1.3 m/s, with channels in physical units: at 1.6 mm "
+        "no estimate at all is better. How the length follows from the weight is not told",
+        "filters",
     ),
     Item(
         "Section 7.3.2",

@@ -1,4 +1,4 @@
-"""The least error that any filter leaves at one frequency, for every gain of a set of plants.
+"""The least error that any filter leaves at one frequency, for every plant of a set.
 
 With y = S_delta (d + f), S_delta = S / (1 + T delta), and phi = F S, the weighted error is
 

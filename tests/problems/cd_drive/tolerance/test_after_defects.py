@@ -19,7 +19,7 @@ from workbench.solvers import Options
 
 @pytest.fixture(scope="module")
 def solved():
-    task = after_defects("focus", defects=1, draws=2)
+    task = after_defects("focus", defects=3, draws=1)
     return task, wb.solve(task)
 
 
