@@ -48,6 +48,9 @@ reference: $(READY)
 	$(REFERENCE) 'cd/*/circles' 'cd/*/stadiums' 'cd/*/nominal' 'cd/*/uncertainty-comparison'
 	$(REFERENCE) 'cd/*/mu-pid-analysis' 'cd/*/nyquist' 'cd/*/five-x' 'cd/*/sensitivity'
 	$(REFERENCE) 'cd/*/cover-for-control' cd/focus/fault-filter
+	$(REFERENCE) 'cd/*/exact-residuals' 'cd/*/residual-index' 'cd/*/observer-bandwidth'
+	$(REFERENCE) 'cd/*/integrated-design'
+	$(REFERENCE) 'cd/*/after-defects' 'cd/*/false-detections' --set draws=50
 	$(REFERENCE) mass-spring/analysis bench/covers bench/geometry textbook/fault-detection
 	$(REFERENCE) '*/controller' 'cd/*/mu-pid' 'cd/*/lower-bandwidth' 'cd/*/switching-stability'
 	$(REFERENCE) 'cd/*/closed-loop' 'cd/*/optical-gain' 'cd/*/linearity' --set draws=50

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from workbench.diagnosis import DisturbedPlant, Estimator, Rotation, estimate, placed
 from workbench.errors import InputError
 from workbench.simulation import play
+from workbench.systems.sampling import respond
 
 
 def designed(rotation=None, decay=8.0, **parts):
@@ -89,6 +90,18 @@ def test_poles_at_a_quality_are_those_of_the_recursion():
         rate = abs(estimator.poles(quality)).max() ** 4000
         assert 1e-3 < np.linalg.norm(late, 2) / rate < 1e6
     assert abs(estimator.poles(0.0)).max() == pytest.approx(1.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("quality", [0.0, 0.4, 1.0])
+def test_the_system_at_a_quality_is_what_streams(quality):
+    estimator = designed(Rotation(5.0, (1, 2)), coloured=True, beside=True)
+    y, u = np.random.default_rng(3).standard_normal((2, 80))
+    found = estimate(estimator.controller, y, u, np.full(80, quality))
+    told = respond(estimator.system(quality), np.column_stack([y, u]))
+    np.testing.assert_allclose(told[:, :-1], found.outputs, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(told[:, -1], found.disturbance, rtol=1e-9, atol=1e-12)
+    with pytest.raises(InputError, match="0 to 1"):
+        estimator.system(1.0 + quality + 1e-9)
 
 
 def test_what_is_beside_follows_u_alone():

@@ -38,10 +38,12 @@ COLOURS = {
     Verdict.OPEN: "0.9",
 }
 REPEATED = (
+    "after-defects",
     "bandwidth-trade-off",
     "closed-loop",
     "diode-plane",
     "disturbance-groups",
+    "false-detections",
     "linearity",
     "multisine-linearity",
     "open-loop",

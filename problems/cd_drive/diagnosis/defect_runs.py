@@ -14,7 +14,7 @@ import numpy as np
 from workbench.arrays import RealArray
 from workbench.diagnosis import clean_level
 from workbench.diagnosis.evaluation.performance import Interval
-from workbench.simulation import linear
+from workbench.simulation import Cascade, Controller, linear
 
 from ..drive.disc import VELOCITY, Defect, Disc
 from ..drive.plants import controller
@@ -71,12 +71,14 @@ def run(
     duration: float | None = None,
     spacing: float = SPACING,
     disc: Disc | None = None,
+    law: Controller | Cascade | None = None,
 ) -> DefectRun:
-    """Run of the reference controller on a disc that has one defect after the other.
+    """Run of a controller on a disc that has one defect after the other.
 
     Each defect is met once, `spacing` [s] after the one before. Shocks of a peak `acceleration`
     [m/s^2] follow each other in SHOCK_PERIOD. duration: evaluated time [s]; by default as long as
-    the defects need. disc: by default the wobbling one.
+    the defects need. disc: by default the wobbling one. law: by default the reference controller,
+    without a detector.
     """
     disc = disc or wobbling(bench.axis)
     evaluated = spacing * len(defects) if duration is None else duration
@@ -92,7 +94,7 @@ def run(
     ]
     times = np.arange(SETTLING, SETTLING + evaluated - SHOCK_PERIOD, SHOCK_PERIOD)
     played = shocks(bench, [(float(t), acceleration, SHOCK_DURATION) for t in times], samples)
-    law = linear(controller(bench.axis), PERIOD)
+    law = law or linear(controller(bench.axis), PERIOD)
     whole = bench.closed_loop(law, played, disc=disc, defects=placed, seed=seed)
     skip = round(SETTLING * RATE)
     arrays: dict[str, Any] = {

@@ -29,6 +29,7 @@ from workbench.diagnosis.estimators.streaming import (
     tell,
 )
 from workbench.errors import InputError
+from workbench.heavy_types import StateSpace
 from workbench.input_checks import as_array, need_numbers
 from workbench.simulation import Controller, play
 
@@ -77,12 +78,35 @@ class Estimator:
 
         An observer that is stable at quality 1 may be unstable at a lower one: check those too.
         """
-        need_numbers(quality=quality)
-        if not 0.0 <= quality <= 1.0:
-            raise InputError(f"quality is {quality}; it must be 0 to 1")
+        _check_quality(quality)
         n = self.model.seen
         A, C = self.model.A[:n, :n], self.model.C[:n]
         return np.linalg.eigvals(A - quality * np.outer(A @ self.gain, C)).astype(complex)
+
+    def system(self, quality: float = 1.0) -> StateSpace:
+        """The observer at a constant quality, from (y, u) to the outputs (z,) and the disturbance.
+
+        u is the one that acts until the next sample. Raises InputError as `poles`.
+        """
+        import control
+
+        _check_quality(quality)
+        model = self.model
+        gain = np.zeros(len(model.A))
+        gain[: model.seen] = quality * self.gain
+        kept = np.eye(len(gain)) - np.outer(gain, model.C)
+        turning = np.zeros((1, len(gain)))
+        turning[0, : model.disturbance.size] = model.disturbance
+        told = np.vstack([model.Z, turning])
+        return control.StateSpace(
+            model.A @ kept,
+            np.column_stack([model.A @ gain, model.B]),
+            told @ kept,
+            np.column_stack([told @ gain, np.zeros(len(told))]),
+            model.period,
+            inputs=list(MEASURED[:2]),
+            remove_useless_states=False,
+        )
 
     @cached_property
     def controller(self) -> Controller:
@@ -97,6 +121,12 @@ class Estimator:
         state[-1] = model.rotation.frequency
         outputs = len(model.Z) + 2
         return Controller(_step, state, layout(model, padded), outputs, 3, model.period)
+
+
+def _check_quality(quality: float) -> None:
+    need_numbers(quality=quality)
+    if not 0.0 <= quality <= 1.0:
+        raise InputError(f"quality is {quality}; it must be 0 to 1")
 
 
 def placed(model: DisturbedPlant, poles: ArrayLike) -> Estimator:

@@ -15,9 +15,10 @@ from ..defect_readings import (
     sensed_gain,
 )
 from ..items import Item, Number, Verdict, at_least, at_most, near
-from ..readings import quotient
+from ..readings import both, quotient
 
 FOCUS = PLANE.format("focus")
+OBSERVED = "cd/{}/observer-bandwidth"
 
 ITEMS = (
     Item(
@@ -55,9 +56,22 @@ ITEMS = (
     Item(
         "Equation 7.32",
         "W_sd lets defects of up to 1.6 mm be estimated",
-        Verdict.NOT_COMPUTABLE,
-        found="How a length follows from the weight is not told: it passes 1 at 695 Hz, which at "
-        "1.3 m/s is 1.9 mm a period",
+        Verdict.REFUTED,
+        (
+            at_least(
+                "error of a bump of 1.6 mm over its size, filter made with W_sd",
+                FILTER,
+                "estimation_error_slow_bump_H_infinity",
+                1.0,
+            ),
+            at_least(
+                "of the robust filter, worst drive", FILTER, "estimation_error_slow_bump", 1.0
+            ),
+            at_most("of a swing of 0.8 mm, robust filter", FILTER, "estimation_error_doublet", 0.5),
+        ),
+        "Read as a length along the track at 1.3 m/s, with channels in physical units: at 1.6 mm "
+        "no estimate at all is better. How the length follows from the weight is not told",
+        "filters",
     ),
     Item(
         "Section 7.3.2",
@@ -134,9 +148,53 @@ ITEMS = (
     Item(
         "Section 7.3.3",
         "An observer of 5 kHz does not change the bandwidth of the loop",
-        Verdict.OPEN,
-        found="Needs T of strategy B's loop on a clean disc, with its observer and without, and "
-        "where it falls to -3 dB",
+        Verdict.READING,
+        (
+            *both(
+                at_most,
+                "largest relative change on twelve drives, controller fed by the observer",
+                OBSERVED,
+                "largest_change_thesis_estimate_no_u_p",
+                0.05,
+            ),
+            *both(
+                at_least,
+                "drives of twelve that one of 300 Hz makes unstable",
+                OBSERVED,
+                "unstable_drives_itae_300_hz_estimate_no_u_p",
+                1.0,
+            ),
+        ),
+        "The observer alone, a clean disc, one sample of delay",
+        "bandwidths",
+    ),
+    Item(
+        "Section 7.3.3",
+        "Neither does strategy B, which adds u_p by the gains of 45 at all times",
+        Verdict.REFUTED,
+        (
+            at_most(
+                "relative change of the nominal bandwidth, f_en seen",
+                OBSERVED.format("focus"),
+                "nominal_change_thesis_f_en",
+                -0.05,
+            ),
+            at_least(
+                "largest on a drive",
+                OBSERVED.format("focus"),
+                "largest_change_thesis_f_en",
+                0.1,
+            ),
+            at_most(
+                "largest with a Kalman filter",
+                OBSERVED.format("focus"),
+                "largest_change_Kalman_f_en",
+                0.01,
+            ),
+        ),
+        "Focus, K_p read as in the item before. Oscillators that settle as fast reach up to the "
+        "bandwidth; those of a Kalman filter do not",
+        "bandwidths",
     ),
     Item(
         "Figure 7.14",

@@ -17,6 +17,7 @@ from workbench.tables import markdown
 from ...drive.disc import VELOCITY
 from ...drive.red_book import ACCEPTABLE_ERROR
 from ...laboratory.bench_setup import PERIOD
+from ..defect_claims import Claim, claims_in_words
 from ..defect_runs import ROTATION
 from . import figures
 from .exact_gain import exact_companion_gain
@@ -24,8 +25,11 @@ from .study import CASES, ESTIMATORS, RIVALS, EstimatorTrials
 
 GAINS_AGREE = 0.15
 """Largest relative deviation from eq. 7.34, whose realisation is not stated."""
-SPIKE = {"focus": 1e-6, "radial": 0.1e-6}
-"""The spike of section 7.3.3 [m]; radially the same share of the error that can be read."""
+AFTERWARDS = 0.5
+"""Largest error of the Kalman filter after a scratch, over the acceptable one: as much is left to
+the loop itself."""
+THESIS_SPIKE = 1e-6
+"""The spike [m] that section 7.3.3 reports of its own observer, in focus."""
 CALLED_BAD, TRUSTED = 1e-4, 1e-2
 """Largest shares of the clean samples that the quality calls bad, and of the covered ones that it
 trusts."""
@@ -66,15 +70,15 @@ class PositionEstimator(EstimatorTrials):
         """largest deviation from a printed gain"""
         return None if K_obs_printed is None else abs(K_obs / K_obs_printed - 1).max()
 
-    @check("spike", at_most=LOST)
-    def spike(self, error: DataArray) -> DataArray:
-        """share of draws with an error of the Kalman filter above the limit in 5 ms after"""
-        return share_of_draws(_kalman(error, "known").sel(phase="after") > SPIKE[self.axis])
+    @check("Kalman filter, after a scratch", at_most=LOST)
+    def afterwards(self, error: DataArray) -> DataArray:
+        """share of draws, Kalman filter off by half of the acceptable error in the 5 ms after"""
+        after = _kalman(error, "known").sel(phase="after")
+        return share_of_draws(after > AFTERWARDS * ACCEPTABLE_ERROR[self.axis])
 
     @check("scratch", at_most=LOST)
     def scratch(self, error: DataArray, error_measured: DataArray) -> DataArray:
-        """share of draws, error of the Kalman filter in a scratch above 0.75 of the
-        measurement's"""
+        """share of draws, error of the Kalman filter in a scratch above 0.75 of that of f_en"""
         measured = error_measured.sel(size="largest")
         ratio = (_kalman(error, "known") / measured).sel(phase="during")
         return share_of_draws(ratio > 0.75)
@@ -87,8 +91,7 @@ class PositionEstimator(EstimatorTrials):
 
     @check("wrong rotation", at_most=LOST)
     def cured(self, error: DataArray) -> DataArray:
-        """share of draws, rms error with the rotation followed above half of that with it wrong,
-        the slow observer"""
+        """share of draws, slow observer's rms error with rotation followed above half of wrong"""
         quiet = error.sel(estimator="ITAE 300 Hz", phase="quiet", size="rms")
         return share_of_draws(quiet.sel(case="adapted") / quiet.sel(case="wrong") > 0.5)
 
@@ -99,8 +102,7 @@ class PositionEstimator(EstimatorTrials):
 
     @check("drives, scratch", at_most=LOST)
     def improved(self, drive_error: DataArray, drive_measured: DataArray) -> DataArray:
-        """share of draws, error of the nominal drive's Kalman filter above 0.75 of the
-        measurement's"""
+        """share of draws, error of the nominal drive's Kalman filter above 0.75 of that of f_en"""
         ratio = _in_scratch(drive_error.sel(rival="Kalman")) / _in_scratch(drive_measured)
         return share_of_draws(ratio > 0.75)
 
@@ -178,6 +180,30 @@ class PositionEstimator(EstimatorTrials):
         return title + markdown(heads, rows)
 
     @table
+    def of_the_thesis(
+        self, error: DataArray, error_measured: DataArray, prompt_error: DataArray
+    ) -> str | None:
+        """What section 7.3.3 says of its observer, in focus, beside a Kalman filter."""
+        if self.axis != "focus":
+            return None
+        measured = error_measured.sel(size="largest", phase="during")
+        largest = {
+            "the thesis' observer": error.sel(estimator="thesis", case="known", size="largest"),
+            "the same, opened without delay": prompt_error.sel(size="largest"),
+            "a Kalman filter": _kalman(error, "known"),
+        }
+        claims = [
+            claim
+            for name, one in largest.items()
+            for claim in (
+                Claim("", f"{name}: at most 1 um in 5 ms after", _after(one) <= THESIS_SPIKE),
+                Claim("", f"{name}: nearer than f_en in it", one.sel(phase="during") < measured),
+            )
+        ]
+        title = "What section 7.3.3 says of its own observer (figures 7.14 and 7.15).\n\n"
+        return title + claims_in_words(claims)
+
+    @table
     def equation_7_34(self, K_obs: DataArray, K_obs_printed: DataArray | None) -> Any:
         if K_obs_printed is None:
             return None
@@ -196,6 +222,11 @@ class PositionEstimator(EstimatorTrials):
 def _kalman(error: DataArray, case: str) -> DataArray:
     """Largest errors (phase,) of the Kalman filter."""
     return error.sel(estimator="Kalman", case=case, size="largest")
+
+
+def _after(error: DataArray) -> DataArray:
+    """Errors after a scratch."""
+    return error.sel(phase="after")
 
 
 def _in_scratch(error: DataArray) -> DataArray:

@@ -182,7 +182,7 @@ def test_checks_fail_where_something_is_wrong(runs):
         "quality, scratch",
         "lens",
         "K_obs",
-        "spike",
+        "Kalman filter, after a scratch",
         "scratch",
         "rotation",
         "drives, scratch",

@@ -1,0 +1,225 @@
+"""What a false detection costs: each strategy acts as in a defect where there is none (A.3).
+
+Section and appendix numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of
+CD-players (2003).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from workbench import figures, problem
+from workbench.arrays import RealArray
+from workbench.executor import Context
+from workbench.heavy_types import DataArray, Dataset, Figure
+from workbench.simulation.machine import machine
+from workbench.study import (
+    Study,
+    array,
+    arrays,
+    check,
+    claim_of,
+    dim,
+    figure,
+    independent_seeds,
+    metric,
+    over_draws,
+    part,
+    share_of_draws,
+    table,
+    with_interval,
+)
+from workbench.study.draws import SURE
+
+from ..diagnosis.defect_runs import ROTATION
+from ..diagnosis.scratch_draws import ScratchDraw
+from ..drive.red_book import ACCEPTABLE_ERROR
+from ..drive.shared_parameters import TABLES
+from ..drive.tables import Axis
+from ..laboratory.bench_setup import RATE
+from ..laboratory.record import Record
+from .strategies.runs import AFTER, FALSE, Experiment
+from .strategy_looks import COLOURS, titled
+
+SHOWN = (-1e-3, 6e-3)
+"""Times [s] about the start of a false detection between which the error is shown."""
+STRATEGIES = ("reference", "A", "B", "C")
+"""Strategies of figures A.1 to A.3."""
+CASES = ("with", "without")
+"""Records with the false detection and without it, of the same noise."""
+
+
+@problem(
+    "cd/{axis}/false-detections",
+    axis=("focus", "radial"),
+    data=(*TABLES, "data/red_book.csv"),
+)
+def false_detections(
+    axis: Axis,
+    drive: str = "nominal",
+    lasts: Annotated[float, Field(gt=0, le=5e-3)] = FALSE[1],
+    draws: Annotated[int, Field(ge=1, le=1000)] = 12,
+) -> FalseDetections:
+    """What a false detection costs each strategy on a disc of the largest deviation (appendix A.3).
+
+    The experiment of `cd/<axis>/strategies` on a disc without defects: as there the reference
+    strategy for a second, then another one, which settles before the detection. The largest true
+    error from its start to 5 ms after its end, beside the same record without it, and how often the
+    detector calls a clean disc bad of itself.
+
+    drive: "CD1" to "CD12", or "nominal". lasts: duration of the false detection [s]. draws: of
+    noise and of the disc's angle at the detection.
+    """
+    return FalseDetections(Experiment(axis), drive, lasts, draws)
+
+
+@dataclass(frozen=True)
+class FalseDetections(Study):
+    """Every strategy with a false detection and without it, in the same draws."""
+
+    experiment: Experiment
+    drive: str
+    lasts: float
+    draws: int
+
+    headline: ClassVar[str] = "error_reference_with_mean_um"
+
+    @property
+    def quantifier(self) -> str:
+        return f"in {self.draws} simulated draws on {self.drive}"
+
+    strategy, case = dim(STRATEGIES), dim(CASES)
+    draw = dim(lambda self: range(self.draws))
+    time = dim(
+        lambda: np.arange(round(SHOWN[0] * RATE), round(SHOWN[1] * RATE)) / RATE,
+        unit="s",
+        meaning="time from the start of the detection",
+    )
+    seed = array(draw, value=lambda self, context: independent_seeds(context.rng, self.draws))
+
+    def start(self, scratch: ScratchDraw) -> float:
+        """Start [s] of the detection: at the scratch's angle, when the strategy has settled."""
+        return self.experiment.first + scratch.angle / ROTATION
+
+    def record(self, strategy: str, scratch: ScratchDraw, case: str, noisy: bool = True) -> Record:
+        """A record of the experiment without its scratches."""
+        whole = self.experiment.scenario(self.drive, strategy, scratch, noisy=noisy)
+        start = self.start(scratch)
+        alarms = ((start, start + self.lasts),) if case == "with" else ()
+        ends = start + self.lasts + 2 * AFTER
+        return replace(whole, defects=(), false_alarms=alarms, duration=ends).run()
+
+    def outcome(self, strategy: str, scratch: ScratchDraw, noisy: bool = True) -> list[list[float]]:
+        """Largest error [m], losses, and clean samples called bad, of both CASES."""
+        start, found = self.start(scratch), []
+        for case in CASES:
+            one = self.record(strategy, scratch, case, noisy)
+            window = (one.time >= start) & (one.time <= start + self.lasts + AFTER)
+            bad = one.signals["w_Q"][(one.time >= self.experiment.first) & ~window] < 1.0
+            error = abs(one.x_cd - one.x)[window].max()
+            found.append([float(error), float(len(one.events)), float(bad.sum())])
+        return found
+
+    @part
+    def met(self, seed: DataArray, context: Context) -> RealArray:
+        """Outcomes (draws, strategies, cases, 3)."""
+        machine()  # threads that meet it at one time would each compile it
+        axis = self.experiment.axis
+        cells = [
+            (name, ScratchDraw.drawn(axis, int(one))) for one in seed.values for name in STRATEGIES
+        ]
+        found = context.spread(lambda cell: self.outcome(*cell), cells, "draws and strategies")
+        return np.reshape(found, (self.draws, len(STRATEGIES), len(CASES), 3))
+
+    told = arrays(
+        (draw, strategy, case),
+        lambda met: {name: met[..., n] for n, name in enumerate(("error", "lost", "called_bad"))},
+        error=("m", "largest true error to 5 ms after the detection"),
+        lost=("1", "times that focus or track was lost or regained"),
+        called_bad=("1", "clean samples that the detector itself calls bad"),
+    )
+
+    @array((strategy, case), "m", "the same without noise, first draw")
+    def error_without_noise(self, seed: DataArray) -> list[list[float]]:
+        scratch = ScratchDraw.drawn(self.experiment.axis, int(seed[0]))
+        every = [self.outcome(name, scratch, noisy=False) for name in STRATEGIES]
+        return [[one[0] for one in each] for each in every]
+
+    @array((strategy, case, time), "m", "true error of the first draw, without noise")
+    def shown(self, seed: DataArray) -> Any:
+        scratch, found = ScratchDraw.drawn(self.experiment.axis, int(seed[0])), []
+        at = round(self.start(scratch) * RATE)
+        window = slice(*(at + round(one * RATE) for one in SHOWN))
+        for name in STRATEGIES:
+            both = (self.record(name, scratch, case, noisy=False) for case in CASES)
+            found.append([(one.x_cd - one.x)[window] for one in both])
+        return np.array(found, np.float32)
+
+    # --- checks -------------------------------------------------------------------------------
+
+    @check("it costs", at_most=1.0)
+    def costs(self, error: DataArray) -> DataArray:
+        """mean largest error without a false detection over that with it, reference strategy"""
+        mean = error.sel(strategy="reference").mean("draw")
+        return mean.sel(case="without") / mean.sel(case="with")
+
+    @check("{strategy} costs less", at_most=1.0, each="strategy")
+    def less(self, error: DataArray) -> DataArray:
+        """mean largest error with a false detection over the reference strategy's, A and B"""
+        mean = error.sel(case="with").mean("draw")
+        return mean.sel(strategy=["A", "B"]) / mean.sel(strategy="reference")
+
+    @check("loop", "share of draws in which a strategy loses the loop", at_most=1.0 - SURE)
+    def held(self, lost: DataArray) -> DataArray:
+        return (lost.sel(case="with") > 0).mean("draw").max()
+
+    # --- what is told -------------------------------------------------------------------------
+
+    errors_um = metric(
+        "error_{strategy}_{case}_{summary}_um", lambda error: over_draws(1e6 * error)
+    )
+    errors_without_noise_um = metric(
+        "error_{strategy}_{case}_without_noise_um",
+        lambda error_without_noise: 1e6 * error_without_noise,
+    )
+    out_of_range = metric(
+        "beyond_acceptable_{strategy}",
+        lambda self, error: share_of_draws(
+            error.sel(case="with") > ACCEPTABLE_ERROR[self.experiment.axis], "strategy"
+        ),
+    )
+    losses = metric("lost_{strategy}", lambda lost: (lost.sel(case="with") > 0).mean("draw"))
+    called_bad_samples = metric(lambda called_bad: called_bad.sum())
+
+    @table
+    def cost(self, error: DataArray, lost: DataArray) -> Any:
+        """Each strategy: largest error, how often it is lost, and whether it errs less."""
+        rows = []
+        for name in STRATEGIES:
+            one = 1e6 * error.sel(strategy=name)
+            told = [with_interval(over_draws(one.sel(case=case))) for case in CASES]
+            share = float(share_of_draws(one < 1e6 * error.sel(strategy="reference"), "case")[0])
+            claim = "" if name == "reference" else claim_of(share)
+            times = f"{float((lost.sel(strategy=name, case='with') > 0).mean()):.0%}"
+            rows.append([titled(name), *told, times, claim])
+        heads = ["strategy", *(f"{case} it [um]" for case in CASES), "lost in draws"]
+        return [*heads, "less than reference"], rows
+
+    @figure
+    def drawn(self, answer: Dataset) -> dict[str, Figure]:
+        drawn, panels = figures.axes(1, len(STRATEGIES), size=(11.0, 3.6), sharey=True)
+        for panel, name in zip(panels, STRATEGIES, strict=True):
+            for case, style in zip(CASES, ("-", ":"), strict=True):
+                one = 1e6 * answer["shown"].sel(strategy=name, case=case)
+                panel.plot(1e3 * answer["time"], one, style, color=COLOURS[name])
+            panel.axvspan(0.0, 1e3 * self.lasts, color="0.92")
+            figures.label(panel, "time [ms]", "", f"{titled(name)}")
+        figures.label(panels[0], y=rf"true {self.experiment.axis} error [$\mu$m], without noise")
+        panels[0].plot([], [], "k-", label="with a false detection, in grey")
+        panels[0].plot([], [], "k:", label="without")
+        figures.legend_below(drawn, panels[0])
+        return {"false-detection": drawn}
