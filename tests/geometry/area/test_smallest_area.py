@@ -167,6 +167,15 @@ def test_brute_force_finds_nothing_better(seed):
     assert SmallestAreaStadium(points).area_bound(smallest_area_stadium(points)) <= found
 
 
+@pytest.mark.parametrize("case", ["free", "centre"])
+def test_no_stadium_of_another_angle_is_below_the_bound(case):
+    points, given = random_sets(12, 6, 9), CASES[case]
+    bound = SmallestAreaStadium(points, **given).area_bound(smallest_area_stadium(points, **given))
+    for angle in np.linspace(0, 3, 31):
+        assert np.all(narrowest_stadium(points, **given, angle=angle).area >= bound)
+        assert np.all(smallest_area_stadium(points, **given, angle=angle).area >= bound)
+
+
 # --- and nothing else -----------------------------------------------------------------------------
 
 WRONG = {
