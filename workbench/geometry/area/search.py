@@ -64,7 +64,7 @@ def smallest_area(
         angles = _directions(corners, centred)
         areas = _areas(x, y, centred, largest, angles)
         finer = [_between(angles, k, FINER) for k in _minima(areas)]
-        angles = _apart(np.concatenate([angles, *finer]))
+        angles = np.unique(np.concatenate([angles, *finer]) % np.pi)
         areas = _areas(x, y, centred, largest, angles)
         best = angles[np.argmin(areas)], areas.min()
         for k in _minima(areas):
@@ -88,16 +88,7 @@ def _directions(corners: np.ndarray, centred: bool) -> np.ndarray:
     angles = np.concatenate(
         [np.angle(vectors[vectors != 0]), np.pi * np.arange(GRID_ANGLES) / GRID_ANGLES]
     )
-    return _apart(angles)
-
-
-def _apart(angles: np.ndarray) -> np.ndarray:
-    """Angles [rad] in order in [0, pi), without those that differ by rounding only.
-
-    A minimum between two equal angles would have no room.
-    """
-    ordered = np.unique(np.mod(angles, np.pi))
-    return ordered[np.append(True, np.diff(ordered) > SAME_ANGLE)]
+    return np.unique(np.mod(angles, np.pi))
 
 
 def _minima(areas: np.ndarray) -> np.ndarray:
@@ -108,11 +99,14 @@ def _minima(areas: np.ndarray) -> np.ndarray:
 
 
 def _between(angles: np.ndarray, k: int, count: int) -> np.ndarray:
-    """So many angles [rad] from the one before a place to the one after it."""
-    before, after = angles[k - 1], angles[(k + 1) % len(angles)]
-    before -= np.pi if before >= angles[k] else 0.0
-    after += np.pi if after <= angles[k] else 0.0
-    return np.linspace(before, after, count)
+    """So many angles [rad] from the one before a place to the one after it.
+
+    Angles that differ by rounding only are passed over: between them a minimum has no room.
+    """
+    away = np.mod(angles - angles[k] + np.pi / 2, np.pi) - np.pi / 2
+    before = away[away < -SAME_ANGLE].max(initial=-np.pi / 2)
+    after = away[away > SAME_ANGLE].min(initial=np.pi / 2)
+    return np.asarray(angles[k] + np.linspace(before, after, count))
 
 
 @compiled
