@@ -162,7 +162,7 @@ class ReferenceGainRoom(Study):
             signals = " to ".join(f"${name}$" for name in CHANNELS[channel])
             figures.label(panel, "factor of the gain", "", f"{self.axis}, {signals}")
         figures.label(panels[0], y="peak of $\\mu$")
-        figures.legend_below(drawn, panels[0])
+        figures.legend_below(drawn, panels[1])
         return drawn
 
 
