@@ -46,7 +46,9 @@ reference: $(READY)
 	rm -rf results/reference
 	$(REFERENCE) cd/drives cd/optics cd/red-book cd/focus-error cd/radial-error cd-arm/identification
 	$(REFERENCE) 'cd/*/circles' 'cd/*/stadiums' 'cd/*/nominal' 'cd/*/uncertainty-comparison'
+	$(REFERENCE) 'cd/*/smallest-area-stadiums'
 	$(REFERENCE) 'cd/*/mu-pid-analysis' 'cd/*/nyquist' 'cd/*/five-x' 'cd/*/sensitivity'
+	$(REFERENCE) 'cd/*/gain-room' cd/focus/cover-variants textbook/real-mu-jump
 	$(REFERENCE) 'cd/*/cover-for-control' cd/focus/fault-filter
 	$(REFERENCE) 'cd/*/exact-residuals' 'cd/*/residual-index' 'cd/*/observer-bandwidth'
 	$(REFERENCE) 'cd/*/integrated-design'

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from workbench.bench.report import report
     from workbench.bench.results import Run, open_run
     from workbench.certificate import Certificate, Check
-    from workbench.geometry import narrowest_stadium, smallest_circle
+    from workbench.geometry import narrowest_stadium, smallest_area_stadium, smallest_circle
     from workbench.program import Program, method
     from workbench.solution import Solution, solve
     from workbench.solvers import Options, Outcome
@@ -34,7 +34,7 @@ _HOME = {
     "workbench.bench.declare": ("problem", "ref"),
     "workbench.bench.report": ("report",),
     "workbench.bench.results": ("Run", "open_run"),
-    "workbench.geometry": ("narrowest_stadium", "smallest_circle"),
+    "workbench.geometry": ("narrowest_stadium", "smallest_area_stadium", "smallest_circle"),
     "workbench.certificate": ("Certificate", "Check"),
     "workbench.program": ("Program", "method"),
     "workbench.solution": ("Solution", "solve"),
@@ -65,6 +65,7 @@ __all__ = [
     "report",
     "results",
     "run",
+    "smallest_area_stadium",
     "smallest_circle",
     "solve",
     "verify",

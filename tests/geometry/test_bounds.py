@@ -11,8 +11,9 @@ import pytest
 from lanes import thinned
 
 from workbench.geometry.bounds import circle_radius_bound, least_half_width
+from workbench.geometry.enclosing import Stadium
 from workbench.geometry.exact_circle import exact_circle
-from workbench.geometry.stadium import NarrowestStadium, Stadium
+from workbench.geometry.stadium import NarrowestStadium
 
 EPS = np.finfo(float).eps
 KINDS = ["normal", "clustered", "thin", "duplicated", "on a circle", "grid", "line", "coincident"]

@@ -148,12 +148,15 @@ COVERS = {
 
 PLANTED: dict[str, dict[str, Wrong]] = {
     "circle": SHAPES,
-    "stadium": SHAPES
-    | {
-        "half-length zero": scaled("half_length", 0.0),
-        "half-length 10 % too small": scaled("half_length", 0.9),
-        "turned by a right angle": shifted("angle", np.pi / 2),
-        "turned by 0.1": shifted("angle", 0.1),
+    **{
+        name: SHAPES
+        | {
+            "half-length zero": scaled("half_length", 0.0),
+            "half-length 10 % too small": scaled("half_length", 0.9),
+            "turned by a right angle": shifted("angle", np.pi / 2),
+            "turned by 0.1": shifted("angle", 0.1),
+        }
+        for name in ("stadium", "small_stadium")
     },
     **{
         name: {

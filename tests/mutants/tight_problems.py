@@ -13,7 +13,7 @@ from scipy.signal import dlsim
 import workbench as wb
 from workbench.diagnosis import FaultEstimation, Requirement
 from workbench.fitting import MagnitudeFit, ResponseFit
-from workbench.geometry import NarrowestStadium, SmallestCircle
+from workbench.geometry import NarrowestStadium, SmallestAreaStadium, SmallestCircle
 from workbench.identification import (
     CrestFactor,
     FittedParameter,
@@ -45,6 +45,11 @@ def circle() -> Program:
 def stadium() -> Program:
     points = np.random.default_rng(2).standard_normal((3, 7, 2)) @ np.array([1.0, 0.3j])
     return NarrowestStadium((points + 2.0) * np.exp(0.7j))
+
+
+def small_stadium() -> Program:
+    points = np.random.default_rng(4).standard_normal((3, 7, 2)) @ np.array([1.0, 0.5j])
+    return SmallestAreaStadium((points + 2.0) * np.exp(0.7j))
 
 
 def hinf() -> Program:
@@ -203,7 +208,8 @@ def parameter_fit() -> Program:
 PROGRAMS = {
     make.__name__: make
     for make in (
-        circle, stadium, mu_upper_full, mu_upper_mixed, mu_upper_repeated, mu_lower_full,
+        circle, stadium, small_stadium, mu_upper_full, mu_upper_mixed, mu_upper_repeated,
+        mu_lower_full,
         mu_lower_mixed, hinf, hinf_flexible, mu_synthesis, fault_filter, switching, response_fit,
         magnitude_fit, magnitude_cover, circle_cover, stadium_cover, crest_factor, state_space_fit,
         parameter_fit,

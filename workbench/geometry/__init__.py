@@ -1,8 +1,10 @@
-"""Smallest circles and narrowest stadiums around sets of complex points."""
+"""Smallest circles, narrowest stadiums and those of smallest area around complex points."""
 
 from workbench.geometry import conic, nonlinear
+from workbench.geometry.area import SmallestAreaStadium, smallest_area_stadium
 from workbench.geometry.circle import Circle, SmallestCircle, smallest_circle
-from workbench.geometry.stadium import NarrowestStadium, Stadium, narrowest_stadium
+from workbench.geometry.enclosing import EnclosingStadium, Stadium
+from workbench.geometry.stadium import NarrowestStadium, narrowest_stadium
 from workbench.geometry.stadium_arithmetic import (
     around_nominal,
     multiplied,
@@ -12,7 +14,9 @@ from workbench.geometry.stadium_arithmetic import (
 
 __all__ = [
     "Circle",
+    "EnclosingStadium",
     "NarrowestStadium",
+    "SmallestAreaStadium",
     "SmallestCircle",
     "Stadium",
     "around_nominal",
@@ -22,5 +26,6 @@ __all__ = [
     "nonlinear",
     "signed_distance",
     "signed_distance_bounds",
+    "smallest_area_stadium",
     "smallest_circle",
 ]

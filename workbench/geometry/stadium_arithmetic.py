@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.arrays import Array, RealArray
-from workbench.geometry.stadium import NarrowestStadium, Stadium
+from workbench.geometry.enclosing import Stadium
+from workbench.geometry.stadium import NarrowestStadium
 
 SEGMENT_POINTS = 721
 """Points of a segment, and half planes, that bound a distance; refined once around the best."""

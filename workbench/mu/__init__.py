@@ -7,6 +7,7 @@ from workbench.mu.lower.program import LowerBound, MuLowerBound
 from workbench.mu.robust.branch import branch_and_bound
 from workbench.mu.robust.conditions import Conditions, conditions
 from workbench.mu.robust.destabilising import destabilising
+from workbench.mu.robust.gain_room import GainRoom, gain_room
 from workbench.mu.robust.performance import performance_peak, performance_sweep
 from workbench.mu.robust.rank_one import RankOneLoop, rank_one_mu
 from workbench.mu.robust.sensitivity import sensitivity
@@ -24,6 +25,7 @@ __all__ = [
     "Complex",
     "Conditions",
     "Full",
+    "GainRoom",
     "LowerBound",
     "MuLowerBound",
     "MuUpperBound",
@@ -38,6 +40,7 @@ __all__ = [
     "branch_and_bound",
     "conditions",
     "destabilising",
+    "gain_room",
     "gradient",
     "lower_bound",
     "peak",

@@ -9,6 +9,7 @@ import numpy as np
 
 from workbench import Run
 from workbench.arrays import RealArray
+from workbench.geometry import narrowest_stadium
 from workbench.geometry.thesis import thesis_circle, thesis_stadium
 
 from ..drive.plants import AMPLIFICATION, ATTENUATION
@@ -67,6 +68,20 @@ def stadium_excess(run: Run) -> float:
     """Largest relative excess of a stadium's width by section 5.4.1 over the least one."""
     _, radius, _, _ = thesis_stadium(run.data["points"].values)
     return _excess(radius, run.data["radius"].values)
+
+
+def reach_over_narrowest(end: Callable[[RealArray], float]) -> Value:
+    """Radius plus half-length of stadiums over that of the narrowest ones of the same points.
+
+    It is the radius of the circle that D-K iteration takes a stadium for.
+    """
+
+    def over(run: Run) -> float:
+        narrowest = narrowest_stadium(run.data["points"].values)
+        reach = run.data["radius"].values + run.data["half_length"].values
+        return float(end(reach / (narrowest.radius + narrowest.half_length)))
+
+    return over
 
 
 def second_sets_missed(run: Run) -> float:

@@ -13,11 +13,14 @@ from ..readings import (
     cover_size,
     largest_turn,
     quotient,
+    reach_over_narrowest,
     second_sets_missed,
     stadium_excess,
 )
 
 MASS_SPRING, FIVE_X = "mass-spring/analysis", "cd/focus/five-x"
+AREAS = "cd/{}/smallest-area-stadiums"
+JUMP, VARIANTS = "textbook/real-mu-jump", "cd/focus/cover-variants"
 ROUNDING = 1e-9
 """Relative excess of a size that rounding explains."""
 
@@ -203,9 +206,15 @@ ITEMS = (
     Item(
         "Section 5.2",
         "mu of real uncertainties alone may jump, and a small complex part makes it continuous",
-        Verdict.OPEN,
-        found="Needs mu of a purely real block over a parameter, without and with a complex part. "
-        "No stored run has it",
+        Verdict.REPRODUCED,
+        (
+            at_least("decrease beside one parameter, real alone", JUMP, "jump_real", 0.3),
+            at_most("with 1 % complex part", JUMP, "jump_at_most_complex_0.01", 1e-3),
+            at_most("with 10 %", JUMP, "jump_at_most_complex_0.1", 1e-3),
+        ),
+        "Two real parameters, mu by hand and by certified bounds: 2 at one value of the data, 4/3 "
+        "at every other. Of an example, not of the drive",
+        "mu, values",
     ),
     Item(
         "Equations 5.10 to 5.14, figure 5.5",
@@ -275,6 +284,30 @@ ITEMS = (
         "The difference is small: no controller gets far below for these stadiums",
     ),
     Item(
+        "Section 5.4",
+        "D-K iteration takes stadiums for circles, so those of the smallest area suit it better",
+        Verdict.REPRODUCED,
+        (
+            *both(
+                at_most,
+                "radius plus half-length over the narrowest ones', most",
+                AREAS,
+                reach_over_narrowest(max),
+                1.0 + ROUNDING,
+            ),
+            *both(
+                at_most,
+                "least",
+                AREAS,
+                reach_over_narrowest(min),
+                0.9,
+            ),
+        ),
+        "By the circle's radius, of sets with free centres. At most frequencies the two are one "
+        "stadium",
+        "sizes",
+    ),
+    Item(
         "Section 5.4.1, figure 5.8",
         "The procedure finds the narrowest stadium about the points of a frequency",
         Verdict.REPRODUCED,
@@ -317,8 +350,23 @@ ITEMS = (
     Item(
         "Section 5.4.4",
         "The weights of stadiums can be stable and of minimum phase",
-        Verdict.OPEN,
-        found="Stored W_r are stable and have zeros on the right. Needs a stored cover with "
-        "minimum_phase, and mu of its loop",
+        Verdict.REPRODUCED,
+        (
+            at_most(
+                "largest real part of a zero of W_r [rad/s]",
+                VARIANTS,
+                "rightmost_zero_minimum_phase",
+                0.0,
+            ),
+            at_least(
+                "peak of mu over that with zeros left free",
+                VARIANTS,
+                quotient("peak_minimum_phase", "peak_default"),
+                1.2,
+            ),
+        ),
+        "The cover contains every drive. As fitted it costs: W_r meets phase and magnitude less "
+        "well, which makes mu of the loop nearly twice as large",
+        "costs, curves",
     ),
 )

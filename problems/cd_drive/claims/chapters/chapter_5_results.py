@@ -210,7 +210,7 @@ ITEMS = (
         "tables-5-2-5-3",
     ),
     Item(
-        "Section 5.5",
+        "Table 5.3, section 5.5",
         "Three parameters keep a similar worst case",
         Verdict.READING,
         (

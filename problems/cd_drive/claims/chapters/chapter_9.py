@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from ..items import Item, Verdict, at_least, at_most
+from ..readings import quotient
 
 FOCUS, RADIAL = "cd/focus/best-gains", "cd/radial/best-gains"
+VARIANTS = "cd/focus/cover-variants"
 
 ITEMS = (
     Item(
@@ -86,9 +88,24 @@ ITEMS = (
     Item(
         "Section 9.2",
         "The set of plants should be extrapolated beyond the twelve drives",
-        Verdict.OPEN,
-        found="Covers take it as their parameter `content`. Needs a stored cover with it, and what "
-        "it costs in mu",
+        Verdict.READING,
+        (
+            at_least(
+                "width of the sets over that of twelve drives, median",
+                VARIANTS,
+                "width_over_default_extrapolated",
+                1.1,
+            ),
+            at_least(
+                "peak of mu over that with twelve",
+                VARIANTS,
+                quotient("peak_extrapolated", "peak_default"),
+                1.05,
+            ),
+        ),
+        "If responses are normally distributed: a further drive lies inside with 90 % at each "
+        "frequency. The sets grow by two fifths, mu by a seventh",
+        "costs, curves",
     ),
     Item(
         "Section 9.2",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import product
+from typing import Any
 
 from workbench import figures
 from workbench.heavy_types import Axes, DataArray, Dataset, Figure
@@ -11,16 +12,17 @@ from workbench.tables import Rows
 
 from ...drive.tables import Axis
 
-LOOKS = {
+LOOKS: dict[str, tuple[Any, str]] = {
     "parametric": ("--", figures.GREEN),
     "circle": (":", figures.ORANGE),
     "stadium": ("-", figures.BLUE),
 }
-SET_LOOKS = {
+SET_LOOKS: dict[str, tuple[Any, str]] = {
     "circle": (":", figures.ORANGE),
     "stadium narrowest": ("-", figures.BLUE),
     "stadium third set": ("--", figures.SKY),
     "stadium for mu": ("-.", figures.GREEN),
+    "stadium of smallest area": ((0, (5, 1, 1, 1, 1, 1)), figures.PURPLE),
 }
 RESONANCE_BAND = (20.0, 60.0)
 """Frequencies [Hz] around the first resonance of either axis."""
@@ -44,7 +46,9 @@ def _one_x(axis: Axis, answer: Dataset) -> Figure:
         _mark_peak(fitted, case, "disturbance", form, colour)
     for name, (dash, colour) in SET_LOOKS.items():
         curve = case["set_mu"].sel(single="disturbance", set=name)
-        sets.loglog(answer["frequency"], curve, dash, color=colour, label=f"{name}, no weights")
+        sets.loglog(
+            answer["frequency"], curve, linestyle=dash, color=colour, label=f"{name}, no weights"
+        )
     _limit(fitted, "$\\mu$, $w_p$ to $z_p$", f"{axis}, 1X, fitted models")
     _limit(sets, title="sets alone, no weights fitted")
     lines = [line for panel in (fitted, sets) for line in panel.get_legend_handles_labels()[0]]
@@ -159,6 +163,7 @@ def claims_table(answer: Dataset) -> Rows:
         below("the same, narrowest sets without weights", ("", set_peak("stadium narrowest"))),
         below("... third sets", ("", set_peak("stadium third set"))),
         below("... oriented for mu", ("", set_peak("stadium for mu"))),
+        below("... of the smallest area", ("", set_peak("stadium of smallest area"))),
         below(
             "1X: control channel below 1",
             *((f"{form} ", peak(1.0, "control", form)) for form in LOOKS),

@@ -16,6 +16,7 @@ import numpy as np
 from workbench import Check, Run
 from workbench.arrays import RealArray
 from workbench.executor import Context
+from workbench.geometry import smallest_area_stadium
 from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.mu import Peak, conditions, performance_sweep
 from workbench.study import Study, array, check, dim, figure, metric, part, table
@@ -35,7 +36,13 @@ LoopCase = tuple[Any, ...]
 """Gain variant, speed, channel and form of uncertainty of a loop."""
 FORMS = ("parametric", "circle", "stadium")
 COVERS = FORMS[1:]
-SETS = ("circle", "stadium narrowest", "stadium third set", "stadium for mu")
+SETS = (
+    "circle",
+    "stadium narrowest",
+    "stadium third set",
+    "stadium for mu",
+    "stadium of smallest area",
+)
 SPEEDS = (1.0, 5.0)
 CONDITIONS = {
     "nominal_performance": "nominal performance",
@@ -128,7 +135,11 @@ class MuPidAnalysis(Study):
             away = data["response"].values / nominal.response(omega)[:, None] - 1
             sets = [shape(data, "second")]
             if form == "stadium":
-                sets += [shape(data, "third"), loop.stadiums_of_least_mu(omega, away)]
+                sets += [
+                    shape(data, "third"),
+                    loop.stadiums_of_least_mu(omega, away),
+                    smallest_area_stadium(away, center=0.0),
+                ]
             found += [loop.mu(each) for each in sets]
         return found
 

@@ -1,0 +1,185 @@
+"""Room to change the reference controller's gain with robust performance kept (section 6.4).
+
+Section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from workbench import Run, figures, problem, ref
+from workbench.arrays import RealArray
+from workbench.certificate import EVERY_PERTURBATION
+from workbench.executor import Context
+from workbench.heavy_types import DataArray, Figure
+from workbench.mu import gain_room, performance_peak
+from workbench.study import Study, array, check, dim, figure, metric, table
+from workbench.uncertainty import GeneralisedPlant
+
+from ..drive.plants import controller
+from ..drive.shared_parameters import TABLES, Frequencies
+from ..drive.tables import Axis
+from .control_problem import generalised
+from .design import CoverMethod, uncertainty
+from .loop_weights import CHANNELS
+
+FORMS = ("parametric", "circle", "stadium")
+FACTORS = np.round(np.geomspace(0.4, 2.5, 13), 6)
+"""Factors of the gain whose peaks are drawn; 1 is the one in the middle."""
+ENDS = ("below", "low", "high", "above")
+"""Factors proven to lose, to keep, to keep and to lose robust performance."""
+EDGE_TOLERANCE = 1e-3
+"""Relative distance between a factor that keeps robust performance and one that loses it."""
+CURVE_TOLERANCE = 1e-3
+"""Relative width of the interval that certifies a peak of the curve."""
+
+
+def needs(
+    axis: str, cover: CoverMethod = "steps", frequencies: int = 400, **_: Any
+) -> dict[str, Any]:
+    """Circles and stadiums about fitted nominals."""
+    return {
+        form: ref(f"cd/{axis}/{form}-cover", method=cover, frequencies=frequencies)
+        for form in FORMS[1:]
+    }
+
+
+@dataclass(frozen=True, eq=False)
+class ReferenceGainRoom(Study):
+    """Peaks of robust performance over a factor of the gain, and where they cross 1."""
+
+    axis: Axis
+    circle: Run
+    stadium: Run
+
+    headline: ClassVar[str] = "high_parametric_disturbance"
+
+    @property
+    def quantifier(self) -> str:
+        return f"{EVERY_PERTURBATION}, at the factors tried"
+
+    form, channel, bound, end = dim(FORMS), dim(CHANNELS), dim("lower", "upper"), dim(ENDS)
+    factor = dim(lambda: FACTORS, unit="1", meaning="factor of the gain")
+
+    def plant(self, form: str, channel: str) -> GeneralisedPlant:
+        """The generalised plant of a form of uncertainty, with the signals of one channel."""
+        covered = {"parametric": None, "circle": self.circle, "stadium": self.stadium}[form]
+        exogenous, performance = CHANNELS[channel]
+        whole = generalised(self.axis, uncertainty(self.axis, covered))
+        return whole.channel(performance, exogenous)
+
+    @array((form, channel, factor, bound), "1", "certified bounds of the peak, NaN if unstable")
+    def peak(self, context: Context) -> RealArray:
+        cases = [(form, channel) for form in FORMS for channel in CHANNELS]
+        K = controller(self.axis)
+        found = []
+        for form, channel in context.track(cases, "peaks"):
+            plant = self.plant(form, channel)
+            for factor in FACTORS.tolist():
+                peak = performance_peak(plant, factor * K, CURVE_TOLERANCE)
+                found.append([np.nan] * 2 if peak is None else [peak.lower, peak.upper])
+        return np.reshape(found, (len(FORMS), len(CHANNELS), len(FACTORS), 2))
+
+    @array((form, channel, end), "1", "factors proven to keep or to lose robust performance")
+    def room(self, context: Context) -> RealArray:
+        """NaN where robust performance is not proven with the gain as it is."""
+        cases = [(form, channel) for form in FORMS for channel in CHANNELS]
+        K = controller(self.axis)
+        found = []
+        for form, channel in context.track(cases, "edges"):
+            one = gain_room(self.plant(form, channel), K, EDGE_TOLERANCE)
+            ends = [np.nan] * 4 if one is None else [getattr(one, end) for end in ENDS]
+            found.append(ends)
+        return np.reshape(found, (len(FORMS), len(CHANNELS), len(ENDS)))
+
+    @check("between", "peak between the factors that keep robust performance", at_most=1.0)
+    def kept_between(peak: DataArray, room: DataArray) -> DataArray:  # noqa: N805
+        """Peaks of the curve at factors between the two edges."""
+        inside = (peak["factor"] >= room.sel(end="low")) & (peak["factor"] <= room.sel(end="high"))
+        return peak.sel(bound="upper").where(inside, 0.0)
+
+    @check("edges", "factor that keeps robust performance over one that loses it", at_most=1.0)
+    def edges_in_order(room: DataArray) -> float:  # noqa: N805
+        upper = room.sel(end="high") / room.sel(end="above")
+        lower = room.sel(end="below") / room.sel(end="low")
+        return float(max(upper.fillna(0.0).max(), lower.fillna(0.0).max()))
+
+    @metric
+    def ends(self, room: DataArray) -> dict[str, float]:
+        """Edges of the forms and channels, and of both channels together; 1 where none."""
+        numbers = {}
+        for form in FORMS:
+            of = room.sel(form=form)
+            for channel in CHANNELS:
+                for end in ENDS:
+                    value = float(of.sel(channel=channel, end=end))
+                    if np.isfinite(value):
+                        numbers[f"{end}_{form}_{channel}"] = value
+            known = bool(of.notnull().all())
+            low = float(of.sel(end="low").max()) if known else 1.0
+            high = float(of.sel(end="high").min()) if known else 1.0
+            numbers |= {f"low_{form}": low, f"high_{form}": high}
+        return numbers
+
+    @metric
+    def least_peaks(self, peak: DataArray) -> dict[str, float]:
+        """Least certified peak of both channels over the factors tried, and its factor."""
+        worst = peak.sel(bound="upper").max("channel", skipna=False)
+        numbers = {}
+        for form in FORMS:
+            one = worst.sel(form=form)
+            numbers[f"least_peak_{form}"] = float(one.min())
+            numbers[f"factor_of_least_peak_{form}"] = float(one.idxmin("factor"))
+        return numbers
+
+    @table
+    def edges(self, room: DataArray) -> tuple[list[str], list[list[str]]]:
+        rows = []
+        for form in FORMS:
+            for channel in CHANNELS:
+                ends = room.sel(form=form, channel=channel).values
+                told = [f"{end:.4f}" if np.isfinite(end) else "none" for end in ends]
+                rows.append([form, channel, *told])
+        heads = ["lost at", "kept from", "kept to", "lost at"]
+        return ["uncertainty", "channel", *heads], rows
+
+    @figure
+    def peaks(self, peak: DataArray, room: DataArray) -> Figure:
+        """Peaks over the factor, a panel for each channel."""
+        drawn, panels = figures.axes(1, 2, size=(10.0, 4.4), sharex=True, sharey=True)
+        for panel, channel in zip(panels, CHANNELS, strict=True):
+            for form in FORMS:
+                curve = peak.sel(form=form, channel=channel, bound="upper")
+                panel.loglog(curve["factor"], curve, label=form)
+            low, high = (room.sel(form="parametric", channel=channel, end=e) for e in ENDS[1:3])
+            if np.isfinite(low):
+                panel.axvspan(float(low), float(high), color="0.9", label="parametric: kept")
+            panel.axhline(1.0, color="0.4", linewidth=0.8)
+            panel.set_xlim(FACTORS[0], FACTORS[-1])
+            signals = " to ".join(f"${name}$" for name in CHANNELS[channel])
+            figures.label(panel, "factor of the gain", "", f"{self.axis}, {signals}")
+        figures.label(panels[0], y="peak of $\\mu$")
+        figures.legend_below(drawn, panels[1])
+        return drawn
+
+
+@problem("cd/{axis}/gain-room", axis=("focus", "radial"), needs=needs, data=TABLES)
+def gain_room_of(
+    axis: Axis,
+    circle: Run,
+    stadium: Run,
+    cover: CoverMethod = "steps",
+    frequencies: Frequencies = 400,
+) -> ReferenceGainRoom:
+    """Room to change the reference controller's gain with robust performance kept (section 6.4).
+
+    Peaks of mu from w_p to z_p and from w_u to z_u over a factor of the gain, certified between
+    frequencies, with the three models of the drives; and the factors between which a peak is below
+    1, each edge between a factor proven to keep robust performance and one proven to lose it.
+
+    cover, frequencies: of the circles and stadiums.
+    """
+    return ReferenceGainRoom(axis, circle, stadium)
