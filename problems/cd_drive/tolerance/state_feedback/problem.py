@@ -86,7 +86,8 @@ def state_feedback(
     Kalman filter estimates, in a defect as on a clean disc. The gain minimises the squared error
     and the squared command beside u_p; the command's weight is that with which the loop of known
     states crosses over where the reference loop does. It takes over from B, and stands beside B
-    and the reference strategy in the experiment of `cd/<axis>/strategies`, with scratches of 1.2 and 2.5 mm, in the
+    and the reference strategy in the experiment of `cd/<axis>/strategies`, with scratches
+    of 1.2 and 2.5 mm, in the
     same draws, and with its margins on each drive.
 
     drive_count: how many of the twelve drives. draws: on each drive, of noise, angle, sign and edge
