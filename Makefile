@@ -47,14 +47,14 @@ reference: $(READY)
 	$(REFERENCE) cd/drives cd/optics cd/red-book cd-arm/identification
 	$(REFERENCE) 'cd/*/circles' 'cd/*/stadiums' 'cd/*/nominal' 'cd/*/uncertainty-comparison'
 	$(REFERENCE) 'cd/*/mu-pid-analysis' 'cd/*/nyquist' 'cd/*/five-x' 'cd/*/sensitivity'
-	$(REFERENCE) 'cd/*/cover-for-control' cd/focus/fault-filter
+	$(REFERENCE) 'cd/*/cover-for-control' 'cd/*/fault-filter' 'cd/*/designed-filter'
 	$(REFERENCE) mass-spring/analysis bench/covers bench/geometry textbook/fault-detection
 	$(REFERENCE) '*/controller' 'cd/*/mu-pid' 'cd/*/lower-bandwidth' 'cd/*/switching-stability'
 	$(REFERENCE) 'cd/*/closed-loop' 'cd/*/optical-gain' 'cd/*/linearity' --set draws=50
 	$(REFERENCE) 'cd/*/residuals' 'cd/*/diode-plane' 'cd/*/position-estimator' --set draws=50
 	$(REFERENCE) 'cd/*/strategies' 'cd/*/bandwidth-trade-off' 'cd/*/wrong-rotation' --set draws=50
 	$(REFERENCE) 'cd/*/excursion' 'cd/*/best-gains' 'cd/*/gain-ramp' cd/playability
-	$(REFERENCE) 'cd/*/two-controllers-switched'
+	$(REFERENCE) 'cd/*/two-controllers-switched' 'cd/*/state-feedback'
 	$(REFERENCE) cd/focus/methods cd/focus/controllers
 	$(REFERENCE) cd/claims
 	rm -rf results/reference/.partial

@@ -127,9 +127,9 @@ ITEMS = (
                 0.7,
             ),
         ),
-        "It works and errs less after a scratch, taking over from B once the filter has settled. "
-        "Designed by the squared error for the reference loop's crossover with known states; B's "
-        "filter, which is slow to believe a measurement, leaves it less bandwidth than K has",
+        "It takes over from B once the filter has settled. Designed for the reference loop's "
+        "crossover with known states. B's filter is slow to believe a measurement: it errs less in "
+        "defects, and has less bandwidth",
         "experiments, loops",
     ),
     Item(

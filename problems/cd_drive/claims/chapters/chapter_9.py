@@ -118,10 +118,8 @@ ITEMS = (
                 for name in ("A", "B", "C")
             ),
         ),
-        "Of gains up to 2 dB, above which the largest S passes 2 on a drive. Up to there A, B and "
-        "C stay far below what defects cost the reference strategy, so that the plants bound the "
-        "gain and not the defects; shocks cost less than half. The controller alone likes more "
-        "gain as well, and so does the reference strategy",
+        "Of gains up to 2 dB, above which the largest S passes 2 on a drive. The plants bound the "
+        "gain, not defects. The controller alone and the reference strategy like more gain as well",
         "balloons",
     ),
     Item(

@@ -49,7 +49,7 @@ from ...diagnosis.scratch_draws import ScratchDraw
 from ...drive.plants import controller
 from ...drive.red_book import ACCEPTABLE_ERROR
 from ...drive.shared_parameters import TABLES
-from ...drive.tables import Axis
+from ...drive.tables import Axis, drives
 from ...laboratory.bench_setup import PERIOD
 from ..strategies.runs import Experiment, StrategyOutcome
 from ..tactics import stand_in_filter
@@ -149,6 +149,11 @@ class DesignedFilter(Study):
 
         return fault_loop(self.axis, self.model, control.ss(controller(self.axis)), self.delay)
 
+    @property
+    def names(self) -> list[str]:
+        """The first of the twelve drives, and the nominal one."""
+        return [*(one.name for one in drives(self.axis)[: self.drive_count]), "nominal"]
+
     # --- the design ---------------------------------------------------------------------------
 
     filter, case, bound = dim(FILTERS), dim(CASES), dim("lower", "upper")
@@ -220,7 +225,7 @@ class DesignedFilter(Study):
     # --- experiments --------------------------------------------------------------------------
 
     length = dim(LENGTHS, unit="m")
-    drive = dim(lambda self: list(plants(self.axis, "own", "printed"))[: 1 + self.drive_count])
+    drive = dim(lambda self: self.names)
     draw = dim(lambda self: range(self.draws))
 
     @array((drive, draw))

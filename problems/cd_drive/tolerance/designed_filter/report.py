@@ -85,7 +85,7 @@ def figure_8_10(answer: Dataset, axis: Axis) -> Figure:
         phase.plot(frequency, figures.phase(L), color=COLOURS[name])
     gain.axhline(0.0, color="0.5", linewidth=0.8)
     phase.axhline(-180.0, color="0.5", linewidth=0.8)
-    title = f"As figure 8.10: {axis} loop of K (1 - F), nominal drive, a sample late"
+    title = f"{axis}, loop of K (1 - F), nominal drive, a sample late"
     figures.label(gain, y="gain [dB]", title=title, log="x")
     figures.label(phase, "frequency [Hz]", "phase [deg]", log="x")
     gain.set_ylim(-40.0, 60.0)

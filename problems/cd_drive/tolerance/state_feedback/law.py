@@ -67,20 +67,20 @@ class StateFeedback:
         A, B, C = self._deviations
         P = solve_discrete_are(A, B, C.T @ C, np.array([[self.weight]]))
         row: RealArray = np.linalg.solve(self.weight + B.T @ P @ B, B.T @ P @ A)[0]
-        return row / self._scale
+        return row / self.scale
 
     @property
     def target(self) -> StateSpace:
         """The loop of known states, broken at the command."""
         A, B, _ = self._deviations
-        row = (self.gain * self._scale)[None]
+        row = (self.gain * self.scale)[None]
         return realisation((A, B, row, np.zeros((1, 1))), PERIOD)
 
     @property
     def residual(self) -> float:
         """Relative residual of the gain's Riccati equation, its cost by the closed loop's sum."""
         A, B, C = self._deviations
-        k = (self.gain * self._scale)[None]
+        k = (self.gain * self.scale)[None]
         closed, cost = A - B @ k, C.T @ C + self.weight * k.T @ k
         P = cost.copy()
         for _ in range(60):  # P = sum of closed'^i cost closed^i, by doubling
@@ -91,7 +91,7 @@ class StateFeedback:
         return float(abs(better - k).max() / abs(k).max())
 
     @property
-    def _scale(self) -> RealArray:
+    def scale(self) -> RealArray:
         """Sizes of the states: of their responses to a command, so that entries are about 1."""
         plant = self.estimator.model.plant
         column, size = plant.B[:, :1], np.zeros(plant.nstates)
@@ -102,8 +102,8 @@ class StateFeedback:
 
     @property
     def _deviations(self) -> tuple[RealArray, RealArray, RealArray]:
-        """A, B, C of (x, u_last - u_p) in units of `_scale`, from u - u_p to the error [um]."""
-        plant, scale = self.estimator.model.plant, self._scale
+        """A, B, C of (x, u_last - u_p) in units of `scale`, from u - u_p to the error [um]."""
+        plant, scale = self.estimator.model.plant, self.scale
         n = plant.nstates
         A, B, C = np.zeros((n + 1, n + 1)), np.zeros((n + 1, 1)), np.zeros((1, n + 1))
         A[:n, :n], A[:n, n] = plant.A, plant.B[:, 0]

@@ -235,8 +235,8 @@ class StateFeedbackStudy(Study):
     def optimal(self, answer: Dataset) -> float:
         """relative difference of the gain from that of its own closed loop's cost"""
         law = StateFeedback(self.axis, ROTATION, float(answer["weight"]))
-        off = abs(law.gain / answer["gain"].values - 1.0)
-        return max(law.residual, float(np.nanmax(np.where(answer["gain"] == 0.0, 0.0, off))))
+        off = abs((law.gain - answer["gain"].values) * law.scale).max()
+        return max(law.residual, float(off / abs(law.gain * law.scale).max()))
 
     @check("bandwidth", at_most=SAME_CROSSOVER)
     def same(self, answer: Dataset) -> float:

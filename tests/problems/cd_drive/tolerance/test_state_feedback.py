@@ -44,7 +44,7 @@ def test_the_gain_beats_its_neighbours():
     """Cost of a start from rest with the command on its way, by summing the closed loop's."""
     law = StateFeedback("focus", 5.5, 0.5)
     A, B, C = law._deviations
-    best = law.gain * law._scale
+    best = law.gain * law.scale
 
     def cost(row):
         x, total = np.ones(len(A)), 0.0
