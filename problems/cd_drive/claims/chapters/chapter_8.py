@@ -104,7 +104,13 @@ ITEMS = (
         "State feedback instead of controller and switch would be more elegant in B",
         Verdict.READING,
         (
-            *both(at_least, "draws in which it errs less than B", FEEDBACK, "below_B_1.2mm", 0.95),
+            at_least(
+                "draws in which it errs less than B, focus",
+                FEEDBACK.format("focus"),
+                "below_B_1.2mm",
+                0.95,
+            ),
+            Number("radial", FEEDBACK.format("radial"), "below_B_1.2mm", 0.05, 0.95),
             *both(
                 at_most,
                 "draws in which it loses the loop",
@@ -127,9 +133,8 @@ ITEMS = (
                 0.7,
             ),
         ),
-        "It takes over from B once the filter has settled. Designed for the reference loop's "
-        "crossover with known states. B's filter is slow to believe a measurement: it errs less in "
-        "defects, and has less bandwidth",
+        "Least squares, with the reference loop's crossover for known states. B's slow filter leaves "
+        "it less bandwidth. In focus it errs half as much after a scratch; radially neither is better",
         "experiments, loops",
     ),
     Item(
