@@ -133,8 +133,9 @@ ITEMS = (
                 0.7,
             ),
         ),
-        "Least squares, with the reference loop's crossover for known states. B's slow filter leaves "
-        "it less bandwidth. In focus it errs half as much after a scratch; radially neither is better",
+        "Least squares, with the reference loop's crossover for known states. B's slow filter "
+        "leaves it less bandwidth. In focus it errs half as much after a scratch, radially neither "
+        "is better",
         "experiments, loops",
     ),
     Item(

@@ -40,8 +40,9 @@ def studies():
     return task, [solve(task, options=Options(seed=seed)) for seed in (3, 4)]
 
 
+@pytest.mark.slow
 def test_another_seed_changes_no_verdict(studies):
-    task, solutions = studies
+    _, solutions = studies
     for one in solutions:
         assert one.certificate.valid, one.certificate.failures
         allowed = one.answer["allowed"].sel(strategy=["B", "C"], told="found")
@@ -50,6 +51,7 @@ def test_another_seed_changes_no_verdict(studies):
     assert not solutions[0].answer["outside"].equals(solutions[1].answer["outside"])
 
 
+@pytest.mark.slow
 def test_checks_can_fail(studies):
     task, solutions = studies
     worse = solutions[0].answer.copy(deep=True)
@@ -59,6 +61,7 @@ def test_checks_can_fail(studies):
     assert failed == {"shares", "sensitivity"}
 
 
+@pytest.mark.slow
 def test_tables_and_figures(studies):
     task, solutions = studies
     table = task.tables(solutions[0].answer)["immunity"]
