@@ -100,8 +100,9 @@ def designed_filter(
     unstable. Here its sensitivity is bounded for every plant of the set as one requirement more
     (section 8.5 proposes trial and error), on top of those of the estimate: convex in the filter by
     a half-plane, then certified by mu. A peak of 3 implies a gain margin of 3.5 dB and a phase
-    margin of 19 degrees; figure 8.10 has about 3 dB and 8 degrees. The error is the least of 0.4,
-    0.5 and 0.6 at which the leakage stays below a quarter of the acceptable error.
+    margin of 19 degrees; figure 8.10 has about 3 dB and 8 degrees. In focus the error is the least
+    of 0.4, 0.5 and 0.6 at which the leakage stays below a quarter of the acceptable error; the
+    radial loop has the same.
 
     Each filter, and the reference strategy, in the experiment of `cd/<axis>/strategies`, with
     scratches of 1.2 and 2.5 mm, in the same draws.
