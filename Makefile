@@ -55,7 +55,7 @@ reference: $(READY)
 	$(REFERENCE) 'cd/*/strategies' 'cd/*/bandwidth-trade-off' 'cd/*/wrong-rotation' --set draws=50
 	$(REFERENCE) 'cd/*/excursion' 'cd/*/best-gains' 'cd/*/gain-ramp' cd/playability
 	$(REFERENCE) 'cd/*/two-controllers-switched' 'cd/*/state-feedback' 'cd/*/immunity'
-	$(REFERENCE) cd/focus/methods cd/focus/controllers
+	$(REFERENCE) cd/focus/methods cd/radial/methods cd/focus/controllers
 	$(REFERENCE) cd/claims
 	rm -rf results/reference/.partial
 

@@ -101,7 +101,7 @@ ITEMS = (
                         2.0,
                     ),
                     at_most(
-                        f"time in shocks at that gain over that at 0 dB, {axis}",
+                        f"time in shocks with {name} there over that at 0 dB, {axis}",
                         IMMUNITY.format(axis),
                         f"shocks_{name}_found",
                         0.5,
