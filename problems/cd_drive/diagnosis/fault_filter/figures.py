@@ -49,7 +49,8 @@ def front(answer: Dataset) -> Figure:
         size = 1e6 * total(answer["front"].sel(kind=kind))
         panel.plot(answer["point"], size, dash, color=colour, label=str(kind))
     grey: Any = {"color": "0.85", "label": "out of reach, nominal plant"}
-    panel.fill_between(answer["point"], 1e-2, 1e6 * answer["least_total"], **grey)
+    least = min(float(total(answer["front"]).min()), float(answer["least_total"].min()))
+    panel.fill_between(answer["point"], 2e5 * least, 1e6 * answer["least_total"], **grey)
     for name in answer["filter"].values.tolist():
         one = answer["judged"].sel(filter=name, kind="every plant")
         mark, size = ("*", 12) if name == "robust" else ("D", 7)
@@ -57,7 +58,7 @@ def front(answer: Dataset) -> Figure:
         panel.plot(one.sel(quantity="error"), 1e6 * total(one), mark, markersize=size, **style)
     words = "largest relative error of the estimate above 1.5 kHz"
     label(panel, words, r"leakage + 3 rms of the noise [$\mu$m]", log="y")
-    panel.set_ylim(bottom=1e5 * float(total(answer["front"]).min()))
+    panel.set_ylim(bottom=2e5 * least)
     legend_below(figure, panel, columns=2)
     return figure
 
