@@ -49,7 +49,7 @@ reference: $(READY)
 	$(REFERENCE) 'cd/*/smallest-area-stadiums'
 	$(REFERENCE) 'cd/*/mu-pid-analysis' 'cd/*/nyquist' 'cd/*/five-x' 'cd/*/sensitivity'
 	$(REFERENCE) 'cd/*/gain-room' cd/focus/cover-variants textbook/real-mu-jump
-	$(REFERENCE) 'cd/*/cover-for-control' cd/focus/fault-filter
+	$(REFERENCE) 'cd/*/cover-for-control' 'cd/*/fault-filter' 'cd/*/designed-filter'
 	$(REFERENCE) 'cd/*/exact-residuals' 'cd/*/residual-index' 'cd/*/observer-bandwidth'
 	$(REFERENCE) 'cd/*/integrated-design'
 	$(REFERENCE) 'cd/*/after-defects' 'cd/*/false-detections' --set draws=50
@@ -61,8 +61,9 @@ reference: $(READY)
 	$(REFERENCE) 'cd/*/disturbance-groups' cd/raised-sum --set draws=50
 	$(REFERENCE) 'cd/*/strategies' 'cd/*/bandwidth-trade-off' 'cd/*/wrong-rotation' --set draws=50
 	$(REFERENCE) 'cd/*/excursion' 'cd/*/best-gains' 'cd/*/gain-ramp' cd/playability
-	$(REFERENCE) 'cd/*/two-controllers-switched'
-	$(REFERENCE) cd/focus/methods cd/focus/controllers cd/focus/identified cd/radial/identified
+	$(REFERENCE) 'cd/*/two-controllers-switched' 'cd/*/state-feedback' 'cd/*/immunity'
+	$(REFERENCE) cd/focus/methods cd/radial/methods cd/focus/controllers
+	$(REFERENCE) cd/focus/identified cd/radial/identified
 	$(REFERENCE) cd/claims
 	rm -rf results/reference/.partial
 

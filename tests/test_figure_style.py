@@ -39,3 +39,19 @@ def test_the_label_of_an_array_has_its_unit():
     gain = xr.DataArray(1.0, attrs={"units": "V/m", "long_name": "optical gain"})
     assert figures.axis_label(gain, "K_opt") == "optical gain [V/m]"
     assert figures.axis_label(xr.DataArray(1.0), "peak_mu") == "peak mu"
+
+
+def test_the_number_in_a_figures_name_is_its_caption():
+    assert figures.numbers_in("figure-8-7") == ["8.7"]
+    assert figures.numbers_in("figure-7-5-7-10") == ["7.5", "7.10"]
+    assert figures.numbers_in("figure-A-1") == ["A.1"]
+    for plain in ("bode", "figure-8", "figure-8-7-drives", "my-figure-8-7"):
+        assert figures.numbers_in(plain) == []
+    drawn, _ = figures.axes()
+    assert figures.numbered(drawn).get_suptitle() == ""
+    assert figures.numbered(drawn, "8.7").get_suptitle() == "Figure 8.7"
+    assert figures.numbered(drawn, "8.7").get_suptitle() == "Figure 8.7"
+    titled, _ = figures.axes()
+    titled.suptitle("one record")
+    assert figures.numbered(titled, "8.7", "A.1").get_suptitle() == "Figures 8.7, A.1\none record"
+    assert figures.numbered(titled, "8.70").get_suptitle().startswith("Figure 8.70")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import Any
 
 import numpy as np
@@ -43,6 +44,26 @@ def axes(
         figure = Figure(figsize=size)
         grid = figure.subplots(rows, columns, squeeze=False, **keywords)
     return figure, list(grid.flat)
+
+
+def numbers_in(name: str) -> list[str]:
+    """Numbers that a figure's name carries: "figure-7-5-7-10" is figures 7.5 and 7.10."""
+    if not re.fullmatch(r"figure(-[0-9A-Z]+-[0-9]+)+", name):
+        return []
+    return [f"{chapter}.{place}" for chapter, place in re.findall(r"-([0-9A-Z]+)-([0-9]+)", name)]
+
+
+def numbered(figure: Figure, *numbers: str) -> Figure:
+    """Caption a figure with the numbers of those that it reproduces, above its title if it has one.
+
+    The same figure is returned. It stays as it is where it says them already, or without numbers.
+    """
+    before = figure.get_suptitle()
+    words = ("Figure " if len(numbers) == 1 else "Figures ") + ", ".join(numbers)
+    if not numbers or all(re.search(rf"\b{re.escape(one)}\b", before) for one in numbers):
+        return figure
+    figure.suptitle(f"{words}\n{before}" if before else words, fontsize=11)
+    return figure
 
 
 def phase(response: np.ndarray) -> np.ndarray:

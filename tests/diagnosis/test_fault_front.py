@@ -15,6 +15,7 @@ from workbench.diagnosis import (
 )
 from workbench.diagnosis.estimation.front import near_poles
 from workbench.diagnosis.estimation.front_bound import _outer
+from workbench.diagnosis.estimation.front_filters import removal_conditions
 from workbench.errors import InputError, SolverError
 from workbench.fitting.rational import Rational
 from workbench.systems.generalised_plant import response
@@ -120,6 +121,51 @@ def test_a_filter_of_few_states_is_certified(loop):
     assert few.point.error <= 0.5
 
 
+def test_the_plant_of_a_removal_has_the_loop_of_what_is_left(loop):
+    """By the formula 1 / (1 + L (1 - F)), for a filter of one state."""
+    frequency = np.geomspace(0.01, 5.0, 9)
+    omega = loop.warped(frequency)
+    F = control.ss(-3.0, 1.0, 1.5, 0.2)
+    closed = loop.removal.nominal().close(F)
+    left = 1 - response(F, omega)[:, 0, 0]
+    expected = 1 / (1 + loop.open_loop(omega) * left)
+    assert response(closed, omega)[:, 0, 0] == pytest.approx(expected)
+
+
+def test_a_bounded_sensitivity_holds_on_members_and_costs_leakage(loop):
+    """On members of the set by formula, and against the least filter without the bound."""
+    front, basis = FaultFront(loop, GRID), LaguerreBasis(loop, CORNER)
+    functions = basis.response(8, front.omega)
+    free = front.least(functions, 0.5)
+    peak = 0.99 * front.removed_peak(functions @ free.coefficients)
+    bounded = front.least(functions, 0.5, peak=peak)
+    T = functions @ bounded.coefficients
+    assert front.removed_peak(T) <= peak
+    assert bounded.error <= 0.5
+    assert bounded.total > free.total
+    rng = np.random.default_rng(3)
+    L, F = loop.open_loop(front.omega), T * front.back
+    W_c, W_r = (each.response(front.omega) for each in (loop.model.W_c, loop.model.W_r))
+    for _ in range(20):
+        delta = np.exp(2j * np.pi * rng.uniform())
+        member = L * (1 + W_c * delta + W_r * rng.uniform(-1, 1))
+        assert abs(1 / (1 + member * (1 - F))).max() <= peak * 1.01
+
+
+@pytest.mark.parametrize("loop", ["continuous"], indirect=True)
+def test_conditions_of_a_removal_hold_and_fail(loop):
+    nothing = control.ss(-1.0, 0.0, 0.0, 0.0)
+    plain = removal_conditions(loop, nothing, 10.0, 1e-2)
+    assert plain.hold
+    assert plain.nominal_stability
+    strict = removal_conditions(loop, nothing, 1.0, 1e-2)
+    assert not strict.hold
+    positive = control.ss(-1.0, 1.0, 400.0, 0.0)
+    assert not removal_conditions(loop, positive, 10.0, 1e-2).nominal_stability
+    with pytest.raises(InputError, match="peak"):
+        removal_conditions(loop, nothing, 0.0)
+
+
 def test_outer_functions_have_their_modulus():
     theta = 2 * np.pi * (np.arange(2**12) + 0.5) / 2**12
     modulus = 1 / abs(1 - 0.8 * np.exp(1j * theta))
@@ -137,6 +183,11 @@ def test_wrong_input_is_named(loop):
     front = FaultFront(loop, GRID)
     with pytest.raises(SolverError, match="no filter of this basis has a relative error of 0"):
         front.least(LaguerreBasis(loop, CORNER).response(3, front.omega), 0.01)
+    functions = LaguerreBasis(loop, CORNER).response(8, front.omega)
+    with pytest.raises(InputError, match="peak"):
+        front.least(functions, 0.5, peak=-1.0)
+    with pytest.raises(SolverError, match="no filter of this basis"):
+        front.least(functions, 0.5, peak=0.9)
     with pytest.raises(InputError, match="rising"):
         FaultFront(loop, GRID[::-1])
     with pytest.raises(InputError, match="must have frequencies"):

@@ -125,13 +125,18 @@ class Drawn(Declaration):
     def figures(self, study: Any, get: Get) -> dict[str, Figure]:
         value = self.value(study, get)
         every = value if isinstance(value, Mapping) else {stem(self.name): value}
-        return {name: one for name, one in every.items() if one is not None}
+        return {
+            name: figures.numbered(one, *figures.numbers_in(name))
+            for name, one in every.items()
+            if one is not None
+        }
 
 
 def figure(function: Function) -> Any:
     """Declare a figure: a function of stored arrays that returns it (see `workbench.figures`).
 
-    It may also return a mapping from names of figures; None is no figure.
+    It may also return a mapping from names of figures; None is no figure. A name such as
+    ``figure-8-7`` puts the number into the figure's caption.
     """
     return Drawn(function)
 

@@ -224,7 +224,7 @@ class Linearity(Study):
         figures.label(panels[0], y=f"THD, {self.draws} draws [%]", log="y")
         panels[0].set_ylim(1e-3, 300.0)
         figures.legend_below(drawn, panels[1])
-        return drawn
+        return figures.numbered(drawn, "4.9")
 
 
 def described(thd: DataArray) -> dict[str, DataArray]:

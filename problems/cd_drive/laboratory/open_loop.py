@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import Field
 from scipy import stats
 
-from workbench import problem
+from workbench import figures, problem
 from workbench.arrays import ComplexArray, RealArray
 from workbench.executor import Context
 from workbench.heavy_types import DataArray, Dataset, Figure
@@ -278,7 +278,8 @@ class OpenLoop(Study):
     @figure
     def bode(self, answer: Dataset) -> Figure:
         bench = self.experiment.laboratory
-        return open_loop_bode(answer, f"{bench.drive} {bench.axis}, one record")
+        drawn = open_loop_bode(answer, f"{bench.drive} {bench.axis}, one record")
+        return figures.numbered(drawn, "4.4")
 
 
 def _measured(settled: PeriodicResponse) -> tuple[ComplexArray, RealArray, float]:

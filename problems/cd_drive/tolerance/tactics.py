@@ -91,7 +91,7 @@ class Strategies:
         """Return a strategy by its name in STRATEGIES. Raises UnknownNameError for another name."""
         if name not in STRATEGIES:
             raise UnknownNameError("strategy", name, STRATEGIES)
-        return Cascade(MEASUREMENTS, [*self._detector, *STRATEGIES[name](self)])
+        return Cascade(MEASUREMENTS, [*self.detector, *STRATEGIES[name](self)])
 
     @property
     def controller(self) -> LTI:
@@ -104,7 +104,7 @@ class Strategies:
         return Repetitive(self.rotation, PERIOD, self.corner)
 
     @property
-    def _detector(self) -> list[Part]:
+    def detector(self) -> list[Part]:
         """Parts that compute the quality w_Q (eq. 7.13), which is 0 in false detections."""
         seen = diode_quality(self.level, DIST_MIN, DIST_MAX)
         return [

@@ -137,4 +137,4 @@ class NominalModels(Study):
         figures.label(top, y="magnitude [units/V]", title=f"{self.axis} nominal models", log="xy")
         figures.label(bottom, "frequency [Hz]", "phase [deg]")
         figures.legend_below(drawn, top)
-        return drawn
+        return figures.numbered(drawn, {"focus": "5.10", "radial": "5.11"}[self.axis])

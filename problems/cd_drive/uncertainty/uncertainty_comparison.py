@@ -200,7 +200,7 @@ class UncertaintyComparison(Study):
             figures.label(panel, "", "relative size", f"{self.axis}, method {method}", "xy")
         figures.label(panels[-1], "frequency [Hz]")
         figures.legend_below(drawn, panels[0], columns=3)
-        return drawn
+        return figures.numbered(drawn, "5.12", "5.13", "5.16")
 
     @figure
     def gains(self, variant: DataArray) -> Figure:

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -140,6 +141,20 @@ class FaultLoop:
     @cached_property
     def plant(self) -> GeneralisedPlant:
         """(perturbation; d, f) -> (perturbation; e) of the closed loop."""
+        return self._connected({"e": "d + f - x"}, "e", exogenous=["d", "f"], measurement="e")
+
+    @cached_property
+    def removal(self) -> GeneralisedPlant:
+        """(perturbation; d; u_f) -> (perturbation; e; e), the estimate removed from what K sees.
+
+        Closed by F it is the loop while a fault is removed: e = d / (1 + L (1 - F)).
+        """
+        sums = {"e": "d - x", "seen": "e - u_f"}
+        signals = {"performance": "e", "control": "u_f", "measurement": "e"}
+        return self._connected(sums, "seen", exogenous=["d"], **signals)
+
+    def _connected(self, sums: dict[str, str], seen: str, **signals: Any) -> GeneralisedPlant:
+        """The loop of K, which sees a signal, around the uncertain plant v -> x."""
         systems = self.model.systems()
         kinds = [kind for kind in ("r", "c") if f"W_{kind}" in systems]
         blocks = [(systems[f"W_{kind}"], "m", f"y_{kind}") for kind in kinds]
@@ -148,11 +163,10 @@ class FaultLoop:
             for kind, block in zip(kinds, self.model.structure, strict=True)
         ]
         return generalised_plant(
-            [(self.G, "v", "x"), (self.K, "e", "m"), *blocks],
-            {"v": " + ".join(["m", *(f"u_{kind}" for kind in kinds)]), "e": "d + f - x"},
+            [(self.G, "v", "x"), (self.K, seen, "m"), *blocks],
+            {"v": " + ".join(["m", *(f"u_{kind}" for kind in kinds)])} | sums,
             perturbation=perturbation,
-            exogenous=["d", "f"],
-            measurement="e",
+            **signals,
         )
 
     def open_loop(self, omega: RealArray) -> ComplexArray:

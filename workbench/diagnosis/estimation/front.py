@@ -7,8 +7,14 @@ fault, and lets as much of the disturbance and of the noise through. Over a basi
                         |T| max|1/p| W_d <= E        up to demands.leakage_below,
                         |T| max|1/p| <= demands.gain everywhere,    ||T max|1/p||| = rms
 
-with the noise white up to demands.noise_band. Second-order cones on a grid of frequencies; a
-filter's requirements are certified elsewhere, at all frequencies.
+with the noise white up to demands.noise_band. Where the estimate is to be removed from the error,
+the loop of the plant p meanwhile is 1 + L (1 - F) = p / S (1 - T (1 / S - 1 / p)), and with
+
+    Re(1 - T (1 / S - 1 / p)) >= |S / p| / M
+
+no plant's Nyquist curve encircles -1 and its sensitivity is at most M: a half-plane instead of a
+disc's outside, which is not convex. Second-order cones on a grid of frequencies; a filter's
+requirements are certified elsewhere, at all frequencies.
 """
 
 from __future__ import annotations
@@ -24,6 +30,7 @@ from workbench.diagnosis.estimation.fault_loop import FaultLoop
 from workbench.errors import InputError, SolverError
 from workbench.executor import Context
 from workbench.heavy_types import StateSpace
+from workbench.input_checks import need_positive
 from workbench.solvers import Outcome, conic_solvers, solve_conic
 from workbench.systems.generalised_plant import response
 from workbench.systems.realisation import realisation
@@ -103,14 +110,42 @@ class FaultFront:
         edges = np.concatenate([[0.0], (inside[1:] + inside[:-1]) / 2, [inside[-1]]])
         return np.diff(edges) / band
 
-    def least(self, basis: ComplexArray, error: float, leakage: float | None = None) -> FrontPoint:
+    def removed_peak(self, T: ComplexArray) -> float:
+        """Largest |S| of the loops from whose error the estimate T (F,) is removed, on the grid."""
+        back = self.back[:, None] * self.p  # 1 / S of each plant
+        return float((1 / np.abs(back - (self.back * T)[:, None] * (back - 1))).max())
+
+    def least(
+        self,
+        basis: ComplexArray,
+        error: float,
+        leakage: float | None = None,
+        peak: float | None = None,
+    ) -> FrontPoint:
         """The filter with the least leakage and noise for a relative error, over T = basis @ x.
 
-        basis (F, n). leakage: its limit alone, in the unit of the fault; None: no limit. Raises
-        SolverError where no filter meets the limits.
+        Parameters
+        ----------
+        basis
+            Functions (F, n) of T.
+        error
+            Relative error allowed.
+        leakage
+            Limit of the leakage alone, in the unit of the fault; None: no limit.
+        peak
+            Limit M of the sensitivity while the estimate is removed from the error; None: the
+            estimate is not removed.
+
+        Raises
+        ------
+        InputError
+            A peak that is not positive.
+        SolverError
+            Where no filter meets the limits.
         """
         import cvxpy as cp
 
+        need_positive(peak, "peak", or_none=True)
         demands = self.loop.demands
         f, tight = self.frequency, 1 - GRID_MARGIN
         scale = np.abs(basis).max(axis=0)
@@ -129,6 +164,10 @@ class FaultFront:
             limits.append(cp.abs(rest) <= tight * error)
         if leakage is not None:
             limits.append(leakage >= E * demands.unit)
+        if peak is not None:
+            shares = 1 / (tight * peak * np.abs(self.back[:, None] * self.p))
+            for p, share in zip(self.p.T, shares.T, strict=True):
+                limits.append(1 - cp.real(_rows(basis, self.back - 1 / p) @ x) >= share)
         problem = cp.Problem(cp.Minimize(E + 3 * rms), limits)
         said = solve_in_place(problem)
         if x.value is None:

@@ -19,21 +19,35 @@ from workbench.diagnosis.estimation.laguerre import LaguerreBasis
 from workbench.diagnosis.estimation.program import FaultEstimation, FaultFilter
 from workbench.errors import InputError, SolverError
 from workbench.heavy_types import StateSpace
+from workbench.input_checks import need_positive
+from workbench.mu import Conditions, conditions
 from workbench.synthesis import approximations
 from workbench.synthesis.implementation.reduction import ReductionMethod
 from workbench.systems.realisation import realisation
 
+PEAK_TOLERANCE = 1e-3
+"""Relative width of the intervals that certify the sensitivity while the estimate is removed."""
 REDUCTIONS: tuple[ReductionMethod, ...] = ("weighted", "balanced", "hankel")
 """Methods of `reduced` whose poles are tried."""
 
 
 @dataclass(frozen=True, eq=False)
 class FrontFilter:
-    """A continuous filter F e -> u_f, its point of the front, and its certified answer."""
+    """A continuous filter F e -> u_f, its point of the front, and its certified answer.
+
+    ``removal``: certified conditions of the loop from whose error the estimate is removed, its
+    sensitivity over the peak that was asked for; None where none was.
+    """
 
     F: StateSpace
     point: FrontPoint
     answer: FaultFilter
+    removal: Conditions | None = None
+
+    @property
+    def meets(self) -> bool:
+        """Whether all requirements are certified."""
+        return self.answer.upper <= 1.0 and (self.removal is None or self.removal.hold)
 
 
 def full_order(
@@ -43,26 +57,34 @@ def full_order(
     count: int,
     error: float,
     leakage: float,
+    peak: float | None = None,
 ) -> FrontFilter:
     """The filter of least leakage and noise for a relative error over a Laguerre basis, certified.
 
     frequency: grid [Hz] (F,) of the convex problem. count: functions of the basis. leakage: limit
-    that the certificate is about, in the unit of the fault. Raises SolverError where the set of
+    that the certificate is about, in the unit of the fault. peak: of the sensitivity while the
+    estimate is removed from the error, None where it never is. Raises SolverError where the set of
     plants allows no such filter.
     """
     front = FaultFront(loop, frequency)
-    point = front.least(basis.response(count, front.omega), error)
-    return certified_filter(loop, basis.filter(point.coefficients), point, error, leakage)
+    point = front.least(basis.response(count, front.omega), error, peak=peak)
+    return certified_filter(loop, basis.filter(point.coefficients), point, error, leakage, peak)
 
 
 def few_states(
-    loop: FaultLoop, frequency: RealArray, F: StateSpace, order: int, error: float, leakage: float
+    loop: FaultLoop,
+    frequency: RealArray,
+    F: StateSpace,
+    order: int,
+    error: float,
+    leakage: float,
+    peak: float | None = None,
 ) -> FrontFilter:
     """The best filter with the poles of a reduction of F to at most an order.
 
     Filters that are certified to meet all requirements come first. frequency: grid [Hz] (F,), to
-    which frequencies about the reduced poles are added. Raises SolverError where no reduction
-    has poles that meet the relative error and the leakage.
+    which frequencies about the reduced poles are added. peak: as of `full_order`. Raises
+    SolverError where no reduction has poles that meet the relative error, the leakage and the peak.
     """
     program = estimation(loop, error, leakage)
 
@@ -70,14 +92,14 @@ def few_states(
         """The best filter with these poles; None where none meets the error and the leakage."""
         try:
             front = FaultFront(loop, near_poles(loop, frequency, poles.poles()))
-            point = front.least(front.of_filter(poles), error, leakage)
+            point = front.least(front.of_filter(poles), error, leakage, peak)
         except (InputError, SolverError):
             return None
         x = point.coefficients
         made = realisation((poles.A, poles.B, x[None, :-1], x[None, -1:]), 0.0)
         if not stability_of(made).holds:
             return None
-        return certified_filter(loop, made, point, error, leakage)
+        return certified_filter(loop, made, point, error, leakage, peak)
 
     ways = [approximations(F, order, method, program.plant) for method in REDUCTIONS]
     found = [one for way in ways for one in [tried(next(way))] if one is not None]
@@ -89,7 +111,7 @@ def few_states(
             f"no filter of order {order} with a relative error of {error:g} and a leakage of "
             f"{leakage:g} by {REDUCTIONS}"
         )
-    meeting = [each for each in found if each.answer.upper <= 1.0]
+    meeting = [each for each in found if each.meets]
     return min(meeting or found, key=lambda each: each.point.total)
 
 
@@ -99,10 +121,28 @@ def estimation(loop: FaultLoop, error: float, leakage: float) -> FaultEstimation
 
 
 def certified_filter(
-    loop: FaultLoop, F: StateSpace, point: FrontPoint, error: float, leakage: float
+    loop: FaultLoop,
+    F: StateSpace,
+    point: FrontPoint,
+    error: float,
+    leakage: float,
+    peak: float | None = None,
 ) -> FrontFilter:
     """A filter with its certified bounds. Raises SolverError for one that is not stable."""
     answer = estimation(loop, error, leakage).answer(F)
     if answer is None:
         raise SolverError(f"the filter is not stable: poles {np.sort(F.poles().real)[-2:]}")
-    return FrontFilter(F, point, answer)
+    removal = None if peak is None else removal_conditions(loop, F, peak)
+    return FrontFilter(F, point, answer, removal)
+
+
+def removal_conditions(
+    loop: FaultLoop, F: StateSpace, peak: float, tolerance: float = PEAK_TOLERANCE
+) -> Conditions:
+    """Certified conditions of the loop from whose error the estimate of F is removed.
+
+    Its performance is the sensitivity over a peak. tolerance: relative width of the intervals.
+    Raises InputError for a peak that is not positive.
+    """
+    need_positive(peak, "peak")
+    return conditions(loop.removal.weighted([1 / peak]), F, tolerance=tolerance)

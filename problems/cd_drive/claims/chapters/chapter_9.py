@@ -2,11 +2,32 @@
 
 from __future__ import annotations
 
-from ..items import Item, Verdict, at_least, at_most
+from typing import Any
+
+from workbench import Run
+
+from ..items import Item, Value, Verdict, at_least, at_most
+from ..loop_readings import DEFECTS
 from ..readings import quotient
 
 FOCUS, RADIAL = "cd/focus/best-gains", "cd/radial/best-gains"
-VARIANTS = "cd/focus/cover-variants"
+IMMUNITY, VARIANTS = "cd/{}/immunity", "cd/focus/cover-variants"
+
+
+def _arm(run: Run, use: str, gain: float) -> Any:
+    """Share of time out of spec by cause, on all circumstances."""
+    return run.data["arm"].sel(case=f"{use} {gain:+g} dB").mean("half")
+
+
+def in_defects(use: str) -> Value:
+    """Time out of spec in defects at 2 dB more gain over the reference strategy's at its own."""
+
+    def ratio(run: Run) -> float:
+        most, least = _arm(run, use, 2.0), _arm(run, "reference", 0.0)
+        return float(most.sel(group=DEFECTS).mean() / least.sel(group=DEFECTS).mean())
+
+    return ratio
+
 
 ITEMS = (
     Item(
@@ -68,10 +89,39 @@ ITEMS = (
             at_least("best gain with B [dB], focus", FOCUS, "best_gain_B", 1.0),
             at_least("best gain with A [dB], radial", RADIAL, "best_gain_A", 1.0),
             at_least("best gain with B [dB], radial", RADIAL, "best_gain_B", 1.0),
+            *(
+                number
+                for axis in ("focus", "radial")
+                for name in ("A", "B", "C")
+                for number in (
+                    at_least(
+                        f"gain at which defects cost {name} what they cost the reference strategy, "
+                        f"lower end [dB], {axis}",
+                        IMMUNITY.format(axis),
+                        f"gain_{name}_low",
+                        2.0,
+                    ),
+                    at_most(
+                        f"time in shocks with {name} there over that at 0 dB, {axis}",
+                        IMMUNITY.format(axis),
+                        f"shocks_{name}_found",
+                        0.5,
+                    ),
+                )
+            ),
+            *(
+                at_most(
+                    f"time in defects, reference strategy at 2 dB over that at 0, {axis}",
+                    run,
+                    in_defects("reference"),
+                    1.2,
+                )
+                for axis, run in (("focus", FOCUS), ("radial", RADIAL))
+            ),
         ),
-        "Of gains up to 2 dB, above which the largest S passes 2 on a drive. The controller alone "
-        "likes them as well",
-        "balloons",
+        "Defects allow more than 2 dB, above which the largest S passes 2 on a drive: the plants "
+        "bound the gain. The reference strategy likes more gain as well, in defects too",
+        "balloons, immunity",
     ),
     Item(
         "Section 9.2",

@@ -18,6 +18,7 @@ from workbench.systems.generalised_plant import response
 
 from ...drive.plants import ANTIALIASING
 from ...drive.red_book import envelope
+from ...drive.tables import Axis
 from ...laboratory.bench_setup import PERIOD
 from .defect_estimates import LONGEST, SHAPES
 from .figures import total
@@ -32,6 +33,7 @@ LOWER_BOUND_EXCESS = 1e-6
 
 
 def filter_checks(
+    axis: Axis,
     loops: dict[str, FaultLoop],
     filters: Mapping[str, StateSpace],
     order: int,
@@ -45,7 +47,7 @@ def filter_checks(
     found = [
         one
         for name in loops
-        for one in _of_filter(name, loops[name], filters[name], limits, answer)
+        for one in _of_filter(axis, name, loops[name], filters[name], limits, answer)
     ]
     few = filters["discrete"]
     front = answer["front"].sel(kind="nominal plant")
@@ -62,7 +64,12 @@ def filter_checks(
 
 
 def _of_filter(
-    name: str, loop: FaultLoop, K: StateSpace, limits: tuple[float, float], answer: Dataset
+    axis: Axis,
+    name: str,
+    loop: FaultLoop,
+    K: StateSpace,
+    limits: tuple[float, float],
+    answer: Dataset,
 ) -> Iterator[Check]:
     """Stability, certificates made again, and members of the set, of one filter."""
     F = bilinear_continuous(K) if K.dt else K
@@ -80,11 +87,13 @@ def _of_filter(
         yield Check(f"{name}: {channel.name} again", again, excess, PEAK_AGREES, over=over)
     drawn = "largest of plants, by formula, over what is allowed"
     over = f"for {MEMBERS} plants drawn from the set"
-    for (quantity, value), allowed in zip(_members(loop, F).items(), (*limits, GAIN), strict=True):
+    for (quantity, value), allowed in zip(
+        _members(axis, loop, F).items(), (*limits, GAIN), strict=True
+    ):
         yield Check(f"{name}: {quantity} of members", drawn, value / allowed, 1.0, over=over)
 
 
-def _members(loop: FaultLoop, F: StateSpace) -> dict[str, float]:
+def _members(axis: Axis, loop: FaultLoop, F: StateSpace) -> dict[str, float]:
     """Largest error, leakage of the envelope [m] and gain of F on members of the set."""
     rng = np.random.default_rng(0)
     frequency = np.unique(np.concatenate([np.geomspace(0.1, 15e3, 1500), [SLOW, FAST, NOISE_BAND]]))
@@ -101,7 +110,7 @@ def _members(loop: FaultLoop, F: StateSpace) -> dict[str, float]:
         delta = np.exp(1j * (phase - omega * delay))
         T = filter_ / (1 + K * G * (1 + x * real + delta * circular))
         slow = frequency <= SLOW
-        leaks = np.abs(T)[slow] * envelope("focus", frequency[slow])
+        leaks = np.abs(T)[slow] * envelope(axis, frequency[slow])
         curves = {"error": np.abs(1 - T)[frequency >= FAST], "leakage": leaks, "gain": np.abs(T)}
         worst = {name: max(worst[name], float(curve.max())) for name, curve in curves.items()}
     return worst

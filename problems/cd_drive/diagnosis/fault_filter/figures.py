@@ -15,6 +15,7 @@ from workbench.systems.bilinear import bilinear_continuous
 from workbench.systems.generalised_plant import response
 
 from ...control.control_problem import optical_gain
+from ...drive.tables import Axis
 from ...laboratory.bench_setup import RATE
 from .defect_estimates import relative_errors
 from .loop import FAST, SLOW, grid
@@ -48,7 +49,8 @@ def front(answer: Dataset) -> Figure:
         size = 1e6 * total(answer["front"].sel(kind=kind))
         panel.plot(answer["point"], size, dash, color=colour, label=str(kind))
     grey: Any = {"color": "0.85", "label": "out of reach, nominal plant"}
-    panel.fill_between(answer["point"], 1e-2, 1e6 * answer["least_total"], **grey)
+    least = min(float(total(answer["front"]).min()), float(answer["least_total"].min()))
+    panel.fill_between(answer["point"], 2e5 * least, 1e6 * answer["least_total"], **grey)
     for name in answer["filter"].values.tolist():
         one = answer["judged"].sel(filter=name, kind="every plant")
         mark, size = ("*", 12) if name == "robust" else ("D", 7)
@@ -56,15 +58,15 @@ def front(answer: Dataset) -> Figure:
         panel.plot(one.sel(quantity="error"), 1e6 * total(one), mark, markersize=size, **style)
     words = "largest relative error of the estimate above 1.5 kHz"
     label(panel, words, r"leakage + 3 rms of the noise [$\mu$m]", log="y")
-    panel.set_ylim(bottom=0.1)
+    panel.set_ylim(bottom=2e5 * least)
     legend_below(figure, panel, columns=2)
     return figure
 
 
-def filters(full: StateSpace, discrete: StateSpace) -> Figure:
+def filters(axis: Axis, full: StateSpace, discrete: StateSpace) -> Figure:
     """Both filters over frequency, from displacement in units of the loop's error."""
     frequency = np.geomspace(1.0, 0.499 * RATE, 600)
-    K_optn = optical_gain("focus")
+    K_optn = optical_gain(axis)
     figure, (gain, phase) = figures.axes(2, 1, size=(7.4, 6.4), sharex=True)
     for K, dash, words in ((full, "-", "continuous"), (discrete, "--", "sampled")):
         values = response(K, 2 * np.pi * frequency)[:, 0, 0]

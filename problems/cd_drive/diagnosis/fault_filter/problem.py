@@ -35,7 +35,9 @@ from workbench.uncertainty import UncertaintyModel
 
 from ...control.cover_for_control.problem import PARTS, STAGES
 from ...drive.plants import Gain, controller
+from ...drive.red_book import ACCEPTABLE_ERROR
 from ...drive.shared_parameters import TABLES, Frequencies
+from ...drive.tables import Axis
 from ...laboratory.bench_setup import PERIOD
 from . import figures
 from .checks import filter_checks
@@ -79,15 +81,47 @@ def fault_filter(
     from 1.5 kHz on; leakage: of the Red Book's envelope into the estimate [m], allowed up to
     200 Hz. order: of the sampled filter. delay: of the sampled loop [samples].
     """
+    return FaultFilterStudy("focus", stadiums_of(covered), error, leakage, order, delay)
+
+
+@problem(
+    "cd/radial/fault-filter",
+    needs=lambda **chosen: needs("radial", **chosen),
+    data=(*TABLES, "data/red_book.csv"),
+)
+def radial_fault_filter(
+    covered: Run,
+    frequencies: Frequencies = 400,
+    gain: Gain = "own",
+    error: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.3,
+    leakage: Annotated[float, Field(gt=0.0, le=1e-4)] = 0.05e-6,
+    order: Annotated[int, Field(ge=1, le=20)] = 10,
+    delay: Annotated[float, Field(ge=0.0, le=3.0)] = 1.0,
+) -> FaultFilterStudy:
+    """The same of the radial loop, with the same requirements in units of its acceptable error.
+
+    frequencies, gain: of the stadiums, as `cd/radial/cover-for-control`. error, leakage, order,
+    delay: as of `cd/focus/fault-filter`.
+    """
+    return FaultFilterStudy("radial", stadiums_of(covered), error, leakage, order, delay)
+
+
+def allowed_leakage(axis: Axis) -> float:
+    """A quarter of the error that can be read [m]."""
+    return ACCEPTABLE_ERROR[axis] / 4
+
+
+def stadiums_of(covered: Run) -> UncertaintyModel:
+    """The stadiums of `cd/<axis>/cover-for-control`."""
     nominal, W_c, W_r = (function(covered.data, f"{name}{len(STAGES) - 1}_") for name in PARTS)
-    model = UncertaintyModel(nominal, W_c, W_r)
-    return FaultFilterStudy(model, error, leakage, order, delay)
+    return UncertaintyModel(nominal, W_c, W_r)
 
 
 @dataclass(frozen=True, eq=False)
 class FaultFilterStudy(Study):
     """The front, filters at one of its points, and defects that they estimate."""
 
+    axis: Axis
     model: UncertaintyModel
     error: float
     leakage: float
@@ -102,13 +136,13 @@ class FaultFilterStudy(Study):
 
     @cached_property
     def loops(self) -> dict[str, FaultLoop]:
-        """With the mu-PID of eq. 6.12: in continuous time, and as a computer closes it."""
+        """With the axis' reference controller: in continuous time, and as a computer closes it."""
         import control
 
-        K = control.ss(controller("focus"))
+        K = control.ss(controller(self.axis))
         return {
-            "full": fault_loop("focus", self.model, K),
-            "discrete": fault_loop("focus", self.model, K, self.delay),
+            "full": fault_loop(self.axis, self.model, K),
+            "discrete": fault_loop(self.axis, self.model, K, self.delay),
         }
 
     @property
@@ -189,12 +223,14 @@ class FaultFilterStudy(Study):
     @array((filter, shape, "drive", time), "m")
     def estimate(self, played: dict[str, StateSpace], context: Context) -> Any:
         return [
-            [estimates("focus", F, shape, self.delay)[2] for shape in SHAPES]
+            [estimates(self.axis, F, shape, self.delay)[2] for shape in SHAPES]
             for F in context.track(list(played.values()), "defects")
         ]
 
     def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
-        return filter_checks(self.loops, self.stored(answer), self.order, self.limits, answer)
+        return filter_checks(
+            self.axis, self.loops, self.stored(answer), self.order, self.limits, answer
+        )
 
     def metrics(self, answer: Dataset) -> dict[str, float]:
         error, leakage, noise = answer["judged"].sel(filter="robust", kind=KINDS[1]).values.tolist()
@@ -232,7 +268,7 @@ class FaultFilterStudy(Study):
         }
 
     front_, figure_7_13 = figure(figures.front), figure(figures.defects)
-    figure_7_12 = figure(lambda stored: figures.filters(**stored))
+    figure_7_12 = figure(lambda self, stored: figures.filters(self.axis, **stored))
     estimate_ = figure(
         lambda self, stored: figures.channel(self.loops["discrete"], stored["discrete"])
     )

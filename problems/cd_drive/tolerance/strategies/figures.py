@@ -19,6 +19,8 @@ from ..strategy_looks import COLOURS, titled
 from .runs import ENGAGED
 
 STEMS = {"A": "figure-8-7", "B": "figure-8-8", "C": "figure-8-9", "K_prime": "figure-8-6"}
+SIMULATED = {"A": ("A.1", "A.4"), "B": ("A.2", "A.5"), "C": ("A.3", "A.6"), "K_prime": ()}
+"""Figures of the appendix that show the same by simulation, signals and true error."""
 
 
 def strategy_figures(answer: Dataset, axis: Axis) -> dict[str, Figure]:
@@ -60,7 +62,7 @@ def _against(answer: Dataset, name: str, axis: Axis) -> Figure:
         "shaded: quality $w_Q$ below 1",
         fontsize=11,
     )
-    return figure
+    return figures.numbered(figure, *figures.numbers_in(STEMS[name]), *SIMULATED[name])
 
 
 def _shade(panel: Axes, one: Dataset, stage: str) -> None:

@@ -67,8 +67,8 @@ Filter = Literal["high-pass", "robust"]
 def needs(axis: str, fault_filter: Filter = "high-pass", **_: Any) -> dict[str, Any]:
     """K', and the designed fault filter where it is asked for."""
     found: dict[str, Any] = {"slower": ref(f"cd/{axis}/lower-bandwidth")}
-    if fault_filter == "robust" and axis == "focus":
-        found["designed"] = ref("cd/focus/fault-filter")
+    if fault_filter == "robust":
+        found["designed"] = ref(f"cd/{axis}/fault-filter")
     return found
 
 
@@ -103,14 +103,14 @@ def strategies(
     depth, displacement: of the scratches, the latter in errors that can be read (2 um in focus,
     0.2 um radially). drive_count: how many of the twelve drives. draws: on each drive. values: of
     the drives.
-    fault_filter: of C, the "high-pass" with the margins of figure 8.10, or in focus the "robust"
-    one of `cd/focus/fault-filter`: made for an estimate beside the loop, it leaves C's loop
-    unstable while a defect lasts.
+    fault_filter: of C, the "high-pass" with the margins of figure 8.10, or the "robust" one of
+    `cd/<axis>/fault-filter`: made for an estimate beside the loop, it leaves C's loop unstable
+    while a defect lasts. `cd/<axis>/designed-filter` compares both with one that has margins.
     """
     F = stand_in_filter()
     if fault_filter == "robust":
         if designed is None:
-            raise InputError(f"there is no robust fault filter for {axis}; ask for the high-pass")
+            raise InputError("the robust fault filter is asked for, and no run of it is given")
         F = restored(designed.data, "discrete")
     K_prime = discretised(slower.answer.K, PERIOD)
     experiment = Experiment(axis, values, depth, displacement)

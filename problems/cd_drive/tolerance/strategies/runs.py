@@ -63,7 +63,7 @@ class Experiment:
 
     depth, displacement: of both scratches; the displacement in errors that can be read.
     settling: revolutions in which the other strategy settles. revolutions: those after it, whose
-    scratches are evaluated.
+    scratches are evaluated. length: of the larger scratch along the track [m].
     """
 
     axis: Axis
@@ -72,6 +72,7 @@ class Experiment:
     displacement: float = 0.5
     settling: int = 3
     revolutions: int = 3
+    length: float = LENGTH
 
     @property
     def first(self) -> float:
@@ -110,7 +111,7 @@ class Experiment:
                     edge=scratch.edge,
                     present=(SCRATCHED, np.inf),
                 )
-                for length, half in ((LENGTH, 0.0), (MINOR, 0.5))
+                for length, half in ((self.length, 0.0), (MINOR, 0.5))
             ),
             false_alarms=tuple((at, at + lasts) for at in (start, float(again))),
             stages=(Stage("reference"), Stage(strategy, ENGAGED)),
@@ -127,7 +128,7 @@ class Experiment:
         evaluated = (starts > self.first - PERIOD) & (starts < self._last - PERIOD)
         excursion = max(
             float(abs(error[(record.time >= end) & (record.time <= end + AFTER)]).max())
-            for end in starts[evaluated] + LENGTH / VELOCITY
+            for end in starts[evaluated] + self.length / VELOCITY
         )
         periodic = 2.0 * abs(np.mean(error[turning] * wave))
         late = sum(event.time >= self.first for event in record.events)
@@ -138,9 +139,9 @@ class Experiment:
         return self.first + self.revolutions / ROTATION
 
     def starts(self, angle: float) -> Any:
-        """Times [s] at which the 1.2 mm scratch is met, as long as `AFTER` is within the record."""
+        """Times [s] at which the larger scratch is met, as long as `AFTER` is within the record."""
         times = (np.arange(np.ceil(self.duration * ROTATION)) + angle) / ROTATION
-        late = self.duration - LENGTH / VELOCITY - 2 * AFTER
+        late = self.duration - self.length / VELOCITY - 2 * AFTER
         return times[(times > SCRATCHED) & (times < late)]
 
     def windows(self) -> dict[str, slice]:

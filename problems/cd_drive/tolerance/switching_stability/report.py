@@ -154,7 +154,7 @@ def _laboratory(answer: Dataset) -> str:
 
 def switching_figures(axis: Axis, answer: Dataset) -> dict[str, Figure]:
     return {
-        "figure-8-10": _open_loops(axis, answer),
+        "figure-8-10": figures.numbered(_open_loops(axis, answer), "8.10"),
         "dwell": _dwell_figure(axis, answer),
         "region": _region(axis, answer),
     }

@@ -271,6 +271,6 @@ def test_refusals():
         Laboratory().closed_loop(cascade, duration=0.1)
 
 
-def test_there_is_no_robust_filter_of_the_radial_loop(slower):
-    with pytest.raises(InputError, match="no robust fault filter for radial"):
+def test_a_robust_filter_has_to_be_given(slower):
+    with pytest.raises(InputError, match="no run of it is given"):
         strategies("radial", slower["radial"], fault_filter="robust")

@@ -1,0 +1,1 @@
+"""Strategy C with fault filters that are designed, in the loop that a defect leaves."""

@@ -1,0 +1,110 @@
+"""Loops of K (1 - F) while a defect passes, with every fault filter (sections 8.5 and 8.7).
+
+Section numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players (2003).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from workbench.arrays import RealArray
+from workbench.certificate import EVERY_PERTURBATION, Check
+from workbench.certify.stability import stability_of
+from workbench.diagnosis import FaultLoop
+from workbench.diagnosis.estimation.front_filters import estimation, removal_conditions
+from workbench.heavy_types import StateSpace
+from workbench.mu import Conditions
+from workbench.synthesis import discretised
+from workbench.synthesis.switching.single_loops import LoopMargins, SingleLoops
+from workbench.systems.bilinear import bilinear_continuous
+
+from ...control.loops import plants
+from ...drive.plants import controller
+from ...drive.tables import Axis
+from ...laboratory.bench_setup import PERIOD
+
+CONDITIONS = ("sensitivity", "robust stability", "robust sensitivity")
+"""Norm of the nominal loop, mu of stability and of performance; the sensitivity over its limit."""
+PEAK_WIDTH = 1e-2
+"""Relative width of the intervals that certify these."""
+
+
+def loop_margins(axis: Axis, filters: Mapping[str, StateSpace], delay: float) -> LoopMargins:
+    """Margins and growth of the loops of K (1 - F) with the nominal drive and all twelve.
+
+    filters: discrete F by name. delay: turn-around of the computer [samples].
+    """
+    import control
+
+    K = control.ss(controller(axis))
+    continuous = {name: K * (1 - bilinear_continuous(F)) for name, F in filters.items()}
+    discrete = {name: discretised(K, PERIOD) * (1 - F) for name, F in filters.items()}
+    systems = plants(axis, "own", "printed")
+    return SingleLoops(continuous, discrete, systems, delay).margins()
+
+
+def certified(loop: FaultLoop, F: StateSpace, peak: float) -> RealArray:
+    """Bounds (CONDITIONS, 2) of the loop of K (1 - F); infinite where the nominal one is unstable.
+
+    F: discrete. peak: the sensitivity that is allowed.
+    """
+    found = _conditions(loop, F, peak)
+    every = (found.nominal_performance, found.robust_stability, found.robust_performance)
+    return np.array([[np.inf] * 2 if one is None else [one.lower, one.upper] for one in every])
+
+
+def _conditions(loop: FaultLoop, F: StateSpace, peak: float) -> Conditions:
+    return removal_conditions(loop, bilinear_continuous(F), peak, PEAK_WIDTH)
+
+
+def filter_checks(
+    loop: FaultLoop, F: StateSpace, order: int, limits: tuple[float, float], peak: float
+) -> list[Check]:
+    """Checks of a discrete filter, of which all is certified again.
+
+    order: states allowed. limits: relative error and leakage [m]. peak: sensitivity allowed.
+    """
+    stability = stability_of(F)
+    found = [
+        Check("filter", "largest modulus of a pole, less 1", stability.value, stability.limit),
+        Check("order", "states of the filter", float(F.nstates), order),
+    ]
+    if not stability.holds:
+        return found
+    program, continuous = estimation(loop, *limits), bilinear_continuous(F)
+    for channel in program.channels:
+        upper = program.certified(continuous, channel).upper
+        over = f"{EVERY_PERTURBATION}, in the band of the requirement"
+        found.append(Check(channel.name, "certified supremum of mixed mu", upper, 1.0, over=over))
+    again = _conditions(loop, F, peak)
+    pole = np.inf if again.pole is None else again.pole.real
+    statement = "rightmost pole of the nominal loop of K (1 - F) [rad/s]"
+    found.append(Check("removal: stable", statement, pole, -np.finfo(float).tiny))
+    stated = {
+        "removal: robust stability": ("mu of robust stability", again.robust_stability),
+        "removal: sensitivity": ("largest |S| over its limit, as mu", again.robust_performance),
+    }
+    for name, (words, one) in stated.items():
+        upper = np.inf if one is None else one.upper
+        found.append(Check(name, words, upper, 1.0, over=EVERY_PERTURBATION))
+    return found
+
+
+def drive_checks(axis: Axis, F: StateSpace, delay: float, peak: float) -> list[Check]:
+    """Checks that the sampled loops of the drives have the margins that the peak implies."""
+    found = loop_margins(axis, {"F": F}, delay)
+    gain, phase, growth = (one[0, -1] for one in found)
+    over = "for these 13 drives"
+    implied = 20 * np.log10(peak / (peak - 1)) if peak > 1 else np.inf
+    short = implied - float(np.nan_to_num(gain, nan=-np.inf, posinf=np.inf).min())
+    angle = np.degrees(2 * np.arcsin(min(1.0, 0.5 / peak)))
+    shorter = angle - float(np.nan_to_num(phase, nan=-np.inf, posinf=np.inf).min())
+    words = "margin that the limit of the sensitivity implies, less the least one found"
+    rate = "rate of the slowest motion [1/s]"
+    return [
+        Check("drives: growth", rate, float(growth.max()), 0.0, over=over),
+        Check("drives: gain", f"gain {words} [dB]", short, 0.0, over=over),
+        Check("drives: phase", f"phase {words} [deg]", shorter, 0.0, over=over),
+    ]

@@ -1,0 +1,20 @@
+"""Whatever is shown of the focus loop is shown of the radial loop too."""
+
+from pathlib import Path
+
+import pytest
+from workbench.plants.cd_drive.claims.problem import sources
+
+STORED = Path(__file__).parents[4] / "results" / "reference"
+SLOW = {"cd/focus/controllers": "needs eleven designs, an hour of them"}
+"""Problems of the focus loop whose radial twin is not stored, and why."""
+
+
+def focus_only():
+    return [name for name in sources() if name.startswith("cd/focus/")]
+
+
+@pytest.mark.parametrize("name", focus_only())
+def test_a_run_of_the_focus_loop_has_a_radial_twin(name):
+    twin = STORED / name.replace("/focus/", "/radial/")
+    assert any(twin.glob("*/data.nc")) != (name in SLOW)
