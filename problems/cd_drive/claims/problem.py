@@ -47,6 +47,7 @@ REPEATED = (
     "position-estimator",
     "residuals",
     "strategies",
+    "unlike-arms",
     "wrong-rotation",
 )
 """Random experiments whose number of draws is asked for."""

@@ -36,7 +36,6 @@ from ..drive.disc import STRICT, Defect, Disc
 from ..drive.plants import ANTIALIASING, Gain
 from ..drive.tables import Axis, Drive, Values
 from .bench_setup import (
-    aged,
     CHANNEL_GAINS,
     CHANNELS,
     DIODE_GAIN,
@@ -46,6 +45,7 @@ from .bench_setup import (
     OUTPUT_LIMIT,
     PERIOD,
     RATE,
+    aged,
     channel_converters,
     coil_gain,
     electromechanics,
