@@ -31,23 +31,48 @@ CERTAIN = 1e-3
 """Relative tolerance of a parameter that is known."""
 
 
-def one_for_all(axis: Axis, softest: float) -> ParametricModel:
-    """R, k1, k2 of Table 5.3 and b1 of Table 5.2, k1 and b1 down to a share of their least."""
+Range = tuple[float, float]
+"""Lowest and highest value of a parameter."""
+
+
+def life(axis: Axis, softest: float) -> dict[str, Range]:
+    """Ranges of k1 and b1 of every drive from new to a share of what it was.
+
+    New drives have the tolerance of Table 5.3 (k1) and of Table 5.2 (b1).
+    """
     table = nominal_table(axis)
-    others = [one for one in uncertain_parameters(axis) if one.name not in AGEING]
     tolerances = {one.name: one.tolerance for one in uncertain_parameters(axis)}
-    ageing = []
+    found = {}
     for name in AGEING:
         nominal, tolerance = table[name].nominal, tolerances.get(name, table[name].tolerance)
-        high, low = nominal * (1 + tolerance), softest * nominal * (1 - tolerance)
-        ageing.append(Parameter(name, (high + low) / 2, (high - low) / (high + low)))
-    return _model(axis, [*others, *ageing])
+        found[name] = softest * nominal * (1 - tolerance), nominal * (1 + tolerance)
+    return found
 
 
-def as_found(axis: Axis, suspension: Suspension) -> ParametricModel:
-    """R and k2 of Table 5.3, k1 and b1 as a start found them."""
+def narrowed(known: dict[str, Range], suspension: Suspension) -> dict[str, Range]:
+    """What is left of ranges that are known beforehand by what a start finds.
+
+    Raises SolverError where nothing is: the start then contradicts what is known.
+    """
+    left = {}
+    for one in suspension.parameters:
+        low, high = known[one.name]
+        low = max(low, one.nominal * (1 - one.tolerance))
+        high = min(high, one.nominal * (1 + one.tolerance))
+        if low >= high:
+            raise SolverError(f"{one.name} was found outside of what is known of it")
+        left[one.name] = low, high
+    return left
+
+
+def over(axis: Axis, ranges: dict[str, Range]) -> ParametricModel:
+    """R and k2 of Table 5.3 uncertain, and k1 and b1 in ranges."""
     others = [one for one in uncertain_parameters(axis) if one.name not in AGEING]
-    return _model(axis, [*others, *suspension.parameters])
+    ageing = [
+        Parameter(name, (high + low) / 2, (high - low) / (high + low))
+        for name, (low, high) in ranges.items()
+    ]
+    return _model(axis, [*others, *ageing])
 
 
 def all_known(axis: Axis, softening: float) -> ParametricModel:
