@@ -272,7 +272,12 @@ ITEMS = (
         "A wobble at crossover lets the gain control remove differences of the gain",
         Verdict.REPRODUCED,
         (
-            at_least("spread of |L| before, focus [dB]", GAIN_CONTROL_FOCUS, "spread_before", 3.0),
+            at_least(
+                "spread of the loops' gains before, focus [dB]",
+                GAIN_CONTROL_FOCUS,
+                "spread_before",
+                3.0,
+            ),
             at_most(
                 "after, nine draws of ten [dB]", GAIN_CONTROL_FOCUS, "spread_ordinary_high", 1.0
             ),

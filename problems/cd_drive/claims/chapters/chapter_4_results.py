@@ -161,7 +161,7 @@ ITEMS = (
             near("resonances that two unlike halves show", ARMS_FOCUS, "shown_halves", 2.0, 0.0),
             near("order of their model", ARMS_FOCUS, "order_halves", 6.0, 0.0),
             near("resonances that four unlike arms show", ARMS_FOCUS, "shown_four", 2.0, 0.0),
-            near("order of their model", ARMS_FOCUS, "order_four", 10.0, 0.0),
+            near("order of the model of four", ARMS_FOCUS, "order_four", 10.0, 0.0),
             at_least(
                 "share of random arms, links off by 40 %, that show two, focus",
                 ARMS_FOCUS,
