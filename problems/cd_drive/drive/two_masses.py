@@ -63,6 +63,4 @@ def lens_on_arms(p: Mapping[str, Any], s: Any, R: Any, arms: int) -> Any:
 
 def lens(p: Mapping[str, Any], s: Any, R: Any) -> Any:
     """x / coil voltage [m/V] of the specific model (Table 3.2), R [ohm] of the whole circuit."""
-    link, arm = p["b2"] * s + p["k2"], p["m2"] * s**2 + (p["b1"] + p["b2"]) * s + p["k1"] + p["k2"]
-    force = p["m1"] * s**2 + link - link**2 / arm + s * (p["Bl"] ** 2 / R)
-    return (p["Bl"] / R) / force
+    return lens_on_arms(p, s, R, 1)

@@ -158,7 +158,7 @@ ITEMS = (
             ),
         ),
         "Within 1 dB rms and 3 dB at most, where the 99 % region is within a tenth of S. The "
-        "simulated loop has the delay of the bench; without it S is 2 dB off around crossover. Below "
+        "simulated loop has the bench's delay; without it S is 2 dB off around crossover. Below "
         "60 to 85 Hz noise drowns it",
         "figure-6-6, comparison",
     ),
