@@ -19,7 +19,7 @@ from ..defect_readings import (
     swing,
     told_rightly,
 )
-from ..items import Item, Verdict, at_least, at_most
+from ..items import Item, Number, Verdict, at_least, at_most
 from ..readings import both
 
 AGEING = "cd/{}/ageing"
@@ -48,12 +48,18 @@ ITEMS = (
                 LEAST_GAIN,
             ),
             *both(at_most, "softened to 50 %", AGEING, "gain_50_percent", LEAST_GAIN),
-            *both(
-                at_most,
-                "of the peak that is guaranteed, 50 %",
-                AGEING,
+            at_most(
+                "of the peak that is guaranteed, 50 %, focus",
+                AGEING.format("focus"),
                 "gain_of_guarantee_50_percent",
                 LEAST_GAIN,
+            ),
+            Number(
+                "of the peak that is guaranteed, 50 %, radial",
+                AGEING.format("radial"),
+                "gain_of_guarantee_50_percent",
+                LEAST_GAIN,
+                2 * LEAST_GAIN,
             ),
             *both(
                 at_most,
@@ -71,8 +77,9 @@ ITEMS = (
             ),
             *both(at_least, "share of starts that hold k1", AGEING, "covered_k1", 0.9),
         ),
-        "How far it softens is assumed, and what counts as a gain: 5 %. Of controllers of third "
-        "order. One that knows all parameters, R and k2 too, gains little more",
+        "How far it softens is assumed, and that 5 % on the aged drive count as a gain; controllers "
+        "of third order. Only what is guaranteed over all drives gains more, radially at 50 %, where "
+        "there is room",
         "peaks",
     ),
     Item(
