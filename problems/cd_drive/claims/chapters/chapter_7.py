@@ -77,8 +77,8 @@ ITEMS = (
             ),
             *both(at_least, "share of starts that hold k1", AGEING, "covered_k1", 0.9),
         ),
-        "How far it softens is assumed, and that 5 % on the aged drive count as a gain; controllers "
-        "of third order. Only what is guaranteed over all drives gains more, radially at 50 %, where "
+        "How far it softens is assumed, and that 5 % on the aged drive are a gain. Controllers "
+        "of third order. Only the guarantee for all drives gains more, radially at 50 %, where "
         "there is room",
         "peaks",
     ),
