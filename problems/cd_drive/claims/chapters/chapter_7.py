@@ -77,9 +77,8 @@ ITEMS = (
             ),
             *both(at_least, "share of starts that hold k1", AGEING, "covered_k1", 0.9),
         ),
-        "How far it softens is assumed, and that 5 % on the aged drive are a gain. Controllers "
-        "of third order. Only the guarantee for all drives gains more, radially at 50 %, where "
-        "there is room",
+        "How far it softens is assumed, and that 5 % on the aged drive are a gain. Controllers of "
+        "third order; radially at 50 % the gain is of the size of what their search misses",
         "peaks",
     ),
     Item(
