@@ -60,6 +60,8 @@ reference: $(READY)
 	$(REFERENCE) 'cd/*/residuals' 'cd/*/diode-plane' 'cd/*/position-estimator' --set draws=50
 	$(REFERENCE) 'cd/*/disturbance-groups' cd/raised-sum --set draws=50
 	$(REFERENCE) 'cd/*/strategies' 'cd/*/bandwidth-trade-off' 'cd/*/wrong-rotation' --set draws=50
+	$(REFERENCE) 'cd/*/unlike-arms' --set draws=50
+	$(REFERENCE) 'cd/*/measured-sensitivity' 'cd/*/gain-control' 'cd/*/ageing'
 	$(REFERENCE) 'cd/*/excursion' 'cd/*/best-gains' 'cd/*/gain-ramp' cd/playability
 	$(REFERENCE) 'cd/*/two-controllers-switched' 'cd/*/state-feedback' 'cd/*/immunity'
 	$(REFERENCE) cd/focus/methods cd/radial/methods cd/focus/controllers

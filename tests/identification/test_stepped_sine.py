@@ -29,6 +29,10 @@ def test_each_step_lasts_its_periods():
         np.testing.assert_allclose(np.abs(found), amplitude, rtol=1e-9)
 
 
+def test_periods_of_each_step():
+    assert SteppedSine([10.0, 100.0], [2, 30], 1.0, 1e3).lengths.tolist() == [200, 300]
+
+
 @settings(derandomize=True, deadline=None, max_examples=50)
 @given(
     st.floats(0.01, 0.13),
@@ -89,6 +93,8 @@ def test_bad_input_of_the_fit(signal, frequency, harmonics, message):
     [
         ([10.0, 60.0], 3, 100.0, "60 Hz .* Nyquist"),
         ([10.0], 0, 100.0, "at least one period"),
+        ([10.0, 20.0], [1, 0], 100.0, "at least one period"),
+        ([10.0], 1.5, 100.0, "whole numbers"),
         ([10.0], 3, 0.0, "sample rate"),
         ([np.nan], 3, 100.0, "NaN"),
     ],

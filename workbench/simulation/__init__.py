@@ -11,6 +11,7 @@ from workbench.simulation.ensemble_scores import (
     group_means,
     percentile_interval,
 )
+from workbench.simulation.gain_control import wobbled_gain
 from workbench.simulation.loop import SampledLoop, Schedule, Trajectory
 from workbench.simulation.noise import band_limited
 from workbench.simulation.play import play
@@ -48,4 +49,5 @@ __all__ = [
     "sampled",
     "silenced",
     "total",
+    "wobbled_gain",
 ]

@@ -53,6 +53,7 @@ REPEATED = (
     "residuals",
     "response-methods",
     "strategies",
+    "unlike-arms",
     "wrong-rotation",
 )
 """Random experiments whose number of draws is asked for."""

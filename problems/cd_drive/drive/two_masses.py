@@ -41,8 +41,26 @@ def lumped(drive: ActuatorParameters) -> LumpedValues:
     return lumped_values(vars(drive))
 
 
+def mismatch_names(arms: int) -> tuple[str, ...]:
+    """Names of the free mismatches of so many arms; that of the last one makes their sum 0."""
+    return tuple(f"mismatch{n}" for n in range(1, arms))
+
+
+def lens_on_arms(p: Mapping[str, Any], s: Any, R: Any, arms: int) -> Any:
+    """x / coil voltage [m/V] of a lens on so many arms, alike but for their links (section 4.6.2).
+
+    p has the parameters of `lens` and `mismatch_names`; the links have (1 + mismatch) / arms of k2
+    and b2. R [ohm] of the whole circuit.
+    """
+    mismatch = [p[name] for name in mismatch_names(arms)]
+    force = p["m1"] * s**2 + s * (p["Bl"] ** 2 / R)
+    for one in [*mismatch, -sum(mismatch)]:
+        link = (p["b2"] * s + p["k2"]) * ((1 + one) / arms)
+        arm = (p["m2"] * s**2 + p["b1"] * s + p["k1"]) / arms + link
+        force = force + link - link**2 / arm
+    return (p["Bl"] / R) / force
+
+
 def lens(p: Mapping[str, Any], s: Any, R: Any) -> Any:
     """x / coil voltage [m/V] of the specific model (Table 3.2), R [ohm] of the whole circuit."""
-    link, arm = p["b2"] * s + p["k2"], p["m2"] * s**2 + (p["b1"] + p["b2"]) * s + p["k1"] + p["k2"]
-    force = p["m1"] * s**2 + link - link**2 / arm + s * (p["Bl"] ** 2 / R)
-    return (p["Bl"] / R) / force
+    return lens_on_arms(p, s, R, 1)

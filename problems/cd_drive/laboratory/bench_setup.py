@@ -7,6 +7,7 @@ of CD-players (2003).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -77,6 +78,15 @@ def find_drive(axis: Axis, name: str, values: Values = "printed") -> Drive:
     raise InputError(f'drive is {name!r}; it must be "CD1" ... "CD12" or "nominal"')
 
 
+def aged(drive: Drive, suspension: float) -> Drive:
+    """A drive whose suspension has k1 and b1 times a factor; raises InputError unless it is > 0."""
+    if not 0.0 < suspension < np.inf:
+        raise InputError(f"suspension is {suspension}; it must be positive and finite")
+    k1, b1 = suspension * drive.k1, suspension * drive.b1
+    k = k1 * drive.k2 / (k1 + drive.k2)
+    return replace(drive, k1=k1, b1=b1, k=k, b=b1 + drive.b2)
+
+
 def coil_gain(drive: Drive, gain: Gain = "own", values: Values = "printed") -> float:
     """Gain from u to the coil's voltage [V/V]: K_total / K_optn = K_at K_amp K_pd (eq. 3.11, 3.18).
 
@@ -90,25 +100,33 @@ def coil_gain(drive: Drive, gain: Gain = "own", values: Values = "printed") -> f
     return float(abs(loop) / abs(specific_model(drive).response(at)[0]) / drive.K_optn)
 
 
-def split_arms(parameters: ActuatorParameters, mismatch: float) -> Actuator:
-    """The specific model with its arm in two halves whose links to the lens differ (section 4.6.2).
+def split_arms(parameters: ActuatorParameters, mismatch: float | Sequence[float]) -> Actuator:
+    """The specific model with its arm in n parts whose links to the lens differ (section 4.6.2).
 
-    Each half has half of m2, k1 and b1; the links have k2 (1 + mismatch) / 2 and
-    k2 (1 - mismatch) / 2, dampers likewise. Without mismatch the lens moves as in the specific
-    model; with it there are two parasitic resonances close together. Raises InputError unless
-    0 <= mismatch < 1.
+    Each part has an n-th of m2, k1 and b1; link i has k2 (1 + mismatch_i) / n, its damper likewise.
+    A number stands for two halves with that mismatch and its opposite. Without mismatch the lens
+    moves as in the specific model; parts that are all unlike make as many parasitic resonances
+    close together, and a model of order 2 n + 2.
+
+    Raises InputError unless each mismatch is between -1 and 1, their sum is 0 and a single number
+    is not negative.
     """
-    if not 0.0 <= mismatch < 1.0:
-        raise InputError(f"mismatch is {mismatch}; it must be 0 or more and below 1")
-    whole = specific_model(parameters)
-    lens, *arms = np.eye(3)
+    if isinstance(mismatch, (int, float)):
+        if not 0.0 <= mismatch < 1.0:
+            raise InputError(f"mismatch is {mismatch}; it must be 0 or more and below 1")
+        mismatch = (mismatch, -mismatch)
+    off = np.array(mismatch, float)
+    if off.ndim != 1 or not off.size or not (abs(off) < 1.0).all() or abs(off.sum()) > 1e-9:
+        raise InputError(f"mismatch is {mismatch}; each must be between -1 and 1, their sum 0")
+    whole, n = specific_model(parameters), off.size
+    lens, *arms = np.eye(n + 1)
     mass = parameters.m1 * np.outer(lens, lens)
-    damping, stiffness = np.zeros((2, 3, 3))
-    for arm, share in zip(arms, ((1 + mismatch) / 2, (1 - mismatch) / 2), strict=True):
+    damping, stiffness = np.zeros((2, n + 1, n + 1))
+    for arm, share in zip(arms, (1 + off) / n, strict=True):
         frame, link = np.outer(arm, arm), np.outer(lens - arm, lens - arm)
-        mass = mass + parameters.m2 / 2 * frame
-        damping = damping + parameters.b1 / 2 * frame + parameters.b2 * share * link
-        stiffness = stiffness + parameters.k1 / 2 * frame + parameters.k2 * share * link
+        mass = mass + parameters.m2 / n * frame
+        damping = damping + parameters.b1 / n * frame + parameters.b2 * share * link
+        stiffness = stiffness + parameters.k1 / n * frame + parameters.k2 * share * link
     return replace(whole, M=mass, C=damping, K=stiffness)
 
 

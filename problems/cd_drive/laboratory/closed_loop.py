@@ -257,7 +257,7 @@ class ClosedLoop(Study):
     @property
     def _order_is_right(self) -> bool:
         """Whether the model has the order of the bench; if not, metrics and notes tell it."""
-        return self.bench.mismatch <= 0.0
+        return self.bench.arms_alike
 
     # --- what is told -------------------------------------------------------------------------
 

@@ -79,11 +79,15 @@ class Current(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class CoilExperiment:
-    """A stepped sine of an amplitude [V], with a step [Hz], on the coil of a drive."""
+    """A stepped sine of an amplitude [V], with a step [Hz], on the coil of a drive.
+
+    resonance [Hz]: where the fit of the lumped model starts; None: where a new drive's is.
+    """
 
     laboratory: Laboratory
     step: float
     amplitude: float
+    resonance: float | None = None
 
     @property
     def axis(self) -> Axis:
@@ -146,7 +150,8 @@ class CoilExperiment:
             held = mass * s**2 + p["b"] * s + p["k"]
             return SERIES_RESISTANCE / total * held / (held + p["Bl"] ** 2 / total * s)
 
-        stiffness = mass * (2 * np.pi * RESONANCE[self.axis]) ** 2
+        resonance = RESONANCE[self.axis] if self.resonance is None else self.resonance
+        stiffness = mass * (2 * np.pi * resonance) ** 2
         start = {
             "R": FittedParameter(15.0, 1.0, 100.0),
             "Bl": FittedParameter(0.2, 0.01, 2.0),

@@ -45,6 +45,7 @@ from .bench_setup import (
     OUTPUT_LIMIT,
     PERIOD,
     RATE,
+    aged,
     channel_converters,
     coil_gain,
     electromechanics,
@@ -71,12 +72,15 @@ class Laboratory:
     values       of Tables A.1-A.2, "printed" or "corrected";
     gain         of the loop: the drive's "own", "equal" or as the "agc" sets it;
     delay        turn-around from sampling to the D/A converter's output [samples];
-    mismatch     of the arm's halves; above 0 there is a second parasitic resonance;
+    mismatch     of the arm's halves, or of each of its parts; unlike parts have parasitic
+                 resonances of their own, see `split_arms`;
     noise        of the measured position [m rms], white from 0 to noise_band [Hz]; None: 0.15 um
                  in focus (section 7.3), a tenth of it radially, like the largest error allowed;
     electronics  white noise of v_r and u_m before conversion [steps of the converter, rms];
     bits         of the converters; None: they saturate, but do not round;
-    refine       steps between samples in which the optics are followed.
+    refine       steps between samples in which the optics are followed;
+    suspension   spring k1 and damper b1 of the suspension over those of the table: below 1 it has
+                 aged.
     """
 
     axis: Axis = "focus"
@@ -84,27 +88,35 @@ class Laboratory:
     values: Values = "printed"
     gain: Gain = "own"
     delay: float = 1.0
-    mismatch: float = 0.0
+    mismatch: float | tuple[float, ...] = 0.0
     noise: float | None = None
     noise_band: float = 1750.0
     electronics: float = 1.0
     bits: int | None = 12
     refine: int = 1
+    suspension: float = 1.0
 
     @property
     def parameters(self) -> Drive:
-        """The drive's entries in Tables A.1-A.3: what an identification should find."""
-        return find_drive(self.axis, self.drive, self.values)
+        """The drive's entries in Tables A.1-A.3, aged: what an identification should find."""
+        new = find_drive(self.axis, self.drive, self.values)
+        return new if self.suspension == 1.0 else aged(new, self.suspension)
+
+    @property
+    def arms_alike(self) -> bool:
+        """Whether the arm moves as a whole, so that the model has order 4."""
+        return not np.any(self.mismatch)
 
     @property
     def coil_gain(self) -> float:
         """From u to the voltage over coil and series resistor [V/V]."""
-        return coil_gain(self.parameters, self.gain, self.values)
+        new = find_drive(self.axis, self.drive, self.values)
+        return coil_gain(new, self.gain, self.values)
 
     @property
     def actuator(self) -> Actuator:
         """The actuator: coil voltage [V] -> lens [m]."""
-        if self.mismatch == 0.0:
+        if self.arms_alike:
             return specific_model(self.parameters)
         return split_arms(self.parameters, self.mismatch)
 

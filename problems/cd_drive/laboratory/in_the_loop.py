@@ -106,44 +106,66 @@ class LoopRecord(NamedTuple):
     largest_error: float
 
 
-def excitation(axis: Axis, frequency: RealArray) -> SteppedSine:
+def excitation(
+    axis: Axis, frequency: RealArray, scale: float = 1.0, dwell: float = 0.0
+) -> SteppedSine:
     """The stepped sine that moves the error by ERROR_SWING, or u by LARGEST_EXCITATION if less.
 
     It is designed for the nominal drive: the experiment is to tell what the drive at hand is.
+    scale: gain of the controller over the reference controller's. dwell: least time [s] at each
+    frequency; PERIODS is multiplied by as much as it takes.
     """
-    import control
-
     nominal = Laboratory(axis, "nominal")
-    law = control.sample_system(control.ss(controller(axis)), PERIOD, "bilinear")
     plant = -nominal.response(frequency)["f_en"]  # the sign of eq. 3.16
-    gain = law(np.exp(2j * np.pi * frequency * PERIOD), squeeze=False)[0, 0]
-    sensitivity = 1 / (1 + plant * gain)
+    sensitivity = 1 / (1 + scale * plant * controller_response(axis, frequency))
     wanted = ERROR_SWING[axis] * nominal.parameters.K_optn / abs(plant * sensitivity)
     allowed = LARGEST_EXCITATION / np.maximum(1.0, abs(sensitivity))
-    return SteppedSine(frequency, PERIODS, np.minimum(wanted, allowed), RATE)
+    periods = PERIODS * np.maximum(1, np.ceil(dwell * frequency / PERIODS)).astype(int)
+    return SteppedSine(frequency, periods, np.minimum(wanted, allowed), RATE)
+
+
+def controller_response(axis: Axis, frequency: RealArray) -> ComplexArray:
+    """Response (F,) of the reference controller as it is sampled, at frequencies [Hz] (F,)."""
+    import control
+
+    law = control.sample_system(control.ss(controller(axis)), PERIOD, "bilinear")
+    found: ComplexArray = law(np.exp(2j * np.pi * frequency * PERIOD), squeeze=False)[0, 0]
+    return found
 
 
 @dataclass(frozen=True, eq=False)
 class LoopExperiment:
-    """A stepped sine at frequencies [Hz] (F,) in a drive's loop; disturbances: the disc turns."""
+    """A stepped sine in a drive's loop, added to the controller's output.
+
+    frequency: [Hz] (F,). disturbances: whether the disc turns; deviation: of the disc over the Red
+    Book's. scale: gain of the controller over the reference controller's. dwell: least time [s] at
+    each frequency.
+    """
 
     bench: Laboratory
     frequency: RealArray
     disturbances: bool
+    deviation: float = DISC_SHARE
+    scale: float = 1.0
+    dwell: float = 0.0
 
     @cached_property
     def sine(self) -> SteppedSine:
-        return excitation(self.bench.axis, self.frequency)
+        return excitation(self.bench.axis, self.frequency, self.scale, self.dwell)
+
+    @cached_property
+    def signal(self) -> RealArray:
+        """The excitation [V] (N,): the loop settles, then the sine is played."""
+        rest = np.zeros(round(LOOP_SETTLING * RATE))
+        return np.concatenate([rest, *(part for _, part in self.sine)])
 
     def played(self, seed: int) -> Record:
-        """The signals of the experiment: the loop settles, then the sine is played."""
+        """The signals of the experiment."""
         axis = self.bench.axis
-        size = DISC_SHARE * red_book(axis).deviation if self.disturbances else 0.0
+        size = self.deviation * red_book(axis).deviation if self.disturbances else 0.0
         disc = Disc.along(axis, size, rotation=ROTATION)
-        rest = np.zeros(round(LOOP_SETTLING * RATE))
-        signal = np.concatenate([rest, *(part for _, part in self.sine)])
-        law = linear(controller(axis), PERIOD)
-        return self.bench.closed_loop(law, signal, disc=disc, seed=seed)
+        law = linear(self.scale * controller(axis), PERIOD)
+        return self.bench.closed_loop(law, self.signal, disc=disc, seed=seed)
 
     def measured(self, seed: int, told: Told) -> LoopRecord:
         """One draw of the experiment, as an experimenter sees it."""
@@ -180,20 +202,7 @@ def measure(record: Record, error: RealArray, sine: SteppedSine, turning: bool) 
     enlarges u makes y/u smaller, and its variance by u alone smaller too, so that small responses
     would count more. Noise and input therefore have the power of their neighbourhood.
     """
-    start = round(LOOP_SETTLING * RATE)
-    signals = np.stack([record.u_m, error])[:, start:]
-    if turning:
-        orders = np.arange(1, ROTATION_HARMONICS + 1)
-        turns = 2 * np.pi * ROTATION * np.outer(orders, record.time[start:])
-        waves = np.vstack([np.ones((1, turns.shape[1])), np.cos(turns), np.sin(turns)])
-        signals = signals - np.linalg.solve(waves @ waves.T, waves @ signals.T).T @ waves
-    ends = np.cumsum(sine.lengths)
-    parts = np.split(signals, ends[:-1], axis=1)
-    pairs = [
-        sine_fit(part, RATE, frequency)[:, PERIODS - EVALUATED : PERIODS, 0]
-        for part, frequency in zip(parts, sine.frequencies, strict=True)
-    ]
-    u, y = np.moveaxis(np.array(pairs), 1, 0)
+    u, y = amplitudes(np.stack([record.u_m, error]), sine, turning)
     estimate = from_periods(sine.frequencies, u, y)
     scatter = y - estimate.response[:, 0] * u
     steps = pool_steps(sine.frequencies)
@@ -203,6 +212,30 @@ def measure(record: Record, error: RealArray, sine: SteppedSine, turning: bool) 
     )
     variance = (noise * colour / smooth_power(u, sine))[:, None, None]
     return replace(estimate, variance=variance, degrees=estimate.degrees * steps)
+
+
+def amplitudes(signals: RealArray, sine: SteppedSine, turning: bool) -> ComplexArray:
+    """Amplitudes (S, F, EVALUATED) of the sine in the evaluated periods of signals (S, N).
+
+    A sine of more than PERIODS periods is taken as PERIODS equal stretches, each with the mean of
+    its amplitudes. turning: the harmonics of a turning disc are removed first.
+    """
+    start = round(LOOP_SETTLING * RATE)
+    signals = signals[:, start:]
+    if turning:
+        orders = np.arange(1, ROTATION_HARMONICS + 1)
+        turns = 2 * np.pi * ROTATION * np.outer(orders, start + np.arange(signals.shape[1])) / RATE
+        waves = np.vstack([np.ones((1, turns.shape[1])), np.cos(turns), np.sin(turns)])
+        signals = signals - np.linalg.solve(waves @ waves.T, waves @ signals.T).T @ waves
+    ends = np.cumsum(sine.lengths)
+    parts = np.split(signals, ends[:-1], axis=1)
+    found = [
+        sine_fit(part, RATE, frequency)[:, :periods, 0]
+        .reshape(len(signals), PERIODS, -1)
+        .mean(axis=-1)[:, PERIODS - EVALUATED :]
+        for part, frequency, periods in zip(parts, sine.frequencies, sine.periods, strict=True)
+    ]
+    return np.moveaxis(np.array(found), 1, 0)
 
 
 def smooth_power(u: ComplexArray, sine: SteppedSine) -> RealArray:

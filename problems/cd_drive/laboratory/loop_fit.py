@@ -15,18 +15,25 @@ import numpy as np
 from workbench import solve
 from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import SolverError
-from workbench.identification import MeasuredResponse, ParameterFit, PeriodicResponse
+from workbench.identification import (
+    FittedParameter,
+    MeasuredResponse,
+    ParameterFit,
+    PeriodicResponse,
+)
 from workbench.solvers import Options
 
 from ..drive.plants import nominal_parameters
 from ..drive.tables import Axis
-from ..drive.two_masses import FITTED, LumpedValues, lens
+from ..drive.two_masses import FITTED, LumpedValues, lens_on_arms, mismatch_names
 from .in_the_loop import Chain, LoopExperiment, LoopRecord, neighbours_p, pool_steps
 from .known_values import CHAIN, CONFIDENCE, Lumped, arm_parameters, chain_known, chain_ratio
 from .unknowns import GAIN_DEVIATION, Told
 
 ARM_SHARES = np.geomspace(0.5, 2.0, 9)
 """Springs and masses of the arm, over the nominal ones, among which a fit finds its start."""
+MISMATCHES = (0.1, 0.2, 0.35, 0.5)
+"""Mismatches of the first arm among which a fit of unlike arms finds its start."""
 NUMBERS = (
     "gain",
     "chi_square",
@@ -58,19 +65,27 @@ class LoopFit(NamedTuple):
 
 
 def fit_of_draw(
-    experiment: LoopExperiment, record: LoopRecord, told: Told, known: Lumped, options: Options
+    experiment: LoopExperiment,
+    record: LoopRecord,
+    told: Told,
+    known: Lumped,
+    options: Options,
+    arms: int = 1,
 ) -> LoopFit:
-    """The two masses on two springs of one draw; raises SolverError where there is no answer."""
+    """The two masses on two springs of one draw, the second one in so many unlike arms.
+
+    Raises SolverError where there is no answer.
+    """
     bench, grid = experiment.bench, experiment.frequency
     chain = Chain.told(bench, told).response(grid)
     estimate = _of_lens(record.estimate, chain)
-    program = two_mass_fit(estimate, known, bench.axis)
+    program = two_mass_fit(estimate, known, bench.axis, arms)
     solution = solve(program, options=options)
     if solution.answer is None or solution.certificate is None:
         raise SolverError(f"the fit gave no answer: {solution.message}")
     found = solution.answer
     p, s = dict(zip(program.names, found.tolist(), strict=True)), 2j * np.pi * grid
-    fitted = lens(p, s, known.R) * chain_ratio(p, s)
+    fitted = lens_on_arms(p, s, known.R, arms) * chain_ratio(p, s)
     response, radius = estimate.response[:, 0, 0], estimate.radius(CONFIDENCE)[:, 0, 0]
     exact = bench.actuator.response(grid) * Chain.told(bench).response(grid) / chain
     chi_square, p_value = program.chi_square(found)
@@ -96,24 +111,30 @@ def _of_lens(raw: PeriodicResponse, chain: ComplexArray) -> PeriodicResponse:
     return replace(raw, response=raw.response / factor, variance=variance)
 
 
-def two_mass_fit(estimate: PeriodicResponse, known: Lumped, axis: Axis) -> ParameterFit:
+def two_mass_fit(
+    estimate: PeriodicResponse, known: Lumped, axis: Axis, arms: int = 1
+) -> ParameterFit:
     """Fit of the masses, springs and dampers to a measured response x / coil voltage [m/V].
 
     The force factor and the measurement chain are fitted beside them, as what is known of them is
     not exact either. The search starts at the best of several arms with the lumped values known:
-    a resonance in noise has other minima, where the arm's mass runs away.
+    a resonance in noise has other minima, where the arm's mass runs away. Where the arm is in
+    several parts, their mismatches are fitted too, and starts differ in how large these are.
     """
 
     def model(p: Any, s: Any) -> Any:
-        return lens(p, s, known.R) * chain_ratio(p, s)
+        return lens_on_arms(p, s, known.R, arms) * chain_ratio(p, s)
 
     response, chain = MeasuredResponse.of(model, estimate), chain_known(GAIN_DEVIATION[axis])
     data: list[Any] = [response, known.data, chain]
-    parameters = arm_parameters(axis, (*FITTED, "Bl")) | CHAIN
+    mismatches = {name: FittedParameter(0.0, -0.95, 0.95) for name in mismatch_names(arms)}
+    parameters = arm_parameters(axis, (*FITTED, "Bl")) | CHAIN | mismatches
     program = ParameterFit(data, parameters)
+    shape = np.linspace(1.0, -1.0, arms)[:-1]
     starts = [
-        np.array([*arm.values(), known.values.Bl, *np.ones(len(CHAIN))])
+        np.array([*arm.values(), known.values.Bl, *np.ones(len(CHAIN)), *(size * shape)])
         for arm in _arms(known.values, axis)
+        for size in (MISMATCHES if arms > 1 else (0.0,))
     ]
     best = min(starts, key=lambda values: float(np.linalg.norm(program.residuals(values))))
     near = dict(zip(program.names, best.tolist(), strict=True))

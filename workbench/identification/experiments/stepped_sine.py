@@ -31,7 +31,7 @@ class SteppedSine:
     frequencies
         Frequencies [Hz], shape (F,), between 0 and half the sample rate.
     periods
-        Number of periods at each frequency.
+        Number of periods, one for all frequencies or one for each.
     amplitude
         Peak value, one for all frequencies or one for each.
     sample_rate
@@ -39,17 +39,19 @@ class SteppedSine:
     """
 
     frequencies: Any  # arrays after construction
-    periods: int
+    periods: Any
     amplitude: Any
     sample_rate: float
 
     def __post_init__(self) -> None:
         frequencies = as_record(self.frequencies, "frequencies")
         _require_below_nyquist(frequencies, self.sample_rate)
-        if self.periods < 1:
-            raise InputError(f"at least one period is needed, not {self.periods}")
+        periods = np.broadcast_to(np.atleast_1d(self.periods), frequencies.shape)
+        if not np.issubdtype(periods.dtype, np.integer) or periods.min() < 1:
+            raise InputError(f"at least one period is needed, in whole numbers, not {self.periods}")
         amplitude = np.broadcast_to(as_record(np.atleast_1d(self.amplitude)), frequencies.shape)
         object.__setattr__(self, "frequencies", frequencies)
+        object.__setattr__(self, "periods", periods)
         object.__setattr__(self, "amplitude", amplitude)
 
     @property

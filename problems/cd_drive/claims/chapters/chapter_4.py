@@ -6,6 +6,7 @@ from workbench import Run
 
 from ...drive.tables import Axis
 from ..items import Item, Number, Verdict, at_least, at_most, near
+from ..readings import quotient
 from .drive_readings import (
     DRIVES,
     bias_of_last_periods,
@@ -18,6 +19,7 @@ from .drive_readings import (
 )
 
 OPEN_FOCUS, OPEN_RADIAL = "cd/focus/open-loop", "cd/radial/open-loop"
+GAIN_CONTROL_FOCUS, GAIN_CONTROL_RADIAL = "cd/focus/gain-control", "cd/radial/gain-control"
 CLOSED_FOCUS, CLOSED_RADIAL = "cd/focus/closed-loop", "cd/radial/closed-loop"
 ENOUGH_PERIODS = 4
 """Periods of which section 4.2.1 says that they suffice."""
@@ -254,9 +256,37 @@ ITEMS = (
     Item(
         "Section 4.4",
         "A wobble at crossover lets the gain control remove differences of the gain",
-        Verdict.OPEN,
-        found="cd/drives equalises the gains by calculation. Needs a wobble, its detection and the "
-        "control of the gain in the laboratory",
+        Verdict.REPRODUCED,
+        (
+            at_least(
+                "spread of the loops' gains before, focus [dB]",
+                GAIN_CONTROL_FOCUS,
+                "spread_before",
+                3.0,
+            ),
+            at_most(
+                "after, nine draws of ten [dB]", GAIN_CONTROL_FOCUS, "spread_ordinary_high", 1.0
+            ),
+            at_most("takes, nine of ten [s]", GAIN_CONTROL_FOCUS, "time_ordinary_high", 0.5),
+            at_least("before, radial [dB]", GAIN_CONTROL_RADIAL, "spread_before", 2.0),
+            at_most("after, radial [dB]", GAIN_CONTROL_RADIAL, "spread_ordinary_high", 0.75),
+            at_least(
+                "spread of the crossover after over that before, radial",
+                GAIN_CONTROL_RADIAL,
+                quotient("crossover_spread_ordinary_mean", "crossover_spread_before"),
+                0.5,
+            ),
+            at_least(
+                "share of starts that lose a scratched disc, focus",
+                GAIN_CONTROL_FOCUS,
+                "lost_scratch",
+                0.1,
+            ),
+        ),
+        "At the wobble's frequency, on a disc of any deviation that the Red Book allows. Radially "
+        "the crossover still spreads, because a parasitic resonance lies there; a scratch in every "
+        "turn spoils it",
+        "spread",
     ),
     Item(
         "Section 4.4.1",

@@ -1,0 +1,1 @@
+"""Automatic gain control of the drives, by a wobble at crossover."""

@@ -1,0 +1,253 @@
+"""Differences of the drives' gains, and the gain control that removes them (section 4.4).
+
+Section and table numbers refer to E. Vidal Sanchez, Robust and Fault Tolerant Control of CD-players
+(2003).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from workbench import problem
+from workbench.arrays import RealArray
+from workbench.executor import Context
+from workbench.heavy_types import DataArray, Dataset, Figure
+from workbench.simulation.machine import machine
+from workbench.study import (
+    Study,
+    array,
+    check,
+    dim,
+    figure,
+    independent_seeds,
+    metric,
+    over_draws,
+    part,
+    share_of_draws,
+    table,
+    with_interval,
+)
+from workbench.study.draws import SURE
+
+from ...drive.plants import crossover
+from ...drive.shared_parameters import TABLES
+from ...drive.tables import Axis, drives
+from ...laboratory.experiment import Laboratory
+from .figures import levels, spreads
+from .runs import ARMS, END, START, STEPS, WITHIN, Start, crossover_of, level_of, started
+
+CLAIMED = "ordinary"
+"""The disc for which the statement of section 4.4 is judged."""
+REMOVED = 1 / 3
+"""Largest spread of the loops' gains over the one before that counts as removed."""
+LATEST = 1.5
+"""Largest time [s] in which a gain should be set."""
+EXACT = 0.1
+"""Largest level [dB] that the gain control leaves without noise and disc."""
+LOW = 100.0
+"""A frequency [Hz] far below crossover, at which the loops' gains are compared too."""
+GRID = np.geomspace(300.0, 2000.0, 400)
+"""Frequencies [Hz] between which a crossover is found."""
+
+
+@problem("cd/{axis}/gain-control", axis=("focus", "radial"), data=(*TABLES, "data/red_book.csv"))
+def gain_control(axis: Axis, draws: Annotated[int, Field(ge=1, le=1000)] = 12) -> GainControl:
+    """Automatic gain control of the twelve drives by a wobble at crossover (section 4.4).
+
+    A sine of twice the noise's size and of the nominal crossover frequency is added to the error
+    while the loop is closed. Synchronous detection in front of and behind it tells |L| there, and a
+    gain before the controller is moved, with a time constant of 0.2 s, until |L| is 1. Every drive
+    begins with the gain of its own optics, coil and masses. The spread of |L| over the drives
+    before and after, and the time that it takes, are told on a disc that stands, one that deviates
+    by a fifth of what the Red Book allows, one that deviates by all of it, one with a scratch of
+    1.2 mm in every turn, and one that reflects half of the light.
+
+    draws: of the noise, on each drive and disc.
+    """
+    return GainControl(axis, draws)
+
+
+@dataclass(frozen=True)
+class GainControl(Study):
+    """Starts of twelve drives on several discs."""
+
+    axis: Axis
+    draws: int
+
+    headline: ClassVar[str] = "spread_ordinary_mean"
+
+    @property
+    def quantifier(self) -> str:
+        return f"for these 12 drives, in {self.draws} simulated draws on each"
+
+    drive = dim(lambda self: [one.name for one in drives(self.axis)])
+    arm = dim(ARMS)
+    draw = dim(lambda self: range(self.draws))
+    time = dim(lambda: np.linspace(0.0, END - START, STEPS + 1), unit="s", meaning="time")
+
+    @array((drive, draw))
+    def seed(self, context: Context) -> Any:
+        return independent_seeds(context.rng, 12, self.draws)
+
+    @part
+    def benches(self, drive: DataArray) -> list[Laboratory]:
+        return [Laboratory(self.axis, name) for name in drive.values.tolist()]
+
+    @part
+    def starts(self, context: Context, seed: DataArray, benches: list[Laboratory]) -> list[Start]:
+        """Starts in the order of arm, drive, draw."""
+        machine()  # threads that meet it at one time would each compile it
+        arms = list(ARMS.values())
+
+        def played(place: tuple[int, ...]) -> Start:
+            which, n, k = place
+            return started(benches[n], arms[which], int(seed.values[n, k]))
+
+        return context.spread(played, list(np.ndindex(len(arms), *seed.shape)), "starts")
+
+    def _every(self, starts: list[Start], name: str) -> Any:
+        found = np.array([getattr(one, name) for one in starts])
+        return found.reshape(len(ARMS), 12, self.draws, *found.shape[1:])
+
+    # --- arrays -------------------------------------------------------------------------------
+
+    before = array(drive, "dB", "|L| at the wobble before")(
+        lambda benches: [level_of(one) for one in benches]
+    )
+    low_before = array(drive, "dB", "|L| at 100 Hz before")(
+        lambda benches: [level_of(one, LOW) for one in benches]
+    )
+    crossover_before = array(drive, "Hz", "crossover before")(
+        lambda benches: [crossover_of(one, 0.0, GRID) for one in benches]
+    )
+    after = array((arm, drive, draw), "dB", "|L| at the wobble after")(
+        lambda self, starts: self._every(starts, "level")[..., -1]
+    )
+    settled = array((arm, drive, draw), "s", "time that it takes")(
+        lambda self, starts: self._every(starts, "settled")
+    )
+    events = array((arm, drive, draw), "", "times that the loop was lost or regained")(
+        lambda self, starts: self._every(starts, "events")
+    )
+    level = array((arm, drive, time), "dB", "|L| at the wobble, first draw")(
+        lambda self, starts: self._every(starts, "level")[:, :, 0].astype("f4")
+    )
+
+    @array((arm, drive, draw), "Hz", "crossover after")
+    def crossover_after(
+        self, benches: list[Laboratory], after: DataArray, before: DataArray
+    ) -> RealArray:
+        changed = (after - before).transpose("arm", "drive", "draw").values
+        return np.array(
+            [
+                [
+                    [crossover_of(one, gain, GRID) for gain in row]
+                    for one, row in zip(benches, rows, strict=True)
+                ]
+                for rows in changed
+            ]
+        )
+
+    @array(drive, "dB", "|L| at the wobble after, without noise, on a disc that stands")
+    def quiet(self, benches: list[Laboratory]) -> list[float]:
+        silent = [replace(one, noise=0.0, electronics=0.0, bits=None) for one in benches]
+        return [float(started(one, ARMS["still"], 0).level[-1]) for one in silent]
+
+    # --- checks -------------------------------------------------------------------------------
+
+    exact = check(
+        "detection",
+        "level that the gain control leaves without noise and disc [dB]",
+        lambda quiet: abs(quiet),
+        at_most=EXACT,
+    )
+    kept = check(
+        "the loop holds",
+        "times that the loop was lost or regained on an ordinary disc, any draw",
+        lambda events: events.sel(arm=CLAIMED),
+        at_most=0.0,
+    )
+    removed = check(
+        "differences are removed",
+        "share of draws whose spread over the drives is above a third of that before, ordinary",
+        lambda before, after: (
+            1.0 - (_spread(after.sel(arm=CLAIMED)) <= REMOVED * _spread(before)).mean("draw")
+        ),
+        at_most=1.0 - SURE,
+    )
+    set_ = check(
+        "gain is set",
+        "share of starts that leave |L| more than 1 dB off, ordinary disc",
+        lambda after: 1.0 - share_of_draws(abs(after.sel(arm=CLAIMED)) <= WITHIN),
+        at_most=1.0 - SURE,
+    )
+    soon = check(
+        "gain is set in time",
+        "share of starts that take longer than 1.5 s, ordinary disc",
+        lambda settled: 1.0 - share_of_draws(settled.sel(arm=CLAIMED) <= LATEST),
+        at_most=1.0 - SURE,
+    )
+
+    # --- what is told -------------------------------------------------------------------------
+
+    wobble_hz = metric(lambda self: crossover(self.axis))
+    spread_before = metric(lambda before: _spread(before))
+    spread_after = metric("spread_{arm}_{summary}", lambda after: over_draws(_spread(after)))
+    low_spread_before = metric(lambda low_before: _spread(low_before))
+    low_spread_after = metric(
+        "low_spread_{arm}_{summary}",
+        lambda low_before, after, before: over_draws(_spread(low_before + after - before)),
+    )
+    crossover_spread_before = metric(lambda crossover_before: _spread(crossover_before))
+    crossover_spread_after = metric(
+        "crossover_spread_{arm}_{summary}",
+        lambda crossover_after: over_draws(_spread(crossover_after)),
+    )
+    removed_share = metric(
+        "removed_{arm}",
+        lambda before, after: (_spread(after) <= REMOVED * _spread(before)).mean("draw"),
+    )
+    set_share = metric("set_{arm}", lambda after: share_of_draws(abs(after) <= WITHIN, "arm"))
+    error_db = metric("error_db_{arm}_{summary}", lambda after: over_draws(after, "drive"))
+    time_s = metric("time_{arm}_{summary}", lambda settled: over_draws(settled, "drive"))
+    in_time = metric("in_time_{arm}", lambda settled: share_of_draws(settled <= LATEST, "arm"))
+    lost = metric("lost_{arm}", lambda events: share_of_draws(events > 0, "arm"))
+
+    @table
+    def spread(self, answer: Dataset) -> tuple[list[str], list[list[str]]]:
+        """Before, and on each disc after: mean and 90 % of the draws."""
+        before = [_spread(answer[name]) for name in ("before", "low_before", "crossover_before")]
+        first = [f"{float(one):.2f}" for one in before[:2]] + [f"{float(before[2]):.0f}"]
+        rows = [["before", *first, "", "", ""]]
+        low = answer["low_before"] + answer["after"] - answer["before"]
+        for arm in ARMS:
+            cells = [
+                with_interval(over_draws(_spread(one.sel(arm=arm))), form)
+                for one, form in (
+                    (answer["after"], "{:.2f}"),
+                    (low, "{:.2f}"),
+                    (answer["crossover_after"], "{:.0f}"),
+                )
+            ]
+            settled, after = answer["settled"].sel(arm=arm), answer["after"].sel(arm=arm)
+            cells += [
+                with_interval(over_draws(settled, "drive"), "{:.2f}"),
+                f"{float((abs(after) <= WITHIN).mean()):.0%}",
+                f"{float((answer['events'].sel(arm=arm) > 0).mean()):.0%}",
+            ]
+            rows.append([f"after, {arm.replace('_', ' ')} disc", *cells])
+        heads = ["", "spread at the wobble [dB]", "at 100 Hz [dB]", "of the crossover [Hz]"]
+        return [*heads, "takes [s]", "within 1 dB", "loop lost"], rows
+
+    @figure
+    def drawn(self, answer: Dataset) -> dict[str, Figure]:
+        return {"levels": levels(answer, self.axis), "spread": spreads(answer, self.axis)}
+
+
+def _spread(values: DataArray) -> DataArray:
+    """Largest less smallest value over the drives."""
+    return values.max("drive") - values.min("drive")

@@ -1,0 +1,1 @@
+"""Sensitivity measured in the laboratory, beside the simulated one."""
