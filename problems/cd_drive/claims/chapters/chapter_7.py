@@ -77,8 +77,8 @@ ITEMS = (
             *both(at_least, "share of starts that hold k1", AGEING, "covered_k1", 0.9),
         ),
         "How far it softens is assumed, and that 5 % of the peak are a gain. Controllers of third "
-        "order. Radially it is undecided: 6 % of the guaranteed peak are gained at 50 %, as much as "
-        "the search for a controller misses",
+        "order. Radially it is undecided: 6 % of the guaranteed peak are gained at 50 %, as much "
+        "as the search for a controller misses",
         "peaks",
     ),
     Item(
