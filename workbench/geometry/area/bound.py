@@ -26,6 +26,7 @@ import numpy as np
 
 from workbench.arrays import EPS
 from workbench.compiled import compiled
+from workbench.geometry.area.cuts import CONTACTS, cut_of, on_line, shortest, turning, width_across
 
 FIRST_CLOSENESS = 1e-2
 """Closeness of the first search, relative; each further one is ten times as close.
@@ -37,16 +38,10 @@ MAX_WAITING = 2000
 """Most boxes that wait for their turn: each halving leaves one."""
 FIRST_ANGLES = 8
 """Number of intervals of angles to begin with."""
-BISECTIONS = 60
-"""Halvings of the place of a stadium's axis."""
-SLANT = 1e-7
-"""Least cosine of the angle between a normal that pushes an end back and the direction."""
 RADIUS_ROUNDING = 16.0 * EPS
 """Rounding of a cut, relative to the set's size: cuts hold for a radius larger by so much."""
 KEPT_CUTS = 12
 """Number of the latest cuts that a new one is mixed with."""
-CONTACTS = 5
-"""Most points in a cut."""
 
 
 def least_area(
@@ -150,47 +145,21 @@ def _searched(
         low, high, small, large = boxes[count, :4]
         bound = boxes[count, 4]
         middle, half = 0.5 * (low + high), 0.5 * (high - low)
-        across_re, across_im = _width(x, y, centred, middle)
+        across_re, across_im = width_across(x, y, centred, middle)
         small = max(small, across_re * math.cos(half) - abs(across_im) * math.sin(half))
         if small > large:
             continue  # no stadium is in the box
         radius = 0.5 * (small + large)
-        contacts, wide, half_length = _shortest(x, y, centred, middle, radius, normal, point)
+        contacts, wide, half_length = shortest(x, y, centred, middle, radius, normal, point)
         met = min(met, math.pi * wide * wide + 4.0 * wide * half_length)
-        slope, re, im, staying = _cut(x, y, normal, point, contacts, middle, half)
+        slope, re, im, staying = cut_of(x, y, normal, point, contacts, middle, half)
         bound = max(bound, math.pi * small * small)
-        bound = max(bound, _on_line(re, staying, small, large))
-        bound = max(bound, _turning(slope, re, im, half, small, large))
-        # what one cut allows, and what it allows with one of the others
+        bound = max(bound, on_line(re, staying, small, large))
+        bound = max(bound, turning(slope, re, im, half, small, large))
         c, s = math.cos(middle), math.sin(middle)
-        for k in range(min(made_cuts, KEPT_CUTS) + 1):
-            if k == 0:
-                other, other_re, other_im = 0.0, across_re, across_im
-            else:
-                other = cuts[k - 1, 0]
-                other_re = c * cuts[k - 1, 1] + s * cuts[k - 1, 2]
-                other_im = c * cuts[k - 1, 2] - s * cuts[k - 1, 1]
-            for level in range(3):
-                if level == 0:
-                    share = 0.0
-                elif level == 1:  # level in the angle
-                    share = _zero(im, other_im)
-                else:  # level in the radius
-                    share = _zero(
-                        0.5 * math.pi * radius * slope + re - 2.0 * radius,
-                        0.5 * math.pi * radius * other + other_re - 2.0 * radius,
-                    )
-                if share < 0.0 or (k == 0 and level == 0):
-                    continue
-                found = _turning(
-                    share * slope + (1.0 - share) * other,
-                    share * re + (1.0 - share) * other_re,
-                    share * im + (1.0 - share) * other_im,
-                    half,
-                    small,
-                    large,
-                )
-                bound = max(bound, found)
+        cut, width = (slope, re, im), (across_re, across_im)
+        known = cuts[: min(made_cuts, KEPT_CUTS)]
+        bound = max(bound, _mixed(cut, width, known, (c, s), radius, half, small, large))
         kept = made_cuts % KEPT_CUTS
         cuts[kept, 0], cuts[kept, 1], cuts[kept, 2] = slope, c * re - s * im, s * re + c * im
         made_cuts += 1
@@ -203,8 +172,8 @@ def _searched(
             turn, split = False, max(0.125 * large, small + 0.25 * (large - small))
         else:
             # split the side that costs the bound more
-            for_angle = _turning(slope, re, im, half, radius, radius)
-            for_radius = _turning(slope, re, im, 0.0, small, large)
+            for_angle = turning(slope, re, im, half, radius, radius)
+            for_radius = turning(slope, re, im, 0.0, small, large)
             turn, split = for_angle < for_radius, radius
         if not turn and (large - small) <= 4.0 * EPS * large:
             turn = True
@@ -226,205 +195,53 @@ def _searched(
 
 
 @compiled
+def _mixed(
+    cut: tuple[float, float, float],
+    width: tuple[float, float],
+    known: np.ndarray,
+    turn: tuple[float, float],
+    radius: float,
+    half: float,
+    small: float,
+    large: float,
+) -> float:
+    """Least area that a cut allows in a box together with one other: the width or a known cut.
+
+    A cut is b, g and the derivative of g at the middle of the box, the width g and its derivative;
+    ``known`` (K, 3) holds b and the sinusoids as complex numbers, ``turn`` the middle's cosine and
+    sine. The mixtures are the one that is level in the angle and the one level in the radius.
+    """
+    slope, re, im = cut
+    c, s = turn
+    bound = 0.0
+    for k in range(len(known) + 1):
+        if k == 0:
+            other, other_re, other_im = 0.0, width[0], width[1]
+        else:
+            other = known[k - 1, 0]
+            other_re = c * known[k - 1, 1] + s * known[k - 1, 2]
+            other_im = c * known[k - 1, 2] - s * known[k - 1, 1]
+            bound = max(bound, turning(other, other_re, other_im, half, small, large))
+        in_radius = 0.5 * math.pi * radius * slope + re - 2.0 * radius
+        other_in_radius = 0.5 * math.pi * radius * other + other_re - 2.0 * radius
+        for share in (_zero(im, other_im), _zero(in_radius, other_in_radius)):
+            if share >= 0.0:
+                rest = 1.0 - share
+                found = turning(
+                    share * slope + rest * other,
+                    share * re + rest * other_re,
+                    share * im + rest * other_im,
+                    half,
+                    small,
+                    large,
+                )
+                bound = max(bound, found)
+    return bound
+
+
+@compiled
 def _zero(at_one: float, at_zero: float) -> float:
     """Share at which a mixture of two values is 0, from 0 to 1; -1 if they have the same sign."""
     if at_one * at_zero >= 0.0:
         return -1.0
     return at_zero / (at_zero - at_one)
-
-
-@compiled
-def _width(x: np.ndarray, y: np.ndarray, centred: bool, angle: float) -> tuple[float, float]:
-    """The radius that the points farthest across an angle [rad] ask for, and its derivative.
-
-    It holds at every other angle too, as a sinusoid.
-    """
-    c, s = math.cos(angle), math.sin(angle)
-    top = bottom = 0
-    most, least = -np.inf, np.inf
-    for i in range(x.size):
-        h = c * y[i] - s * x[i]
-        if h > most:
-            most, top = h, i
-        if h < least:
-            least, bottom = h, i
-    if not centred:
-        dx, dy = 0.5 * (x[top] - x[bottom]), 0.5 * (y[top] - y[bottom])
-    elif most >= -least:
-        dx, dy = x[top], y[top]
-    else:
-        dx, dy = -x[bottom], -y[bottom]
-    return c * dy - s * dx, -(c * dx + s * dy)
-
-
-@compiled
-def _shortest(
-    x: np.ndarray,
-    y: np.ndarray,
-    centred: bool,
-    angle: float,
-    radius: float,
-    normal: np.ndarray,
-    point: np.ndarray,
-) -> tuple[int, float, float]:
-    """Number of contacts, radius and half-length of the shortest stadium of an angle [rad].
-
-    The radius is the given one, or half the width where that is larger. The weight and the normal
-    of each contact, along and across the direction, are written to ``normal`` (CONTACTS, 3), its
-    index to ``point``.
-    """
-    c, s = math.cos(angle), math.sin(angle)
-    most, least, top, bottom = -np.inf, np.inf, 0, 0
-    for i in range(x.size):
-        h = c * y[i] - s * x[i]
-        if h > most:
-            most, top = h, i
-        if h < least:
-            least, bottom = h, i
-    if centred:
-        radius = max(radius, max(most, -least))
-        return _shortest_centred(x, y, c, s, radius, normal, point)
-    radius = max(radius, 0.5 * (most - least))
-    low, high = most - radius, least + radius
-    for _ in range(BISECTIONS):
-        axis = 0.5 * (low + high)
-        right, left, _ = _ends(x, y, c, s, axis, radius)
-        push = _slope(x, y, c, s, axis, radius, right) + _slope(x, y, c, s, axis, radius, left)
-        if push > 0.0:
-            low = axis
-        else:
-            high = axis
-    right_low, left_low, length_low = _ends(x, y, c, s, low, radius)
-    right_high, left_high, length_high = _ends(x, y, c, s, high, radius)
-    axis = 0.5 * (low + high)
-    up = _slope(x, y, c, s, axis, radius, right_low) + _slope(x, y, c, s, axis, radius, left_low)
-    down = _slope(x, y, c, s, axis, radius, right_high)
-    down += _slope(x, y, c, s, axis, radius, left_high)
-    share = up / (up - down) if up > 0.0 > down else (0.0 if abs(up) < abs(down) else 1.0)
-    balance = (1.0 - share) * up + share * down
-    ends = (right_low, left_low, right_high, left_high)
-    for k in range(4):
-        slope = _slope(x, y, c, s, axis, radius, ends[k])
-        point[k] = ends[k]
-        normal[k, 0] = share if k >= 2 else 1.0 - share
-        normal[k, 1] = 1.0 if k % 2 == 0 else -1.0
-        normal[k, 2] = slope
-        stretch = math.sqrt(1.0 + slope * slope)
-        normal[k, 0] *= stretch
-        normal[k, 1] /= stretch
-        normal[k, 2] /= stretch
-    # what is left is balanced by a point on a straight side
-    point[4] = top if balance <= 0.0 else bottom
-    normal[4, 0], normal[4, 1] = abs(balance), 0.0
-    normal[4, 2] = 1.0 if balance <= 0.0 else -1.0
-    return 5, radius, max(0.5 * min(length_low, length_high), 0.0)
-
-
-@compiled
-def _shortest_centred(
-    x: np.ndarray,
-    y: np.ndarray,
-    c: float,
-    s: float,
-    radius: float,
-    normal: np.ndarray,
-    point: np.ndarray,
-) -> tuple[int, float, float]:
-    """As `_shortest`, with the centre at 0: the one contact that asks for the most length."""
-    longest, far = -np.inf, 0
-    for i in range(x.size):
-        t, h = c * x[i] + s * y[i], c * y[i] - s * x[i]
-        length = abs(t) - math.sqrt(max((radius - h) * (radius + h), 0.0))
-        if length > longest:
-            longest, far = length, i
-    slope = _slope(x, y, c, s, 0.0, radius, far)
-    stretch = math.sqrt(1.0 + slope * slope)
-    point[0], normal[0, 0] = far, 1.0
-    normal[0, 1] = (1.0 if c * x[far] + s * y[far] >= 0.0 else -1.0) / stretch
-    normal[0, 2] = slope / stretch
-    return 1, radius, max(longest, 0.0)
-
-
-@compiled
-def _ends(
-    x: np.ndarray, y: np.ndarray, c: float, s: float, axis: float, radius: float
-) -> tuple[int, int, float]:
-    """The points that hold the right and the left end of the segment, and its whole length."""
-    right, left, last, first = 0, 0, -np.inf, np.inf
-    for i in range(x.size):
-        t, h = c * x[i] + s * y[i], c * y[i] - s * x[i] - axis
-        room = math.sqrt(max((radius - h) * (radius + h), 0.0))
-        if t - room > last:
-            last, right = t - room, i
-        if t + room < first:
-            first, left = t + room, i
-    return right, left, last - first
-
-
-@compiled
-def _slope(
-    x: np.ndarray, y: np.ndarray, c: float, s: float, axis: float, radius: float, i: int
-) -> float:
-    """Across over along of the normal at a point on a round end."""
-    h = c * y[i] - s * x[i] - axis
-    room = math.sqrt(max((radius - h) * (radius + h), 0.0))
-    return h / max(room, SLANT * max(radius, EPS))
-
-
-@compiled
-def _cut(
-    x: np.ndarray,
-    y: np.ndarray,
-    normal: np.ndarray,
-    point: np.ndarray,
-    contacts: int,
-    angle: float,
-    half: float,
-) -> tuple[float, float, float, float]:
-    """The cut of some contacts at an angle [rad]: b, g, the derivative of g, and another b.
-
-    The derivative is for vectors that turn. The other b is the largest within ``half`` of the angle
-    for vectors that stay.
-    """
-    c, s = math.cos(angle), math.sin(angle)
-    cos_half, sin_half = math.cos(half), math.sin(half)
-    total = along = staying = re = im = 0.0
-    for k in range(contacts):
-        weight, a, b = normal[k, 0], normal[k, 1], normal[k, 2]
-        t = c * x[point[k]] + s * y[point[k]]
-        h = c * y[point[k]] - s * x[point[k]]
-        total += weight
-        along += weight * abs(a)
-        nearest = 1.0 if abs(b) <= sin_half else abs(a) * cos_half + abs(b) * sin_half
-        staying += weight * min(nearest, 1.0)
-        re += weight * (t * a + h * b)
-        im += weight * (h * a - t * b)
-    return along / total, re / total, im / total, staying / total
-
-
-@compiled
-def _turning(slope: float, re: float, im: float, half: float, small: float, large: float) -> float:
-    """Least area that a cut of turning vectors allows within ``half`` [rad] of an angle.
-
-    The sinusoid re cos + im sin is least at an end where it is positive, and elsewhere asks for no
-    length.
-    """
-    level = re * math.cos(half) - abs(im) * math.sin(half)
-    return _on_line(level, slope, small, large)
-
-
-@compiled
-def _on_line(level: float, slope: float, small: float, large: float) -> float:
-    """Least pi r^2 + 4 r l with r + slope l >= level, l >= 0 and small <= r <= large.
-
-    Infinite where that has no solution, which is where slope is 0.
-    """
-    if slope <= 0.0:
-        if large < level:
-            return np.inf
-        return math.pi * max(small, level) ** 2
-    # beyond r = level no length is asked for, and the area grows; before, it is concave
-    end = min(large, max(level, small))
-    at_small = math.pi * small * small + 4.0 * small * max(level - small, 0.0) / slope
-    at_end = math.pi * end * end + 4.0 * end * max(level - end, 0.0) / slope
-    return min(at_small, at_end)
