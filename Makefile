@@ -48,7 +48,7 @@ reference: $(READY)
 	$(REFERENCE) 'cd/*/circles' 'cd/*/stadiums' 'cd/*/nominal' 'cd/*/uncertainty-comparison'
 	$(REFERENCE) 'cd/*/smallest-area-stadiums'
 	$(REFERENCE) 'cd/*/mu-pid-analysis' 'cd/*/nyquist' 'cd/*/five-x' 'cd/*/sensitivity'
-	$(REFERENCE) 'cd/*/gain-room' cd/focus/cover-variants textbook/real-mu-jump
+	$(REFERENCE) 'cd/*/gain-room' 'cd/*/cover-variants' textbook/real-mu-jump
 	$(REFERENCE) 'cd/*/cover-for-control' 'cd/*/fault-filter' 'cd/*/designed-filter'
 	$(REFERENCE) 'cd/*/exact-residuals' 'cd/*/residual-index' 'cd/*/observer-bandwidth'
 	$(REFERENCE) 'cd/*/integrated-design'

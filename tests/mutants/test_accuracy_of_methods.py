@@ -48,7 +48,15 @@ def conic_program():
 SMALL = {
     name: PROGRAMS[name]
     for name in (
-        *("circle", "stadium", "mu_upper_mixed", "mu_lower_mixed", "hinf", "fault_filter"),
+        *(
+            "circle",
+            "stadium",
+            "small_stadium",
+            "mu_upper_mixed",
+            "mu_lower_mixed",
+            "hinf",
+            "fault_filter",
+        ),
         *("switching", "magnitude_fit", "circle_cover", "crest_factor", "state_space_fit"),
         "parameter_fit",
     )

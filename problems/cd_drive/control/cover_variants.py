@@ -183,7 +183,7 @@ def _rightmost(weight: Rational | None) -> float:
     return float(np.max(weight.zeros.real, initial=-np.inf))
 
 
-@problem("cd/{axis}/cover-variants", axis=("focus",), needs=needs, data=TABLES)
+@problem("cd/{axis}/cover-variants", axis=("focus", "radial"), needs=needs, data=TABLES)
 def cover_variants(
     axis: Axis,
     default: Run,

@@ -185,7 +185,7 @@ ITEMS = (
         ),
         "How unlike the arms are is assumed, as the tables hold one resonance: halves 20 %, four "
         "arms 30 and 20 % off. Arms that differ by 10 % show one only",
-        "figure-4-5, resonances",
+        "figure-4-5",
     ),
     Item(
         "Section 4.6.2",

@@ -8,10 +8,10 @@ from workbench import Run
 
 from ..items import Item, Value, Verdict, at_least, at_most
 from ..loop_readings import DEFECTS
-from ..readings import quotient
+from ..readings import both, quotient
 
 FOCUS, RADIAL = "cd/focus/best-gains", "cd/radial/best-gains"
-IMMUNITY, VARIANTS = "cd/{}/immunity", "cd/focus/cover-variants"
+IMMUNITY, VARIANTS = "cd/{}/immunity", "cd/{}/cover-variants"
 
 
 def _arm(run: Run, use: str, gain: float) -> Any:
@@ -140,13 +140,15 @@ ITEMS = (
         "The set of plants should be extrapolated beyond the twelve drives",
         Verdict.READING,
         (
-            at_least(
+            *both(
+                at_least,
                 "width of the sets over that of twelve drives, median",
                 VARIANTS,
                 "width_over_default_extrapolated",
                 1.1,
             ),
-            at_least(
+            *both(
+                at_least,
                 "peak of mu over that with twelve",
                 VARIANTS,
                 quotient("peak_extrapolated", "peak_default"),

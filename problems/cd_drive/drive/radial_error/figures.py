@@ -19,6 +19,7 @@ def over_track(answer: Dataset) -> Figure:
     for panel in panels[2:]:
         panel.set_xlabel(r"distance from the track [$\mu$m]")
     figures.legend_below(drawn, panels[0], columns=5)
+    drawn.suptitle("Four methods to sense the track (figure 2.9: twin spots)", fontsize=11)
     return drawn
 
 
