@@ -16,6 +16,7 @@ from workbench.errors import InputError, SolverError
 from workbench.solution import solve
 from workbench.solvers import Options, Outcome
 from workbench.synthesis import HinfController, HinfSynthesis, MixedSensitivity, hinf, regularised
+from workbench.synthesis.hinf import levels
 from workbench.synthesis.hinf.riccati import central
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.standard_plant import StandardPlant
@@ -321,3 +322,18 @@ def test_a_level_of_zero_is_approached():
     """K cancels w -> z, which D12, D21 and their zeros allow here."""
     system = control.ss([[-1.0]], [[1.0, 0.1]], [[1.0], [0.1]], [[0.5, 1.0], [1.0, 0.0]])
     assert hinf(system, 1, 1).norm <= 1e-6
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_feasible_levels_that_rounding_hides_are_passed_over(seed, monkeypatch):
+    """Every other level hides, as with radial drives just above their least level."""
+    plant = HinfSynthesis(random_plant(seed)).scaled.plant
+    found, tried = levels.level_at, []
+
+    def hiding(plant, gamma):
+        tried.append(gamma)
+        return None if len(tried) % 2 == 0 else found(plant, gamma)
+
+    seen = levels.least_level(plant, 1e-3)[1].gamma
+    monkeypatch.setattr(levels, "level_at", hiding)
+    assert levels.least_level(plant, 1e-3)[1].gamma <= 1.002 * seen

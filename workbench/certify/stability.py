@@ -37,16 +37,16 @@ def pole_bound(A: RealArray, sampled: bool) -> tuple[float, complex | None]:
     with np.errstate(all="ignore"):  # an infinite radius proves nothing
         A, _ = balanced_states(A)
         discs = pole_discs(exact(A))
-    for bits in (0, *PRECISIONS):
-        if bits:
-            modal = enclosed_modal_form(A, np.zeros((len(A), 0)), np.zeros((0, len(A))), bits)
-            if modal is None:
-                continue
-            discs = pole_discs(modal[0])
-        bound, worst, decided = _worst(discs, sampled)
-        if decided:
-            return bound, worst
-    bound, worst, _ = _worst(separate_pole_discs(exact(A)), sampled)
+        for bits in (0, *PRECISIONS):
+            if bits:
+                modal = enclosed_modal_form(A, np.zeros((len(A), 0)), np.zeros((0, len(A))), bits)
+                if modal is None:
+                    continue
+                discs = pole_discs(modal[0])
+            bound, worst, decided = _worst(discs, sampled)
+            if decided:
+                return bound, worst
+        bound, worst, _ = _worst(separate_pole_discs(exact(A)), sampled)
     return bound, worst
 
 

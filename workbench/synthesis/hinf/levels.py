@@ -34,6 +34,10 @@ PROBED_SHARES = (0.65, 0.8, 0.9, 0.95, 0.97, 0.98, 0.99, 0.995, 0.998)
 """Shares of the least level found that are tried again, since rounding may hide feasible levels."""
 
 
+NEAR_SHARES = (0.04, 0.08, 0.12)
+"""Shares of the tolerance above an infeasible level at which it is tried again."""
+
+
 @dataclass(frozen=True, eq=False)
 class Level:
     """Positive semidefinite solutions X and Y for a level gamma, with their gains F and L."""
@@ -87,13 +91,28 @@ def _bisected(
     step = 0
     while best.gamma > (1.0 + tolerance) * low and step < MOST_LEVELS:
         trial = _between(low, below, best, tolerance, step)
-        level = level_at(plant, trial)
+        level = _level_near(plant, trial, tolerance)
         if level is not None and level.feasible:
             best = level
         else:
             low, below = trial, level
         step += 1
     return low, best
+
+
+def _level_near(plant: StandardPlant, gamma: float, tolerance: float) -> Level | None:
+    """A feasible level just above `gamma`, else that of `gamma` itself.
+
+    Near the least level rounding hides single levels between feasible ones.
+    """
+    first = level_at(plant, gamma)
+    if first is not None and first.feasible:
+        return first
+    for share in NEAR_SHARES:
+        level = level_at(plant, (1.0 + share * tolerance) * gamma)
+        if level is not None and level.feasible:
+            return level
+    return first
 
 
 def _between(low: float, below: Level | None, best: Level, tolerance: float, step: int) -> float:
