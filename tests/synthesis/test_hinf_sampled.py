@@ -64,15 +64,17 @@ def test_no_sampled_controller_of_slicot_is_better(seed):
         assert not stable or largest_gain(loop) >= 0.998 * answer.norm
 
 
-@pytest.mark.parametrize("D22", [0.0, 0.7])
-def test_a_direct_term_from_control_to_measurement_changes_nothing(D22):
+def test_a_direct_term_from_control_to_measurement_changes_nothing():
     system = scalar_plant(1.0)
-    D = np.array(system.D)
-    D[2, 2] = D22
-    sampled = control.ss([[1.2]], system.B, system.C, D, 0.1)
-    answer = hinf(sampled, 1, 1)
-    assert answer.K.dt == 0.1
-    assert answer.norm == pytest.approx(2.15448448, rel=1e-6)
+    norms = []
+    for D22 in (0.0, 0.7):
+        D = np.array(system.D)
+        D[2, 2] = D22
+        answer = hinf(control.ss([[1.2]], system.B, system.C, D, 0.1), 1, 1)
+        assert answer.K.dt == 0.1
+        norms.append(answer.norm)
+    assert norms[1] == pytest.approx(norms[0], rel=1e-6)
+    assert norms[0] == pytest.approx(2.1534, rel=1e-3)  # it is made up to 1e-3 above the least
 
 
 def test_sampled_mixed_sensitivity():
