@@ -53,10 +53,9 @@ def energy_ratio(matrices: Any, dt: float | None, omega: float, claimed: float =
     if 0 in D.shape:
         return 0.0
     known = 0.0 < omega < math.inf
-    neighbours = _neighbours((A, B, C, D))
+    given = A, B, C, D
     if not dt:
-        neighbours = [_bilinear(one, omega if known else None) for one in neighbours]
-        A, B, C, D = _bilinear((A, B, C, D), omega if known else None)
+        A, B, C, D = _bilinear(given, omega if known else None)
     rng = np.random.default_rng(SEED)
     w = rng.standard_normal((SAMPLES, D.shape[1]))
     if known:
@@ -67,7 +66,10 @@ def energy_ratio(matrices: Any, dt: float | None, omega: float, claimed: float =
         z = _run(A, B, C, D, w)
         size = float(np.linalg.norm(z))
         if size > claimed * np.linalg.norm(w):
-            size -= SPREAD * max(float(np.linalg.norm(z - _run(*one, w))) for one in neighbours)
+            near = _neighbours(given)
+            if not dt:
+                near = [_bilinear(one, omega if known else None) for one in near]
+            size -= SPREAD * max(float(np.linalg.norm(z - _run(*one, w))) for one in near)
         ratio = max(ratio, size / float(np.linalg.norm(w)))
         if not np.any(z):
             break
