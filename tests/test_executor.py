@@ -2,17 +2,26 @@
 
 import os
 import signal
+import subprocess
 import sys
 import time
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from workbench.errors import TimeLimitError, WorkbenchError
-from workbench.executor import Context, InProcess, Processes, Threads, shown, spread
+from workbench.errors import (
+    CrashedError,
+    InputError,
+    MemoryLimitError,
+    TimeLimitError,
+    WorkbenchError,
+)
+from workbench.executor import Context, InProcess, Threads, Workers, as_they_end, shown, spread
+from workbench.executor.worker import alarm, printed
 from workbench.solvers import Options
 
 
@@ -41,6 +50,11 @@ def spin():
         pass
 
 
+def within(seconds, function, *arguments):
+    alarm(seconds)
+    return function(*arguments)
+
+
 def die(how):
     if how == "exit":
         os._exit(7)
@@ -62,13 +76,13 @@ def leave_a_mark(folder, number):
 
 @pytest.fixture(scope="module")
 def processes():
-    with Processes(2) as executor:
+    with Workers(2) as executor:
         yield executor
 
 
 EXECUTORS = {
     "in process": InProcess,
-    "processes": lambda: Processes(1),
+    "processes": lambda: Workers(1),
     "threads": lambda: Threads(1),
     "pool": lambda: ProcessPoolExecutor(1),
 }
@@ -113,8 +127,8 @@ def test_a_value_that_cannot_be_sent_is_an_error(processes):
 )
 def test_a_task_is_killed_at_its_limit_and_the_next_one_runs(task):
     start = time.perf_counter()
-    with Processes(1, time_limit=1.0) as executor:
-        stuck, other = executor.submit(*task), executor.submit(add, 1)
+    with Workers(1) as executor:
+        stuck, other = executor.submit(within, 1.0, *task), executor.submit(add, 1)
         with pytest.raises(TimeLimitError, match="limit of 1 s"):
             stuck.result()
         assert other.result() == 1
@@ -122,16 +136,163 @@ def test_a_task_is_killed_at_its_limit_and_the_next_one_runs(task):
 
 
 def test_a_killed_task_is_gone(tmp_path):
-    with Processes(1, time_limit=1.0) as executor, pytest.raises(TimeLimitError):
-        executor.submit(hang, tmp_path / "pid").result()
+    with Workers(1) as executor, pytest.raises(TimeLimitError):
+        executor.submit(within, 0.5, hang, tmp_path / "pid").result()
     with pytest.raises(ProcessLookupError):
         os.kill(int((tmp_path / "pid").read_text()), 0)
 
 
-def test_every_task_has_a_process_of_its_own(processes):
-    ids = {future.result() for future in [processes.submit(sleep, 0) for _ in range(3)]}
-    assert len(ids) == 3
+def test_processes_stay_for_the_next_task(processes):
+    ids = {future.result() for future in [processes.submit(sleep, 0.1) for _ in range(6)]}
+    assert len(ids) == 2
     assert os.getpid() not in ids
+
+
+def fill(file, size):
+    with file.open("a") as stream:
+        stream.write("tried\n")
+    kept = np.ones(size // 8)
+    time.sleep(60)
+    return kept
+
+
+def test_a_task_that_takes_too_much_memory_is_killed_once(tmp_path):
+    with Workers(1, memory_limit=600 * 2**20) as executor:
+        greedy = executor.submit(fill, tmp_path / "tries", 2**30)
+        other = executor.submit(add, 1)
+        with pytest.raises(MemoryLimitError, match="limit of 600 MiB"):
+            greedy.result()
+        assert other.result() == 1
+    assert (tmp_path / "tries").read_text() == "tried\n"
+
+
+def die_the_first_time(file):
+    if not file.exists():
+        file.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return "done"
+
+
+def test_a_task_whose_worker_is_killed_is_done_again(processes, tmp_path):
+    assert processes.submit(die_the_first_time, tmp_path / "tried").result() == "done"
+
+
+def test_a_task_that_kills_two_workers_is_not_tried_a_third_time(processes, tmp_path):
+    with pytest.raises(CrashedError, match=r"exit code 7: .*last words"):
+        processes.submit(say_and_die, tmp_path / "tries").result()
+    assert (tmp_path / "tries").read_text() == "tried\n" * 2
+
+
+def say_and_die(file):
+    with file.open("a") as stream:
+        stream.write("tried\n")
+    os.write(2, b"last words")
+    os._exit(7)
+
+
+def say(words):
+    print(words)
+    return printed()
+
+
+def test_a_task_reads_what_it_has_printed_and_no_more(processes):
+    assert processes.submit(say, "first").result() == "first\n"
+    futures = [processes.submit(say, f"next {i}") for i in range(4)]
+    assert [future.result() for future in futures] == [f"next {i}\n" for i in range(4)]
+
+
+def threads():
+    return os.environ["OPENBLAS_NUM_THREADS"], max([0, *blas_threads()])
+
+
+def test_the_threads_of_workers_are_limited():
+    with Workers(1, threads=1) as executor:
+        assert executor.submit(threads).result() == ("1", 1)
+
+
+def test_an_alarm_that_is_called_off_kills_nothing(processes):
+    assert processes.submit(call_off, 0.3).result() == "alive"
+
+
+def call_off(seconds):
+    alarm(seconds)
+    alarm(None)
+    time.sleep(2 * seconds)
+    return "alive"
+
+
+def test_outside_of_a_worker_there_is_no_alarm_and_nothing_printed(capfd):
+    alarm(0.001)
+    print("words")
+    assert printed() == ""
+
+
+def test_an_error_in_the_caller_ends_the_workers_at_once(tmp_path):
+    start = time.perf_counter()
+    with pytest.raises(ArithmeticError), Workers(2) as executor:
+        executor.submit(hang, tmp_path / "pid")
+        while not (tmp_path / "pid").exists() or not (tmp_path / "pid").read_text():
+            time.sleep(0.02)
+        raise ArithmeticError
+    assert time.perf_counter() - start < 20
+    with pytest.raises(ProcessLookupError):
+        os.kill(int((tmp_path / "pid").read_text()), 0)
+
+
+def test_workers_whose_pool_is_killed_are_gone(tmp_path):
+    """A hung task too: nobody is left to tell it."""
+    code = (
+        "import sys, pathlib; sys.path.insert(0, sys.argv[2])\n"
+        "import test_executor as t\n"
+        "t.Workers(1).submit(t.hang, pathlib.Path(sys.argv[1])).result()\n"
+    )
+    file = tmp_path / "pid"
+    pool = subprocess.Popen([sys.executable, "-c", code, str(file), str(Path(__file__).parent)])
+    while not file.exists() or not file.read_text():
+        time.sleep(0.02)
+    pool.kill()
+    pool.wait()
+    until = time.perf_counter() + 10
+    while is_alive(int(file.read_text())) and time.perf_counter() < until:
+        time.sleep(0.02)
+    assert not is_alive(int(file.read_text()))
+
+
+def is_alive(process):
+    try:
+        state = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0]
+    except OSError:
+        return False
+    return state != "Z"
+
+
+def test_a_function_that_no_process_can_import_is_refused(processes):
+    with pytest.raises(InputError, match="cannot be sent"):
+        processes.submit(lambda: None).result()
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"count": 0}, {"threads": 0}, {"memory_limit": -1}], ids=lambda one: next(iter(one))
+)
+def test_a_pool_that_cannot_be_is_refused(wrong):
+    with pytest.raises(InputError, match=f"{next(iter(wrong))} of workers must be 1 or more"):
+        Workers(**wrong)
+
+
+def test_no_more_calls_wait_than_the_window_holds():
+    made = []
+
+    def calls():
+        for number in range(20):
+            made.append(number)
+            yield number, (add, number)
+
+    with Workers(1) as executor:
+        ended = {}
+        for label, future in as_they_end(executor, calls(), window=3):
+            assert len(made) <= len(ended) + 4
+            ended[label] = future.result()
+    assert ended == {number: number for number in range(20)}
 
 
 def test_an_interrupt_passes_through_in_process_work():
@@ -155,7 +316,7 @@ def test_blas_leaves_the_cores_to_the_threads():
         assert blas_threads() == before
 
 
-@pytest.mark.parametrize("kind", [Threads, Processes])
+@pytest.mark.parametrize("kind", [Threads, Workers])
 def test_after_an_error_nothing_more_is_begun(kind, tmp_path):
     """An interrupted ensemble must not go on to its end before it says so."""
     with kind(1) as executor, pytest.raises((ArithmeticError, WorkbenchError), match="number 2"):

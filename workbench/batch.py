@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+from concurrent.futures import Executor, as_completed
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,9 +15,6 @@ from workbench.terminal import shown_live
 
 if TYPE_CHECKING:
     from workbench.bench.results import Run
-
-THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
-"""Environment variables that limit the threads of linear algebra."""
 
 
 def ended(
@@ -48,10 +44,7 @@ def _one_by_one(
 def _several(
     names: Sequence[str], asked: Mapping[str, Any], jobs: int
 ) -> Iterator[tuple[str, Run | WorkbenchError]]:
-    from workbench.executor import Processes
-
-    _share_cores(jobs)
-    with Processes(jobs) as executor, shown_live(f"{jobs} at once") as (progress, _):
+    with workers(jobs) as executor, shown_live(f"{jobs} at once") as (progress, _):
         futures = {
             executor.submit(_run, name, dict(asked), added_problems()): name for name in names
         }
@@ -73,19 +66,9 @@ def _run(name: str, asked: dict[str, Any], folders: Sequence[Path]) -> Run:
 
 
 def workers(jobs: int) -> Executor:
-    """Where several jobs of many short tasks run: in processes that stay, unlike `Processes`.
-
-    One job runs in this process.
-    """
-    from workbench.executor import InProcess
+    """Where several jobs run: processes that share out the cores, or this one where one is enough."""
+    from workbench.executor import InProcess, Workers
 
     if jobs == 1:
         return InProcess()
-    _share_cores(jobs)
-    return ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"))
-
-
-def _share_cores(jobs: int) -> None:
-    """Share out the cores among the linear algebra of processes that start from now on."""
-    for variable in THREADS:
-        os.environ.setdefault(variable, str(max(1, (os.cpu_count() or 1) // jobs)))
+    return Workers(jobs, threads=max(1, (os.cpu_count() or 1) // jobs))

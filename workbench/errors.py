@@ -76,5 +76,13 @@ class TimeLimitError(WorkbenchError):
     """A method that was stopped at its time limit."""
 
 
+class MemoryLimitError(WorkbenchError):
+    """A task whose process was killed because it took more memory than it may."""
+
+
+class CrashedError(WorkbenchError):
+    """A task whose process died, twice: by a signal, or by an exit of its own."""
+
+
 class ResultError(WorkbenchError):
     """A results folder that cannot be read or that does not hold what it should."""

@@ -1,0 +1,33 @@
+"""Where work runs, how it shows its progress, when it must stop, where it keeps its state.
+
+One interface for all of it: `concurrent.futures.Executor`. In-process, a pool of processes that can
+be killed, or a cluster client's executor are the same to whoever submits.
+"""
+
+from typing import Any
+
+from workbench.executor.context import Checkpoint, Context
+from workbench.executor.local import InProcess, Threads
+from workbench.executor.progress import Progress, Row, Watch, shown, silent, unwatched
+from workbench.executor.spread import as_they_end, spread
+from workbench.executor.workers import Workers
+
+WALL_TIME: dict[str, Any] = {"wall_time": 1}
+"""Attribute of stored arrays that no re-run reproduces."""
+
+__all__ = [
+    "WALL_TIME",
+    "Checkpoint",
+    "Context",
+    "InProcess",
+    "Progress",
+    "Row",
+    "Threads",
+    "Watch",
+    "Workers",
+    "as_they_end",
+    "shown",
+    "silent",
+    "spread",
+    "unwatched",
+]

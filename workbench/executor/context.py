@@ -1,0 +1,145 @@
+"""What a method is given: options, progress, clock, randomness, and where it keeps its state."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Sized
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.errors import InputError, TimeLimitError
+from workbench.executor.local import Threads
+from workbench.executor.progress import Progress, Row, Watch, silent, unwatched
+from workbench.executor.spread import spread
+from workbench.solvers import Options
+
+S = TypeVar("S")
+T = TypeVar("T")
+
+
+class Checkpoint:
+    """Store of an iteration's state after each round; this base class keeps nothing."""
+
+    def save(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Keep a state, arrays of numbers by name, in place of the one before."""
+
+    def load(self) -> dict[str, NDArray[Any]] | None:
+        """The state in which an earlier run of the same question was stopped, None without one."""
+        return None
+
+
+@dataclass
+class Context:
+    """The second argument of every method: options, progress, clock and randomness.
+
+    An iteration goes over `rounds`, tells each by `record`, and leaves its state in ``checkpoint``.
+    ``rows`` are the rounds told so far; ``stopped`` says how the time limit ended an iteration.
+    """
+
+    options: Options = field(default_factory=Options)
+    progress: Progress = silent
+    watch: Watch = unwatched
+    checkpoint: Checkpoint = field(default_factory=Checkpoint)
+    statement_seconds: float = 0.0
+    started: float = field(default_factory=time.perf_counter)
+    rows: list[Row] = field(default_factory=list)
+    stopped: str = ""
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.options, Options):
+            raise InputError(f"options must be Options(...), not {self.options!r}")
+
+    @contextmanager
+    def at(self, tolerance: float) -> Iterator[None]:
+        """Ask for another tolerance inside."""
+        asked = self.options
+        self.options = replace(asked, tolerance=tolerance)
+        try:
+            yield
+        finally:
+            self.options = asked
+
+    @cached_property
+    def rng(self) -> np.random.Generator:
+        """The run's one random generator."""
+        return np.random.default_rng(self.options.seed)
+
+    @contextmanager
+    def stating(self) -> Iterator[None]:
+        """Book the time spent inside as statement: building and compiling the program."""
+        start = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.statement_seconds += time.perf_counter() - start
+
+    def track(self, items: Iterable[T], description: str) -> Iterator[T]:
+        """Iterate with progress shown; raise `TimeLimitError` once the time limit has passed."""
+        total = len(items) if isinstance(items, Sized) else 0
+        self.progress(description, 0, total)
+        for done, item in enumerate(items, start=1):
+            if self._late:
+                raise TimeLimitError(
+                    f"{description}: {self._limit} reached at {done - 1} of {total}"
+                )
+            yield item
+            self.progress(description, done, total)
+
+    def spread(self, function: Callable[[T], S], items: Sequence[T], description: str) -> list[S]:
+        """Results of a function of many items, in threads, for compiled code that lets others run.
+
+        Progress is shown, and `TimeLimitError` raised once the time limit has passed.
+        """
+
+        def in_time(item: T) -> S:
+            self.seconds_left(description)
+            return function(item)
+
+        with Threads() as pool:
+            return spread(in_time, items, pool, self.progress, description)
+
+    def rounds(self, count: int, description: str, first: int = 0) -> Iterator[int]:
+        """Numbers of an iteration's rounds, those before ``first`` done by an earlier run.
+
+        Whatever is recorded must be an answer, if not the best. So the time limit ends the
+        iteration, and `solve` marks its answer as the best so far; before there is any it raises
+        `TimeLimitError`.
+        """
+        self.progress(description, first, count)
+        for number in range(first, count):
+            if self._late:
+                told = len(self.rows)
+                if not told:
+                    raise TimeLimitError(f"{description}: {self._limit} reached before any answer")
+                after = f"{told} rounds" if told > 1 else "1 round"
+                self.stopped = f"{self._limit} reached after {after}; best so far"
+                return
+            yield number
+            self.progress(description, number + 1, count)
+
+    def record(self, row: Row) -> None:
+        """Tell whoever watches of a round; an iteration that goes on tells the earlier ones too."""
+        self.rows.append(row)
+        self.watch(self.rows)
+
+    def seconds_left(self, description: str) -> float:
+        """Seconds until the time limit, infinite without one; raise `TimeLimitError` after it."""
+        if self._late:
+            raise TimeLimitError(f"{description}: {self._limit} reached")
+        limit = self.options.time_limit
+        return math.inf if limit is None else limit - (time.perf_counter() - self.started)
+
+    @property
+    def _late(self) -> bool:
+        limit = self.options.time_limit
+        return limit is not None and time.perf_counter() - self.started > limit
+
+    @property
+    def _limit(self) -> str:
+        return f"time limit of {self.options.time_limit:g} s"

@@ -1,0 +1,39 @@
+"""Executors inside the caller's own process."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from typing import Any, TypeVar
+
+from threadpoolctl import threadpool_limits
+
+T = TypeVar("T")
+
+
+class InProcess(Executor):
+    """Runs every task at once, in the caller's own process."""
+
+    def submit(self, fn: Callable[..., T], /, *args: Any, **kwargs: Any) -> Future[T]:
+        future: Future[T] = Future()
+        try:
+            future.set_result(fn(*args, **kwargs))
+        except Exception as error:
+            future.set_exception(error)
+        return future
+
+
+class Threads(ThreadPoolExecutor):
+    """Runs tasks in threads of the caller's process, for compiled code that lets others run.
+
+    BLAS keeps to one thread meanwhile: its own threads spin while they wait, on the workers' cores.
+    """
+
+    def __init__(self, workers: int | None = None) -> None:
+        super().__init__(os.cpu_count() if workers is None else workers)
+        self._limits = threadpool_limits(1, "blas")
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        super().shutdown(wait, cancel_futures=cancel_futures)
+        self._limits.restore_original_limits()

@@ -1,0 +1,28 @@
+"""How whoever waits is told how far the work is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+
+Progress = Callable[[str, int, int], None]
+"""Called with what is being done, how much of it is done, and of how much."""
+Row = Mapping[str, float | int | str]
+"""One round of an iteration, by column."""
+Watch = Callable[[Sequence[Row]], None]
+"""Called after every round of an iteration with the rows of all its rounds."""
+
+
+def silent(description: str, done: int, total: int) -> None:
+    """Progress that nobody watches."""
+
+
+def unwatched(rows: Sequence[Row]) -> None:
+    """Rounds that nobody watches."""
+
+
+def shown(value: float | int | str) -> str:
+    """An entry of a row as people read it."""
+    if not isinstance(value, float):
+        return str(value)
+    return "-" if math.isnan(value) else f"{value:.4g}"

@@ -1,0 +1,89 @@
+"""Many items of one function, spread over an executor."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, as_completed, wait
+from typing import Any, TypeVar
+
+from workbench.errors import InputError
+from workbench.executor.progress import Progress, silent
+
+S = TypeVar("S")
+T = TypeVar("T")
+
+
+def spread(
+    function: Callable[[T], S],
+    items: Sequence[T],
+    executor: Executor,
+    progress: Progress = silent,
+    description: str = "",
+    batch: int = 1,
+) -> list[S]:
+    """Results of a function of many items, in their order; `batch` of them make one task.
+
+    A task of `Processes` starts a process, so it should be worth seconds. The first error that is
+    met is raised, and what has not begun by then is not begun. Raises InputError for a batch below
+    1.
+    """
+    if batch < 1:
+        raise InputError(f"batch is {batch}; it must be 1 or more")
+    sizes: dict[Future[list[S]], int] = {}
+    told: set[Future[list[S]]] = set()
+
+    def tell(future: Future[list[S]]) -> None:
+        future.result()
+        told.add(future)
+        progress(description, sum(sizes[one] for one in told), len(items))
+
+    progress(description, 0, len(items))
+    try:
+        for start in range(0, len(items), batch):
+            part = items[start : start + batch]
+            future = executor.submit(_each, function, part)
+            sizes[future] = len(part)
+            if future.done():  # in process it is over before the next one begins
+                tell(future)
+        for future in as_completed(sizes):
+            if future not in told:
+                tell(future)
+    finally:
+        for future in sizes:
+            future.cancel()
+    return [result for future in sizes for result in future.result()]
+
+
+def _each(function: Callable[[T], S], items: Sequence[T]) -> list[S]:
+    return [function(item) for item in items]
+
+
+def as_they_end(
+    executor: Executor, calls: Iterable[tuple[T, tuple[Any, ...]]], window: int = 64
+) -> Iterator[tuple[T, Future[Any]]]:
+    """Labels and finished futures of many calls, as they end.
+
+    A call is a label with a function and its arguments. At most ``window`` of them are under way or
+    waiting at a time, so that a hundred thousand calls take no more memory than a hundred. Whoever
+    stops listening has those that have not begun cancelled.
+    """
+    waiting = iter(calls)
+    labels: dict[Future[Any], T] = {}
+    try:
+        while True:
+            while len(labels) < window:
+                label, call = next(waiting, (None, None))
+                if call is None:
+                    break
+                future = executor.submit(*call)
+                if future.done():  # in process it is over before the next one begins
+                    yield label, future  # type: ignore[misc]
+                else:
+                    labels[future] = label  # type: ignore[assignment]
+            if not labels:
+                return
+            for future in wait(labels, return_when=FIRST_COMPLETED).done:
+                yield labels.pop(future), future
+    finally:
+        for future in labels:
+            future.cancel()

@@ -1,0 +1,123 @@
+"""One process of a pool of `Workers`: it takes tasks from its input, one after the other.
+
+Run as ``python -m workbench.executor.worker FILE``. Tasks come in on the standard input and results
+go out on the standard output, each a pickle; what the tasks print goes to FILE.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import pickle
+import queue
+import signal
+import sys
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import IO, Any
+
+LONGEST_WORDS = 65_536
+"""What tasks print is read up to so many characters, from its end."""
+
+
+class _Here:
+    """This process as a worker; outside of one there is neither a channel nor a file."""
+
+    results: IO[bytes] | None = None
+    printed: Path | None = None
+
+
+def alarm(seconds: float | None) -> None:
+    """Have this worker killed in so many seconds from now; None: call that off.
+
+    The pool kills it, for a solver that hangs in compiled code hears no request. The task's future
+    raises `TimeLimitError` then. Outside of a worker nothing can be killed, and nothing happens.
+    """
+    if _Here.results is not None:
+        _send(("alarm", seconds))
+
+
+def printed() -> str:
+    """What the task at hand has printed so far; nothing outside of a worker."""
+    if _Here.printed is None:
+        return ""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    return last_words(_Here.printed)
+
+
+def last_words(file: Path) -> str:
+    """The end of a text that may be long."""
+    with file.open("rb") as stream:
+        stream.seek(max(0, file.stat().st_size - LONGEST_WORDS))
+        return stream.read().decode("utf-8", "replace")
+
+
+def _send(message: tuple[str, Any]) -> None:
+    assert _Here.results is not None
+    content = pickle.dumps(message)  # whole, before the first byte is sent
+    _Here.results.write(content)
+    _Here.results.flush()
+
+
+def _answer(task: bytes) -> tuple[str, Any]:
+    try:
+        function, arguments, keywords = pickle.loads(task)
+        return "value", pickle.dumps(function(*arguments, **keywords))
+    except SystemExit as error:
+        code = error.code if isinstance(error.code, int) else error.code is not None
+        os._exit(int(code))  # as the task wished; its pool sees a worker that died
+    except BaseException as error:  # a Rust panic is no Exception
+        return "error", f"{type(error).__name__}: {error}"
+
+
+def _tasks(stream: IO[bytes], waiting: queue.SimpleQueue[bytes]) -> None:
+    """Pass tasks on; without a pool at the other end this process has nothing left to do."""
+    try:
+        while True:
+            waiting.put(pickle.load(stream))
+    finally:
+        os._exit(0)
+
+
+def _die_with_parent() -> None:
+    """Where the system can do that: a hung solver outlives no pool that was killed."""
+    if sys.platform == "linux":
+        import ctypes
+
+        ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
+
+
+def main(file: str) -> None:
+    """Serve until the input ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # an interrupt is the pool's
+    _die_with_parent()
+    tasks = os.fdopen(os.dup(0), "rb")
+    _Here.results = os.fdopen(os.dup(1), "wb")
+    _Here.printed = Path(file)
+    out = os.open(file, os.O_WRONLY | os.O_CREAT | os.O_APPEND)
+    for standard in (1, 2):
+        os.dup2(out, standard)
+    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+    path, preload = pickle.load(tasks)
+    sys.path[:] = path
+    for module in preload:
+        importlib.import_module(module)
+    waiting: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+    threading.Thread(target=_tasks, args=(tasks, waiting), daemon=True).start()
+    _send(("ready", None))
+    while True:
+        task = waiting.get()
+        os.truncate(file, 0)
+        _send(_answer(task))
+
+
+def packed(function: Callable[..., Any], arguments: Any, keywords: Any) -> bytes:
+    """A task as it is sent."""
+    return pickle.dumps((function, arguments, keywords))
+
+
+if __name__ == "__main__":
+    # The module that tasks import is this one, not the copy called __main__.
+    importlib.import_module("workbench.executor.worker").main(sys.argv[1])

@@ -1,0 +1,287 @@
+"""A pool of warm processes, each of which can be killed without harm to the others."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import queue
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor, Future
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+from workbench.errors import (
+    CrashedError,
+    InputError,
+    MemoryLimitError,
+    TimeLimitError,
+    WorkbenchError,
+)
+from workbench.executor.worker import last_words, packed
+
+T = TypeVar("T")
+
+THREADS = (
+    *("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"),
+    *("RAYON_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"),
+)
+"""Environment variables that limit the threads of linear algebra, of compiled loops, of solvers."""
+KILLS = 2
+"""Workers that a task may kill before it counts as crashed: the first may have died by chance."""
+LOOK = 0.05
+"""Time between two looks at the memory of a worker [s]."""
+
+
+class Workers(Executor):
+    """Runs tasks in processes that stay, and replaces one that is killed or dies.
+
+    A task may say how long it has left (`workbench.executor.worker.alarm`); it is killed then, and
+    its future raises `TimeLimitError`. A task whose worker dies is done again by another one; if
+    that dies too, its future raises `CrashedError`. What a task raises becomes a WorkbenchError of
+    the same words.
+
+    Functions go to a process by their name: they must stand in a module that can be imported.
+
+    Parameters
+    ----------
+    count
+        How many processes.
+    threads
+        Threads that linear algebra and solvers may use in each.
+    memory_limit
+        Resident memory of a process [byte] beyond which it is killed and the task's future raises
+        `MemoryLimitError`; None: no limit.
+    preload
+        Modules that a process imports before its first task.
+    """
+
+    def __init__(
+        self,
+        count: int = 1,
+        *,
+        threads: int = 1,
+        memory_limit: int | None = None,
+        preload: Sequence[str] = (),
+    ) -> None:
+        for name, value in (("count", count), ("threads", threads), ("memory_limit", memory_limit)):
+            if value is not None and value < 1:
+                raise InputError(f"{name} of workers must be 1 or more, not {value!r}")
+        self.threads, self.memory_limit = threads, memory_limit
+        self._preload = tuple(preload)
+        self._tasks: queue.SimpleQueue[_Task | None] = queue.SimpleQueue()
+        self._closed = threading.Event()
+        self._seats = [_Seat(self) for _ in range(count)]
+
+    def submit(self, fn: Callable[..., T], /, *args: Any, **kwargs: Any) -> Future[T]:
+        if self._closed.is_set():
+            raise RuntimeError("these workers are shut down")
+        future: Future[T] = Future()
+        try:
+            self._tasks.put(_Task(packed(fn, args, kwargs), future))
+        except Exception as error:
+            future.set_exception(InputError(f"the task cannot be sent to a process: {error}"))
+        return future
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        self._closed.set()
+        if cancel_futures:
+            self._cancel()
+        for _ in self._seats:
+            self._tasks.put(None)
+        if wait:
+            for seat in self._seats:
+                seat.thread.join()
+
+    def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
+        if kind is not None:  # nobody waits for what is under way
+            self._cancel()
+            for seat in self._seats:
+                seat.kill()
+        self.shutdown()
+
+    def _cancel(self) -> None:
+        while True:
+            try:
+                task = self._tasks.get_nowait()
+            except queue.Empty:
+                return
+            if task is not None:
+                task.future.cancel()
+
+    def start(self, file: Path) -> subprocess.Popen[bytes]:
+        """A process that serves tasks and prints into a file."""
+        process = subprocess.Popen(
+            [sys.executable, "-m", "workbench.executor.worker", str(file)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            env=os.environ | dict.fromkeys(THREADS, str(self.threads)) | {"PYTHONPATH": _path()},
+        )
+        assert process.stdin is not None
+        pickle.dump((sys.path, self._preload), process.stdin)
+        process.stdin.flush()
+        return process
+
+
+def _path() -> str:
+    """Where a new process finds the workbench; the rest of the path is told to it then."""
+    home = str(Path(__file__).parents[2])
+    return os.pathsep.join([home, *filter(None, [os.environ.get("PYTHONPATH")])])
+
+
+@dataclass
+class _Task:
+    content: bytes
+    future: Future[Any]
+
+
+class _Seat:
+    """A thread, and the process whose tasks it hands out: one after another, as they die."""
+
+    def __init__(self, pool: Workers) -> None:
+        self._pool = pool
+        self._process: subprocess.Popen[bytes] | None = None
+        self._heard: queue.SimpleQueue[tuple[str, Any] | None] = queue.SimpleQueue()
+        self.thread = threading.Thread(target=self._serve, daemon=True)
+        self.thread.start()
+
+    def kill(self) -> None:
+        if self._process is not None:
+            self._process.kill()
+
+    def _serve(self) -> None:
+        with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+            self._file = Path(folder) / "printed"
+            self._file.touch()
+            try:
+                self._seat()
+                while (task := self._pool._tasks.get()) is not None:
+                    if task.future.set_running_or_notify_cancel():
+                        self._do(task)
+            finally:
+                self._leave()
+
+    def _do(self, task: _Task) -> None:
+        died = ""
+        for _ in range(KILLS):
+            try:
+                value = self._ask(task.content)
+            except _DiedError as death:
+                died = str(death)
+                self._leave()
+                if self._pool._closed.is_set():
+                    break
+                self._seat()
+            except WorkbenchError as error:
+                task.future.set_exception(error)
+                if self._process is None and not self._pool._closed.is_set():
+                    self._seat()  # it gets ready while nobody waits
+                return
+            else:
+                task.future.set_result(value)
+                return
+        task.future.set_exception(CrashedError(died))
+
+    def _seat(self) -> None:
+        """Start a process; whoever asks it waits until it is ready."""
+        self._process = self._pool.start(self._file)
+        self._ready = False
+        self._heard = queue.SimpleQueue()
+        listener = threading.Thread(target=_hear, args=(self._process, self._heard), daemon=True)
+        listener.start()
+
+    def _leave(self) -> None:
+        """End the process, whatever it does."""
+        process, self._process = self._process, None
+        if process is None:
+            return
+        process.kill()
+        process.wait()
+        for stream in (process.stdin, process.stdout):
+            if stream is not None:
+                with suppress(OSError):
+                    stream.close()
+
+    def _ask(self, content: bytes) -> Any:
+        """The value of a task, or what it raised."""
+        if self._process is None:
+            self._seat()
+        process = self._process
+        assert process is not None and process.stdin is not None
+        try:
+            while not self._ready:
+                self._next(process, None)
+                self._ready = True
+            pickle.dump(content, process.stdin)
+            process.stdin.flush()
+        except OSError:  # it died meanwhile
+            raise self._died(process) from None
+        until, limit = None, None
+        while True:
+            kind, value = self._next(process, until, limit)
+            if kind == "value":
+                return pickle.loads(value)
+            if kind == "error":
+                raise WorkbenchError(value)
+            limit = value
+            until = None if limit is None else time.monotonic() + limit
+
+    def _next(
+        self, process: subprocess.Popen[bytes], until: float | None, limit: float | None = None
+    ) -> tuple[str, Any]:
+        """The next message of a process, which may take until then and so much memory."""
+        allowed = self._pool.memory_limit
+        while True:
+            left = None if until is None else max(0.0, until - time.monotonic())
+            pause = left if allowed is None else min(LOOK, LOOK if left is None else left)
+            try:
+                message = self._heard.get(timeout=pause)
+            except queue.Empty:
+                if until is not None and time.monotonic() >= until:
+                    self._leave()
+                    raise TimeLimitError(f"killed at its time limit of {limit:.4g} s") from None
+                if allowed is not None and _resident(process.pid) > allowed:
+                    self._leave()
+                    raise MemoryLimitError(
+                        f"killed at its memory limit of {allowed / 2**20:.4g} MiB"
+                    ) from None
+                continue
+            if message is None:
+                raise self._died(process)
+            return message
+
+    def _died(self, process: subprocess.Popen[bytes]) -> _DiedError:
+        process.wait()
+        words = last_words(self._file).strip()
+        said = f": {words[-500:]}" if words else ""
+        return _DiedError(f"the worker process died with exit code {process.returncode}{said}")
+
+
+class _DiedError(Exception):
+    """The process of a task died."""
+
+
+def _hear(process: subprocess.Popen[bytes], heard: queue.SimpleQueue[Any]) -> None:
+    """Pass on what a process says; None when it says nothing more."""
+    assert process.stdout is not None
+    try:
+        while True:
+            heard.put(pickle.load(process.stdout))
+    except (EOFError, OSError, ValueError, pickle.UnpicklingError):
+        heard.put(None)
+
+
+def _resident(process: int) -> int:
+    """Resident memory of a process [byte]; none of one that is gone."""
+    import psutil
+
+    try:
+        return int(psutil.Process(process).memory_info().rss)
+    except psutil.Error:
+        return 0
