@@ -180,7 +180,8 @@ class Method:
     """Anything that answers a Program.
 
     ``optimal`` says that it claims the best answer; ``unfit`` returns the reason why it cannot
-    take a program, or None; ``accuracy`` holds the tolerances that make a difference to it.
+    take a program, or None; ``accuracy`` holds the tolerances that make a difference to it;
+    ``packages`` are those that it calls without importing them by name.
     """
 
     name: str
@@ -189,6 +190,7 @@ class Method:
     unfit: Callable[[Any], str | None]
     help: str
     accuracy: AccuracyRange = EVERY_ACCURACY
+    packages: tuple[str, ...] = ()
 
     def judging_tolerance(self, tolerance: float) -> float:
         """The tolerance of the certificate.
@@ -213,10 +215,12 @@ def method(
     optimal: bool,
     unfit: Callable[[Any], str | None] = _always_fit,
     accuracy: AccuracyRange = EVERY_ACCURACY,
+    packages: tuple[str, ...] = (),
 ) -> Callable[[Callable[[Any, Context], Claim]], Callable[[Any, Context], Claim]]:
     """Register ``function(program, context)`` as a method; its docstring is the method's help.
 
-    Tolerances outside ``accuracy`` must make no difference to it: they never reach it.
+    Tolerances outside ``accuracy`` must make no difference to it: they never reach it. ``packages``
+    are those that it calls without an import that names them: other versions, another answer.
 
     A subclass may have a method of its own under a name of its base class. A function that is
     defined again (its file imported anew, its notebook cell run again) takes its former place.
@@ -236,7 +240,7 @@ def method(
                 f"{_source(registered[name].answer)} and {_source(function)}; give one of them "
                 "another name"
             )
-        registered[name] = Method(name, function, optimal, unfit, text, accuracy)
+        registered[name] = Method(name, function, optimal, unfit, text, accuracy, packages)
         return function
 
     return register
@@ -287,9 +291,14 @@ def conic_method(
                 return function(program, context, solver)
 
             limited = accuracy.joined(solver.finest)
-            method(program, solver.name, optimal=optimal, unfit=unfit, accuracy=limited)(
-                with_solver
-            )
+            method(
+                program,
+                solver.name,
+                optimal=optimal,
+                unfit=unfit,
+                accuracy=limited,
+                packages=(solver.module,),
+            )(with_solver)
         return function
 
     return register

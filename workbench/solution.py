@@ -70,9 +70,16 @@ def solve(
         As `find_method`; or a method was named for a Study, which has none.
     """
     context = context or Context(options or Options())
+    return judge(task, method, ask(task, method, context), context)
+
+
+def ask(task: Task, method: str | None, context: Context) -> Solution:
+    """What a method answers and claims, not yet judged: there is no certificate. Raises as `solve`.
+
+    Whatever the method does not book as statement is solve: one without a statement books nothing.
+    """
     if not isinstance(task, Task):
         raise InputError(f"a Program or a Study is needed, not {type(task).__name__}")
-    optimal = task.claims_optimum(method)
     asked = context.options.accuracy
     note = task.unheeded(method, asked)
 
@@ -91,24 +98,27 @@ def solve(
     total = time.perf_counter() - start
     if answer is not None and context.stopped:
         claim, message = Outcome.TIME_LIMIT, context.stopped
-    # Whatever was not booked as statement is solve: a method without a statement books nothing.
     stated = context.statement_seconds
     seconds = {"statement": stated, "solve": total - stated}
-    if answer is None:
-        found = Solution(None, claim, message, None, seconds, trace, note)
-        return _with_proof(task, found, context) if claim.without_answer else found
+    return Solution(answer, claim, message, None, seconds, trace, note)
 
+
+def judge(task: Task, method: str | None, said: Solution, context: Context) -> Solution:
+    """What a method said, with the certificate of its answer, or of there being none."""
+    if said.answer is None:
+        return _with_proof(task, said, context) if said.claim.without_answer else said
     start = time.perf_counter()
-    optimal = optimal and claim is not Outcome.TIME_LIMIT
+    optimal = task.claims_optimum(method) and said.claim is not Outcome.TIME_LIMIT
+    tolerance = task.judging_tolerance(method, context.options.accuracy)
     try:
-        answer = task.witnessed(answer)
-        certificate = task.certify(answer, task.judging_tolerance(method, asked), optimal=optimal)
+        answer = task.witnessed(said.answer)
+        certificate = task.certify(answer, tolerance, optimal=optimal)
     except Exception as error:
         reason = f"the answer cannot be checked: {type(error).__name__}: {error}"
-        message = f"{reason}; the method said: {message}" if message else reason
-        return Solution(None, claim, message, None, seconds, traceback.format_exc(), note)
-    seconds["check"] = time.perf_counter() - start
-    return Solution(answer, claim, message, certificate, seconds, note=note)
+        message = f"{reason}; the method said: {said.message}" if said.message else reason
+        return replace(said, answer=None, message=message, trace=traceback.format_exc())
+    seconds = {**said.seconds, "check": time.perf_counter() - start}
+    return replace(said, answer=answer, certificate=certificate, seconds=seconds)
 
 
 def proof_task(task: Task, claim: Outcome, outcome: Outcome) -> Task | None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import importlib.util
 import operator
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from enum import StrEnum
@@ -32,6 +32,8 @@ class Outcome(StrEnum):
     NONE_UP_TO_R = "no solution up to R"
     NO_CLAIM = "no claim"
     TIME_LIMIT = "time limit"
+    MEMORY_LIMIT = "memory limit"
+    CRASHED = "crashed"
     FAILED = "failed"
 
     @property
@@ -61,6 +63,8 @@ _ADVICE = {
     Outcome.NO_CLAIM: "The method says that there is no answer, which nothing proves: "
     "try another method.",
     Outcome.TIME_LIMIT: "Stopped by the clock: raise the time limit or try a faster method.",
+    Outcome.MEMORY_LIMIT: "Killed for its memory: raise the limit or try another method.",
+    Outcome.CRASHED: "Its process died, twice: read the message, try another method.",
     Outcome.FAILED: "There is no valid answer: read the message, try another method.",
 }
 
@@ -257,15 +261,15 @@ _IPOPT_STATUS = {
 }
 
 
-_PACKAGES = (
+PACKAGES = (
     *("casadi", "clarabel", "control", "cvxopt", "cvxpy"),
     *("numba", "numpy", "scipy", "scs", "slycot"),
 )
 
 
-def versions() -> dict[str, str]:
+def versions(packages: Iterable[str] = PACKAGES) -> dict[str, str]:
     """Versions of the solvers and numerical libraries that can change an answer."""
-    return {package: found for package in _PACKAGES if (found := _version(package)) is not None}
+    return {package: found for package in packages if (found := _version(package)) is not None}
 
 
 @cache

@@ -18,7 +18,6 @@ import workbench
 import workbench.plants
 from workbench.bench.declare import PLACEMENT, RESERVED_PARAMETERS, Fed, Needs, Ref, Settings
 from workbench.bench.discovery import Entry
-from workbench.bench.question import sources
 from workbench.errors import InputError, RegistryError, UnknownNameError, WorkbenchError
 
 if TYPE_CHECKING:
@@ -31,8 +30,6 @@ class Problem:
     def __init__(self, entry: Entry) -> None:
         self.entry = entry
         self.name = entry.name
-        self.sources = sources(self.folder)
-        """Names and hashes of the source files as they were at import."""
         self.function = getattr(_import(entry), entry.function)
         self.settings: Settings = getattr(self.function, PLACEMENT)
         self.signature = inspect.signature(self.function)
@@ -69,7 +66,7 @@ class Problem:
 
     @property
     def folder(self) -> Path:
-        """The plant's folder: its sources can change an answer; data files are named from it."""
+        """The plant's folder: data files are named from it."""
         entry = self.entry
         first = entry.root / entry.file.relative_to(entry.root).parts[0]
         return first if first.is_dir() else entry.root

@@ -1,7 +1,8 @@
 """The question a run answers, and its key.
 
 The key is a hash of the question, never of versions: the same question finds the same folder
-everywhere. The code that answered is hashed apart, to tell whether a stored answer may be reused.
+everywhere. The code that answered is hashed apart (`workbench.bench.code`), to tell whether a stored
+answer may be reused.
 """
 
 from __future__ import annotations
@@ -9,16 +10,15 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
-from functools import cache
-from pathlib import Path
 from typing import Any
 
-import workbench
-from workbench.solvers import Options, versions
+from workbench.solvers import Options
 
 Keys = Mapping[str, str | list[str]]
+REPETITION = "repetition"
+"""The option that makes a question a cell's."""
 
 
 @dataclass(frozen=True)
@@ -34,8 +34,18 @@ class Question:
 
     @property
     def key(self) -> str:
-        """Eight hexadecimal digits."""
-        return digest(canonical(asdict(self)))[:8]
+        """Eight hexadecimal digits; of a cell, of which there may be very many, sixteen."""
+        return digest(canonical(asdict(self)))[: 16 if self.is_cell else 8]
+
+    @property
+    def is_cell(self) -> bool:
+        """It is a cell of a comparison, asked once more for the time that it takes."""
+        return REPETITION in self.options
+
+    def as_cell(self, repetition: int, memory_limit: int | None) -> Question:
+        """The same question as a cell."""
+        limit = {} if memory_limit is None else {"memory_limit": memory_limit}
+        return replace(self, options={**self.options, REPETITION: repetition, **limit})
 
     @property
     def untimed(self) -> Question:
@@ -76,30 +86,3 @@ def plain(value: Any) -> Any:
 
 def digest(text: str | bytes) -> str:
     return hashlib.sha256(text.encode() if isinstance(text, str) else text).hexdigest()
-
-
-def code_hash(plants: Iterable[str], upstream: Iterable[str] = ()) -> str:
-    """Hash of what may change an answer besides the question.
-
-    The workbench's sources, those of the ``plants`` as they were imported, the solvers' versions,
-    and the code hashes of the results that the problem was fed with.
-    """
-    return digest("".join([_own(), *sorted(plants), *upstream]) + canonical(versions()))[:16]
-
-
-@cache
-def _own() -> str:
-    """The workbench's sources as they are at the first call, near enough to their import."""
-    return sources(Path(workbench.__file__).parent)
-
-
-def sources(folder: Path) -> str:
-    """Names and hashes of the sources of a folder."""
-    files = sorted(folder.rglob("*.py"), key=lambda file: file.relative_to(folder).parts)
-    plants = folder / "plants"  # a problem's own folder is hashed by itself
-    lines = (
-        f"{file.relative_to(folder).as_posix()} {digest(file.read_bytes())}\n"
-        for file in files
-        if plants not in file.parents
-    )
-    return "".join(lines)

@@ -27,7 +27,7 @@ MOST_ARRAYS = 10_000
 """Number of arrays of a file above which it is not read."""
 
 _PROBLEM = re.compile(r"\w(?:[\w.-]*[\w-])?(?:/\w(?:[\w.-]*[\w-])?)*")
-_KEY = re.compile(r"[0-9a-f]{8}")
+_KEY = re.compile(r"[0-9a-f]{8}(?:[0-9a-f]{8})?")
 _FILE = re.compile(r"[\w][\w .+-]*")
 
 
@@ -42,7 +42,7 @@ def question_key(key: Any) -> str:
     """A stored key, which makes the name of its folder."""
     if isinstance(key, str) and _KEY.fullmatch(key):
         return key
-    raise ResultError(f"{_short(key)} is no key: eight hexadecimal digits are needed")
+    raise ResultError(f"{_short(key)} is no key: eight or sixteen hexadecimal digits are needed")
 
 
 def file_stem(name: str) -> str:

@@ -1,0 +1,214 @@
+"""The code that made an answer: a hash of the sources that its modules import, and no others.
+
+A stored answer is reused only while the code that made it is the same. That is what the problem's
+file, its Program, the method and their checks import, directly or not, and the versions of the
+solvers among it. Imports are read from the sources; nothing is imported for it. A name that a
+package re-exports leads to the module that defines it, so that one module of a room may change
+without its neighbours' answers.
+"""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import sys
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+from workbench.bench.question import canonical, digest
+from workbench.solvers import PACKAGES, versions
+
+OWN = "workbench"
+_ADDED = "workbench_problems_"
+"""How the packages begin that hold added problem folders; the rest depends on where they lie."""
+
+
+def code_hash(
+    modules: Iterable[str], solvers: Iterable[str] = (), upstream: Iterable[str] = ()
+) -> str:
+    """Hash of what may change an answer besides the question.
+
+    Parameters
+    ----------
+    modules
+        Names of imported modules: those of the problem, its Program and the method.
+    solvers
+        Packages that the method calls without importing them by name.
+    upstream
+        Code hashes of the results that the problem was fed with.
+    """
+    found, packages = closure(modules)
+    lines = sorted(f"{_label(name)} {facts.digest}\n" for name, facts in found.items())
+    counted = {*packages.intersection(PACKAGES), *solvers}
+    return digest("".join([*lines, *upstream]) + canonical(versions(sorted(counted))))[:16]
+
+
+def closure(modules: Iterable[str]) -> tuple[dict[str, Facts], set[str]]:
+    """The modules that some modules are made of, themselves included, and what else they import.
+
+    Followed are imports from the workbench and from the packages of the modules themselves; of all
+    others the name of the package is told.
+    """
+    waiting = [(name, None) for name in modules]
+    followed = {OWN, *(name.partition(".")[0] for name, _ in waiting)}
+    found: dict[str, Facts] = {}
+    packages: set[str] = set()
+    seen: set[Import] = set()
+    while waiting:
+        wanted: Import = waiting.pop()
+        if wanted in seen:
+            continue
+        seen.add(wanted)
+        if wanted[0].partition(".")[0] not in followed:
+            packages.add(wanted[0].partition(".")[0])
+            continue
+        module = _defining(*wanted)
+        file = _file(module)
+        if file is None:  # a notebook's cell, a built-in module
+            continue
+        if module not in found:
+            found[module] = _facts(file, module)
+            waiting += found[module].imports
+    return found, packages
+
+
+Import = tuple[str, str | None]
+"""A module, and the name taken from it; None: the module as a whole."""
+
+
+@dataclass(frozen=True)
+class Facts:
+    """What is read from a source file.
+
+    ``imports`` are what it runs with; ``bound`` leads names that it imports to where they are from,
+    those included that only type checkers import.
+    """
+
+    digest: str
+    imports: tuple[Import, ...]
+    bound: Mapping[str, Import]
+
+
+def _defining(module: str, name: str | None) -> str:
+    """The module that defines a name which a module gives."""
+    for _ in range(20):  # re-exports of re-exports end somewhere
+        if name is None:
+            return module
+        below = f"{module}.{name}"
+        file = _file(module)
+        if file is None or file.name != "__init__.py":
+            return module
+        source = _facts(file, module).bound.get(name)
+        if source is None or source == (module, name):
+            return below if _file(below) else module
+        if source[1] is None or source[0].partition(".")[0] != module.partition(".")[0]:
+            return source[0] if source[1] is None else module
+        module, name = source
+    return module
+
+
+def _file(module: str) -> Path | None:
+    """The source file of a module, found from that of its nearest imported package."""
+    parts = module.split(".")
+    for count in range(len(parts), 0, -1):
+        package = sys.modules.get(".".join(parts[:count]))
+        if package is None:
+            continue
+        folders = getattr(package, "__path__", None)
+        if folders is None:
+            file = getattr(package, "__file__", None)
+            return Path(file) if file and count == len(parts) and file.endswith(".py") else None
+        for folder in folders:
+            place = Path(folder, *parts[count:])
+            for candidate in (place / "__init__.py", place.with_suffix(".py")):
+                if candidate.is_file() and (count < len(parts) or candidate.parent == place):
+                    return candidate
+        return None
+    return None
+
+
+def _facts(file: Path, module: str) -> Facts:
+    """Facts of a file: the workbench's as it is at the first look, near enough to its import."""
+    own = module.partition(".")[0] == OWN and not module.startswith(f"{OWN}.plants.")
+    state = file.stat()
+    return _read(file, module, (0, 0) if own else (state.st_mtime_ns, state.st_size))
+
+
+@lru_cache(maxsize=None)
+def _read(file: Path, module: str, state: tuple[int, int]) -> Facts:
+    source = file.read_bytes()
+    package = module if file.name == "__init__.py" else module.rpartition(".")[0]
+    nodes = list(ast.walk(ast.parse(source)))
+    statements = [node for node in nodes if isinstance(node, ast.Import | ast.ImportFrom)]
+    bound = dict(pair for node in statements for pair in _bindings(node, package))
+    checked = {id(one) for node in nodes if _for_types(node) for one in ast.walk(node)}
+    running = [node for node in statements if id(node) not in checked]
+    taken = dict(pair for node in running for pair in _bindings(node, package))
+    imports = {one for node in running for one in _imports(node, package)}
+    for node in nodes:
+        name, *attributes = _chain(node)
+        if name in taken:
+            imports |= set(_through(taken[name], attributes))
+    return Facts(hashlib.sha256(source).hexdigest(), tuple(sorted(imports, key=str)), bound)
+
+
+def _for_types(node: ast.AST) -> bool:
+    """Whether it is ``if TYPE_CHECKING:``, which never runs."""
+    test = node.test if isinstance(node, ast.If) else None
+    return isinstance(test, ast.Name) and test.id == "TYPE_CHECKING"
+
+
+def _base(node: ast.ImportFrom, package: str) -> str:
+    """The module that ``from ... import`` takes names from, its dots resolved."""
+    if not node.level:
+        return node.module or ""
+    parts = package.split(".")
+    above = parts[: len(parts) - node.level + 1]
+    return ".".join([*above, *([node.module] if node.module else [])])
+
+
+def _bindings(node: ast.Import | ast.ImportFrom, package: str) -> Iterator[tuple[str, Import]]:
+    """Names that an import binds, and where they come from."""
+    if isinstance(node, ast.ImportFrom):
+        for alias in node.names:
+            yield alias.asname or alias.name, (_base(node, package), alias.name)
+    else:
+        for alias in node.names:
+            first = alias.name.partition(".")[0]
+            yield alias.asname or first, (alias.name if alias.asname else first, None)
+
+
+def _imports(node: ast.Import | ast.ImportFrom, package: str) -> Iterator[Import]:
+    if isinstance(node, ast.ImportFrom):
+        base = _base(node, package)
+        yield from ((base, None if alias.name == "*" else alias.name) for alias in node.names)
+    else:
+        yield from ((alias.name, None) for alias in node.names)
+
+
+def _chain(node: ast.AST) -> list[str]:
+    """The parts of ``a.b.c``; of anything else an empty name."""
+    parts = []
+    while isinstance(node, ast.Attribute):
+        parts.append(node.attr)
+        node = node.value
+    return [node.id, *reversed(parts)] if isinstance(node, ast.Name) and parts else [""]
+
+
+def _through(source: Import, attributes: list[str]) -> Iterator[Import]:
+    """What ``a.b.c`` leads to, where ``a`` is a package: a name of it, or of one below it."""
+    module = source[0] if source[1] is None else f"{source[0]}.{source[1]}"
+    for name in attributes:
+        file = _file(module)
+        if file is None or file.name != "__init__.py":
+            return
+        yield module, name
+        module = f"{module}.{name}"
+
+
+def _label(module: str) -> str:
+    """The name of a module, the same wherever its problem folder lies."""
+    first, dot, rest = module.partition(".")
+    return f"problems{dot}{rest}" if first.startswith(_ADDED) else module
