@@ -101,28 +101,88 @@ def run(
 
 def compare(
     pattern: str,
-    methods: Sequence[str],
+    methods: Sequence[str] | None = None,
     *,
     accuracies: Sequence[str] = ("low", "middle", "high"),
     time_limit: float | None = None,
+    memory_limit: int | None = None,
+    repeat: int = 1,
     seed: int = 0,
+    jobs: int = 1,
+    threads: int = 1,
     executor: Executor | None = None,
+    light: bool = False,
+    fresh: bool = False,
+    slow: bool = False,
+    verbose: bool = False,
     progress: Progress = silent,
     **parameters: Any,
 ) -> Run:
     """Every problem that fits a pattern, by every method, at every accuracy level.
 
+    A cell (problem, method, level, repetition) is stored when it ends and found again: what is
+    stopped goes on where it was, and what is added is all that is computed. By default cells run in
+    warm processes of their own; one that hangs, crashes or takes too much memory costs itself.
+
+    Parameters
+    ----------
+    pattern
+        Shell pattern of the problems; those marked slow only with ``slow``, or by their full name.
+    methods
+        Names of methods; None: all that each problem has.
+    accuracies
+        Levels among "low", "middle", "high".
+    time_limit
+        Seconds for each cell, from the start of its statement; it is killed there.
+    memory_limit
+        Resident memory of a cell's process [byte]; it is killed beyond.
+    repeat
+        How often each cell is timed. What is a method's first call in a process is not counted.
+    seed
+        Of the methods, and of the order in which cells run.
+    jobs, threads
+        Processes, and the threads of linear algebra and solvers in each.
+    executor
+        Where cells run instead: `InProcess` to look for errors, or anybody's
+        `concurrent.futures.Executor`; there each has a child process under its limits.
+    light
+        Keep a record of each cell only, without a folder for its answer.
+    fresh
+        Compute anew even where cells are stored.
+    verbose
+        Let the solvers print into the logs of their cells.
+
     Returns
     -------
     Run
-        Its ``data`` has dims (problem, by_method, accuracy): wall time of statement and solve,
-        optimality gap, success (the certificate holds), correctness (the method's claim agrees).
-    """
-    from workbench.bench.compare import run_comparison
+        Its ``data`` has dims (problem, by_method, accuracy, repetition): verdict, outcome, claim,
+        objective, certified gap, wall and CPU seconds, memory, key.
 
-    return run_comparison(
-        pattern, methods, accuracies, parameters, time_limit, seed, executor, progress
+    Raises
+    ------
+    UnknownNameError, InputError
+        No such problem, method, level or parameter; a limit or count that is not positive.
+    """
+    from workbench.bench.compare import asked_for, run_comparison
+
+    asked = asked_for(
+        pattern,
+        methods,
+        accuracies,
+        parameters,
+        slow=slow,
+        time_limit=time_limit,
+        memory_limit=memory_limit,
+        repeat=repeat,
+        seed=seed,
+        jobs=jobs,
+        threads=threads,
+        executor=executor,
+        light=light,
+        fresh=fresh,
+        verbose=verbose,
     )
+    return run_comparison(pattern, asked, progress)
 
 
 def results(pattern: str = "*") -> list[Run]:

@@ -66,7 +66,7 @@ def _run(name: str, asked: dict[str, Any], folders: Sequence[Path]) -> Run:
 
 
 def workers(jobs: int) -> Executor:
-    """Where several jobs run: processes that share out the cores, or this one where one is enough."""
+    """Where jobs run: in processes that share out the cores; a single one in this process."""
     from workbench.executor import InProcess, Workers
 
     if jobs == 1:

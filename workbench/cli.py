@@ -15,10 +15,11 @@ from workbench.bench.declare import RESERVED_PARAMETERS
 from workbench.bench.project import add_problems, registry, results_root, use_results
 from workbench.errors import WorkbenchError
 from workbench.terminal import (
+    print_comparison,
     print_details,
     print_json,
+    print_plan,
     print_runs,
-    print_table,
     row,
     shown_live,
     verdict,
@@ -161,52 +162,63 @@ def run(
 
 @main.command()
 @click.argument("pattern")
-@click.option("--methods", required=True, metavar="A,B,C", help="Methods to compare.")
+@click.option("--methods", metavar="A,B,C", help="Methods to compare.")
+@click.option("--all-methods", is_flag=True, help="Compare every method of each problem.")
 @click.option("--accuracy", default="low,middle,high", help="Accuracy levels.")
 @click.option("--set", "settings", multiple=True, metavar="KEY=VALUE")
-@click.option("--time-limit", type=float, help="Seconds for each cell; it is killed beyond.")
-@click.option("--jobs", type=click.IntRange(min=1), help="Run cells in this many processes.")
-@click.option("--seed", type=int, default=0)
+@click.option("--time-limit", type=float, help="Seconds for each cell; it is killed there.")
+@click.option("--memory-limit", metavar="SIZE", help="Memory of a cell's process, such as 4GiB.")
+@click.option("--repeat", type=click.IntRange(min=1), default=1, help="Time each cell so often.")
+@click.option("--jobs", type=click.IntRange(min=1), default=1, help="Run cells in N processes.")
+@click.option("--threads", type=click.IntRange(min=1), default=1, help="Threads in each process.")
+@click.option("--seed", type=int, default=0, help="Of the methods, and of the cells' order.")
+@click.option("--slow", is_flag=True, help="Problems marked slow too.")
+@click.option("--light", is_flag=True, help="Keep records of the cells, and no folders.")
+@click.option("--fresh", is_flag=True, help="Compute anew even where cells are stored.")
+@click.option("--verbose", is_flag=True, help="Let solvers print into the logs of the cells.")
+@click.option("--in-process", is_flag=True, help="Run cells in this process, to look for errors.")
+@click.option("--plan", is_flag=True, help="Print what would run, and run nothing.")
 @AS_JSON
 def compare(
     pattern: str,
-    methods: str,
+    methods: str | None,
+    all_methods: bool,
     accuracy: str,
     settings: tuple[str, ...],
-    time_limit: float | None,
-    jobs: int | None,
-    seed: int,
+    memory_limit: str | None,
+    in_process: bool,
+    plan: bool,
     as_json: bool,
+    **options: Any,
 ) -> None:
-    """Every problem that fits PATTERN by every method at every accuracy level."""
-    from workbench.bench.comparison import HEADS, alike, rows, unfit
-    from workbench.executor import InProcess, Processes
+    """Every problem that fits PATTERN by every method at every accuracy level.
 
-    # Only a process can be killed when its solver does not listen.
-    processes = bool(jobs or time_limit)
-    executor = Processes(jobs or 1, time_limit) if processes else InProcess()
-    with executor, shown_live(f"compare {pattern}") as (progress, _):
-        done = workbench.compare(
-            pattern,
-            methods.split(","),
-            accuracies=accuracy.split(","),
-            time_limit=time_limit,
-            seed=seed,
-            executor=executor,
-            progress=progress,
-            **_settings(settings),
-        )
-    every = done.metrics["success_rate"] == 1
-    if as_json:
-        print_json(row(done) | {"cells": rows(done.data)})
-        sys.exit(0 if every else 1)
-    print_table(HEADS, rows(done.data), right=3)
-    for text in unfit(done.data):
-        click.echo(f"  unfit: {text}")
-    for text in alike(done.data):
-        click.echo(f"  alike: {text}")
-    click.echo(done.path)
-    sys.exit(0 if every else 1)
+    A cell is stored when it ends and found again: what was stopped goes on where it was.
+    """
+    from workbench.bench.compare import asked_for, run_comparison
+    from workbench.executor import InProcess
+
+    if (methods is None) == (not all_methods):
+        raise click.UsageError("name --methods A,B,C or ask for --all-methods")
+    asked = asked_for(
+        pattern,
+        None if methods is None else methods.split(","),
+        accuracy.split(","),
+        _settings(settings),
+        memory_limit=None if memory_limit is None else _size(memory_limit),
+        executor=InProcess() if in_process else None,
+        **options,
+    )
+    with shown_live(f"compare {pattern}") as (progress, _):
+        if not plan:
+            done = run_comparison(pattern, asked, progress)
+        else:
+            planned = asked.planned(progress)
+    if plan:
+        print_plan(planned, as_json)
+        return
+    print_comparison(done, as_json)
+    sys.exit(0 if done.metrics["certified_share"] == 1 else 1)
 
 
 @main.command()
@@ -310,6 +322,21 @@ def _tell_unfit() -> None:
     """Say which problem files and names are left out, and why."""
     for sentence in registry().unfit:
         click.echo(f"workbench: left out: {sentence}", err=True)
+
+
+_UNITS = {"": 1, "B": 1, "kB": 1000, "MB": 1000**2, "GB": 1000**3}
+_UNITS |= {"KiB": 2**10, "MiB": 2**20, "GiB": 2**30}
+
+
+def _size(text: str) -> int:
+    """A number of bytes from a text such as 4GiB."""
+    number = text.rstrip("".join(set("".join(_UNITS))) + " ")
+    unit = text[len(number) :].strip()
+    try:
+        return int(float(number) * _UNITS[unit])
+    except (ValueError, KeyError, OverflowError):
+        units = ", ".join(filter(None, _UNITS))
+        raise click.UsageError(f"a size is a number and one of {units}, not {text!r}") from None
 
 
 def _settings(texts: tuple[str, ...]) -> dict[str, str]:

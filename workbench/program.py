@@ -159,6 +159,13 @@ class Program(Task):
 
     default_method: ClassVar[str]
 
+    @property
+    def size(self) -> float | None:
+        return None
+
+    def objective(self, answer: Any) -> float | None:
+        return None
+
     def respond(self, method: str | None, context: Context) -> Claim:
         return find_method(self, method).answer(self, context)
 

@@ -1,81 +1,126 @@
-"""Every problem by every method: what is right, what only claims to be, what cannot be asked."""
+"""Every problem by every method: each cell stored when it ends, killed at its limits, and judged."""
 
+import json
+import os
+import signal
+import sqlite3
+import subprocess
+import sys
 import time
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import get_context
+from pathlib import Path
 
 import pytest
 
 import workbench as wb
-from workbench.bench.comparison import rows
-from workbench.bench.store import damage
-from workbench.errors import InputError, UnknownNameError
-from workbench.executor import InProcess, Processes
+from workbench.bench.cells.stored import Journal
+from workbench.bench.compare import asked_for, described
+from workbench.bench.store import damage, seal
+from workbench.errors import InputError, ResultError, UnknownNameError
+from workbench.executor import InProcess, Workers
 
 EXECUTORS = {
     "in process": InProcess,
-    "processes": lambda: Processes(1),
+    "workers": Workers,
     "threads": lambda: ThreadPoolExecutor(2),
     "pool": lambda: ProcessPoolExecutor(1, get_context("spawn")),
 }
-any_executor = pytest.mark.parametrize(
-    "make",
-    [
-        pytest.param(make, id=name, marks=pytest.mark.slow if name == "pool" else ())
-        for name, make in EXECUTORS.items()
-    ],
-)
 pytestmark = pytest.mark.usefixtures("project")
 
 
-def cell(run, method, name="outcome", problem=0, accuracy=0):
-    return run.data[name].sel(by_method=method).values[problem, accuracy].item()
+def cell(run, method, name="outcome", problem=0, accuracy=0, repetition=0):
+    values = run.data[name].sel(by_method=method).values
+    return values[problem, accuracy, repetition].item()
 
 
 @pytest.fixture
 def one(project):
-    """Compare methods on one problem at one accuracy."""
+    """Compare methods on one problem at one accuracy, in this process unless told otherwise."""
 
-    def compare(*methods, executor=None, **options):
-        return wb.compare("toy/root", methods, accuracies=["middle"], executor=executor, **options)
+    def compare(*methods, **options):
+        options = {"accuracies": ["middle"], "executor": InProcess(), **options}
+        return wb.compare("toy/root", methods, **options)
 
     return compare
 
 
-CELLS = {  # outcome, claim, success, correctness
-    "exact": ("solved", "solved", True, True),
-    "rough": ("solved", "solved", True, True),
-    "boastful": ("inaccurate", "solved", False, False),
-    "lying": ("failed", "solved", False, False),
-    "modest": ("solved", "inaccurate", True, False),
-    "hopeless": ("no claim", "infeasible", False, False),
-    "raising": ("failed", "failed", False, False),
-    "garbage": ("failed", "solved", False, False),
+MORE = """
+
+@method(Root, "leaving", optimal=True)
+def leaving(program, context):
+    raise SystemExit(3)
+
+
+@method(Root, "printing", optimal=True)
+def printing(program, context):
+    print("forty-two lines")
+    os.write(2, b"and some of compiled code")
+    return roots(program), Outcome.SOLVED, ""
+
+
+@method(Root, "greedy", optimal=True)
+def greedy(program, context):
+    kept = np.ones(2**27)
+    time.sleep(60)
+    return kept, Outcome.SOLVED, ""
+
+
+@method(Root, "compiling", optimal=True)
+def compiling(program, context):
+    from numba.core.event import start_event, end_event
+
+    if not hasattr(time, "compiled"):
+        start_event("numba:compile")
+        time.sleep(1.0)
+        end_event("numba:compile")
+        time.compiled = True
+    return roots(program), Outcome.SOLVED, ""
+
+
+@method(Root, "noting", optimal=True)
+def noting(program, context):
+    with open("order.txt", "a") as file:
+        file.write(f"{program.targets} ")
+    return roots(program), Outcome.SOLVED, ""
+"""
+
+
+@pytest.fixture
+def hostile(project):
+    """More methods of the toy."""
+    project.write("plants/toy/problems.py", project.toy.read_text() + MORE)
+
+
+@pytest.fixture(scope="module")
+def workers():
+    with Workers(2) as executor:
+        yield executor
+
+
+CELLS = {  # outcome, claim, certified
+    "exact": ("solved", "solved", True),
+    "rough": ("solved", "solved", True),
+    "boastful": ("inaccurate", "solved", False),
+    "lying": ("failed", "solved", False),
+    "modest": ("solved", "inaccurate", True),
+    "hopeless": ("no claim", "infeasible", False),
+    "raising": ("failed", "failed", False),
+    "garbage": ("failed", "solved", False),
 }
 
 
-def test_success_is_the_truth_and_correctness_whether_the_claim_agrees(one):
+def test_a_cell_says_what_the_certificate_says_and_what_the_method_claimed(one):
     run = one(*CELLS)
-    names = ("outcome", "claim", "success", "correct")
+    names = ("outcome", "claim", "certified")
     assert {m: tuple(cell(run, m, name) for name in names) for m in CELLS} == CELLS
-
-
-def test_rates_count_what_could_be_tried(one):
-    run = one("exact", "lying", "modest", "picky", copies=2)
-    assert run.metrics == {
-        "success_rate": pytest.approx(2 / 3),
-        "correctness_rate": pytest.approx(1 / 3),
-        "cells": 3,
-        "unfit": 1,
-    }
 
 
 def test_an_unfit_cell_gives_its_reason_and_is_no_failure(one):
     run = one("exact", "picky", copies=2)
     assert run.holds
-    reason = "it counts to three"
-    assert (cell(run, "picky"), cell(run, "picky", "message")) == ("unfit", reason)
-    assert [row[3:] for row in rows(run.data)[1:]] == [["unfit"] + ["-"] * 6]
+    assert (cell(run, "picky"), cell(run, "picky", "message")) == ("unfit", "it counts to three")
+    assert run.metrics["cells"] == 1 and run.metrics["unfit"] == 1
 
 
 def test_a_method_that_nobody_has_is_an_error(one):
@@ -83,58 +128,237 @@ def test_a_method_that_nobody_has_is_an_error(one):
         one("exat")
 
 
-def test_methods_may_be_written_as_on_the_command_line(project):
-    run = wb.compare("toy/root", "exact,rough", accuracies=["low"])
-    assert list(run.data["by_method"].values) == ["exact", "rough"]
+def test_every_method_of_a_problem_is_asked_where_none_is_named(project):
+    plan = asked_for("toy/root", None, ["low"], {}, executor=InProcess()).planned()
+    assert {labels[1] for labels in plan.places} >= {"exact", "rough", "hanging", "picky"}
 
 
 def test_a_study_has_nothing_to_compare(project):
-    run = wb.compare("toy/[rt]o*", ["exact"], accuracies=["low"])
+    run = wb.compare("toy/[rt]o*", ["exact"], accuracies=["low"], executor=InProcess())
     assert run.data["outcome"].values.ravel().tolist() == ["solved", "unfit"]
     assert cell(run, "exact", "message", problem=1) == "toy/total is a study: it has no methods"
 
 
-@pytest.mark.parametrize("methods", [["nothing"], ["raising", "hopeless"]], ids=str)
-def test_a_comparison_without_any_answer_is_still_made(one, methods):
-    run = one(*methods)
-    assert run.holds and run.metrics["success_rate"] == 0
-    assert run.figures.keys() == {"accuracy-against-time"}
-
-
-def test_every_problem_method_and_level_is_a_cell(project):
-    run = wb.compare("toy/?/root", ["exact", "boastful"])
-    assert dict(run.data.sizes) == {"problem": 2, "by_method": 2, "accuracy": 3}
+def test_every_problem_method_level_and_repetition_is_a_cell(project):
+    run = wb.compare("toy/?/root", ["exact", "boastful"], repeat=2, executor=InProcess())
+    assert dict(run.data.sizes) == {
+        "problem": 2,
+        "by_method": 2,
+        "accuracy": 3,
+        "repetition": 2,
+    }
     assert run.data["problem"].values.tolist() == ["toy/x/root", "toy/y/root"]
+    assert run.data["program"].values.tolist() == ["Root", "Root"]
     assert run.data["tolerance"].values.tolist() == [1e-3, 1e-6, 1e-9]
-    assert (run.data["success"].sel(by_method="exact") == 1).all()
+    assert (run.data["certified"].sel(by_method="exact") == 1).all()
     assert (run.data["gap"].sel(by_method="boastful") > 0.4).all()
-    assert len(rows(run.data)) == 12
+    keys = run.data["key"].values.ravel().tolist()
+    assert len(set(keys)) == 24 and all(len(key) == 16 for key in keys)
 
 
-def test_the_folder_holds_table_figure_and_data(project, one):
-    run = one("exact", "lying")
-    assert run.path.parent == project.results / "compare" and damage(run.path) == []
-    table = run.tables["comparison"].splitlines()
-    cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in table]
-    assert len(table) == 4 and cells[0][:3] == ["problem", "method", "accuracy"]
-    assert cells[3][:7] == ["toy/root", "lying", "middle", "failed", "solved", "no", "no"]
-    assert run.figures.keys() == {"accuracy-against-time"}
-    assert run.data["solve"].attrs["units"] == "s" and (run.data["solve"] >= 0).all()
-    assert wb.verify(run.path).holds
+def test_what_was_measured_has_its_unit(one):
+    data = one("exact").data
+    for name, unit in {
+        "statement": "s",
+        "solve": "s",
+        "check": "s",
+        "cpu": "s",
+        "memory": "byte",
+    }.items():
+        assert data[name].attrs["units"] == unit and (data[name] >= 0).all()
+    assert data["memory"].item() > 1e7
+    assert {"processor", "cores", "memory", "system"} <= json.loads(data.attrs["machine"]).keys()
 
 
-def test_the_question_decides_the_folder_of_a_comparison(one):
-    paths = [run.path for run in (one("exact"), one("exact", scale=2.0), one("rough"))]
-    assert len(set(paths)) == 3
-    assert one("exact").path == paths[0]
+# --- stored, found again ----------------------------------------------------------------------
 
 
-def test_cells_leave_no_results_but_those_of_their_needs(project, one):
-    one("exact")
+def cell_folders(project):
+    return sorted((project.results / "cells").rglob("run.json"))
+
+
+def test_a_cell_is_a_results_folder_of_its_own_that_verifies(project, one):
+    run = one("exact", "lying", "raising")
+    folders = {file.parent.name for file in cell_folders(project)}
+    keys = {m: cell(run, m, "key") for m in ("exact", "lying", "raising")}
+    assert folders == {keys["exact"], keys["lying"] + ".failed", keys["raising"] + ".failed"}
+    place = project.results / "cells/toy/root" / keys["exact"]
+    assert wb.verify(place).holds
+    assert wb.open_run(place).data["x"].attrs["units"] == "m"
     assert {run.problem for run in wb.results()} == {"compare"}
 
 
-@any_executor
+def test_the_needs_of_a_cell_are_found_when_it_is_verified(project):
+    project.write("mine/p.py", NEEDY.format(folder=project.toy.parent))
+    wb.add_problems("mine")
+    run = wb.compare("mine/fed", ["plain"], accuracies=["low"], executor=InProcess())
+    place = project.results / "cells/mine/fed" / run.data["key"].item()
+    assert wb.verify(place).holds
+
+
+NEEDY = '''
+from dataclasses import dataclass
+import numpy as np, xarray as xr
+from workbench import Check, Outcome, Program, method, problem, ref
+
+@dataclass(frozen=True)
+class Twice(Program):
+    """Twice a number."""
+    number: float
+    default_method = "plain"
+    def checks(self, answer, tolerance):
+        return [Check("twice", "", abs(answer - 2 * self.number), 1e-9)]
+    def metrics(self, answer):
+        return {{}}
+    def to_dataset(self, answer):
+        return xr.Dataset({{"twice": answer}})
+    def from_dataset(self, data):
+        return float(data["twice"])
+
+@method(Twice, "plain", optimal=False)
+def plain(program, context):
+    return 2 * program.number, Outcome.SOLVED, ""
+
+@problem("mine/fed", needs={{"part": ref("toy/root")}})
+def fed(part) -> Twice:
+    return Twice(float(part.data["x"].sum()))
+'''
+
+
+def test_what_is_stored_is_not_computed_again(project, one):
+    before = one("exact", "raising", "lying")
+    stamps = {file: file.stat().st_mtime_ns for file in cell_folders(project)}
+    again = one("exact", "raising", "lying", "rough")
+    assert {f: f.stat().st_mtime_ns for f in cell_folders(project) if f in stamps} == stamps
+    assert len(cell_folders(project)) == 4
+    for name in ("key", "solve", "cpu", "outcome"):
+        same = again.data[name].sel(by_method=before.data["by_method"])
+        assert same.equals(before.data[name])
+    one("exact", fresh=True)
+    assert {f for f in stamps if f.stat().st_mtime_ns != stamps[f]} != set()
+
+
+def test_an_edit_elsewhere_leaves_cells_fresh_and_one_of_the_method_does_not(project, one):
+    def solved():
+        return one("exact").data["solve"].item()
+
+    before = solved()
+    project.write("plants/else/other.py", "x = 1")
+    project.write("plants/toy/unused.py", "x = 1")
+    assert solved() == before
+    project.write("plants/toy/problems.py", project.toy.read_text() + "\n# another line\n")
+    assert solved() != before
+
+
+def test_a_damaged_cell_is_computed_again(project, one):
+    run = one("exact")
+    place = project.results / "cells/toy/root" / cell(run, "exact", "key")
+    (place / "log.txt").write_text("edited")
+    one("exact")
+    assert damage(place) == []
+
+
+def test_a_collision_of_keys_is_detected(project, one):
+    run = one("exact")
+    place = project.results / "cells/toy/root" / cell(run, "exact", "key")
+    text = (place / "run.json").read_text().replace('"scale": 1.0', '"scale": 2.0')
+    (place / "run.json").write_text(text)
+    seal(place)
+    with pytest.raises(ResultError, match="another question of the same key"):
+        one("exact")
+
+
+def test_light_cells_leave_records_and_no_folders(project, one):
+    run = one("exact", "lying", "raising", light=True)
+    assert cell_folders(project) == []
+    again = one("exact", "lying", "raising", light=True)
+    for name in ("key", "solve", "cpu", "outcome", "message"):
+        assert again.data[name].equals(run.data[name])
+    with sqlite3.connect(project.results / "cells/light.sqlite") as rows:
+        assert rows.execute("select count(*) from cells").fetchone() == (3,)
+        rows.execute("update cells set question = '{}'")
+    with pytest.raises(ResultError, match="another question of the same key"):
+        one("exact", light=True)
+
+
+def test_a_journal_that_is_no_database_is_a_clear_error(project):
+    project.write("results/cells/light.sqlite", "not a database" * 100)
+    with pytest.raises(ResultError, match=r"light records .*light\.sqlite"):
+        Journal(project.results)
+
+
+STOPPED = """
+import workbench as wb
+if __name__ == "__main__":
+    print("begun", flush=True)
+    wb.compare("toy/root", ["exact", "rough", "hanging"], accuracies=["low"], jobs=1)
+"""
+
+
+def test_a_comparison_that_is_killed_has_kept_its_finished_cells(project):
+    project.write("run.py", STOPPED)
+    process = subprocess.Popen([sys.executable, "run.py"], cwd=project.root)
+    until = time.monotonic() + 60
+    while len(list((project.results / "cells").rglob("SHA256SUMS"))) < 1:
+        assert time.monotonic() < until and process.poll() is None
+        time.sleep(0.05)
+    time.sleep(1.0)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    kept = len(cell_folders(project))
+    assert kept >= 1 and not (project.results / "compare").exists()
+    plan = asked_for("toy/root", ["exact", "rough"], ["low"], {}, executor=InProcess()).planned()
+    states = [state for _, state in described(plan)]
+    assert states.count("stored") == kept
+
+
+# --- limits, crashes --------------------------------------------------------------------------
+
+
+def test_hostile_methods_cost_their_own_cells_only(hostile, one, workers):
+    run = one("hanging", "dying", "exact", "leaving", "printing", executor=workers, time_limit=1.0)
+    assert cell(run, "exact") == cell(run, "printing") == "solved"
+    assert cell(run, "hanging") == "time limit"
+    assert "limit of" in cell(run, "hanging", "message")
+    assert cell(run, "dying") == cell(run, "leaving") == "crashed"
+    assert "exit code 7" in cell(run, "dying", "message")
+    assert "sys.exit(3)" in cell(run, "leaving", "message")
+    assert run.metrics["certified_share"] == pytest.approx(2 / 5)
+
+
+def test_the_words_of_a_method_are_in_the_log_of_its_cell(hostile, project, one, workers):
+    run = one("printing", executor=workers)
+    place = project.results / "cells/toy/root" / cell(run, "printing", "key")
+    assert "forty-two lines" in (place / "log.txt").read_text()
+
+
+@pytest.mark.slow
+def test_a_greedy_method_is_killed_for_its_memory(hostile, one):
+    run = one("greedy", "exact", executor=None, memory_limit=800 * 2**20)
+    assert cell(run, "greedy") == "memory limit"
+    assert "800 MiB" in cell(run, "greedy", "message")
+    assert cell(run, "exact") == "solved"
+
+
+def test_a_time_limit_counts_neither_start_nor_imports_nor_compilation(hostile, one):
+    """A fresh worker takes seconds before its first cell, and this method compiles for some."""
+    run = one("exact", "compiling", executor=None, time_limit=0.5)
+    assert cell(run, "exact") == cell(run, "compiling") == "solved"
+    assert cell(run, "compiling", "solve") < 0.5
+
+
+def test_a_method_that_heeds_the_clock_is_out_of_time_in_process(one):
+    run = one("exact", "patient", time_limit=0.05)
+    assert cell(run, "patient") == cell(run, "patient", "claim") == "time limit"
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        pytest.param(make, id=name, marks=pytest.mark.slow if name == "pool" else ())
+        for name, make in EXECUTORS.items()
+    ],
+)
 def test_any_executor_gives_the_same_cells(project, make):
     """Workers know the added folder; a problem that cannot be bound is a failed cell of its own."""
     project.write("mine/p.py", project.toy.read_text().replace("toy/", "mine/"))
@@ -148,38 +372,32 @@ def test_any_executor_gives_the_same_cells(project, make):
     assert "one over nothing" in cell(run, "exact", "message")
 
 
-def test_a_hanging_method_is_killed_and_its_cell_says_so(one):
-    start = time.perf_counter()
-    with Processes(2, time_limit=2.0) as executor:
-        run = one("hanging", "exact", executor=executor)
-    assert cell(run, "hanging") == "time limit"
-    assert "limit of 2 s" in cell(run, "hanging", "message")
-    assert not cell(run, "hanging", "correct")
-    assert cell(run, "exact") == "solved"
-    assert time.perf_counter() - start < 20
-
-
-def test_a_method_that_heeds_the_clock_is_out_of_time_in_process(one):
-    run = one("exact", "patient", time_limit=0.05)
-    assert cell(run, "patient") == cell(run, "patient", "claim") == "time limit"
-    assert not cell(run, "patient", "correct")  # it claims nothing of the problem
-
-
-@pytest.mark.parametrize("name", ["processes", pytest.param("pool", marks=pytest.mark.slow)])
-def test_a_worker_that_dies_is_a_failed_cell(one, name):
-    with EXECUTORS[name]() as executor:
-        run = one("exact", "dying", executor=executor)
-    assert cell(run, "exact") == "solved"
-    assert cell(run, "dying") == "failed"
-    assert cell(run, "dying", "message")
-    assert not cell(run, "dying", "correct")
-
-
-def test_a_relative_results_folder_reaches_the_workers(project, monkeypatch):
+def test_workers_elsewhere_know_the_folders_and_the_results(project, workers, monkeypatch):
     monkeypatch.setenv("WORKBENCH_RESULTS", "kept")
-    with Processes(1) as executor:
-        run = wb.compare("toy/x/root", ["exact"], accuracies=["low"], executor=executor)
-    assert run.path.is_relative_to("kept") or run.path.is_relative_to(project.root / "kept")
+    workers.submit(os.chdir, "/").result()
+    workers.submit(os.chdir, "/").result()
+    run = wb.compare("toy/x/root", ["exact"], accuracies=["low"], executor=workers)
+    assert cell(run, "exact") == "solved"
+    assert (project.root / "kept/cells/toy/x/root" / cell(run, "exact", "key")).is_dir()
+
+
+def test_cells_run_in_an_order_drawn_with_the_seed(hostile, project):
+    def order(seed):
+        (project.root / "order.txt").unlink(missing_ok=True)
+        settings = {"repeat": 8, "seed": seed, "fresh": True, "executor": InProcess()}
+        wb.compare("toy/?/root", ["noting"], accuracies=["low"], **settings)
+        return (project.root / "order.txt").read_text()
+
+    first = order(0)
+    assert order(0) == first != order(1)
+
+
+def test_a_plan_runs_nothing(project):
+    asked = asked_for("toy/*", ["exact", "picky"], ["low"], {}, executor=InProcess())
+    states = {labels[:2]: state for labels, state in described(asked.planned())}
+    assert states["toy/root", "exact"] == "would run"
+    assert states["toy/total", "exact"].startswith("unfit")
+    assert not project.results.exists() or cell_folders(project) == []
 
 
 @pytest.mark.parametrize(
@@ -190,7 +408,11 @@ def test_a_relative_results_folder_reaches_the_workers(project, monkeypatch):
         ({"accuracies": ["medium"]}, InputError, "low, middle, high, not .*medium"),
         ({"accuracies": []}, InputError, "low, middle, high"),
         ({"time_limit": -1}, InputError, "time_limit must be positive"),
+        ({"memory_limit": -1}, InputError, "memory_limit of workers must be 1 or more"),
+        ({"repeat": 0}, InputError, "repeat must be 1 or more"),
+        ({"jobs": 0}, InputError, "jobs must be 1 or more"),
         ({"scael": 2.0}, UnknownNameError, "did you mean scale"),
+        ({"pattern": "toy/lat*"}, InputError, "slow"),
     ],
     ids=str,
 )
@@ -205,7 +427,14 @@ def test_progress_counts_cells(one):
     assert told[-1] == ("cells", 2, 2)
 
 
-def test_an_interrupt_ends_a_comparison_and_leaves_nothing(project, one):
+def test_an_interrupt_ends_a_comparison_and_keeps_what_is_finished(project, one):
     with pytest.raises(KeyboardInterrupt):
-        one("exact", "interrupted")
+        one("interrupted", "exact", "rough", seed=3)
     assert not any((project.results / "compare").glob("*"))
+
+
+def test_the_question_decides_the_folder_of_a_comparison(one):
+    paths = [run.path for run in (one("exact"), one("exact", scale=2.0), one("rough"))]
+    assert len(set(paths)) == 3
+    assert one("exact").path == paths[0]
+    assert Path(paths[0]).parent.name == "compare"

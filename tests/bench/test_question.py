@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from workbench.bench.question import Question, asked, canonical, code_hash, plain, sources
+from workbench.bench.question import Question, asked, canonical, plain
 from workbench.solvers import Options
 
 BASE = {
@@ -94,32 +94,9 @@ def test_numpy_values_are_plain_numbers():
     assert canonical([math.nan, math.inf, -math.inf]) == '["nan","inf","-inf"]'
 
 
-def test_the_code_is_told_by_the_sources_of_the_plant_alone(project):
-    def code():
-        project.restart()
-        return code_hash([sources(project.toy.parent)])
-
-    before = code()
-    assert code() == before
-    project.write("plants/else/other.py", "x = 1")
-    project.write("plants/toy/notes.txt", "not code")
-    assert code() == before
-    project.write("plants/toy/deep/helper.py", "x = 1")
-    assert code() != before
-    project.write("plants/toy/deep/helper.py", "x = 2")
-    changed = code()
-    assert changed != before
-    (project.toy.parent / "deep/helper.py").unlink()
-    assert code() == before
-
-
-def test_the_code_includes_that_of_what_is_fed(project):
-    own = sources(project.toy.parent)
-    hashes = {code_hash([own], upstream) for upstream in ((), ("a",), ("b",), ("a", "b"))}
-    assert len(hashes) == 4
-
-
-def test_the_code_includes_the_versions_of_solvers(project, monkeypatch):
-    before = code_hash([sources(project.toy.parent)])
-    monkeypatch.setattr("workbench.bench.question.versions", lambda: {"clarabel": "99"})
-    assert code_hash([sources(project.toy.parent)]) != before
+def test_the_key_of_a_cell_is_longer_and_counts_its_repetitions():
+    question = Question("toy/root", {}, {}, {}, "exact", {"tolerance": 1e-3})
+    cells = [question.as_cell(number, None) for number in range(3)]
+    assert not question.is_cell and len(question.key) == 8
+    assert all(cell.is_cell and len(cell.key) == 16 for cell in cells)
+    assert len({cell.key for cell in cells} | {question.as_cell(0, 2**30).key}) == 4

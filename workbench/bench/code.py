@@ -14,7 +14,7 @@ import hashlib
 import sys
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache
 from pathlib import Path
 
 from workbench.bench.question import canonical, digest
@@ -51,7 +51,7 @@ def closure(modules: Iterable[str]) -> tuple[dict[str, Facts], set[str]]:
     Followed are imports from the workbench and from the packages of the modules themselves; of all
     others the name of the package is told.
     """
-    waiting = [(name, None) for name in modules]
+    waiting: list[Import] = [(name, None) for name in modules]
     followed = {OWN, *(name.partition(".")[0] for name, _ in waiting)}
     found: dict[str, Facts] = {}
     packages: set[str] = set()
@@ -136,7 +136,7 @@ def _facts(file: Path, module: str) -> Facts:
     return _read(file, module, (0, 0) if own else (state.st_mtime_ns, state.st_size))
 
 
-@lru_cache(maxsize=None)
+@cache
 def _read(file: Path, module: str, state: tuple[int, int]) -> Facts:
     source = file.read_bytes()
     package = module if file.name == "__init__.py" else module.rpartition(".")[0]

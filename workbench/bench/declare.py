@@ -18,7 +18,8 @@ from typing import Any
 PLACEMENT = "__workbench_problem__"
 RESERVED_PARAMETERS = frozenset(
     {"name", "pattern", "method", "methods", "tolerance", "accuracies", "time_limit", "verbose"}
-    | {"seed", "fresh", "progress", "watch", "executor"}
+    | {"seed", "fresh", "progress", "watch", "executor", "memory_limit", "repeat", "jobs"}
+    | {"threads", "light", "slow"}
 )
 """Arguments of `workbench.run` and `workbench.compare`, which no parameter may be called."""
 

@@ -1,8 +1,8 @@
 """The question a run answers, and its key.
 
 The key is a hash of the question, never of versions: the same question finds the same folder
-everywhere. The code that answered is hashed apart (`workbench.bench.code`), to tell whether a stored
-answer may be reused.
+everywhere. The code that answered is hashed apart (`workbench.bench.code`), to tell whether a
+stored answer may be reused.
 """
 
 from __future__ import annotations
@@ -17,6 +17,8 @@ from typing import Any
 from workbench.solvers import Options
 
 Keys = Mapping[str, str | list[str]]
+CELL_DIGITS = 16
+"""Length of a cell's key: of a hundred thousand keys of eight digits some would be the same."""
 REPETITION = "repetition"
 """The option that makes a question a cell's."""
 
@@ -34,8 +36,8 @@ class Question:
 
     @property
     def key(self) -> str:
-        """Eight hexadecimal digits; of a cell, of which there may be very many, sixteen."""
-        return digest(canonical(asdict(self)))[: 16 if self.is_cell else 8]
+        """Eight hexadecimal digits, of a cell sixteen."""
+        return digest(canonical(asdict(self)))[: CELL_DIGITS if self.is_cell else 8]
 
     @property
     def is_cell(self) -> bool:

@@ -24,7 +24,7 @@ from workbench.bench.declare import Fed
 from workbench.bench.files import Picture, picture
 from workbench.bench.problem import Problem
 from workbench.bench.project import registry, results_root
-from workbench.bench.question import plain
+from workbench.bench.question import CELL_DIGITS, plain
 from workbench.bench.store import CHECKSUMS, Store, damage
 from workbench.bench.trust.information import run_information
 from workbench.bench.trust.untrusted import file_stem, own_file, possible_path, read_json, read_text
@@ -307,7 +307,7 @@ def given(run: Run, problem: Problem) -> dict[str, Any]:
 
 def _root(run: Run) -> Path:
     """The results root that a folder stands in: needs are found there."""
-    depth = len(run.problem.split("/"))
+    depth = len(run.problem.split("/")) + len(run.key) // CELL_DIGITS  # cells have a folder more
     parents = run.path.resolve().parents
     return parents[depth] if len(parents) > depth else results_root()
 

@@ -3,30 +3,32 @@
 from __future__ import annotations
 
 import datetime
+import inspect
 import platform
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import workbench
 from workbench.bench import netcdf
 from workbench.bench.checkpoint import FileCheckpoint
+from workbench.bench.code import code_hash
 from workbench.bench.crate import write_crate
 from workbench.bench.declare import Ref
 from workbench.bench.files import write_json
 from workbench.bench.notes import compared, log, went_on
 from workbench.bench.problem import Problem
 from workbench.bench.project import registry, results_root
-from workbench.bench.question import Question, asked, canonical, code_hash, digest
+from workbench.bench.question import Question, asked, canonical, digest, plain
 from workbench.bench.results import Run
 from workbench.bench.store import Store, Writer, damage
 from workbench.bench.trust.information import FORMAT
 from workbench.certificate import Certificate
 from workbench.errors import InputError, RegistryError, ResultError
-from workbench.executor import Context, Progress, Watch, silent, unwatched
-from workbench.heavy_types import Dataset
+from workbench.executor import Context, Progress, Row, Watch, silent, unwatched
 from workbench.program import Program, Task, find_method
 from workbench.solution import Solution, solve
 from workbench.solvers import Options, Outcome, versions
@@ -35,13 +37,17 @@ from workbench.study import Study
 
 @dataclass(frozen=True)
 class Bench:
-    """Settings of runs: results folder, options, progress display, reuse of stored answers."""
+    """Settings of runs: results folder, options, progress display, reuse of stored answers.
+
+    ``stored_only``: what a problem is fed with must be there; it is not run for it.
+    """
 
     store: Store
     options: Options
     progress: Progress = silent
     watch: Watch = unwatched
     fresh: bool = False
+    stored_only: bool = False
 
     def load(self, name: str, parameters: Mapping[str, Any]) -> Bound:
         """A problem with its data bound, its needs run first where they are missing."""
@@ -82,11 +88,13 @@ class Bench:
     def _run(self, asked_for: Ref, path: tuple[str, ...]) -> Run:
         bound = self._load(asked_for, path)
         question = bound.question(asked_for.method, self.options)
-        code = bound.code
+        code = bound.code(question.method)
         stored = self._stored(question, code)
         if stored:  # without a lock, so that a read-only folder can be read
             note = bound.task.unheeded(question.method, self.options.accuracy)
             return replace(stored, note=note)
+        if self.stored_only:
+            raise ResultError(f"{question.problem}/{question.key} is not stored")
         with self.store.writing(question.problem, question.key) as writer:
             # While this process waited for the lock another may have answered.
             return self._stored(question, code) or self.answer(bound, question, code, writer)
@@ -106,36 +114,20 @@ class Bench:
     ) -> Run:
         """Answer a question, certify the answer and publish the folder."""
         earlier = _earlier(writer.final, question)
-        started, clock = _now(), time.perf_counter()
+        started, clock = now(), time.perf_counter()
         checkpoint = self._checkpoint(question, code, writer)
         context = Context(self.options, self.progress, self.watch, checkpoint)
         solution = solve(bound.task, question.method, context=context)
         notes = [solution.note] * bool(solution.note) + went_on(solution, checkpoint)
-        if solution.certificate is not None and isinstance(bound.task, Study):
-            solution = replace(solution, certificate=bound.inherit(solution.certificate))
-
-        folder = writer.start()
-        data = _write_answer(folder, solution.proof or bound.task, solution)
-        if data is not None:
+        if earlier is not None and solution.certificate is not None:
+            data = (solution.proof or bound.task).to_dataset(solution.answer)
             notes += compared(earlier, data, self.options)
         seconds = dict(solution.seconds) | {"total": time.perf_counter() - clock}
         if checkpoint.earlier:
             seconds["earlier"] = checkpoint.earlier
-        info = _information(bound.task, question, solution) | {
-            "started": started,
-            "finished": _now(),
-            "seconds": seconds,
-            "code": code,
-            "versions": environment(),
-            "platform": f"{platform.system()} {platform.machine()}",
-        }
-        write_json(folder / "run.json", info)
-        text = log(info, solution, context.rows, notes)
-        (folder / "log.txt").write_text(text, encoding="utf-8")
-        write_crate(folder, info, bound.help)
-        proven = solution.outcome.proven
-        path = writer.publish(failed=not proven)
-        if proven:
+        about = {"started": started, "seconds": seconds, "code": code}
+        path = publish(writer, bound, question, solution, about, context.rows, notes)
+        if solution.outcome.proven:
             checkpoint.drop()
         return Run(path, note="; ".join(notes))
 
@@ -166,11 +158,19 @@ class Bound:
     def help(self) -> str:
         return self.problem.entry.help if self.problem else type(self.task).__doc__ or ""
 
-    @property
-    def code(self) -> str:
-        """Hash of the code that answers: the plant's, the workbench's, and that of its needs."""
-        plants = [self.problem.sources] if self.problem else []
-        return code_hash(plants, [run.info["code"] for run in self.fed])
+    def code(self, method: str | None) -> str:
+        """Hash of the code that answers: what it imports, and that of its needs."""
+        modules = {
+            one.__module__ for one in type(self.task).__mro__ if one.__module__ != "builtins"
+        }
+        packages: tuple[str, ...] = ()
+        if self.problem is not None:
+            modules.add(self.problem.function.__module__)
+        if isinstance(self.task, Program):
+            entry = find_method(self.task, method)
+            modules.add(inspect.unwrap(entry.answer).__module__)
+            packages = entry.packages
+        return code_hash(modules, packages, [run.info["code"] for run in self.fed])
 
     @property
     def fed(self) -> list[Run]:
@@ -180,22 +180,23 @@ class Bound:
 
     def question(self, method: str | None, options: Options) -> Question:
         """The question with the default method filled in."""
-        assert self.problem is not None
         if isinstance(self.task, Program):
             method = find_method(self.task, method).name
         elif method is not None:
-            raise InputError(f"{self.problem.name} is a study: it has no method {method!r}")
-        return Question(
-            self.problem.name,
-            self.parameters,
-            self.problem.data_hashes(),
-            {
-                name: [run.key for run in need] if isinstance(need, list) else need.key
-                for name, need in self.needs.items()
-            },
-            method,
-            asked(options, self.task.judging_tolerance(method, options.accuracy)),
-        )
+            raise InputError(f"{self.own_question.problem} is a study: it has no method {method!r}")
+        tolerance = self.task.judging_tolerance(method, options.accuracy)
+        return replace(self.own_question, method=method, options=asked(options, tolerance))
+
+    @cached_property
+    def own_question(self) -> Question:
+        """The question before a method is chosen."""
+        assert self.problem is not None
+        needs = {
+            name: [run.key for run in need] if isinstance(need, list) else need.key
+            for name, need in self.needs.items()
+        }
+        hashes = self.problem.data_hashes()
+        return Question(self.problem.name, self.parameters, hashes, needs, None, {})
 
     def _named_needs(self) -> Iterator[tuple[str, Run]]:
         for name, need in self.needs.items():
@@ -215,32 +216,66 @@ class Bound:
         return replace(own, checks=(*checks, *own.checks))
 
 
-def _write_answer(folder: Path, task: Task, solution: Solution) -> Dataset | None:
-    """Write arrays, certificate and metrics; nothing, and None, where there is no answer."""
-    if solution.certificate is None:
-        return None
-    data = task.to_dataset(solution.answer)
-    netcdf.write(data, folder / "data.nc")
-    write_json(folder / "certificate.json", solution.certificate.to_json())
-    write_json(folder / "metrics.json", task.metrics(solution.answer))
-    return data
+def publish(
+    writer: Writer,
+    bound: Bound,
+    question: Question,
+    solution: Solution,
+    about: Mapping[str, Any],
+    rows: Sequence[Row] = (),
+    notes: Sequence[str] = (),
+) -> Path:
+    """Write the folder of a judged answer, and move it to its place.
+
+    ``about`` is what run.json says besides the question and how it ended: started, seconds, code.
+    """
+    if solution.certificate is not None and isinstance(bound.task, Study):
+        solution = replace(solution, certificate=bound.inherit(solution.certificate))
+    folder = writer.start()
+    if solution.certificate is not None:
+        task = solution.proof or bound.task
+        netcdf.write(task.to_dataset(solution.answer), folder / "data.nc")
+        write_json(folder / "certificate.json", solution.certificate.to_json())
+        write_json(folder / "metrics.json", task.metrics(solution.answer))
+    kind = "study" if isinstance(bound.task, Study) else "program"
+    info = information(question, solution, about) | {
+        "kind": kind,
+        "headline": (solution.proof or bound.task).headline,
+    }
+    text = log(info, solution, rows, notes)
+    return seal_folder(writer, folder, info, text, bound.help)
 
 
-def _information(task: Task, question: Question, solution: Solution) -> dict[str, Any]:
-    """The part of run.json that says what was asked and how it ended."""
+def seal_folder(
+    writer: Writer, folder: Path, info: Mapping[str, Any], text: str, help: str
+) -> Path:
+    """Write what every folder has, be there an answer or not, and move it to its place."""
+    write_json(folder / "run.json", info)
+    (folder / "log.txt").write_text(text, encoding="utf-8")
+    write_crate(folder, info, help)
+    return writer.publish(failed=not Outcome(info["outcome"]).proven)
+
+
+def information(question: Question, solution: Solution, about: Mapping[str, Any]) -> dict[str, Any]:
+    """Content of run.json: what was asked, how it ended, and with what."""
     return {
         "format": FORMAT,
         **{name: getattr(question, name) for name in question.__dataclass_fields__},
         "key": question.key,
-        "kind": "study" if isinstance(task, Study) else "program",
-        "headline": (solution.proof or task).headline,
+        "kind": "program",
+        "headline": "",
         "claim": solution.claim,
         "outcome": solution.outcome,
         "message": solution.message,
+        "finished": now(),
+        "versions": environment(),
+        "platform": f"{platform.system()} {platform.machine()}",
+        **about,
     }
 
 
-def _now() -> str:
+def now() -> str:
+    """The time as run.json has it."""
     return datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
 
 
@@ -251,12 +286,19 @@ def environment() -> dict[str, str]:
 
 
 def _earlier(folder: Path, question: Question) -> Run | None:
-    """The stored run of a question, if it is whole."""
+    """The stored run of a question, if it is whole.
+
+    Raises
+    ------
+    ResultError
+        The folder holds the answer to another question: their keys collide.
+    """
     if not folder.exists() or damage(folder):
         return None
     run = Run(folder)
-    if run.info["problem"] != question.problem or run.info["key"] != question.key:
-        raise ResultError(f"{folder} holds the answer to another question")
+    asked = {name: getattr(question, name) for name in question.__dataclass_fields__}
+    if {name: run.info[name] for name in asked} != plain(asked) or run.key != question.key:
+        raise ResultError(f"{folder} holds the answer to another question of the same key")
     return run
 
 

@@ -4,6 +4,8 @@ A folder is written beside its place, below ``.partial``, and renamed in; an old
 aside first. One lock per question serialises processes that ask the same; the operating system
 frees it when its holder dies. Whatever a dead holder left is mended under its lock.
 
+    <root>/<problem>/<key>           a finished result
+    <root>/cells/<problem>/<key>     a finished cell of comparisons
     <root>/.partial/<slug>.lock      the lock of one question
     <root>/.partial/<slug>/new       a folder being written
     <root>/.partial/<slug>/old       an earlier result while it is being replaced
@@ -22,6 +24,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote, unquote
 
+from workbench.bench.question import CELL_DIGITS
 from workbench.bench.trust.untrusted import own_file, read_text
 from workbench.errors import ResultError
 
@@ -30,6 +33,8 @@ FAILED = ".failed"
 PARTIAL = ".partial"
 REFERENCE = "reference"
 """The committed reference results: listed and verified when asked for by path, never written."""
+CELLS = "cells"
+"""Where the cells of comparisons are: there may be very many, listed when asked for by path."""
 
 
 class Store:
@@ -39,8 +44,9 @@ class Store:
         self.root = Path(root)
 
     def folder(self, problem: str, key: str) -> Path:
-        """The results folder of a question."""
-        return self.root / problem / key
+        """The results folder of a question; a key of sixteen digits is a cell's."""
+        root = self.root / CELLS if len(key) == CELL_DIGITS else self.root
+        return root / problem / key
 
     def checkpoint(self, problem: str, key: str) -> Path:
         """The file in which an iteration keeps its state between rounds."""
@@ -55,7 +61,7 @@ class Store:
                 found.append(Path(place))
                 below.clear()
             elif Path(place) == self.root:
-                below[:] = [name for name in below if name not in (PARTIAL, REFERENCE)]
+                below[:] = [name for name in below if name not in (PARTIAL, REFERENCE, CELLS)]
         return sorted(folder for folder in found if folder.suffix != FAILED)
 
     @contextmanager

@@ -135,7 +135,7 @@ def _misplaced(run: Run) -> list[str]:
 
 def _other_code(run: Run, bound: Bound) -> list[str]:
     notes = []
-    if run.info["code"] != bound.code:
+    if run.info["code"] != bound.code(run.method):
         notes.append("answered by other code than this")
     stored, here = run.info["versions"], environment()
     notes += [

@@ -1,7 +1,7 @@
 """One process of a pool of `Workers`: it takes tasks from its input, one after the other.
 
-Run as ``python -m workbench.executor.worker FILE``. Tasks come in on the standard input and results
-go out on the standard output, each a pickle; what the tasks print goes to FILE.
+It runs `main`. Tasks come in on the standard input and results go out on the standard output, each
+a pickle; what the tasks print goes to a file.
 """
 
 from __future__ import annotations
@@ -116,8 +116,3 @@ def main(file: str) -> None:
 def packed(function: Callable[..., Any], arguments: Any, keywords: Any) -> bytes:
     """A task as it is sent."""
     return pickle.dumps((function, arguments, keywords))
-
-
-if __name__ == "__main__":
-    # The module that tasks import is this one, not the copy called __main__.
-    importlib.import_module("workbench.executor.worker").main(sys.argv[1])

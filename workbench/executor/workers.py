@@ -33,6 +33,8 @@ THREADS = (
     *("RAYON_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"),
 )
 """Environment variables that limit the threads of linear algebra, of compiled loops, of solvers."""
+SERVE = "import sys; from workbench.executor.worker import main; main(sys.argv[1])"
+"""What a process of the pool runs."""
 KILLS = 2
 """Workers that a task may kill before it counts as crashed: the first may have died by chance."""
 LOOK = 0.05
@@ -118,7 +120,7 @@ class Workers(Executor):
     def start(self, file: Path) -> subprocess.Popen[bytes]:
         """A process that serves tasks and prints into a file."""
         process = subprocess.Popen(
-            [sys.executable, "-m", "workbench.executor.worker", str(file)],
+            [sys.executable, "-c", SERVE, str(file)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             env=os.environ | dict.fromkeys(THREADS, str(self.threads)) | {"PYTHONPATH": _path()},

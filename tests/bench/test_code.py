@@ -1,0 +1,130 @@
+"""An answer goes stale by what its Program, method and checks import, and by nothing else."""
+
+import sys
+
+import pytest
+
+from workbench.bench import code
+from workbench.bench.code import closure, code_hash
+
+FILES = {
+    "__init__.py": "from pkg.room import peak as top\n",
+    "problem.py": "from pkg.room import peak\nimport pkg.checks as checks\nchecks.run()\n",
+    "checks.py": "import scipy.linalg\n",
+    "room/__init__.py": (
+        "from pkg.room.upper import peak\nfrom pkg.room.lower import power\nLIMIT = 1\n"
+    ),
+    "room/upper.py": "import numpy as np\nfrom . import shared\n",
+    "room/lower.py": "import cvxpy\n",
+    "room/shared.py": "def f():\n    from pkg.late import g\n    return g\n",
+    "late.py": "",
+    "typed.py": (
+        "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from pkg.late import g\n"
+    ),
+    "whole.py": "import pkg.room\n",
+    "through.py": "import pkg as p\nfrom pkg import room\np.top()\nroom.power()\n",
+    "constant.py": "from pkg.room import LIMIT\n",
+    "star.py": "from pkg.room import *\n",
+    "cyclic.py": "from pkg.cycle import x\n",
+    "cycle.py": "from pkg.cyclic import y\n",
+}
+
+
+@pytest.fixture
+def package(tmp_path, monkeypatch):
+    """A package of its own, written and importable; edits count at once."""
+    for name, text in FILES.items():
+        file = tmp_path / "pkg" / name
+        file.parent.mkdir(exist_ok=True, parents=True)
+        file.write_text(text)
+    monkeypatch.syspath_prepend(tmp_path)
+    package = type(sys)("pkg")
+    package.__path__ = [str(tmp_path / "pkg")]
+    monkeypatch.setitem(sys.modules, "pkg", package)
+    return tmp_path / "pkg"
+
+
+CLOSURES = {
+    "problem": {"problem", "checks", "room.upper", "room.shared", "late"},
+    "checks": {"checks"},
+    "typed": {"typed"},
+    "whole": {"whole", "room", "room.upper", "room.lower", "room.shared", "late"},
+    "constant": {"constant", "room", "room.upper", "room.lower", "room.shared", "late"},
+    "star": {"star", "room", "room.upper", "room.lower", "room.shared", "late"},
+    "cyclic": {"cyclic", "cycle"},
+}
+
+
+@pytest.mark.parametrize("name", CLOSURES)
+def test_imports_are_followed_to_what_defines_them(package, name):
+    found, _ = closure([f"pkg.{name}"])
+    assert {one.removeprefix("pkg.") for one in found} == CLOSURES[name]
+
+
+def test_a_name_taken_through_a_package_leads_to_what_defines_it(package):
+    found, _ = closure(["pkg.through"])
+    assert {"pkg.through", "pkg.room.upper", "pkg.room.lower"} <= found.keys()
+
+
+def test_other_packages_are_told_by_name(package):
+    _, packages = closure(["pkg.problem"])
+    assert packages & {"numpy", "scipy", "cvxpy"} == {"numpy", "scipy"}
+
+
+@pytest.mark.parametrize(
+    ("edited", "stale"),
+    [("room/upper.py", True), ("late.py", True), ("room/lower.py", False), ("typed.py", False)],
+)
+def test_an_edit_counts_where_it_is_imported(package, edited, stale):
+    before = code_hash(["pkg.problem"])
+    file = package / edited
+    file.write_text(file.read_text() + "x = 1\n")
+    assert (code_hash(["pkg.problem"]) != before) is stale
+
+
+def test_the_hash_is_that_of_the_text_wherever_it_lies(package, tmp_path, monkeypatch):
+    """A problem folder gets a package whose name depends on its place."""
+    before = code_hash(["pkg.checks"])
+    hashes = set()
+    for name in ("workbench_problems_1", "workbench_problems_2"):
+        root = type(sys)(name)
+        root.__path__ = [str(package)]
+        monkeypatch.setitem(sys.modules, name, root)
+        hashes.add(code_hash([f"{name}.checks"]))
+    assert len(hashes) == 1 and before not in hashes
+
+
+@pytest.mark.parametrize(
+    ("package_name", "counts"), [("scipy", True), ("cvxpy", False), ("xarray", False)]
+)
+def test_versions_count_of_the_solvers_that_are_imported(
+    package, monkeypatch, package_name, counts
+):
+    before = code_hash(["pkg.problem"])
+    real = code.versions
+    monkeypatch.setattr(
+        code,
+        "versions",
+        lambda names: {n: v + "x" * (n == package_name) for n, v in real(names).items()},
+    )
+    assert (code_hash(["pkg.problem"]) != before) is counts
+
+
+def test_a_solver_that_a_method_calls_by_name_counts(package):
+    assert code_hash(["pkg.checks"]) != code_hash(["pkg.checks"], ["scs"])
+
+
+def test_what_was_fed_counts(package):
+    assert (
+        len({code_hash(["pkg.checks"], (), fed) for fed in ((), ("a",), ("b",), ("a", "b"))}) == 4
+    )
+
+
+def test_a_module_without_a_file_has_no_code(package):
+    assert closure(["builtins", "__main__"])[0].keys() <= {"__main__"}
+
+
+def test_one_room_of_the_workbench_changes_without_the_others():
+    circle, _ = closure(["workbench.geometry.circle"])
+    assert "workbench.certify.cones.form" in circle
+    assert not any(name.startswith(("workbench.mu", "workbench.bench")) for name in circle)

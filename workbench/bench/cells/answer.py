@@ -1,0 +1,152 @@
+"""Answer one cell: by its method, under its limits, timed, certified, stored."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from workbench.bench.cells.clock import running
+from workbench.bench.cells.machine import forget_peak_memory, peak_memory
+from workbench.bench.cells.plan import Place, load
+from workbench.bench.cells.record import CELL, Record
+from workbench.bench.notes import log
+from workbench.bench.project import registry
+from workbench.bench.question import Question
+from workbench.bench.run import information, now, publish, seal_folder
+from workbench.bench.store import Store
+from workbench.executor import Context, Workers
+from workbench.executor.worker import printed
+from workbench.program import Program
+from workbench.solution import Solution, ask, judge
+from workbench.solvers import Options, Outcome
+
+WARM_UP = 10.0
+"""A method's first call in a process may import: it may take so much longer than its limit, and is
+made a second time where it is faster [s]."""
+CHECK_LIMIT = 600.0
+"""What a check may take where there is a time limit [s]; it is not the method's time."""
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A cell as a worker gets it.
+
+    ``given`` are the parameters of its problem as the user gave them; ``light``: it leaves no
+    folder; ``verbose``: solvers print into its log.
+    """
+
+    question: Question
+    code: str
+    given: Mapping[str, Any]
+    light: bool = False
+    verbose: bool = False
+
+    @property
+    def options(self) -> Options:
+        asked = self.question.options
+        return Options(asked["tolerance"], asked["time_limit"], self.verbose, asked["seed"])
+
+
+def answer(cell: Cell, place: Place) -> Record:
+    """Answer a cell and certify the answer; its results folder is left unless it is light.
+
+    Raises
+    ------
+    WorkbenchError
+        The problem cannot be loaded. What the method does wrong is in the record.
+    """
+    place.enter()
+    started, clock = now(), time.perf_counter()
+    bound = load(cell.question.problem, cell.given, cell.options.seed)
+    method = cell.question.method
+    assert isinstance(bound.task, Program) and method is not None
+    said = _timed(bound.task, method, cell.options)
+    with running(None if cell.options.time_limit is None else CHECK_LIMIT):
+        solution = judge(bound.task, method, said.solution, said.context)
+    valid = solution.certificate is not None and solution.certificate.valid
+    own = valid and solution.proof is None
+    objective = bound.task.objective(solution.answer) if own else None
+    record = Record.of(solution, objective, said.cpu, said.memory)
+    if not cell.light:
+        seconds = {**solution.seconds, "total": time.perf_counter() - clock}
+        about = {"started": started, "seconds": seconds, "code": cell.code, CELL: record.to_json()}
+        question = cell.question
+        with Store(place.results).writing(question.problem, question.key) as writer:
+            notes = [text] if (text := printed().strip()) else []
+            publish(writer, bound, question, solution, about, said.context.rows, notes)
+    return record
+
+
+_warm: set[tuple[type, str]] = set()
+"""Programs and methods that this process has called before."""
+
+
+def _timed(task: Program, method: str, options: Options) -> Said:
+    """What a method says.
+
+    Its first call in a process is not counted where it may have spent its time on imports.
+    """
+    pair, limit = (type(task), method), options.time_limit
+    if pair not in _warm:
+        _warm.add(pair)
+        first = _once(task, method, options, None if limit is None else limit + WARM_UP)
+        took = sum(first.solution.seconds.values()) - first.compiling
+        if first.compiling == 0.0 and took > WARM_UP and (limit is None or took <= limit):
+            return first
+    return _once(task, method, options, limit)
+
+
+@dataclass(frozen=True)
+class Said:
+    """What a method said, CPU time and time of compiling [s], and the peak of memory [byte]."""
+
+    solution: Solution
+    context: Context
+    cpu: float
+    compiling: float
+    memory: float
+
+
+def _once(task: Program, method: str, options: Options, limit: float | None) -> Said:
+    context = Context(options)
+    forget_peak_memory()
+    with running(limit) as clock:
+        cpu = time.process_time()
+        try:
+            solution = ask(task, method, context)
+        except SystemExit as error:
+            words = f"the method called sys.exit({error.code!r})"
+            solution = Solution(None, Outcome.CRASHED, words, None)
+        cpu = time.process_time() - cpu
+    return Said(solution, context, cpu, clock.compiling, peak_memory())
+
+
+_apart = threading.local()
+"""The child process of each thread that answers cells for somebody else's executor."""
+
+
+def answer_apart(cell: Cell, place: Place, memory_limit: int | None, threads: int) -> Record:
+    """Answer a cell in a child process of this worker, which can be killed without harm to it."""
+    pool: Workers | None = getattr(_apart, "pool", None)
+    if pool is None or (pool.memory_limit, pool.threads) != (memory_limit, threads):
+        if pool is not None:
+            pool.shutdown()
+        preload = (__name__,)
+        pool = Workers(1, threads=threads, memory_limit=memory_limit, preload=preload)
+        _apart.pool = pool
+    return pool.submit(answer, cell, place).result()
+
+
+def store_lost(cell: Cell, record: Record, place: Place) -> None:
+    """Leave a results folder for a cell whose worker came to no end."""
+    question = cell.question
+    solution = Solution(None, Outcome(record.outcome), record.message, None)
+    about = {"started": now(), "seconds": {"total": 0.0}, "code": cell.code, CELL: record.to_json()}
+    info = information(question, solution, about)
+    with Store(place.results).writing(question.problem, question.key) as writer:
+        folder = writer.start()
+        text = log(info, solution, (), ())
+        seal_folder(writer, folder, info, text, registry().find(question.problem).entry.help)

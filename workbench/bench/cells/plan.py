@@ -1,0 +1,123 @@
+"""What a comparison asks: its cells, their questions, and the code that will answer them."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from workbench.bench.project import add_problems, registry, results_root, use_results
+from workbench.bench.question import Question, canonical
+from workbench.bench.run import Bench, Bound
+from workbench.bench.store import Store
+from workbench.errors import WorkbenchError
+from workbench.program import Program, methods
+from workbench.solvers import ACCURACY, Options
+from workbench.study import Study
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a worker finds what its caller finds: problem folders and results."""
+
+    folders: tuple[Path, ...]
+    results: Path
+
+    @classmethod
+    def here(cls) -> Place:
+        return cls(tuple(registry().roots), results_root().absolute())
+
+    def enter(self) -> None:
+        """Find the same things in this process."""
+        if self in _entered:
+            return
+        _entered[:] = [self]
+        known = registry().roots
+        for folder in self.folders:
+            if folder not in known:
+                add_problems(folder)
+        if results_root().absolute() != self.results:
+            use_results(self.results)
+
+
+_entered: list[Place] = []
+"""The place that this process is at: looking through the problem folders takes milliseconds."""
+
+
+@dataclass(frozen=True)
+class Planned:
+    """A method of a problem: why it cannot take it, the code that answers, what it makes of levels.
+
+    ``tolerances`` are those that the certificate judges by, by level; of two levels with the same
+    one the cell is the same.
+    """
+
+    unfit: str
+    code: str = ""
+    tolerances: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A problem of a comparison as a worker has loaded it.
+
+    ``question`` is its own, without a method; None where the problem could not be loaded, which
+    ``failure`` tells, or is a study, which has no methods.
+    """
+
+    problem: str
+    question: Question | None = None
+    program: str = ""
+    size: float = np.nan
+    methods: Mapping[str, Planned] = field(default_factory=dict)
+    failure: str = ""
+    study: bool = False
+
+
+_loaded: dict[tuple[str, str], Bound] = {}
+"""Problems that this worker has loaded, with their needs: the latest `MOST_LOADED` of them."""
+MOST_LOADED = 32
+
+
+def load(name: str, parameters: Mapping[str, Any], seed: int, *, stored: bool = False) -> Bound:
+    """A problem with its needs, kept for the next cell; ``stored``: no need may be run for it."""
+    key = (name, canonical(parameters))
+    if key not in _loaded:
+        while len(_loaded) >= MOST_LOADED:
+            del _loaded[next(iter(_loaded))]
+        bench = Bench(Store(results_root()), Options(seed=seed), stored_only=stored)
+        _loaded[key] = bench.load(name, parameters)
+    return _loaded[key]
+
+
+def plan(
+    name: str, parameters: Mapping[str, Any], seed: int, place: Place, stored: bool = False
+) -> Plan:
+    """The plan of a problem, loaded anew; whatever goes wrong is in it."""
+    place.enter()
+    _loaded.pop((name, canonical(parameters)), None)
+    kind = registry().find(name).hint("return")
+    if inspect.isclass(kind) and issubclass(kind, Study):
+        return Plan(name, study=True)
+    try:
+        bound = load(name, parameters, seed, stored=stored)
+    except WorkbenchError as error:
+        return Plan(name, failure=f"{type(error).__name__}: {error}")
+    task = bound.task
+    if not isinstance(task, Program):
+        return Plan(name, study=True)
+    size = task.size
+    planned = {}
+    for method, entry in methods(task).items():
+        reason = entry.unfit(task)
+        if reason:
+            planned[method] = Planned(reason)
+            continue
+        levels = {level: entry.judging_tolerance(value) for level, value in ACCURACY.items()}
+        planned[method] = Planned("", bound.code(method), levels)
+    own = bound.own_question
+    return Plan(name, own, type(task).__name__, np.nan if size is None else size, planned)

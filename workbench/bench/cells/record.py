@@ -1,0 +1,100 @@
+"""How a cell ended: what the table of a comparison has of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from typing import Any
+
+from workbench.bench.results import Run
+from workbench.errors import CrashedError, MemoryLimitError, ResultError, TimeLimitError
+from workbench.solution import Solution
+from workbench.solvers import Outcome
+
+UNFIT = "unfit"
+"""Outcome of a cell whose method cannot take its problem."""
+CELL = "cell"
+"""The part of run.json that only cells have."""
+
+
+@dataclass(frozen=True)
+class Record:
+    """How a cell ended.
+
+    ``objective`` is that of a valid answer, to be minimised; ``gap`` its certified relative
+    distance from the best. Wall times of statement, solve and check, CPU time of the first two [s];
+    the largest resident memory of the process meanwhile [byte]. NaN stands for what there is not.
+    """
+
+    outcome: str
+    claim: str = ""
+    message: str = ""
+    certified: bool = False
+    objective: float = math.nan
+    gap: float = math.nan
+    statement: float = math.nan
+    solve: float = math.nan
+    check: float = math.nan
+    cpu: float = math.nan
+    memory: float = math.nan
+
+    @classmethod
+    def of(cls, solution: Solution, objective: float | None, cpu: float, memory: float) -> Record:
+        """The record of a judged answer."""
+        certificate = solution.certificate
+        gap = certificate.gap if certificate and solution.proof is None else None
+        statement, solve, check = (
+            solution.seconds.get(name, math.nan) for name in ("statement", "solve", "check")
+        )
+        statement, solve, check = (
+            solution.seconds.get(name, math.nan) for name in ("statement", "solve", "check")
+        )
+        return cls(
+            solution.outcome,
+            solution.claim,
+            solution.message,
+            solution.outcome.proven,
+            math.nan if objective is None else float(objective),
+            gap.value if gap else math.nan,
+            statement,
+            solve,
+            check,
+            cpu,
+            memory,
+        )
+
+    @classmethod
+    def lost(cls, error: BaseException) -> Record:
+        """The record of a cell whose worker, or whose task, did not come to an end."""
+        if isinstance(error, TimeLimitError):
+            return cls(Outcome.TIME_LIMIT, message=str(error))
+        if isinstance(error, MemoryLimitError):
+            return cls(Outcome.MEMORY_LIMIT, message=str(error))
+        if isinstance(error, CrashedError):
+            return cls(Outcome.CRASHED, message=str(error))
+        return cls(Outcome.FAILED, message=f"{type(error).__name__}: {error}")
+
+    @classmethod
+    def stored(cls, run: Run) -> Record:
+        """The record in a cell's results folder."""
+        return cls.from_json({**run.info.get(CELL, {}), **_said(run.info)}, str(run.path))
+
+    def to_json(self) -> dict[str, Any]:
+        return asdict(self)
+
+    @classmethod
+    def from_json(cls, stored: Mapping[str, Any], place: str) -> Record:
+        """A record read back; numbers may be the names of those that JSON has not."""
+        try:
+            values = {
+                one.name: float(stored[one.name]) if one.type == "float" else stored[one.name]
+                for one in fields(cls)
+            }
+        except (KeyError, TypeError, ValueError) as error:
+            raise ResultError(f"{place} holds no cell: {type(error).__name__} {error}") from None
+        return cls(**values)
+
+
+def _said(info: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: info[name] for name in ("outcome", "claim", "message")}

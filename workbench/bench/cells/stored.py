@@ -1,0 +1,87 @@
+"""Cells that were answered before: in results folders, or as light records."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from contextlib import AbstractContextManager
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from workbench.bench.cells.answer import Cell
+from workbench.bench.cells.record import Record
+from workbench.bench.question import Question, canonical, plain
+from workbench.bench.results import Run
+from workbench.bench.store import CELLS, FAILED, Store, damage
+from workbench.errors import ResultError
+
+
+def in_folder(store: Store, cell: Cell) -> Record | None:
+    """The record in the results folder of a cell, an answer or a failure, if it may be reused.
+
+    Raises
+    ------
+    ResultError
+        The folder holds another cell: their keys collide.
+    """
+    question = cell.question
+    folder = store.folder(question.problem, question.key)
+    for place in (folder, folder.with_name(folder.name + FAILED)):
+        if not place.exists() or damage(place):
+            continue
+        run = Run(place)
+        _need_same(question, {name: run.info[name] for name in asdict(question)}, str(place))
+        if run.info["code"] == cell.code:
+            return Record.stored(run)
+    return None
+
+
+class Journal(AbstractContextManager["Journal"]):
+    """Light records of cells below a results root, one row each; written when a cell ends."""
+
+    def __init__(self, root: Path) -> None:
+        self.file = root / CELLS / "light.sqlite"
+        try:
+            self.file.parent.mkdir(parents=True, exist_ok=True)
+            self._rows = sqlite3.connect(self.file, timeout=60.0, isolation_level=None)
+            # Safe from a process that is killed, and no wait for the disk after each cell.
+            self._rows.execute("pragma journal_mode = wal")
+            self._rows.execute("pragma synchronous = normal")
+            self._rows.execute(
+                "create table if not exists cells "
+                "(key text primary key, code text, question text, record text) without rowid"
+            )
+        except (OSError, sqlite3.Error) as error:
+            raise ResultError(f"light records cannot be kept in {self.file}: {error}") from None
+
+    def __exit__(self, *error: Any) -> None:
+        self._rows.close()
+
+    def find(self, cell: Cell) -> Record | None:
+        """The record of a cell, if it may be reused. Raises as `in_folder`."""
+        try:
+            row = self._rows.execute(
+                "select code, question, record from cells where key = ?", (cell.question.key,)
+            ).fetchone()
+            if row is None:
+                return None
+            code, question, record = row[0], json.loads(row[1]), json.loads(row[2])
+        except (sqlite3.Error, ValueError) as error:
+            raise ResultError(f"{self.file} cannot be read: {error}") from None
+        _need_same(cell.question, question, f"{self.file}, {cell.question.key}")
+        return Record.from_json(record, str(self.file)) if code == cell.code else None
+
+    def keep(self, cell: Cell, record: Record) -> None:
+        """Store how a cell ended, in place of an earlier time."""
+        question = cell.question
+        row = (question.key, cell.code, canonical(asdict(question)), canonical(record.to_json()))
+        try:
+            self._rows.execute("insert or replace into cells values (?, ?, ?, ?)", row)
+        except sqlite3.Error as error:
+            raise ResultError(f"{self.file} cannot be written: {error}") from None
+
+
+def _need_same(question: Question, stored: Any, place: str) -> None:
+    if plain(asdict(question)) != stored:
+        raise ResultError(f"{place} holds the answer to another question of the same key")
