@@ -159,12 +159,43 @@ class Program(Task):
 
     default_method: ClassVar[str]
 
+    # --- what a comparison of methods reads -------------------------------------------------------
+
     @property
-    def size(self) -> float | None:
+    def problem_size(self) -> float | None:
+        """Size of the problem, over which times are drawn: a number of variables or of data.
+
+        A Program that has one says in words what is counted; None where it has none.
+        """
         return None
 
     def objective(self, answer: Any) -> float | None:
+        """What the methods minimise, at a valid answer; None where the Program has no objective.
+
+        A quantity to be maximised is returned with its sign changed. A batch of independent
+        problems returns one number, such as the sum of their objectives.
+        """
         return None
+
+    def objective_scale(self, answer: Any) -> float:
+        """What the optimality gap and differences of the objective are relative to."""
+        return abs(self.objective(answer) or 0.0)
+
+    def objective_rounding(self, answer: Any) -> float:
+        """Difference of the objective, absolute, that rounding alone may make."""
+        return 0.0
+
+    def lower_bound(self, answer: Any, gap: float) -> float | None:
+        """The lower bound on every objective that the gap of a valid answer proves.
+
+        It is objective - gap * scale - rounding. None where the Program has no objective.
+        """
+        objective = self.objective(answer)
+        if objective is None:
+            return None
+        return objective - gap * self.objective_scale(answer) - self.objective_rounding(answer)
+
+    # --- its methods ------------------------------------------------------------------------------
 
     def respond(self, method: str | None, context: Context) -> Claim:
         return find_method(self, method).answer(self, context)

@@ -76,6 +76,21 @@ class Cover(Program):
                 parts.append(f"{dim} {text} {unit}".rstrip())
         return "at " + ", ".join(parts) if parts else ""
 
+    # --- objective ----------------------------------------------------------------------------
+
+    @property
+    def problem_size(self) -> float:
+        """Number of points in all sets together."""
+        return float(self.points.size)
+
+    def objective(self, answer: Any) -> float:
+        """The sum of the radii of all sets."""
+        return float(np.sum(answer.radius))
+
+    def objective_rounding(self, answer: Any) -> float:
+        """8 eps of the largest |p| of each set: the rounding of its points' own coordinates."""
+        return float(8 * EPS * np.sum(self.reach))
+
     # --- checks -------------------------------------------------------------------------------
 
     @property

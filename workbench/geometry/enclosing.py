@@ -111,6 +111,10 @@ class EnclosingStadium(Cover):
         given = 0.0 if self.center is None else np.abs(self.center.astype(np.clongdouble))
         return 24 * EPS * np.maximum(self.reach, given)
 
+    def objective_rounding(self, answer: Stadium) -> float:
+        """Sum over the sets of the rounding error allowed in a radius."""
+        return float(np.sum(self.rounding))
+
     @property
     def size(self) -> int:
         """Number of points N of each set."""

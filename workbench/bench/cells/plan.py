@@ -110,7 +110,7 @@ def plan(
     task = bound.task
     if not isinstance(task, Program):
         return Plan(name, study=True)
-    size = task.size
+    size = task.problem_size
     planned = {}
     for method, entry in methods(task).items():
         reason = entry.unfit(task)

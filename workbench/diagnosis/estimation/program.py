@@ -172,6 +172,17 @@ class FaultEstimation(Program):
         bounds = np.array([[each.lower, each.upper] for each in found])
         return FaultFilter(K, bounds[:-1], bounds[-1], least, history, tuple(found))
 
+    # --- objective ----------------------------------------------------------------------------
+
+    @property
+    def problem_size(self) -> float:
+        """Number of states of the weighted plant."""
+        return float(self.plant.system.nstates)
+
+    def objective(self, answer: FaultFilter) -> float:
+        """The largest proven peak of a requirement over its bound."""
+        return answer.upper
+
     # --- checks -------------------------------------------------------------------------------
 
     def checks(self, answer: FaultFilter, tolerance: float) -> list[Check]:

@@ -89,6 +89,26 @@ class MagnitudeFit(Program):
         """Program with the same data and another order."""
         return replace(self, order=order)
 
+    # --- objective ----------------------------------------------------------------------------
+
+    @property
+    def problem_size(self) -> float:
+        """Number of data."""
+        return float(self.omega.size)
+
+    def objective(self, answer: Rational) -> float:
+        """The worst error, or the error at which data count as matched if that is larger."""
+        error = self.error(answer)
+        return max(error, MATCHED_ERROR + self._gain_allowance(error))
+
+    def objective_rounding(self, answer: Rational) -> float:
+        """Error that a cover's gain may have from rounding upward; 0 for other fits."""
+        return self._gain_allowance(self.error(answer))
+
+    def _gain_allowance(self, error: float) -> float:
+        """Part of a cover's worst error that rounding its gain upward may make."""
+        return COVER_GAIN_ALLOWANCE * float(self.weight.max()) * (1 + error) if self.cover else 0.0
+
     # --- errors and checks --------------------------------------------------------------------
 
     def errors(self, answer: Rational) -> RealArray:
@@ -145,9 +165,7 @@ class MagnitudeFit(Program):
     def gap(self, answer: Rational) -> tuple[str, float]:
         statement = "worst error above its bound by alternation, relative"
         error = self.error(answer)
-        rounding = (
-            COVER_GAIN_ALLOWANCE * float(self.weight.max()) * (1 + error) if self.cover else 0.0
-        )
+        rounding = self._gain_allowance(error)
         if error <= MATCHED_ERROR + rounding:
             return f"{statement}; the data are matched", 0.0
         excess = error - self.bound(answer)

@@ -111,6 +111,21 @@ class ResponseFit(Program):
         """Largest weighted |response|, which is the worst error of the zero function."""
         return float(np.max(self.active.weight * np.abs(self.active.response)))
 
+    # --- objective ----------------------------------------------------------------------------
+
+    @property
+    def problem_size(self) -> float:
+        """Number of responses of positive weight."""
+        return float(self.active.omega.size)
+
+    def objective(self, answer: Rational) -> float | None:
+        """The worst weighted error; None where a largest error is given, which any fit may meet."""
+        return float(np.max(self.errors(answer))) if self.error is None else None
+
+    def objective_rounding(self, answer: Rational) -> float:
+        """Relative rounding errors of weighted responses: eps of the largest, for each root."""
+        return float(np.finfo(float).eps * (1 + self.coefficients) * self.size)
+
     # --- checks -------------------------------------------------------------------------------
 
     def checks(self, answer: Rational, tolerance: float) -> Sequence[Check]:

@@ -50,6 +50,17 @@ class SmallestAreaStadium(EnclosingStadium):
     default_method: ClassVar[str] = "search"
     headline: ClassVar[str] = "area_peak"
 
+    def objective(self, answer: Stadium) -> float:
+        """The sum of the areas of all sets."""
+        with np.errstate(over="ignore"):
+            return float(np.sum(answer.area))
+
+    def objective_rounding(self, answer: Stadium) -> float:
+        """Sum over the sets of the perimeter times twice the rounding of a radius."""
+        with np.errstate(over="ignore"):
+            perimeter = 2 * np.pi * answer.radius + 4 * answer.half_length
+            return float(np.sum(2 * self.rounding * perimeter))
+
     def gap(self, answer: Stadium) -> tuple[str, float]:
         _, area, rounding, bound = self._bounded(answer)
         value = float(np.max(relative(area - bound - rounding, area), initial=0.0))

@@ -65,6 +65,15 @@ class CrestFactor(Program):
         """The signal with given phases (K,) [rad]."""
         return Multisine(self.lines, self.amplitudes, phases, self.samples)
 
+    @property
+    def problem_size(self) -> float:
+        """Number of lines."""
+        return float(len(self.lines))
+
+    def objective(self, answer: Any) -> float:
+        """The crest factor, with a bound on the peak over all time."""
+        return self.peak(self._phases(answer))[1] / self.rms
+
     def checks(self, answer: Any, tolerance: float) -> Sequence[Check]:
         phases = self._phases(answer)
         proper = Check(
@@ -119,7 +128,7 @@ class CrestFactor(Program):
 
     def metrics(self, answer: Any) -> dict[str, float]:
         phases = self._phases(answer)
-        factor = self.peak(phases)[1] / self.rms
+        factor = self.objective(answer)
         schroeder = self.peak(schroeder_phases(self.lines, self.amplitudes))[1] / self.rms
         return {
             "crest_factor": factor,

@@ -51,6 +51,19 @@ class ParameterFit(LeastSquares, Program):
     default_method: ClassVar[str] = "ipopt"
     headline: ClassVar[str] = "chi_square"
 
+    @property
+    def problem_size(self) -> float:
+        """Number of real data."""
+        return float(self.count)
+
+    def objective(self, answer: Any) -> float:
+        """The sum of squared residuals, each in units of its standard deviation."""
+        return float(np.sum(self.residuals(self._values(answer)) ** 2))
+
+    def objective_rounding(self, answer: Any) -> float:
+        """Square of the residuals that a fit of exact data may leave: 1e-9 of the data's norm."""
+        return float((1e-9 * self.size) ** 2)
+
     def checks(self, answer: Any, tolerance: float) -> Sequence[Check]:
         values = self._values(answer)
         finite = np.all(np.isfinite(values))

@@ -181,6 +181,14 @@ class StateSpaceFit(Program):
         return local_polynomial(self.u[: self.estimation], self.y[: self.estimation])
 
     @property
+    def problem_size(self) -> float:
+        """Number of output samples that methods may use.
+
+        There is no objective: the answer is two models, each made by a criterion of its own.
+        """
+        return float(self.estimation * self.y.shape[1])
+
+    @property
     def held_out(self) -> str:
         """What a score quantifies over."""
         return f"for the last {len(self.u) - self.estimation} samples of this record"

@@ -78,6 +78,15 @@ class MuLowerBound(Program):
         return self.M.shape[:-2]
 
     @property
+    def problem_size(self) -> float:
+        """Number of entries of all matrices together."""
+        return float(self.M.size)
+
+    def objective(self, answer: LowerBound) -> float:
+        """Minus the sum of the bounds of all matrices: large bounds are good."""
+        return -float(np.sum(answer.value))
+
+    @property
     def quantifier(self) -> str:
         return f"for these {math.prod(self.batch)} matrices, between them nothing"
 

@@ -103,6 +103,20 @@ class MuUpperBound(Program):
         return f"at {', '.join(str(i) for i in index)}" if self.batch else ""
 
     @property
+    def problem_size(self) -> float:
+        """Number of entries of all matrices together."""
+        return float(self.M.size)
+
+    def objective(self, answer: UpperBound) -> float:
+        """The sum of the bounds of all matrices."""
+        return float(np.sum(answer.value))
+
+    def objective_rounding(self, answer: UpperBound) -> float:
+        """Rounding errors of the bounds: eps of the size of each matrix, times its largest side."""
+        sizes = np.linalg.norm(self.M, axis=(-2, -1))
+        return float(np.finfo(float).eps * max(self.M.shape[-2:]) * np.sum(sizes))
+
+    @property
     def quantifier(self) -> str:
         return f"for these {math.prod(self.batch)} matrices, between them nothing"
 

@@ -125,6 +125,10 @@ class LoopShaping(HinfSynthesis):
         hankel = float(np.abs(np.linalg.eigvals(P @ Q)).max())
         return math.sqrt(max(1.0 - hankel, 0.0))
 
+    def objective_scale(self, answer: HinfController) -> float:
+        """The least norm, 1 / epsilon_max; infinite where the margin is lost in rounding."""
+        return 1.0 / self.epsilon_max if self.epsilon_max > 0.0 else math.inf
+
     def checks(self, answer: HinfController, tolerance: float) -> list[Check]:
         found = super().checks(answer, tolerance)
         statement = "epsilon = 1 / norm over epsilon_max by the Hankel norm, less 1"

@@ -92,6 +92,17 @@ class HinfSynthesis(Program):
         """The scaled continuous-time plant that methods use."""
         return checked(standard_plant(self.plant))
 
+    # --- objective ----------------------------------------------------------------------------
+
+    @property
+    def problem_size(self) -> float:
+        """Number of states of the plant."""
+        return float(self.plant.system.nstates)
+
+    def objective(self, answer: HinfController) -> float | None:
+        """The norm of the closed loop; None where a level is asked for, which any norm may meet."""
+        return answer.norm if self.gamma is None else None
+
     # --- checks -------------------------------------------------------------------------------
 
     def checks(self, answer: HinfController, tolerance: float) -> list[Check]:

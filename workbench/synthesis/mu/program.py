@@ -167,6 +167,17 @@ class MuSynthesis(Program):
         answer = self.answer(K, history, max((self.target / peak - 1.0) / 2, PEAK_TOLERANCE))
         return answer if answer is not None and answer.upper <= self.target else None
 
+    # --- objective ----------------------------------------------------------------------------
+
+    @property
+    def problem_size(self) -> float:
+        """Number of states of the plant."""
+        return float(self.plant.system.nstates)
+
+    def objective(self, answer: MuController) -> float | None:
+        """The proven peak of mu; None where a target is given, which any peak may meet."""
+        return answer.upper if self.target is None else None
+
     # --- checks -------------------------------------------------------------------------------
 
     def checks(self, answer: MuController, tolerance: float) -> list[Check]:

@@ -140,6 +140,21 @@ class SwitchedStability(Program):
                         which = f"{found} samples in {pair[0].name}, {stay} in {pair[1].name}"
         return best, which
 
+    # --- objective ----------------------------------------------------------------------------
+
+    @property
+    def problem_size(self) -> float:
+        """Number of free entries of the symmetric P of all modes together."""
+        return len(self.modes) * self.states * (self.states + 1) / 2
+
+    def objective(self, answer: Dwell) -> float:
+        """The dwell time [samples]."""
+        return float(answer.samples)
+
+    def objective_scale(self, answer: Dwell) -> float:
+        """The shortest dwell time [samples] that no periodic switching found excludes."""
+        return float(self.destabilising[0] + 1)
+
     # --- checks -------------------------------------------------------------------------------
 
     def checks(self, answer: Dwell, tolerance: float) -> list[Check]:

@@ -44,6 +44,8 @@ from workbench.uncertainty.covers.sets import Form, corners, deviations, kept
 from workbench.uncertainty.covers.steps import CoverSteps
 from workbench.uncertainty.covers.weights import damped, resolved, share_of_size
 
+HALF_LENGTH_WEIGHT = 0.1
+"""Weight of the squared half-length of a stadium beside its squared radius."""
 RADIUS_ROUNDING = 1e-12
 """Amount added to radii, relative to the size of the plants; equal plants get this radius."""
 
@@ -212,6 +214,22 @@ class UncertaintyCover(Program):
         )
         model = UncertaintyModel(nominal, W_c, W_r, self.form)
         return CoverSteps(model, first, self.second_set(away), third)
+
+    # --- objective --------------------------------------------------------------------------------
+
+    @property
+    def problem_size(self) -> float:
+        """Number of points to cover, at all frequencies together."""
+        return float(self.points.size)
+
+    def objective(self, answer: CoverSteps) -> float:
+        """Mean over log frequency of radius^2 + HALF_LENGTH_WEIGHT half-length^2 of the model.
+
+        Sizes are in the units of `unit`.
+        """
+        width, length = answer.model.sizes(self.responses.omega)
+        square = width**2 + HALF_LENGTH_WEIGHT * length**2
+        return float(self.responses.shares @ (square / self.unit**2))
 
     # --- the check --------------------------------------------------------------------------------
 

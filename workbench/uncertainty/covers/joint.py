@@ -26,11 +26,8 @@ from workbench.executor import Context
 from workbench.fitting.factored import FactoredRational
 from workbench.fitting.rational import Rational
 from workbench.fitting.reach import within_reach
-from workbench.uncertainty.covers.cover import UncertaintyCover
-from workbench.uncertainty.covers.steps import CoverSteps
+from workbench.uncertainty.covers.cover import HALF_LENGTH_WEIGHT, UncertaintyCover
 
-HALF_LENGTH_WEIGHT = 0.1
-"""Weight of the squared half-length of a stadium beside its squared radius."""
 NORM_POWERS = (8, 32, 128)
 """Powers p of the p-norms that replace the maximum over the plants, one after the other."""
 MAX_BFGS_STEPS = 200
@@ -143,13 +140,6 @@ def smallest_sets(
         found(moving, of_nominal) if isinstance(moving, FactoredRational) else nominal,
         None if weight is None else found(weight, of_weight),
     )
-
-
-def fitted_size(program: UncertaintyCover, answer: CoverSteps) -> float:
-    """Mean square size of the fitted model's sets, in the measure of `SmallSets`."""
-    responses = program.responses
-    width, length = answer.model.sizes(responses.omega)
-    return float(responses.shares @ ((width**2 + HALF_LENGTH_WEIGHT * length**2) / program.unit**2))
 
 
 def _evaluated(

@@ -9,7 +9,7 @@ from workbench.program import Claim, method
 from workbench.solvers import Outcome
 from workbench.uncertainty.covers.circle_cover import CircleCover
 from workbench.uncertainty.covers.cover import UncertaintyCover
-from workbench.uncertainty.covers.joint import FoundModel, fitted_size, smallest_sets
+from workbench.uncertainty.covers.joint import FoundModel, smallest_sets
 from workbench.uncertainty.covers.stadium_cover import StadiumCover
 from workbench.uncertainty.covers.starts import nominals, real_weights, through
 
@@ -46,7 +46,7 @@ def _joint(program: UncertaintyCover, context: Context) -> Claim:
         nominal = program.realisable(nominal)
         third = program.third_set(program.away(nominal, program.points), W_r)
         answers.append(program.finished(first, nominal, third, W_r, context))
-    return min(answers, key=lambda answer: fitted_size(program, answer)), Outcome.SOLVED, said
+    return min(answers, key=program.objective), Outcome.SOLVED, said
 
 
 def _tried(program: UncertaintyCover, context: Context) -> tuple[list[FoundModel], str]:
