@@ -33,7 +33,6 @@ from workbench.executor import InProcess, Progress, Workers, as_they_end, silent
 from workbench.heavy_types import Dataset
 from workbench.solvers import ACCURACY, Options, Outcome
 
-
 WARM = (
     *("workbench.bench.cells.answer", "workbench.bench.netcdf", "workbench.bench.crate"),
     *("casadi", "clarabel", "control", "cvxpy", "numba.core.event", "scipy.optimize", "slycot"),

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import os
 import tomllib
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -92,6 +93,14 @@ def add_problems(folder: str | Path) -> None:
         _added.append(path)
 
 
+_instead: list[Path] = []
+
+
+def use_problems(folders: Iterable[Path]) -> None:
+    """Discover problems in these folders and no others, for the rest of this process."""
+    _instead[:] = folders
+
+
 def added_problems() -> tuple[Path, ...]:
     """The folders added so far."""
     return tuple(_added)
@@ -99,7 +108,7 @@ def added_problems() -> tuple[Path, ...]:
 
 def registry() -> Registry:
     """The registry over the built-in, the project's and the added folders."""
-    roots = [built_in(), *Project.around(Path.cwd()).problems, *_added]
+    roots = _instead or [built_in(), *Project.around(Path.cwd()).problems, *_added]
     unique = tuple(dict.fromkeys(path.resolve() for path in roots))
     state = tuple(
         (file, file.lstat().st_mtime_ns) for root in unique for file in sorted(root.rglob("*.py"))

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.bench.project import add_problems, registry, results_root, use_results
+from workbench.bench.project import registry, results_root, use_problems, use_results
 from workbench.bench.question import Question, canonical
 from workbench.bench.run import Bench, Bound
 from workbench.bench.store import Store
@@ -36,10 +36,8 @@ class Place:
         if self in _entered:
             return
         _entered[:] = [self]
-        known = registry().roots
-        for folder in self.folders:
-            if folder not in known:
-                add_problems(folder)
+        if tuple(registry().roots) != self.folders:
+            use_problems(self.folders)
         if results_root().absolute() != self.results:
             use_results(self.results)
 
