@@ -45,6 +45,7 @@ class Asked:
     """What a comparison asks.
 
     ``methods`` None: every method of every problem. ``executor`` None: a pool of warm processes.
+    ``light``: cells leave records, no folders; not ``kept``: not even those.
     """
 
     problems: tuple[str, ...]
@@ -57,6 +58,7 @@ class Asked:
     seed: int = 0
     light: bool = False
     fresh: bool = False
+    kept: bool = True
     verbose: bool = False
     jobs: int = 1
     threads: int = 1
@@ -67,7 +69,9 @@ class Asked:
         with ExitStack() as stack:
             executor = self.executor or stack.enter_context(self._workers())
             cells = self.cells(executor, progress)
-            journal = stack.enter_context(Journal(results_root())) if self.light else None
+            journal = None
+            if self.light and self.kept:
+                journal = stack.enter_context(Journal(results_root()))
             self._answer(cells, executor, journal, progress)
         entries = {
             labels: Entry(one.record, one.key, one.served)

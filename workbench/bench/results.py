@@ -287,7 +287,7 @@ def rebuilt(run: Run) -> Rebuilt:
             f"the problem takes other parameters now: {problem.to_json(parameters)} "
             f"instead of {info['parameters']}"
         )
-    store = Store(_root(run))
+    store = Store(root_of(run))
     fed: dict[str, Any] = {}
     for name, need in problem.needs(parameters).items():
         keys = info["needs"][name]
@@ -305,7 +305,7 @@ def given(run: Run, problem: Problem) -> dict[str, Any]:
     return {name: value for name, value in stored.items() if name in problem.parameters}
 
 
-def _root(run: Run) -> Path:
+def root_of(run: Run) -> Path:
     """The results root that a folder stands in: needs are found there."""
     depth = len(run.problem.split("/")) + len(run.key) // CELL_DIGITS  # cells have a folder more
     parents = run.path.resolve().parents

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from workbench.bench import netcdf
+from workbench.bench.cells.verify import cell_of, rerun_cells, stored_cells
 from workbench.bench.project import Project, add_problems, registry
 from workbench.bench.question import Question, plain
 from workbench.bench.results import COMPARISON, Run, given, rebuilt
@@ -104,7 +105,10 @@ def verify_folder(path: Path, *, rerun: bool = False, trust: bool = False) -> Ve
             bound = Bound(again.problem, run.info["parameters"], again.needs, again.task)
             notes += _other_code(run, bound) if bound.problem else []
             certificate, wrong = _recheck(run, bound)
-            found += wrong
+            found += wrong + cell_of(run)
+            if run.problem == COMPARISON:
+                wrong, said = rerun_cells(run) if rerun else stored_cells(run)
+                found, notes = found + wrong, notes + said
             if run.best_so_far:
                 notes.append(f"stopped by the clock: {run.info['message']}")
             if rerun and bound.problem:

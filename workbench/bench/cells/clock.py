@@ -43,7 +43,7 @@ def running(limit: float | None) -> Iterator[Clock]:
     """Have this process killed after so many seconds inside, those of compiling not counted."""
     from numba.core import event
 
-    class Compiler(event.Listener):  # type: ignore[misc]
+    class Compiler(event.Listener):
         def on_start(self, event: Any) -> None:
             clock.stop()
 

@@ -87,7 +87,7 @@ class Record:
     def from_json(cls, stored: Mapping[str, Any], place: str) -> Record:
         """A record read back; numbers may be the names of those that JSON has not."""
         try:
-            values = {
+            values: dict[str, Any] = {
                 one.name: float(stored[one.name]) if one.type == "float" else stored[one.name]
                 for one in fields(cls)
             }
