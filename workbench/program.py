@@ -188,12 +188,15 @@ class Program(Task):
     def lower_bound(self, answer: Any, gap: float) -> float | None:
         """The lower bound on every objective that the gap of a valid answer proves.
 
-        It is objective - gap * scale - rounding. None where the Program has no objective.
+        It is objective - gap * scale - rounding, rounded downward. None where the Program has no
+        objective.
         """
         objective = self.objective(answer)
         if objective is None:
             return None
-        return objective - gap * self.objective_scale(answer) - self.objective_rounding(answer)
+        distance = gap * self.objective_scale(answer)
+        arithmetic = 4 * float(np.finfo(float).eps) * (abs(objective) + abs(distance))
+        return objective - distance - self.objective_rounding(answer) - arithmetic
 
     # --- its methods ------------------------------------------------------------------------------
 
