@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_parameter_fit import FREQUENCY, START, TRUTH, exact, oscillator, response
+from test_parameter_fit import START, TRUTH, exact, response
 
 from workbench.errors import InputError
 from workbench.identification import FittedParameter, MeasuredResponse, ParameterFit
@@ -61,5 +61,5 @@ def test_a_missing_bound_is_named():
 def test_the_time_limit_ends_it_with_the_best_so_far():
     program = ParameterFit([response()], START)
     found = solve(program, "evolution", Options(time_limit=0.03))
-    assert found.outcome is Outcome.TIME_LIMIT
+    assert found.claim is Outcome.TIME_LIMIT
     assert found.answer is not None and "best so far" in found.message

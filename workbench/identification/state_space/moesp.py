@@ -56,7 +56,7 @@ def best_moesp(u: RealArray, y: RealArray, order: int) -> InnovationsModel | Non
 
 
 def moesp(u: RealArray, y: RealArray, order: int, half: int) -> InnovationsModel | None:
-    """Innovations model of a record u (N, nu), y (N, ny); None where A is not stable or no K exists.
+    """Innovations model of a record u (N, nu), y (N, ny); None if A is unstable or no K exists.
 
     Parameters
     ----------
@@ -151,6 +151,7 @@ def _inputs(A: RealArray, C: RealArray, u: RealArray, y: RealArray) -> tuple[Rea
         rows[t, :, driven.shape[1] :] = np.kron(now, np.eye(ny))
         driven = A @ driven
         driven[:, : n * nu] += np.kron(now, eye)
-    found = np.linalg.lstsq(rows.reshape(len(u) * ny, -1), y.ravel(), rcond=None)[0]
+    flat = rows.reshape(len(u) * ny, -1)
+    found = np.asarray(np.linalg.lstsq(flat, y.ravel(), rcond=None)[0], dtype=float)
     B, D = found[: n * nu], found[n * (nu + 1) :]
     return B.reshape(nu, n).T, D.reshape(nu, ny).T
