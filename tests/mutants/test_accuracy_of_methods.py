@@ -12,7 +12,7 @@ from workbench.executor import Context
 from workbench.fitting import ResponseFit
 from workbench.geometry import NarrowestStadium
 from workbench.program import _METHODS, methods
-from workbench.solvers import ACCURACY, Options
+from workbench.solvers import ACCURACY, Options, conic_solvers
 
 
 class Recorded(Options):
@@ -69,7 +69,8 @@ SMALL |= {
     "mu_synthesis": mu_synthesis,
 }
 """Programs on which every method of the library runs, or another of the same name."""
-ELSEWHERE = {("StadiumCover", "steps"), ("StadiumCover", "joint"), ("LoopShaping", "coprime")}
+COVERS = ("steps", "joint", *(solver.name for solver in conic_solvers()))
+ELSEWHERE = {*(("StadiumCover", name) for name in COVERS), ("LoopShaping", "coprime")}
 """The methods of circle covers, and one that keeps the distance of the Riccati equations."""
 SLOW = {"mu_synthesis", "fault_filter", "circle_cover"}
 

@@ -22,6 +22,7 @@ from workbench.identification.experiments.quality import (
 from workbench.identification.experiments.records import read_record, read_response
 from workbench.identification.experiments.stepped_sine import SteppedSine, sine_fit
 from workbench.identification.experiments.variables import read_variables
+from workbench.identification.parameters import evolution as parameter_evolution
 from workbench.identification.parameters import methods as parameter_methods
 from workbench.identification.parameters.least_squares import FittedParameter
 from workbench.identification.parameters.measured import MeasuredRecord, MeasuredResponse
@@ -40,6 +41,7 @@ from workbench.identification.responses.periodic import (
 from workbench.identification.responses.spectral import SpectralResponse, spectral_response
 from workbench.identification.responses.step import step_response
 from workbench.identification.state_space import methods as state_space_methods
+from workbench.identification.state_space import moesp as state_space_moesp
 from workbench.identification.state_space.innovations import InnovationsModel
 from workbench.identification.state_space.program import StateSpaceFit
 from workbench.identification.transfer_functions.estimate import TransferFunctionEstimate
@@ -81,6 +83,7 @@ __all__ = [
     "local_polynomial",
     "odd_lines",
     "output_error",
+    "parameter_evolution",
     "parameter_methods",
     "random_multisine",
     "read_record",
@@ -92,6 +95,7 @@ __all__ = [
     "sine_fit",
     "spectral_response",
     "state_space_methods",
+    "state_space_moesp",
     "step_response",
     "total_harmonic_distortion",
 ]

@@ -40,6 +40,7 @@ from workbench.synthesis.mu.rounds import Iterate
 from workbench.synthesis.mu.structured import fixed
 from workbench.synthesis.mu.structured.named_families import PID, Decentralised, LeadLag
 from workbench.synthesis.switching import conic as switching_conic
+from workbench.synthesis.switching import descent as switching_descent
 from workbench.synthesis.switching.boxes import SwitchedBox, proven_share
 from workbench.synthesis.switching.controllers import (
     controller_replaced,
@@ -124,5 +125,6 @@ __all__ = [
     "second_order_sections",
     "switched_loop",
     "switching_conic",
+    "switching_descent",
     "unswitched",
 ]

@@ -2,6 +2,7 @@
 
 from workbench.systems.connection import generalised_plant
 from workbench.systems.generalised_plant import GeneralisedPlant
+from workbench.uncertainty.covers import conic as cover_conic
 from workbench.uncertainty.covers import methods as cover_methods
 from workbench.uncertainty.covers.circle_cover import CircleCover
 from workbench.uncertainty.covers.extrapolation import widened
@@ -34,6 +35,7 @@ __all__ = [
     "UncertaintyModel",
     "cheapest",
     "contains",
+    "cover_conic",
     "cover_methods",
     "generalised_plant",
     "inverse",

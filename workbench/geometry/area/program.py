@@ -122,7 +122,8 @@ def smallest_area_stadium(
     angle
         Direction of the segment [rad], modulo pi, broadcast likewise; None: free.
     method
-        ``"search"``, ``"narrowest"`` (the narrowest stadium, to compare with) or ``"ipopt"``.
+        ``"search"``, ``"evolution"``, ``"ipopt"``, or ``"narrowest"`` (the narrowest stadium, to
+        compare with).
     options
         Accuracy and time limit for the method.
 

@@ -216,7 +216,7 @@ def fit_parameters(
     data, parameters
         The same as for `ParameterFit`; a single response or record needs no list.
     method
-        ``"ipopt"`` or ``"scipy"``.
+        ``"ipopt"``, ``"scipy"`` or, between finite bounds, ``"evolution"``.
     confidence
         Probability of the intervals.
     options

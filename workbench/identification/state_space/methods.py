@@ -64,7 +64,7 @@ def _best(program: StateSpaceFit, way: FitterOfOrder, means: RealArray) -> Innov
     return None
 
 
-def _claim(answer: IdentifiedModels | None) -> Claim:
+def claim(answer: IdentifiedModels | None) -> Claim:
     """Answer, outcome and message of a method."""
     if answer is None:
         return None, Outcome.FAILED, "no order gives a stable model with a stable predictor"
@@ -79,14 +79,14 @@ def _subspace(program: StateSpaceFit, context: Context) -> Claim:
     def way(order: int) -> Fitter:
         return lambda u, y: best_subspace(u, y, order)
 
-    return _claim(identify(program, way, way, context))
+    return claim(identify(program, way, way, context))
 
 
 @method(StateSpaceFit, "prediction-error", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _prediction_error(program: StateSpaceFit, context: Context) -> Claim:
     """Minimisation of the errors of each use, from the subspace model, with exact gradients."""
     predictors, simulators = (_refined(weight) for weight in SIMULATION_WEIGHTS)
-    return _claim(identify(program, predictors, simulators, context))
+    return claim(identify(program, predictors, simulators, context))
 
 
 def _refined(simulation_weight: float) -> FitterOfOrder:

@@ -10,6 +10,8 @@ identification", Automatica 43(6), 2007.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from workbench.arrays import RealArray
@@ -78,12 +80,21 @@ def best_subspace(u: RealArray, y: RealArray, order: int) -> InnovationsModel | 
     Only stable models with a stable predictor count; the best one fits its own record best. The
     result is None if no past gives one.
     """
+    nu, ny = u.shape[1], y.shape[1]
+    fitting = [past for past in HORIZONS if order_fits(order, past, len(u), nu, ny)]
+    return best_fitting((subspace(u, y, order, past) for past in fitting), u, y)
+
+
+def best_fitting(
+    models: Iterable[InnovationsModel | None], u: RealArray, y: RealArray
+) -> InnovationsModel | None:
+    """The model that fits a record u (N, nu), y (N, ny) best, None where none is stable.
+
+    Only stable models with a stable predictor count.
+    """
     best, least = None, np.inf
-    for past in HORIZONS:
-        if not order_fits(order, past, len(u), u.shape[1], y.shape[1]):
-            continue
-        model = subspace(u, y, order, past)
-        if max(model.radius, model.predictor_radius) >= 1 - 1 / len(u):
+    for model in models:
+        if model is None or max(model.radius, model.predictor_radius) >= 1 - 1 / len(u):
             continue  # unstable, or with a time constant longer than the record
         misfit = sum(
             float(np.mean(np.linalg.norm(y - run(u, y, len(y)), axis=0) / y.std(axis=0)))

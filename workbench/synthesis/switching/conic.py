@@ -6,19 +6,24 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from scipy.linalg import matrix_balance, solve_discrete_lyapunov
 
 from workbench.accuracy import AccuracyRange
 from workbench.arrays import RealArray
 from workbench.executor import Context
 from workbench.program import Claim, conic_method
 from workbench.solvers import ConicSolver, Options, Outcome, solve_conic
+from workbench.synthesis.switching.dwell_search import (
+    added_stays,
+    coordinates,
+    first_stays,
+    shortest_proven,
+    symmetric,
+    turned,
+)
 from workbench.synthesis.switching.program import FALL_MARGIN, Dwell, SwitchedStability
 
 LMI_ACCURACY = 1e-5
 """Finest accuracy asked of solvers; P is sought well inside the inequalities."""
-FIRST_STAYS = 5
-"""Number of stays of a mode whose inequalities are stated at first."""
 MOST_CUTS = 12
 """Most rounds in which stays with violated inequalities are added."""
 MOST_TURNS, TURNING_RATIO = 2, 1.01
@@ -36,68 +41,19 @@ def _conic(program: SwitchedStability, context: Context, solver: ConicSolver) ->
     """Bisection over the dwell time with a feasibility problem for each."""
     options = replace(context.options, tolerance=max(context.options.accuracy, LMI_ACCURACY))
     units = coordinates(program)
-    # Dwell times that a periodic switching makes unstable need not be tried.
-    failed, said = program.destabilising
-    sure, step = True, 1
+    sure, said = True, program.destabilising[1]
 
     def proven(samples: int) -> Dwell | None:
-        """The dwell with its proof; None where none was found."""
         nonlocal said, sure
-        found = None
-        for _ in context.track([samples], "dwell time"):
-            found, said, told = _feasible(program, samples, units, solver, options, context)
-            sure = sure and told
+        found, said, told = _feasible(program, samples, units, solver, options, context)
+        sure = sure and told
         return found
 
-    best = None
-    while best is None and failed < program.limit:
-        trial = min(failed + step, program.limit)
-        best = proven(trial)
-        if best is None:
-            failed, step = trial, 2 * step
+    best = shortest_proven(program, proven, context)
     if best is None:
         none = Outcome.INFEASIBLE if sure else Outcome.FAILED
         return None, none, f"{said}: no dwell up to {program.limit} samples is proven"
-    while best.samples - failed > 1:
-        middle = (failed + best.samples) // 2
-        found = proven(middle)
-        if found is None:
-            failed = middle
-        else:
-            best = found
     return best, Outcome.SOLVED, said
-
-
-def coordinates(program: SwitchedStability) -> RealArray:
-    """L (n, n) of coordinates L' x in which all states have similar sizes.
-
-    L L' is the sum, over modes and plants, of the values of V = x' Q x during a stay,
-
-        sum (A^k)' Q A^k,    k = 0, 1, ..., longest,
-
-    where Q holds the squares of the units that balance sum |A|. A single mode would leave open the
-    scale of states that only another mode uses.
-    """
-    every = np.concatenate([mode.A for mode in program.modes])
-    _, (units, _) = matrix_balance(abs(every).sum(axis=0), permute=False, separate=True)
-    sums = [
-        _summed(A / units[:, None] * units, mode.longest)
-        for mode in program.modes
-        for A in (mode.A if mode.longest else mode.decaying)
-    ]
-    root = np.linalg.cholesky(_symmetric(np.sum(sums, axis=0)))
-    return np.asarray(root / units[:, None], dtype=float)
-
-
-def _summed(A: RealArray, longest: int | None) -> RealArray:
-    """Sum of (A^k)' A^k for k = 0, ..., longest; for a stable A without a longest stay, all k."""
-    if longest is None:
-        return np.asarray(solve_discrete_lyapunov(A.T, np.eye(len(A))))
-    total = power = np.eye(len(A))
-    for _ in range(longest):
-        power = A @ power
-        total = total + power.T @ power
-    return total
 
 
 def _feasible(
@@ -112,7 +68,7 @@ def _feasible(
 
     Also returns a message, and whether the solver is sure of the result.
     """
-    stays = [_some(program.stays(mode, samples)) for mode in program.modes]
+    stays = [first_stays(program.stays(mode, samples)) for mode in program.modes]
     turns = 0
     for _ in range(MOST_CUTS):
         P, margin, outcome, said = _program(program, stays, L, solver, options, context)
@@ -125,7 +81,7 @@ def _feasible(
         if not checks["positive"].holds:
             return None, f"{said}; its P is not positive definite", False
         worst = [program.ratios(found, i) for i in range(len(program.modes))]
-        if margin >= LEAST_MARGIN and _added(
+        if margin >= LEAST_MARGIN and added_stays(
             program, samples, stays, [ratio for ratio, _ in worst]
         ):
             continue
@@ -162,11 +118,11 @@ def _program(
         held.append(sum(cp.trace(Q) for Q in P) == n * len(modes))
         for i, mode in enumerate(modes):
             if mode.longest is None:
-                held += [_falls(one, P[i], P[i], margin) for one in _turned(mode.decaying, L)]
+                held += [_falls(one, P[i], P[i], margin) for one in turned(mode.decaying, L)]
             held += [
                 _falls(one, P[j], P[i], margin)
                 for stay in stays[i]
-                for one in _turned(mode.over(stay), L)
+                for one in turned(mode.over(stay), L)
                 for j in range(len(modes))
                 if j != i
             ]
@@ -174,31 +130,7 @@ def _program(
     outcome, said = solve_conic(problem, solver, options, context)
     if outcome not in (Outcome.SOLVED, Outcome.INACCURATE):
         return None, -np.inf, outcome, said
-    return [_symmetric(Q.value) for Q in P], float(margin.value), outcome, said
-
-
-def _added(
-    program: SwitchedStability, samples: int, stays: list[list[int]], ratios: list[RealArray]
-) -> bool:
-    """Add the stay of each mode with the worst violated inequality; whether any was added."""
-    added = False
-    for mode, own, ratio in zip(program.modes, stays, ratios, strict=True):
-        worst = program.stays(mode, samples)[int(np.argmax(ratio))]
-        if ratio.max() > 1.0 - FALL_MARGIN and worst not in own:
-            own.append(worst)
-            added = True
-    return added
-
-
-def _some(stays: range) -> list[int]:
-    """A few of the stays to start with, including the first and the last."""
-    places = np.unique(np.geomspace(1, len(stays), FIRST_STAYS).round().astype(int)) - 1
-    return [stays[int(place)] for place in places]
-
-
-def _turned(A: RealArray, L: RealArray) -> RealArray:
-    """A (V, n, n) transformed to coordinates L' x."""
-    return np.asarray(np.linalg.solve(L, (L.T @ A).mT).mT, dtype=float)
+    return [symmetric(Q.value) for Q in P], float(margin.value), outcome, said
 
 
 def _falls(A: RealArray, P: Any, Q: Any, margin: Any) -> Any:
@@ -207,13 +139,7 @@ def _falls(A: RealArray, P: Any, Q: Any, margin: Any) -> Any:
     return Q - (left + left.T) / 2 >> margin * np.eye(len(A))
 
 
-def _symmetric(P: RealArray) -> RealArray:
-    """The symmetric part."""
-    both: RealArray = (P + P.T) / 2
-    return both
-
-
 def _positive(P: RealArray) -> RealArray:
     """P with its eigenvalues raised to at least `EIGENVALUE_FLOOR` times the largest."""
     values, vectors = np.linalg.eigh(P)
-    return _symmetric(vectors * np.maximum(values, EIGENVALUE_FLOOR * values[-1]) @ vectors.T)
+    return symmetric(vectors * np.maximum(values, EIGENVALUE_FLOOR * values[-1]) @ vectors.T)

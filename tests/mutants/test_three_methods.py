@@ -1,0 +1,103 @@
+"""Every Program of the library has at least three methods of really different mathematics."""
+
+import importlib
+from inspect import isabstract
+
+import pytest
+
+from workbench.program import _METHODS, Program, methods
+from workbench.solvers import conic_solvers
+
+SPLITTING = "operator splitting on cones"
+SOLVERS = {
+    "clarabel": "interior points of cones", "cvxopt": "interior points of cones", "scs": SPLITTING,
+}  # fmt: skip
+NONLINEAR = {"ipopt": "interior points of a nonlinear program"}
+MATHEMATICS = {
+    "ConicProgram": SOLVERS,
+    "SmallestCircle": SOLVERS | NONLINEAR | {"exact": "exchange", "thesis": "shrinking"},
+    "NarrowestStadium": SOLVERS | NONLINEAR | {"exact": "calipers", "thesis": "candidates"},
+    "SmallestAreaStadium": NONLINEAR
+    | {"search": "golden sections", "evolution": "a population", "narrowest": "calipers"},
+    "MagnitudeFit": SOLVERS
+    | NONLINEAR
+    | {
+        "minimax": "linear programs",
+        "sk": "reweighted least squares",
+        "sb10yd": "least squares",
+        "best": "",
+    },
+    "ResponseFit": SOLVERS
+    | NONLINEAR
+    | {"vector-fitting": "relocation of poles", "sb10yd": "least squares", "best": ""},
+    "CircleCover": SOLVERS | {"steps": "a fit to centres", "joint": "quasi-Newton descent"},
+    "StadiumCover": SOLVERS | {"steps": "a fit to centres", "joint": "quasi-Newton descent"},
+    "MuUpperBound": SOLVERS | {"ab13md": "a barrier", "fast": "balancing, interior points"},
+    "MuLowerBound": NONLINEAR | {"power": "power iteration", "gain": "vertices", "best": ""},
+    "HinfSynthesis": SOLVERS | {"riccati": "Riccati equations", "sb10ad": "Riccati equations"},
+    "LoopShaping": SOLVERS
+    | {
+        "riccati": "Riccati equations",
+        "sb10ad": "Riccati equations",
+        "coprime": "a closed form of the level",
+    },
+    "MuSynthesis": {
+        "dk": "complex multipliers",
+        "mu-dk": "the complex bound turned into the mixed one",
+        "dgk": "mixed multipliers",
+        "fixed": "nonsmooth descent",
+    },
+    "FaultEstimation": SOLVERS
+    | {
+        "riccati": "Riccati equations",
+        "dk": "complex multipliers",
+        "mu-dk": "the complex bound turned into the mixed one",
+        "dgk": "mixed multipliers",
+        "basis": "convex steps over a basis",
+    },
+    "SwitchedStability": SOLVERS | {"descent": "quasi-Newton descent"},
+    "CrestFactor": NONLINEAR | {"schroeder": "a closed form", "clipping": "clipping"},
+    "ParameterFit": NONLINEAR | {"scipy": "Gauss-Newton steps", "evolution": "a population"},
+    "StateSpaceFit": {
+        "subspace": "a long autoregression",
+        "moesp": "projections",
+        "prediction-error": "descent of prediction errors",
+    },
+}
+"""What each method is, by Program; a combination of other methods counts as nothing of its own."""
+MATHEMATICS["MixedSensitivity"] = MATHEMATICS["HinfSynthesis"]
+
+
+def programs(base=Program):
+    """The Programs of the library that have methods."""
+    for each in base.__subclasses__():
+        if each.__module__.startswith("workbench.") and ".plants." not in each.__module__:
+            if methods(each) and not isabstract(each):
+                yield each
+            yield from programs(each)
+
+
+ROOMS = (
+    "conic", "diagnosis", "fitting", "geometry", "identification", "mu", "synthesis", "uncertainty",
+)  # fmt: skip
+for room in ROOMS:
+    importlib.import_module(f"workbench.{room}")
+LIBRARY = sorted(set(programs()), key=lambda each: each.__name__)
+
+
+@pytest.mark.parametrize("program", LIBRARY, ids=lambda each: each.__name__)
+def test_a_program_has_three_methods_of_different_mathematics(program):
+    known = MATHEMATICS[program.__name__]
+    assert set(methods(program)) == set(known), "say here what each method is"
+    if (
+        program.__name__ == "ConicProgram"
+    ):  # its methods are the solvers, which are codes, not ideas
+        assert len(known) >= 3
+        return
+    assert len({known[name] for name in methods(program)} - {""}) >= 3
+
+
+def test_every_program_with_methods_is_looked_at():
+    named = {kind.__name__ for kind in _METHODS if kind.__module__.startswith("workbench.")}
+    assert named <= {each.__name__ for each in LIBRARY} == set(MATHEMATICS)
+    assert {solver.name for solver in conic_solvers()} == set(SOLVERS)

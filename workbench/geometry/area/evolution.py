@@ -1,0 +1,114 @@
+"""Stadiums of the smallest area by differential evolution.
+
+For an angle, an axis and a radius the shortest stadium has a closed form: its ends lie where the
+first and the last of the points' chords do. That leaves three numbers, in which the area has many
+local minima; a population of stadiums explores all of them (R. Storn, K. Price, Differential
+evolution, J. Global Optimization 11 (1997) 341-359).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from workbench.accuracy import ANY_ACCURACY_ALIKE
+from workbench.arrays import ComplexArray, RealArray
+from workbench.executor import Context
+from workbench.geometry.area.program import SmallestAreaStadium
+from workbench.geometry.each_set import UnitFrame, each_set
+from workbench.geometry.enclosing import Stadium
+from workbench.geometry.exact_circle import exact_circle
+from workbench.geometry.hull import convex_hull
+from workbench.program import Claim, method
+
+MEMBERS = 15
+"""Members of the population for each number sought."""
+MOST_GENERATIONS = 400
+"""Most generations of a population."""
+SETTLED = 1e-10
+"""Spread of the areas of a population, relative, at which it has settled."""
+RADIUS_POWER = 3
+"""Radii are drawn densely near the least one, as this power of a uniform number."""
+
+
+class Family(NamedTuple):
+    """The shortest stadiums around some corners (M,), a circle of radius ``largest`` among them.
+
+    ``centred``: all have the centre 0. ``angle`` [rad]: all have this direction; None: it is free.
+    """
+
+    corners: ComplexArray
+    largest: float
+    centred: bool
+    angle: float | None
+
+    @property
+    def bounds(self) -> list[tuple[float, float]]:
+        """Bounds of the numbers that tell a member from the others: radius, axis, angle [rad]."""
+        axis = [] if self.centred else [(0.0, 1.0)]
+        return [(0.0, 1.0), *axis, *([] if self.angle is not None else [(0.0, np.pi)])]
+
+    def members(self, numbers: RealArray) -> tuple[RealArray, ComplexArray, RealArray, RealArray]:
+        """Radius, centre, half-length and angle [rad], each (S,), of numbers (N, S)."""
+        angle = np.full(numbers.shape[1], self.angle) if self.angle is not None else numbers[-1]
+        turned = self.corners[:, None] * np.exp(-1j * angle)
+        t, h = turned.real, turned.imag
+        low, high = h.min(axis=0), h.max(axis=0)
+        least = np.maximum(high, -low) if self.centred else (high - low) / 2
+        radius = least + np.maximum(self.largest - least, 0.0) * numbers[0] ** RADIUS_POWER
+        axis: RealArray = np.zeros_like(angle)
+        if not self.centred:
+            axis = high - radius + numbers[1] * (low - high + 2 * radius)
+        room = np.sqrt(np.maximum(radius**2 - (h - axis) ** 2, 0.0))
+        if self.centred:
+            middle, half = np.zeros_like(angle), (np.abs(t) - room).max(axis=0)
+        else:
+            start, end = (t + room).min(axis=0), (t - room).max(axis=0)
+            middle, half = (start + end) / 2, (end - start) / 2
+        center = (middle + 1j * axis) * np.exp(1j * angle)
+        return radius, center, np.maximum(half, 0.0), angle
+
+    def areas(self, numbers: RealArray) -> RealArray:
+        """Areas (S,) of the members of numbers (N, S)."""
+        radius, _, half, _ = self.members(numbers)
+        return np.pi * radius**2 + 4 * radius * half
+
+
+@method(SmallestAreaStadium, "evolution", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
+def _evolution(program: SmallestAreaStadium, context: Context) -> Claim:
+    """Differential evolution over angle, axis and radius, whose shortest stadium is in closed form.
+
+    It draws random numbers; another seed gives another search.
+    """
+    from scipy.optimize import differential_evolution
+
+    centers = None if program.center is None else program.center.ravel()
+    angles = None if program.angle is None else program.angle.ravel()
+
+    def answer(unit: UnitFrame, index: int) -> tuple[complex, float, float]:
+        center = 0j if centers is None else unit.to_frame(centers[index])
+        corners = convex_hull(unit.points - center)
+        if centers is None:
+            middle, largest = (part.item() for part in exact_circle(corners))
+            corners, center = corners - middle, center + middle
+        else:
+            largest = float(np.abs(corners).max())
+        angle = None if angles is None else float(angles[index])
+        family = Family(corners, largest, centers is not None, angle)
+        found = differential_evolution(
+            family.areas,
+            family.bounds,
+            popsize=MEMBERS,
+            maxiter=MOST_GENERATIONS,
+            tol=SETTLED,
+            rng=context.rng,
+            polish=False,
+            updating="deferred",
+            vectorized=True,
+        )
+        _, about, half, direction = family.members(found.x[:, None])
+        return center + complex(about[0]), float(half[0]), float(direction[0])
+
+    shapes, outcome, message = each_set(program, context, answer)
+    return Stadium(*shapes), outcome, message

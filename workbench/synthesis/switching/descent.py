@@ -1,0 +1,162 @@
+"""Dwell times by descent over factors of the quadratic functions, without a conic solver.
+
+With P_i = R_i' R_i every inequality A' P_j A < P_i says that R_j A R_i^-1 has norms below 1. The
+largest of their logarithms is not convex in R, but smooth once a p-norm replaces the maximum over
+singular values and inequalities, with a gradient in closed form. (Factors in place of positive
+definite matrices: S. Burer, R. Monteiro, Mathematical Programming 95 (2003) 329-357.)
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from workbench.accuracy import ANY_ACCURACY_ALIKE
+from workbench.arrays import RealArray
+from workbench.executor import Context
+from workbench.program import Claim, method
+from workbench.solvers import Outcome
+from workbench.synthesis.switching.dwell_search import (
+    added_stays,
+    coordinates,
+    first_stays,
+    shortest_proven,
+    symmetric,
+    turned,
+)
+from workbench.synthesis.switching.program import FALL_MARGIN, Dwell, SwitchedStability
+
+NORM_POWERS = (4, 16, 64, 256, 1024)
+"""Powers of the p-norms that replace the maximum, one after the other."""
+MOST_STEPS = 400
+"""Most quasi-Newton steps with each power."""
+MOST_CUTS = 12
+"""Most rounds in which stays with violated inequalities are added."""
+ENOUGH = -1e-6
+"""Largest logarithm, at most this, at which all inequalities hold and the descent ends."""
+LEAST_DECAY = 1e-9
+"""Smallest logarithm of a decay by which those of its inequality are divided."""
+
+
+class Inequalities(NamedTuple):
+    """R_next A R_own^-1 of norms below 1: A (K, n, n), modes (K,) and units of logarithms (K,)."""
+
+    A: RealArray
+    own: np.ndarray
+    next: np.ndarray
+    unit: RealArray
+
+
+class _EnoughError(Exception):
+    """All inequalities hold at these parameters."""
+
+    def __init__(self, vector: RealArray) -> None:
+        super().__init__()
+        self.vector = vector
+
+
+@method(SwitchedStability, "descent", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
+def _descent(program: SwitchedStability, context: Context) -> Claim:
+    """Bisection over the dwell time; factors of P by quasi-Newton steps on a p-norm of all ratios.
+
+    The problem in the factors is not convex: a dwell time may be missed, never wrongly proven.
+    """
+    L = coordinates(program)
+
+    def proven(samples: int) -> Dwell | None:
+        stays = [first_stays(program.stays(mode, samples)) for mode in program.modes]
+        R = np.stack([np.eye(program.states)] * len(program.modes))
+        for _ in range(MOST_CUTS):
+            R, worst = _lowered(_inequalities(program, stays, L), R)
+            if worst >= 0.0:
+                return None
+            found = Dwell(samples, np.stack([symmetric(L @ (Q.T @ Q) @ L.T) for Q in R]))
+            if all(check.holds for check in program.checks(found, FALL_MARGIN)):
+                return found
+            ratios = [program.ratios(found, i)[0] for i in range(len(program.modes))]
+            if not added_stays(program, samples, stays, ratios):
+                return None
+        return None
+
+    best = shortest_proven(program, proven, context)
+    if best is None:
+        said = f"the descent proves no dwell up to {program.limit} samples"
+        return None, Outcome.FAILED, said
+    unstable, which = program.destabilising
+    missed = f"the descent proves no dwell of {best.samples - 1} samples"
+    return best, Outcome.SOLVED, which if best.samples == unstable + 1 else missed
+
+
+def _inequalities(program: SwitchedStability, stays: list[list[int]], L: RealArray) -> Inequalities:
+    """The inequalities at some stays of each mode, in coordinates L' x.
+
+    The logarithms of a mode's decay over one sample count in units of the least decay that any P
+    can give, those of the entries in units of 1.
+    """
+    A, own, after, unit = [], [], [], []
+    for i, mode in enumerate(program.modes):
+        found = [(one, j, 1.0) for stay in stays[i] for one in turned(mode.over(stay), L)
+                 for j in range(len(program.modes)) if j != i]  # fmt: skip
+        if mode.longest is None:
+            rates = mode.radius / (mode.rate or 1.0)
+            for one, rate in zip(turned(mode.decaying, L), rates, strict=True):
+                decay = -2.0 * math.log(max(float(rate), np.finfo(float).tiny))
+                found.append((one, i, min(max(decay, LEAST_DECAY), 1.0)))
+        for one, j, size in found:
+            A.append(one)
+            own.append(i)
+            after.append(j)
+            unit.append(size)
+    return Inequalities(np.stack(A), np.array(own), np.array(after), np.array(unit))
+
+
+def _lowered(held: Inequalities, R: RealArray) -> tuple[RealArray, float]:
+    """Factors (modes, n, n), upper triangular, and the largest logarithm of a ratio at them."""
+    from scipy.optimize import minimize
+
+    rows, columns = np.triu_indices(R.shape[1])
+    shape = R.shape
+
+    def factors(vector: RealArray) -> RealArray:
+        found = np.zeros(shape)
+        found[:, rows, columns] = vector.reshape(shape[0], -1)
+        return found
+
+    def cost(vector: RealArray, power: int) -> tuple[float, RealArray]:
+        try:
+            value, gradient, worst = _smoothed(held, factors(vector), power)
+        except np.linalg.LinAlgError:
+            return math.inf, np.zeros_like(vector)
+        if worst <= ENOUGH:
+            raise _EnoughError(vector)
+        return value, gradient[:, rows, columns].ravel()
+
+    vector = R[:, rows, columns].ravel()
+    try:
+        for power in NORM_POWERS:
+            found = minimize(cost, vector, (power,), "BFGS", jac=True,
+                             options={"maxiter": MOST_STEPS})  # fmt: skip
+            vector = found.x
+    except _EnoughError as enough:
+        vector = enough.vector
+    return factors(vector), _smoothed(held, factors(vector), NORM_POWERS[-1])[2]
+
+
+def _smoothed(held: Inequalities, R: RealArray, power: int) -> tuple[float, RealArray, float]:
+    """The p-norm of all ratios as a logarithm, its gradient (modes, n, n), and the largest one."""
+    inverse = np.linalg.inv(R)
+    right = held.A @ inverse[held.own]
+    X = R[held.next] @ right
+    left, sizes, rows = np.linalg.svd(X)
+    levels = 2.0 * np.log(np.maximum(sizes, np.finfo(float).tiny)) / held.unit[:, None]
+    worst = float(levels.max())
+    share = np.exp(power * (levels - worst))
+    total = share.sum()
+    slope = 2.0 * share / total / held.unit[:, None] / np.maximum(sizes, np.finfo(float).tiny)
+    towards = (left * slope[:, None, :]) @ rows  # by the entries of X
+    gradient = np.zeros_like(R)
+    np.add.at(gradient, held.next, towards @ right.mT)
+    np.add.at(gradient, held.own, -X.mT @ towards @ inverse[held.own].mT)
+    return worst + float(np.log(total)) / power, gradient, worst

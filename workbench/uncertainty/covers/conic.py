@@ -1,0 +1,120 @@
+"""The numerator of the nominal for the smallest sets over given poles: second-order cone programs.
+
+Over the poles of the nominal that fits the centres, the nominal N is linear in its numerator. With
+the deviations taken relative to a known nominal N0 (1 for additive models), the mean square size
+
+    sum share_f (rho_f^2 + HALF_LENGTH_WEIGHT lambda_f^2),
+    |G_fi - N_f - s_fi e_f| <= rho_f |N0_f|,    |s_fi| <= lambda_f |N0_f|,
+
+is convex in N, in the radii rho, the half-lengths lambda and the places s along the directions e of
+the third set; circles have no lambda and no s. N0 is the nominal of the round before, as in the
+iteration of C. Sanathanan and J. Koerner, IEEE Trans. Automatic Control 8 (1963) 56-58.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from workbench.arrays import ComplexArray, RealArray
+from workbench.errors import SolverError
+from workbench.executor import Context
+from workbench.fitting.rational import Rational
+from workbench.fitting.response.numerator import NumeratorBasis, with_numerator
+from workbench.program import Claim, conic_method
+from workbench.solvers import ConicSolver, Outcome, solve_conic
+from workbench.uncertainty.covers.circle_cover import CircleCover
+from workbench.uncertainty.covers.cover import UncertaintyCover
+from workbench.uncertainty.covers.joint import HALF_LENGTH_WEIGHT, outermost
+from workbench.uncertainty.covers.stadium_cover import StadiumCover
+from workbench.uncertainty.covers.starts import through
+
+MOST_FREQUENCIES = 100
+"""Largest number of frequencies of the cone program."""
+ROUNDS = 3
+"""Number of nominals to which deviations are relative, one after the other."""
+
+
+def _given(program: UncertaintyCover) -> str | None:
+    """Why there is no numerator to choose; None where there is one."""
+    return "the nominal is given; take steps or joint" if program.nominal is not None else None
+
+
+@conic_method(CircleCover, optimal=False, unfit=_given)
+@conic_method(StadiumCover, optimal=False, unfit=_given)
+def _conic(program: UncertaintyCover, context: Context, solver: ConicSolver) -> Claim:
+    """Numerator of the nominal for small sets by cone programs, over the poles of "steps"."""
+    first = program.first_set(program.points)
+    nominal = through(first.center, first, program, context)
+    coarse, said = program.thinned(MOST_FREQUENCIES), ""
+    try:
+        for _ in context.track(range(ROUNDS), "cone programs"):
+            nominal, said = _best_numerator(coarse, nominal, context, solver)
+    except SolverError as error:
+        return None, Outcome.FAILED, str(error)
+    nominal = program.realisable(nominal)
+    third = program.third_set(program.away(nominal, program.points))
+    W_r = program.real_weight(third, context)
+    return program.finished(first, nominal, third, W_r, context), Outcome.SOLVED, said
+
+
+def _best_numerator(
+    program: UncertaintyCover, near: Rational, context: Context, solver: ConicSolver
+) -> tuple[Rational, str]:
+    """The nominal with the poles of another one, near to which sizes are measured, and a message.
+
+    Raises SolverError where the solver gives no answer.
+    """
+    import cvxpy as cp
+
+    omega, shares = program.responses.omega, program.responses.shares
+    points, response = outermost(program.points), near.response(omega)
+    unit = np.abs(response) if program.form == "multiplicative" else program.unit
+    scale = float(np.sqrt(omega[0] * omega[-1]))
+    basis = NumeratorBasis.over(omega / scale, 1 / unit, near.poles / scale, program.zeros)
+    with context.stating():
+        count = omega.size
+        shape = cp.Variable(basis.columns.shape[1])
+        real, imaginary = basis.columns[:count] @ shape, basis.columns[count:] @ shape
+        left = [_beside(points.real / unit[:, None], real), _beside(points.imag / unit[:, None],
+                                                                    imaginary)]  # fmt: skip
+        radius = cp.Variable(count)
+        size, limits = cp.sum(cp.multiply(shares, radius**2)), []
+        if isinstance(program, StadiumCover):
+            direction = _directions(program, near, response)
+            along, half = cp.Variable(points.shape), cp.Variable(count)
+            parts = (direction.real, direction.imag)
+            left = [each - cp.multiply(part[:, None], along)
+                    for each, part in zip(left, parts, strict=True)]  # fmt: skip
+            limits.append(cp.abs(along) <= _beside_row(half, points.shape[1]))
+            size += HALF_LENGTH_WEIGHT * cp.sum(cp.multiply(shares, half**2))
+        flat = cp.vstack([cp.vec(each, order="C") for each in left])
+        limits.append(
+            cp.norm(flat, axis=0) <= cp.vec(_beside_row(radius, points.shape[1]), order="C")
+        )
+        problem = cp.Problem(cp.Minimize(size), limits)
+    _, said = solve_conic(problem, solver, context.options, context)
+    if shape.value is None:
+        raise SolverError(f"the cone program has no answer: {said}")
+    return with_numerator(basis, shape.value, near.poles, scale), said
+
+
+def _directions(program: StadiumCover, near: Rational, response: ComplexArray) -> ComplexArray:
+    """Directions (F,) of size 1 of the sets in the plane of the plants."""
+    third = program.third_set(program.away(near, program.points))
+    turn = np.exp(1j * third.angle)
+    relative = program.form == "multiplicative"
+    return np.asarray(turn * response / np.abs(response) if relative else turn)
+
+
+def _beside(points: RealArray, value: Any) -> Any:
+    """Points (F, N) less a value (F,) of every row."""
+    return points - _beside_row(value, points.shape[1])
+
+
+def _beside_row(value: Any, count: int) -> Any:
+    """A vector (F,) as a matrix (F, count) of equal columns."""
+    import cvxpy as cp
+
+    return cp.reshape(value, (value.size, 1), order="C") @ np.ones((1, count))
