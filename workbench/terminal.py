@@ -15,6 +15,7 @@ from workbench.solvers import Outcome
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from workbench.bench.compare import Cells
     from workbench.bench.results import Run
     from workbench.executor import Progress, Row, Watch
 
@@ -108,6 +109,41 @@ def print_details(one: Run) -> None:
     if one.note:
         click.echo(f"  {one.note}")
     click.echo(one.path)
+
+
+def print_comparison(one: Run, as_json: bool) -> None:
+    """The cells of a comparison, what failed and how to repeat it, and where its folder is."""
+    from workbench.bench.comparison import HEADS, alike, badge, failures, rows, unfit
+
+    data = one.data
+    if as_json:
+        print_json(
+            row(one) | {"cells": [dict(zip(HEADS, cell, strict=True)) for cell in rows(data)]}
+        )
+        return
+    print_table(HEADS, rows(data), right=6)
+    for cell in failures(data)[1]:
+        click.echo(f"  {': '.join([' '.join(cell[:3]), *cell[3:5]])}\n    {cell[5]}")
+    for title, sentences in (("unfit", unfit(data)), ("alike", alike(data))):
+        for sentence in sentences:
+            click.echo(f"  {title}: {sentence}")
+    click.echo(badge(data))
+    click.echo(one.path)
+
+
+def print_plan(cells: Cells, as_json: bool) -> None:
+    """What would become of each cell of a comparison."""
+    from workbench.bench.compare import described
+
+    planned = [(*labels, state) for labels, state in described(cells)]
+    if as_json:
+        heads = ("problem", "method", "accuracy", "repetition", "state")
+        print_json([dict(zip(heads, one, strict=True)) for one in planned])
+        return
+    lines = [[*map(str, one)] for one in planned]
+    print_table(["problem", "method", "accuracy", "repetition", "state"], lines)
+    run = sum(one[-1] == "would run" for one in planned)
+    click.echo(f"{run} of {len(planned)} would run")
 
 
 def print_table(

@@ -17,11 +17,11 @@ import numpy as np
 
 from workbench.bench.cells.answer import Cell, answer, answer_apart, store_lost
 from workbench.bench.cells.plan import Place, Plan, plan
-from workbench.bench.cells.record import UNFIT, Record
+from workbench.bench.cells.record import Record
 from workbench.bench.cells.stored import Journal, in_folder
 from workbench.bench.cells.table import Entry, Labels, table
 from workbench.bench.code import code_hash
-from workbench.bench.comparison import Comparison
+from workbench.bench.comparison import UNFIT, Comparison
 from workbench.bench.describe import describe
 from workbench.bench.project import registry, results_root
 from workbench.bench.question import Question, asked, canonical
@@ -74,7 +74,7 @@ class Asked:
                 journal = stack.enter_context(Journal(results_root()))
             self._answer(cells, executor, journal, progress)
         entries = {
-            labels: Entry(one.record, one.key, one.served)
+            labels: Entry(one.record, one.key, one.served, one.optimal)
             for labels, one in cells.places.items()
             if one.record is not None
         }
@@ -138,14 +138,14 @@ class Asked:
             for level, repetition in product(self.accuracies, range(self.repeat)):
                 labels = (planned.problem, method, level, repetition)
                 if reason is not None or known is None or planned.question is None:
-                    cells.put(labels, None, np.nan, reason)
+                    cells.put(labels, None, np.nan, False, reason)
                     continue
                 options = Options(time_limit=self.time_limit, seed=self.seed)
                 judged = known.tolerances[level]
                 question = replace(planned.question, method=method, options=asked(options, judged))
                 question = question.as_cell(repetition, self.memory_limit)
                 cell = Cell(question, known.code, self.parameters, self.light, self.verbose)
-                cells.put(labels, cell, judged, None)
+                cells.put(labels, cell, judged, known.optimal, None)
 
     def _answer(
         self, cells: Cells, executor: Executor, journal: Journal | None, progress: Progress
@@ -213,6 +213,7 @@ class Placed:
     cell: Cell | None
     key: str
     served: float
+    optimal: bool
     record: Record | None
 
 
@@ -227,9 +228,16 @@ class Cells:
     programs: dict[str, str] = field(default_factory=dict)
     sizes: dict[str, float] = field(default_factory=dict)
 
-    def put(self, labels: Labels, cell: Cell | None, served: float, record: Record | None) -> None:
+    def put(
+        self,
+        labels: Labels,
+        cell: Cell | None,
+        served: float,
+        optimal: bool,
+        record: Record | None,
+    ) -> None:
         """Give a cell its place; one that cannot be asked has a record from the start."""
-        placed = Placed(cell, cell.question.key if cell else "", served, record)
+        placed = Placed(cell, cell.question.key if cell else "", served, optimal, record)
         self.places[labels] = placed
         if cell is not None:
             self.same.setdefault(placed.key, []).append(placed)

@@ -66,10 +66,7 @@ def answer(cell: Cell, place: Place) -> Record:
     said = _timed(bound.task, method, cell.options)
     with running(None if cell.options.time_limit is None else CHECK_LIMIT):
         solution = judge(bound.task, method, said.solution, said.context)
-    valid = solution.certificate is not None and solution.certificate.valid
-    own = valid and solution.proof is None
-    objective = bound.task.objective(solution.answer) if own else None
-    record = Record.of(solution, objective, said.cpu, said.memory)
+    record = Record.of(bound.task, solution, said.cpu, said.memory)
     if not cell.light:
         seconds = {**solution.seconds, "total": time.perf_counter() - clock}
         about = {"started": started, "seconds": seconds, "code": cell.code, CELL: record.to_json()}

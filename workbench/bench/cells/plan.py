@@ -48,13 +48,14 @@ _entered: list[Place] = []
 
 @dataclass(frozen=True)
 class Planned:
-    """A method of a problem: why it cannot take it, the code that answers, what it makes of levels.
+    """A method of a problem: why it cannot take it, whether it claims the best answer, its code.
 
     ``tolerances`` are those that the certificate judges by, by level; of two levels with the same
     one the cell is the same.
     """
 
     unfit: str
+    optimal: bool = False
     code: str = ""
     tolerances: Mapping[str, float] = field(default_factory=dict)
 
@@ -116,6 +117,6 @@ def plan(
             planned[method] = Planned(reason)
             continue
         levels = {level: entry.judging_tolerance(value) for level, value in ACCURACY.items()}
-        planned[method] = Planned("", bound.code(method), levels)
+        planned[method] = Planned("", entry.optimal, bound.code(method), levels)
     own = bound.own_question
     return Plan(name, own, type(task).__name__, np.nan if size is None else size, planned)

@@ -9,11 +9,10 @@ from typing import Any
 
 from workbench.bench.results import Run
 from workbench.errors import CrashedError, MemoryLimitError, ResultError, TimeLimitError
+from workbench.program import Program
 from workbench.solution import Solution
 from workbench.solvers import Outcome
 
-UNFIT = "unfit"
-"""Outcome of a cell whose method cannot take its problem."""
 CELL = "cell"
 """The part of run.json that only cells have."""
 
@@ -22,7 +21,8 @@ CELL = "cell"
 class Record:
     """How a cell ended.
 
-    ``objective`` is that of a valid answer, to be minimised; ``gap`` its certified relative
+    ``objective`` is that of a valid answer, to be minimised; ``scale`` what differences of it are
+    relative to, ``rounding`` what rounding may change of it; ``gap`` its certified relative
     distance from the best. Wall times of statement, solve and check, CPU time of the first two [s];
     the largest resident memory of the process meanwhile [byte]. NaN stands for what there is not.
     """
@@ -32,6 +32,8 @@ class Record:
     message: str = ""
     certified: bool = False
     objective: float = math.nan
+    scale: float = math.nan
+    rounding: float = math.nan
     gap: float = math.nan
     statement: float = math.nan
     solve: float = math.nan
@@ -40,13 +42,18 @@ class Record:
     memory: float = math.nan
 
     @classmethod
-    def of(cls, solution: Solution, objective: float | None, cpu: float, memory: float) -> Record:
+    def of(cls, task: Program, solution: Solution, cpu: float, memory: float) -> Record:
         """The record of a judged answer."""
         certificate = solution.certificate
-        gap = certificate.gap if certificate and solution.proof is None else None
-        statement, solve, check = (
-            solution.seconds.get(name, math.nan) for name in ("statement", "solve", "check")
-        )
+        own = certificate is not None and solution.proof is None
+        gap = certificate.gap if certificate is not None and own else None
+        objective, scale, rounding = math.nan, math.nan, math.nan
+        if own and certificate is not None and certificate.valid:
+            value = task.objective(solution.answer)
+            if value is not None:
+                objective = float(value)
+                scale = float(task.objective_scale(solution.answer))
+                rounding = float(task.objective_rounding(solution.answer))
         statement, solve, check = (
             solution.seconds.get(name, math.nan) for name in ("statement", "solve", "check")
         )
@@ -55,7 +62,9 @@ class Record:
             solution.claim,
             solution.message,
             solution.outcome.proven,
-            math.nan if objective is None else float(objective),
+            objective,
+            scale,
+            rounding,
             gap.value if gap else math.nan,
             statement,
             solve,

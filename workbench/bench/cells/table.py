@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,21 +11,23 @@ import numpy as np
 
 from workbench.bench.cells.machine import machine
 from workbench.bench.cells.record import Record
-from workbench.bench.comparison import METHOD
+from workbench.bench.comparison import DIMS
 from workbench.executor import WALL_TIME
 from workbench.heavy_types import Dataset
 from workbench.solvers import ACCURACY
 
-DIMS = ("problem", METHOD, "accuracy", "repetition")
-
 
 @dataclass(frozen=True)
 class Entry:
-    """A cell in its place: how it ended, its key, and the tolerance that it served."""
+    """A cell in its place: how it ended, its key, the tolerance that it served.
+
+    ``optimal``: its method claims the best answer.
+    """
 
     record: Record
     key: str = ""
     served: float = np.nan
+    optimal: bool = False
 
 
 Labels = tuple[str, str, str, int]
@@ -68,9 +70,10 @@ def table(
         {
             **{name: text(name) for name in ("outcome", "claim", "message")},
             "certified": filled(0, "int8", lambda entry: int(entry.record.certified)),
-            **{name: number(name) for name in ("objective", "gap")},
+            **{name: number(name) for name in ("objective", "scale", "rounding", "gap")},
             **{name: number(name, **seconds) for name in ("statement", "solve", "check", "cpu")},
             "memory": number("memory", units="byte", **WALL_TIME),
+            "optimal": filled(0, "int8", lambda entry: int(entry.optimal)),
             "served": filled(np.nan, float, lambda entry: entry.served),
             "key": filled("", object, lambda entry: entry.key),
         },
@@ -87,8 +90,3 @@ def table(
 def _ordered(labels: Any) -> list[Any]:
     """Labels in the order in which they are met first."""
     return list(dict.fromkeys(labels))
-
-
-def repeated(cells: Sequence[Labels]) -> int:
-    """How often the cells of a comparison are repeated."""
-    return 1 + max((labels[3] for labels in cells), default=0)

@@ -1,13 +1,30 @@
 """What is made of a comparison's cells: verdicts, tables, figures and files."""
 
-from workbench.bench.comparison.study import (
-    HEADS,
-    METHOD,
-    UNFIT,
-    Comparison,
-    alike,
-    rows,
-    unfit,
-)
+from workbench.bench.comparison.changes import changes, changes_table
+from workbench.bench.comparison.files import cell_columns, write_cells
+from workbench.bench.comparison.layout import DIMS, METHOD, UNFIT
+from workbench.bench.comparison.numbers import badge, counts, shifted_mean
+from workbench.bench.comparison.study import Comparison
+from workbench.bench.comparison.tables import HEADS, alike, failures, rows, unfit
+from workbench.bench.comparison.verdicts import SAFETY, judged
 
-__all__ = ["HEADS", "METHOD", "UNFIT", "Comparison", "alike", "rows", "unfit"]
+__all__ = [
+    "DIMS",
+    "HEADS",
+    "METHOD",
+    "SAFETY",
+    "UNFIT",
+    "Comparison",
+    "alike",
+    "badge",
+    "cell_columns",
+    "changes",
+    "changes_table",
+    "counts",
+    "failures",
+    "judged",
+    "rows",
+    "shifted_mean",
+    "unfit",
+    "write_cells",
+]

@@ -25,8 +25,8 @@ from workbench.fitting.response.numerator import NumeratorBasis, with_numerator
 from workbench.program import Claim, conic_method
 from workbench.solvers import ConicSolver, Outcome, solve_conic
 from workbench.uncertainty.covers.circle_cover import CircleCover
-from workbench.uncertainty.covers.cover import UncertaintyCover
-from workbench.uncertainty.covers.joint import HALF_LENGTH_WEIGHT, outermost
+from workbench.uncertainty.covers.cover import HALF_LENGTH_WEIGHT, UncertaintyCover
+from workbench.uncertainty.covers.joint import outermost
 from workbench.uncertainty.covers.stadium_cover import StadiumCover
 from workbench.uncertainty.covers.starts import through
 

@@ -1,0 +1,46 @@
+"""Every figure of a comparison, by file stem."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from workbench.bench.comparison.accuracy_time import accuracy_against_time
+from workbench.bench.comparison.agreement import agreement_matrix
+from workbench.bench.comparison.layout import METHOD
+from workbench.bench.comparison.numbers import certified, groups
+from workbench.bench.comparison.profiles import cactus, performance_profile
+from workbench.bench.comparison.scaling import has_sizes, scaling
+from workbench.bench.comparison.styles import Look, looks
+from workbench.heavy_types import Dataset, Figure
+
+
+def drawings(data: Dataset) -> dict[str, Figure]:
+    """The figures of a dataset with verdicts, each Program's apart where there are several."""
+    known, parts = looks(data), list(groups(data))
+    found: dict[str, Figure] = {}
+    for program, one in parts:
+        end = f"-{_stem(program)}" if len(parts) > 1 else ""
+        found |= {f"{name}{end}": figure for name, figure in _drawn(one, known).items()}
+    return found
+
+
+def _drawn(data: Dataset, looks: dict[str, Look]) -> dict[str, Figure]:
+    """The figures of one Program for which it has data."""
+    found = {}
+    if certified(data).any():
+        found["performance-profile"] = performance_profile(data, looks)
+        found["cactus"] = cactus(data, looks)
+        if has_sizes(data):
+            found["scaling"] = scaling(data, looks)
+    if not np.isnan(data["gap"].values).all():
+        found["accuracy-against-time"] = accuracy_against_time(data, looks)
+    if np.isfinite(data["objective"].values).any() and data.sizes[METHOD] > 1:
+        found["agreement"] = agreement_matrix(data)
+    return found
+
+
+def _stem(program: str) -> str:
+    """A class name as a part of a file's name: MuUpperBound is mu-upper-bound."""
+    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "-", program).lower()

@@ -1,0 +1,100 @@
+"""The cells of a comparison as a table in a file, for other programs: CSV or Parquet."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from workbench.bench.comparison.layout import COORDINATES, DIMS, asked, command
+from workbench.bench.comparison.verdicts import judged
+from workbench.errors import InputError
+from workbench.heavy_types import Dataset
+
+FORMATS = (".csv", ".parquet")
+
+
+def write_cells(data: Dataset, path: str | Path) -> Path:
+    """Write every cell of a comparison as a row: labels, all variables, and the command.
+
+    A column's name carries its unit, such as ``solve [s]``. A number that is not known is an empty
+    field in CSV, and null in Parquet.
+
+    Parameters
+    ----------
+    data
+        Dataset of a comparison.
+    path
+        File to write; its ending, ``.csv`` or ``.parquet``, tells the format.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    InputError
+        Another ending, a folder that does not exist, or Parquet without the package pyarrow.
+    ResultError
+        The dataset is none of a comparison.
+    """
+    path = Path(path)
+    if path.suffix not in FORMATS:
+        raise InputError(f"cells are written to {' or '.join(FORMATS)}, not to {path.name!r}")
+    if not path.parent.is_dir():
+        raise InputError(f"the folder {path.parent} of {path.name!r} does not exist; make it first")
+    columns = cell_columns(data)
+    if path.suffix == ".csv":
+        with path.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file)
+            writer.writerow(columns)
+            rows = zip(*columns.values(), strict=True)
+            writer.writerows([["" if value is None else value for value in row] for row in rows])
+    else:
+        _write_parquet(columns, path)
+    return path
+
+
+def cell_columns(data: Dataset) -> dict[str, list[Any]]:
+    """The cells of a comparison in columns, by name with unit; None for numbers not known."""
+    data = judged(data)
+    places = np.argwhere(asked(data))
+    found: dict[str, list[Any]] = {}
+    for name in COORDINATES:
+        values = data[name].values
+        # Every coordinate belongs to one dimension.
+        along = DIMS.index(str(data[name].dims[0]))
+        found[_named(data, name)] = [_plain(values[place[along]]) for place in places]
+    index = tuple(places.T)
+    for name in map(str, data.data_vars):
+        found[_named(data, name)] = [_plain(value) for value in data[name].values[index]]
+    found["command"] = [command(data, tuple(place)) for place in places.tolist()]
+    return found
+
+
+def _write_parquet(columns: dict[str, list[Any]], path: Path) -> None:
+    try:
+        import pyarrow
+        from pyarrow import parquet
+    except ImportError:
+        raise InputError(
+            "Parquet needs the package pyarrow: pip install 'workbench[parquet]'; "
+            "or write to a .csv file"
+        ) from None
+    parquet.write_table(pyarrow.table(columns), path)
+
+
+def _named(data: Dataset, name: str) -> str:
+    """Name of a column, with its unit where it has one."""
+    column = "method" if name == DIMS[1] else name
+    unit = str(data[name].attrs.get("units", "1"))
+    return column if unit == "1" else f"{column} [{unit}]"
+
+
+def _plain(value: Any) -> Any:
+    """A value of an array as Python's own; None for NaN."""
+    plain = value.item() if isinstance(value, np.generic) else value
+    return None if isinstance(plain, float) and np.isnan(plain) else plain

@@ -1,0 +1,134 @@
+"""The dataset of a comparison: its dimensions, its variables, and what is read from its cells.
+
+A cell is one problem by one method at one accuracy level, in one repetition. A pair of a problem
+and a method that nobody asked for has the outcome "" everywhere: it is no cell.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import shlex
+from typing import Any
+
+import numpy as np
+
+from workbench.arrays import RealArray
+from workbench.errors import ResultError
+from workbench.heavy_types import DataArray, Dataset
+from workbench.solvers import Outcome
+
+METHOD = "by_method"
+"""The dimension of methods; xarray's ``sel`` keeps the word method for itself."""
+DIMS = ("problem", METHOD, "accuracy", "repetition")
+"""Dimensions of every variable."""
+UNFIT = "unfit"
+"""Outcome of a cell whose method cannot take its problem."""
+KNOWN = {*map(str, Outcome), UNFIT, ""}
+"""Every outcome of a cell."""
+TEXTS = ("outcome", "claim", "message", "key")
+NUMBERS = (
+    "certified", "objective", "gap", "served", "statement", "solve", "check", "cpu", "memory",
+)  # fmt: skip
+COORDINATES = (*DIMS, "tolerance", "program", "size")
+
+
+def checked(data: Dataset) -> Dataset:
+    """The dataset, if it has all that a comparison's dataset has.
+
+    Raises
+    ------
+    ResultError
+        It has other dimensions, or lacks variables or coordinates; the message names them.
+    """
+    again = "run `workbench compare` again to make it anew"
+    outcome = data.get("outcome")
+    if outcome is None:
+        raise ResultError(f"this is no comparison: it has no variable outcome; {again}")
+    if outcome.dims != DIMS:
+        raise ResultError(
+            f"this comparison has dimensions {', '.join(map(str, outcome.dims))}; "
+            f"{', '.join(DIMS)} are needed: it was made by an older version; {again}"
+        )
+    missing = [name for name in (*TEXTS, *NUMBERS) if name not in data.data_vars]
+    missing += [name for name in COORDINATES if name not in data.coords]
+    if missing:
+        raise ResultError(f"this comparison lacks {', '.join(missing)}; {again}")
+    other = [name for name in (*TEXTS, *NUMBERS) if data[name].dims != DIMS]
+    if other:
+        raise ResultError(f"{', '.join(other)} must have dimensions {', '.join(DIMS)}; {again}")
+    unknown = set(outcome.values.ravel().tolist()) - KNOWN
+    if unknown:
+        raise ResultError(f"this comparison has unknown outcomes: {', '.join(sorted(unknown))}")
+    return data
+
+
+def asked(data: Dataset) -> np.ndarray:
+    """Where there is a cell: the problem was given to the method, which may have been unfit."""
+    return np.asarray(data["outcome"].values != "")
+
+
+def tried(data: Dataset) -> np.ndarray:
+    """Where a method was asked that can take its problem."""
+    return np.asarray(asked(data) & (data["outcome"].values != UNFIT))
+
+
+def seconds(data: Dataset) -> DataArray:
+    """Wall time [s] of statement and solve of every cell."""
+    return data["statement"] + data["solve"]
+
+
+def tolerances(data: Dataset) -> RealArray:
+    """Tolerance at which a method's claim to have the optimum is judged, as an array of cells."""
+    return np.asarray(data["tolerance"].broadcast_like(data["outcome"]).transpose(*DIMS).values)
+
+
+def scales(data: Dataset) -> RealArray:
+    """What gaps and differences of objectives are relative to, for every cell.
+
+    Datasets without the variable ``scale`` get 1 + |objective|: no Program's own scale is larger
+    where its objective is near zero, so that less is called wrong, never more.
+    """
+    if "scale" in data:
+        return np.asarray(data["scale"].values, dtype=float)
+    return 1.0 + np.abs(np.asarray(data["objective"].values, dtype=float))
+
+
+def roundings(data: Dataset) -> RealArray:
+    """Difference of the objective that rounding alone may make, for every cell; 0 if not stored."""
+    shape = data["outcome"].shape
+    stored = data["rounding"].values if "rounding" in data else np.zeros(shape)
+    return np.nan_to_num(np.asarray(stored, dtype=float))
+
+
+def per_problem(data: Dataset, name: str) -> list[Any]:
+    """Values of a coordinate of the problems, one for each."""
+    values: list[Any] = data[name].values.tolist()
+    return values
+
+
+def time_limit(data: Dataset) -> float | None:
+    """Time limit [s] of every cell; None without one."""
+    return _positive(data.attrs.get("time_limit"))
+
+
+def command(data: Dataset, place: tuple[int, ...]) -> str:
+    """The command that computes a cell anew, by its place in the arrays."""
+    problem, method, level = (str(data[d].values[i]) for d, i in zip(DIMS, place, strict=False))
+    words = ["workbench", "run", problem, "--method", method, "--tolerance", level]
+    limit = time_limit(data)
+    if limit is not None:
+        words += ["--time-limit", f"{limit:g}"]
+    words += ["--seed", str(int(data.attrs.get("seed", 0)))]
+    for name, value in json.loads(data.attrs.get("parameters") or "{}").items():
+        words += ["--set", f"{name}={value if isinstance(value, str) else json.dumps(value)}"]
+    return shlex.join([*words, "--fresh"])
+
+
+def _positive(given: Any) -> float | None:
+    """A positive finite number, or None for anything else that an attribute may hold."""
+    try:
+        value = float(given)
+    except (TypeError, ValueError):
+        return None
+    return value if 0.0 < value < math.inf else None

@@ -1,0 +1,129 @@
+"""Performance profile and cactus plot of one Program's problems, a panel for each accuracy level.
+
+Source: E. D. Dolan, J. J. More, Benchmarking optimization software with performance profiles,
+Mathematical Programming 91 (2002) 201-213.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from workbench import figures
+from workbench.arrays import RealArray
+from workbench.bench.comparison.layout import METHOD
+from workbench.bench.comparison.numbers import certified_times
+from workbench.bench.comparison.styles import WIDTH, Look, keys, legend, share_axis
+from workbench.heavy_types import Axes, Dataset, Figure
+
+BEYOND = 1.3
+"""Factor by which the axis of times reaches beyond the last step of a curve."""
+
+
+def performance_ratios(data: Dataset) -> RealArray:
+    """Median time over that of the fastest certified method (problem, method, accuracy).
+
+    Infinite where a method has no certificate of the problem at that level.
+    """
+    times = certified_times(data)[1]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        best = np.where(np.isfinite(times), times, np.inf).min(axis=1, keepdims=True)
+        ratio = times / best
+    return np.where(np.isfinite(ratio), ratio, np.inf)
+
+
+def profile(ratios: RealArray) -> tuple[RealArray, RealArray]:
+    """The steps of rho(tau): the share (N,) of problems whose ratio is at most tau (N,).
+
+    ratios: of one method (P,), at least 1; infinite where the problem is not solved.
+    """
+    tau = np.unique(ratios[np.isfinite(ratios)])
+    share = (ratios[:, None] <= tau).mean(axis=0)
+    return tau, np.asarray(share)
+
+
+def performance_profile(data: Dataset, looks: dict[str, Look]) -> Figure:
+    """Share of the problems that each method solves within a factor of the fastest method's time.
+
+    The curve's left end is the share of problems on which the method is the fastest; its right end
+    is the share that it solves at all. Problems it cannot take count as not solved.
+    """
+    ratios = performance_ratios(data)
+    count = data.sizes["problem"]
+
+    def draw(panel: Axes, level: int) -> float:
+        last = [1.0]
+        for j, name in enumerate(data[METHOD].values):
+            tau, share = profile(ratios[:, j, level])
+            if tau.size:
+                last.append(float(tau[-1]))
+                _steps(panel, looks[str(name)], tau, share)
+        return max(last)
+
+    words = f"share of the {count} problems" if count > 1 else "share of the one problem"
+    figure, panels = _panels(data, looks, draw, "time over that of the fastest method [1]", words)
+    for panel in panels:
+        share_axis(panel)
+    return figure
+
+
+def cactus(data: Dataset, looks: dict[str, Look]) -> Figure:
+    """Time per problem against the number of problems that each method solves within it."""
+    times = certified_times(data)[1]
+
+    def draw(panel: Axes, level: int) -> float:
+        last = [0.0]
+        for j, name in enumerate(data[METHOD].values):
+            spent = times[:, j, level]
+            spent = np.sort(spent[np.isfinite(spent)])
+            if spent.size:
+                last.append(float(spent[-1]))
+                _steps(panel, looks[str(name)], spent, np.arange(1, spent.size + 1.0))
+        return max(last)
+
+    from matplotlib.ticker import MaxNLocator
+
+    words = f"certified problems, of {data.sizes['problem']}"
+    figure, panels = _panels(data, looks, draw, "time per problem [s]", words)
+    for panel in panels:
+        panel.set_ylim(0, data.sizes["problem"] * 1.03 + 0.1)
+        panel.yaxis.set_major_locator(MaxNLocator(integer=True))
+    return figure
+
+
+def _steps(panel: Axes, look: Look, x: RealArray, y: RealArray) -> None:
+    """A step curve; its markers, where there are many steps, on about eight of them."""
+    every = max(1, x.size // 8)
+    panel.step(
+        x, y, where="post", linestyle=look.line, marker=look.marker, markevery=every,
+        markersize=4.5, **look.drawn,
+    )  # fmt: skip
+
+
+def _panels(
+    data: Dataset,
+    looks: dict[str, Look],
+    draw: Callable[[Axes, int], float],
+    x: str,
+    y: str,
+) -> tuple[Figure, list[Axes]]:
+    """A panel for each level; ``draw`` fills it and returns the largest x of its steps."""
+    levels = data["accuracy"].values
+    figure, panels = figures.axes(
+        1, len(levels), size=(max(WIDTH, 2.7 * len(levels)), 3.2), sharex=True, sharey=True
+    )
+    ends = [draw(panel, k) for k, panel in enumerate(panels)]
+    # Every curve goes on to the right end of the axis at the height of its last step.
+    right = max(ends) * BEYOND
+    for panel, level in zip(panels, levels, strict=True):
+        for line in panel.get_lines():
+            last_x, last_y = line.get_data()
+            line.set_data(np.append(last_x, right), np.append(last_y, np.asarray(last_y)[-1]))
+        figures.label(panel, x, "", str(level), log="x" if right > 0 else "")
+        if right > 0:
+            panel.set_xlim(right=right)
+    panels[0].set_ylabel(y)
+    shown = {str(name): looks[str(name)] for name in data[METHOD].values}
+    legend(figure, keys(shown), figure.get_figwidth())
+    return figure, panels

@@ -1,0 +1,211 @@
+"""Tables of a comparison: cells, means of time and shares solved, failures, agreement."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workbench.bench.comparison.layout import (
+    METHOD,
+    UNFIT,
+    asked,
+    command,
+    per_problem,
+    time_limit,
+    tried,
+)
+from workbench.bench.comparison.numbers import (
+    SHIFTS,
+    certified_times,
+    combined_verdicts,
+    disagreements,
+    groups,
+    largest_gap,
+    penalty,
+    quartiles,
+    shifted_mean,
+)
+from workbench.bench.comparison.verdicts import CERTIFIED, CONTRADICTION, WRONG
+from workbench.heavy_types import Dataset
+from workbench.solvers import Outcome
+from workbench.tables import Rows, markdown
+
+HEADS = [
+    "problem", "method", "accuracy", "verdict", "claim", "gap", "objective",
+    "statement [s]", "solve [s]", "CPU [s]", "memory [MB]",
+]  # fmt: skip
+"""Heads of `rows`."""
+MEAN_HEADS = ["method", "accuracy", "problems", "certified", "share", "false claims"] + [
+    f"mean time, shift {shift:g} s" for shift in SHIFTS
+]
+FAILURE_HEADS = ["problem", "method", "accuracy", "verdict", "reason", "command"]
+ORDER = (CONTRADICTION, WRONG, str(Outcome.INACCURATE))
+"""Verdicts that stand first among the failures."""
+
+
+def rows(data: Dataset) -> list[list[str]]:
+    """The cells of a dataset with verdicts as text, a row for all repetitions of each.
+
+    Times are medians, with their quartiles where there are repetitions; the gap is the largest.
+    """
+    verdicts = combined_verdicts(data)
+    times = {n: quartiles(data[n].values) for n in ("statement", "solve", "cpu", "memory")}
+    median = {n: quartiles(data[n].values)[1] for n in ("gap", "objective")}
+    table = []
+    for place in zip(*np.nonzero(asked(data).any(axis=-1)), strict=True):
+        problem, method, level = _labels(data, place)
+        spent = [_spread(times[name][(slice(None), *place)]) for name in ("statement", "solve")]
+        claims = dict.fromkeys(data["claim"].values[place].tolist())
+        table.append(
+            [
+                *(problem, method, level, str(verdicts[place])),
+                " / ".join(claims) or "-",
+                _number(largest_gap(data["gap"].values[place]), ".1e"),
+                _number(median["objective"][place], ".8g"),
+                *spent,
+                _number(times["cpu"][(1, *place)], ".4f"),
+                _number(times["memory"][(1, *place)] / 1e6, ".0f"),
+            ]
+        )
+    return table
+
+
+def means(data: Dataset, late: float) -> Rows:
+    """Share certified, false claims and mean times per method and accuracy, of one Program.
+
+    Means are over the problems that the method can take. A problem without a certificate counts
+    ``late`` [s].
+    """
+    times, here = certified_times(data)[1], tried(data)
+    verdict, table = data["verdict"].values, []
+    for j, method in enumerate(data[METHOD].values):
+        for k, level in enumerate(data["accuracy"].values):
+            problems = here[:, j, k].any(axis=-1)
+            if not problems.any():
+                continue
+            found = times[problems, j, k]
+            solved = int(np.isfinite(found).sum())
+            wrong = int((verdict[:, j, k] == WRONG).sum())
+            spent = np.where(np.isfinite(found), found, late)
+            numbers = [shifted_mean(spent, shift) for shift in SHIFTS]
+            table.append(
+                [
+                    *(str(method), str(level), str(len(found)), str(solved)),
+                    f"{solved / len(found):.0%}",
+                    str(wrong),
+                    *(_number(number, ".4g") for number in numbers),
+                ]
+            )
+    return MEAN_HEADS, table
+
+
+def failures(data: Dataset) -> Rows:
+    """The cells without a certified verdict: their reason, and the command that repeats each.
+
+    Contradictions and wrong claims stand first. Repetitions with the same verdict share a row.
+    """
+    verdict, done = data["verdict"].values, {*CERTIFIED, UNFIT, ""}
+    found = {}
+    for place in np.ndindex(*verdict.shape):
+        word = str(verdict[place])
+        if word in done or (*place[:3], word) in found:
+            continue
+        said = " ".join(str(data["message"].values[place]).split())
+        why = str(data["reason"].values[place])
+        reason = f"{why}; {said}" if why and said else why or said or "-"
+        row = [*_labels(data, place), word, reason.replace("|", "/"), f"`{command(data, place)}`"]
+        found[*place[:3], word] = row
+    rank = {word: place for place, word in enumerate(ORDER)}
+    return FAILURE_HEADS, sorted(found.values(), key=lambda row: rank.get(row[3], len(rank)))
+
+
+def agreement(data: Dataset) -> Rows:
+    """Largest relative difference of objectives between methods, of one Program."""
+    names = [str(name) for name in data[METHOD].values]
+    apart = disagreements(data)
+    table = [
+        [name, *(_number(value, ".1e") for value in row)]
+        for name, row in zip(names, apart, strict=True)
+    ]
+    return ["method", *names], table
+
+
+def unfit(data: Dataset) -> list[str]:
+    """Why some methods cannot take some of the problems, a sentence each."""
+    found = {}
+    for place in zip(*np.nonzero(data["outcome"].values == UNFIT), strict=True):
+        problem, method, _ = _labels(data, place)
+        found[problem, method] = f"{problem} by {method}: {data['message'].values[place]}"
+    return list(found.values())
+
+
+def alike(data: Dataset) -> list[str]:
+    """The methods that one computation answers for several levels, a sentence each."""
+    found, here = [], tried(data)
+    levels = data["accuracy"].values
+    for i, j in np.ndindex(*data["outcome"].shape[:2]):
+        served = np.where(here[i, j], data["served"].values[i, j], np.nan)[:, 0]
+        for tolerance in dict.fromkeys(served[np.isfinite(served)].tolist()):
+            same = levels[served == tolerance]
+            if len(same) > 1:
+                pair = f"{data['problem'].values[i]} by {data[METHOD].values[j]}"
+                found.append(f"{pair}: one computation for {', '.join(map(str, same))}")
+    return found
+
+
+def tables(data: Dataset) -> dict[str, str]:
+    """Every table of a dataset with verdicts, in Markdown, by file stem."""
+    found = {"means": _by_program(data), "failures": "", "agreement": "", "comparison": ""}
+    heads, failed = failures(data)
+    found["failures"] = markdown(heads, failed) if failed else "Every cell is certified.\n"
+    parts = [
+        f"{_caption(data, program)}{markdown(*agreement(one))}"
+        for program, one in groups(data)
+        if np.isfinite(one["objective"].values).any()
+    ]
+    found["agreement"] = (
+        "Largest difference of the objectives of valid answers, relative to their scale.\n\n"
+        + "\n".join(parts)
+        if parts
+        else "No Program of this comparison has an objective.\n"
+    )
+    notes = "".join(f"\nUnfit: {text}\n" for text in unfit(data))
+    notes += "".join(f"\nAlike: {text}\n" for text in alike(data))
+    found["comparison"] = markdown(HEADS, rows(data)) + notes
+    return found
+
+
+def _by_program(data: Dataset) -> str:
+    """Table of means for each Program, and what the means are."""
+    late = penalty(data)
+    said = (
+        "Times are shifted geometric means [s] of statement and solve, over the problems that a "
+        f"method can take; a problem without a certificate counts {late:.4g} s, which is "
+        + ("the time limit" if time_limit(data) else "the longest time of a cell")
+        + ".\n\n"
+    )
+    return said + "\n".join(
+        _caption(data, program) + markdown(*means(one, late)) for program, one in groups(data)
+    )
+
+
+def _caption(data: Dataset, program: str) -> str:
+    """The Program's name, where there are several."""
+    return f"{program}\n\n" if len(set(per_problem(data, "program"))) > 1 else ""
+
+
+def _labels(data: Dataset, place: tuple[int, ...]) -> tuple[str, str, str]:
+    """Problem, method and accuracy level of a cell."""
+    names = ("problem", METHOD, "accuracy")
+    problem, method, level = (str(data[n].values[i]) for n, i in zip(names, place, strict=False))
+    return problem, method, level
+
+
+def _spread(quartile: np.ndarray) -> str:
+    """A median [s], with its quartiles where they differ."""
+    low, middle, high = quartile
+    text = _number(middle, ".4f")
+    return text if not high > low else f"{text} ({low:.4f} to {high:.4f})"
+
+
+def _number(value: float, form: str) -> str:
+    return "-" if np.isnan(value) else format(value, form)

@@ -1,0 +1,254 @@
+"""The verdict of every cell, made from all cells of a comparison.
+
+One cell alone shows whether an answer is valid. Only together do the cells of a problem show
+whether a claim is true. Words of the rules:
+
+- A *valid answer* meets every check at its tolerance. It is *credible* unless it lies below the
+  lower bound that its own gap proves, by more than `SAFETY` times its tolerance.
+- A method *claims the optimum* where it says "solved" and is registered as one that finds the
+  optimum; others are heuristics, which are never wrong for being worse than somebody.
+- The *lower bound* of a credible answer is objective - gap * scale - rounding: no valid answer of
+  the problem has a smaller objective.
+- Objectives *differ* where their distance exceeds the tolerance of the cells, times the scale, plus
+  what rounding may make; they differ *clearly* beyond `SAFETY` times the tolerance.
+
+Rules, the first that applies:
+
+unfit, crashed, memory limit
+    The method cannot take the problem, or its worker died, or it was stopped for its memory.
+contradiction
+    Two certificates exclude each other. A credible answer, or a proof that there is no least value,
+    stands against a proof that there is no answer. A lower bound stands against a proof that there
+    is no least value, or clearly above the objective of a credible answer. Both cells have this
+    verdict. So has one cell of a heuristic whose valid answer is not credible.
+wrong
+    The method says "solved", and its answer was checked and is not valid; or no answer exists, as
+    another cell proves. It claims the optimum, and its answer is not credible, or another cell has
+    a clearly better credible answer while no closed gap speaks for its own, or another cell
+    proves that there is no least value. It says "infeasible" without a proof, and another cell has
+    a credible answer, or a proof that there is no least value. It says "unbounded" without a proof,
+    and another cell has a lower bound, or a proof that there is no answer. Cells in a contradiction
+    prove nothing against others.
+inaccurate
+    The answer is valid and the optimum is claimed, but the gap is open; or there is no gap, and
+    another cell has a better credible answer, though not a clearly better one.
+solved, infeasible, unbounded, no solution up to R, no claim, time limit, failed
+    What the certificate of the cell says.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.bench.comparison.layout import (
+    METHOD,
+    asked,
+    checked,
+    roundings,
+    scales,
+    tolerances,
+)
+from workbench.heavy_types import Dataset
+from workbench.solvers import Outcome
+
+SAFETY = 10.0
+"""Tolerances by which two numbers must differ before one of them is called wrong."""
+WRONG, CONTRADICTION = "wrong", "contradiction"
+CERTIFIED = (str(Outcome.SOLVED), str(Outcome.INFEASIBLE), str(Outcome.UNBOUNDED))
+"""Verdicts of cells whose answer, or claim that there is none, is certified."""
+
+
+def judged(data: Dataset) -> Dataset:
+    """The dataset with the variables ``verdict`` and ``reason``, made from all its cells.
+
+    The reason says in a sentence what speaks against a cell that is wrong, in a contradiction or
+    inaccurate because of another cell; it is empty elsewhere, where the cell's message says it.
+
+    Raises
+    ------
+    ResultError
+        As `workbench.bench.comparison.layout.checked`.
+    """
+    data = checked(data)
+    verdict = data["outcome"].values.astype(object)
+    reason = np.full(verdict.shape, "", dtype=object)
+    for i in range(data.sizes["problem"]):
+        one = _Problem.of(data, i)
+        verdict[i], reason[i] = (array.reshape(verdict.shape[1:]) for array in one.judged())
+    dims = data["outcome"].dims
+    return data.assign(verdict=(dims, verdict.astype(str)), reason=(dims, reason.astype(str)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Problem:
+    """The cells (N,) of one problem."""
+
+    names: np.ndarray
+    outcome: np.ndarray
+    claim: np.ndarray
+    claims_optimum: np.ndarray
+    was_checked: np.ndarray
+    objective: np.ndarray
+    gap: np.ndarray
+    tolerance: np.ndarray
+    validity: np.ndarray
+    """Tolerance of the validity checks, which is never finer than that asked for."""
+    scale: np.ndarray
+    rounding: np.ndarray
+
+    @classmethod
+    def of(cls, data: Dataset, i: int) -> _Problem:
+        def flat(values: np.ndarray) -> np.ndarray:
+            return np.asarray(values[i]).reshape(-1)
+
+        methods, levels = data[METHOD].values, data["accuracy"].values
+        shape = data["outcome"].shape[1:]
+        names = [
+            f"{methods[j]} at {levels[k]}" + (f", repetition {n + 1}" if shape[2] > 1 else "")
+            for j, k, n in np.ndindex(*shape)
+        ]
+        outcome, claim = flat(data["outcome"].values), flat(data["claim"].values)
+        outcome = np.where(flat(asked(data)), outcome, "")
+        tolerance, served = flat(tolerances(data)), flat(data["served"].values)
+        # A valid answer that is not held to the optimum is "solved" whatever its gap.
+        known = outcome == Outcome.INACCURATE
+        optimal = flat(data["optimal"].values) == 1 if "optimal" in data else known
+        return cls(
+            np.array(names, dtype=object),
+            outcome,
+            claim,
+            (claim == Outcome.SOLVED) & (optimal | known),
+            flat(data["check"].values) > 0.0,
+            flat(data["objective"].values).astype(float),
+            flat(data["gap"].values).astype(float),
+            tolerance,
+            np.fmax(tolerance, served),
+            flat(scales(data)),
+            flat(roundings(data)),
+        )
+
+    def judged(self) -> tuple[np.ndarray, np.ndarray]:
+        """Verdicts (N,) and reasons (N,)."""
+        verdict = self.outcome.astype(object)
+        reason = np.full(verdict.shape, "", dtype=object)
+
+        def put(word: str, found: np.ndarray, sentences: str, by: np.ndarray | None = None) -> None:
+            """Give cells this verdict; ``by`` (N, N) tells which other cells speak against each."""
+            for k in np.flatnonzero(found):
+                if verdict[k] in (WRONG, CONTRADICTION):  # the first reason stands
+                    continue
+                verdict[k] = word
+                other = "" if by is None else self.names[int(np.argmax(by[k]))]
+                reason[k] = sentences.format(other)
+
+        against = self.contradictions()
+        contradicted = against.any(axis=1)
+        for k in np.flatnonzero(contradicted):
+            put(CONTRADICTION, np.arange(len(verdict)) == k, self._excluding(int(k)), against)
+        holds = self.outcome == Outcome.SOLVED
+        said = "a valid answer lies below the lower bound that its own gap proves"
+        put(CONTRADICTION, holds & self.beyond & ~self.claims_optimum, said)
+
+        solved = self.claim == Outcome.SOLVED
+        failed = self.outcome == Outcome.FAILED
+        put(WRONG, solved & failed & self.was_checked, "says solved, but its answer is not valid")
+        optimum = self.claims_optimum
+        said = "says solved, but its objective lies below the lower bound that its gap proves"
+        put(WRONG, optimum & self.beyond, said)
+        trusted = ~contradicted & ~self.beyond
+        clearly = self.better(SAFETY) & trusted
+        said = "says solved, but the valid answer of {} has a clearly better objective"
+        put(WRONG, optimum & clearly.any(axis=1), said, clearly)
+        unproven = self.outcome != self.claim
+        for word, found, by, proof in (
+            (Outcome.SOLVED, failed, self.no_answer, "proves that there is no answer"),
+            (Outcome.SOLVED, optimum, self.no_least, "proves that there is no least value"),
+            (Outcome.INFEASIBLE, unproven, self.credible, "has a valid answer"),
+            (Outcome.INFEASIBLE, unproven, self.no_least, "proves that there is no least value"),
+            (Outcome.UNBOUNDED, unproven, np.isfinite(self.lower), "proves a lower bound"),
+            (Outcome.UNBOUNDED, unproven, self.no_answer, "proves that there is no answer"),
+        ):
+            others = np.broadcast_to(by & trusted, (len(verdict), len(verdict)))
+            accused = (self.claim == word) & found & others.any(axis=1)
+            put(WRONG, accused, f"says {word}, but {{}} {proof}", others)
+        slightly = self.better(1.0) & trusted
+        said = "says solved, but the valid answer of {} has a better objective"
+        put(str(Outcome.INACCURATE), holds & optimum & slightly.any(axis=1), said, slightly)
+        return verdict, reason
+
+    # --- what the cells prove -----------------------------------------------------------------
+
+    @property
+    def no_answer(self) -> np.ndarray:
+        return np.asarray(self.outcome == Outcome.INFEASIBLE)
+
+    @property
+    def no_least(self) -> np.ndarray:
+        return np.asarray(self.outcome == Outcome.UNBOUNDED)
+
+    @property
+    def valid(self) -> np.ndarray:
+        """Cells with a valid answer; one that the clock stopped has it if it has an objective."""
+        stopped = (self.outcome == Outcome.TIME_LIMIT) & np.isfinite(self.objective)
+        return np.isin(self.outcome, [Outcome.SOLVED, Outcome.INACCURATE]) | stopped
+
+    @property
+    def beyond(self) -> np.ndarray:
+        """Valid answers that lie below the lower bound of their own gap."""
+        return np.asarray(self.valid & (self.gap < -SAFETY * self.validity))
+
+    @property
+    def credible(self) -> np.ndarray:
+        return np.asarray(self.valid & ~self.beyond)
+
+    @property
+    def lower(self) -> np.ndarray:
+        """Lower bounds (N,) on the objective; minus infinity where a cell proves none."""
+        with np.errstate(invalid="ignore"):
+            found = self.objective - self.gap * self.scale - self.rounding
+        return np.where(self.credible & np.isfinite(found), found, -np.inf)
+
+    def contradictions(self) -> np.ndarray:
+        """Pairs (N, N), symmetric, of cells whose certificates exclude each other."""
+        no_answer, no_least, lower = self.no_answer, self.no_least, self.lower
+        objective = np.where(self.credible, self.objective, np.nan)
+        with np.errstate(invalid="ignore"):
+            distance = lower[:, None] - objective[None, :]
+            found = distance > SAFETY * self.validity[None, :] * self._scale + self._rounding
+        found |= no_answer[:, None] & (self.credible | no_least)[None, :]
+        found |= np.isfinite(lower)[:, None] & no_least[None, :]
+        np.fill_diagonal(found, False)
+        return np.asarray(found | found.T)
+
+    def better(self, factor: float) -> np.ndarray:
+        """Pairs (N, N): the second cell has a better valid objective, by so many tolerances.
+
+        None speaks against a cell whose closed gap proves its own objective.
+        """
+        objective = np.where(self.valid, self.objective, np.nan)
+        tolerance = np.maximum(self.tolerance[:, None], self.validity[None, :])
+        with np.errstate(invalid="ignore"):
+            distance = objective[:, None] - objective[None, :]
+            found = distance > factor * tolerance * self._scale + self._rounding
+        open_gap = ~(np.abs(self.gap) <= self.tolerance)
+        return np.asarray(found & open_gap[:, None])
+
+    @property
+    def _scale(self) -> np.ndarray:
+        """The larger scale (N, N) of two cells."""
+        return np.fmax(self.scale[:, None], self.scale[None, :])
+
+    @property
+    def _rounding(self) -> np.ndarray:
+        """The rounding (N, N) of two cells together."""
+        return np.asarray(self.rounding[:, None] + self.rounding[None, :])
+
+    def _excluding(self, k: int) -> str:
+        """What the certificate of a cell in a contradiction says, against that of another."""
+        if self.no_answer[k]:
+            return "proves that there is no answer, against {}"
+        if self.no_least[k]:
+            return "proves that there is no least value, against {}"
+        return f"has an answer that is valid to {self.validity[k]:g}, against what {{}} proves"
