@@ -223,7 +223,8 @@ def test_the_others_run_where_one_cannot(cli):
         (("--problems", "nowhere", "list"), "nowhere does not exist"),
         (("verify", "nowhere"), "no results folder at or below nowhere"),
         (("verify",), "no results folder at or below"),
-        (("compare", "toy/root"), "Missing option '--methods'"),
+        (("compare", "toy/root"), "name --methods A,B,C or ask for --all-methods"),
+        (("compare", "toy/root", "--all-methods", "--memory-limit", "much"), "a size is a number"),
         (("compare", "toy/root", "--methods", "exact", "--accuracy", "x"), "low, middle, high"),
         (("compare", "toy/root", "--methods", "exact", "--jobs", "-1"), "jobs"),
         (("lsit",), "No such command 'lsit'"),
@@ -322,15 +323,26 @@ def test_compare_prints_the_cells(cli):
         "copies=2",
         "--accuracy",
         "low,high",
+        "--in-process",
     )
     status, out, _ = cli(*words)
     assert status == 1  # a certificate fails
     lines = [line.split() for line in out.splitlines()]
-    assert lines[1][:7] == ["toy/root", "exact", "low", "solved", "solved", "yes", "yes"]
-    assert lines[3][:7] == ["toy/root", "lying", "low", "failed", "solved", "no", "no"]
+    assert lines[1][:5] == ["toy/root", "exact", "low", "solved", "solved"]
+    assert lines[3][:5] == ["toy/root", "lying", "low", "wrong", "solved"]
     assert lines[5][:4] == ["toy/root", "picky", "low", "unfit"]
+    assert "certified 2 of 4, 2 false claims" in out
+    assert "`workbench run toy/root --method lying --tolerance low --seed 0" in out
     done = json.loads(cli(*words, "--json")[1])
-    assert len(done["cells"]) == 6 and done["metrics"]["success_rate"] == 0.5
+    assert len(done["cells"]) == 6 and done["metrics"]["certified_share"] == 0.5
+
+
+def test_a_plan_of_a_comparison_is_printed(cli):
+    words = ("compare", "toy/root", "--methods", "exact", "--accuracy", "low", "--in-process")
+    status, out, _ = cli(*words, "--plan")
+    assert status == 0 and "1 of 1 would run" in out
+    cli(*words)
+    assert "0 of 1 would run" in cli(*words, "--plan")[1]
 
 
 @pytest.mark.slow

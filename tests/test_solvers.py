@@ -199,7 +199,7 @@ def test_every_outcome_has_its_word_and_its_advice():
     words = [str(outcome) for outcome in Outcome]
     assert words == [
         *("solved", "inaccurate", "infeasible", "unbounded", "no solution up to R", "no claim"),
-        *("time limit", "failed"),
+        *("time limit", "memory limit", "crashed", "failed"),
     ]
     assert len({outcome.advice for outcome in Outcome}) == len(words)
 

@@ -48,15 +48,12 @@ def _several(
         futures = {
             executor.submit(_run, name, dict(asked), added_problems()): name for name in names
         }
-        try:
-            for count, future in enumerate(as_completed(futures), start=1):
-                error = future.exception()
-                if error is not None and not isinstance(error, WorkbenchError):
-                    raise error
-                progress("problems", count, len(names))
-                yield futures[future], error or future.result()
-        finally:
-            executor.shutdown(cancel_futures=True)
+        for count, future in enumerate(as_completed(futures), start=1):
+            error = future.exception()
+            if error is not None and not isinstance(error, WorkbenchError):
+                raise error
+            progress("problems", count, len(names))
+            yield futures[future], error or future.result()
 
 
 def _run(name: str, asked: dict[str, Any], folders: Sequence[Path]) -> Run:

@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 
 from workbench.bench.cells.answer import Cell, answer, answer_apart, store_lost
-from workbench.bench.cells.plan import Place, Plan, plan
+from workbench.bench.cells.plan import Plan, Site, plan
 from workbench.bench.cells.record import Record
 from workbench.bench.cells.stored import Journal, in_folder
-from workbench.bench.cells.table import Entry, Labels, table
+from workbench.bench.cells.table import Filled, Labels, cell_table
 from workbench.bench.code import code_hash
 from workbench.bench.comparison import UNFIT, Comparison
 from workbench.bench.describe import describe
@@ -74,7 +74,7 @@ class Asked:
                 journal = stack.enter_context(Journal(results_root()))
             self._answer(cells, executor, journal, progress)
         entries = {
-            labels: Entry(one.record, one.key, one.served, one.optimal)
+            labels: Filled(one.record, one.key, one.served, one.optimal)
             for labels, one in cells.places.items()
             if one.record is not None
         }
@@ -86,7 +86,7 @@ class Asked:
             "parameters": canonical(self.parameters),
             "light": int(self.light),
         }
-        return table(entries, cells.programs, cells.sizes, settings)
+        return cell_table(entries, cells.programs, cells.sizes, settings)
 
     def planned(self, progress: Progress = silent) -> Cells:
         """The cells before any is answered, those with a record that are stored or unfit."""
@@ -110,7 +110,7 @@ class Asked:
         self, executor: Executor, progress: Progress = silent, *, stored: bool = False
     ) -> Cells:
         """The cells in their places; ``stored``: no need may be run to know them."""
-        place = Place.here()
+        place = Site.here()
         calls = (
             (name, (plan, name, dict(self.parameters), self.seed, place, stored))
             for name in self.problems
@@ -155,7 +155,7 @@ class Asked:
             cells.look_up(journal)
         missing = cells.missing
         order = np.random.default_rng(self.seed).permutation(len(missing))
-        place, apart = Place.here(), (self.memory_limit, self.threads)
+        place, apart = Site.here(), (self.memory_limit, self.threads)
         direct = isinstance(executor, Workers | InProcess)
         calls = (
             (
@@ -195,7 +195,7 @@ def _methods(planned: Plan) -> Sequence[str]:
     return list(planned.methods) or list(told) or ("default",)
 
 
-def _ended(cell: Cell, future: Future[Record], place: Place) -> Record:
+def _ended(cell: Cell, future: Future[Record], place: Site) -> Record:
     """How a cell ended, whatever became of its worker."""
     error = future.exception()
     if error is None:

@@ -1,6 +1,6 @@
 """One process of a pool of `Workers`: it takes tasks from its input, one after the other.
 
-It runs `main`. Tasks come in on the standard input and results go out on the standard output, each
+It runs `serve`. Tasks come in on the standard input and results go out on the standard output, each
 a pickle; what the tasks print goes to a file.
 """
 
@@ -89,7 +89,7 @@ def _die_with_parent() -> None:
         ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
 
 
-def main(file: str) -> None:
+def serve(file: str) -> None:
     """Serve until the input ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # an interrupt is the pool's
     _die_with_parent()
@@ -113,6 +113,6 @@ def main(file: str) -> None:
         _send(_answer(task))
 
 
-def packed(function: Callable[..., Any], arguments: Any, keywords: Any) -> bytes:
+def task_bytes(function: Callable[..., Any], arguments: Any, keywords: Any) -> bytes:
     """A task as it is sent."""
     return pickle.dumps((function, arguments, keywords))

@@ -24,7 +24,7 @@ from workbench.errors import (
     TimeLimitError,
     WorkbenchError,
 )
-from workbench.executor.worker import last_words, packed
+from workbench.executor.worker import last_words, task_bytes
 
 T = TypeVar("T")
 
@@ -33,7 +33,7 @@ THREADS = (
     *("RAYON_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"),
 )
 """Environment variables that limit the threads of linear algebra, of compiled loops, of solvers."""
-SERVE = "import sys; from workbench.executor.worker import main; main(sys.argv[1])"
+SERVE = "import sys; from workbench.executor.worker import serve; serve(sys.argv[1])"
 """What a process of the pool runs."""
 KILLS = 2
 """Workers that a task may kill before it counts as crashed: the first may have died by chance."""
@@ -86,7 +86,7 @@ class Workers(Executor):
             raise RuntimeError("these workers are shut down")
         future: Future[T] = Future()
         try:
-            self._tasks.put(_Task(packed(fn, args, kwargs), future))
+            self._tasks.put(_Task(task_bytes(fn, args, kwargs), future))
         except Exception as error:
             future.set_exception(InputError(f"the task cannot be sent to a process: {error}"))
         return future

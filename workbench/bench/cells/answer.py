@@ -10,7 +10,7 @@ from typing import Any
 
 from workbench.bench.cells.clock import running
 from workbench.bench.cells.machine import forget_peak_memory, peak_memory
-from workbench.bench.cells.plan import Place, load
+from workbench.bench.cells.plan import Site, loaded
 from workbench.bench.cells.record import CELL, Record
 from workbench.bench.notes import log
 from workbench.bench.project import registry
@@ -50,7 +50,7 @@ class Cell:
         return Options(asked["tolerance"], asked["time_limit"], self.verbose, asked["seed"])
 
 
-def answer(cell: Cell, place: Place) -> Record:
+def answer(cell: Cell, place: Site) -> Record:
     """Answer a cell and certify the answer; its results folder is left unless it is light.
 
     Raises
@@ -60,7 +60,7 @@ def answer(cell: Cell, place: Place) -> Record:
     """
     place.enter()
     started, clock = now(), time.perf_counter()
-    bound = load(cell.question.problem, cell.given, cell.options.seed)
+    bound = loaded(cell.question.problem, cell.given, cell.options.seed)
     method = cell.question.method
     assert isinstance(bound.task, Program) and method is not None
     said = _timed(bound.task, method, cell.options)
@@ -125,7 +125,7 @@ _apart = threading.local()
 """The child process of each thread that answers cells for somebody else's executor."""
 
 
-def answer_apart(cell: Cell, place: Place, memory_limit: int | None, threads: int) -> Record:
+def answer_apart(cell: Cell, place: Site, memory_limit: int | None, threads: int) -> Record:
     """Answer a cell in a child process of this worker, which can be killed without harm to it."""
     pool: Workers | None = getattr(_apart, "pool", None)
     if pool is None or (pool.memory_limit, pool.threads) != (memory_limit, threads):
@@ -137,7 +137,7 @@ def answer_apart(cell: Cell, place: Place, memory_limit: int | None, threads: in
     return pool.submit(answer, cell, place).result()
 
 
-def store_lost(cell: Cell, record: Record, place: Place) -> None:
+def store_lost(cell: Cell, record: Record, place: Site) -> None:
     """Leave a results folder for a cell whose worker came to no end."""
     question = cell.question
     solution = Solution(None, Outcome(record.outcome), record.message, None)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 
 @cache
-def machine() -> dict[str, str | int]:
+def this_machine() -> dict[str, str | int]:
     """Processor, cores, memory [byte], system and Python, without names of people or places."""
     import psutil
 

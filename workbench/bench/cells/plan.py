@@ -21,14 +21,14 @@ from workbench.study import Study
 
 
 @dataclass(frozen=True)
-class Place:
+class Site:
     """Where a worker finds what its caller finds: problem folders and results."""
 
     folders: tuple[Path, ...]
     results: Path
 
     @classmethod
-    def here(cls) -> Place:
+    def here(cls) -> Site:
         return cls(tuple(registry().roots), results_root().absolute())
 
     def enter(self) -> None:
@@ -42,7 +42,7 @@ class Place:
             use_results(self.results)
 
 
-_entered: list[Place] = []
+_entered: list[Site] = []
 """The place that this process is at: looking through the problem folders takes milliseconds."""
 
 
@@ -82,7 +82,7 @@ _loaded: dict[tuple[str, str], Bound] = {}
 MOST_LOADED = 32
 
 
-def load(name: str, parameters: Mapping[str, Any], seed: int, *, stored: bool = False) -> Bound:
+def loaded(name: str, parameters: Mapping[str, Any], seed: int, *, stored: bool = False) -> Bound:
     """A problem with its needs, kept for the next cell; ``stored``: no need may be run for it."""
     key = (name, canonical(parameters))
     if key not in _loaded:
@@ -94,7 +94,7 @@ def load(name: str, parameters: Mapping[str, Any], seed: int, *, stored: bool = 
 
 
 def plan(
-    name: str, parameters: Mapping[str, Any], seed: int, place: Place, stored: bool = False
+    name: str, parameters: Mapping[str, Any], seed: int, place: Site, stored: bool = False
 ) -> Plan:
     """The plan of a problem, loaded anew; whatever goes wrong is in it."""
     place.enter()
@@ -103,7 +103,7 @@ def plan(
     if inspect.isclass(kind) and issubclass(kind, Study):
         return Plan(name, study=True)
     try:
-        bound = load(name, parameters, seed, stored=stored)
+        bound = loaded(name, parameters, seed, stored=stored)
     except WorkbenchError as error:
         return Plan(name, failure=f"{type(error).__name__}: {error}")
     task = bound.task

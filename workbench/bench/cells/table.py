@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.bench.cells.machine import machine
+from workbench.bench.cells.machine import this_machine
 from workbench.bench.cells.record import Record
 from workbench.bench.comparison import DIMS
 from workbench.executor import WALL_TIME
@@ -18,7 +18,7 @@ from workbench.solvers import ACCURACY
 
 
 @dataclass(frozen=True)
-class Entry:
+class Filled:
     """A cell in its place: how it ended, its key, the tolerance that it served.
 
     ``optimal``: its method claims the best answer.
@@ -34,8 +34,8 @@ Labels = tuple[str, str, str, int]
 """Problem, method, accuracy level, repetition."""
 
 
-def table(
-    entries: Mapping[Labels, Entry],
+def cell_table(
+    entries: Mapping[Labels, Filled],
     programs: Mapping[str, str],
     sizes: Mapping[str, float],
     settings: Mapping[str, Any],
@@ -83,7 +83,7 @@ def table(
             "program": ("problem", [programs.get(name, "") for name in axes[0]]),
             "size": ("problem", [sizes.get(name, np.nan) for name in axes[0]]),
         },
-        attrs={**settings, "machine": json.dumps(machine(), sort_keys=True)},
+        attrs={**settings, "machine": json.dumps(this_machine(), sort_keys=True)},
     )
 
 

@@ -11,14 +11,14 @@ from workbench.bench.comparison.agreement import agreement_matrix
 from workbench.bench.comparison.layout import METHOD
 from workbench.bench.comparison.numbers import certified, groups
 from workbench.bench.comparison.profiles import cactus, performance_profile
-from workbench.bench.comparison.scaling import has_sizes, scaling
-from workbench.bench.comparison.styles import Look, looks
+from workbench.bench.comparison.scaling import has_sizes, scaling_figure
+from workbench.bench.comparison.styles import Look, method_looks
 from workbench.heavy_types import Dataset, Figure
 
 
 def drawings(data: Dataset) -> dict[str, Figure]:
     """The figures of a dataset with verdicts, each Program's apart where there are several."""
-    known, parts = looks(data), list(groups(data))
+    known, parts = method_looks(data), list(groups(data))
     found: dict[str, Figure] = {}
     for program, one in parts:
         end = f"-{_stem(program)}" if len(parts) > 1 else ""
@@ -33,7 +33,7 @@ def _drawn(data: Dataset, looks: dict[str, Look]) -> dict[str, Figure]:
         found["performance-profile"] = performance_profile(data, looks)
         found["cactus"] = cactus(data, looks)
         if has_sizes(data):
-            found["scaling"] = scaling(data, looks)
+            found["scaling"] = scaling_figure(data, looks)
     if not np.isnan(data["gap"].values).all():
         found["accuracy-against-time"] = accuracy_against_time(data, looks)
     if np.isfinite(data["objective"].values).any() and data.sizes[METHOD] > 1:

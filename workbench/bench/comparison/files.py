@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.bench.comparison.layout import COORDINATES, DIMS, asked, command
+from workbench.bench.comparison.layout import COORDINATES, DIMS, asked_cells, command
 from workbench.bench.comparison.verdicts import judged
 from workbench.errors import InputError
 from workbench.heavy_types import Dataset
@@ -61,7 +61,7 @@ def write_cells(data: Dataset, path: str | Path) -> Path:
 def cell_columns(data: Dataset) -> dict[str, list[Any]]:
     """The cells of a comparison in columns, by name with unit; None for numbers not known."""
     data = judged(data)
-    places = np.argwhere(asked(data))
+    places = np.argwhere(asked_cells(data))
     found: dict[str, list[Any]] = {}
     for name in COORDINATES:
         values = data[name].values

@@ -33,7 +33,7 @@ NUMBERS = (
 COORDINATES = (*DIMS, "tolerance", "program", "size")
 
 
-def checked(data: Dataset) -> Dataset:
+def need_comparison(data: Dataset) -> Dataset:
     """The dataset, if it has all that a comparison's dataset has.
 
     Raises
@@ -63,14 +63,14 @@ def checked(data: Dataset) -> Dataset:
     return data
 
 
-def asked(data: Dataset) -> np.ndarray:
+def asked_cells(data: Dataset) -> np.ndarray:
     """Where there is a cell: the problem was given to the method, which may have been unfit."""
     return np.asarray(data["outcome"].values != "")
 
 
 def tried(data: Dataset) -> np.ndarray:
     """Where a method was asked that can take its problem."""
-    return np.asarray(asked(data) & (data["outcome"].values != UNFIT))
+    return np.asarray(asked_cells(data) & (data["outcome"].values != UNFIT))
 
 
 def seconds(data: Dataset) -> DataArray:
@@ -114,7 +114,7 @@ def time_limit(data: Dataset) -> float | None:
 
 def command(data: Dataset, place: tuple[int, ...]) -> str:
     """The command that computes a cell anew, by its place in the arrays."""
-    problem, method, level = (str(data[d].values[i]) for d, i in zip(DIMS, place, strict=False))
+    problem, method, level = (str(data[d].values[i]) for d, i in zip(DIMS[:3], place, strict=False))
     words = ["workbench", "run", problem, "--method", method, "--tolerance", level]
     limit = time_limit(data)
     if limit is not None:

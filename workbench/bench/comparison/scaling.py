@@ -14,23 +14,23 @@ from workbench.bench.comparison.styles import WIDTH, Look, keys, legend
 from workbench.heavy_types import Dataset, Figure
 
 
-def sizes(data: Dataset) -> RealArray:
+def problem_sizes(data: Dataset) -> RealArray:
     """Size of every problem (P,); NaN where its Program states none."""
     return np.asarray(data["size"].values, dtype=float)
 
 
 def has_sizes(data: Dataset) -> bool:
     """Whether the problems have at least two sizes, so that there is something to draw."""
-    known = sizes(data)
+    known = problem_sizes(data)
     return np.unique(known[np.isfinite(known)]).size > 1
 
 
-def scaling(data: Dataset, looks: dict[str, Look]) -> Figure:
+def scaling_figure(data: Dataset, looks: dict[str, Look]) -> Figure:
     """Median time with quartiles over problem size, of certified cells, a panel for each level.
 
     Problems of the same size are joined by their median, so that a line shows the trend.
     """
-    times, size = certified_times(data), sizes(data)
+    times, size = certified_times(data), problem_sizes(data)
     levels = data["accuracy"].values
     figure, panels = figures.axes(
         1, len(levels), size=(max(WIDTH, 2.7 * len(levels)), 3.2), sharex=True, sharey=True

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.bench.comparison.drawings import drawings
-from workbench.bench.comparison.layout import asked
+from workbench.bench.comparison.layout import asked_cells
 from workbench.bench.comparison.numbers import counts
 from workbench.bench.comparison.tables import tables
 from workbench.bench.comparison.verdicts import judged
@@ -49,7 +49,7 @@ class Comparison(Study):
         stored = answer["verdict"].values if "verdict" in answer else data["outcome"].values
         other = int(np.sum(stored != data["verdict"].values))
         return [
-            Check("cells", "1 if no method was asked", 1 - int(asked(data).any()), 0),
+            Check("cells", "1 if no method was asked", 1 - int(asked_cells(data).any()), 0),
             Check("verdicts", "verdicts that its cells do not give", other, 0),
         ]
 

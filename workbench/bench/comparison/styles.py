@@ -35,7 +35,7 @@ class Look:
         return {"color": self.colour, "gid": f"{GID}{self.name}"}
 
 
-def looks(data: Dataset) -> dict[str, Look]:
+def method_looks(data: Dataset) -> dict[str, Look]:
     """The look of every method of a comparison, by name.
 
     Up to seven methods differ in colour, marker and line. Those that share a colour, seven apart,

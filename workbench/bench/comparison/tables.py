@@ -7,7 +7,7 @@ import numpy as np
 from workbench.bench.comparison.layout import (
     METHOD,
     UNFIT,
-    asked,
+    asked_cells,
     command,
     per_problem,
     time_limit,
@@ -51,7 +51,7 @@ def rows(data: Dataset) -> list[list[str]]:
     times = {n: quartiles(data[n].values) for n in ("statement", "solve", "cpu", "memory")}
     median = {n: quartiles(data[n].values)[1] for n in ("gap", "objective")}
     table = []
-    for place in zip(*np.nonzero(asked(data).any(axis=-1)), strict=True):
+    for place in zip(*np.nonzero(asked_cells(data).any(axis=-1)), strict=True):
         problem, method, level = _labels(data, place)
         spent = [_spread(times[name][(slice(None), *place)]) for name in ("statement", "solve")]
         claims = dict.fromkeys(data["claim"].values[place].tolist())

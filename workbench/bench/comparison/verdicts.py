@@ -44,8 +44,8 @@ import numpy as np
 
 from workbench.bench.comparison.layout import (
     METHOD,
-    asked,
-    checked,
+    asked_cells,
+    need_comparison,
     roundings,
     scales,
     tolerances,
@@ -69,9 +69,9 @@ def judged(data: Dataset) -> Dataset:
     Raises
     ------
     ResultError
-        As `workbench.bench.comparison.layout.checked`.
+        As `workbench.bench.comparison.layout.need_comparison`.
     """
-    data = checked(data)
+    data = need_comparison(data)
     verdict = data["outcome"].values.astype(object)
     reason = np.full(verdict.shape, "", dtype=object)
     for i in range(data.sizes["problem"]):
@@ -110,7 +110,7 @@ class _Problem:
             for j, k, n in np.ndindex(*shape)
         ]
         outcome, claim = flat(data["outcome"].values), flat(data["claim"].values)
-        outcome = np.where(flat(asked(data)), outcome, "")
+        outcome = np.where(flat(asked_cells(data)), outcome, "")
         tolerance, served = flat(tolerances(data)), flat(data["served"].values)
         # A valid answer that is not held to the optimum is "solved" whatever its gap.
         known = outcome == Outcome.INACCURATE

@@ -32,7 +32,7 @@ RADIUS_POWER = 3
 """Radii are drawn densely near the least one, as this power of a uniform number."""
 
 
-class Family(NamedTuple):
+class ShapeFamily(NamedTuple):
     """The shortest stadiums around some corners (M,), a circle of radius ``largest`` among them.
 
     ``centred``: all have the centre 0. ``angle`` [rad]: all have this direction; None: it is free.
@@ -95,7 +95,7 @@ def _evolution(program: SmallestAreaStadium, context: Context) -> Claim:
         else:
             largest = float(np.abs(corners).max())
         angle = None if angles is None else float(angles[index])
-        family = Family(corners, largest, centers is not None, angle)
+        family = ShapeFamily(corners, largest, centers is not None, angle)
         found = differential_evolution(
             family.areas,
             family.bounds,

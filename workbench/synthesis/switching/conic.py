@@ -14,11 +14,11 @@ from workbench.program import Claim, conic_method
 from workbench.solvers import ConicSolver, Options, Outcome, solve_conic
 from workbench.synthesis.switching.dwell_search import (
     added_stays,
+    congruent,
     coordinates,
     first_stays,
     shortest_proven,
     symmetric,
-    turned,
 )
 from workbench.synthesis.switching.program import FALL_MARGIN, Dwell, SwitchedStability
 
@@ -118,11 +118,11 @@ def _program(
         held.append(sum(cp.trace(Q) for Q in P) == n * len(modes))
         for i, mode in enumerate(modes):
             if mode.longest is None:
-                held += [_falls(one, P[i], P[i], margin) for one in turned(mode.decaying, L)]
+                held += [_falls(one, P[i], P[i], margin) for one in congruent(mode.decaying, L)]
             held += [
                 _falls(one, P[j], P[i], margin)
                 for stay in stays[i]
-                for one in turned(mode.over(stay), L)
+                for one in congruent(mode.over(stay), L)
                 for j in range(len(modes))
                 if j != i
             ]

@@ -20,11 +20,11 @@ from workbench.program import Claim, method
 from workbench.solvers import Outcome
 from workbench.synthesis.switching.dwell_search import (
     added_stays,
+    congruent,
     coordinates,
     first_stays,
     shortest_proven,
     symmetric,
-    turned,
 )
 from workbench.synthesis.switching.program import FALL_MARGIN, Dwell, SwitchedStability
 
@@ -97,11 +97,11 @@ def _inequalities(program: SwitchedStability, stays: list[list[int]], L: RealArr
     """
     A, own, after, unit = [], [], [], []
     for i, mode in enumerate(program.modes):
-        found = [(one, j, 1.0) for stay in stays[i] for one in turned(mode.over(stay), L)
+        found = [(one, j, 1.0) for stay in stays[i] for one in congruent(mode.over(stay), L)
                  for j in range(len(program.modes)) if j != i]  # fmt: skip
         if mode.longest is None:
             rates = mode.radius / (mode.rate or 1.0)
-            for one, rate in zip(turned(mode.decaying, L), rates, strict=True):
+            for one, rate in zip(congruent(mode.decaying, L), rates, strict=True):
                 decay = -2.0 * math.log(max(float(rate), np.finfo(float).tiny))
                 found.append((one, i, min(max(decay, LEAST_DECAY), 1.0)))
         for one, j, size in found:

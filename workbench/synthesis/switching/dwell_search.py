@@ -98,7 +98,7 @@ def added_stays(
     return added
 
 
-def turned(A: RealArray, L: RealArray) -> RealArray:
+def congruent(A: RealArray, L: RealArray) -> RealArray:
     """A (V, n, n) transformed to coordinates L' x."""
     return np.asarray(np.linalg.solve(L, (L.T @ A).mT).mT, dtype=float)
 
