@@ -8,9 +8,10 @@ lose nothing; so the zeros are told by these, and the coefficients are made in r
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from flint import acb, fmpq_mat, fmpq_poly
+from flint import fmpq_mat, fmpq_poly
 
 from workbench.arrays import RealArray
 from workbench.certify.known_plants.exact_function import exact_rational
@@ -107,7 +108,7 @@ def _exact(matrix: RealArray) -> fmpq_mat:
 
 def _real_poles(denominator: fmpq_poly) -> list[float]:
     """Sizes of the poles, the smallest first [rad/s]."""
-    found: list[tuple[acb, int]] = denominator.numer().complex_roots()
+    found: Any = denominator.numer().complex_roots()
     roots = [complex(root) for root, times in found for _ in range(times)]
     if any(root.imag != 0.0 or root.real > 0.0 for root in roots):
         raise InputError(
