@@ -6,7 +6,7 @@ CD-players (2003).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import Annotated, Any, ClassVar
 
@@ -15,7 +15,7 @@ from pydantic import Field
 
 from workbench import Check, Run, figures, problem
 from workbench.certificate import EVERY_PERTURBATION
-from workbench.heavy_types import Figure, StateSpace
+from workbench.heavy_types import Figure
 from workbench.mu import performance_sweep
 from workbench.synthesis import LeadLag, MuController, MuSynthesis
 from workbench.tables import markdown
@@ -26,11 +26,10 @@ from ..drive.shared_parameters import TABLES, Frequencies
 from ..drive.tables import Axis
 from .controller import Speed
 from .design import CoverMethod, UncertaintyForm, cover_of, synthesis_plant, uncertainty
+from .lead_lag_gains import UNITS, LeadLagGains
 
 FREQUENCIES = np.geomspace(1.0, 5e4, 240)
 """Frequencies of the curves [Hz]."""
-CORNERS = ("integral_zero", "lead_zero", "lead_pole", "roll_off")
-"""Corners of a lead-lag controller, in the order of its parameters."""
 
 
 @problem("cd/{axis}/mu-pid", axis=("focus", "radial"), needs=cover_of, data=TABLES)
@@ -82,29 +81,16 @@ class MuPid(MuSynthesis):
 
     def metrics(self, answer: MuController) -> dict[str, float]:
         reference = {"peak_reference": self.reference_peak}
-        return super().metrics(answer) | self.gains(answer.K) | reference
-
-    def gains(self, K: StateSpace) -> dict[str, float]:
-        """Proportional gain [V/unit], between integral action and lead, and corners [Hz]."""
-        family, x = LeadLag.of(K)
-        zeros, poles = np.split(np.exp(x[1:]), [family.zeros])
-        proportional = float(np.exp(x[0])) * np.prod(zeros[1:]) / np.prod(poles)
-        corners = dict(zip(CORNERS, np.exp(x[1:]) / (2 * np.pi), strict=True))
-        return {"proportional_gain": float(proportional)} | {
-            name: float(value) for name, value in corners.items()
-        }
+        return super().metrics(answer) | asdict(LeadLagGains.of(answer.K)) | reference
 
     def tables(self, answer: MuController) -> dict[str, str]:
         assert self.start is not None
-        before, after = self.gains(self.start), self.gains(answer.K)
+        both = [LeadLagGains.of(K) for K in (self.start, answer.K)]
         rows = [
-            [
-                f"{name.replace('_', ' ')} [{'V/unit' if name == 'proportional_gain' else 'Hz'}]",
-                f"{value:.5g}",
-                f"{after[name]:.5g}",
-            ]
-            for name, value in before.items()
+            [f"{name.replace('_', ' ')} [{unit}]", *(f"{getattr(each, name):.5g}" for each in both)]
+            for name, unit in UNITS.items()
         ]
+        rows.append(["zeros [Hz]", *(each.zeros() for each in both)])
         peaks = [f"{peak:.4f}" for peak in (self.reference_peak, answer.upper)]
         rows.append(["certified peak of mu", *peaks])
         return {"gains": markdown(["", "reference", "designed"], rows)}
