@@ -25,7 +25,7 @@ from workbench.bench.report.entries import (
 from workbench.bench.report.kept import ENTRY, KeptRun, ReportFolder, write_whole
 from workbench.bench.report.pages import FigureView, RunView, index_page, link, run_page
 from workbench.bench.report.stamps import drawing_code, stamps
-from workbench.bench.report.thumbnails import size_of
+from workbench.bench.report.thumbnails import pixels_of
 from workbench.bench.report.toggles import Toggled, toggled
 from workbench.bench.results import damaged, open_run, unreadable
 from workbench.bench.store import CHECKSUMS
@@ -135,7 +135,7 @@ def single_page(run: str | Path, output: str | Path | None = None) -> Path:
     (drawn,) = draw_runs([found.path], InProcess(), silent)
     inline = [_inline(one.svg, f"f{place}-") for place, one in enumerate(drawn.figures)]
     figures = [
-        FigureView(one.name, _embedded(one), *size_of(one.png), svg.markup if svg else None)
+        FigureView(one.name, _embedded(one), *pixels_of(one.png), svg.markup if svg else None)
         for one, svg in zip(drawn.figures, inline, strict=True)
     ]
     methods = _methods(inline)

@@ -27,16 +27,19 @@ class Badge:
     outcome: str
 
 
-def badge(run: Run) -> Badge:
-    """Badge of a run: what its certificate says, and of a comparison what its cells say."""
+def badge(run: Run, failed: bool = False) -> Badge:
+    """Badge of a run: what its certificate says, and of a comparison what its cells say.
+
+    A run that was kept as a failure never holds, whatever certificate lies in its folder.
+    """
     if run.certificate is None:
         state = "uncertified"
     elif run.best_so_far:
         state = "stopped"
-    elif run.problem == COMPARISON and run.certificate.holds:
+    elif run.problem == COMPARISON and run.certificate.holds and not failed:
         return _of_cells(run.metrics)
     else:
-        state = "holds" if run.holds else "fails"
+        state = "holds" if run.holds and not failed else "fails"
     outcome = "" if run.problem == COMPARISON else str(run.outcome)
     return Badge(state, WORDS[state], outcome)
 

@@ -46,8 +46,14 @@ class ReportEntry:
         return f"{words}-{hashlib.sha256(self.anchor.encode()).hexdigest()[:8]}"
 
     @property
+    def title(self) -> str:
+        """What the run is called: its problem, or the pattern of a comparison's problems."""
+        pattern = self.run.info["parameters"].get("pattern")
+        return f"comparison of {pattern}" if self.is_comparison and pattern else self.run.problem
+
+    @property
     def badge(self) -> Badge:
-        return badge(self.run)
+        return badge(self.run, self.failed)
 
     @property
     def is_comparison(self) -> bool:
@@ -80,7 +86,7 @@ def entries(root: Path, pattern: str = "*") -> list[ReportEntry]:
     runs += [(run, True) for run in failed_runs(root, pattern)]
     runs.sort(key=lambda pair: (pair[0].problem, pair[0].method or "", pair[0].path.as_posix()))
     differences = _differences([run for run, _ in runs])
-    known, taken, found = registry().entries, set[str](), []
+    taken, found = set[str](), []
     for (run, failed), differing in zip(runs, differences, strict=True):
         anchor = f"{run.problem}/{run.key}{FAILED if failed else ''}"
         place = run.path.relative_to(root).as_posix()
@@ -88,21 +94,16 @@ def entries(root: Path, pattern: str = "*") -> list[ReportEntry]:
             anchor += "'"
             differing["folder"] = place
         taken.add(anchor)
-        entry = known.get(run.problem)
-        summary = entry.summary if entry else ""
-        found.append(
-            ReportEntry(run, failed, anchor, place, theme(run.problem), summary, differing)
-        )
+        about = theme(run.problem), _summary(run)
+        found.append(ReportEntry(run, failed, anchor, place, *about, differing))
     return sorted(found, key=lambda entry: entry.theme)
 
 
 def entry_of(run: Run) -> ReportEntry:
     """A run by itself."""
-    problem = registry().entries.get(run.problem)
-    summary = problem.summary if problem else ""
     failed = run.path.suffix == FAILED
     anchor = f"{run.problem}/{run.key}{FAILED if failed else ''}"
-    return ReportEntry(run, failed, anchor, anchor, theme(run.problem), summary)
+    return ReportEntry(run, failed, anchor, anchor, theme(run.problem), _summary(run))
 
 
 def theme(problem: str) -> str:
@@ -113,6 +114,20 @@ def theme(problem: str) -> str:
     folders = entry.file.relative_to(entry.root).parts[:-1] if entry else ()
     parts = folders[:2] or problem.split("/")[:1]
     return ": ".join(part.replace("_", " ") for part in parts)
+
+
+def _summary(run: Run) -> str:
+    """What a run is about in one line: its problem's help, or how much a comparison compares."""
+    if run.problem != COMPARISON:
+        entry = registry().entries.get(run.problem)
+        return entry.summary if entry else ""
+    counted = (("problems", "problem"), ("methods", "method"), ("accuracies", "accuracy level"))
+    found = ((run.info["parameters"].get(name), noun) for name, noun in counted)
+    return ", ".join(
+        f"{len(values)} {noun}{'' if len(values) == 1 else 's'}"
+        for values, noun in found
+        if isinstance(values, list)
+    )
 
 
 def _differences(runs: Iterable[Run]) -> list[dict[str, str]]:
@@ -139,6 +154,8 @@ def _asked(run: Run) -> dict[str, str]:
 
 
 def _short(words: str) -> str:
+    if not words:
+        return '""'
     return words if len(words) <= LONGEST else words[: LONGEST - 1] + "…"
 
 

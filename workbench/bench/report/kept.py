@@ -24,7 +24,7 @@ from typing import Annotated
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from workbench.bench.report.drawn import DrawnRun
-from workbench.bench.report.thumbnails import size_of, thumbnail
+from workbench.bench.report.thumbnails import pixels_of, thumbnail
 from workbench.bench.trust.untrusted import read_json
 from workbench.errors import ResultError
 
@@ -130,7 +130,7 @@ class ReportFolder:
         return kept
 
     def _written(self, name: str, pixels: bytes, vectors: bytes | None) -> KeptFigure:
-        width, height = size_of(pixels)
+        width, height = pixels_of(pixels)
         drawn = self._figure(vectors, "svg") if vectors else None
         pixelled = self._figure(pixels, "png")
         return KeptFigure(name=name, png=pixelled, svg=drawn, width=width, height=height)

@@ -28,7 +28,7 @@ FALSE = ("wrong", "contradiction")
 
 
 @dataclass(frozen=True)
-class Cell:
+class CellPoint:
     """A cell as a point: certified, open or false; its wall time [s], gap, and what it says."""
 
     method: str
@@ -71,10 +71,12 @@ def every_cell(data: Dataset) -> tuple[Figure, list[Told]]:
     for method, place in looks.items():
         _plot(panel, method, "certified", place, [], np.empty(0), label=method)
     figures.label(panel, "statement and solve [s]", "certified gap [relative]", log="x")
-    within = [tick for tick in TICKS if floor < scaled(np.array(tick)) < np.nanmax([*heights, 1.0])]
-    panel.set_yticks(
-        [floor, *scaled(np.array(within))], ["no gap", *(f"{tick:g}" for tick in within)]
-    )
+    top = max(float(np.nanmax(heights, initial=0.0)), 1.0)
+    ticks = {f"{tick:g}": float(scaled(np.array(tick))) for tick in TICKS}
+    names = {name: height for name, height in ticks.items() if floor + 1.0 < height < top + 1.0}
+    names |= {"no gap": floor} if np.isnan(heights).any() else {}
+    panel.set_yticks(list(names.values()), list(names))
+    panel.set_ylim(floor - 0.7, top + 0.7)
     figures.legend_below(figure, panel)
     return figure, told
 
@@ -96,13 +98,12 @@ def _plot(
         color=colour,
         markerfacecolor="none" if kind == "open" else colour,
         markersize=7 if kind == "false" else 5,
-        clip_on=False,
         label=label,
         gid=None if label else f"{GID}{method}",
     )
 
 
-def _cells(data: Dataset) -> Iterator[Cell]:
+def _cells(data: Dataset) -> Iterator[CellPoint]:
     verdicts = data["verdict" if "verdict" in data else "outcome"]
     certified = data["certified" if "certified" in data else "success"].values
     seconds = (data["statement"] + data["solve"]).values
@@ -120,4 +121,4 @@ def _cells(data: Dataset) -> Iterator[Cell]:
         words += "no certified gap" if np.isnan(gap) else f"gap {gap:.2g}"
         words += f", {time:.3g} s"
         kind = "certified" if certified[place] else "open"
-        yield Cell(names[METHOD], "false" if verdict in FALSE else kind, time, gap, words)
+        yield CellPoint(names[METHOD], "false" if verdict in FALSE else kind, time, gap, words)

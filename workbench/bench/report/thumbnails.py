@@ -23,7 +23,7 @@ def thumbnail(png: bytes) -> bytes:
     return file.getvalue()
 
 
-def size_of(png: bytes) -> tuple[int, int]:
+def pixels_of(png: bytes) -> tuple[int, int]:
     """Width and height of a PNG [pixels]: a page keeps the room before it loads the figure."""
     width, height = struct.unpack(">II", png[16:24])
     return width, height

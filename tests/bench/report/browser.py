@@ -12,6 +12,7 @@ import os
 import select
 import shutil
 import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -23,8 +24,20 @@ PATIENCE = 60.0
 """Seconds after which a browser that does not answer is given up."""
 
 
+_START = """
+import fcntl, os, sys
+ends = [fcntl.fcntl(int(end), fcntl.F_DUPFD_CLOEXEC, 10) for end in sys.argv[1:3]]
+os.dup2(ends[0], 3)
+os.dup2(ends[1], 4)
+os.execv(sys.argv[3], sys.argv[3:])
+"""
+"""What starts the browser, which reads its commands from file 3 and answers to file 4."""
+
+
 def executable() -> str | None:
-    """The browser of this machine; None where there is none."""
+    """The browser of this machine; None where there is none that reads from a pipe."""
+    if os.name == "nt":
+        return None
     return next((found for name in NAMES if (found := shutil.which(name))), None)
 
 
@@ -132,11 +145,9 @@ def browser(scratch: Path) -> Iterator[Browser]:
         program, "--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars",
         "--remote-debugging-pipe", f"--user-data-dir={scratch / 'profile'}",
     ]  # fmt: skip
-    line = f'exec "$0" "$@" 3<&{theirs_in} 4>&{theirs_out}'
+    start = [sys.executable, "-c", _START, str(theirs_in), str(theirs_out), *words]
     with (scratch / "browser.log").open("wb") as log:
-        process = subprocess.Popen(
-            ["sh", "-c", line, *words], pass_fds=(theirs_in, theirs_out), stdout=log, stderr=log
-        )
+        process = subprocess.Popen(start, pass_fds=(theirs_in, theirs_out), stdout=log, stderr=log)
     for end in (theirs_in, theirs_out):
         os.close(end)
     try:
