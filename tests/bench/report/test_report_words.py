@@ -108,6 +108,11 @@ def test_any_text_is_shown(markdown: str) -> None:
             "100 % of 9 cells certified, 2 false claims",
         ),
         (
+            {"certified_share": 1.0, "cells": 9, "false_claims": 0, "contradictions": 1},
+            "fails",
+            "100 % of 9 cells certified, 0 false claims, 1 contradiction",
+        ),
+        (
             {"success_rate": 0.99999, "cells": 1e5},
             "partial",
             "99.9 % of 100000 cells certified, false claims not counted",

@@ -27,7 +27,7 @@ class Badge:
     outcome: str
 
 
-def badge(run: Run, failed: bool = False) -> Badge:
+def run_badge(run: Run, failed: bool = False) -> Badge:
     """Badge of a run: what its certificate says, and of a comparison what its cells say.
 
     A run that was kept as a failure never holds, whatever certificate lies in its folder.
@@ -51,11 +51,15 @@ def _of_cells(metrics: dict[str, float]) -> Badge:
     """
     share = metrics.get("certified_share", metrics.get("success_rate", math.nan))
     cells, false = metrics.get("cells", math.nan), metrics.get("false_claims", math.nan)
+    contradictions = metrics.get("contradictions", 0.0)
     words = f"{_percent(share)} of {_count(cells, 'cell')} certified"
     if math.isnan(false):
         return Badge("partial", f"{words}, false claims not counted", "")
-    state = "fails" if false > 0 else "holds" if share == 1 else "partial"
-    return Badge(state, f"{words}, {_count(false, 'false claim')}", "")
+    words += f", {_count(false, 'false claim')}"
+    if contradictions:
+        words += f", {_count(contradictions, 'contradiction')}"
+    state = "fails" if false or contradictions else "holds" if share == 1 else "partial"
+    return Badge(state, words, "")
 
 
 def _percent(share: float) -> str:

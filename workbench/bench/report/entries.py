@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from workbench.bench.project import registry
-from workbench.bench.report.badges import Badge, badge
+from workbench.bench.report.badges import Badge, run_badge
 from workbench.bench.report.words import text
 from workbench.bench.results import COMPARISON, Run, runs_in, stored_runs
 from workbench.bench.store import CHECKSUMS, FAILED, PARTIAL, REFERENCE
@@ -53,7 +53,7 @@ class ReportEntry:
 
     @property
     def badge(self) -> Badge:
-        return badge(self.run, self.failed)
+        return run_badge(self.run, self.failed)
 
     @property
     def is_comparison(self) -> bool:
