@@ -10,11 +10,12 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from workbench.bench.discovery import RESERVED
 from workbench.bench.project import registry
 from workbench.bench.report.badges import Badge, run_badge
 from workbench.bench.report.words import text
 from workbench.bench.results import COMPARISON, Run, runs_in, stored_runs
-from workbench.bench.store import CHECKSUMS, FAILED, PARTIAL, REFERENCE
+from workbench.bench.store import CHECKSUMS, FAILED, PARTIAL
 from workbench.errors import ResultError
 
 OPTIONS = ("tolerance", "time_limit", "seed")
@@ -172,7 +173,7 @@ def as_json(differing: Mapping[str, str]) -> str:
 
 def failed_runs(root: Path, pattern: str = "*") -> list[Run]:
     """The kept failures below a results folder whose problem fits a shell pattern."""
-    aside = {root / PARTIAL, root / REFERENCE}
+    aside = {root / PARTIAL, *(root / name for name in RESERVED if name != COMPARISON)}
     folders = (
         file.parent
         for file in sorted(root.rglob(f"*{FAILED}/{CHECKSUMS}"))

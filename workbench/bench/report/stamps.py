@@ -8,7 +8,7 @@ from pathlib import Path
 
 import workbench
 from workbench.bench.project import registry
-from workbench.bench.question import canonical, digest, sources
+from workbench.bench.question import canonical, digest
 from workbench.bench.report.words import listed
 from workbench.bench.results import Run
 from workbench.bench.store import CHECKSUMS
@@ -21,10 +21,14 @@ DRAWING = ("matplotlib", "pillow")
 
 def drawing_code() -> str:
     """Hash of the sources of the workbench and of all problem folders, and of versions."""
-    found = [sources(Path(workbench.__file__).parent)]
-    found += [sources(folder) for folder in registry().roots]
+    folders = [Path(workbench.__file__).parent, *registry().roots]
+    found = {
+        f"{place} {file.relative_to(folder).as_posix()}": digest(file.read_bytes())
+        for place, folder in enumerate(folders)
+        for file in folder.rglob("*.py")
+    }
     drawing = {name: version(name) for name in DRAWING}
-    return digest("".join(found) + canonical(versions() | drawing))
+    return digest(canonical([found, versions() | drawing]))
 
 
 def stamps(runs: Mapping[Path, Run], code: str) -> dict[Path, str]:
