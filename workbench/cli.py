@@ -300,19 +300,42 @@ def results(pattern: str, as_json: bool) -> None:
 
 @main.command()
 @click.argument("root", required=False, type=click.Path(path_type=Path))
-@click.option("--output", type=click.Path(path_type=Path), help="The page [ROOT/index.html].")
+@click.option(
+    "--output",
+    type=click.Path(path_type=Path),
+    help="Folder of the report [ROOT]; with --single-file the page [PROBLEM-KEY.html].",
+)
 @click.option("--open", "open_", is_flag=True, help="Open it in a browser.")
+@click.option(
+    "--single-file",
+    "single",
+    metavar="RUN",
+    type=click.Path(path_type=Path),
+    help="One run's results folder as one page with its figures inside.",
+)
 @click.option(
     "--jobs", type=click.IntRange(min=1), help="Draw this many runs at once [default: every core]."
 )
-def report(root: Path | None, output: Path | None, open_: bool, jobs: int | None) -> None:
-    """One self-contained HTML page over the results below ROOT."""
+def report(
+    root: Path | None, output: Path | None, open_: bool, single: Path | None, jobs: int | None
+) -> None:
+    """Pages over the results below ROOT: an index, and a page for each run and comparison.
+
+    They open from the disk, without a server or a network.
+    """
+    from workbench.bench.report import single_page
     from workbench.bench.results import damaged
 
-    with shown_live("report") as (progress, _), workers(jobs or os.cpu_count() or 1) as executor:
-        page = workbench.report(root, output, executor=executor, progress=progress)
-    for folder, reason in damaged(root or results_root()).items():
-        click.echo(f"workbench: left out: {folder}: {reason}", err=True)
+    if single is not None:
+        if root is not None:
+            raise click.UsageError("--single-file takes the folder of one run; leave ROOT out")
+        page = single_page(single, output)
+    else:
+        many = workers(jobs or os.cpu_count() or 1)
+        with shown_live("report") as (progress, _), many as executor:
+            page = workbench.report(root, output, executor=executor, progress=progress)
+        for folder, reason in damaged(root or results_root()).items():
+            click.echo(f"workbench: left out: {folder}: {reason}", err=True)
     click.echo(page)
     if open_:
         click.launch(str(page))

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from workbench.bench import netcdf
-from workbench.bench.cells.verify import cell_of, rerun_cells, stored_cells
+from workbench.bench.verify_cells import cell_of, rerun_cells, stored_cells
 from workbench.bench.project import Project, add_problems, registry
 from workbench.bench.question import Question, plain
 from workbench.bench.results import COMPARISON, Run, given, rebuilt

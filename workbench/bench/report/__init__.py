@@ -1,55 +1,61 @@
-"""Results as one HTML page that needs nothing else: no network, no file beside it.
+"""Results as a folder of pages that opens from a disk: no network, no server.
 
-The page shows what the folders hold, as stored: it recomputes nothing, and the same folders give
-the same page.
+The pages show what the results folders hold, as stored: they recompute nothing, and the same
+folders give the same pages.
 """
 
 from __future__ import annotations
 
-import math
-import os
-from collections.abc import Iterable
+import base64
 from concurrent.futures import Executor
-from contextlib import suppress
-from functools import cache
 from pathlib import Path
-from typing import Any
-from urllib.parse import quote
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from filelock import FileLock
 from markupsafe import Markup
 
 from workbench.bench.project import results_root
-from workbench.bench.report import words
-from workbench.bench.report.entries import entries, failed_runs
-from workbench.bench.report.looks import looks
-from workbench.bench.results import damaged
+from workbench.bench.report.drawn import DrawnFigure, draw_runs
+from workbench.bench.report.entries import (
+    ReportEntry,
+    entries,
+    entry_of,
+    failed_runs,
+    places,
+)
+from workbench.bench.report.kept import ENTRY, KeptRun, ReportFolder, write_whole
+from workbench.bench.report.pages import FigureView, RunView, index_page, link, run_page
+from workbench.bench.report.stamps import drawing_code, stamps
+from workbench.bench.report.thumbnails import pixels_of
+from workbench.bench.report.toggles import Toggled, toggled
+from workbench.bench.results import damaged, open_run, unreadable
 from workbench.bench.store import CHECKSUMS
-from workbench.bench.trust.untrusted import possible_path
+from workbench.bench.trust.untrusted import own_file, possible_path
 from workbench.errors import ResultError
 from workbench.executor import InProcess, Progress, silent
 
-__all__ = ["failed_runs", "report"]
-
-HERE = Path(__file__).parent
+__all__ = ["failed_runs", "report", "single_page"]
 
 
 def report(
     root: str | Path | None = None,
-    target: str | Path | None = None,
+    output: str | Path | None = None,
     pattern: str = "*",
     *,
     executor: Executor | None = None,
     progress: Progress = silent,
 ) -> Path:
-    """Write the runs below a results folder, failures among them, as one HTML page.
+    """Write the runs below a results folder, failures among them, as a folder of pages.
+
+    Figures of a run are drawn once: again only when its folder, what it stands on, or the code
+    has changed.
 
     Parameters
     ----------
     root
         The results folder (default: the project's).
-    target
-        The page (default: ``index.html`` in the results folder).
+    output
+        The folder of the report (default: the results folder): its entry is ``index.html``, its
+        other files stand below ``report``.
     pattern
         Shell pattern of the problems to show.
     executor
@@ -59,80 +65,147 @@ def report(
 
     Returns
     -------
+    Path of the entry. Every page appears whole or not at all; the entry is written last, so an
+    interrupted report leaves the earlier one in use.
+
+    Raises
+    ------
+    ResultError
+        ``root`` is given and is no folder or has no results, the report cannot be written there,
+        or a results folder cannot be read.
+    """
+    chosen = root is not None
+    root = possible_path(root) if root is not None else results_root()
+    output = possible_path(output) if output is not None else root
+    if chosen and not root.is_dir():
+        raise ResultError(f"{root} is no folder; a results folder is needed")
+    _outside_of_results(output / ENTRY)
+    shown = entries(root, pattern)
+    left_out = damaged(root)
+    if chosen and not shown and not left_out and not entries(root):
+        raise ResultError(f"{root} has no results below it; a results folder is needed")
+    place = ReportFolder(output)
+    with FileLock(output / "report" / ".lock"):  # one report at a time in a folder
+        kept = _drawn(place, shown, executor or InProcess(), progress)
+        where = places(shown)
+        for entry in shown:
+            write_whole(place.page(entry.stem), [_page(place, entry, kept[entry.stem], where)])
+        small = {stem: one.thumbnail for stem, one in kept.items() if one.thumbnail}
+        thumbnails = {
+            stem: FigureView("", f"report/figures/{one.png}", one.width // 2, one.height // 2)
+            for stem, one in small.items()
+        }
+        reasons = {
+            folder.relative_to(root).as_posix(): reason for folder, reason in left_out.items()
+        }
+        write_whole(place.entry, [index_page(shown, thumbnails, pattern, reasons)])
+        place.tidy(kept)
+    return place.entry
+
+
+def single_page(run: str | Path, output: str | Path | None = None) -> Path:
+    """Write one run as one page that needs nothing else, its figures inside.
+
+    Parameters
+    ----------
+    run
+        The run's results folder.
+    output
+        The page (default: a file in the working folder, named after problem and key).
+
+    Returns
+    -------
     Path of the page. It appears whole or not at all.
 
     Raises
     ------
     ResultError
-        The page cannot be written there, or a results folder cannot be read.
+        The folder is no undamaged results folder, or the page cannot be written there.
     """
-    root = possible_path(root) if root is not None else results_root()
-    target = possible_path(target) if target is not None else root / "index.html"
-    if any((folder / CHECKSUMS).exists() for folder in target.absolute().parents):
-        raise ResultError(
-            f"{target} would lie in a sealed results folder and break its checksums: "
-            "name another target"
-        )
-    shown = list(entries(root, target, pattern))
-    drawn = looks([entry.run.path for entry in shown], executor or InProcess(), progress)
-    content = _template().generate(
-        entries=shown,
-        looks={entry.anchor: one for entry, one in zip(shown, drawn, strict=True)},
-        pattern=pattern,
-        left_out={
-            folder.relative_to(root).as_posix(): reason for folder, reason in damaged(root).items()
-        },
-        total=math.fsum(entry.run.seconds["total"] for entry in shown),
-        places={entry.run.key: entry.anchor for entry in reversed(shown) if not entry.failed},
-        css=_asset("page.css"),
-        js=_asset("page.js"),
-    )
-    _write(target, content)
+    found = open_run(run)
+    wrong = unreadable(found.path)
+    if wrong:
+        raise ResultError(f"{found.path}: {wrong}")
+    entry = entry_of(found)
+    name = f"{entry.anchor.replace('/', '-')}.html"
+    target = possible_path(output) if output is not None else Path(name)
+    if target.is_dir():
+        raise ResultError(f"{target} is a folder; the name of a page is needed: {target / name}")
+    _outside_of_results(target)
+    (drawn,) = draw_runs([found.path], InProcess(), silent)
+    inline = [_inline(one.svg, f"f{place}-") for place, one in enumerate(drawn.figures)]
+    figures = [
+        FigureView(one.name, _embedded(one), *pixels_of(one.png), svg.markup if svg else None)
+        for one, svg in zip(drawn.figures, inline, strict=True)
+    ]
+    methods = _methods(inline)
+    view = RunView(entry, figures, methods, drawn.tables, drawn.missing, {}, None, None)
+    write_whole(target, [run_page(view)])
     return target
 
 
-def _write(target: Path, content: Iterable[str]) -> None:
-    """Write beside, then rename in: whoever reads the old page never sees half a new one."""
-    partial = target.with_name(f".{target.name}.{os.getpid()}")
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        with partial.open("w", encoding="utf-8", newline="\n") as file:
-            file.writelines(content)
-        partial.replace(target)
-    except OSError as error:
-        reason = f"{error.strerror}: {error.filename}"
-        raise ResultError(f"cannot write the page {target}: {reason}") from None
-    finally:
-        with suppress(OSError):
-            partial.unlink()
+def _drawn(
+    place: ReportFolder, shown: list[ReportEntry], executor: Executor, progress: Progress
+) -> dict[str, KeptRun]:
+    """Figures and tables of all runs by the names of their pages; those that are new are drawn."""
+    stamp = stamps({entry.run.path: entry.run for entry in shown}, drawing_code())
+    found = {entry.stem: place.kept(entry.stem, stamp[entry.run.path]) for entry in shown}
+    stale = [entry for entry in shown if found[entry.stem] is None]
+    drawn = draw_runs([entry.run.path for entry in stale], executor, progress)
+    for entry, one in zip(stale, drawn, strict=True):
+        found[entry.stem] = place.keep(entry.stem, stamp[entry.run.path], one)
+    return {stem: one for stem, one in found.items() if one is not None}
 
 
-@cache
-def _template() -> Any:
-    environment = Environment(
-        loader=FileSystemLoader(HERE),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
+def _page(place: ReportFolder, entry: ReportEntry, kept: KeptRun, where: dict[str, str]) -> str:
+    """The page of a run in the folder of the report."""
+    inline = []
+    for number, one in enumerate(kept.figures):
+        vectors = own_file(place.figure(one.svg)).read_bytes() if one.svg else None
+        inline.append(_inline(vectors, f"f{number}-"))
+    figures = [
+        FigureView(
+            one.name, f"../figures/{one.png}", one.width, one.height, svg.markup if svg else None
+        )
+        for one, svg in zip(kept.figures, inline, strict=True)
+    ]
+    start = place.page(entry.stem).parent
+    view = RunView(
+        entry,
+        figures,
+        _methods(inline),
+        kept.tables,
+        kept.missing,
+        where,
+        link(entry.run.path, start),
+        f"../../{ENTRY}",
     )
-    for name in (
-        "breakable",
-        "csp_hash",
-        "duration",
-        "listed",
-        "number",
-        "pathless",
-        "searchable",
-        "tables_as_html",
-        "text",
-        "when",
-    ):
-        environment.filters[name] = getattr(words, name)
-    environment.filters["quote"] = quote
-    return environment.get_template("page.html.j2")
+    return run_page(view)
 
 
-@cache
-def _asset(name: str) -> Markup:
-    return Markup((HERE / name).read_text(encoding="utf-8"))
+def _inline(vectors: bytes | None, prefix: str) -> Toggled | None:
+    """A figure to put into a page; None where there is none, or it is no SVG that can be."""
+    if vectors is None:
+        return None
+    try:
+        return toggled(vectors, prefix)
+    except ValueError:  # the pixels are shown
+        return None
+
+
+def _methods(figures: list[Toggled | None]) -> list[str]:
+    return list(dict.fromkeys(name for one in figures if one for name in one.methods))
+
+
+def _embedded(figure: DrawnFigure) -> Markup:
+    """The pixels as a data URI in base64, in which nothing can be mistaken for markup."""
+    code = base64.b64encode(figure.png).decode()
+    return Markup(f"data:image/png;base64,{code}")
+
+
+def _outside_of_results(target: Path) -> None:
+    if any((folder / CHECKSUMS).exists() for folder in target.absolute().parents):
+        raise ResultError(
+            f"{target} would lie in a sealed results folder and break its checksums: "
+            "name another place with --output"
+        )

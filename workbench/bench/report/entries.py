@@ -2,45 +2,71 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterator
-from dataclasses import dataclass
+import hashlib
+import json
+import re
+from collections import defaultdict
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
-from urllib.parse import quote
 
-from workbench.bench.results import Run, runs_in, stored_runs
-from workbench.bench.store import CHECKSUMS, FAILED, PARTIAL, REFERENCE
+from workbench.bench.discovery import RESERVED
+from workbench.bench.project import registry
+from workbench.bench.report.badges import Badge, run_badge
+from workbench.bench.report.words import text
+from workbench.bench.results import COMPARISON, Run, runs_in, stored_runs
+from workbench.bench.store import CHECKSUMS, FAILED, PARTIAL
 from workbench.errors import ResultError
+
+OPTIONS = ("tolerance", "time_limit", "seed")
+"""Options that are shown beside the parameters where runs of a problem differ in them."""
+LONGEST = 60
+"""Characters of a parameter in the table of runs; a longer one is cut, its page has it whole."""
 
 
 @dataclass(frozen=True)
 class ReportEntry:
-    """A run as the page shows it.
+    """A run as the report shows it.
 
-    ``anchor`` is its place in the page, ``place`` its folder below the results folder, ``link``
-    the way from the page to that folder.
+    ``anchor`` names it, ``place`` is its folder below the results folder, ``stem`` the name of its
+    page's file. ``differing`` has the parameters and options in which the runs of its problem
+    differ, as texts.
     """
 
     run: Run
     failed: bool
     anchor: str
     place: str
-    link: str | None
+    theme: str = ""
+    summary: str = ""
+    differing: Mapping[str, str] = field(default_factory=dict)
 
     @property
-    def state(self) -> str:
-        """The outcome of the certificate in one word."""
-        if self.run.certificate is None:
-            return "uncertified"
-        if self.run.best_so_far:
-            return "stopped"
-        return "holds" if self.run.holds else "fails"
+    def stem(self) -> str:
+        words = re.sub(r"[^A-Za-z0-9]+", "-", self.anchor)[:60].strip("-")
+        return f"{words}-{hashlib.sha256(self.anchor.encode()).hexdigest()[:8]}"
+
+    @property
+    def title(self) -> str:
+        """What the run is called: its problem, or the pattern of a comparison's problems."""
+        pattern = self.run.info["parameters"].get("pattern")
+        return f"comparison of {pattern}" if self.is_comparison and pattern else self.run.problem
+
+    @property
+    def badge(self) -> Badge:
+        return run_badge(self.run, self.failed)
+
+    @property
+    def is_comparison(self) -> bool:
+        return self.run.problem == COMPARISON
 
     @property
     def headline(self) -> tuple[str, float] | None:
-        """Name and value of the key metric."""
+        """Name and value of the key metric; a comparison's is in its badge."""
         name = self.run.info["headline"]
-        return (name, float(self.run.metrics[name])) if name in self.run.metrics else None
+        if self.is_comparison or name not in self.run.metrics:
+            return None
+        return name, float(self.run.metrics[name])
 
     @property
     def gap(self) -> float | None:
@@ -55,35 +81,107 @@ class ReportEntry:
             return str(error)
 
 
-def entries(root: Path, target: Path, pattern: str) -> Iterator[ReportEntry]:
-    """Every run with a place in the page, by problem, method and key."""
+def entries(root: Path, pattern: str = "*") -> list[ReportEntry]:
+    """Every run below a results folder, failures among them, by theme, problem, method and key."""
     runs = [(run, False) for run in stored_runs(root, pattern)]
     runs += [(run, True) for run in failed_runs(root, pattern)]
     runs.sort(key=lambda pair: (pair[0].problem, pair[0].method or "", pair[0].path.as_posix()))
-    taken: set[str] = set()
-    for run, failed in runs:
+    differences = _differences([run for run, _ in runs])
+    taken, found = set[str](), []
+    for (run, failed), differing in zip(runs, differences, strict=True):
         anchor = f"{run.problem}/{run.key}{FAILED if failed else ''}"
+        place = run.path.relative_to(root).as_posix()
         while anchor in taken:  # a folder copied by hand keeps its problem and key
             anchor += "'"
+            differing["folder"] = place
         taken.add(anchor)
-        place = run.path.relative_to(root).as_posix()
-        yield ReportEntry(run, failed, anchor, place, _link(run.path, target.parent))
+        about = theme(run.problem), _summary(run)
+        found.append(ReportEntry(run, failed, anchor, place, *about, differing))
+    return sorted(found, key=lambda entry: entry.theme)
 
 
-def _link(folder: Path, start: Path) -> str | None:
-    """The way from one folder to another; None where it would spell out the whole machine."""
-    folder, start = folder.absolute(), start.absolute()
-    if folder.anchor != start.anchor or os.path.commonpath([folder, start]) == folder.anchor:
-        return None
-    return quote(Path(os.path.relpath(folder, start)).as_posix()) + "/"
+def entry_of(run: Run) -> ReportEntry:
+    """A run by itself."""
+    failed = run.path.suffix == FAILED
+    anchor = f"{run.problem}/{run.key}{FAILED if failed else ''}"
+    return ReportEntry(run, failed, anchor, anchor, theme(run.problem), _summary(run))
+
+
+def theme(problem: str) -> str:
+    """What a problem is about: the folders of its source file; its name's first part elsewhere."""
+    if problem == COMPARISON:
+        return "comparisons"
+    entry = registry().entries.get(problem)
+    folders = entry.file.relative_to(entry.root).parts[:-1] if entry else ()
+    parts = folders[:2] or problem.split("/")[:1]
+    return ": ".join(part.replace("_", " ") for part in parts)
+
+
+def _summary(run: Run) -> str:
+    """What a run is about in one line: its problem's help, or how much a comparison compares."""
+    if run.problem != COMPARISON:
+        entry = registry().entries.get(run.problem)
+        return entry.summary if entry else ""
+    counted = (("problems", "problem"), ("methods", "method"), ("accuracies", "accuracy level"))
+    found = ((run.info["parameters"].get(name), noun) for name, noun in counted)
+    return ", ".join(
+        f"{len(values)} {noun}{'' if len(values) == 1 else 's'}"
+        for values, noun in found
+        if isinstance(values, list)
+    )
+
+
+def _differences(runs: Iterable[Run]) -> list[dict[str, str]]:
+    """For each run the parameters and options in which it differs from others of its problem."""
+    asked = [(run.problem, _asked(run)) for run in runs]
+    groups = defaultdict[str, list[dict[str, str]]](list)
+    for problem, one in asked:
+        groups[problem].append(one)
+    differ = {problem: _differing_names(group) for problem, group in groups.items()}
+    return [
+        {name: _short(one.get(name, "–")) for name in differ[problem]} for problem, one in asked
+    ]
+
+
+def _differing_names(group: list[dict[str, str]]) -> list[str]:
+    names = dict.fromkeys(name for one in group for name in one)
+    return [name for name in names if len({one.get(name) for one in group}) > 1]
+
+
+def _asked(run: Run) -> dict[str, str]:
+    """Parameters and options of a run as texts."""
+    options = {name: run.info["options"].get(name) for name in OPTIONS}
+    return {name: text(value) for name, value in {**options, **run.info["parameters"]}.items()}
+
+
+def _short(words: str) -> str:
+    if not words:
+        return '""'
+    return words if len(words) <= LONGEST else words[: LONGEST - 1] + "…"
+
+
+def searchable(entry: ReportEntry) -> str:
+    """What the filter of the report reads of a run beside its row."""
+    asked = " ".join(f"{name}={value}" for name, value in _asked(entry.run).items())
+    return f"{entry.summary} {asked}"[:400]
+
+
+def as_json(differing: Mapping[str, str]) -> str:
+    """Differing parameters as the script of the index reads them."""
+    return json.dumps(differing, ensure_ascii=False)
 
 
 def failed_runs(root: Path, pattern: str = "*") -> list[Run]:
     """The kept failures below a results folder whose problem fits a shell pattern."""
-    aside = {root / PARTIAL, root / REFERENCE}
+    aside = {root / PARTIAL, *(root / name for name in RESERVED if name != COMPARISON)}
     folders = (
         file.parent
         for file in sorted(root.rglob(f"*{FAILED}/{CHECKSUMS}"))
         if not aside.intersection(file.parents)
     )
     return runs_in(folders, pattern)
+
+
+def places(shown: Iterable[ReportEntry]) -> dict[str, str]:
+    """Names of the pages of finished runs by their keys, for links from what needed them."""
+    return {entry.run.key: entry.stem for entry in reversed(list(shown)) if not entry.failed}

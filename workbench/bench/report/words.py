@@ -7,7 +7,7 @@ import hashlib
 import json
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from typing import Any
 
 from markupsafe import Markup
@@ -81,11 +81,6 @@ def _short(match: re.Match[str]) -> str:
     return "/".join(["…", *rest, ""])
 
 
-def searchable(parameters: Mapping[str, Any]) -> str:
-    """Parameters as the page's filter reads them."""
-    return " ".join(f"{name}={text(value)}" for name, value in parameters.items())
-
-
 def when(moment: str) -> str:
     """An ISO time to read."""
     return moment.replace("T", " ").replace("+00:00", " UTC")
@@ -99,35 +94,3 @@ def listed(need: str | Iterable[str]) -> list[str]:
 def csp_hash(source: str) -> str:
     """Hash of a script for a Content-Security-Policy, which lets no other script run."""
     return "sha256-" + base64.b64encode(hashlib.sha256(source.encode()).digest()).decode()
-
-
-def tables_as_html(markdown: str) -> Markup:
-    """The pipe tables of a Markdown text as HTML, its other lines as paragraphs."""
-    html, rows = Markup(""), []
-    for line in [*markdown.splitlines(), ""]:
-        if line.startswith("|"):
-            rows.append([cell.strip() for cell in line.strip().strip("|").split("|")])
-            continue
-        if rows:
-            html += _pipe_table(rows)
-            rows = []
-        if line:
-            html += Markup("<p>{}</p>").format(line)
-    return html
-
-
-def _pipe_table(rows: list[list[str]]) -> Markup:
-    head, rule, *body = rows
-    numeric = [mark.endswith(":") for mark in rule]
-
-    def line(cells: list[str], tag: str) -> Markup:
-        parts = (
-            Markup("<{0}{1}>{2}</{0}>").format(tag, Markup(' class="num"') if right else "", cell)
-            for cell, right in zip(cells, numeric, strict=True)
-        )
-        return Markup("<tr>{}</tr>").format(Markup("").join(parts))
-
-    lines = Markup("").join(line(cells, "td") for cells in body)
-    return Markup("<table><thead>{}</thead><tbody>{}</tbody></table>").format(
-        line(head, "th"), lines
-    )

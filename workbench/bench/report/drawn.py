@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import base64
 import re
-import struct
 import traceback
 from collections.abc import Sequence
 from concurrent.futures import Executor
@@ -12,79 +10,78 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from markupsafe import Markup
-
 from workbench.bench.files import png
 from workbench.bench.project import add_problems, added_problems
-from workbench.bench.results import Run
+from workbench.bench.report.points import every_cell
+from workbench.bench.report.toggles import has_methods, svg
+from workbench.bench.results import COMPARISON, Run
 from workbench.errors import WorkbenchError
 from workbench.executor import Progress, spread
+from workbench.heavy_types import Figure
 
 
 @dataclass(frozen=True)
-class Embedded:
-    """A figure to embed, as pixels: they look the same whatever fonts the reader has."""
+class DrawnFigure:
+    """A figure as pixels, which look the same whatever fonts the reader has.
 
-    stem: str
+    ``svg`` is there as well where parts of the figure belong to methods that can be toggled.
+    """
+
+    name: str
     png: bytes
-
-    @property
-    def name(self) -> str:
-        return _words(self.stem)
-
-    @property
-    def source(self) -> Markup:
-        """The pixels as a data URI in base64, in which nothing can be mistaken for markup."""
-        code = base64.b64encode(self.png).decode()
-        return Markup(f"data:image/png;base64,{code}")  # no character of it needs escaping
-
-    @property
-    def size(self) -> tuple[int, int]:
-        """Width and height in pixels: the page keeps the room before it draws the figure."""
-        width, height = struct.unpack(">II", self.png[16:24])
-        return width, height
+    svg: bytes | None
 
 
 @dataclass(frozen=True)
-class Looks:
+class DrawnRun:
     """Figures and tables of a run; ``missing`` has a sentence for what could not be made."""
 
-    figures: list[Embedded]
+    figures: list[DrawnFigure]
     tables: dict[str, str]
     missing: list[str]
 
 
-def looks(folders: Sequence[Path], executor: Executor, progress: Progress) -> list[Looks]:
+def draw_runs(folders: Sequence[Path], executor: Executor, progress: Progress) -> list[DrawnRun]:
     """Figures and tables of the runs in results folders, a run to a task."""
-    return spread(partial(_looks, added_problems()), folders, executor, progress, "runs drawn")
+    return spread(partial(_drawn, added_problems()), folders, executor, progress, "runs drawn")
 
 
-def _looks(problems: Sequence[Path], folder: Path) -> Looks:
+def _drawn(problems: Sequence[Path], folder: Path) -> DrawnRun:
     """Figures and tables of the run in a folder; what fails leaves a sentence, and the rest."""
     for each in problems:
         add_problems(each)
     run = Run(folder)
     if run.certificate is None:
-        return Looks([], {}, [])
-    figures: list[Embedded] = []
+        return DrawnRun([], {}, [])
+    figures: list[DrawnFigure] = []
     tables: dict[str, str] = {}
     missing: list[str] = []
     try:
         drawings = run.answered.drawings(run.answer)
     except Exception as error:
-        return Looks([], {}, [f"Figures and tables cannot be made: {_reason(error)}"])
+        return DrawnRun([], {}, [f"Figures and tables cannot be made: {_reason(error)}"])
     for part, draw in drawings.items():
         name = part
         try:
             for name, figure in draw().items():
-                figures.append(Embedded(name, png(figure)))
+                figures.append(_figure(name, figure))
         except Exception as error:
             missing.append(f"Figure not drawn: {_words(name)}: {_reason(error)}")
+    if run.problem == COMPARISON:
+        try:
+            figure, told = every_cell(run.data)
+            figures.append(DrawnFigure("every cell", png(figure), svg(figure, told)))
+        except Exception as error:
+            missing.append(f"Figure not drawn: every cell: {_reason(error)}")
     try:
         tables = run.tables
     except Exception as error:
         missing.append(f"Tables not made: {_reason(error)}")
-    return Looks(figures, tables, missing)
+    return DrawnRun(figures, tables, missing)
+
+
+def _figure(stem: str, figure: Figure) -> DrawnFigure:
+    return DrawnFigure(_words(stem), png(figure), svg(figure) if has_methods(figure) else None)
 
 
 def _reason(error: Exception) -> str:

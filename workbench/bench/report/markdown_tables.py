@@ -1,0 +1,82 @@
+"""Tables in Markdown as HTML with captions and scopes."""
+
+from __future__ import annotations
+
+import re
+
+from markupsafe import Markup, escape
+
+LONGEST_CAPTION = 90
+"""A longer line above a table is a paragraph of its own, not the table's caption."""
+
+
+def tables_as_html(markdown: str, name: str) -> Markup:
+    """The pipe tables of a Markdown text as HTML, its other lines as paragraphs.
+
+    Every table has a caption: the name, and what a short line above it says.
+    """
+    html, rows, line_above = Markup(""), list[list[str]](), ""
+    for line in [*markdown.splitlines(), ""]:
+        if line.startswith("|"):
+            rows.append([cell.strip() for cell in line.strip().strip("|").split("|")])
+            continue
+        if rows:
+            caption = f"{name}: {line_above}" if line_above else name
+            html += _table(rows, caption)
+            rows, line_above = [], ""
+        if not line:
+            continue
+        if line_above:
+            html += Markup("<p>{}</p>").format(_spans(line_above))
+        line_above = line if len(line) <= LONGEST_CAPTION else ""
+        if not line_above:
+            html += Markup("<p>{}</p>").format(_spans(line))
+    return html + (Markup("<p>{}</p>").format(_spans(line_above)) if line_above else Markup(""))
+
+
+def _spans(text: str) -> Markup:
+    """A text with its code in back quotes as code."""
+    parts = re.split(r"`([^`]+)`", text)
+    return Markup("").join(
+        Markup("<code>{}</code>").format(part) if place % 2 else escape(part)
+        for place, part in enumerate(parts)
+    )
+
+
+def _table(rows: list[list[str]], caption: str) -> Markup:
+    """A table whose first column heads its rows, unless that is a column of numbers."""
+    if len(rows) < 2 or len({len(row) for row in rows}) > 1:  # a cell has a bar in it
+        text = "\n".join(" | ".join(row) for row in rows)
+        return Markup("<p>{}</p><pre>{}</pre>").format(_spans(caption), text)
+    head, rule, *body = rows
+    numeric = [mark.endswith(":") for mark in rule]
+
+    def cell(text: str, right: bool, tag: str, scope: str = "") -> Markup:
+        start = Markup("<{}{}{}>").format(
+            Markup(tag),
+            Markup(' scope="{}"').format(scope) if scope else "",
+            Markup(' class="num"') if right else "",
+        )
+        return start + _spans(text) + Markup("</{}>").format(Markup(tag))
+
+    heads = Markup("").join(
+        cell(text, right, "th", "col") for text, right in zip(head, numeric, strict=True)
+    )
+    lines = Markup("")
+    for row in body:
+        cells = [
+            cell(text, right, "th", "row") if not place and not right else cell(text, right, "td")
+            for place, (text, right) in enumerate(zip(row, numeric, strict=True))
+        ]
+        method = (
+            Markup(' data-method="{}"').format(_method(head, row)) if _method(head, row) else ""
+        )
+        lines += Markup("<tr{}>{}</tr>").format(method, Markup("").join(cells))
+    return Markup(
+        "<table><caption>{}</caption><thead><tr>{}</tr></thead><tbody>{}</tbody></table>"
+    ).format(_spans(caption), heads, lines)
+
+
+def _method(head: list[str], row: list[str]) -> str:
+    """The method that a row is about, where the table has a column of methods."""
+    return row[head.index("method")] if "method" in head else ""

@@ -1,0 +1,124 @@
+"""The cells of a comparison as points that tell what they are."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from workbench import figures
+from workbench.arrays import RealArray
+from workbench.bench.report.toggles import GID, Told
+from workbench.errors import ResultError
+from workbench.heavy_types import Axes, Dataset, Figure
+
+METHOD = "by_method"
+"""Dimension of methods in the dataset of a comparison."""
+LINEAR = 1e-12
+"""Gap below which the scale is linear: rounding errors, far below the finest accuracy level."""
+MOST_CELLS = 5000
+"""More cells than this are not drawn as points: a page of them would answer slowly."""
+MARKERS = "osD^v"
+TICKS = (-1.0, -1e-4, -1e-8, 0.0, 1e-8, 1e-4, 1.0)
+FALSE = ("wrong", "contradiction")
+"""Verdicts on claims that another certificate refutes."""
+
+
+@dataclass(frozen=True)
+class CellPoint:
+    """A cell as a point: certified, open or false; its wall time [s], gap, and what it says."""
+
+    method: str
+    kind: str
+    seconds: float
+    gap: float
+    words: str
+
+
+def every_cell(data: Dataset) -> tuple[Figure, list[Told]]:
+    """Certified gap over wall time of every cell, and what each point says.
+
+    Filled points are certified, hollow ones are not, crosses are false claims. Cells without a
+    certified gap stand in a row of their own below the others; cells without a time are left out.
+
+    Raises
+    ------
+    ResultError
+        There are more than `MOST_CELLS` cells, or none with a time.
+    """
+    cells = list(_cells(data))
+    if len(cells) > MOST_CELLS:
+        raise ResultError(f"{len(cells)} cells are too many points; {MOST_CELLS} are drawn at most")
+    cells = [cell for cell in cells if 0 < cell.seconds < np.inf]
+    if not cells:
+        raise ResultError("no cell has a time")
+    figure, (panel,) = figures.axes(size=(7.4, 4.6))
+    heights = scaled(np.array([cell.gap for cell in cells]))
+    floor = min(float(np.nanmin(heights, initial=0.0)), 0.0) - 2.0
+    groups = defaultdict[tuple[str, str], list[int]](list)
+    for place, cell in enumerate(cells):
+        groups[cell.method, cell.kind].append(place)
+    looks = {str(name): place for place, name in enumerate(data[METHOD].values)}
+    told: list[Told] = []
+    for (method, kind), places in groups.items():
+        x = [cells[place].seconds for place in places]
+        y = np.nan_to_num(heights[places], nan=floor)
+        _plot(panel, method, kind, looks[method], x, y)
+        told.append((f"{GID}{method}", [cells[place].words for place in places]))
+    for method, place in looks.items():
+        _plot(panel, method, "certified", place, [], np.empty(0), label=method)
+    figures.label(panel, "statement and solve [s]", "certified gap [relative]", log="x")
+    top = max(float(np.nanmax(heights, initial=0.0)), 1.0)
+    ticks = {f"{tick:g}": float(scaled(np.array(tick))) for tick in TICKS}
+    names = {name: height for name, height in ticks.items() if floor + 1.0 < height < top + 1.0}
+    names |= {"no gap": floor} if np.isnan(heights).any() else {}
+    panel.set_yticks(list(names.values()), list(names))
+    panel.set_ylim(floor - 0.7, top + 0.7)
+    figures.legend_below(figure, panel)
+    return figure, told
+
+
+def scaled(gap: RealArray) -> RealArray:
+    """Heights of gaps on a scale that is logarithmic for both signs and linear near zero."""
+    return np.asarray(np.sign(gap) * np.log10(1.0 + np.abs(gap) / LINEAR))
+
+
+def _plot(
+    panel: Axes, method: str, kind: str, place: int, x: Any, y: RealArray, label: str | None = None
+) -> None:
+    colour = figures.CYCLE[place % len(figures.CYCLE)]
+    marker = MARKERS[place // len(figures.CYCLE) % len(MARKERS)]
+    panel.plot(
+        x,
+        y,
+        "X" if kind == "false" else marker,
+        color=colour,
+        markerfacecolor="none" if kind == "open" else colour,
+        markersize=7 if kind == "false" else 5,
+        label=label,
+        gid=None if label else f"{GID}{method}",
+    )
+
+
+def _cells(data: Dataset) -> Iterator[CellPoint]:
+    verdicts = data["verdict" if "verdict" in data else "outcome"]
+    certified = data["certified" if "certified" in data else "success"].values
+    seconds = (data["statement"] + data["solve"]).values
+    repeated = verdicts.sizes.get("repetition", 1) > 1
+    for place in np.ndindex(*verdicts.shape):
+        verdict = str(verdicts.values[place])
+        if verdict in ("", "unfit"):
+            continue
+        labels = [str(data[name].values[i]) for name, i in zip(verdicts.dims, place, strict=True)]
+        names = dict(zip(verdicts.dims, labels, strict=True))
+        gap, time = float(data["gap"].values[place]), float(seconds[place])
+        words = f"{names['problem']} by {names[METHOD]}, {names['accuracy']}"
+        words += f", repetition {names['repetition']}" if repeated else ""
+        words += f": {verdict}, "
+        words += "no certified gap" if np.isnan(gap) else f"gap {gap:.2g}"
+        words += f", {time:.3g} s"
+        kind = "certified" if certified[place] else "open"
+        yield CellPoint(names[METHOD], "false" if verdict in FALSE else kind, time, gap, words)

@@ -1,0 +1,130 @@
+"""Figures whose parts belong to methods, as SVG that a page can hold and a script can toggle.
+
+Whatever a figure draws for a method carries the id ``method:NAME`` (matplotlib's ``gid``). Such a
+figure is kept as SVG; when a page is made, it is rewritten: only drawing remains of it, ids are
+made the figure's own, and the parts of methods are marked with ``data-method``.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, cast
+from xml.etree import ElementTree
+
+from markupsafe import Markup
+
+from workbench.bench.files import png
+from workbench.heavy_types import Figure
+
+GID = "method:"
+"""Prefix of the id of everything that a figure draws for a method."""
+_SPACE = "{http://www.w3.org/2000/svg}"
+_LINK = "{http://www.w3.org/1999/xlink}href"
+_TAGS = {"svg", "g", "defs", "path", "use", "clipPath", "rect", "title", "image"}
+_ATTRIBUTES = {"d", "transform", "style", "x", "y", "width", "height", "viewBox", "clip-path"}
+_FOREIGN = re.compile(r"url\((?!#)|expression|@import|\\", re.IGNORECASE)
+
+Told = tuple[str, Sequence[str]]
+"""Id of a part of a figure, and a sentence for each of its markers."""
+
+
+@dataclass(frozen=True)
+class Toggled:
+    """A figure to put into a page, and the methods that it draws, in the order of the drawing."""
+
+    markup: Markup
+    methods: tuple[str, ...]
+
+
+def has_methods(figure: Figure) -> bool:
+    """Whether parts of a figure belong to methods."""
+    return bool(figure.findobj(lambda artist: str(artist.get_gid() or "").startswith(GID)))
+
+
+def svg(figure: Figure, told: Sequence[Told] = ()) -> bytes:
+    """A figure as SVG, its letters as paths; the same figure gives the same bytes.
+
+    Parameters
+    ----------
+    figure
+        The figure.
+    told
+        What markers of the figure say when they are pointed at, part by part in the order of the
+        drawing. A part without an entry says the name of its method.
+    """
+    import matplotlib as mpl
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+
+    png(figure)  # places the parts of the figure, by the fonts that it is drawn with
+    file = io.BytesIO()
+    with mpl.rc_context({"svg.hashsalt": "workbench", "svg.fonttype": "path"}):
+        cast(Any, FigureCanvasSVG(figure)).print_svg(file, metadata={"Date": None})
+    if not told:
+        return file.getvalue()
+    root = ElementTree.fromstring(file.getvalue())
+    _tell(root, told)
+    return ElementTree.tostring(root, encoding="utf-8")
+
+
+def _tell(root: ElementTree.Element, told: Sequence[Told]) -> None:
+    """Give every marker of the parts its sentence."""
+    waiting = list(told)
+    for part in root.iter(f"{_SPACE}g"):
+        if not waiting or part.get("id") != waiting[0][0]:
+            continue
+        markers = [use for use in part.iter(f"{_SPACE}use") if use.get("x") is not None]
+        for marker, sentence in zip(markers, waiting.pop(0)[1], strict=True):
+            ElementTree.SubElement(marker, f"{_SPACE}title").text = sentence
+
+
+def toggled(source: bytes, prefix: str) -> Toggled:
+    """A kept SVG as a page holds it: only drawing, its ids starting with a prefix of its own.
+
+    Raises
+    ------
+    ValueError
+        It is no SVG.
+    """
+    try:
+        root = ElementTree.fromstring(source)
+    except ElementTree.ParseError as error:
+        raise ValueError(f"no SVG: {error}") from None
+    if root.tag != f"{_SPACE}svg":
+        raise ValueError(f"no SVG: its root is {root.tag}")
+    methods: dict[str, None] = {}
+    clean = _drawing(root, prefix, methods)
+    for size in ("width", "height"):
+        clean.attrib.pop(size, None)  # as wide as the page allows
+    markup = Markup(ElementTree.tostring(clean, encoding="unicode", method="xml"))
+    return Toggled(markup, tuple(methods))
+
+
+def _drawing(
+    node: ElementTree.Element, prefix: str, methods: dict[str, None]
+) -> ElementTree.Element:
+    """A copy of an element with what draws, and nothing that runs, loads or styles the page."""
+    clean = ElementTree.Element(node.tag.removeprefix(_SPACE))
+    name = node.get("id", "")
+    if name.startswith(GID):
+        method = name.removeprefix(GID)
+        methods[method] = None
+        clean.set("data-method", method)
+    elif name:
+        clean.set("id", prefix + name)
+    for attribute, value in node.attrib.items():
+        if attribute in _ATTRIBUTES and not _FOREIGN.search(value):
+            clean.set(attribute, value.replace("url(#", f"url(#{prefix}"))
+    target = node.get(_LINK, node.get("href", ""))
+    if target.startswith("#"):
+        clean.set("href", f"#{prefix}{target[1:]}")
+    elif target.startswith("data:image/png;base64,"):
+        clean.set("href", target)
+    if clean.tag == "title":
+        clean.text = node.text
+    for child in node:
+        if child.tag.removeprefix(_SPACE) in _TAGS:
+            clean.append(_drawing(child, prefix, methods))
+    return clean
