@@ -18,13 +18,13 @@ from pathlib import Path
 from typing import Any
 
 from workbench.bench import netcdf
-from workbench.bench.verify_cells import cell_of, rerun_cells, stored_cells
 from workbench.bench.project import Project, add_problems, registry
 from workbench.bench.question import Question, plain
 from workbench.bench.results import COMPARISON, Run, given, rebuilt
 from workbench.bench.run import Bench, Bound, environment
 from workbench.bench.store import CHECKSUMS, FAILED, Store, damage
 from workbench.bench.trust.untrusted import possible_path, read_json
+from workbench.bench.verify_cells import cell_of, rerun_cells, stored_cells
 from workbench.certificate import Certificate
 from workbench.errors import InputError, ResultError, WorkbenchError
 from workbench.program import Program, find_method
