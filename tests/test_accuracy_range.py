@@ -111,7 +111,7 @@ def test_a_comparison_asks_once_for_what_is_the_same():
     told = []
     run = wb.compare("toy/root", ["exact", "rough"], progress=lambda *what: told.append(what))
     assert told[-1] == ("cells", 4, 4)  # three of exact, one of rough
-    assert run.data["outcome"].values.tolist() == [[["solved"] * 3] * 2]
+    assert run.data["outcome"].values.tolist() == [[[["solved"]] * 3] * 2]
     assert run.data["served"].sel(by_method="rough").values.ravel().tolist() == [1e-6] * 3
     text = run.tables["comparison"]
     assert "toy/root by rough: one computation for low, middle, high" in text

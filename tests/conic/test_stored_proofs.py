@@ -107,18 +107,18 @@ def test_in_a_comparison_only_what_is_proven_counts(cones):
     names = run.data["problem"].values.tolist()
     cell = {
         (name, method): tuple(
-            run.data[what].sel(by_method=method).values[i, 0].item()
-            for what in ("outcome", "success", "correct")
+            run.data[what].sel(by_method=method).values[i, 0, 0].item()
+            for what in ("outcome", "certified", "verdict")
         )
         for i, name in enumerate(names)
         for method in ("clarabel", "liar")
     }
-    assert cell["cone/infeasible", "clarabel"] == ("infeasible", 1, 1)
-    assert cell["cone/infeasible", "liar"] == ("infeasible", 1, 1)  # right for once
-    assert cell["cone/unbounded", "clarabel"] == ("unbounded", 1, 1)
-    assert cell["cone/unbounded", "liar"][1:] == (0, 0)
-    assert cell["cone/solvable", "clarabel"] == ("solved", 1, 1)
-    assert cell["cone/solvable", "liar"] == ("no solution up to R", 0, 0)
+    assert cell["cone/infeasible", "clarabel"] == ("infeasible", 1, "infeasible")
+    assert cell["cone/infeasible", "liar"] == ("infeasible", 1, "infeasible")  # right for once
+    assert cell["cone/unbounded", "clarabel"] == ("unbounded", 1, "unbounded")
+    assert cell["cone/unbounded", "liar"][1] == 0
+    assert cell["cone/solvable", "clarabel"] == ("solved", 1, "solved")
+    assert cell["cone/solvable", "liar"] == ("no solution up to R", 0, "wrong")
 
 
 def test_the_report_shows_proofs(cones):
