@@ -19,15 +19,16 @@ DARK = 1e-6
 def agreement_matrix(data: Dataset) -> Figure:
     """Largest relative difference of the objectives of valid answers, for each pair of methods.
 
-    Over all problems, accuracy levels and repetitions that both answered; a cross where there is
-    none. The text in a cell is the difference.
+    Over all problems and repetitions that both answered at the finest accuracy level; a cross where
+    there is none. The text in a cell is the difference.
     """
     from matplotlib.colors import LogNorm
 
     names = [str(name) for name in data[METHOD].values]
-    apart = disagreements(data)
+    finest = int(np.argmin(data["tolerance"].values))
+    apart = disagreements(data.isel(accuracy=[finest]))
     side = 1.6 + 0.52 * len(names)
-    figure, (panel,) = figures.axes(size=(max(side + 1.2, 4.4), max(side, 3.0)))
+    figure, (panel,) = figures.axes(size=(max(side + 1.2, 4.4), max(side, 3.4)))
     clipped = np.ma.masked_invalid(np.clip(apart, LEAST, MOST))
     shown = panel.imshow(clipped, norm=LogNorm(LEAST, MOST), cmap="cividis")
     for i, j in np.ndindex(*apart.shape):
@@ -44,7 +45,8 @@ def agreement_matrix(data: Dataset) -> Figure:
     panel.set_xlabel("method")
     panel.set_ylabel("method")
     bar = figure.colorbar(shown, ax=panel, extend="both", shrink=0.9)
-    bar.set_label("largest difference of objectives [relative]")
+    bar.set_label("largest difference [relative]")
+    panel.set_title(f"objectives at {data['accuracy'].values[finest]}")
     bar.ax.set_yticks([1e-12, 1e-9, 1e-6, 1e-3, 1.0])
     bar.ax.minorticks_off()
     return figure

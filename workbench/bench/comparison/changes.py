@@ -8,7 +8,7 @@ import numpy as np
 from scipy import stats
 
 from workbench.arrays import RealArray
-from workbench.bench.comparison.layout import DIMS, METHOD
+from workbench.bench.comparison.layout import DIMS, METHOD, cell_labels
 from workbench.bench.comparison.numbers import certified_times, combined_verdicts, largest_gap
 from workbench.bench.comparison.verdicts import judged
 from workbench.errors import InputError
@@ -86,7 +86,7 @@ def changes(old: Dataset, new: Dataset) -> Dataset:
 def changes_table(found: Dataset) -> str:
     """Tables in Markdown of what `changes` found: verdicts, times and gaps."""
     rows = [
-        [*_labels(found, place), *found["verdict"].values[(slice(None), *place)].tolist()]
+        [*cell_labels(found, place), *found["verdict"].values[(slice(None), *place)].tolist()]
         for place in zip(*np.nonzero(found["changed"].values), strict=True)
     ]
     both = (found["verdict"].values != "").all(axis=0)
@@ -161,8 +161,3 @@ def _gap_row(found: Dataset, j: int) -> list[Any]:
         return []
     gaps = [f"{largest_gap(each[both]):.1e}" for each in (before, now)]
     return [str(found[METHOD].values[j]), str(int(both.sum())), *gaps]
-
-
-def _labels(found: Dataset, place: tuple[int, ...]) -> list[str]:
-    """Problem, method and accuracy level of a cell."""
-    return [str(found[dim].values[i]) for dim, i in zip(DIMS[:3], place, strict=True)]

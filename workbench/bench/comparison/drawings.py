@@ -36,7 +36,7 @@ def _drawn(data: Dataset, looks: dict[str, Look]) -> dict[str, Figure]:
             found["scaling"] = scaling_figure(data, looks)
     if not np.isnan(data["gap"].values).all():
         found["accuracy-against-time"] = accuracy_against_time(data, looks)
-    if np.isfinite(data["objective"].values).any() and data.sizes[METHOD] > 1:
+    if data.sizes[METHOD] > 1 and np.isfinite(data["objective"].values).any():
         found["agreement"] = agreement_matrix(data)
     return found
 

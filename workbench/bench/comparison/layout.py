@@ -28,7 +28,8 @@ KNOWN = {*map(str, Outcome), UNFIT, ""}
 """Every outcome of a cell."""
 TEXTS = ("outcome", "claim", "message", "key")
 NUMBERS = (
-    "certified", "objective", "gap", "served", "statement", "solve", "check", "cpu", "memory",
+    "certified", "optimal", "objective", "scale", "rounding", "gap", "served",
+    "statement", "solve", "check", "cpu", "memory",
 )  # fmt: skip
 COORDINATES = (*DIMS, "tolerance", "program", "size")
 
@@ -83,24 +84,6 @@ def tolerances(data: Dataset) -> RealArray:
     return np.asarray(data["tolerance"].broadcast_like(data["outcome"]).transpose(*DIMS).values)
 
 
-def scales(data: Dataset) -> RealArray:
-    """What gaps and differences of objectives are relative to, for every cell.
-
-    Datasets without the variable ``scale`` get 1 + |objective|: no Program's own scale is larger
-    where its objective is near zero, so that less is called wrong, never more.
-    """
-    if "scale" in data:
-        return np.asarray(data["scale"].values, dtype=float)
-    return 1.0 + np.abs(np.asarray(data["objective"].values, dtype=float))
-
-
-def roundings(data: Dataset) -> RealArray:
-    """Difference of the objective that rounding alone may make, for every cell; 0 if not stored."""
-    shape = data["outcome"].shape
-    stored = data["rounding"].values if "rounding" in data else np.zeros(shape)
-    return np.nan_to_num(np.asarray(stored, dtype=float))
-
-
 def per_problem(data: Dataset, name: str) -> list[Any]:
     """Values of a coordinate of the problems, one for each."""
     values: list[Any] = data[name].values.tolist()
@@ -112,9 +95,14 @@ def time_limit(data: Dataset) -> float | None:
     return _positive(data.attrs.get("time_limit"))
 
 
+def cell_labels(data: Dataset, place: tuple[int, ...]) -> list[str]:
+    """Problem, method and accuracy level of a cell, by its place in the arrays."""
+    return [str(data[dim].values[i]) for dim, i in zip(DIMS[:3], place[:3], strict=True)]
+
+
 def command(data: Dataset, place: tuple[int, ...]) -> str:
     """The command that computes a cell anew, by its place in the arrays."""
-    problem, method, level = (str(data[d].values[i]) for d, i in zip(DIMS[:3], place, strict=False))
+    problem, method, level = cell_labels(data, place)
     words = ["workbench", "run", problem, "--method", method, "--tolerance", level]
     limit = time_limit(data)
     if limit is not None:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from workbench.arrays import RealArray
-from workbench.bench.comparison.layout import METHOD, UNFIT, scales, seconds, time_limit, tried
+from workbench.bench.comparison.layout import METHOD, UNFIT, seconds, time_limit, tried
 from workbench.bench.comparison.verdicts import CERTIFIED, CONTRADICTION, WRONG
 from workbench.heavy_types import Dataset
 
@@ -112,7 +112,7 @@ def disagreements(data: Dataset) -> RealArray:
     scales. NaN where two methods have no problem with an objective in common.
     """
     objective = np.asarray(data["objective"].values, dtype=float).swapaxes(0, 1)
-    scale = scales(data).swapaxes(0, 1)
+    scale = np.asarray(data["scale"].values, dtype=float).swapaxes(0, 1)
     count = data.sizes[METHOD]
     found = np.full((count, count), np.nan)
     for i in range(count):

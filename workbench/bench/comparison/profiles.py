@@ -62,7 +62,7 @@ def performance_profile(data: Dataset, looks: dict[str, Look]) -> Figure:
         return max(last)
 
     words = f"share of the {count} problems" if count > 1 else "share of the one problem"
-    figure, panels = _panels(data, looks, draw, "time over that of the fastest method [1]", words)
+    figure, panels = _panels(data, looks, draw, "time / fastest time [1]", words)
     for panel in panels:
         share_axis(panel)
     return figure
@@ -94,9 +94,9 @@ def cactus(data: Dataset, looks: dict[str, Look]) -> Figure:
 
 def _steps(panel: Axes, look: Look, x: RealArray, y: RealArray) -> None:
     """A step curve; its markers, where there are many steps, on about eight of them."""
-    every = max(1, x.size // 8)
+    marked = list(range(0, x.size, max(1, x.size // 8)))
     panel.step(
-        x, y, where="post", linestyle=look.line, marker=look.marker, markevery=every,
+        x, y, where="post", linestyle=look.line, marker=look.marker, markevery=marked,
         markersize=4.5, **look.drawn,
     )  # fmt: skip
 

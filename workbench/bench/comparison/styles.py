@@ -42,7 +42,7 @@ def method_looks(data: Dataset) -> dict[str, Look]:
     differ in marker and line.
     """
     names = [str(name) for name in data[METHOD].values]
-    lines = [LINES[(i + i // len(CYCLE)) % len(LINES)] for i in range(len(names))]
+    lines = [LINES[(i + 2 * (i // len(CYCLE))) % len(LINES)] for i in range(len(names))]
     markers = islice(cycle(MARKERS), len(names))
     colours = islice(cycle(CYCLE), len(names))
     parts = zip(names, colours, markers, lines, strict=True)

@@ -8,6 +8,7 @@ from workbench.bench.comparison.layout import (
     METHOD,
     UNFIT,
     asked_cells,
+    cell_labels,
     command,
     per_problem,
     time_limit,
@@ -52,7 +53,7 @@ def rows(data: Dataset) -> list[list[str]]:
     median = {n: quartiles(data[n].values)[1] for n in ("gap", "objective")}
     table = []
     for place in zip(*np.nonzero(asked_cells(data).any(axis=-1)), strict=True):
-        problem, method, level = _labels(data, place)
+        problem, method, level = cell_labels(data, place)
         spent = [_spread(times[name][(slice(None), *place)]) for name in ("statement", "solve")]
         claims = dict.fromkeys(data["claim"].values[place].tolist())
         table.append(
@@ -112,7 +113,12 @@ def failures(data: Dataset) -> Rows:
         said = " ".join(str(data["message"].values[place]).split())
         why = str(data["reason"].values[place])
         reason = f"{why}; {said}" if why and said else why or said or "-"
-        row = [*_labels(data, place), word, reason.replace("|", "/"), f"`{command(data, place)}`"]
+        row = [
+            *cell_labels(data, place),
+            word,
+            reason.replace("|", "/"),
+            f"`{command(data, place)}`",
+        ]
         found[*place[:3], word] = row
     rank = {word: place for place, word in enumerate(ORDER)}
     return FAILURE_HEADS, sorted(found.values(), key=lambda row: rank.get(row[3], len(rank)))
@@ -133,7 +139,7 @@ def unfit(data: Dataset) -> list[str]:
     """Why some methods cannot take some of the problems, a sentence each."""
     found = {}
     for place in zip(*np.nonzero(data["outcome"].values == UNFIT), strict=True):
-        problem, method, _ = _labels(data, place)
+        problem, method, _ = cell_labels(data, place)
         found[problem, method] = f"{problem} by {method}: {data['message'].values[place]}"
     return list(found.values())
 
@@ -154,24 +160,30 @@ def alike(data: Dataset) -> list[str]:
 
 def tables(data: Dataset) -> dict[str, str]:
     """Every table of a dataset with verdicts, in Markdown, by file stem."""
-    found = {"means": _by_program(data), "failures": "", "agreement": "", "comparison": ""}
     heads, failed = failures(data)
-    found["failures"] = markdown(heads, failed) if failed else "Every cell is certified.\n"
-    parts = [
-        f"{_caption(data, program)}{markdown(*agreement(one))}"
-        for program, one in groups(data)
-        if np.isfinite(one["objective"].values).any()
-    ]
-    found["agreement"] = (
-        "Largest difference of the objectives of valid answers, relative to their scale.\n\n"
-        + "\n".join(parts)
-        if parts
-        else "No Program of this comparison has an objective.\n"
-    )
     notes = "".join(f"\nUnfit: {text}\n" for text in unfit(data))
     notes += "".join(f"\nAlike: {text}\n" for text in alike(data))
-    found["comparison"] = markdown(HEADS, rows(data)) + notes
-    return found
+    return {
+        "means": _by_program(data),
+        "failures": markdown(heads, failed) if failed else "Every cell is certified.\n",
+        "agreement": _agreements(data),
+        "comparison": markdown(HEADS, rows(data)) + notes,
+    }
+
+
+def _agreements(data: Dataset) -> str:
+    """Table of agreement for each Program with an objective, at each accuracy level."""
+    parts = []
+    for program, one in groups(data):
+        for k, level in enumerate(one["accuracy"].values):
+            here = one.isel(accuracy=[k])
+            if np.isfinite(here["objective"].values).any():
+                table = markdown(*agreement(here))
+                parts.append(f"{_caption(data, program)}At accuracy {level}:\n\n{table}")
+    if not parts:
+        return "No Program of this comparison has an objective.\n"
+    said = "Largest difference of the objectives of valid answers, relative to their scale.\n\n"
+    return said + "\n".join(parts)
 
 
 def _by_program(data: Dataset) -> str:
@@ -191,13 +203,6 @@ def _by_program(data: Dataset) -> str:
 def _caption(data: Dataset, program: str) -> str:
     """The Program's name, where there are several."""
     return f"{program}\n\n" if len(set(per_problem(data, "program"))) > 1 else ""
-
-
-def _labels(data: Dataset, place: tuple[int, ...]) -> tuple[str, str, str]:
-    """Problem, method and accuracy level of a cell."""
-    names = ("problem", METHOD, "accuracy")
-    problem, method, level = (str(data[n].values[i]) for n, i in zip(names, place, strict=False))
-    return problem, method, level
 
 
 def _spread(quartile: np.ndarray) -> str:

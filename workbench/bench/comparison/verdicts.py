@@ -46,8 +46,6 @@ from workbench.bench.comparison.layout import (
     METHOD,
     asked_cells,
     need_comparison,
-    roundings,
-    scales,
     tolerances,
 )
 from workbench.heavy_types import Dataset
@@ -64,7 +62,7 @@ def judged(data: Dataset) -> Dataset:
     """The dataset with the variables ``verdict`` and ``reason``, made from all its cells.
 
     The reason says in a sentence what speaks against a cell that is wrong, in a contradiction or
-    inaccurate because of another cell; it is empty elsewhere, where the cell's message says it.
+    inaccurate; it is empty elsewhere, where the cell's message says it.
 
     Raises
     ------
@@ -112,21 +110,18 @@ class _Problem:
         outcome, claim = flat(data["outcome"].values), flat(data["claim"].values)
         outcome = np.where(flat(asked_cells(data)), outcome, "")
         tolerance, served = flat(tolerances(data)), flat(data["served"].values)
-        # A valid answer that is not held to the optimum is "solved" whatever its gap.
-        known = outcome == Outcome.INACCURATE
-        optimal = flat(data["optimal"].values) == 1 if "optimal" in data else known
         return cls(
             np.array(names, dtype=object),
             outcome,
             claim,
-            (claim == Outcome.SOLVED) & (optimal | known),
+            (claim == Outcome.SOLVED) & (flat(data["optimal"].values) == 1),
             flat(data["check"].values) > 0.0,
             flat(data["objective"].values).astype(float),
             flat(data["gap"].values).astype(float),
             tolerance,
             np.fmax(tolerance, served),
-            flat(scales(data)),
-            flat(roundings(data)),
+            flat(data["scale"].values).astype(float),
+            np.nan_to_num(flat(data["rounding"].values).astype(float)),
         )
 
     def judged(self) -> tuple[np.ndarray, np.ndarray]:
@@ -176,6 +171,9 @@ class _Problem:
         slightly = self.better(1.0) & trusted
         said = "says solved, but the valid answer of {} has a better objective"
         put(str(Outcome.INACCURATE), holds & optimum & slightly.any(axis=1), said, slightly)
+        for k in np.flatnonzero(verdict == Outcome.INACCURATE):
+            open_gap = f"the gap {self.gap[k]:.2g} exceeds the tolerance {self.tolerance[k]:g}"
+            reason[k] = reason[k] or open_gap
         return verdict, reason
 
     # --- what the cells prove -----------------------------------------------------------------
