@@ -15,11 +15,7 @@ import numpy as np
 from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.arrays import ComplexArray, RealArray
 from workbench.executor import Context
-from workbench.geometry.area.program import SmallestAreaStadium
-from workbench.geometry.each_set import UnitFrame, each_set
-from workbench.geometry.enclosing import Stadium
-from workbench.geometry.exact_circle import exact_circle
-from workbench.geometry.hull import convex_hull
+from workbench.geometry.area.program import SmallestAreaStadium, each_hull
 from workbench.program import Claim, method
 
 MEMBERS = 15
@@ -83,19 +79,10 @@ def _evolution(program: SmallestAreaStadium, context: Context) -> Claim:
     """
     from scipy.optimize import differential_evolution
 
-    centers = None if program.center is None else program.center.ravel()
-    angles = None if program.angle is None else program.angle.ravel()
-
-    def answer(unit: UnitFrame, index: int) -> tuple[complex, float, float]:
-        center = 0j if centers is None else unit.to_frame(centers[index])
-        corners = convex_hull(unit.points - center)
-        if centers is None:
-            middle, largest = (part.item() for part in exact_circle(corners))
-            corners, center = corners - middle, center + middle
-        else:
-            largest = float(np.abs(corners).max())
-        angle = None if angles is None else float(angles[index])
-        family = ShapeFamily(corners, largest, centers is not None, angle)
+    def stadium(
+        corners: ComplexArray, largest: float, centred: bool, angle: float | None
+    ) -> tuple[complex, float, float]:
+        family = ShapeFamily(corners, largest, centred, angle)
         found = differential_evolution(
             family.areas,
             family.bounds,
@@ -108,7 +95,6 @@ def _evolution(program: SmallestAreaStadium, context: Context) -> Claim:
             vectorized=True,
         )
         _, about, half, direction = family.members(found.x[:, None])
-        return center + complex(about[0]), float(half[0]), float(direction[0])
+        return complex(about[0]), float(half[0]), float(direction[0])
 
-    shapes, outcome, message = each_set(program, context, answer)
-    return Stadium(*shapes), outcome, message
+    return each_hull(program, context, stadium)

@@ -6,6 +6,7 @@ narrowest stadium: the smallest area lies between.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -13,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.accuracy import ANY_ACCURACY_ALIKE
+from workbench.arrays import ComplexArray
 from workbench.executor import Context
 from workbench.geometry.area.bound import least_area
 from workbench.geometry.area.search import smallest_area
@@ -147,10 +149,24 @@ def smallest_area_stadium(
 @method(SmallestAreaStadium, "search", optimal=True, accuracy=ANY_ACCURACY_ALIKE)
 def _search(program: SmallestAreaStadium, context: Context) -> Claim:
     """Angles of the hull and of a grid, refined by golden sections over angle and radius."""
+    return each_hull(program, context, smallest_area)
+
+
+def each_hull(
+    program: SmallestAreaStadium,
+    context: Context,
+    stadium: Callable[[ComplexArray, float, bool, float | None], tuple[complex, float, float]],
+) -> Claim:
+    """A method's claim from a function of one set: middle, half-length and angle of its stadium.
+
+    The function takes the corners of the set's hull (N,), complex, in a frame in which lengths are
+    near 1, about the given centre or that of the smallest circle; the radius of a circle about it
+    that holds them; whether the centre is given; and the angle [rad], None where it is free.
+    """
     centers = None if program.center is None else program.center.ravel()
     angles = None if program.angle is None else program.angle.ravel()
 
-    def answer(unit: UnitFrame, index: int) -> tuple[complex, float, float]:
+    def shape(unit: UnitFrame, index: int) -> tuple[complex, float, float]:
         center = 0j if centers is None else unit.to_frame(centers[index])
         corners = convex_hull(unit.points - center)
         if centers is None:
@@ -159,10 +175,10 @@ def _search(program: SmallestAreaStadium, context: Context) -> Claim:
         else:
             largest = float(np.abs(corners).max())
         angle = None if angles is None else float(angles[index])
-        middle, half_length, angle = smallest_area(corners, largest, centers is not None, angle)
+        middle, half_length, angle = stadium(corners, largest, centers is not None, angle)
         return center + middle, half_length, angle
 
-    shapes, outcome, message = each_set(program, context, answer)
+    shapes, outcome, message = each_set(program, context, shape)
     return Stadium(*shapes), outcome, message
 
 
