@@ -40,14 +40,15 @@ def test_published_example_in_continuous_time():
     assert 0.04 * answer.samples > 2.70  # no less is stable, they find
 
 
+@pytest.mark.parametrize("method", [None, "descent"])
 @settings(max_examples=15, deadline=None)
-@given(st.floats(0.5, 0.97), st.floats(1.02, 1.5), st.integers(1, 12))
-def test_one_state_has_a_closed_form(a, b, longest):
+@given(a=st.floats(0.5, 0.97), b=st.floats(1.02, 1.5), longest=st.integers(1, 12))
+def test_one_state_has_a_closed_form(method, a, b, longest):
     exact = longest * math.log(b) / -math.log(a)
     if abs(exact - round(exact)) < 1e-3:
         return
     program = SwitchedStability((Mode("in", [[a]], None), Mode("out", [[b]], 1, longest)))
-    solution = wb.solve(program)
+    solution = wb.solve(program, method)
     assert solution.certificate.valid
     assert solution.answer.samples == math.floor(exact) + 1
     assert program.destabilising[0] == math.floor(exact)

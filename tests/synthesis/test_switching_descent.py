@@ -1,6 +1,5 @@
 """Dwell times by descent: closed forms, the published example, agreement with the conic solvers."""
 
-import math
 from itertools import pairwise
 
 import numpy as np
@@ -29,19 +28,6 @@ def test_published_example(step, dwell):
     solution = wb.solve(geromel_colaneri(step), "descent")
     assert solution.certificate.valid
     assert solution.answer.samples == dwell
-
-
-@settings(max_examples=15, deadline=None)
-@given(st.floats(0.5, 0.97), st.floats(1.02, 1.5), st.integers(1, 12))
-def test_one_state_has_a_closed_form(a, b, longest):
-    exact = longest * math.log(b) / -math.log(a)
-    if abs(exact - round(exact)) < 1e-3:
-        return
-    solution = wb.solve(
-        SwitchedStability((Mode("in", [[a]], None), Mode("out", [[b]], 1, longest))), "descent"
-    )
-    assert solution.certificate.valid
-    assert solution.answer.samples == math.floor(exact) + 1
 
 
 @settings(max_examples=8, deadline=None)

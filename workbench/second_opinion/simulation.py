@@ -61,14 +61,14 @@ def energy_ratio(matrices: Any, dt: float | None, omega: float, claimed: float =
     if known:
         turn = omega * dt if dt else 2 * math.atan(math.pi / SAMPLES_PER_PERIOD)
         w = np.sin(turn * np.arange(SAMPLES)[:, None] + rng.uniform(0, 2 * math.pi, D.shape[1]))
-    ratio = 0.0
+    ratio, near = 0.0, list[Realisation]()
     for _ in range(PASSES):
         z = _run(A, B, C, D, w)
         size = float(np.linalg.norm(z))
         if size > claimed * np.linalg.norm(w):
-            near = _neighbours(given)
-            if not dt:
-                near = [_bilinear(one, omega if known else None) for one in near]
+            if not near:
+                near = _neighbours(given)
+                near = near if dt else [_bilinear(one, omega if known else None) for one in near]
             size -= SPREAD * max(float(np.linalg.norm(z - _run(*one, w))) for one in near)
         ratio = max(ratio, size / float(np.linalg.norm(w)))
         if not np.any(z):

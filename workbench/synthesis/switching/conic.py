@@ -13,6 +13,7 @@ from workbench.executor import Context
 from workbench.program import Claim, conic_method
 from workbench.solvers import ConicSolver, Options, Outcome, solve_conic
 from workbench.synthesis.switching.dwell_search import (
+    MOST_CUTS,
     added_stays,
     congruent,
     coordinates,
@@ -24,8 +25,6 @@ from workbench.synthesis.switching.program import FALL_MARGIN, Dwell, SwitchedSt
 
 LMI_ACCURACY = 1e-5
 """Finest accuracy asked of solvers; P is sought well inside the inequalities."""
-MOST_CUTS = 12
-"""Most rounds in which stays with violated inequalities are added."""
 MOST_TURNS, TURNING_RATIO = 2, 1.01
 """Most changes to the coordinates of the P found, and the largest ratio of V for which such a
 change is tried. A margin that is small compared with P is lost in the accuracy of a solver; in

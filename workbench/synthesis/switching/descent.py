@@ -19,6 +19,7 @@ from workbench.executor import Context
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
 from workbench.synthesis.switching.dwell_search import (
+    MOST_CUTS,
     added_stays,
     congruent,
     coordinates,
@@ -32,8 +33,6 @@ NORM_POWERS = (4, 16, 64, 256, 1024)
 """Powers of the p-norms that replace the maximum, one after the other."""
 MOST_STEPS = 400
 """Most quasi-Newton steps with each power."""
-MOST_CUTS = 12
-"""Most rounds in which stays with violated inequalities are added."""
 ENOUGH = -1e-6
 """Largest logarithm, at most this, at which all inequalities hold and the descent ends."""
 LEAST_DECAY = 1e-9

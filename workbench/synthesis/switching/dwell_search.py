@@ -11,6 +11,8 @@ from workbench.arrays import RealArray
 from workbench.executor import Context
 from workbench.synthesis.switching.program import FALL_MARGIN, Dwell, SwitchedStability
 
+MOST_CUTS = 12
+"""Most rounds in which stays with violated inequalities are added."""
 FIRST_STAYS = 5
 """Number of stays of a mode whose inequalities are stated at first."""
 
