@@ -7,7 +7,7 @@ from test_smallest_area import CASES, DEGENERATE, point_sets, random_sets
 
 import workbench as wb
 from workbench.geometry import SmallestAreaStadium, smallest_area_stadium
-from workbench.geometry.area.evolution import Family
+from workbench.geometry.area.evolution import ShapeFamily
 from workbench.program import methods
 from workbench.solvers import Options
 
@@ -55,7 +55,7 @@ def test_another_seed_searches_elsewhere_and_ends_at_the_same_area():
 def test_every_member_holds_the_corners_and_none_of_its_numbers_is_shorter(centred, angle):
     corners = random_sets(13, 7)
     corners -= 0 if centred else corners.mean()
-    family = Family(corners, float(np.abs(corners).max()), centred, angle)
+    family = ShapeFamily(corners, float(np.abs(corners).max()), centred, angle)
     numbers = np.random.default_rng(0).uniform(size=(len(family.bounds), 50))
     radius, center, half, turn = family.members(numbers)
     away = (corners[:, None] - center) * np.exp(-1j * turn)
