@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 from itertools import product
 from typing import Any
 
 import numpy as np
 
-from workbench.bench.cells.answer import Cell, answer, answer_apart, store_lost
+from workbench.bench.cells.answer import Cell, answer, answer_apart, cell_workers, store_lost
 from workbench.bench.cells.plan import Plan, Site, plan
 from workbench.bench.cells.record import Record
 from workbench.bench.cells.stored import Journal, in_folder
@@ -32,12 +32,6 @@ from workbench.errors import InputError, UnknownNameError
 from workbench.executor import InProcess, Progress, Workers, as_they_end, silent
 from workbench.heavy_types import Dataset
 from workbench.solvers import ACCURACY, Options, Outcome
-
-WARM = (
-    *("workbench.bench.cells.answer", "workbench.bench.netcdf", "workbench.bench.crate"),
-    *("casadi", "clarabel", "control", "cvxpy", "numba.core.event", "scipy.optimize", "slycot"),
-)
-"""What a worker imports before its first cell."""
 
 
 @dataclass(frozen=True)
@@ -66,12 +60,8 @@ class Asked:
 
     def __call__(self, progress: Progress = silent) -> Dataset:
         """The dataset of a comparison, its cells computed where they are not stored."""
-        with ExitStack() as stack:
-            executor = self.executor or stack.enter_context(self._workers())
-            cells = self.cells(executor, progress)
-            journal = None
-            if self.light and self.kept:
-                journal = stack.enter_context(Journal(results_root()))
+        with self._working() as executor, self._journal() as journal:
+            cells = self._known(executor, journal, progress)
             self._answer(cells, executor, journal, progress)
         entries = {
             labels: Filled(one.record, one.key, one.served, one.optimal)
@@ -90,21 +80,31 @@ class Asked:
 
     def planned(self, progress: Progress = silent) -> Cells:
         """The cells before any is answered, those with a record that are stored or unfit."""
-        with ExitStack() as stack:
-            executor = self.executor or stack.enter_context(self._workers())
-            cells = self.cells(executor, progress, stored=True)
-            journal = stack.enter_context(Journal(results_root())) if self.light else None
-            if not self.fresh:
-                cells.look_up(journal)
-        return cells
+        with self._working() as executor, self._journal() as journal:
+            return self._known(executor, journal, progress, stored=True)
 
-    def _workers(self) -> Workers:
-        return Workers(
-            self.jobs,
-            threads=self.threads,
-            memory_limit=self.memory_limit,
-            preload=WARM,
-        )
+    def _working(self) -> AbstractContextManager[Executor]:
+        """Where cells run: the executor given, which stays open, or a pool of their own."""
+        if self.executor is not None:
+            return nullcontext(self.executor)
+        return cell_workers(self.jobs, self.memory_limit, self.threads)
+
+    def _journal(self) -> AbstractContextManager[Journal | None]:
+        return Journal(results_root()) if self.light and self.kept else nullcontext()
+
+    def _known(
+        self,
+        executor: Executor,
+        journal: Journal | None,
+        progress: Progress,
+        *,
+        stored: bool = False,
+    ) -> Cells:
+        """The cells, with the records of those that are stored; ``stored`` as in `cells`."""
+        cells = self.cells(executor, progress, stored=stored)
+        if not self.fresh:
+            cells.look_up(journal)
+        return cells
 
     def cells(
         self, executor: Executor, progress: Progress = silent, *, stored: bool = False
@@ -150,9 +150,7 @@ class Asked:
     def _answer(
         self, cells: Cells, executor: Executor, journal: Journal | None, progress: Progress
     ) -> None:
-        """Have every cell answered that is not stored, and stored when it ends."""
-        if not self.fresh:
-            cells.look_up(journal)
+        """Have every cell answered that has no record, and stored when it ends."""
         missing = cells.missing
         order = np.random.default_rng(self.seed).permutation(len(missing))
         place, apart = Site.here(), (self.memory_limit, self.threads)

@@ -29,6 +29,7 @@ from workbench.bench.trust.information import FORMAT
 from workbench.certificate import Certificate
 from workbench.errors import InputError, RegistryError, ResultError
 from workbench.executor import Context, Progress, Row, Watch, silent, unwatched
+from workbench.heavy_types import Dataset
 from workbench.program import Program, Task, find_method
 from workbench.solution import Solution, solve
 from workbench.solvers import Options, Outcome, versions
@@ -101,7 +102,7 @@ class Bench:
 
     def _stored(self, question: Question, code: str) -> Run | None:
         """The stored answer, if it may be reused: whole, and of the same code."""
-        run = _earlier(self.store.folder(question.problem, question.key), question)
+        run = earlier_run(self.store.folder(question.problem, question.key), question)
         same = run is not None and run.info["code"] == code and not self.fresh
         return replace(run, reused=True) if run is not None and same else None
 
@@ -113,20 +114,20 @@ class Bench:
         writer: Writer,
     ) -> Run:
         """Answer a question, certify the answer and publish the folder."""
-        earlier = _earlier(writer.final, question)
+        earlier = earlier_run(writer.final, question)
         started, clock = now(), time.perf_counter()
         checkpoint = self._checkpoint(question, code, writer)
         context = Context(self.options, self.progress, self.watch, checkpoint)
         solution = solve(bound.task, question.method, context=context)
         notes = [solution.note] * bool(solution.note) + went_on(solution, checkpoint)
-        if earlier is not None and solution.certificate is not None:
-            data = (solution.proof or bound.task).to_dataset(solution.answer)
+        data = answer_arrays(bound, solution)
+        if data is not None:
             notes += compared(earlier, data, self.options)
         seconds = dict(solution.seconds) | {"total": time.perf_counter() - clock}
         if checkpoint.earlier:
             seconds["earlier"] = checkpoint.earlier
         about = {"started": started, "seconds": seconds, "code": code}
-        path = publish(writer, bound, question, solution, about, context.rows, notes)
+        path = publish(writer, bound, question, solution, data, about, context.rows, notes)
         if solution.outcome.proven:
             checkpoint.drop()
         return Run(path, note="; ".join(notes))
@@ -216,32 +217,38 @@ class Bound:
         return replace(own, checks=(*checks, *own.checks))
 
 
+def answer_arrays(bound: Bound, solution: Solution) -> Dataset | None:
+    """The arrays of a judged answer, or of what proves that there is none; None without either."""
+    if solution.certificate is None:
+        return None
+    return (solution.proof or bound.task).to_dataset(solution.answer)
+
+
 def publish(
     writer: Writer,
     bound: Bound,
     question: Question,
     solution: Solution,
+    data: Dataset | None,
     about: Mapping[str, Any],
     rows: Sequence[Row] = (),
     notes: Sequence[str] = (),
 ) -> Path:
     """Write the folder of a judged answer, and move it to its place.
 
-    ``about`` is what run.json says besides the question and how it ended: started, seconds, code.
+    ``data`` are its `answer_arrays`. ``about`` is what run.json says besides the question and how
+    it ended: started, seconds, code.
     """
     if solution.certificate is not None and isinstance(bound.task, Study):
         solution = replace(solution, certificate=bound.inherit(solution.certificate))
     folder = writer.start()
-    if solution.certificate is not None:
-        task = solution.proof or bound.task
-        netcdf.write(task.to_dataset(solution.answer), folder / "data.nc")
+    task = solution.proof or bound.task
+    if data is not None and solution.certificate is not None:
+        netcdf.write(data, folder / "data.nc")
         write_json(folder / "certificate.json", solution.certificate.to_json())
         write_json(folder / "metrics.json", task.metrics(solution.answer))
     kind = "study" if isinstance(bound.task, Study) else "program"
-    info = information(question, solution, about) | {
-        "kind": kind,
-        "headline": (solution.proof or bound.task).headline,
-    }
+    info = information(question, solution, about) | {"kind": kind, "headline": task.headline}
     text = log(info, solution, rows, notes)
     return seal_folder(writer, folder, info, text, bound.help)
 
@@ -285,21 +292,19 @@ def environment() -> dict[str, str]:
     return own | versions()
 
 
-def _earlier(folder: Path, question: Question) -> Run | None:
-    """The stored run of a question, if it is whole.
-
-    Raises
-    ------
-    ResultError
-        The folder holds the answer to another question: their keys collide.
-    """
+def earlier_run(folder: Path, question: Question) -> Run | None:
+    """The stored run of a question, if it is whole. Raises as `need_same`."""
     if not folder.exists() or damage(folder):
         return None
     run = Run(folder)
-    asked = {name: getattr(question, name) for name in question.__dataclass_fields__}
-    if {name: run.info[name] for name in asked} != plain(asked) or run.key != question.key:
-        raise ResultError(f"{folder} holds the answer to another question of the same key")
+    need_same(question, {name: run.info[name] for name in asdict(question)}, str(folder))
     return run
+
+
+def need_same(question: Question, stored: Any, place: str) -> None:
+    """Refuse the answer to another question. Raises ResultError: their keys collide."""
+    if plain(asdict(question)) != stored:
+        raise ResultError(f"{place} holds the answer to another question of the same key")
 
 
 def default_bench(

@@ -48,6 +48,11 @@ class Store:
         root = self.root / CELLS if len(key) == CELL_DIGITS else self.root
         return root / problem / key
 
+    def places(self, problem: str, key: str) -> tuple[Path, Path]:
+        """The folders of a question's answer, and of its failure."""
+        folder = self.folder(problem, key)
+        return folder, folder.with_name(folder.name + FAILED)
+
     def checkpoint(self, problem: str, key: str) -> Path:
         """The file in which an iteration keeps its state between rounds."""
         return _partial(self.root, problem, key, ".npz")
@@ -144,7 +149,7 @@ class Writer:
     """The one process that may write the result of a question."""
 
     def __init__(self, store: Store, problem: str, key: str) -> None:
-        self.final = store.folder(problem, key)
+        self.final, self.failure = store.places(problem, key)
         self.space = _partial(store.root, problem, key)
         self.lock = _partial(store.root, problem, key, ".lock")
         self.new = self.space / "new"
@@ -158,11 +163,10 @@ class Writer:
     def publish(self, *, failed: bool = False) -> Path:
         """Seal the new folder and move it to its place; a failure goes beside it."""
         seal(self.new)
-        final = self.final.with_name(self.final.name + FAILED) if failed else self.final
+        final = self.failure if failed else self.final
         final.parent.mkdir(parents=True, exist_ok=True)
-        earlier_failure = self.final.with_name(self.final.name + FAILED)
-        if earlier_failure.exists():  # repeated now, or answered
-            earlier_failure.rename(self.space / "failure")
+        if self.failure.exists():  # repeated now, or answered
+            self.failure.rename(self.space / "failure")
         if final.exists():
             final.rename(self.old)
         self.new.rename(final)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
@@ -10,9 +11,9 @@ import numpy as np
 
 from workbench.bench.cells.record import CELL, Record
 from workbench.bench.compare import asked_for
-from workbench.bench.comparison import METHOD
+from workbench.bench.comparison.layout import cell_labels
 from workbench.bench.results import Run, root_of
-from workbench.bench.store import FAILED, Store
+from workbench.bench.store import Store
 from workbench.certificate import Certificate
 from workbench.heavy_types import Dataset
 from workbench.solvers import Outcome
@@ -36,32 +37,27 @@ def _gap(certificate: Certificate) -> float:
 
 
 def _same(a: float, b: float) -> bool:
-    return a == b or (np.isnan(a) and np.isnan(b)) or abs(a - b) <= 1e-9 * abs(b)
+    return math.isclose(a, b, rel_tol=1e-9) or (math.isnan(a) and math.isnan(b))
 
 
 def stored_cells(run: Run) -> tuple[list[str], list[str]]:
     """Where a comparison disagrees with those of its cells that are stored beside it; and notes."""
     store, data = Store(root_of(run)), run.data
-    wrong, found, asked = [], 0, 0
-    for place in _asked(data):
+    asked, wrong, missing = _asked(data), [], 0
+    for place in asked:
         key, problem = str(data["key"].values[place]), str(data["problem"].values[place[0]])
-        asked += 1
-        folder = store.folder(problem, key)
-        for cell in (folder, folder.with_name(folder.name + FAILED)):
-            if cell.exists():
-                found += 1
-                wrong += [
-                    f"{cell.name}: {text}" for text in _apart(Record.stored(Run(cell)), data, place)
-                ]
-    notes = [f"{asked - found} of {asked} cells are not here; --rerun answers them anew"]
-    return wrong, notes if found < asked else []
+        cells = [folder for folder in store.places(problem, key) if folder.exists()]
+        missing += not cells
+        for cell in cells:
+            apart = _apart(Record.stored(Run(cell)), data, place)
+            wrong += [f"{cell.name}: {text}" for text in apart]
+    notes = [f"{missing} of {len(asked)} cells are not here; --rerun answers them anew"]
+    return wrong, notes if missing else []
 
 
-def _asked(data: Dataset) -> Iterator[tuple[int, ...]]:
+def _asked(data: Dataset) -> list[tuple[int, ...]]:
     """Places of the cells that were asked."""
-    for place in np.ndindex(*data["key"].shape):
-        if data["key"].values[place]:
-            yield place
+    return [tuple(place) for place in np.argwhere(data["key"].values != "").tolist()]
 
 
 def _apart(record: Record, data: Dataset, place: tuple[int, ...]) -> Iterator[str]:
@@ -97,8 +93,7 @@ def rerun_cells(run: Run) -> tuple[list[str], list[str]]:
     for place in _asked(data):
         was, now = (str(one["outcome"].values[place]) for one in (data, again))
         if was != now:
-            labels = (data["problem"], data[METHOD], data["accuracy"])
-            name = " ".join(str(a.values[i]) for a, i in zip(labels, place, strict=False))
+            name = " ".join(cell_labels(data, place))
             sentence = f"re-run: {name}: {now}, it was {was}"
             (notes if CHANGING & {was, now} else wrong).append(sentence)
     return wrong, notes

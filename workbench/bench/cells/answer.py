@@ -15,7 +15,7 @@ from workbench.bench.cells.record import CELL, Record
 from workbench.bench.notes import log
 from workbench.bench.project import registry
 from workbench.bench.question import Question
-from workbench.bench.run import information, now, publish, seal_folder
+from workbench.bench.run import answer_arrays, information, now, publish, seal_folder
 from workbench.bench.store import Store
 from workbench.executor import Context, Workers
 from workbench.executor.worker import printed
@@ -73,7 +73,8 @@ def answer(cell: Cell, place: Site) -> Record:
         question = cell.question
         with Store(place.results).writing(question.problem, question.key) as writer:
             notes = [text] if (text := printed().strip()) else []
-            publish(writer, bound, question, solution, about, said.context.rows, notes)
+            data = answer_arrays(bound, solution)
+            publish(writer, bound, question, solution, data, about, said.context.rows, notes)
     return record
 
 
@@ -121,6 +122,18 @@ def _once(task: Program, method: str, options: Options, limit: float | None) -> 
     return Said(solution, context, cpu, clock.compiling, peak_memory())
 
 
+WARM = (
+    *(__name__, "workbench.bench.netcdf", "workbench.bench.crate"),
+    *("casadi", "clarabel", "control", "cvxpy", "numba.core.event", "scipy.optimize", "slycot"),
+)
+"""What a worker imports before its first cell."""
+
+
+def cell_workers(count: int, memory_limit: int | None, threads: int) -> Workers:
+    """A pool of processes that are warm for cells."""
+    return Workers(count, threads=threads, memory_limit=memory_limit, preload=WARM)
+
+
 _apart = threading.local()
 """The child process of each thread that answers cells for somebody else's executor."""
 
@@ -131,9 +144,7 @@ def answer_apart(cell: Cell, place: Site, memory_limit: int | None, threads: int
     if pool is None or (pool.memory_limit, pool.threads) != (memory_limit, threads):
         if pool is not None:
             pool.shutdown()
-        preload = (__name__,)
-        pool = Workers(1, threads=threads, memory_limit=memory_limit, preload=preload)
-        _apart.pool = pool
+        pool = _apart.pool = cell_workers(1, memory_limit, threads)
     return pool.submit(answer, cell, place).result()
 
 

@@ -11,9 +11,9 @@ from typing import Any
 
 from workbench.bench.cells.answer import Cell
 from workbench.bench.cells.record import Record
-from workbench.bench.question import Question, canonical, plain
-from workbench.bench.results import Run
-from workbench.bench.store import CELLS, FAILED, Store, damage
+from workbench.bench.question import canonical
+from workbench.bench.run import earlier_run, need_same
+from workbench.bench.store import CELLS, Store
 from workbench.errors import ResultError
 
 
@@ -26,13 +26,9 @@ def in_folder(store: Store, cell: Cell) -> Record | None:
         The folder holds another cell: their keys collide.
     """
     question = cell.question
-    folder = store.folder(question.problem, question.key)
-    for place in (folder, folder.with_name(folder.name + FAILED)):
-        if not place.exists() or damage(place):
-            continue
-        run = Run(place)
-        _need_same(question, {name: run.info[name] for name in asdict(question)}, str(place))
-        if run.info["code"] == cell.code:
+    for place in store.places(question.problem, question.key):
+        run = earlier_run(place, question)
+        if run is not None and run.info["code"] == cell.code:
             return Record.stored(run)
     return None
 
@@ -69,7 +65,7 @@ class Journal(AbstractContextManager["Journal"]):
             code, question, record = row[0], json.loads(row[1]), json.loads(row[2])
         except (sqlite3.Error, ValueError) as error:
             raise ResultError(f"{self.file} cannot be read: {error}") from None
-        _need_same(cell.question, question, f"{self.file}, {cell.question.key}")
+        need_same(cell.question, question, f"{self.file}, {cell.question.key}")
         return Record.from_json(record, str(self.file)) if code == cell.code else None
 
     def keep(self, cell: Cell, record: Record) -> None:
@@ -80,8 +76,3 @@ class Journal(AbstractContextManager["Journal"]):
             self._rows.execute("insert or replace into cells values (?, ?, ?, ?)", row)
         except sqlite3.Error as error:
             raise ResultError(f"{self.file} cannot be written: {error}") from None
-
-
-def _need_same(question: Question, stored: Any, place: str) -> None:
-    if plain(asdict(question)) != stored:
-        raise ResultError(f"{place} holds the answer to another question of the same key")
