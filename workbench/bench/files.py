@@ -42,8 +42,7 @@ class Picture:
 
 def picture(figure: Figure) -> Picture:
     """A figure as PNG and SVG."""
-    _lay_out(figure)
-    return Picture(png(figure), _svg(figure))
+    return Picture(png(figure), svg(figure))
 
 
 def png(figure: Figure) -> bytes:
@@ -56,12 +55,14 @@ def png(figure: Figure) -> bytes:
     return file.getvalue()
 
 
-def _svg(figure: Figure) -> bytes:
+def svg(figure: Figure) -> bytes:
+    """A figure as vectors, its letters as paths."""
     import matplotlib as mpl
     from matplotlib.backends.backend_svg import FigureCanvasSVG
 
+    _lay_out(figure)
     file, canvas = io.BytesIO(), cast(Any, FigureCanvasSVG(figure))
-    with mpl.rc_context({"svg.hashsalt": "workbench"}):
+    with mpl.rc_context({"svg.hashsalt": "workbench", "svg.fonttype": "path"}):
         canvas.print_svg(file, metadata={"Date": None})
     return file.getvalue()
 

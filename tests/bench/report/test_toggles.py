@@ -11,8 +11,10 @@ import xarray as xr
 from html_page import Page
 
 from workbench import figures
+from workbench.bench.comparison.styles import GID
+from workbench.bench.files import svg
 from workbench.bench.report.points import every_cell, scaled
-from workbench.bench.report.toggles import GID, has_methods, svg, toggled
+from workbench.bench.report.toggles import has_methods, telling, toggled
 from workbench.errors import ResultError
 from workbench.heavy_types import Figure
 
@@ -71,7 +73,9 @@ def test_what_is_no_svg_is_refused(source: bytes) -> None:
 
 def test_points_say_what_they_are_in_the_order_of_the_drawing() -> None:
     figure = drawn()
-    source = svg(figure, [(f"{GID}a b", ["first", "second"]), (f"{GID}c", ["third", "fourth"])])
+    source = telling(
+        svg(figure), [(f"{GID}a b", ["first", "second"]), (f"{GID}c", ["third", "fourth"])]
+    )
     titles = {}
     for part in ElementTree.fromstring(source).iter("{http://www.w3.org/2000/svg}g"):
         if str(part.get("id")).startswith(GID):
@@ -84,7 +88,7 @@ def test_points_say_what_they_are_in_the_order_of_the_drawing() -> None:
 
 def test_a_missing_sentence_is_an_error() -> None:
     with pytest.raises(ValueError, match="zip"):
-        svg(drawn(), [(f"{GID}a b", ["only one"])])
+        telling(svg(drawn()), [(f"{GID}a b", ["only one"])])
 
 
 # --- cells ------------------------------------------------------------------------------------
@@ -97,7 +101,7 @@ def test_every_cell_is_a_point(cells_of) -> None:
     assert len(sentences) == len(set(sentences)) == 27 - 3  # three cells are unfit
     assert "lab/0 by a, low: solved, gap 0.01, 0.011 s" in sentences
     assert {gid for gid, _ in told} == {"method:a", "method:b", "method:c"}
-    source = svg(figure, told)  # fails where points and sentences do not match
+    source = telling(svg(figure), told)  # fails where points and sentences do not match
     assert all(one.encode() in source for one in sentences)
 
 

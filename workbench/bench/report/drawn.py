@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from workbench.bench.files import png
+from workbench.bench.files import png, svg
 from workbench.bench.project import add_problems, added_problems
 from workbench.bench.report.points import every_cell
-from workbench.bench.report.toggles import has_methods, svg
+from workbench.bench.report.toggles import has_methods, telling
 from workbench.bench.results import COMPARISON, Run
 from workbench.errors import WorkbenchError
 from workbench.executor import Progress, spread
@@ -70,7 +70,7 @@ def _drawn(problems: Sequence[Path], folder: Path) -> DrawnRun:
     if run.problem == COMPARISON:
         try:
             figure, told = every_cell(run.data)
-            figures.append(DrawnFigure("every cell", png(figure), svg(figure, told)))
+            figures.append(DrawnFigure("every cell", png(figure), telling(svg(figure), told)))
         except Exception as error:
             missing.append(f"Figure not drawn: every cell: {_reason(error)}")
     try:

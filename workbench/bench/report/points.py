@@ -11,19 +11,20 @@ import numpy as np
 
 from workbench import figures
 from workbench.arrays import RealArray
-from workbench.bench.report.toggles import GID, Told
+from workbench.bench.comparison.layout import METHOD, UNFIT, seconds
+from workbench.bench.comparison.styles import GID
+from workbench.bench.comparison.verdicts import CONTRADICTION, WRONG
+from workbench.bench.report.toggles import Told
 from workbench.errors import ResultError
 from workbench.heavy_types import Axes, Dataset, Figure
 
-METHOD = "by_method"
-"""Dimension of methods in the dataset of a comparison."""
 LINEAR = 1e-12
 """Gap below which the scale is linear: rounding errors, far below the finest accuracy level."""
 MOST_CELLS = 5000
 """More cells than this are not drawn as points: a page of them would answer slowly."""
 MARKERS = "osD^v"
 TICKS = (-1.0, -1e-4, -1e-8, 0.0, 1e-8, 1e-4, 1.0)
-FALSE = ("wrong", "contradiction")
+FALSE = (WRONG, CONTRADICTION)
 """Verdicts on claims that another certificate refutes."""
 
 
@@ -106,15 +107,15 @@ def _plot(
 def _cells(data: Dataset) -> Iterator[CellPoint]:
     verdicts = data["verdict" if "verdict" in data else "outcome"]
     certified = data["certified" if "certified" in data else "success"].values
-    seconds = (data["statement"] + data["solve"]).values
+    spent = seconds(data).values
     repeated = verdicts.sizes.get("repetition", 1) > 1
     for place in np.ndindex(*verdicts.shape):
         verdict = str(verdicts.values[place])
-        if verdict in ("", "unfit"):
+        if verdict in ("", UNFIT):
             continue
         labels = [str(data[name].values[i]) for name, i in zip(verdicts.dims, place, strict=True)]
         names = dict(zip(verdicts.dims, labels, strict=True))
-        gap, time = float(data["gap"].values[place]), float(seconds[place])
+        gap, time = float(data["gap"].values[place]), float(spent[place])
         words = f"{names['problem']} by {names[METHOD]}, {names['accuracy']}"
         words += f", repetition {names['repetition']}" if repeated else ""
         words += f": {verdict}, "

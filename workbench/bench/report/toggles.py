@@ -7,20 +7,16 @@ made the figure's own, and the parts of methods are marked with ``data-method``.
 
 from __future__ import annotations
 
-import io
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, cast
 from xml.etree import ElementTree
 
 from markupsafe import Markup
 
-from workbench.bench.files import png
+from workbench.bench.comparison.styles import GID
 from workbench.heavy_types import Figure
 
-GID = "method:"
-"""Prefix of the id of everything that a figure draws for a method."""
 _SPACE = "{http://www.w3.org/2000/svg}"
 _LINK = "{http://www.w3.org/1999/xlink}href"
 _TAGS = {"svg", "g", "defs", "path", "use", "clipPath", "rect", "title", "image"}
@@ -44,27 +40,18 @@ def has_methods(figure: Figure) -> bool:
     return bool(figure.findobj(lambda artist: str(artist.get_gid() or "").startswith(GID)))
 
 
-def svg(figure: Figure, told: Sequence[Told] = ()) -> bytes:
-    """A figure as SVG, its letters as paths; the same figure gives the same bytes.
+def telling(source: bytes, told: Sequence[Told]) -> bytes:
+    """A figure as SVG whose markers say something when they are pointed at.
 
     Parameters
     ----------
-    figure
-        The figure.
+    source
+        The figure (`workbench.bench.files.svg`).
     told
-        What markers of the figure say when they are pointed at, part by part in the order of the
-        drawing. A part without an entry says the name of its method.
+        What its markers say, part by part in the order of the drawing. A part without an entry
+        says the name of its method.
     """
-    import matplotlib as mpl
-    from matplotlib.backends.backend_svg import FigureCanvasSVG
-
-    png(figure)  # places the parts of the figure, by the fonts that it is drawn with
-    file = io.BytesIO()
-    with mpl.rc_context({"svg.hashsalt": "workbench", "svg.fonttype": "path"}):
-        cast(Any, FigureCanvasSVG(figure)).print_svg(file, metadata={"Date": None})
-    if not told:
-        return file.getvalue()
-    root = ElementTree.fromstring(file.getvalue())
+    root = ElementTree.fromstring(source)
     _tell(root, told)
     return ElementTree.tostring(root, encoding="utf-8")
 
