@@ -1,5 +1,6 @@
 """What a user gets: a wheel that works elsewhere, pinned requirements, a README that is true."""
 
+import ast
 import os
 import re
 import subprocess
@@ -244,3 +245,38 @@ def test_supported_pythons_are_those_of_ci():
     named = [f"Programming Language :: Python :: {version}" for version in tested]
     assert [c for c in project["classifiers"] if "Python ::" in c] == named
     assert project["requires-python"] == f">={tested[0]}"
+
+
+BROUGHT_BY = {
+    **{"flint": "python-flint", "PIL": "pillow"},
+    **{"cycler": "matplotlib", "markupsafe": "jinja2"},
+}
+"""What brings a package of another name."""
+
+
+def test_a_wheel_brings_every_package_that_the_library_imports():
+    declared = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    brought = {Requirement(one).name for one in declared["dependencies"]}
+    optional = {
+        Requirement(one).name
+        for extra in declared["optional-dependencies"].values()
+        for one in extra
+    }
+    imported = {
+        name.partition(".")[0]
+        for file in (ROOT / "workbench").rglob("*.py")
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        for name in imported_by(node)
+    }
+    outside = imported - sys.stdlib_module_names - {"workbench"}
+    missing = {BROUGHT_BY.get(name, name) for name in outside} - brought
+    assert missing <= optional, missing - optional
+    assert missing == {"pyarrow"}  # whoever asks for its format is told
+
+
+def imported_by(node):
+    if isinstance(node, ast.Import):
+        return [alias.name for alias in node.names]
+    if isinstance(node, ast.ImportFrom) and not node.level:
+        return [node.module]
+    return []
