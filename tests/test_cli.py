@@ -227,6 +227,9 @@ def test_the_others_run_where_one_cannot(cli):
         (("compare", "toy/root", "--all-methods", "--memory-limit", "much"), "a size is a number"),
         (("compare", "toy/root", "--methods", "exact", "--accuracy", "x"), "low, middle, high"),
         (("compare", "toy/root", "--methods", "exact", "--jobs", "-1"), "jobs"),
+        (("compare", "toy/root", "--all-methods", "--plan", "--against", "x"), "leave out --cells"),
+        (("compare", "toy/root", "--all-methods", "--cells", "x.xlsx"), ".csv or .parquet"),
+        (("compare", "toy/root", "--all-methods", "--against", "x"), "x"),
         (("lsit",), "No such command 'lsit'"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
@@ -343,6 +346,28 @@ def test_a_plan_of_a_comparison_is_printed(cli):
     assert status == 0 and "1 of 1 would run" in out
     cli(*words)
     assert "0 of 1 would run" in cli(*words, "--plan")[1]
+
+
+def test_cells_are_written_and_an_older_comparison_is_told_apart(cli, tmp_path):
+    words = ("compare", "toy/root", "--accuracy", "low", "--in-process", "--methods")
+    old = cli(*words, "exact,lying")[1].splitlines()[-1]
+    table = tmp_path / "cells.csv"
+    again = cli(*words, "exact,lying", "--against", old, "--cells", str(table))[1]
+    assert "0 of 2 cells have another verdict" in again
+    lines = table.read_text().splitlines()
+    assert len(lines) == 3 and lines[1].startswith("toy/root,exact,low")
+    other = json.loads(cli(*words, "exact,picky", "--against", old, "--json")[1])
+    assert other["changed"] == []
+    status, out, said = cli(*words, "exact", "--against", str(tmp_path))
+    assert (status, out) == (2, "") and str(tmp_path) in said
+
+
+def test_a_run_that_is_no_comparison_cannot_be_compared_against(cli):
+    run = json.loads(cli("run", "toy/root", "--json")[1])[0]
+    status, _, said = cli(
+        *("compare", "toy/root", "--methods", "exact", "--against", run["path"], "--in-process")
+    )
+    assert status == 2 and "this is no comparison" in said
 
 
 @pytest.mark.slow

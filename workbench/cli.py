@@ -178,6 +178,8 @@ def run(
 @click.option("--verbose", is_flag=True, help="Let solvers print into the logs of the cells.")
 @click.option("--in-process", is_flag=True, help="Run cells in this process, to look for errors.")
 @click.option("--plan", is_flag=True, help="Print what would run, and run nothing.")
+@click.option("--cells", "table", metavar="FILE", help="Write all cells: .csv, .parquet.")
+@click.option("--against", "old", metavar="RUN", help="Say what changed since this comparison.")
 @AS_JSON
 def compare(
     pattern: str,
@@ -188,6 +190,8 @@ def compare(
     memory_limit: str | None,
     in_process: bool,
     plan: bool,
+    table: str | None,
+    old: str | None,
     as_json: bool,
     **options: Any,
 ) -> None:
@@ -196,10 +200,17 @@ def compare(
     A cell is stored when it ends and found again: what was stopped goes on where it was.
     """
     from workbench.bench.compare import asked_for, run_comparison
+    from workbench.bench.comparison import changes, need_comparison, need_table_file, write_cells
     from workbench.executor import InProcess
 
     if (methods is None) == (not all_methods):
         raise click.UsageError("name --methods A,B,C or ask for --all-methods")
+    if plan and (table or old):
+        raise click.UsageError("--plan runs nothing; leave out --cells and --against")
+    if table is not None:
+        need_table_file(table)
+    # Read now: the new comparison takes the place of an old one that asked the same.
+    before = None if old is None else need_comparison(workbench.open_run(old).data.load())
     asked = asked_for(
         pattern,
         None if methods is None else methods.split(","),
@@ -217,7 +228,9 @@ def compare(
     if plan:
         print_plan(planned, as_json)
         return
-    print_comparison(done, as_json)
+    print_comparison(done, None if before is None else changes(before, done.data), as_json)
+    if table is not None:
+        write_cells(done.data, table)
     sys.exit(0 if done.metrics["certified_share"] == 1 else 1)
 
 

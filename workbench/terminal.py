@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from workbench.bench.compare import Cells
     from workbench.bench.results import Run
     from workbench.executor import Progress, Row, Watch
+    from workbench.heavy_types import Dataset
 
 
 SHOWN_ROUNDS = 15
@@ -111,14 +112,28 @@ def print_details(one: Run) -> None:
     click.echo(one.path)
 
 
-def print_comparison(one: Run, as_json: bool) -> None:
-    """The cells of a comparison, what failed and how to repeat it, and where its folder is."""
-    from workbench.bench.comparison import HEADS, alike, badge, failures, rows, unfit
+def print_comparison(one: Run, changed: Dataset | None, as_json: bool) -> None:
+    """The cells of a comparison, what failed and how to repeat it, and where its folder is.
+
+    ``changed`` is what changed since an older one, if there is one.
+    """
+    from workbench.bench.comparison import (
+        HEADS,
+        alike,
+        badge,
+        changed_cells,
+        changes_table,
+        failures,
+        rows,
+        unfit,
+    )
 
     data = one.data
     if as_json:
         print_json(
-            row(one) | {"cells": [dict(zip(HEADS, cell, strict=True)) for cell in rows(data)]}
+            row(one)
+            | {"cells": [dict(zip(HEADS, cell, strict=True)) for cell in rows(data)]}
+            | ({} if changed is None else {"changed": changed_cells(changed)})
         )
         return
     print_table(HEADS, rows(data), right=6)
@@ -127,6 +142,8 @@ def print_comparison(one: Run, as_json: bool) -> None:
     for title, sentences in (("unfit", unfit(data)), ("alike", alike(data))):
         for sentence in sentences:
             click.echo(f"  {title}: {sentence}")
+    if changed is not None:
+        click.echo(changes_table(changed))
     click.echo(badge(data))
     click.echo(one.path)
 

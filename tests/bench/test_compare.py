@@ -180,6 +180,9 @@ def cell_folders(project):
 def test_a_cell_is_a_results_folder_of_its_own_that_verifies(project, one):
     run = one("exact", "lying", "raising")
     folders = {file.parent.name for file in cell_folders(project)}
+    # What failed is said by the cell, as it ends and as it is read again.
+    said = [cell(each, "lying", "message") for each in (run, one("exact", "lying", "raising"))]
+    assert said[0] == said[1] and " exceeds " in said[0]
     keys = {m: cell(run, m, "key") for m in ("exact", "lying", "raising")}
     assert folders == {keys["exact"], keys["lying"] + ".failed", keys["raising"] + ".failed"}
     place = project.results / "cells/toy/root" / keys["exact"]

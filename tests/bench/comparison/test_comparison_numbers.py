@@ -9,7 +9,17 @@ from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
 from lanes import examples
-from made_cells import LEVELS, heuristic, inaccurate, invalid, made, nothing, solved, synthetic
+from made_cells import (
+    LEVELS,
+    heuristic,
+    inaccurate,
+    invalid,
+    made,
+    nothing,
+    proven,
+    solved,
+    synthetic,
+)
 
 from workbench.bench.comparison import Comparison, badge, failures, judged, rows, shifted_mean
 from workbench.bench.comparison.numbers import certified_times, disagreements, penalty, quartiles
@@ -191,3 +201,11 @@ def test_many_cells_have_every_table():
     assert found["agreement"].count("At accuracy") == 3
     assert len(rows(data)) == 4 * 6 * 3
     assert found["means"].count("method-5") == 3
+
+
+def test_a_comparison_with_two_certificates_that_exclude_each_other_does_not_hold():
+    both = made({("p", "a"): solved(), ("p", "b"): proven("infeasible")})
+    alone = made({("p", "a"): solved()})
+    assert Comparison.stored().certify(judged(alone), 1e-6).holds
+    found = Comparison.stored().certify(judged(both), 1e-6)
+    assert [check.name for check in found.checks if not check.holds] == ["contradictions"]

@@ -60,7 +60,7 @@ class Record:
         return cls(
             solution.outcome,
             solution.claim,
-            solution.message,
+            _reason(solution),
             solution.outcome.proven,
             objective,
             scale,
@@ -106,4 +106,10 @@ class Record:
 
 
 def _said(info: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: info[name] for name in ("outcome", "claim", "message")}
+    return {name: info[name] for name in ("outcome", "claim")}
+
+
+def _reason(solution: Solution) -> str:
+    """The checks that fail, and what the method said."""
+    failed = () if solution.certificate is None else solution.certificate.failures
+    return "; ".join(filter(None, [*failed, solution.message]))

@@ -1,8 +1,8 @@
 """What is made of a comparison's cells: verdicts, tables, figures and files."""
 
-from workbench.bench.comparison.changes import changes, changes_table
-from workbench.bench.comparison.files import cell_columns, write_cells
-from workbench.bench.comparison.layout import DIMS, METHOD, UNFIT
+from workbench.bench.comparison.changes import changed_cells, changes, changes_table
+from workbench.bench.comparison.files import cell_columns, need_table_file, write_cells
+from workbench.bench.comparison.layout import DIMS, METHOD, UNFIT, need_comparison
 from workbench.bench.comparison.numbers import badge, counts, shifted_mean
 from workbench.bench.comparison.study import Comparison
 from workbench.bench.comparison.tables import HEADS, alike, failures, rows, unfit
@@ -18,11 +18,14 @@ __all__ = [
     "alike",
     "badge",
     "cell_columns",
+    "changed_cells",
     "changes",
     "changes_table",
     "counts",
     "failures",
     "judged",
+    "need_comparison",
+    "need_table_file",
     "rows",
     "shifted_mean",
     "unfit",

@@ -36,7 +36,7 @@ def changes(old: Dataset, new: Dataset) -> Dataset:
     Dataset
         With dims (problem, by_method, accuracy): ``verdict``, median ``time`` [s] of certified
         cells and largest ``gap``, along the dim ``version`` ("before", "now"); ``changed``, 1 where
-         the verdict differs. With dim by_method: ``ratio``, the geometric mean of the ratio
+        the verdict differs. With dim by_method: ``ratio``, the geometric mean of the ratio
         of times, ``ratio_low`` and ``ratio_high``, its interval, and ``pairs``, the number of cells
         that both comparisons certify. The interval is Student's, of the logarithms, with a
         probability of 0.95; NaN for less than two pairs.
@@ -85,10 +85,7 @@ def changes(old: Dataset, new: Dataset) -> Dataset:
 
 def changes_table(found: Dataset) -> str:
     """Tables in Markdown of what `changes` found: verdicts, times and gaps."""
-    rows = [
-        [*cell_labels(found, place), *found["verdict"].values[(slice(None), *place)].tolist()]
-        for place in zip(*np.nonzero(found["changed"].values), strict=True)
-    ]
+    rows = _changed_rows(found)
     both = (found["verdict"].values != "").all(axis=0)
     count = int(both.sum())
     text = [f"{len(rows)} of {count} cells have another verdict.\n"]
@@ -106,6 +103,19 @@ def changes_table(found: Dataset) -> str:
     if gaps:
         text += ["Gaps of the cells that have one in both:\n", markdown(GAP_HEADS, gaps)]
     return "\n".join(text)
+
+
+def changed_cells(found: Dataset) -> list[dict[str, str]]:
+    """The cells whose verdict is another now, for a script."""
+    return [dict(zip(CHANGED_HEADS, row, strict=True)) for row in _changed_rows(found)]
+
+
+def _changed_rows(found: Dataset) -> list[list[str]]:
+    """Labels, verdict before and verdict now of the cells whose verdict is another."""
+    return [
+        [*cell_labels(found, place), *found["verdict"].values[(slice(None), *place)].tolist()]
+        for place in zip(*np.nonzero(found["changed"].values), strict=True)
+    ]
 
 
 def _need_same_parameters(old: Dataset, new: Dataset) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -41,11 +42,7 @@ def write_cells(data: Dataset, path: str | Path) -> Path:
     ResultError
         The dataset is none of a comparison.
     """
-    path = Path(path)
-    if path.suffix not in FORMATS:
-        raise InputError(f"cells are written to {' or '.join(FORMATS)}, not to {path.name!r}")
-    if not path.parent.is_dir():
-        raise InputError(f"the folder {path.parent} of {path.name!r} does not exist; make it first")
+    path = need_table_file(path)
     columns = cell_columns(data)
     if path.suffix == ".csv":
         with path.open("w", newline="", encoding="utf-8") as file:
@@ -55,6 +52,21 @@ def write_cells(data: Dataset, path: str | Path) -> Path:
             writer.writerows([["" if value is None else value for value in row] for row in rows])
     else:
         _write_parquet(columns, path)
+    return path
+
+
+def need_table_file(path: str | Path) -> Path:
+    """A file that cells can be written to. Raises `InputError` as `write_cells` does."""
+    path = Path(path)
+    if path.suffix not in FORMATS:
+        raise InputError(f"cells are written to {' or '.join(FORMATS)}, not to {path.name!r}")
+    if not path.parent.is_dir():
+        raise InputError(f"the folder {path.parent} of {path.name!r} does not exist; make it first")
+    if path.suffix == ".parquet" and find_spec("pyarrow") is None:
+        raise InputError(
+            "Parquet needs the package pyarrow: pip install 'workbench[parquet]'; "
+            "or write to a .csv file"
+        )
     return path
 
 
@@ -76,14 +88,9 @@ def cell_columns(data: Dataset) -> dict[str, list[Any]]:
 
 
 def _write_parquet(columns: dict[str, list[Any]], path: Path) -> None:
-    try:
-        import pyarrow
-        from pyarrow import parquet
-    except ImportError:
-        raise InputError(
-            "Parquet needs the package pyarrow: pip install 'workbench[parquet]'; "
-            "or write to a .csv file"
-        ) from None
+    import pyarrow
+    from pyarrow import parquet
+
     parquet.write_table(pyarrow.table(columns), path)
 
 

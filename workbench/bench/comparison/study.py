@@ -47,10 +47,12 @@ class Comparison(Study):
     def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
         data = judged(answer)
         stored = answer["verdict"].values if "verdict" in answer else data["outcome"].values
+        excluded = counts(data)["contradictions"]
         other = int(np.sum(stored != data["verdict"].values))
         return [
             Check("cells", "1 if no method was asked", 1 - int(asked_cells(data).any()), 0),
             Check("verdicts", "verdicts that its cells do not give", other, 0),
+            Check("contradictions", "cells whose certificates exclude each other", excluded, 0),
         ]
 
     def metrics(self, answer: Dataset) -> dict[str, float]:
