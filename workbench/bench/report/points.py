@@ -12,7 +12,7 @@ import numpy as np
 from workbench import figures
 from workbench.arrays import RealArray
 from workbench.bench.comparison.layout import METHOD, UNFIT, seconds
-from workbench.bench.comparison.styles import GID
+from workbench.bench.comparison.styles import Look, keys, legend, method_looks
 from workbench.bench.comparison.verdicts import CONTRADICTION, WRONG
 from workbench.bench.report.toggles import Told
 from workbench.errors import ResultError
@@ -22,7 +22,6 @@ LINEAR = 1e-12
 """Gap below which the scale is linear: rounding errors, far below the finest accuracy level."""
 MOST_CELLS = 5000
 """More cells than this are not drawn as points: a page of them would answer slowly."""
-MARKERS = "osD^v"
 TICKS = (-1.0, -1e-4, -1e-8, 0.0, 1e-8, 1e-4, 1.0)
 FALSE = (WRONG, CONTRADICTION)
 """Verdicts on claims that another certificate refutes."""
@@ -42,7 +41,7 @@ class CellPoint:
 def every_cell(data: Dataset) -> tuple[Figure, list[Told]]:
     """Certified gap over wall time of every cell, and what each point says.
 
-    Filled points are certified, hollow ones are not, crosses are false claims. Cells without a
+    Filled points are certified, hollow ones are not, thin crosses are false claims. Cells without a
     certified gap stand in a row of their own below the others; cells without a time are left out.
 
     Raises
@@ -62,15 +61,13 @@ def every_cell(data: Dataset) -> tuple[Figure, list[Told]]:
     groups = defaultdict[tuple[str, str], list[int]](list)
     for place, cell in enumerate(cells):
         groups[cell.method, cell.kind].append(place)
-    looks = {str(name): place for place, name in enumerate(data[METHOD].values)}
+    looks = method_looks(data)
     told: list[Told] = []
     for (method, kind), places in groups.items():
         x = [cells[place].seconds for place in places]
         y = np.nan_to_num(heights[places], nan=floor)
-        _plot(panel, method, kind, looks[method], x, y)
-        told.append((f"{GID}{method}", [cells[place].words for place in places]))
-    for method, place in looks.items():
-        _plot(panel, method, "certified", place, [], np.empty(0), label=method)
+        _plot(panel, looks[method], kind, x, y)
+        told.append((looks[method].drawn["gid"], [cells[place].words for place in places]))
     figures.label(panel, "statement and solve [s]", "certified gap [relative]", log="x")
     top = max(float(np.nanmax(heights, initial=0.0)), 1.0)
     ticks = {f"{tick:g}": float(scaled(np.array(tick))) for tick in TICKS}
@@ -78,7 +75,7 @@ def every_cell(data: Dataset) -> tuple[Figure, list[Told]]:
     names |= {"no gap": floor} if np.isnan(heights).any() else {}
     panel.set_yticks(list(names.values()), list(names))
     panel.set_ylim(floor - 0.7, top + 0.7)
-    figures.legend_below(figure, panel)
+    legend(figure, keys(looks, line=False))
     return figure, told
 
 
@@ -87,20 +84,14 @@ def scaled(gap: RealArray) -> RealArray:
     return np.asarray(np.sign(gap) * np.log10(1.0 + np.abs(gap) / LINEAR))
 
 
-def _plot(
-    panel: Axes, method: str, kind: str, place: int, x: Any, y: RealArray, label: str | None = None
-) -> None:
-    colour = figures.CYCLE[place % len(figures.CYCLE)]
-    marker = MARKERS[place // len(figures.CYCLE) % len(MARKERS)]
+def _plot(panel: Axes, look: Look, kind: str, x: Any, y: RealArray) -> None:
     panel.plot(
         x,
         y,
-        "X" if kind == "false" else marker,
-        color=colour,
-        markerfacecolor="none" if kind == "open" else colour,
+        "x" if kind == "false" else look.marker,
+        markerfacecolor="none" if kind == "open" else look.colour,
         markersize=7 if kind == "false" else 5,
-        label=label,
-        gid=None if label else f"{GID}{method}",
+        **look.drawn,
     )
 
 

@@ -36,9 +36,6 @@ from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import GeneralisedPlant, Signals
 from workbench.systems.storage import restored, stored
 
-LOWER_BOUND_ROUNDING = 1e-9
-"""Share by which rounding may lift a claimed lower bound above the certified upper bound."""
-
 
 class Channel(NamedTuple):
     """A requirement in the weighted plant: its exogenous inputs, by number, its band [rad/s]."""
