@@ -67,12 +67,13 @@ def test_responses(tmp_path):
     [
         ("t,u\n1,2\n3,x\n", r"bad\.csv, line 3: 'x' is not a number"),
         ("1,2\n\n3,4,5\n", r"bad\.csv, line 3: 3 columns, 2 are needed"),
-        ("t,u\n1,2,3\n", r"line 2: 3 columns, 2 are needed"),
-        ("1,2\n3,nan\n", r"line 2: .* not finite"),
+        ("t,u\n1,2,3\n", r"line 1 names 2 columns, 3 are needed"),
+        ("t,u\n1,x\n3,4\n5,6\n", "line 2: 'x' is not a number"),
+        ("t,u\n1,2\n3\n", "line 3: 1 columns, 2 are needed"),
         ("t,u\n", "holds no numbers"),
         ("", "holds no numbers"),
         ("u,u\n1,2\n", "two columns have one name"),
-        ("t,u\nt,u\n1,2\n", "line 2: 't' is not a number"),
+        ("t,u\n1,2\nt,u\n3,4\n5,6\n", "line 3: 't' is not a number"),
     ],
 )
 def test_bad_text(tmp_path, text, message):

@@ -5,13 +5,15 @@ Every error names the file and the line or the variable.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from workbench.errors import InputError
 from workbench.heavy_types import Dataset
-from workbench.identification.experiments.variables import File, read_variables
+from workbench.identification.experiments.text_table import IN_BRACKETS, Columns
+from workbench.identification.experiments.variables import File, read_table
 
 
 def read_record(
@@ -28,7 +30,8 @@ def read_record(
     file
         A file that `read_variables` reads.
     inputs, outputs
-        Names of variables; a variable with several columns gives several channels.
+        Names of variables, without their units if the file has them in brackets. A variable with
+        several columns gives several channels; ``"y[0]"`` is the first of them.
     sample_rate
         Sampling frequency [Hz].
     time
@@ -37,7 +40,8 @@ def read_record(
     Returns
     -------
     Dataset
-        ``u`` (input, time) and ``y`` (output, time).
+        ``u`` (input, time) and ``y`` (output, time); the attribute ``read`` says what was found
+        out to read the file. Rows in which every variable asked for is blank are left out.
 
     Raises
     ------
@@ -49,11 +53,10 @@ def read_record(
 
     if (sample_rate is None) == (time is None):
         raise InputError(f"{file}: give either the sample rate or the name of the time variable")
-    variables = read_variables(file)
-    signals = {
-        channel: _channels(file, variables, names, channel)
-        for channel, names in (("input", inputs), ("output", outputs))
-    }
+    table = read_table(file)
+    asked = {"input": _list(inputs), "output": _list(outputs)}
+    picked = _picked(file, table, [*asked["input"], *asked["output"], *_list(time or ())])
+    signals = {channel: _channels(file, picked, names, channel) for channel, names in asked.items()}
     lengths = {values.shape[1] for _, values in signals.values()}
     if len(lengths) > 1:
         raise InputError(f"{file}: inputs and outputs differ in length: {sorted(lengths)} samples")
@@ -61,7 +64,7 @@ def read_record(
     if time is None:
         instants = np.arange(count) / sample_rate
     else:
-        instants = _pick(file, variables, time).ravel()
+        instants = picked[time].ravel() * _factor(file, table, time, SECONDS)
         steps = np.diff(instants)
         if len(instants) != count or count < 2 or not steps[0] > 0:
             raise InputError(f"{file}: variable {time!r} needs {count} rising instants")
@@ -72,13 +75,18 @@ def read_record(
                 f"{file}: variable {time!r} is not equidistant at sample {np.argmax(apart) + 1}: "
                 "resample the record or cut it there"
             )
-    arrays = {
-        name: ((channel, "time"), signals[channel][1], {"units": "1", "long_name": f"{channel}s"})
-        for name, channel in (("u", "input"), ("y", "output"))
-    }
+    arrays = {}
+    for name, channel in (("u", "input"), ("y", "output")):
+        units = dict.fromkeys(table.units.get(_own(table, each), "1") for each in asked[channel])
+        words = {"units": next(iter(units)) if len(units) == 1 else "1", "long_name": f"{channel}s"}
+        arrays[name] = ((channel, "time"), signals[channel][1], words)
     coords = {channel: labels for channel, (labels, _) in signals.items()}
     unit = {"units": "s", "long_name": "time"}
-    return xr.Dataset(arrays, coords={"time": ("time", instants, unit), **coords})
+    step = (instants[-1] - instants[0]) / max(count - 1, 1)
+    read = f"{table.said}; {count} samples, {step:.6g} s apart"
+    return xr.Dataset(
+        arrays, coords={"time": ("time", instants, unit), **coords}, attrs={"read": read}
+    )
 
 
 def read_response(file: File, frequency: str, response: str | tuple[str, str]) -> Dataset:
@@ -89,7 +97,7 @@ def read_response(file: File, frequency: str, response: str | tuple[str, str]) -
     file
         A file that `read_variables` reads.
     frequency
-        Name of the variable with the frequencies [Hz].
+        Name of the variable with the frequencies [Hz], or another unit that the file names.
     response
         Name of a complex variable, (F,) or (F, outputs, inputs), or names of its real and its
         imaginary part.
@@ -97,16 +105,17 @@ def read_response(file: File, frequency: str, response: str | tuple[str, str]) -
     Returns
     -------
     Dataset
-        ``response`` (frequency, output, input).
+        ``response`` (frequency, output, input); the attribute ``read`` says what was found out.
     """
     import xarray as xr
 
-    variables = read_variables(file)
-    frequencies = _pick(file, variables, frequency).ravel()
+    table = read_table(file)
+    picked = _picked(file, table, [frequency, *_list(response)])
+    frequencies = picked[frequency].ravel() * _factor(file, table, frequency, HERTZ)
     if isinstance(response, str):
-        values = np.asarray(_pick(file, variables, response), dtype=complex)
+        values = np.asarray(picked[response], dtype=complex)
     else:
-        real, imaginary = (_pick(file, variables, name) for name in response)
+        real, imaginary = (picked[name] for name in response)
         if real.shape != imaginary.shape:
             raise InputError(f"{file}: {' and '.join(map(repr, response))} differ in shape")
         values = real + 1j * imaginary
@@ -121,24 +130,73 @@ def read_response(file: File, frequency: str, response: str | tuple[str, str]) -
     return xr.Dataset(
         {"response": (("frequency", "output", "input"), values, {"units": "1"})},
         coords={"frequency": ("frequency", frequencies, unit)},
+        attrs={"read": table.said},
     )
 
 
-def _pick(file: File, variables: Mapping[str, np.ndarray], name: str) -> np.ndarray:
-    """A variable by name; an `InputError` if it is missing or not finite."""
-    if name not in variables:
-        raise InputError(
-            f"{file} has no variable {name!r}; it has {', '.join(variables) or 'none'}"
-        )
-    values = variables[name]
-    wrong = ~np.isfinite(values)
-    if wrong.any():
-        place = ", ".join(str(i) for i in np.argwhere(wrong)[0])
-        raise InputError(
-            f"{file}: variable {name!r} has {wrong.sum()} entries that are NaN or infinite, the "
-            f"first at index {place}"
-        )
-    return values
+SECONDS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60.0}
+HERTZ = {"Hz": 1.0, "kHz": 1e3, "MHz": 1e6, "rad/s": 1 / (2 * np.pi), "1/s": 1.0}
+COLUMN = re.compile(r"(.+)\[(\d+)\]")
+"""A column of a matrix, such as ``y[0]``."""
+
+
+def _list(names: str | Sequence[str]) -> list[str]:
+    return [names] if isinstance(names, str) else list(names)
+
+
+def _factor(file: File, table: Columns, name: str, known: Mapping[str, float]) -> float:
+    """What a variable is multiplied with: its unit, where the file tells one."""
+    unit = table.units.get(_own(table, name))
+    if unit is None or unit in known:
+        return 1.0 if unit is None else known[unit]
+    raise InputError(
+        f"{file}: {name!r} is in {unit!r}; {', '.join(known)} are known: write another unit there"
+    )
+
+
+def _own(table: Columns, name: str) -> str:
+    """The name of a variable as the file has it: with its unit, if that is in brackets."""
+    if name in table.variables:
+        return name
+    found = [
+        own for own in table.variables if (split := IN_BRACKETS.fullmatch(own)) and split[1] == name
+    ]
+    return found[0] if len(found) == 1 else name
+
+
+def _picked(file: File, table: Columns, names: Sequence[str]) -> dict[str, np.ndarray]:
+    """Variables by name, without the rows in which all are blank; all finite, or `InputError`."""
+    found: dict[str, np.ndarray] = {}
+    for name in names:
+        own, column = _own(table, name), COLUMN.fullmatch(name)
+        if own in table.variables:
+            found[name] = table.variables[own]
+        elif column and column[1] in table.variables:
+            matrix = np.atleast_2d(table.variables[column[1]])
+            columns = matrix if len(matrix) < matrix.shape[1] else matrix.T
+            if int(column[2]) >= len(columns):
+                raise InputError(f"{file}: {column[1]!r} has {len(columns)} columns, no {name!r}")
+            found[name] = columns[int(column[2])]
+        elif name in table.texts:
+            raise InputError(f"{file}: variable {name!r} has no numbers: {table.texts[name]}")
+        else:
+            raise InputError(
+                f"{file} has no variable {name!r}; it has {', '.join(table.variables) or 'none'}"
+                f" ({table.said})"
+            )
+    shapes = {values.shape for values in found.values()}
+    if len(shapes) == 1 and len(next(iter(shapes))) == 1:
+        blank = np.all([np.isnan(values) for values in found.values()], axis=0)
+        found = {name: values[~blank] for name, values in found.items()}
+    for name, values in found.items():
+        wrong = ~np.isfinite(values)
+        if wrong.any():
+            place = ", ".join(str(i) for i in np.argwhere(wrong)[0])
+            raise InputError(
+                f"{file}: variable {name!r} has {wrong.sum()} entries that are blank, NaN or "
+                f"infinite, the first at index {place}"
+            )
+    return found
 
 
 def _channels(
@@ -147,8 +205,8 @@ def _channels(
     """Labels and samples (channels, N) of the channels in the variables of given names."""
     labels: list[str] = []
     rows: list[np.ndarray] = []
-    for name in [names] if isinstance(names, str) else names:
-        values = _pick(file, variables, name)
+    for name in names:
+        values = variables[name]
         if values.ndim > 2 or values.ndim == 0 or np.iscomplexobj(values):
             raise InputError(f"{file}: variable {name!r} is no {kind}: it has shape {values.shape}")
         # Take the longer side as the samples, whether the file has rows or columns.

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from os import PathLike
 from pathlib import Path
 
 import numpy as np
 
 from workbench.errors import InputError
+from workbench.identification.experiments.text_table import Columns, read_columns
 
 File = str | PathLike[str]
 
@@ -18,72 +18,29 @@ def read_variables(file: File) -> dict[str, np.ndarray]:
     """Every numeric variable of a file, by name.
 
     A file named ``.mat`` has MATLAB's format up to version 7, one named ``.nc`` is NetCDF; all
-    others are text with columns separated by commas, semicolons, tabs or spaces. The first line of
-    a text may name the columns; otherwise they are called "1", "2" and so on. Lines that start with
-    # or % are comments.
+    others are text with columns separated by commas, semicolons, tabs or blanks, with decimal
+    points or commas. The last line above the numbers may name the columns, a row of units may stand
+    below it and anything above; otherwise they are called "1", "2" and so on. Blank cells are NaN.
+    Columns of words, such as dates, are left out. Lines that start with # or % are comments.
 
     Raises
     ------
     InputError
         The file is missing, or does not have the format that its name says.
     """
+    return read_table(file).variables
+
+
+def read_table(file: File) -> Columns:
+    """The variables of a file, and what was found out to read them; see `read_variables`."""
     path = Path(file)
-    reader = _READERS.get(path.suffix.lower(), _read_text)
+    reader = _READERS.get(path.suffix.lower(), read_columns)
     if not path.is_file():
         raise InputError(f"{path}: there is no such file")
     return reader(path)
 
 
-def _read_text(path: Path) -> dict[str, np.ndarray]:
-    """Columns of a text file, by name."""
-    names: list[str] | None = None
-    rows: list[list[float]] = []
-    try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except UnicodeDecodeError:
-        raise InputError(f"{path} is no text; .mat and .nc files must be named so") from None
-    for number, line in enumerate(lines, start=1):
-        text = line.strip()
-        if not text or text[0] in "#%":
-            continue
-        cells = [cell.strip().strip('"') for cell in re.split(_splitter(text), text)]
-        try:
-            row = [float(cell) for cell in cells]
-        except ValueError:
-            if rows or names:
-                wrong = next(cell for cell in cells if not _is_number(cell))
-                raise InputError(f"{path}, line {number}: {wrong!r} is not a number") from None
-            names = cells
-            continue
-        width = len(names) if names else len(rows[0]) if rows else len(row)
-        if len(row) != width:
-            raise InputError(f"{path}, line {number}: {len(row)} columns, {width} are needed")
-        if not np.all(np.isfinite(row)):
-            raise InputError(f"{path}, line {number}: {text!r} is not finite everywhere")
-        rows.append(row)
-    if not rows:
-        raise InputError(f"{path} holds no numbers")
-    names = names or [str(i + 1) for i in range(len(rows[0]))]
-    if len(set(names)) < len(names):
-        raise InputError(f"{path}: two columns have one name: {', '.join(names)}")
-    return dict(zip(names, np.array(rows).T, strict=True))
-
-
-def _splitter(text: str) -> str:
-    """Regular expression of the separator between the cells of a line."""
-    return next((mark for mark in ";,\t" if mark in text), r"\s+")
-
-
-def _is_number(cell: str) -> bool:
-    """Whether a cell can be read as a number."""
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
-
-
-def _read_mat(path: Path) -> dict[str, np.ndarray]:
+def _read_mat(path: Path) -> Columns:
     """Numeric variables of a MAT file, by name."""
     from scipy.io import loadmat
 
@@ -94,22 +51,38 @@ def _read_mat(path: Path) -> dict[str, np.ndarray]:
     except Exception as error:  # SciPy raises many kinds of errors for a broken file
         raise InputError(f"{path} cannot be read as a MAT file: {error}") from None
     found = {name: np.atleast_1d(v) for name, v in stored.items() if not name.startswith("__")}
-    return {name: v for name, v in found.items() if v.dtype.kind in "biufc"}
+    return _numbers(found, {}, "variables of a MAT file")
 
 
-def _read_netcdf(path: Path) -> dict[str, np.ndarray]:
+def _read_netcdf(path: Path) -> Columns:
     """Numeric variables of a NetCDF file, by name."""
     import xarray as xr
 
     try:
         with xr.open_dataset(path, decode_times=False) as stored:
             found = {str(name): np.atleast_1d(v.values) for name, v in stored.variables.items()}
+            units = {str(name): str(v.attrs.get("units", "")) for name, v in stored.items()}
+            units |= {str(name): str(v.attrs.get("units", "")) for name, v in stored.coords.items()}
     except (OSError, ValueError, KeyError, RuntimeError) as error:
         raise InputError(f"{path} cannot be read as NetCDF: {error}") from None
-    return {name: v for name, v in found.items() if v.dtype.kind in "biufc"}
+    return _numbers(found, units, "variables of a NetCDF file")
 
 
-_READERS: dict[str, Callable[[Path], dict[str, np.ndarray]]] = {
+def _numbers(found: Mapping[str, np.ndarray], units: Mapping[str, str], said: str) -> Columns:
+    """Variables that are numbers; columns of the only matrix are named by number too."""
+    numbers = {name: v for name, v in found.items() if v.dtype.kind in "biufc"}
+    texts = {name: f"it holds {v.dtype}" for name, v in found.items() if name not in numbers}
+    if len(numbers) == 1:
+        (name, matrix) = next(iter(numbers.items()))
+        if matrix.ndim == 2:
+            columns = matrix.T if len(matrix) >= matrix.shape[1] else matrix
+            numbers |= {str(j + 1): column for j, column in enumerate(columns)}
+            said += f", columns of {name} by number"
+    known = {name: unit for name, unit in units.items() if unit and name in numbers}
+    return Columns(numbers, known, texts, said)
+
+
+_READERS: dict[str, Callable[[Path], Columns]] = {
     ".mat": _read_mat,
     ".nc": _read_netcdf,
 }
