@@ -222,8 +222,11 @@ _CVXPY_STATUS = {
 }
 
 
-def ipopt(name: str, statement: Mapping[str, Any], options: Options) -> Any:
-    """A CasADi function that solves the nonlinear program ``{x, f, g, p}`` with IPOPT."""
+def ipopt(name: str, statement: Mapping[str, Any], options: Options, **more: Any) -> Any:
+    """A CasADi function that solves the nonlinear program ``{x, f, g, p}`` with IPOPT.
+
+    ``more`` are further options of IPOPT, by its names for them.
+    """
     import casadi
 
     tolerance = 0.1 * options.accuracy
@@ -237,6 +240,7 @@ def ipopt(name: str, statement: Mapping[str, Any], options: Options) -> Any:
         # A failed solve is an outcome, reported by `ipopt_outcome`, not an exception.
         "error_on_fail": False,
     }
+    settings |= {f"ipopt.{name}": value for name, value in more.items()}
     if options.time_limit is not None:
         settings["ipopt.max_wall_time"] = options.time_limit
     return casadi.nlpsol(name, "ipopt", dict(statement), settings)

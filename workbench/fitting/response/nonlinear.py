@@ -101,7 +101,9 @@ def refined_fit(program: ResponseFit, start: Rational, context: Context) -> Clai
             "g": off[0] ** 2 + off[1] ** 2 - height,
         }
         enough = max(context.options.accuracy, IPOPT_ACCURACY)
-        solver = ipopt("response", nlp, replace(context.options, tolerance=enough))
+        wanted = replace(context.options, tolerance=enough)
+        # The default barrier pushes the start far from a minimum that is near: ten times the steps.
+        solver = ipopt("response", nlp, wanted, mu_strategy="adaptive")
     bound = np.append(np.full(origin.size, STEP_BOUND), np.inf)
     still = np.append(np.zeros(origin.size), 1.0)
     found = solver(x0=still, lbx=-bound, ubx=bound, ubg=0)["x"].full().ravel()
