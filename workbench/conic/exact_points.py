@@ -20,7 +20,11 @@ from workbench.conic.numeric import scaling
 CUTS = (0.0, 1e-8, 1e-6, 1e-4, 1e-3)
 """Shares of the size of a point below which it counts as on the edge of a cone, tried in turn."""
 MOST_ENTRIES = 30_000
-"""Most entries of a system of equations that is solved exactly, in about half a minute."""
+"""Most entries of equations that are eliminated exactly, in about half a minute."""
+MOST_EQUATIONS = 400
+"""Most independent equations that are solved exactly by lifting, in a few seconds."""
+DEPENDENT = 1e-10
+"""Pivot relative to the largest one below which equations may depend on each other."""
 
 
 def exact_point(form: ConicForm, near: RealArray) -> list[Rational] | None:
@@ -31,8 +35,6 @@ def exact_point(form: ConicForm, near: RealArray) -> list[Rational] | None:
         if len(equations) in tried:  # larger cuts only add equations
             continue
         tried.add(len(equations))
-        if len(equations) * (form.c.size + 1) > MOST_ENTRIES:
-            return None
         x = _solved(equations, near)
         if x is not None and not outside(form, conic_slack(form, x)):
             return x
@@ -79,7 +81,11 @@ def _solved(equations: Sequence[Combination], near: RealArray) -> list[Rational]
     x: list[Any] = [exact_rational(value) for value in near]
     if not equations:
         return x
-    order = _pivot_order(equations, near)
+    order, independent = _pivot_order(equations, near)
+    if independent and len(equations) <= MOST_EQUATIONS:
+        return _lifted(equations, x, order)
+    if len(equations) * (n + 1) > MOST_ENTRIES:
+        return None
     place = {column: k for k, column in enumerate(order)} | {n: n}
     table = fmpq_mat(len(equations), n + 1)
     for i, equation in enumerate(equations):
@@ -101,8 +107,42 @@ def _solved(equations: Sequence[Combination], near: RealArray) -> list[Rational]
     return x
 
 
-def _pivot_order(equations: Sequence[Combination], near: RealArray) -> list[int]:
-    """The columns, well-conditioned pivots first: what the equations ask moves them little."""
+def _lifted(
+    equations: Sequence[Combination], x: list[Rational], order: Sequence[int]
+) -> list[Rational] | None:
+    """x with its first entries, by order, changed so that independent equations hold.
+
+    FLINT lifts large systems p-adically (Dixon): its numbers stay small where those of an
+    elimination grow. None where the
+    columns of these entries are singular, though doubles say that they are not.
+    """
+    n, r = len(x), len(equations)
+    place = {column: k for k, column in enumerate(order[:r])}
+    table, right = fmpq_mat(r, r), fmpq_mat(r, 1)
+    for i, equation in enumerate(equations):
+        rest = fmpq(0)
+        for column, value in equation.items():
+            exact = fmpq(value.numerator, value.denominator)
+            if column in place:
+                table[i, place[column]] = exact
+            else:
+                rest += exact if column == n else -exact * x[column]
+        right[i, 0] = rest
+    try:
+        found = table.solve(right)
+    except ZeroDivisionError:
+        return None
+    moved = list(x)
+    for column, k in place.items():
+        moved[column] = found[k, 0]
+    return moved
+
+
+def _pivot_order(equations: Sequence[Combination], near: RealArray) -> tuple[list[int], bool]:
+    """The columns, well-conditioned pivots first: what the equations ask moves them little.
+
+    And whether the equations are independent, by a wide margin.
+    """
     from scipy.linalg import qr
 
     n = near.size
@@ -115,4 +155,7 @@ def _pivot_order(equations: Sequence[Combination], near: RealArray) -> list[int]
     table /= np.where(size > 0, size, 1.0)
     weight = np.abs(near)
     weight = np.maximum(weight, 1e-9 * (weight.max(initial=0.0) or 1.0))
-    return [int(k) for k in qr(table * weight, pivoting=True, mode="r")[1]]
+    upper, order = qr(table * weight, pivoting=True, mode="r")
+    pivots = np.abs(np.diag(upper))
+    full = pivots.size == len(equations) and bool(pivots[-1] > DEPENDENT * pivots[0])
+    return [int(k) for k in order], full

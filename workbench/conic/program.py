@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import RealArray
+from workbench.arrays import EPS, RealArray
 from workbench.certificate import Check, worst
 from workbench.certify.cones.form import ConeFactor, ConeKind, ConicForm, triangle
 from workbench.certify.cones.membership import fraction, outside
@@ -29,9 +29,19 @@ class ConicProgram(ConicallyStated):
 
     An answer is a dataset with ``x``; its ``dual`` is a rational y of the dual cone with
     A'y = -c, which proves that no solution has a value below -b'y.
+
+    Parameters
+    ----------
+    form
+        c, A, b and the cones.
+    constant, maximise
+        What the metric ``value`` adds to c'x, and whether to -c'x: a program to be maximised is
+        minimised with its sign changed.
     """
 
     form: ConicForm
+    constant: float = 0.0
+    maximise: bool = False
 
     default_method = "clarabel"
     headline = "value"
@@ -43,6 +53,20 @@ class ConicProgram(ConicallyStated):
 
     def conic_form(self) -> ConicForm:
         return self.form
+
+    @property
+    def problem_size(self) -> float:
+        """Number of variables."""
+        return float(self.form.c.size)
+
+    def objective(self, answer: Dataset) -> float:
+        return float(self.form.c @ answer["x"].values)
+
+    def objective_scale(self, answer: Dataset) -> float:
+        return 1.0 + abs(self.objective(answer))
+
+    def objective_rounding(self, answer: Dataset) -> float:
+        return EPS * float(np.abs(self.form.c) @ np.abs(answer["x"].values))
 
     def witnessed(self, answer: Dataset) -> Dataset:
         y = dual_point(self.form)
@@ -60,7 +84,7 @@ class ConicProgram(ConicallyStated):
         return [Check("solution", statement, value, tolerance, where)]
 
     def gap(self, answer: Dataset) -> tuple[str, float]:
-        form, value = self.form, float(self.form.c @ answer["x"].values)
+        form, value = self.form, self.objective(answer)
         statement = "value above the exact bound of the dual point, relative to 1 + |value|"
         if "dual" not in answer:
             return f"{statement}; no dual point was found", math.inf
@@ -69,10 +93,11 @@ class ConicProgram(ConicallyStated):
         if any(each != 0 for each in residual) or outside(form, y, dual=True):
             return f"{statement}; the dual point is none", math.inf
         bound = -fraction(dot(form.b, y))
-        return statement, (value - float(bound)) / (1.0 + abs(value))
+        return statement, (value - float(bound)) / self.objective_scale(answer)
 
     def metrics(self, answer: Dataset) -> dict[str, float]:
-        return {"value": float(self.form.c @ answer["x"].values)}
+        sign = -1.0 if self.maximise else 1.0
+        return {"value": sign * self.objective(answer) + self.constant}
 
 
 def violation(cone: ConeFactor, s: RealArray) -> float:

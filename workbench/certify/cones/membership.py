@@ -49,20 +49,24 @@ def _in_self_dual(cone: ConeFactor, s: Sequence[Rational], share: int) -> bool:
     matrix = [[fmpq(0)] * n for _ in range(n)]
     for (i, j), value in zip(triangle(n), s, strict=True):
         matrix[i][j] = matrix[j][i] = value if i == j else value / share
-    return _is_definite(matrix) or _is_semidefinite(matrix)
+    shown = _definite(matrix)
+    return _is_semidefinite(matrix) if shown is None else shown
 
 
-def _is_definite(M: list[list[Rational]]) -> bool:
-    """Whether balls show that a symmetric rational matrix has positive eigenvalues only.
+def _definite(M: list[list[Rational]]) -> bool | None:
+    """Whether a symmetric rational matrix has positive eigenvalues only, or a negative one.
 
-    Much faster than rational numbers, whose digits grow with each step of the elimination.
+    True or False where balls tell: much faster than rational numbers, whose digits grow with each
+    step of the elimination. None where they do not.
     """
     n = len(M)
     with ctx.workprec(BALL_BITS):
         B = [[arb(value) for value in row] for row in M]
         for k in range(n):
-            if not B[k][k] > 0:  # false also where the ball does not tell
+            if B[k][k] < 0:  # behind positive pivots: Sylvester's law of inertia
                 return False
+            if not B[k][k] > 0:
+                return None
             for i in range(k + 1, n):
                 factor = B[k][i] / B[k][k]
                 for j in range(i, n):
