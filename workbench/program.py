@@ -24,7 +24,7 @@ from workbench.certificate import Certificate, Check, Gap, quantified
 from workbench.errors import InputError, RegistryError, UnknownNameError
 from workbench.executor import Context
 from workbench.heavy_types import Dataset, Figure
-from workbench.solvers import ConicSolver, Outcome, conic_solvers
+from workbench.solvers import ConicSolver, Outcome, for_every_conic_solver
 
 Claim = tuple[Any, Outcome, str]
 """Return value of a method: an answer or None, its outcome by the method, the solver's message."""
@@ -315,31 +315,37 @@ def conic_method(
     optimal: bool = True,
     unfit: Callable[[Any], str | None] = _always_fit,
     accuracy: AccuracyRange = EVERY_ACCURACY,
+    cones: str | Callable[[Any], str] = "semidefinite",
 ) -> Callable[..., Any]:
-    """Register ``function(program, context, solver)`` once for every installed conic solver.
+    """Register ``function(program, context, solver)`` once for every conic solver.
 
     ``optimal`` is false where what is convex is only a part of the program. No method is more
-    accurate than its solver.
+    accurate than its solver. ``cones``: the widest of `workbench.solvers.CONES` in the statement,
+    or a function of the program that tells it; solvers that do not take it are unfit.
     """
 
     def register(
         function: Callable[[Any, Context, ConicSolver], Claim],
     ) -> Callable[[Any, Context, ConicSolver], Claim]:
-        for solver in conic_solvers():
-
+        def told(solver: ConicSolver) -> None:
             @functools.wraps(function)
-            def with_solver(program: Any, context: Context, solver: ConicSolver = solver) -> Claim:
+            def with_solver(program: Any, context: Context) -> Claim:
                 return function(program, context, solver)
 
-            limited = accuracy.joined(solver.finest)
+            def not_taken(task: Any) -> str | None:
+                widest = cones if isinstance(cones, str) else cones(task)
+                return unfit(task) or solver.unfit(widest) or None
+
             method(
                 program,
                 solver.name,
                 optimal=optimal,
-                unfit=unfit,
-                accuracy=limited,
-                packages=(solver.module,),
+                unfit=not_taken,
+                accuracy=accuracy.joined(solver.finest),
+                packages=(solver.package or solver.module,),
             )(with_solver)
+
+        for_every_conic_solver(told)
         return function
 
     return register

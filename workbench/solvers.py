@@ -132,13 +132,34 @@ class Stopwatch(Protocol):
 class ConicSolver:
     """A conic solver as CVXPY knows it, and how our options are told to it.
 
-    Tolerances below ``finest`` are told to it as ``finest`` is.
+    Parameters
+    ----------
+    name
+        CVXPY's name for it, in lower case.
+    module
+        The module without which it is not installed.
+    settings
+        Its own options for ours.
+    finest
+        Tolerances below this one are told to it as this one is.
+    package
+        The distribution whose version can change its answers; "": it is called as the module is.
+    widest
+        The widest of `CONES` that it takes.
     """
 
     name: str
     module: str
     settings: Callable[[Options], dict[str, Any]]
     finest: float = 0.0
+    package: str = ""
+    widest: str = "semidefinite"
+
+    def unfit(self, cones: str) -> str:
+        """Why it cannot take a program with these of `CONES`; empty where it can."""
+        if CONES.index(cones) <= CONES.index(self.widest):
+            return ""
+        return f"{self.name} takes {self.widest} cones only, it has {cones} ones"
 
     @property
     def installed(self) -> bool:
@@ -171,11 +192,40 @@ def _cvxopt(options: Options) -> dict[str, Any]:
     return {"abstol": tolerance, "reltol": tolerance, "feastol": tolerance, "kktsolver": "ldl"}
 
 
-_CONIC = (
+CONES = ("linear", "second-order", "semidefinite")
+"""Cones of programs; who takes one takes those before it."""
+_CONIC = [
     ConicSolver("clarabel", "clarabel", _clarabel),
     ConicSolver("scs", "scs", _scs),
     ConicSolver("cvxopt", "cvxopt", _cvxopt, CVXOPT_FINEST),
-)
+]
+_told: list[Callable[[ConicSolver], None]] = []
+"""Who is told of every conic solver."""
+
+
+def for_every_conic_solver(told: Callable[[ConicSolver], None]) -> None:
+    """Tell somebody of the installed conic solvers, and of those that are added later."""
+    for solver in conic_solvers():
+        told(solver)
+    _told.append(told)
+
+
+def add_conic_solver(solver: ConicSolver) -> None:
+    """Make a solver a method of every Program that is stated as a conic program.
+
+    Raises
+    ------
+    InputError
+        It is not installed, or another solver has its name.
+    """
+    if not solver.installed:
+        package = solver.package or solver.module
+        raise InputError(f"{solver.name} is not installed; try: pip install {package}")
+    if any(one.name == solver.name for one in _CONIC):
+        raise InputError(f"a conic solver {solver.name!r} is there already")
+    _CONIC.append(solver)
+    for told in _told:
+        told(solver)
 
 
 def conic_solvers() -> tuple[ConicSolver, ...]:
@@ -197,11 +247,11 @@ def solve_conic(
             data, chain, inverse = problem.get_problem_data(
                 solver.name.upper(), solver_opts=settings
             )
-        raw = chain.solve_via_data(
-            problem, data, warm_start=False, verbose=options.verbose, solver_opts=settings
-        )
-        with warnings.catch_warnings():  # an inaccurate answer is an outcome, not a warning
-            warnings.simplefilter("ignore", UserWarning)
+        with warnings.catch_warnings():  # what a solver warns of, the certificate judges
+            warnings.simplefilter("ignore")
+            raw = chain.solve_via_data(
+                problem, data, warm_start=False, verbose=options.verbose, solver_opts=settings
+            )
             problem.unpack_results(raw, chain, inverse)
     except (KeyboardInterrupt, SystemExit):
         raise

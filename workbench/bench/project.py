@@ -5,6 +5,11 @@ A project is the nearest folder upwards whose pyproject.toml has a table ``[tool
     [tool.workbench]
     problems = ["my_problems"]
     results = "results"
+    solvers = ["highs", "mosek"]
+
+An installed package brings problems and solvers by entry points: of the group
+``workbench.problems`` a package whose folder holds problems; of the group ``workbench.solvers`` a
+module that adds solvers or methods when it is imported.
 """
 
 from __future__ import annotations
@@ -13,7 +18,9 @@ import os
 import tomllib
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
+from importlib.metadata import EntryPoint, entry_points
+from importlib.util import find_spec
 from pathlib import Path
 
 import workbench.plants
@@ -28,6 +35,7 @@ class Project:
 
     problems: tuple[Path, ...]
     results: Path
+    solvers: tuple[str, ...] = ()
 
     @classmethod
     def around(cls, folder: Path) -> Project:
@@ -38,13 +46,14 @@ class Project:
                 continue
             table = _table(file)
             if table is not None:
-                folders, results = table
-                return cls(tuple(candidate / name for name in folders), candidate / results)
+                folders, results, solvers = table
+                problems = tuple(candidate / name for name in folders)
+                return cls(problems, candidate / results, tuple(solvers))
         return cls((), folder / "results")
 
 
-def _table(file: Path) -> tuple[list[str], str] | None:
-    """Problem folders and results folder of a pyproject.toml, None where it has no table of ours.
+def _table(file: Path) -> tuple[list[str], str, list[str]] | None:
+    """Problem folders, results folder and solvers of a pyproject.toml; None without our table.
 
     Raises
     ------
@@ -65,7 +74,10 @@ def _table(file: Path) -> tuple[list[str], str] | None:
         raise RegistryError(f"{file}: problems must be a list of folders, not {problems!r}")
     if not _folder_name(results):
         raise RegistryError(f"{file}: results must be a folder, not {results!r}")
-    return problems, results
+    solvers = table.get("solvers", [])
+    if not isinstance(solvers, list) or not all(isinstance(name, str) for name in solvers):
+        raise RegistryError(f"{file}: solvers must be a list of names, not {solvers!r}")
+    return problems, results, solvers
 
 
 def _folder_name(name: object) -> bool:
@@ -108,12 +120,70 @@ def added_problems() -> tuple[Path, ...]:
 
 def registry() -> Registry:
     """The registry over the built-in, the project's and the added folders."""
-    roots = _instead or [built_in(), *Project.around(Path.cwd()).problems, *_added]
+    project = Project.around(Path.cwd())
+    use_solvers(project.solvers)
+    _load_packages()
+    roots = _instead or [built_in(), *_package_folders(), *project.problems, *_added]
     unique = tuple(dict.fromkeys(path.resolve() for path in roots))
     state = tuple(
         (file, file.lstat().st_mtime_ns) for root in unique for file in sorted(root.rglob("*.py"))
     )
     return _registry(unique, state)
+
+
+_named: list[str] = []
+
+
+def use_solvers(names: Iterable[str]) -> None:
+    """Make solvers that CVXPY knows methods of every conic Program, for this process.
+
+    Raises
+    ------
+    UnknownNameError, InputError
+        CVXPY does not know one, or it is not installed.
+    """
+    for name in names:
+        if name not in _named:
+            from workbench.cvxpy_solvers import conic_solver
+
+            conic_solver(name)
+            _named.append(name)
+
+
+def used_solvers() -> tuple[str, ...]:
+    """The solvers named so far."""
+    return tuple(_named)
+
+
+def _points(group: str) -> list[EntryPoint]:
+    return sorted(entry_points(group=group), key=lambda point: (point.name, point.value))
+
+
+@cache
+def _package_folders() -> tuple[Path, ...]:
+    """Folders of the installed packages that bring problems, none of them imported."""
+    found = []
+    for point in _points("workbench.problems"):
+        try:
+            spec = find_spec(point.value)
+        except (ImportError, ValueError) as error:
+            raise RegistryError(f"entry point {point.name} = {point.value}: {error}") from None
+        if spec is None or not spec.submodule_search_locations:
+            raise RegistryError(f"entry point {point.name}: {point.value} is no package")
+        found.append(Path(next(iter(spec.submodule_search_locations))))
+    return tuple(found)
+
+
+@cache
+def _load_packages() -> None:
+    """Import the modules of installed packages that bring solvers and methods."""
+    for point in _points("workbench.solvers"):
+        try:
+            point.load()
+        except Exception as error:  # somebody else's module may raise anything
+            raise RegistryError(
+                f"entry point {point.name} = {point.value}: {type(error).__name__}: {error}"
+            ) from None
 
 
 @lru_cache(maxsize=1)

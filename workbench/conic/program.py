@@ -114,7 +114,15 @@ def violation(cone: ConeFactor, s: RealArray) -> float:
     return float(-np.linalg.eigvalsh(S)[0]) if np.isfinite(S).all() else math.inf
 
 
-@conic_method(ConicProgram)
+def _widest(program: ConicProgram) -> str:
+    """The widest of its cones, in the words of `workbench.solvers.CONES`."""
+    kinds = {cone.kind for cone in program.form.cones}
+    if ConeKind.SEMIDEFINITE in kinds:
+        return "semidefinite"
+    return "second-order" if ConeKind.SECOND_ORDER in kinds else "linear"
+
+
+@conic_method(ConicProgram, cones=_widest)
 def _conic(program: ConicProgram, context: Context, solver: ConicSolver) -> Claim:
     """The program as it is given."""
     import cvxpy as cp

@@ -13,7 +13,7 @@ from workbench.program import Claim, conic_method
 from workbench.solvers import ConicSolver, solve_conic
 
 
-@conic_method(SmallestCircle)
+@conic_method(SmallestCircle, cones="second-order")
 def _circle(program: SmallestCircle, context: Context, solver: ConicSolver) -> Claim:
     """Second-order cone program: least r with |p - c| <= r for every point."""
     import cvxpy as cp
@@ -39,7 +39,7 @@ def _free_angle(program: NarrowestStadium) -> str | None:
     return "with a free angle it is not convex; give an angle, or use exact, thesis or ipopt"
 
 
-@conic_method(NarrowestStadium, unfit=_free_angle)
+@conic_method(NarrowestStadium, cones="second-order", unfit=_free_angle)
 def _stadium(program: NarrowestStadium, context: Context, solver: ConicSolver) -> Claim:
     """Two conic programs in the frame of the angle: least radius, then least half-length."""
     import cvxpy as cp

@@ -10,7 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from workbench.bench.project import registry, results_root, use_problems, use_results
+from workbench.bench.project import (
+    registry,
+    results_root,
+    use_problems,
+    use_results,
+    use_solvers,
+    used_solvers,
+)
 from workbench.bench.question import Question, canonical
 from workbench.bench.run import Bench, Bound
 from workbench.bench.store import Store
@@ -22,20 +29,22 @@ from workbench.study import Study
 
 @dataclass(frozen=True)
 class Site:
-    """Where a worker finds what its caller finds: problem folders and results."""
+    """Where a worker finds what its caller finds: problem folders, results and solvers."""
 
     folders: tuple[Path, ...]
     results: Path
+    solvers: tuple[str, ...] = ()
 
     @classmethod
     def here(cls) -> Site:
-        return cls(tuple(registry().roots), results_root().absolute())
+        return cls(tuple(registry().roots), results_root().absolute(), used_solvers())
 
     def enter(self) -> None:
         """Find the same things in this process."""
         if self in _entered:
             return
         _entered[:] = [self]
+        use_solvers(self.solvers)
         if tuple(registry().roots) != self.folders:
             use_problems(self.folders)
         if results_root().absolute() != self.results:

@@ -20,7 +20,7 @@ def not_convex(program: ResponseFit) -> str | None:
     return None
 
 
-@conic_method(ResponseFit, optimal=False, unfit=not_convex)
+@conic_method(ResponseFit, cones="second-order", optimal=False, unfit=not_convex)
 def _conic(program: ResponseFit, context: Context, solver: ConicSolver) -> Claim:
     """Second-order cone program for the best numerator over the poles of a vector fit."""
     return best_numerator(program, vector_fits(program, context)[0], context, solver)

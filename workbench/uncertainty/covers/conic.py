@@ -41,8 +41,8 @@ def _given(program: UncertaintyCover) -> str | None:
     return "the nominal is given; take steps or joint" if program.nominal is not None else None
 
 
-@conic_method(CircleCover, optimal=False, unfit=_given)
-@conic_method(StadiumCover, optimal=False, unfit=_given)
+@conic_method(CircleCover, cones="second-order", optimal=False, unfit=_given)
+@conic_method(StadiumCover, cones="second-order", optimal=False, unfit=_given)
 def _conic(program: UncertaintyCover, context: Context, solver: ConicSolver) -> Claim:
     """Numerator of the nominal for small sets by cone programs, over the poles of "steps"."""
     first = program.first_set(program.points)
