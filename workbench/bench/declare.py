@@ -57,7 +57,7 @@ def problem(
     needs: Needs | Callable[..., Needs] | None = None,
     data: str | tuple[str, ...] = (),
     slow: bool = False,
-    **axes: tuple[str, ...],
+    **axes: tuple[str, ...] | str,
 ) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Register a function as a named problem.
 
@@ -70,11 +70,13 @@ def problem(
         function of the parameters that returns such a mapping.
     data
         Data files that the problem reads, relative to the plant's folder: the first folder below
-        the problem folder, or that itself. They enter its key.
+        the problem folder, or that itself. They enter its key. A name may have axes in it, such as
+        ``"sdplib/{instance}.dat-s"``.
     slow
         Left out of ``make reproduce``.
     axes
-        The values that each axis of the name may take; they are passed as parameters.
+        The values that each axis of the name may take; they are passed as parameters. A pattern
+        of files with one star, such as ``"sdplib/*.dat-s"``, gives what the star stands for.
     """
 
     def register(function: Callable[..., Any]) -> Callable[..., Any]:

@@ -46,6 +46,64 @@ class Entry:
     def place(self) -> str:
         return f"{self.file}:{self.function}"
 
+    @property
+    def folder(self) -> Path:
+        """The plant's folder: data files are named from it."""
+        return plant_folder(self.root, self.file)
+
+
+def plant_folder(root: Path, file: Path) -> Path:
+    """The first folder below a problem folder that a file lies in, or that itself."""
+    first = root / file.relative_to(root).parts[0]
+    return first if first.is_dir() else root
+
+
+@dataclass(frozen=True)
+class _Declared:
+    """A ``@problem`` as the source has it: a template over axes of texts, or of files."""
+
+    template: str
+    axes: tuple[tuple[str, Any], ...]
+    help: str
+    slow: bool
+    root: Path
+    file: Path
+    line: int
+    function: str
+    where: str
+
+    def entries(self) -> Iterator[Entry]:
+        """An entry for each combination of the axes' values."""
+        values = [self.files(given) if isinstance(given, str) else given for _, given in self.axes]
+        for chosen in itertools.product(*values):
+            place = dict(zip((axis for axis, _ in self.axes), chosen, strict=True))
+            name = self.name(place)
+            yield Entry(
+                name, place, self.help, self.slow, self.root, self.file, self.line, self.function
+            )
+
+    def files(self, pattern: str) -> list[str]:
+        """What the star of a pattern stands for in the files that fit it."""
+        before, after = pattern.split("*")
+        folder = plant_folder(self.root, self.file)
+        found = (file.relative_to(folder).as_posix() for file in folder.glob(pattern))
+        return sorted(one[len(before) : len(one) - len(after)] for one in found)
+
+    def name(self, place: dict[str, str]) -> str:
+        try:
+            name = self.template.format(**place)
+        except (KeyError, IndexError) as error:
+            raise RegistryError(
+                f"{self.where}: the name {self.template!r} needs an axis for {error}"
+            ) from None
+        parts = name.split("/")
+        if not all(map(_PART.fullmatch, parts)) or parts[0] in RESERVED:
+            raise RegistryError(
+                f"{self.where}: {name!r} is no problem name; needed are words of letters, digits, "
+                f"'_', '-', '.' with '/' between, the first none of {', '.join(RESERVED)}"
+            )
+        return name
+
 
 def scan(root: Path) -> Iterator[Entry | RegistryError]:
     """Entries of every ``@problem`` function in the Python files below a folder.
@@ -64,7 +122,8 @@ def scan(root: Path) -> Iterator[Entry | RegistryError]:
         try:
             source = file.read_bytes()
             if f"{DECORATOR}(".encode() in source:
-                yield from _parsed(source, root, file)
+                for one in _parsed(source, root, file):
+                    yield from one.entries()
         except RegistryError as error:
             yield error
         except OSError as error:
@@ -72,18 +131,18 @@ def scan(root: Path) -> Iterator[Entry | RegistryError]:
 
 
 @lru_cache(maxsize=256)
-def _parsed(source: bytes, root: Path, file: Path) -> tuple[Entry, ...]:
-    """Entries of a file; parsing all files takes longer than running a small problem."""
+def _parsed(source: bytes, root: Path, file: Path) -> tuple[_Declared, ...]:
+    """Declarations of a file; parsing all files takes longer than running a small problem."""
     try:
         tree = ast.parse(source.decode(), filename=str(file))
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         line = getattr(error, "lineno", None) or 1
         raise RegistryError(f"problem file {file}:{line}: {error}") from None
     functions = [node for node in tree.body if isinstance(node, ast.FunctionDef)]
-    return tuple(entry for one in functions for entry in _entries(one, root, file))
+    return tuple(found for one in functions for found in _declared(one, root, file))
 
 
-def _entries(function: ast.FunctionDef, root: Path, file: Path) -> Iterator[Entry]:
+def _declared(function: ast.FunctionDef, root: Path, file: Path) -> Iterator[_Declared]:
     for call in function.decorator_list:
         if not (isinstance(call, ast.Call) and _name(call.func) == DECORATOR):
             continue
@@ -101,26 +160,28 @@ def _entries(function: ast.FunctionDef, root: Path, file: Path) -> Iterator[Entr
             if axis not in SETTINGS
         }
         for axis, values in axes.items():
+            if isinstance(values, str) and values.count("*") == 1:
+                continue
             if not (isinstance(values, tuple | list) and all(isinstance(v, str) for v in values)):
                 raise RegistryError(
-                    f"{where}: axis {axis} must be a tuple of texts, not {values!r}"
+                    f"{where}: axis {axis} must be a tuple of texts, or a pattern of files with "
+                    f"one star, not {values!r}"
                 )
         text = ast.get_docstring(function) or ""
-        for values in itertools.product(*axes.values()):
-            place = dict(zip(axes, values, strict=True))
-            try:
-                name = template.format(**place)
-            except (KeyError, IndexError) as error:
-                raise RegistryError(
-                    f"{where}: the name {template!r} needs an axis for {error}"
-                ) from None
-            parts = name.split("/")
-            if not all(map(_PART.fullmatch, parts)) or parts[0] in RESERVED:
-                raise RegistryError(
-                    f"{where}: {name!r} is no problem name; needed are words of letters, digits, "
-                    f"'_', '-', '.' with '/' between, the first none of {', '.join(RESERVED)}"
-                )
-            yield Entry(name, place, text, slow, root, file, function.lineno, function.name)
+        one = _Declared(
+            template,
+            tuple((axis, v if isinstance(v, str) else tuple(v)) for axis, v in axes.items()),
+            text,
+            slow,
+            root,
+            file,
+            function.lineno,
+            function.name,
+            where,
+        )
+        # A wrong name costs the file's own names, whatever files there are.
+        one.name({axis: "x" if isinstance(v, str) else v[0] for axis, v in axes.items() if v})
+        yield one
 
 
 def _name(node: ast.expr) -> str:

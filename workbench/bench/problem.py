@@ -67,9 +67,7 @@ class Problem:
     @property
     def folder(self) -> Path:
         """The plant's folder: data files are named from it."""
-        entry = self.entry
-        first = entry.root / entry.file.relative_to(entry.root).parts[0]
-        return first if first.is_dir() else entry.root
+        return self.entry.folder
 
     def bind(self, given: Mapping[str, Any]) -> dict[str, Any]:
         """Every parameter validated and converted, defaults filled in, axes included.
@@ -145,7 +143,7 @@ class Problem:
     def data_hashes(self) -> dict[str, str]:
         """SHA-256 of every data file that the problem declares."""
         hashes = {}
-        for name in self.settings.data:
+        for name in map(self._of_axes, self.settings.data):
             try:
                 hashes[name] = hashlib.sha256((self.folder / name).read_bytes()).hexdigest()
             except OSError as error:
@@ -153,6 +151,15 @@ class Problem:
                     f"{self.name}: data file {self.folder / name} cannot be read: {error.strerror}"
                 ) from None
         return hashes
+
+    def _of_axes(self, name: str) -> str:
+        """The name of a data file, its axes filled in."""
+        try:
+            return name.format(**self.entry.axes)
+        except (KeyError, IndexError, ValueError) as error:
+            raise RegistryError(
+                f"{self.entry.place}: data file {name!r} needs an axis for {error}"
+            ) from None
 
     def to_json(self, bound: Mapping[str, Any]) -> dict[str, Any]:
         """Bound parameters as plain JSON values."""

@@ -125,10 +125,14 @@ def registry() -> Registry:
     _load_packages()
     roots = _instead or [built_in(), *_package_folders(), *project.problems, *_added]
     unique = tuple(dict.fromkeys(path.resolve() for path in roots))
-    state = tuple(
-        (file, file.lstat().st_mtime_ns) for root in unique for file in sorted(root.rglob("*.py"))
-    )
+    # The time of a folder tells of files that an axis may be made of.
+    files = (file for root in unique for file in (root, *root.rglob("*")) if _counts(file))
+    state = tuple(sorted((file, file.lstat().st_mtime_ns) for file in files))
     return _registry(unique, state)
+
+
+def _counts(file: Path) -> bool:
+    return file.suffix == ".py" or (file.is_dir() and file.name != "__pycache__")
 
 
 _named: list[str] = []
