@@ -5,7 +5,7 @@ from collections import defaultdict
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1] / "workbench"
-COMMANDS = {"compare", "report", "results", "run", "verify"}
+COMMANDS = {"compare", "report", "results", "run", "sweep", "verify"}
 """Commands of the command line are called as the functions of the Python face that they call."""
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
@@ -183,6 +183,63 @@ def compare(
         verbose=verbose,
     )
     return run_comparison(pattern, asked, progress)
+
+
+def sweep(
+    name: str,
+    over: Mapping[str, Sequence[Any]],
+    method: str | None = None,
+    *,
+    tolerance: float | str = "middle",
+    time_limit: float | None = None,
+    seed: int = 0,
+    jobs: int = 1,
+    executor: Executor | None = None,
+    fresh: bool = False,
+    progress: Progress = silent,
+    **parameters: Any,
+) -> Run:
+    """Run a problem over a grid of its parameters.
+
+    Each point is a run of its own, stored when it ends and found again: a sweep that is stopped
+    goes on where it was. A point that fails costs itself.
+
+    Parameters
+    ----------
+    name
+        A registered name.
+    over
+        Values by parameter, such as ``{"speed": [1, 2, 5]}``; the grid is their product.
+    method
+        A method of its Program; None: the default one.
+    tolerance, time_limit, seed, fresh
+        As `run` takes them, for each point.
+    jobs
+        Processes.
+    executor
+        Where points run instead: anybody's `concurrent.futures.Executor`.
+    progress
+        Told how many points are done.
+    parameters
+        Further parameters of the problem.
+
+    Returns
+    -------
+    Run
+        A results folder. ``data`` has the swept parameters as dimensions, and as variables every
+        metric of the runs, their ``outcome``, ``message``, ``key``, ``holds`` and ``seconds``. It
+        holds where every point does.
+
+    Raises
+    ------
+    UnknownNameError, InputError
+        No such problem or parameter; a value that does not fit, or is there twice.
+    """
+    from workbench.sweeps import grid_of, run_sweep
+
+    options = Options(tolerance, time_limit, seed=seed)
+    grid = grid_of(name, over, method, options, parameters, fresh=fresh)
+    return run_sweep(grid, executor=executor, jobs=jobs, progress=progress)
 
 
 def results(pattern: str = "*") -> list[Run]:

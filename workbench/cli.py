@@ -20,6 +20,7 @@ from workbench.terminal import (
     print_json,
     print_plan,
     print_runs,
+    print_sweep,
     row,
     shown_live,
     verdict,
@@ -232,6 +233,43 @@ def compare(
     if table is not None:
         write_cells(done.data, table)
     sys.exit(0 if done.metrics["certified_share"] == 1 else 1)
+
+
+@main.command()
+@click.argument("name")
+@click.option(
+    "--over", "axes", multiple=True, required=True, metavar="KEY=A,B,C", help="Values to sweep."
+)
+@click.option("--method", help="Method [default: the problem's own].")
+@click.option("--set", "settings", multiple=True, metavar="KEY=VALUE", help="Another parameter.")
+@click.option("--tolerance", default="middle", help="low, middle, high, or a number.")
+@click.option("--time-limit", type=float, help="Seconds for each point.")
+@click.option("--seed", type=int, default=0, help="Seed of the random generator.")
+@click.option("--jobs", type=click.IntRange(min=1), default=1, help="Run points in N processes.")
+@click.option("--fresh", is_flag=True, help="Compute anew even where points are stored.")
+@AS_JSON
+def sweep(
+    name: str,
+    axes: tuple[str, ...],
+    method: str | None,
+    settings: tuple[str, ...],
+    as_json: bool,
+    **options: Any,
+) -> None:
+    """Run a problem over a grid of its parameters: one labelled dataset, table and figure.
+
+    Every point is a run of its own, found again: what was stopped goes on where it was.
+    """
+    given = [_settings((text,)) for text in axes]
+    names = [key for one in given for key in one]
+    if len(set(names)) < len(names):
+        raise click.UsageError(f"--over names a parameter twice: {', '.join(names)}")
+    over = {key: value.split(",") for one in given for key, value in one.items()}
+    with shown_live(f"sweep {name}") as (progress, _):
+        asked = {**options, **_settings(settings)}
+        done = workbench.sweep(name, over, method, progress=progress, **asked)
+    print_sweep(done, as_json)
+    sys.exit(0 if done.holds else 1)
 
 
 @main.command()

@@ -148,6 +148,22 @@ def print_comparison(one: Run, changed: Dataset | None, as_json: bool) -> None:
     click.echo(one.path)
 
 
+def print_sweep(one: Run, as_json: bool) -> None:
+    """The points of a sweep, how many of them hold, and where its folder is."""
+    from workbench.bench.sweep import ParameterSweep
+
+    data = one.data
+    if as_json:
+        told = data.drop_vars("message").to_dataframe().reset_index().to_dict("records")
+        print_json(row(one) | {"points": told})
+        return
+    click.echo(ParameterSweep.stored().tables(data)["points"])
+    found = one.metrics
+    held = round(found["certified_share"] * found["points"])
+    click.echo(f"certified {held} of {found['points']:g}")
+    click.echo(one.path)
+
+
 def print_plan(cells: Cells, as_json: bool) -> None:
     """What would become of each cell of a comparison."""
     from workbench.bench.compare import described

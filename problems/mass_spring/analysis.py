@@ -14,7 +14,7 @@ from workbench import figures, problem
 from workbench.arrays import Array, ComplexArray
 from workbench.certificate import THIS_SYSTEM
 from workbench.heavy_types import DataArray, Dataset, Figure, StateSpace
-from workbench.mu import Conditions, Sweep, conditions, sweep, upper_bound
+from workbench.mu import Conditions, Sweep, conditions, frequency_sweep, upper_bound
 from workbench.structure import Structure
 from workbench.study import Study, array, check, dim, figure, metric, part
 from workbench.uncertainty import GeneralisedPlant
@@ -107,7 +107,7 @@ class Analysis(Study):
     def sweeps(self, cases: Any, omega: DataArray) -> dict[Case, Sweep]:
         """Bounds of each case over frequency."""
         return {
-            case: sweep(N, structure, omega.values, "best")
+            case: frequency_sweep(N, structure, omega.values, "best")
             for case, (N, structure) in cases.items()
         }
 
@@ -115,7 +115,7 @@ class Analysis(Study):
 
     @dim(unit="rad/s")
     def omega(self, cases: Any) -> Array:
-        grids = [sweep(system, structure).omega for system, structure in cases.values()]
+        grids = [frequency_sweep(system, structure).omega for system, structure in cases.values()]
         omega = np.unique(np.concatenate(grids))
         return omega[(omega > 0) & np.isfinite(omega)]
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from workbench.errors import InputError
-from workbench.mu import branch_and_bound, lower_bound, peak, sweep, upper_bound
+from workbench.mu import branch_and_bound, frequency_sweep, lower_bound, peak, upper_bound
 from workbench.structure import Complex, Full, Real, Structure
 
 MIXED = Structure([Real(1), Complex(1), Full(2, 2)])
@@ -35,15 +35,15 @@ def test_lists_and_integers(bound):
     assert bound(np.array(lists), structure).value == pytest.approx(expected, rel=1e-6)
 
 
-@pytest.mark.parametrize("ask", [*BOTH, branch_and_bound, peak, sweep])
+@pytest.mark.parametrize("ask", [*BOTH, branch_and_bound, peak, frequency_sweep])
 def test_pairs_in_place_of_a_structure(ask):
-    given = control.tf(1, [1, 1]) if ask in (peak, sweep) else np.eye(1)
+    given = control.tf(1, [1, 1]) if ask in (peak, frequency_sweep) else np.eye(1)
     with pytest.raises(InputError, match=r"must be a Structure, not list.*from_pairs"):
         ask(given, [[1, 1]])
     ask(given, Structure.from_pairs([[1, 1]]))
 
 
-@pytest.mark.parametrize("ask", [peak, sweep])
+@pytest.mark.parametrize("ask", [peak, frequency_sweep])
 @pytest.mark.parametrize(
     ("system", "words"),
     [

@@ -19,7 +19,7 @@ from workbench.certify import cover
 from workbench.certify.stable_system import stable_system
 from workbench.errors import InputError, UnknownNameError
 from workbench.mu.frequency.peak import peak, with_complex_part
-from workbench.mu.frequency.sweep import sweep
+from workbench.mu.frequency.sweep import frequency_sweep
 from workbench.mu.robust.conditions import conditions
 from workbench.structure import Complex, Full, Real, Structure
 from workbench.uncertainty import UncertaintyModel
@@ -97,7 +97,7 @@ def test_against_dense_sampling(structure, seed):
     assert found.lower <= found.upper < 1.05 * found.lower
     check(system, structure, found)
     check_delta(system, structure, found)
-    sampled = sweep(system, structure, dense(system, 300)).upper
+    sampled = frequency_sweep(system, structure, dense(system, 300)).upper
     assert sampled.max() <= found.upper * (1 + 1e-9)
 
 
@@ -139,7 +139,7 @@ def test_at_the_ends_of_the_axis(system, omega):
 def test_beyond_the_end_of_a_grid():
     bump = control.tf([1, 0], [1, 1e5, 1e10]) * 1e5
     system = control.tf(0.9, [1, 1]) + bump
-    assert sweep(system, ONE, np.geomspace(1e-3, 1e3, 200)).upper.max() < 0.91
+    assert frequency_sweep(system, ONE, np.geomspace(1e-3, 1e3, 200)).upper.max() < 0.91
     assert peak(system, ONE).upper == pytest.approx(1.001, rel=1e-3)
 
 

@@ -16,11 +16,11 @@ from workbench.mu import (
     branch_and_bound,
     conditions,
     destabilising,
+    frequency_sweep,
     gradient,
     lower_bound,
     peak,
     skew_bounds,
-    sweep,
     upper_bound,
     worst_case_gain,
 )
@@ -65,7 +65,7 @@ def test_a_number_of_numpy_is_a_number_of_a_block():
 @pytest.mark.parametrize("omega", ["fast", ["a"], [1j]])
 def test_frequencies_that_are_not_real(omega):
     with pytest.raises(InputError, match="omega must be real frequencies"):
-        sweep(LIGHT, ONE, omega)
+        frequency_sweep(LIGHT, ONE, omega)
 
 
 @pytest.mark.parametrize("tolerance", ["high", None, math.nan, 0, 1])

@@ -19,9 +19,9 @@ PLACEMENT = "__workbench_problem__"
 RESERVED_PARAMETERS = frozenset(
     {"name", "pattern", "method", "methods", "tolerance", "accuracies", "time_limit", "verbose"}
     | {"seed", "fresh", "progress", "watch", "executor", "memory_limit", "repeat", "jobs"}
-    | {"threads", "light", "slow"}
+    | {"threads", "light", "slow", "over"}
 )
-"""Arguments of `workbench.run` and `workbench.compare`, which no parameter may be called."""
+"""Arguments of `workbench.run`, `compare` and `sweep`, which no parameter may be called."""
 
 
 class Fed:

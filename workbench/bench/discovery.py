@@ -18,7 +18,7 @@ SETTINGS = frozenset({"needs", "data", "slow"})
 """Keywords of the decorator that are not axes of the name."""
 
 
-RESERVED = ("cells", "compare", "reference", "report")
+RESERVED = ("cells", "compare", "reference", "report", "sweep")
 """First parts of names that the results folder keeps for itself."""
 _PART = re.compile(r"\w(?:[\w.-]*[\w-])?")
 

@@ -148,7 +148,7 @@ def use_solvers(names: Iterable[str]) -> None:
     """
     for name in names:
         if name not in _named:
-            from workbench.cvxpy_solvers import conic_solver
+            from workbench.conic import conic_solver
 
             conic_solver(name)
             _named.append(name)

@@ -26,6 +26,7 @@ from workbench.bench.problem import Problem
 from workbench.bench.project import registry, results_root
 from workbench.bench.question import CELL_DIGITS, plain
 from workbench.bench.store import CHECKSUMS, Store, damage
+from workbench.bench.sweep import SWEEP, ParameterSweep
 from workbench.bench.trust.information import run_information
 from workbench.bench.trust.untrusted import file_stem, own_file, possible_path, read_json, read_text
 from workbench.certificate import Certificate
@@ -37,6 +38,11 @@ from workbench.solvers import Outcome
 
 COMPARISON = "compare"
 """The problem of comparisons, which the bench makes itself."""
+OWN_STUDIES: dict[str, type[Comparison | ParameterSweep]] = {
+    COMPARISON: Comparison,
+    SWEEP: ParameterSweep,
+}
+"""Studies that the bench makes of other runs, by the name that their results have."""
 
 
 @dataclass(frozen=True)
@@ -256,7 +262,7 @@ def _exists(file: Path) -> bool:
 class Rebuilt:
     """A task made anew from a stored question, and what it was fed with.
 
-    A comparison has no problem.
+    A comparison and a sweep have no problem.
     """
 
     problem: Problem | None
@@ -273,8 +279,8 @@ def rebuilt(run: Run) -> Rebuilt:
         As `Run.task`.
     """
     info = run.info
-    if run.problem == COMPARISON:
-        return Rebuilt(None, {}, Comparison.stored())
+    if run.problem in OWN_STUDIES:
+        return Rebuilt(None, {}, OWN_STUDIES[run.problem].stored())
     if run.problem not in registry().entries:
         raise ResultError(
             f"problem {run.problem!r} is not registered here; name its folder with --problems or "

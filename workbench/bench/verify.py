@@ -20,11 +20,12 @@ from typing import Any
 from workbench.bench import netcdf
 from workbench.bench.project import Project, add_problems, registry
 from workbench.bench.question import Question, plain
-from workbench.bench.results import COMPARISON, Run, given, rebuilt
+from workbench.bench.results import COMPARISON, OWN_STUDIES, Run, given, rebuilt
 from workbench.bench.run import Bench, Bound, environment
 from workbench.bench.store import CHECKSUMS, FAILED, Store, damage
+from workbench.bench.sweep import SWEEP
 from workbench.bench.trust.untrusted import possible_path, read_json
-from workbench.bench.verify_cells import cell_of, rerun_cells, stored_cells
+from workbench.bench.verify_cells import cell_of, rerun_cells, stored_cells, stored_points
 from workbench.certificate import Certificate
 from workbench.errors import InputError, ResultError, WorkbenchError
 from workbench.program import Program, find_method
@@ -96,7 +97,7 @@ def verify_folder(path: Path, *, rerun: bool = False, trust: bool = False) -> Ve
     certificate = None
     try:
         found += _misplaced(run)
-        if run.problem not in (COMPARISON, *registry().entries):
+        if run.problem not in (*OWN_STUDIES, *registry().entries):
             notes.append(f"problem {run.problem!r} is not registered: checksums and key only")
             if not trust and _of_its_project(path):
                 notes.append("the project about the folder is not trusted; --trust imports it")
@@ -108,6 +109,9 @@ def verify_folder(path: Path, *, rerun: bool = False, trust: bool = False) -> Ve
             found += wrong + cell_of(run)
             if run.problem == COMPARISON:
                 wrong, said = rerun_cells(run) if rerun else stored_cells(run)
+                found, notes = found + wrong, notes + said
+            if run.problem == SWEEP:
+                wrong, said = stored_points(run)
                 found, notes = found + wrong, notes + said
             if run.best_so_far:
                 notes.append(f"stopped by the clock: {run.info['message']}")

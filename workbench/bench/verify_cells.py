@@ -1,4 +1,4 @@
-"""What a stored comparison says of its cells, against the cells themselves."""
+"""What a stored comparison says of its cells, and a sweep of its points, against themselves."""
 
 from __future__ import annotations
 
@@ -97,3 +97,28 @@ def rerun_cells(run: Run) -> tuple[list[str], list[str]]:
             sentence = f"re-run: {name}: {now}, it was {was}"
             (notes if CHANGING & {was, now} else wrong).append(sentence)
     return wrong, notes
+
+
+def stored_points(run: Run) -> tuple[list[str], list[str]]:
+    """Where a sweep disagrees with those of its points that are stored beside it; and notes."""
+    store, data = Store(root_of(run)), run.data
+    problem, wrong, missing = str(data.attrs["problem"]), [], 0
+    keys = data["key"].values
+    asked = [place for place in np.ndindex(*keys.shape) if keys[place]]
+    for place in asked:
+        folders = [one for one in store.places(problem, str(keys[place])) if one.exists()]
+        missing += not folders
+        for folder in folders:
+            wrong += [f"{folder.name}: {text}" for text in _point_apart(Run(folder), data, place)]
+    notes = [f"{missing} of {len(asked)} points are not here; run the sweep again"]
+    return wrong, notes if missing else []
+
+
+def _point_apart(run: Run, data: Dataset, place: tuple[int, ...]) -> Iterator[str]:
+    outcome = str(data["outcome"].values[place])
+    if run.outcome != outcome:
+        yield f"its outcome is {run.outcome}, the sweep says {outcome}"
+    for name, value in run.metrics.items():
+        stored = f"metric_{name}" if f"metric_{name}" in data else name
+        if stored not in data or not _same(float(value), float(data[stored].values[place])):
+            yield f"its {name} is {value}, the sweep says otherwise"

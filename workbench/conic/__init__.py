@@ -2,6 +2,7 @@
 
 from workbench.certify.cones.form import ConeFactor, ConeKind, ConicForm
 from workbench.conic.claims import ConicallyStated, NoLeastValue, NoSolution
+from workbench.conic.named_solvers import conic_solver
 from workbench.conic.program import ConicProgram
 
 __all__ = [
@@ -12,4 +13,5 @@ __all__ = [
     "ConicallyStated",
     "NoLeastValue",
     "NoSolution",
+    "conic_solver",
 ]

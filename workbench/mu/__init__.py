@@ -1,7 +1,7 @@
 """The structured singular value: certified bounds at frequencies and over all of them."""
 
 from workbench.mu.frequency.peak import Peak, peak, with_complex_part
-from workbench.mu.frequency.sweep import Sweep, sweep
+from workbench.mu.frequency.sweep import Sweep, frequency_sweep
 from workbench.mu.lower.bound import lower_bound
 from workbench.mu.lower.program import LowerBound, MuLowerBound
 from workbench.mu.robust.branch import branch_and_bound
@@ -40,6 +40,7 @@ __all__ = [
     "branch_and_bound",
     "conditions",
     "destabilising",
+    "frequency_sweep",
     "gain_room",
     "gradient",
     "lower_bound",
@@ -49,7 +50,6 @@ __all__ = [
     "rank_one_mu",
     "sensitivity",
     "skew_bounds",
-    "sweep",
     "upper_ab13md",
     "upper_bound",
     "upper_conic",

@@ -14,8 +14,9 @@ from workbench.bench.discovery import RESERVED
 from workbench.bench.project import registry
 from workbench.bench.report.badges import Badge, run_badge
 from workbench.bench.report.words import text
-from workbench.bench.results import COMPARISON, Run, runs_in, stored_runs
+from workbench.bench.results import COMPARISON, OWN_STUDIES, Run, runs_in, stored_runs
 from workbench.bench.store import CHECKSUMS, FAILED, PARTIAL
+from workbench.bench.sweep import SWEEP
 from workbench.errors import ResultError
 
 OPTIONS = ("tolerance", "time_limit", "seed")
@@ -109,8 +110,8 @@ def entry_of(run: Run) -> ReportEntry:
 
 def theme(problem: str) -> str:
     """What a problem is about: the folders of its source file; its name's first part elsewhere."""
-    if problem == COMPARISON:
-        return "comparisons"
+    if problem in OWN_STUDIES:
+        return "comparisons" if problem == COMPARISON else "sweeps"
     entry = registry().entries.get(problem)
     folders = entry.file.relative_to(entry.root).parts[:-1] if entry else ()
     parts = folders[:2] or problem.split("/")[:1]
@@ -119,6 +120,10 @@ def theme(problem: str) -> str:
 
 def _summary(run: Run) -> str:
     """What a run is about in one line: its problem's help, or how much a comparison compares."""
+    if run.problem == SWEEP:
+        over = run.info["parameters"].get("over")
+        names = ", ".join(over) if isinstance(over, dict) else ""
+        return f"{run.info['parameters'].get('problem', '')} over {names}"
     if run.problem != COMPARISON:
         entry = registry().entries.get(run.problem)
         return entry.summary if entry else ""
@@ -173,7 +178,7 @@ def as_json(differing: Mapping[str, str]) -> str:
 
 def failed_runs(root: Path, pattern: str = "*") -> list[Run]:
     """The kept failures below a results folder whose problem fits a shell pattern."""
-    aside = {root / PARTIAL, *(root / name for name in RESERVED if name != COMPARISON)}
+    aside = {root / PARTIAL, *(root / name for name in RESERVED if name not in OWN_STUDIES)}
     folders = (
         file.parent
         for file in sorted(root.rglob(f"*{FAILED}/{CHECKSUMS}"))

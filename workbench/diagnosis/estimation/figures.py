@@ -10,7 +10,7 @@ import numpy as np
 
 from workbench import figures
 from workbench.heavy_types import Figure, StateSpace
-from workbench.mu import sweep
+from workbench.mu import frequency_sweep
 from workbench.structure import Structure
 from workbench.systems.frequency_grid import frequencies_of
 from workbench.systems.generalised_plant import response
@@ -31,7 +31,7 @@ def channels(loops: Sequence[RequirementLoop]) -> Figure:
     for loop, colour in zip(loops, cycle(figures.CYCLE), strict=False):
         omega = frequencies_of(loop.system)
         omega = omega[(omega >= loop.band[0]) & (omega <= loop.band[1])]
-        found = sweep(loop.system, loop.structure, omega)
+        found = frequency_sweep(loop.system, loop.structure, omega)
         frequency = found.omega / 2 / np.pi
         panel.loglog(frequency, found.upper, color=colour, label=f"{loop.name}, upper bound")
         panel.loglog(frequency, found.lower, ":", color=colour, label="lower bound")

@@ -32,7 +32,7 @@ class Sweep(FrequencyBounds):
     Delta: Array
 
 
-def sweep(
+def frequency_sweep(
     system: Any, structure: Structure, omega: ArrayLike | None = None, lower: str = "power"
 ) -> Sweep:
     """Bounds of mu of a stable system over frequency.

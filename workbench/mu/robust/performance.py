@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from workbench.certify.stability import stability_of
 from workbench.mu.frequency.peak import Peak, peak
-from workbench.mu.frequency.sweep import Sweep, sweep
+from workbench.mu.frequency.sweep import Sweep, frequency_sweep
 from workbench.systems.conversion import need_plant
 from workbench.systems.generalised_plant import GeneralisedPlant
 
@@ -46,7 +46,7 @@ def performance_sweep(plant: GeneralisedPlant, K: Any, omega: ArrayLike) -> Swee
 
     They say nothing of an unstable nominal loop: ask `performance_peak` first.
 
-    Raises InputError as `performance_peak`, and `sweep` for the frequencies.
+    Raises InputError as `performance_peak`, and `frequency_sweep` for the frequencies.
     """
     need_plant(plant)
-    return sweep(plant.close(K), plant.performance_structure, omega)
+    return frequency_sweep(plant.close(K), plant.performance_structure, omega)

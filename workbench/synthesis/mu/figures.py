@@ -8,7 +8,7 @@ import numpy as np
 
 from workbench import figures
 from workbench.heavy_types import Figure, StateSpace
-from workbench.mu import sweep
+from workbench.mu import frequency_sweep
 from workbench.structure import Structure
 from workbench.synthesis.hinf.figures import grid
 from workbench.synthesis.mu.rounds import Iterate
@@ -23,8 +23,8 @@ def bounds_figure(loop: StateSpace, structure: Structure, peak: float) -> Figure
     `peak` is the certified upper bound over all frequencies.
     """
     omega = grid(loop)
-    mixed = sweep(loop, structure, omega)
-    complex_ = sweep(loop, structure.complexified(), omega)
+    mixed = frequency_sweep(loop, structure, omega)
+    complex_ = frequency_sweep(loop, structure.complexified(), omega)
     figure, (panel,) = figures.axes(size=(7.0, 4.0))
     panel.semilogx(omega, complex_.upper, ":", color=figures.ORANGE, label="all blocks complex")
     panel.semilogx(omega, mixed.upper, color=figures.BLUE, label="upper bound")

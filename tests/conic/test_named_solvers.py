@@ -11,7 +11,7 @@ import pytest
 import workbench as wb
 from workbench import program, solvers
 from workbench.conic import ConeFactor, ConeKind, ConicForm, ConicProgram
-from workbench.cvxpy_solvers import _SETTINGS, conic_solver
+from workbench.conic.named_solvers import _SETTINGS, conic_solver
 from workbench.errors import InputError, UnknownNameError
 from workbench.geometry import SmallestCircle
 from workbench.program import methods
@@ -114,7 +114,7 @@ def spot() -> SmallestCircle:
     return SmallestCircle(np.array([[0j, 2, 1 + 0.5j]]))
 """,
     "lens/methods.py": """
-from workbench.cvxpy_solvers import conic_solver
+from workbench.conic.named_solvers import conic_solver
 conic_solver("qoco")
 """,
     "lens-1.0.dist-info/METADATA": "Metadata-Version: 2.1\nName: lens\nVersion: 1.0\n",

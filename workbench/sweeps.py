@@ -1,0 +1,155 @@
+"""Run one problem over a grid of its parameters: planned, run, found again, stored as one."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
+from typing import Any
+
+from workbench.bench.cells.plan import Site
+from workbench.bench.code import code_hash
+from workbench.bench.problem import Problem
+from workbench.bench.project import registry
+from workbench.bench.question import Question, asked
+from workbench.bench.results import Run
+from workbench.bench.run import Bound, default_bench
+from workbench.bench.sweep import SWEEP, ParameterSweep, SweptPoint, sweep_dataset
+from workbench.errors import InputError, UnknownNameError, WorkbenchError
+from workbench.executor import InProcess, Progress, Workers, as_they_end, silent
+from workbench.heavy_types import Dataset
+from workbench.solvers import Options, Outcome
+
+
+@dataclass(frozen=True)
+class Grid:
+    """What a sweep asks: a problem, its swept parameters, the others, a method and options."""
+
+    problem: str
+    axes: Mapping[str, tuple[Any, ...]]
+    parameters: Mapping[str, Any]
+    method: str | None
+    options: Options
+    fresh: bool = False
+
+    def __call__(self, executor: Executor, progress: Progress) -> Dataset:
+        """The dataset, its points run where they are not stored."""
+        places = list(itertools.product(*(range(len(values)) for values in self.axes.values())))
+        calls = ((place, (_run, self.at(place), Site.here())) for place in places)
+        found: dict[tuple[int, ...], SweptPoint] = {}
+        progress("points", 0, len(places))
+        for place, future in as_they_end(executor, calls):
+            error = future.exception()
+            found[place] = future.result() if error is None else _failed(error)
+            progress("points", len(found), len(places))
+        return sweep_dataset(self.axes, found, self.problem)
+
+    def at(self, place: tuple[int, ...]) -> _Asked:
+        """What is asked at a place of the grid."""
+        point = {name: self.axes[name][k] for name, k in zip(self.axes, place, strict=True)}
+        given = {**self.parameters, **point}
+        return _Asked(self.problem, given, self.method, self.options, self.fresh)
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """The question of a point, as a worker gets it."""
+
+    problem: str
+    parameters: Mapping[str, Any]
+    method: str | None
+    options: Options
+    fresh: bool
+
+
+def _run(question: _Asked, place: Site) -> SweptPoint:
+    """Run a point; what keeps it from running is in the point."""
+    place.enter()
+    try:
+        bench = default_bench(question.options, fresh=question.fresh)
+        run = bench.run(question.problem, question.method, dict(question.parameters))
+    except WorkbenchError as error:
+        return _failed(error)
+    seconds = run.seconds["total"]
+    numbers = {name: float(value) for name, value in run.metrics.items()}
+    headline = str(run.info.get("headline") or "")
+    return SweptPoint(
+        run.outcome, run.info["message"], run.key, run.holds, seconds, numbers, headline
+    )
+
+
+def _failed(error: BaseException) -> SweptPoint:
+    return SweptPoint(Outcome.FAILED, f"{type(error).__name__}: {error}")
+
+
+def grid_of(
+    name: str,
+    over: Mapping[str, Sequence[Any]],
+    method: str | None,
+    options: Options,
+    parameters: Mapping[str, Any],
+    *,
+    fresh: bool = False,
+) -> Grid:
+    """A grid whose names and values are checked, its values converted.
+
+    Raises
+    ------
+    UnknownNameError, InputError
+        No such problem or parameter; no or equal values; a value that does not fit; a parameter
+        that is swept and fixed.
+    """
+    problem = registry().find(name)
+    if not over:
+        raise InputError("a sweep needs a parameter and its values, such as over={'speed': [1, 2]}")
+    for parameter, values in over.items():
+        if parameter not in problem.parameters:
+            raise UnknownNameError(f"parameter of {name}", parameter, problem.parameters)
+        if parameter in parameters:
+            raise InputError(f"{parameter} is swept and has a value of its own: leave out one")
+        if isinstance(values, str) or not len(values):
+            raise InputError(f"{parameter} needs a list of one value or more, not {values!r}")
+    axes = {
+        parameter: tuple(_converted(problem, parameter, value, parameters) for value in values)
+        for parameter, values in over.items()
+    }
+    for parameter, converted in axes.items():
+        if len(set(map(str, converted))) < len(converted):
+            raise InputError(f"{parameter} has a value twice: {', '.join(map(str, converted))}")
+    for place in itertools.product(*axes.values()):  # values that do not fit each other
+        problem.bind({**parameters, **dict(zip(axes, place, strict=True))})
+    return Grid(name, axes, dict(parameters), method, options, fresh)
+
+
+def _converted(problem: Problem, parameter: str, value: Any, others: Mapping[str, Any]) -> Any:
+    bound = problem.bind({**others, parameter: value})
+    return problem.to_json(bound)[parameter]
+
+
+def run_sweep(
+    grid: Grid, *, executor: Executor | None = None, jobs: int = 1, progress: Progress = silent
+) -> Run:
+    """The sweep's folder, made of its points. See `workbench.sweep`."""
+    if jobs < 1:
+        raise InputError(f"jobs must be 1 or more, not {jobs}")
+    with _working(executor, jobs) as where:
+        data = grid(where, progress)
+    axes = {name: list(values) for name, values in grid.axes.items()}
+    stored: dict[str, Any] = {"problem": grid.problem, "over": axes}
+    # A sweep has no method of its own, and no parameters.
+    stored |= {"by": grid.method, "given": dict(grid.parameters)}
+    question = Question(SWEEP, stored, {}, {}, None, asked(grid.options))
+    bench = default_bench(grid.options)
+    task = ParameterSweep(lambda context: data)
+    with bench.store.writing(question.problem, question.key) as writer:
+        bound = Bound(None, stored, {}, task)
+        return bench.answer(bound, question, code_hash([type(task).__module__]), writer)
+
+
+def _working(executor: Executor | None, jobs: int) -> AbstractContextManager[Executor]:
+    """Where points run: the executor given, which stays open, or one of their own."""
+    if executor is not None:
+        return nullcontext(executor)
+    return InProcess() if jobs == 1 else Workers(jobs)
