@@ -19,7 +19,6 @@ from . import (
     chapter_6,
     chapter_6_mu,
     chapter_7,
-    chapter_7_results,
     chapter_8,
     chapter_9,
 )
@@ -36,7 +35,7 @@ CHAPTERS: dict[str, tuple[Item, ...]] = {
     ),
     "Chapter 5": chapter_5.ITEMS + chapter_5_results.ITEMS,
     "Chapter 6": chapter_6_mu.ITEMS + chapter_6.ITEMS,
-    "Chapter 7": chapter_7.ITEMS + chapter_7_results.ITEMS,
+    "Chapter 7": chapter_7.ITEMS,
     "Chapter 8": chapter_8.ITEMS,
     "Chapter 9": chapter_9.ITEMS,
     "Appendix": appendix.ITEMS,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..defect_readings import (
+from ...defect_readings import (
     ESTIMATOR,
     FILTER,
     PLANE,
@@ -14,8 +14,8 @@ from ..defect_readings import (
     lead,
     sensed_gain,
 )
-from ..items import Item, Number, Verdict, at_least, at_most, near
-from ..readings import both, quotient
+from ...items import Item, Number, Verdict, at_least, at_most, near
+from ...readings import both, quotient
 
 FOCUS = PLANE.format("focus")
 OBSERVED = "cd/{}/observer-bandwidth"
