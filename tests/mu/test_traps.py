@@ -103,7 +103,7 @@ def test_an_infimum_that_is_not_attained_needs_a_d_that_may_grow():
     assert np.linalg.norm(held @ M @ np.linalg.inv(held), 2) > 1.04
 
 
-def test_a_panic_of_a_solver_is_an_answer_not_a_crash(monkeypatch):
+def test_a_panic_of_a_solver_is_a_failure_not_a_crash(monkeypatch):
     class Panic(BaseException):
         """As a Rust panic arrives: no Exception."""
 
@@ -112,8 +112,8 @@ def test_a_panic_of_a_solver_is_an_answer_not_a_crash(monkeypatch):
 
     monkeypatch.setattr(cp.Problem, "get_problem_data", panics)
     solution = solve(MuUpperBound(random(2, 1, 2), TWO), "clarabel")
+    assert (solution.outcome, solution.answer) == ("failed", None)
     assert "Panic: index out of range" in solution.message
-    assert solution.certificate.valid  # what balancing alone proves
 
 
 @pytest.mark.parametrize("size", [1e-3, 1e-6])

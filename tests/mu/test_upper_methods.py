@@ -126,3 +126,13 @@ def test_early_stops_are_told_and_still_certified():
     )
     assert "early" in solution.message
     assert solution.certificate.valid
+
+
+def test_a_solver_that_fails_from_the_start_gives_no_answer_of_another(monkeypatch):
+    """The bound of balancing is valid, but no work of the solver that is asked."""
+    from workbench.mu.upper import conic
+
+    monkeypatch.setattr(conic, "solve_conic", lambda *_: (Outcome.FAILED, "it broke"))
+    M = np.random.default_rng(0).standard_normal((3, 3))
+    solution = solve(MuUpperBound(M, Structure([Complex(1)] * 3)), "clarabel")
+    assert (solution.outcome, solution.message) == ("failed", "it broke")

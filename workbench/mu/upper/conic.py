@@ -94,7 +94,7 @@ def _conic(program: MuUpperBound, context: Context, solver: ConicSolver) -> Clai
         if norm > NILPOTENT_NORM:
             best = np.inf
             trial_D, trial_G = D[i].copy(), G[i].copy()
-            for _ in range(MOST_PROGRAMS):
+            for round_ in range(MOST_PROGRAMS):
                 left, right, twist = expanded_multipliers(pattern, trial_D, trial_G)
                 bound = float(certified_bound(M / norm, structure, left, right, twist))
                 if bound < best:
@@ -104,6 +104,9 @@ def _conic(program: MuUpperBound, context: Context, solver: ConicSolver) -> Clai
                 best = bound
                 problem = statement.at(M / norm, bound**2, right)
                 outcome, message = solve_conic(problem, solver, context.options, context)
+                if outcome is Outcome.FAILED and round_ == 0:
+                    # What there is comes from balancing: it would be no answer of this solver.
+                    return None, outcome, message
                 if outcome not in (Outcome.SOLVED, Outcome.INACCURATE):
                     worst = outcome
                     break
