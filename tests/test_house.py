@@ -27,3 +27,9 @@ def test_every_module_says_what_it_is():
         if not ast.get_docstring(ast.parse(file.read_text(encoding="utf-8")))
     ]
     assert not silent
+
+
+def test_files_of_tests_have_names_of_their_own():
+    """Without packages of tests, pytest imports each file by its bare name."""
+    names = [file.name for file in (ROOT / "tests").rglob("test_*.py")]
+    assert not {name for name in names if names.count(name) > 1}
