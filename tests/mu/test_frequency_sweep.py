@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from workbench.errors import InputError, UnknownNameError
-from workbench.mu.frequency.sweep import sweep
+from workbench.mu.frequency.sweep import frequency_sweep
 from workbench.structure import Complex, Full, Real, Structure
 from workbench.systems.frequency_grid import starting_grid
 
@@ -14,7 +14,7 @@ ONE = Structure([Full(1, 1)])
 
 @pytest.mark.parametrize("damping", [1e-1, 1e-3, 1e-5])
 def test_a_narrow_peak_is_found_and_resolved(damping):
-    swept = sweep(control.tf(1, [1, 2 * damping, 1]), ONE)
+    swept = frequency_sweep(control.tf(1, [1, 2 * damping, 1]), ONE)
     assert swept.upper.max() == pytest.approx(1 / (2 * damping * np.sqrt(1 - damping**2)), rel=2e-3)
     inner = swept.upper[1:-1]
     change = np.abs(np.diff(np.log(inner)))
@@ -28,7 +28,7 @@ def test_bounds_and_multipliers_have_the_shapes_of_the_structure():
     system = control.ss(
         -np.diag([1.0, 2.0, 30.0]), rng.normal(size=(3, 5)), rng.normal(size=(4, 3)), 0
     )
-    swept = sweep(system, structure, [0.0, 1.0, 10.0, np.inf])
+    swept = frequency_sweep(system, structure, [0.0, 1.0, 10.0, np.inf])
     assert swept.omega.tolist() == [0.0, 1.0, 10.0, np.inf]
     assert swept.M.shape == (4, 4, 5)
     assert swept.D_left.shape == (4, 4, 4)
@@ -51,15 +51,15 @@ def test_the_grid_has_zero_infinity_and_every_pole():
 @pytest.mark.parametrize("omega", [[], [-1.0], [np.nan]])
 def test_wrong_frequencies(omega):
     with pytest.raises(InputError, match="omega"):
-        sweep(control.tf(1, [1, 1]), ONE, omega)
+        frequency_sweep(control.tf(1, [1, 1]), ONE, omega)
 
 
 def test_a_system_of_another_size():
     with pytest.raises(InputError, match="structure"):
-        sweep(control.tf(1, [1, 1]), Structure([Full(2, 2)]))
+        frequency_sweep(control.tf(1, [1, 1]), Structure([Full(2, 2)]))
 
 
 def test_an_unknown_method_is_named_without_a_gap_too():
     structure = Structure([Full(1, 1)])
     with pytest.raises(UnknownNameError, match="guess"):
-        sweep(control.ss(-1.0, 1.0, 1.0, 0.0), structure, [0.0, 1.0], "guess")
+        frequency_sweep(control.ss(-1.0, 1.0, 1.0, 0.0), structure, [0.0, 1.0], "guess")
