@@ -175,3 +175,18 @@ def test_units_count():
     one["x"].attrs["units"], other["x"].attrs["units"] = "Hz", "rad/s"
     (found,) = netcdf.differences(one, other, 1e-9)
     assert "x" in found and "units" in found
+
+
+def test_a_complex_array_of_single_precision_stays_one_and_may_differ_by_its_rounding(file):
+    exact = np.array([1.0 + 2.0j, 0.3 - 1e-30j])
+    rounded = through(xr.Dataset({"z": ("t", exact.astype(np.complex64))}), file)
+    assert rounded["z"].dtype == np.complex64
+    eps = np.finfo(np.float32).eps
+    for off, same in ((0.4 * eps, True), (1.5 * eps, False)):
+        moved = xr.Dataset({"z": ("t", (exact * (1 + off)))})
+        assert (netcdf.differences(moved, rounded, 1e-9) == []) == same
+    assert netcdf.differences(xr.Dataset({"z": ("t", exact * (1 + 2e-9))}), _full(exact), 1e-9)
+
+
+def _full(values):
+    return xr.Dataset({"z": ("t", values)})

@@ -6,9 +6,12 @@ import math
 import h5py
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import workbench as wb
 from workbench.bench.files import write_json
+from workbench.bench.question import plain
 from workbench.bench.results import open_run
 from workbench.bench.store import CHECKSUMS, files
 from workbench.bench.trust.untrusted import read_json
@@ -175,6 +178,28 @@ def test_what_is_no_results_folder_says_so(tmp_path):
 
 
 def test_json_is_written_for_people_and_diffs(tmp_path):
-    write_json(tmp_path / "a.json", {"b": 1.5, "a": [math.nan, None]})
-    text = '{\n  "b": 1.5,\n  "a": [\n    "nan",\n    null\n  ]\n}\n'
+    write_json(tmp_path / "a.json", {"b": 1.5, "a": [math.nan, None], "c": [{"d": "é"}, {}]})
+    text = """{
+  "b": 1.5,
+  "a": ["nan", null],
+  "c": [
+    {"d": "\\u00e9"},
+    {}
+  ]
+}
+"""
     assert (tmp_path / "a.json").read_text() == text
+
+
+entries = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, width=64) | st.text(),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(), inner, max_size=3),
+    max_leaves=10,
+)
+
+
+@given(st.dictionaries(st.text(), entries, max_size=3))
+def test_json_reads_back_as_it_was_written(tmp_path_factory, content):
+    file = tmp_path_factory.mktemp("json") / "a.json"
+    write_json(file, content)
+    assert json.loads(file.read_text()) == plain(content)

@@ -15,8 +15,19 @@ from workbench.heavy_types import Figure
 
 
 def write_json(file: Path, content: Mapping[str, Any]) -> None:
-    text = json.dumps(plain(content), indent=2, allow_nan=False)
-    file.write_text(text + "\n", encoding="utf-8")
+    """Write strict JSON for people too: what holds no further list or mapping is one line."""
+    file.write_text(_laid_out(plain(content)) + "\n", encoding="utf-8")
+
+
+def _laid_out(content: Any, margin: str = "\n") -> str:
+    named = content.items() if isinstance(content, Mapping) else ()
+    inner = content if isinstance(content, list) else [entry for _, entry in named]
+    if not any(isinstance(entry, Mapping | list) for entry in inner):
+        return json.dumps(content, allow_nan=False)
+    deeper, (start, end) = margin + "  ", "{}" if named else "[]"
+    names = [f"{json.dumps(name)}: " for name, _ in named] or [""] * len(inner)
+    entries = [name + _laid_out(e, deeper) for name, e in zip(names, inner, strict=True)]
+    return f"{start}{deeper}{f',{deeper}'.join(entries)}{margin}{end}"
 
 
 @dataclass(frozen=True)

@@ -112,15 +112,19 @@ def _join(data: xr.Dataset) -> xr.Dataset:
             if (whole, "imag") not in parts or (whole, "real") not in parts:
                 raise KeyError(f"{whole} has only one of its parts {whole}_real, {whole}_imag")
             # 1j * inf would make a NaN of the real part
-            values = np.empty(array.shape, dtype=complex)
-            values.real, values.imag = (parts[whole, p].values for p in ("real", "imag"))
+            real, imag = (parts[whole, p].values for p in ("real", "imag"))
+            values = np.empty(array.shape, dtype=np.result_type(real, imag, np.complex64))
+            values.real, values.imag = real, imag
             attrs = {key: v for key, v in array.attrs.items() if key not in (WHOLE, PART)}
             joined[whole] = (array.dims, values, attrs)
     return xr.Dataset(joined, attrs=data.attrs).set_coords(coordinates)
 
 
 def differences(old: xr.Dataset, new: xr.Dataset, tolerance: float) -> list[str]:
-    """Names and sizes of differences above a tolerance relative to the array's largest entry."""
+    """Names and sizes of differences above a tolerance relative to the array's largest entry.
+
+    Arrays of single precision may differ by their rounding too.
+    """
     found = [f"{name} is missing" for name in new.variables if name not in old.variables]
     found += [f"{name} is unexpected" for name in old.variables if name not in new.variables]
     for name, array in new.variables.items():
@@ -143,11 +147,16 @@ def _apart(old: xr.DataArray, new: xr.Variable, tolerance: float) -> Iterator[st
             yield f"differs in {different.sum()} of {a.size} entries"
     else:
         off = _distance(a, b)
-        if not off <= tolerance:
+        if not off <= max(tolerance, *(_precision(array) for array in (a, b))):
             yield f"differs by {off:.3g} of its largest entry"
 
 
+def _precision(array: np.ndarray) -> float:
+    return float(np.finfo(array.dtype).eps) if array.dtype.kind in "fc" else 0.0
+
+
 def _distance(a: np.ndarray, b: np.ndarray) -> float:
+    a, b = (array.astype(np.result_type(array, float)) for array in (a, b))
     finite = np.isfinite(a) & np.isfinite(b)
     if not np.array_equal(a[~finite], b[~finite], equal_nan=True):
         return np.inf

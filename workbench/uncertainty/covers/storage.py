@@ -21,7 +21,10 @@ PARTS = {
 
 
 def cover_dataset(responses: Responses, answer: CoverSteps) -> xr.Dataset:
-    """Dataset of the responses, the sets of every step, the sets of the model, and its roots."""
+    """Dataset of the responses, the sets of every step, the sets of the model, and its roots.
+
+    The responses are there to be looked at, in single precision; the task has them in full.
+    """
     model = answer.model
     plane = responses.unit
     deviation = "1" if model.form == "multiplicative" else plane
@@ -30,8 +33,8 @@ def cover_dataset(responses: Responses, answer: CoverSteps) -> xr.Dataset:
         {
             "response": (
                 measured.dims,
-                np.where(responses.present, responses.values, 0),
-                {"units": plane, "long_name": "response of a plant, 0 where missing"},
+                np.where(responses.present, responses.values, 0).astype(np.complex64),
+                {"units": plane, "long_name": "response of a plant, 0 where missing, rounded"},
             ),
             "present": (
                 measured.dims,

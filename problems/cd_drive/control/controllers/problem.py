@@ -13,7 +13,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from workbench import Run, problem, ref
-from workbench.arrays import RealArray
+from workbench.arrays import RealArray, outward_single
 from workbench.certificate import EVERY_PERTURBATION
 from workbench.executor import Context
 from workbench.heavy_types import DataArray, Dataset, Figure
@@ -158,7 +158,7 @@ class Controllers(Study):
         lambda judged: judged.peaks
     )
     mu = array((*over, bound, frequency), "1", "mu of robust performance")(
-        lambda judged: judged.curves
+        lambda judged: outward_single(judged.curves)
     )
     order = array((model, controller), "", "states of the controller")(lambda judged: judged.orders)
 

@@ -14,7 +14,7 @@ from typing import Any, ClassVar, get_args
 import numpy as np
 
 from workbench import Check, Run
-from workbench.arrays import RealArray
+from workbench.arrays import RealArray, outward_single
 from workbench.certify.stability import stability_of
 from workbench.errors import SolverError
 from workbench.executor import Context
@@ -160,7 +160,7 @@ class FiveX(Study):
     peak = array((*over, bound), "1", "certified bounds")(lambda analysed: analysed[0][..., :2])
     peak_frequency = array(over, "Hz", "of the peak")(lambda analysed: analysed[0][..., 2])
     mu = array((*over, bound, frequency), "1", "mu of robust performance")(
-        lambda analysed: analysed[1]
+        lambda analysed: outward_single(analysed[1])
     )
 
     @array((bounded, bound, frequency), "1", "least mu over all K at the frequency")

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from workbench import Check, Run, problem
-from workbench.arrays import RealArray
+from workbench.arrays import RealArray, outward_single
 from workbench.executor import Context
 from workbench.heavy_types import DataArray, Dataset, StateSpace
 from workbench.mu import Peak, conditions, performance_peak, performance_sweep
@@ -123,9 +124,9 @@ class Methods(Study):
     order = array(design, "1")(lambda controllers: [K.nstates for K in controllers.values()])
 
     @array((design, bound, frequency), "1", "mu of robust performance")
-    def mu(self, controllers: ControllersByName, omega: RealArray) -> list[Any]:
+    def mu(self, controllers: ControllersByName, omega: RealArray) -> NDArray[np.float32]:
         curves = (performance_sweep(self.task.plant, K, omega) for K in controllers.values())
-        return [(curve.lower, curve.upper) for curve in curves]
+        return outward_single([(curve.lower, curve.upper) for curve in curves])
 
     @array((design, frequency), "1", "magnitude of the nominal sensitivity")
     def S(self, controllers: ControllersByName, omega: RealArray) -> list[RealArray]:

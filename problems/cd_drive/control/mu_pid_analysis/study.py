@@ -9,12 +9,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workbench import Check, Run
-from workbench.arrays import RealArray
+from workbench.arrays import RealArray, outward_single
 from workbench.executor import Context
 from workbench.geometry import smallest_area_stadium
 from workbench.heavy_types import DataArray, Dataset, Figure
@@ -22,6 +23,7 @@ from workbench.mu import Peak, conditions, performance_sweep
 from workbench.study import Study, array, check, dim, figure, metric, part, table
 from workbench.synthesis import equalising_gain
 from workbench.uncertainty import GeneralisedPlant, ParametricModel, UncertaintyModel
+from workbench.uncertainty.covers.cover import UncertaintyCover
 from workbench.uncertainty.covers.storage import rational, shape
 
 from ...drive.plants import GAIN_VARIANTS, controller
@@ -113,26 +115,28 @@ class MuPidAnalysis(Study):
         lambda loops: _gathered([peaks[:, 2] for peaks, _ in loops.values()])
     )
     mu = array((*cases, bound, frequency), "1", "mu of robust performance")(
-        lambda loops: _gathered([curve for _, curve in loops.values()])
+        lambda loops: outward_single(_gathered([curve for _, curve in loops.values()]))
     )
 
     @array(
         (gain, speed, single, set, frequency), "1", "mu of robust performance, no weights fitted"
     )
-    def set_mu(self, omega: RealArray, context: Context) -> RealArray:
+    def set_mu(self, omega: RealArray, context: Context) -> NDArray[np.float32]:
         """Mu of the covers' sets, each about its own nominal."""
         every = list(product(GAIN_VARIANTS, SPEEDS, CHANNELS))
         found = np.array([self._sets(*case, omega) for case in context.track(every, "sets")])
-        return found.reshape(len(GAIN_VARIANTS), len(SPEEDS), len(CHANNELS), *found.shape[1:])
+        sizes = (len(GAIN_VARIANTS), len(SPEEDS), len(CHANNELS), *found.shape[1:])
+        return found.reshape(sizes).astype(np.float32)
 
     def _sets(self, gain: str, speed: float, single: str, omega: RealArray) -> list[RealArray]:
         found = []
         for form in COVERS:
-            data = self.runs[form, gain].data
+            run = self.runs[form, gain]
+            cover, data = cast(UncertaintyCover, run.task), run.data
             nominal = rational(data, "nominal")
             assert nominal is not None
             loop = channel_of(self.axis, nominal, controller(self.axis), single, speed, omega)
-            away = data["response"].values / nominal.response(omega)[:, None] - 1
+            away = cover.responses.values / nominal.response(omega)[:, None] - 1
             sets = [shape(data, "second")]
             if form == "stadium":
                 sets += [
