@@ -84,5 +84,9 @@ class CrashedError(WorkbenchError):
     """A task whose process died, twice: by a signal, or by an exit of its own."""
 
 
+class ClusterError(WorkbenchError):
+    """A scheduler that does not answer or is lost, or a worker that has other code."""
+
+
 class ResultError(WorkbenchError):
     """A results folder that cannot be read or that does not hold what it should."""

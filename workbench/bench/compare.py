@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from workbench.bench.cells.answer import Cell, answer, answer_apart, cell_workers, store_lost
-from workbench.bench.cells.plan import Plan, Site, plan
+from workbench.bench.cells.plan import Plan, plan
 from workbench.bench.cells.record import Record
 from workbench.bench.cells.stored import Journal, in_folder
 from workbench.bench.cells.table import Filled, Labels, cell_table
@@ -27,6 +27,7 @@ from workbench.bench.project import registry, results_root
 from workbench.bench.question import Question, asked, canonical
 from workbench.bench.results import COMPARISON, Run
 from workbench.bench.run import Bound, default_bench
+from workbench.bench.site import Site
 from workbench.bench.store import Store
 from workbench.errors import InputError, UnknownNameError
 from workbench.executor import InProcess, Progress, Workers, as_they_end, silent

@@ -81,7 +81,7 @@ def _tasks(stream: IO[bytes], waiting: queue.SimpleQueue[bytes]) -> None:
         os._exit(0)
 
 
-def _die_with_parent() -> None:
+def die_with_parent() -> None:
     """Where the system can do that: a hung solver outlives no pool that was killed."""
     if sys.platform == "linux":
         import ctypes
@@ -92,7 +92,7 @@ def _die_with_parent() -> None:
 def serve(file: str) -> None:
     """Serve until the input ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # an interrupt is the pool's
-    _die_with_parent()
+    die_with_parent()
     tasks = os.fdopen(os.dup(0), "rb")
     _Here.results = os.fdopen(os.dup(1), "wb")
     _Here.printed = Path(file)

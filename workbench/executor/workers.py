@@ -119,11 +119,12 @@ class Workers(Executor):
 
     def start(self, file: Path) -> subprocess.Popen[bytes]:
         """A process that serves tasks and prints into a file."""
+        threads = dict.fromkeys(THREADS, str(self.threads))
         process = subprocess.Popen(
             [sys.executable, "-c", SERVE, str(file)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            env=os.environ | dict.fromkeys(THREADS, str(self.threads)) | {"PYTHONPATH": _path()},
+            env=os.environ | threads | {"PYTHONPATH": search_path()},
         )
         assert process.stdin is not None
         pickle.dump((sys.path, self._preload), process.stdin)
@@ -131,7 +132,7 @@ class Workers(Executor):
         return process
 
 
-def _path() -> str:
+def search_path() -> str:
     """Where a new process finds the workbench; the rest of the path is told to it then."""
     home = str(Path(__file__).parents[2])
     return os.pathsep.join([home, *filter(None, [os.environ.get("PYTHONPATH")])])

@@ -5,54 +5,19 @@ from __future__ import annotations
 import inspect
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from workbench.bench.project import (
-    registry,
-    results_root,
-    use_problems,
-    use_results,
-    use_solvers,
-    used_solvers,
-)
+from workbench.bench.project import registry, results_root
 from workbench.bench.question import Question, canonical
 from workbench.bench.run import Bench, Bound
+from workbench.bench.site import Site
 from workbench.bench.store import Store
 from workbench.errors import WorkbenchError
 from workbench.program import Program, methods
 from workbench.solvers import ACCURACY, Options
 from workbench.study import Study
-
-
-@dataclass(frozen=True)
-class Site:
-    """Where a worker finds what its caller finds: problem folders, results and solvers."""
-
-    folders: tuple[Path, ...]
-    results: Path
-    solvers: tuple[str, ...] = ()
-
-    @classmethod
-    def here(cls) -> Site:
-        return cls(tuple(registry().roots), results_root().absolute(), used_solvers())
-
-    def enter(self) -> None:
-        """Find the same things in this process."""
-        if self in _entered:
-            return
-        _entered[:] = [self]
-        use_solvers(self.solvers)
-        if tuple(registry().roots) != self.folders:
-            use_problems(self.folders)
-        if results_root().absolute() != self.results:
-            use_results(self.results)
-
-
-_entered: list[Site] = []
-"""The place that this process is at: looking through the problem folders takes milliseconds."""
 
 
 @dataclass(frozen=True)

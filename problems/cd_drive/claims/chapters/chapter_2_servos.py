@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from workbench import Run
@@ -31,7 +33,7 @@ def slope(axis: Axis, low: float, high: float) -> Number:
     def slope_of(run: Run) -> float:
         envelope = run.data["envelope"].sel(axis=axis)
         logarithms = np.interp(np.log([low, high]), np.log(envelope["frequency"]), np.log(envelope))
-        return float(20.0 * np.log10(np.e) * np.diff(logarithms)[0] / np.log10(high / low))
+        return float(20.0 * math.log10(math.e) * np.diff(logarithms)[0] / np.log10(high / low))
 
     return Number(f"slope, {axis} [dB per decade]", RED_BOOK, slope_of, -41.0, -39.0)
 

@@ -1,0 +1,106 @@
+"""Where a worker finds what its caller finds, and whether it has the same code."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import workbench
+from workbench.bench.project import (
+    registry,
+    results_root,
+    use_problems,
+    use_results,
+    use_solvers,
+    used_solvers,
+)
+from workbench.bench.question import canonical, digest
+from workbench.bench.run import environment
+from workbench.errors import ClusterError
+from workbench.executor.cluster import Cluster
+
+
+@dataclass(frozen=True)
+class Site:
+    """Problem folders, results and solvers."""
+
+    folders: tuple[Path, ...]
+    results: Path
+    solvers: tuple[str, ...] = ()
+
+    @classmethod
+    def here(cls) -> Site:
+        return cls(tuple(registry().roots), results_root().absolute(), used_solvers())
+
+    def enter(self) -> None:
+        """Find the same things in this process."""
+        if self in _entered:
+            return
+        _entered[:] = [self]
+        use_solvers(self.solvers)
+        if tuple(registry().roots) != self.folders:
+            use_problems(self.folders)
+        if results_root().absolute() != self.results:
+            use_results(self.results)
+
+
+_entered: list[Site] = []
+"""The place that this process is at: looking through the problem folders takes milliseconds."""
+
+
+@dataclass(frozen=True)
+class SameCode:
+    """A caller's site, versions and sources, which a worker elsewhere must have too."""
+
+    site: Site
+    versions: tuple[tuple[str, str], ...]
+    sources: str
+
+    @classmethod
+    def here(cls) -> SameCode:
+        site = Site.here()
+        return cls(site, tuple(environment().items()), _sources(site.folders))
+
+    def __call__(self) -> None:
+        """Enter the site; `ClusterError` says what is missing or differs."""
+        for folder in (*self.site.folders, self.site.results):
+            if not folder.is_dir():
+                raise ClusterError(
+                    f"there is no folder {folder}; workers need the problems and the results of "
+                    "their caller under the same names, as on a shared file system"
+                )
+        _need_same(dict(self.versions), environment())
+        if _sources(self.site.folders) != self.sources:
+            raise ClusterError(
+                "the sources of the workbench or of the problem folders are others than the "
+                "caller's: install the same ones"
+            )
+        self.site.enter()
+
+
+def _need_same(there: Mapping[str, str], here: Mapping[str, str]) -> None:
+    names = sorted(there.keys() | here.keys())
+    apart = [
+        f"{name} {here.get(name, 'missing')} instead of {there.get(name, 'none')}"
+        for name in names
+        if here.get(name) != there.get(name)
+    ]
+    if apart:
+        raise ClusterError(f"it has {', '.join(apart)}; answers would not be the same")
+
+
+def _sources(folders: tuple[Path, ...]) -> str:
+    """Hash of the sources of the workbench and of problem folders."""
+    found = {
+        f"{place} {file.relative_to(folder).as_posix()}": digest(file.read_bytes())
+        for place, folder in enumerate((Path(workbench.__file__).parent, *folders))
+        for file in folder.rglob("*.py")
+    }
+    return digest(canonical(found))
+
+
+def connect(address: str, *, workers: int | None = None, threads: int = 1) -> Cluster:
+    """An executor on the workers of a Dask scheduler. See `workbench.connect`."""
+    results_root().mkdir(parents=True, exist_ok=True)
+    return Cluster(address, SameCode.here(), workers=workers, threads=threads)
