@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
@@ -266,9 +267,14 @@ def is_alive(process):
     return state != "Z"
 
 
-def test_a_function_that_no_process_can_import_is_refused(processes):
+def test_a_function_without_a_name_is_sent_as_code(processes):
+    offset = 3
+    assert processes.submit(lambda number: number + offset, 4).result() == 7
+
+
+def test_what_cannot_be_sent_is_refused(processes):
     with pytest.raises(InputError, match="cannot be sent"):
-        processes.submit(lambda: None).result()
+        processes.submit(id, threading.Lock()).result()
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ IMPORT_TIME = time.time_ns()
 """When this process imported the workbench [ns since the epoch], before any plant's module."""
 
 if TYPE_CHECKING:
-    from workbench.api import compare, load, problems, results, run, sweep, verify
+    from workbench.api import compare, connect, load, problems, results, run, sweep, verify
     from workbench.bench.declare import problem, ref
     from workbench.bench.project import add_problems
     from workbench.bench.report import report
@@ -29,7 +29,16 @@ if TYPE_CHECKING:
     from workbench.study import Study
 
 _HOME = {
-    "workbench.api": ("compare", "load", "problems", "results", "run", "sweep", "verify"),
+    "workbench.api": (
+        "compare",
+        "connect",
+        "load",
+        "problems",
+        "results",
+        "run",
+        "sweep",
+        "verify",
+    ),
     "workbench.bench.project": ("add_problems",),
     "workbench.bench.declare": ("problem", "ref"),
     "workbench.bench.report": ("report",),
@@ -55,6 +64,7 @@ __all__ = [
     "__version__",
     "add_problems",
     "compare",
+    "connect",
     "load",
     "method",
     "narrowest_stadium",

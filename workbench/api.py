@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from workbench.bench.project import registry, results_root
-from workbench.executor import Progress, Watch, silent, unwatched
+from workbench.executor import Cluster, Progress, Watch, silent, unwatched
 from workbench.solvers import Options
 
 if TYPE_CHECKING:
@@ -65,6 +65,7 @@ def run(
     verbose: bool = False,
     seed: int = 0,
     fresh: bool = False,
+    executor: Executor | None = None,
     progress: Progress = silent,
     watch: Watch = unwatched,
     **parameters: Any,
@@ -81,6 +82,10 @@ def run(
         As in `Options`.
     fresh
         Compute anew even where the answer is stored, or an iteration was stopped.
+    executor
+        Where parts that do not wait for each other go, such as the draws of an ensemble or the
+        starts of a search: anybody's `concurrent.futures.Executor`, as that of `connect`; None:
+        threads. The answer is the same.
     progress, watch
         Told how far the work is; told the rows of an iteration's rounds after each.
     parameters
@@ -96,7 +101,8 @@ def run(
     from workbench.bench.run import default_bench
 
     options = Options(tolerance, time_limit, verbose, seed)
-    return default_bench(options, progress, watch, fresh=fresh).run(name, method, parameters)
+    bench = default_bench(options, progress, watch, fresh=fresh, executor=executor)
+    return bench.run(name, method, parameters)
 
 
 def compare(
@@ -144,7 +150,8 @@ def compare(
         Processes, and the threads of linear algebra and solvers in each.
     executor
         Where cells run instead: `InProcess` to look for errors, or anybody's
-        `concurrent.futures.Executor`; there each has a child process under its limits.
+        `concurrent.futures.Executor`, such as that of `connect`; there each has a child process
+        under its limits.
     light
         Keep a record of each cell only, without a folder for its answer.
     fresh
@@ -217,7 +224,8 @@ def sweep(
     jobs
         Processes.
     executor
-        Where points run instead: anybody's `concurrent.futures.Executor`.
+        Where points run instead: anybody's `concurrent.futures.Executor`, such as that of
+        `connect`.
     progress
         Told how many points are done.
     parameters
@@ -240,6 +248,40 @@ def sweep(
     options = Options(tolerance, time_limit, seed=seed)
     grid = grid_of(name, over, method, options, parameters, fresh=fresh)
     return run_sweep(grid, executor=executor, jobs=jobs, progress=progress)
+
+
+def connect(address: str, *, workers: int | None = None, threads: int = 1) -> Cluster:
+    """An executor on the workers of a Dask scheduler, for `run`, `compare` and `sweep`.
+
+    Problem folders, the results folder and solvers are those of the caller at this time. Workers
+    need the same names for them, as on a shared file system, and the same versions and sources of
+    everything that can change an answer; then answers are the same wherever they are computed.
+
+    Parameters
+    ----------
+    address
+        Such as "tcp://10.0.0.5:8786"; or "local": processes of this machine, which end with the
+        executor.
+    workers
+        How many processes of this machine; None: one for each core.
+    threads
+        Threads that linear algebra and solvers may use in each task.
+
+    Returns
+    -------
+    Cluster
+        A `concurrent.futures.Executor`; leave it by ``with`` or ``shutdown()``.
+
+    Raises
+    ------
+    ClusterError
+        Dask is not installed, no scheduler answers, or a worker lacks a folder or has other code.
+    InputError
+        A count below 1, or ``workers`` for a scheduler that has its own.
+    """
+    from workbench.bench.site import connect as connect_here
+
+    return connect_here(address, workers=workers, threads=threads)
 
 
 def results(pattern: str = "*") -> list[Run]:

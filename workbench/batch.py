@@ -5,12 +5,13 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor, as_completed
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import workbench
 from workbench.bench.project import add_problems, added_problems
-from workbench.errors import WorkbenchError
+from workbench.errors import ClusterError, WorkbenchError
 from workbench.terminal import shown_live
 
 if TYPE_CHECKING:
@@ -18,14 +19,22 @@ if TYPE_CHECKING:
 
 
 def ended(
-    names: Sequence[str], asked: Mapping[str, Any], jobs: int
+    names: Sequence[str],
+    asked: Mapping[str, Any],
+    jobs: int,
+    executor: Executor | None = None,
 ) -> Iterator[tuple[str, Run | WorkbenchError]]:
     """Runs of problems, or the errors that kept them from running, as they end.
 
     ``asked`` as `workbench.run` takes it. Of several jobs each is a process, and the cores are
-    shared out among them: what two of them need is locked in the store.
+    shared out among them: what two of them need is locked in the store. An executor elsewhere gets
+    whole problems; of a single one it gets the parts.
     """
-    return _several(names, asked, jobs) if jobs > 1 else _one_by_one(names, asked)
+    if executor is not None and len(names) > 1:
+        return _several(names, asked, nullcontext(executor))
+    if jobs > 1 and executor is None:
+        return _several(names, asked, workers(jobs))
+    return _one_by_one(names, {**asked, "executor": executor})
 
 
 def _one_by_one(
@@ -42,14 +51,16 @@ def _one_by_one(
 
 
 def _several(
-    names: Sequence[str], asked: Mapping[str, Any], jobs: int
+    names: Sequence[str], asked: Mapping[str, Any], where: AbstractContextManager[Executor]
 ) -> Iterator[tuple[str, Run | WorkbenchError]]:
-    with workers(jobs) as executor, shown_live(f"{jobs} at once") as (progress, _):
+    with where as executor, shown_live("several at once") as (progress, _):
         futures = {
             executor.submit(_run, name, dict(asked), added_problems()): name for name in names
         }
         for count, future in enumerate(as_completed(futures), start=1):
             error = future.exception()
+            if isinstance(error, ClusterError):
+                raise error
             if error is not None and not isinstance(error, WorkbenchError):
                 raise error
             progress("problems", count, len(names))

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import sys
+from concurrent.futures import Executor
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -30,6 +32,20 @@ if TYPE_CHECKING:
     from workbench.bench.results import Run
 
 AS_JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON for a script.")
+SCHEDULER = click.option(
+    "--scheduler",
+    metavar="ADDRESS",
+    help="Work on the workers of a Dask scheduler, such as tcp://10.0.0.5:8786; or local.",
+)
+
+
+def _cluster(scheduler: str | None, jobs: int) -> AbstractContextManager[Executor | None]:
+    """The executor on a scheduler, which is left at the end; None without one."""
+    if scheduler is None:
+        return nullcontext()
+    if scheduler != "local" and jobs > 1:
+        raise click.UsageError(f"{scheduler} has its own workers; leave out --jobs")
+    return workbench.connect(scheduler, workers=jobs if jobs > 1 else None)
 
 
 class Commands(click.Group):
@@ -104,6 +120,7 @@ def show(name: str, as_json: bool) -> None:
 @click.option("--fresh", is_flag=True, help="Compute anew even where the answer is stored.")
 @click.option("--slow", is_flag=True, help="Run problems marked slow too.")
 @click.option("--jobs", type=click.IntRange(min=1), default=1, help="Run this many at once.")
+@SCHEDULER
 @AS_JSON
 def run(
     patterns: tuple[str, ...],
@@ -116,6 +133,7 @@ def run(
     fresh: bool,
     slow: bool,
     jobs: int,
+    scheduler: str | None,
     as_json: bool,
 ) -> None:
     """Run every problem that fits one of PATTERNS, and leave a results folder for each."""
@@ -140,15 +158,16 @@ def run(
     }
     runs: list[Run] = []
     failed = False
-    for position, (name, done) in enumerate(ended(chosen, asked, jobs), start=1):
-        if isinstance(done, WorkbenchError):
-            prefix = "" if name in str(done) else f"{name}: "
-            click.echo(f"workbench: {prefix}{done}", err=True)
-            failed = True
-            continue
-        runs.append(done)
-        if not as_json and len(chosen) > 1:
-            click.echo(f"[{position}/{len(chosen)}] {name}: {verdict(done)}", err=True)
+    with _cluster(scheduler, jobs) as executor:
+        for position, (name, done) in enumerate(ended(chosen, asked, jobs, executor), start=1):
+            if isinstance(done, WorkbenchError):
+                prefix = "" if name in str(done) else f"{name}: "
+                click.echo(f"workbench: {prefix}{done}", err=True)
+                failed = True
+                continue
+            runs.append(done)
+            if not as_json and len(chosen) > 1:
+                click.echo(f"[{position}/{len(chosen)}] {name}: {verdict(done)}", err=True)
     runs.sort(key=lambda one: chosen.index(one.problem))
     if as_json:
         print_json([row(one) for one in runs])
@@ -171,6 +190,7 @@ def run(
 @click.option("--memory-limit", metavar="SIZE", help="Memory of a cell's process, such as 4GiB.")
 @click.option("--repeat", type=click.IntRange(min=1), default=1, help="Time each cell so often.")
 @click.option("--jobs", type=click.IntRange(min=1), default=1, help="Run cells in N processes.")
+@SCHEDULER
 @click.option("--threads", type=click.IntRange(min=1), default=1, help="Threads in each process.")
 @click.option("--seed", type=int, default=0, help="Of the methods, and of the cells' order.")
 @click.option("--slow", is_flag=True, help="Problems marked slow too.")
@@ -190,6 +210,7 @@ def compare(
     settings: tuple[str, ...],
     memory_limit: str | None,
     in_process: bool,
+    scheduler: str | None,
     plan: bool,
     table: str | None,
     old: str | None,
@@ -208,24 +229,27 @@ def compare(
         raise click.UsageError("name --methods A,B,C or ask for --all-methods")
     if plan and (table or old):
         raise click.UsageError("--plan runs nothing; leave out --cells and --against")
+    if in_process and scheduler:
+        raise click.UsageError("--in-process and --scheduler exclude each other")
     if table is not None:
         need_table_file(table)
     # Read now: the new comparison takes the place of an old one that asked the same.
     before = None if old is None else need_comparison(workbench.open_run(old).data.load())
-    asked = asked_for(
-        pattern,
-        None if methods is None else methods.split(","),
-        accuracy.split(","),
-        _settings(settings),
-        memory_limit=None if memory_limit is None else _size(memory_limit),
-        executor=InProcess() if in_process else None,
-        **options,
-    )
-    with shown_live(f"compare {pattern}") as (progress, _):
-        if not plan:
-            done = run_comparison(pattern, asked, progress)
-        else:
-            planned = asked.planned(progress)
+    with _cluster(scheduler, options["jobs"]) as executor:
+        asked = asked_for(
+            pattern,
+            None if methods is None else methods.split(","),
+            accuracy.split(","),
+            _settings(settings),
+            memory_limit=None if memory_limit is None else _size(memory_limit),
+            executor=InProcess() if in_process else executor,
+            **options,
+        )
+        with shown_live(f"compare {pattern}") as (progress, _):
+            if not plan:
+                done = run_comparison(pattern, asked, progress)
+            else:
+                planned = asked.planned(progress)
     if plan:
         print_plan(planned, as_json)
         return
@@ -246,6 +270,7 @@ def compare(
 @click.option("--time-limit", type=float, help="Seconds for each point.")
 @click.option("--seed", type=int, default=0, help="Seed of the random generator.")
 @click.option("--jobs", type=click.IntRange(min=1), default=1, help="Run points in N processes.")
+@SCHEDULER
 @click.option("--fresh", is_flag=True, help="Compute anew even where points are stored.")
 @AS_JSON
 def sweep(
@@ -253,6 +278,7 @@ def sweep(
     axes: tuple[str, ...],
     method: str | None,
     settings: tuple[str, ...],
+    scheduler: str | None,
     as_json: bool,
     **options: Any,
 ) -> None:
@@ -265,9 +291,12 @@ def sweep(
     if len(set(names)) < len(names):
         raise click.UsageError(f"--over names a parameter twice: {', '.join(names)}")
     over = {key: value.split(",") for one in given for key, value in one.items()}
-    with shown_live(f"sweep {name}") as (progress, _):
-        asked = {**options, **_settings(settings)}
-        done = workbench.sweep(name, over, method, progress=progress, **asked)
+    asked = {**options, **_settings(settings)}
+    with (
+        _cluster(scheduler, options["jobs"]) as executor,
+        shown_live(f"sweep {name}") as (progress, _),
+    ):
+        done = workbench.sweep(name, over, method, executor=executor, progress=progress, **asked)
     print_sweep(done, as_json)
     sys.exit(0 if done.holds else 1)
 

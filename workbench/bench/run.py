@@ -7,6 +7,7 @@ import inspect
 import platform
 import time
 from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -40,7 +41,8 @@ from workbench.study import Study
 class Bench:
     """Settings of runs: results folder, options, progress display, reuse of stored answers.
 
-    ``stored_only``: what a problem is fed with must be there; it is not run for it.
+    ``stored_only``: what a problem is fed with must be there; it is not run for it. ``executor``:
+    where parts of the work go.
     """
 
     store: Store
@@ -49,6 +51,7 @@ class Bench:
     watch: Watch = unwatched
     fresh: bool = False
     stored_only: bool = False
+    executor: Executor | None = None
 
     def load(self, name: str, parameters: Mapping[str, Any]) -> Bound:
         """A problem with its data bound, its needs run first where they are missing."""
@@ -117,7 +120,7 @@ class Bench:
         earlier = earlier_run(writer.final, question)
         started, clock = now(), time.perf_counter()
         checkpoint = self._checkpoint(question, code, writer)
-        context = Context(self.options, self.progress, self.watch, checkpoint)
+        context = Context(self.options, self.progress, self.watch, checkpoint, self.executor)
         solution = solve(bound.task, question.method, context=context)
         notes = [solution.note] * bool(solution.note) + went_on(solution, checkpoint)
         data = answer_arrays(bound, solution)
@@ -313,6 +316,8 @@ def default_bench(
     watch: Watch = unwatched,
     *,
     fresh: bool = False,
+    executor: Executor | None = None,
 ) -> Bench:
     """The bench over the project's results folder."""
-    return Bench(Store(results_root()), options or Options(), progress, watch, fresh)
+    store = Store(results_root())
+    return Bench(store, options or Options(), progress, watch, fresh, executor=executor)

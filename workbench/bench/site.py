@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -51,16 +52,21 @@ _entered: list[Site] = []
 
 @dataclass(frozen=True)
 class SameCode:
-    """A caller's site, versions and sources, which a worker elsewhere must have too."""
+    """A caller's site, versions and sources, which a worker elsewhere must have too.
+
+    ``path`` are the folders in which the caller finds modules.
+    """
 
     site: Site
     versions: tuple[tuple[str, str], ...]
     sources: str
+    path: tuple[str, ...]
 
     @classmethod
     def here(cls) -> SameCode:
         site = Site.here()
-        return cls(site, tuple(environment().items()), _sources(site.folders))
+        path = tuple(str(Path(folder).absolute()) for folder in sys.path)
+        return cls(site, tuple(environment().items()), _sources(site.folders), path)
 
     def __call__(self) -> None:
         """Enter the site; `ClusterError` says what is missing or differs."""
@@ -76,6 +82,7 @@ class SameCode:
                 "the sources of the workbench or of the problem folders are others than the "
                 "caller's: install the same ones"
             )
+        sys.path += [folder for folder in self.path if folder not in sys.path]
         self.site.enter()
 
 

@@ -6,6 +6,7 @@ be killed, or a cluster client's executor are the same to whoever submits.
 
 from typing import Any
 
+from workbench.executor.cluster import Cluster
 from workbench.executor.context import Checkpoint, Context
 from workbench.executor.local import InProcess, Threads
 from workbench.executor.progress import Progress, Row, Watch, shown, silent, unwatched
@@ -18,6 +19,7 @@ WALL_TIME: dict[str, Any] = {"wall_time": 1}
 __all__ = [
     "WALL_TIME",
     "Checkpoint",
+    "Cluster",
     "Context",
     "InProcess",
     "Progress",

@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 from threadpoolctl import threadpool_limits
 
 from workbench.errors import ClusterError, CrashedError, InputError
-from workbench.executor.local_cluster import LocalCluster
+from workbench.executor.local_cluster import START, LocalCluster
 from workbench.executor.worker import task_bytes
 from workbench.executor.workers import THREADS
 
@@ -39,8 +39,6 @@ class Cluster(Executor):
     `CrashedError`. (A scheduler that was started elsewhere counts deaths as it was told to:
     ``allowed-failures`` of Dask.) Where the scheduler is lost, futures that have ended keep their
     results, and all others raise `ClusterError`.
-
-    Functions go to a worker by their name, as they do with `Workers`.
 
     Parameters
     ----------
@@ -86,10 +84,12 @@ class Cluster(Executor):
             raise
 
     def _welcome(self) -> None:
-        """Have all present workers arrive."""
+        """Have all present workers arrive; those of one's own are waited for."""
         from distributed.comm.core import CommClosedError
 
         try:
+            if self._own is not None:
+                self._client.wait_for_workers(self._own.workers, timeout=START)
             answers = self._client.run(_settled, self._arrive, self._threads, on_error="return")
         except CommClosedError:
             raise self._lost() from None
@@ -100,8 +100,8 @@ class Cluster(Executor):
     @property
     def window(self) -> int:
         """How many tasks should wait or be under way, so that no worker is idle."""
-        held = self._client.scheduler_info(n_workers=-1)["workers"].values()
-        return max(64, 4 * sum(int(worker["nthreads"]) for worker in held))
+        held = self._client.scheduler_info(n_workers=-1).get("workers", {})  # none if it is lost
+        return max(64, 4 * sum(int(worker["nthreads"]) for worker in held.values()))
 
     def submit(self, fn: Callable[..., T], /, *args: Any, **kwargs: Any) -> Future[T]:
         future: Future[T] = Future()

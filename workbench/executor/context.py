@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Sized
+from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -14,13 +15,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.errors import InputError, TimeLimitError
-from workbench.executor.local import Threads
+from workbench.executor.local import InProcess, Threads
 from workbench.executor.progress import Progress, Row, Watch, silent, unwatched
 from workbench.executor.spread import spread
 from workbench.solvers import Options
 
 S = TypeVar("S")
 T = TypeVar("T")
+
+
+TASKS = 64
+"""Tasks that the items of a function make for an executor, which may be far away."""
 
 
 class Checkpoint:
@@ -39,6 +44,7 @@ class Context:
     """The second argument of every method: options, progress, clock and randomness.
 
     An iteration goes over `rounds`, tells each by `record`, and leaves its state in ``checkpoint``.
+    ``executor`` is where parts of the work go, None: threads of this process.
     ``rows`` are the rounds told so far; ``stopped`` says how the time limit ended an iteration.
     """
 
@@ -46,6 +52,7 @@ class Context:
     progress: Progress = silent
     watch: Watch = unwatched
     checkpoint: Checkpoint = field(default_factory=Checkpoint)
+    executor: Executor | None = None
     statement_seconds: float = 0.0
     started: float = field(default_factory=time.perf_counter)
     rows: list[Row] = field(default_factory=list)
@@ -92,16 +99,24 @@ class Context:
             self.progress(description, done, total)
 
     def spread(self, function: Callable[[T], S], items: Sequence[T], description: str) -> list[S]:
-        """Results of a function of many items, in threads, for compiled code that lets others run.
+        """Results of a function of many items: by the executor, or in threads of this process.
 
-        Progress is shown, and `TimeLimitError` raised once the time limit has passed.
+        Threads help where compiled code lets others run. Progress is shown, and `TimeLimitError`
+        raised once the time limit has passed.
         """
 
         def in_time(item: T) -> S:
             self.seconds_left(description)
             return function(item)
 
-        with Threads() as pool:
+        def heard(text: str, done: int, total: int) -> None:
+            self.seconds_left(text)
+            self.progress(text, done, total)
+
+        if self.executor is not None:
+            batch = max(1, len(items) // TASKS)
+            return spread(function, items, self.executor, heard, description, batch)
+        with Threads() if len(items) > 1 else InProcess() as pool:
             return spread(in_time, items, pool, self.progress, description)
 
     def rounds(self, count: int, description: str, first: int = 0) -> Iterator[int]:

@@ -27,6 +27,7 @@ class LocalCluster:
     """
 
     def __init__(self, workers: int) -> None:
+        self.workers = workers
         self._folder = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
         told = Path(self._folder.name) / "scheduler.json"
         own = {"host": "127.0.0.1", "dashboard": False, "scheduler_file": str(told)}
@@ -86,7 +87,6 @@ SERVE_DASK = (
 """What a process of a local cluster runs."""
 SETTINGS = {
     "distributed.scheduler.allowed-failures": KILLS - 1,
-    "distributed.worker.daemon": False,  # a task may have processes of its own
     "distributed.scheduler.worker-ttl": None,  # a solver that holds the GIL is no dead worker
     "distributed.admin.tick.limit": "1h",  # nor a reason to warn
 }

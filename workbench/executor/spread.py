@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, as_completed, wait
 from typing import Any, TypeVar
 
-from workbench.errors import InputError
+from workbench.errors import ClusterError, InputError
 from workbench.executor.progress import Progress, silent
 
 S = TypeVar("S")
@@ -23,9 +23,8 @@ def spread(
 ) -> list[S]:
     """Results of a function of many items, in their order; `batch` of them make one task.
 
-    A task of `Processes` starts a process, so it should be worth seconds. The first error that is
-    met is raised, and what has not begun by then is not begun. Raises InputError for a batch below
-    1.
+    The first error that is met is raised, and what has not begun by then is not begun. Raises
+    InputError for a batch below 1.
     """
     if batch < 1:
         raise InputError(f"batch is {batch}; it must be 1 or more")
@@ -59,31 +58,41 @@ def _each(function: Callable[[T], S], items: Sequence[T]) -> list[S]:
 
 
 def as_they_end(
-    executor: Executor, calls: Iterable[tuple[T, tuple[Any, ...]]], window: int = 64
+    executor: Executor, calls: Iterable[tuple[T, tuple[Any, ...]]], window: int | None = None
 ) -> Iterator[tuple[T, Future[Any]]]:
     """Labels and finished futures of many calls, as they end.
 
     A call is a label with a function and its arguments. At most ``window`` of them are under way or
-    waiting at a time, so that a hundred thousand calls take no more memory than a hundred. Whoever
-    stops listening has those that have not begun cancelled.
+    waiting at a time, so that a hundred thousand calls take no more memory than a hundred; None: as
+    many as the executor wants, or 64. Whoever stops listening has those that have not begun
+    cancelled. Raises ClusterError where the executor's cluster is lost: no call is to blame.
     """
     waiting = iter(calls)
+    most: int = getattr(executor, "window", 64) if window is None else window
     labels: dict[Future[Any], T] = {}
     try:
         while True:
-            while len(labels) < window:
+            while len(labels) < most:
                 label, call = next(waiting, (None, None))
                 if call is None:
                     break
                 future = executor.submit(*call)
                 if future.done():  # in process it is over before the next one begins
+                    _need_cluster(future)
                     yield label, future  # type: ignore[misc]
                 else:
                     labels[future] = label  # type: ignore[assignment]
             if not labels:
                 return
             for future in wait(labels, return_when=FIRST_COMPLETED).done:
+                _need_cluster(future)
                 yield labels.pop(future), future
     finally:
         for future in labels:
             future.cancel()
+
+
+def _need_cluster(future: Future[Any]) -> None:
+    error = None if future.cancelled() else future.exception()
+    if isinstance(error, ClusterError):
+        raise error

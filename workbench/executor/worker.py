@@ -114,5 +114,7 @@ def serve(file: str) -> None:
 
 
 def task_bytes(function: Callable[..., Any], arguments: Any, keywords: Any) -> bytes:
-    """A task as it is sent."""
-    return pickle.dumps((function, arguments, keywords))
+    """A task as it is sent: a function that can be imported goes by its name, others as code."""
+    import cloudpickle
+
+    return bytes(cloudpickle.dumps((function, arguments, keywords)))

@@ -49,8 +49,6 @@ class Workers(Executor):
     that dies too, its future raises `CrashedError`. What a task raises becomes a WorkbenchError of
     the same words.
 
-    Functions go to a process by their name: they must stand in a module that can be imported.
-
     Parameters
     ----------
     count

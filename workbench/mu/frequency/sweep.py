@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -33,7 +34,11 @@ class Sweep(FrequencyBounds):
 
 
 def frequency_sweep(
-    system: Any, structure: Structure, omega: ArrayLike | None = None, lower: str = "power"
+    system: Any,
+    structure: Structure,
+    omega: ArrayLike | None = None,
+    lower: str = "power",
+    executor: Executor | None = None,
 ) -> Sweep:
     """Bounds of mu of a stable system over frequency.
 
@@ -46,6 +51,9 @@ def frequency_sweep(
         refined where the bound changes, with 0 and infinity.
     lower
         Method of `lower_bound` for the frequencies at which ``"power"`` stays below the upper one.
+    executor
+        Where upper bounds are computed, 200 frequencies a task, such as that of
+        `workbench.connect`; None: threads. The bounds are the same.
 
     Returns
     -------
@@ -61,7 +69,9 @@ def frequency_sweep(
     """
     stable = fitting(system, structure)
     if omega is None:
-        found = refined_bounds(partial(bounds_at, stable, structure), stable.poles)
+        found = refined_bounds(
+            partial(bounds_at, stable, structure, executor=executor), stable.poles
+        )
     else:
         try:
             points = np.unique(np.asarray(omega, dtype=float))
@@ -69,7 +79,7 @@ def frequency_sweep(
             raise InputError(f"omega must be real frequencies [rad/s], not {omega!r}") from None
         if not points.size or np.isnan(points).any() or points[0] < 0:
             raise InputError("omega must have frequencies [rad/s], none of them negative or NaN")
-        found = bounds_at(stable, structure, points)
+        found = bounds_at(stable, structure, points, executor)
     value, Delta = _below(found, structure, lower)
     need_agreement(value, found.upper, place=lambda index: f"at {found.omega[index]:.6g} rad/s")
     parts = (found.omega, found.M, found.upper, found.D_left, found.D_right, found.G)
@@ -99,10 +109,15 @@ def fitting(system: Any, structure: Structure) -> StableSystem:
     return stable
 
 
-def bounds_at(system: StableSystem, structure: Structure, omega: RealArray) -> FrequencyBounds:
+def bounds_at(
+    system: StableSystem,
+    structure: Structure,
+    omega: RealArray,
+    executor: Executor | None = None,
+) -> FrequencyBounds:
     """Upper bounds at frequencies [rad/s] (F,), increasing."""
     M = system.response(omega)
-    bound = upper_bound(M, structure)
+    bound = upper_bound(M, structure, executor=executor)
     # Bounds hold for the part of multipliers that the structure allows, so proofs store this part.
     multipliers = structured(structure, bound.D_left, bound.D_right, bound.G)
     return FrequencyBounds(omega, M, bound.value, *multipliers)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Executor
 from typing import Any
 
 import numpy as np
@@ -27,7 +28,11 @@ __all__ = [
 
 
 def upper_bound(
-    M: Any, structure: Structure, method: str = "fast", options: Options | None = None
+    M: Any,
+    structure: Structure,
+    method: str = "fast",
+    options: Options | None = None,
+    executor: Executor | None = None,
 ) -> UpperBound:
     """Upper bound of mu for each matrix of a batch, with the multipliers that prove it.
 
@@ -38,6 +43,8 @@ def upper_bound(
     method
         ``"fast"``, ``"ab13md"`` (SLICOT, square blocks, no repeated scalars) or the name of a
         conic solver.
+    executor
+        Where ``"fast"`` sends its matrices, 200 a task; None: threads.
 
     Returns
     -------
@@ -54,7 +61,9 @@ def upper_bound(
     """
     program = MuUpperBound(M, structure)
     chosen = find_method(program, method)
-    answer, outcome, message = chosen.answer(program, Context(options or Options()))
+    answer, outcome, message = chosen.answer(
+        program, Context(options or Options(), executor=executor)
+    )
     if answer is None or not np.all(np.isfinite(answer.value)):
         raise SolverError(f"{method}: {outcome}. {message}")
     return answer

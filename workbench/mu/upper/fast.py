@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 
+from workbench.arrays import Array, ComplexArray
 from workbench.certify.mu_bound import certified_bound
-from workbench.executor import Context, InProcess, Threads
+from workbench.executor import Context
 from workbench.mu.upper.batch import solve_each
-from workbench.mu.upper.pattern import expanded_multipliers, pattern_of
+from workbench.mu.upper.pattern import Pattern, expanded_multipliers, pattern_of
 from workbench.mu.upper.program import MuUpperBound, proved
 from workbench.mu.upper.recentred import recentred
 from workbench.program import Claim, method
@@ -26,6 +27,18 @@ SPOILT_BOUND_RATIO = 1 + 1e-6
 _pattern = lru_cache(maxsize=32)(pattern_of)
 
 
+def _solved(pattern: Pattern, accuracy: float, M: ComplexArray) -> tuple[Array, ...]:
+    """Multipliers D and G, gaps and numbers of iterations of matrices M (B, c, r).
+
+    Each matrix is warm-started from the one before.
+    """
+    count = len(M)
+    D, G = np.zeros((2, count, pattern.size, pattern.size), complex)
+    gaps, iterations = np.zeros(count), np.zeros(count, int)
+    solve_each(M, pattern, accuracy, D, G, gaps, iterations)
+    return D, G, gaps, iterations
+
+
 @method(MuUpperBound, "fast", optimal=False)
 def _fast(program: MuUpperBound, context: Context) -> Claim:
     """Osborne's balancing and a compiled primal-dual interior-point method, all M at once."""
@@ -39,16 +52,10 @@ def _fast(program: MuUpperBound, context: Context) -> Claim:
     accuracy = PATH_ACCURACY_SHARE * context.options.accuracy
     parts = [slice(start, start + THREAD_MATRICES) for start in range(0, count, THREAD_MATRICES)]
 
-    def solve(part: slice) -> None:
-        solve_each(batch[part], pattern, accuracy, D[part], G[part], gaps[part], iterations[part])
-
-    with Threads() if len(parts) > 1 else InProcess() as executor:
-        running = [executor.submit(solve, part) for part in parts]
-        try:
-            for one in context.track(running, "upper bounds"):
-                one.result()
-        finally:  # after the deadline no further part starts
-            executor.shutdown(cancel_futures=True)
+    solve = partial(_solved, pattern, accuracy)
+    found = context.spread(solve, [batch[part] for part in parts], "upper bounds")
+    for part, one in zip(parts, found, strict=True):
+        D[part], G[part], gaps[part], iterations[part] = one
     values = certified_bound(batch, structure, *expanded_multipliers(pattern, D, G))
     lost = ~np.isfinite(values) | (
         values > SPOILT_BOUND_RATIO * np.linalg.norm(batch, 2, axis=(1, 2))

@@ -8,8 +8,10 @@ loop is stable and the peak falls.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -18,11 +20,11 @@ from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.arrays import RealArray
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError, SolverError
-from workbench.executor import Context
+from workbench.executor import Context, InProcess, spread
 from workbench.heavy_types import StateSpace
 from workbench.mu import UpperBound, gradient, upper_bound
 from workbench.program import Claim, method
-from workbench.solvers import Outcome
+from workbench.solvers import Options, Outcome
 from workbench.structure import Structure
 from workbench.synthesis.mu.families import Family, Modal
 from workbench.synthesis.mu.program import PEAK_TOLERANCE, MuSynthesis
@@ -45,6 +47,8 @@ above which it may grow."""
 START_SPREAD, DRAWS_PER_START = 0.5, 20
 """Standard deviation of random starts, in units of the parameters, and the most draws per start
 that is wanted."""
+SHORTEST = 1e-3
+"""Time for a start that comes late: it is its own answer [s]."""
 LEAST_PROMISE = 1e-6
 """Share of the peak that a step must promise."""
 SETTLED_FALL, PATIENCE = 1e-4, 12
@@ -64,14 +68,13 @@ def _fixed(program: MuSynthesis, context: Context) -> Claim:
         x = family.parameters(program.start)
     problem = _Problem(program.plant, program.closed, family)
     target = (program.target or 0.0) / (1 + PEAK_TOLERANCE)
-    beside = Context(context.options, context.progress, started=context.started)
-    minima = [
-        _minimised(problem, x, context, target),
-        *(
-            _minimised(problem, member, beside, target)
-            for member in _members(problem, x, program.random, context.rng)
-        ),
-    ]
+    members = list(_members(problem, x, program.random, context.rng))
+    minima = [_minimised(problem, x, context, target)]
+    left = context.options.time_limit and context.seconds_left("fixed structure")
+    until = None if left is None else time.time() + left
+    beside = partial(_minimised_until, until, problem, target)
+    where = context.executor or InProcess()
+    minima += spread(beside, members, where, context.progress, "random starts")
     history, said = min(minima, key=lambda each: each[0][-1].peak)
     return program.answer(history[-1].K, tuple(history)), Outcome.SOLVED, said
 
@@ -210,6 +213,14 @@ def _minimised(
         state = {"x": x, "radius": np.array(radius), "hessian": hessian, "begun": np.array(begun)}
         context.checkpoint.save(state | packed(history))
     return history, f"stopped after {MOST_STEPS} rounds"
+
+
+def _minimised_until(
+    until: float | None, problem: _Problem, target: float, x: RealArray
+) -> tuple[list[Iterate], str]:
+    """`_minimised`, stopped at a time [s since the epoch], wherever it runs."""
+    left = None if until is None else max(until - time.time(), SHORTEST)
+    return _minimised(problem, x, Context(Options(time_limit=left)), target)
 
 
 class _Lower(NamedTuple):
