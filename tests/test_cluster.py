@@ -15,8 +15,8 @@ import pytest
 from click.testing import CliRunner
 
 import workbench as wb
+from workbench.bench.cells.site import SameCode
 from workbench.bench.project import results_root
-from workbench.bench.site import SameCode
 from workbench.cli import main
 from workbench.errors import ClusterError, CrashedError, InputError, TimeLimitError
 from workbench.executor import Cluster, Context

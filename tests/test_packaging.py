@@ -271,7 +271,7 @@ def test_a_wheel_brings_every_package_that_the_library_imports():
     outside = imported - sys.stdlib_module_names - {"workbench"}
     missing = {BROUGHT_BY.get(name, name) for name in outside} - brought
     assert missing <= optional, missing - optional
-    assert missing == {"pyarrow"}  # whoever asks for its format is told
+    assert missing == {"distributed", "pyarrow"}  # whoever asks for them is told
 
 
 def imported_by(node):

@@ -279,9 +279,10 @@ def connect(address: str, *, workers: int | None = None, threads: int = 1) -> Cl
     InputError
         A count below 1, or ``workers`` for a scheduler that has its own.
     """
-    from workbench.bench.site import connect as connect_here
+    from workbench.bench.cells.site import SameCode
 
-    return connect_here(address, workers=workers, threads=threads)
+    results_root().mkdir(parents=True, exist_ok=True)  # or no worker finds it
+    return Cluster(address, SameCode.here(), workers=workers, threads=threads)
 
 
 def results(pattern: str = "*") -> list[Run]:

@@ -18,6 +18,7 @@ import numpy as np
 from workbench.bench.cells.answer import Cell, answer, answer_apart, cell_workers, store_lost
 from workbench.bench.cells.plan import Plan, plan
 from workbench.bench.cells.record import Record
+from workbench.bench.cells.site import Site
 from workbench.bench.cells.stored import Journal, in_folder
 from workbench.bench.cells.table import Filled, Labels, cell_table
 from workbench.bench.code import code_hash
@@ -27,7 +28,6 @@ from workbench.bench.project import registry, results_root
 from workbench.bench.question import Question, asked, canonical
 from workbench.bench.results import COMPARISON, Run
 from workbench.bench.run import Bound, default_bench
-from workbench.bench.site import Site
 from workbench.bench.store import Store
 from workbench.errors import InputError, UnknownNameError
 from workbench.executor import InProcess, Progress, Workers, as_they_end, silent

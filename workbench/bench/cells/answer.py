@@ -12,11 +12,11 @@ from workbench.bench.cells.clock import running
 from workbench.bench.cells.machine import forget_peak_memory, peak_memory
 from workbench.bench.cells.plan import loaded
 from workbench.bench.cells.record import CELL, Record
+from workbench.bench.cells.site import Site
 from workbench.bench.notes import log
 from workbench.bench.project import registry
 from workbench.bench.question import Question
 from workbench.bench.run import answer_arrays, information, now, publish, seal_folder
-from workbench.bench.site import Site
 from workbench.bench.store import Store
 from workbench.executor import Context, Workers
 from workbench.executor.worker import printed

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from workbench.bench.cells.site import Site
 from workbench.bench.project import registry, results_root
 from workbench.bench.question import Question, canonical
 from workbench.bench.run import Bench, Bound
-from workbench.bench.site import Site
 from workbench.bench.store import Store
 from workbench.errors import WorkbenchError
 from workbench.program import Program, methods

@@ -19,7 +19,6 @@ from workbench.bench.project import (
 from workbench.bench.question import canonical, digest
 from workbench.bench.run import environment
 from workbench.errors import ClusterError
-from workbench.executor.cluster import Cluster
 
 
 @dataclass(frozen=True)
@@ -105,9 +104,3 @@ def _sources(folders: tuple[Path, ...]) -> str:
         for file in folder.rglob("*.py")
     }
     return digest(canonical(found))
-
-
-def connect(address: str, *, workers: int | None = None, threads: int = 1) -> Cluster:
-    """An executor on the workers of a Dask scheduler. See `workbench.connect`."""
-    results_root().mkdir(parents=True, exist_ok=True)
-    return Cluster(address, SameCode.here(), workers=workers, threads=threads)
