@@ -11,7 +11,7 @@ help::
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -57,7 +57,7 @@ def problem(
     needs: Needs | Callable[..., Needs] | None = None,
     data: str | tuple[str, ...] = (),
     slow: bool = False,
-    **axes: tuple[str, ...] | str,
+    **axes: tuple[str, ...] | str | Callable[[], Iterable[str]],
 ) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Register a function as a named problem.
 
@@ -76,7 +76,9 @@ def problem(
         Left out of ``make reproduce``.
     axes
         The values that each axis of the name may take; they are passed as parameters. A pattern
-        of files with one star, such as ``"sdplib/*.dat-s"``, gives what the star stands for.
+        of files with one star, such as ``"sdplib/*.dat-s"``, gives what the star stands for. A
+        tuple may stand under a name in the same file. A function of the same file, without
+        arguments, returns them; the file is imported to list the problems then.
     """
 
     def register(function: Callable[..., Any]) -> Callable[..., Any]:

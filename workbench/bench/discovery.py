@@ -1,11 +1,14 @@
-"""Find named problems without importing them: names, axes and help are read from the source."""
+"""Find named problems from their sources: names, axes and help are read without an import.
+
+Only where the values of an axis come from a function is its file imported.
+"""
 
 from __future__ import annotations
 
 import ast
 import itertools
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -59,8 +62,21 @@ def plant_folder(root: Path, file: Path) -> Path:
 
 
 @dataclass(frozen=True)
+class AxisFunction:
+    """A function without arguments, in a problem's file, that returns the values of an axis."""
+
+    root: Path
+    file: Path
+    name: str
+
+
+Call = Callable[[AxisFunction], Any]
+"""How the function of an axis is called; its file is imported for it."""
+
+
+@dataclass(frozen=True)
 class _Declared:
-    """A ``@problem`` as the source has it: a template over axes of texts, or of files."""
+    """A ``@problem`` as the source has it: a template over axes of texts, of files, or computed."""
 
     template: str
     axes: tuple[tuple[str, Any], ...]
@@ -72,15 +88,23 @@ class _Declared:
     function: str
     where: str
 
-    def entries(self) -> Iterator[Entry]:
+    def entries(self, call: Call) -> Iterator[Entry]:
         """An entry for each combination of the axes' values."""
-        values = [self.files(given) if isinstance(given, str) else given for _, given in self.axes]
+        values = [self._values(axis, given, call) for axis, given in self.axes]
         for chosen in itertools.product(*values):
             place = dict(zip((axis for axis, _ in self.axes), chosen, strict=True))
             name = self.name(place)
             yield Entry(
                 name, place, self.help, self.slow, self.root, self.file, self.line, self.function
             )
+
+    def _values(self, axis: str, given: Any, call: Call) -> Sequence[str]:
+        if isinstance(given, str):
+            return self.files(given)
+        if not isinstance(given, AxisFunction):
+            return tuple(given)
+        values = call(given)
+        return _texts(list(values) if isinstance(values, Iterable) else values, axis, self.where)
 
     def files(self, pattern: str) -> list[str]:
         """What the star of a pattern stands for in the files that fit it."""
@@ -105,11 +129,11 @@ class _Declared:
         return name
 
 
-def scan(root: Path) -> Iterator[Entry | RegistryError]:
+def scan(root: Path, call: Call) -> Iterator[Entry | RegistryError]:
     """Entries of every ``@problem`` function in the Python files below a folder.
 
-    In place of those of a file that cannot be parsed, or whose names or axes are no literals, there
-    is the error: it costs the file's own names only.
+    In place of those of a file that cannot be parsed, or whose names are no literals or axes cannot
+    be told, there is the error: it costs the file's own names only. ``call`` as in `Call`.
 
     Raises
     ------
@@ -123,7 +147,7 @@ def scan(root: Path) -> Iterator[Entry | RegistryError]:
             source = file.read_bytes()
             if f"{DECORATOR}(".encode() in source:
                 for one in _parsed(source, root, file):
-                    yield from one.entries()
+                    yield from one.entries(call)
         except RegistryError as error:
             yield error
         except OSError as error:
@@ -138,11 +162,30 @@ def _parsed(source: bytes, root: Path, file: Path) -> tuple[_Declared, ...]:
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         line = getattr(error, "lineno", None) or 1
         raise RegistryError(f"problem file {file}:{line}: {error}") from None
-    functions = [node for node in tree.body if isinstance(node, ast.FunctionDef)]
-    return tuple(found for one in functions for found in _declared(one, root, file))
+    functions = {node.name: node for node in tree.body if isinstance(node, ast.FunctionDef)}
+    values = {
+        target.id: node.value
+        for node in tree.body
+        if isinstance(node, ast.Assign)
+        for target in node.targets
+        if isinstance(target, ast.Name)
+    }
+
+    def axis_of(node: ast.expr, where: str, what: str) -> Any:
+        """A literal, or the value of a name or a function in the file."""
+        if isinstance(node, ast.Name) and node.id in functions:
+            return AxisFunction(root, file, node.id)
+        named = values.get(node.id, node) if isinstance(node, ast.Name) else node
+        return _literal(named, where, what)
+
+    return tuple(
+        found for one in functions.values() for found in _declared(one, root, file, axis_of)
+    )
 
 
-def _declared(function: ast.FunctionDef, root: Path, file: Path) -> Iterator[_Declared]:
+def _declared(
+    function: ast.FunctionDef, root: Path, file: Path, axis_of: Callable[..., Any]
+) -> Iterator[_Declared]:
     for call in function.decorator_list:
         if not (isinstance(call, ast.Call) and _name(call.func) == DECORATOR):
             continue
@@ -155,22 +198,18 @@ def _declared(function: ast.FunctionDef, root: Path, file: Path) -> Iterator[_De
         keywords = {word.arg: word.value for word in call.keywords if word.arg}
         slow = _literal(keywords["slow"], where, "slow") if "slow" in keywords else False
         axes = {
-            axis: _literal(value, where, f"axis {axis}")
+            axis: axis_of(value, where, f"axis {axis}")
             for axis, value in keywords.items()
             if axis not in SETTINGS
         }
         for axis, values in axes.items():
-            if isinstance(values, str) and values.count("*") == 1:
-                continue
-            if not (isinstance(values, tuple | list) and all(isinstance(v, str) for v in values)):
-                raise RegistryError(
-                    f"{where}: axis {axis} must be a tuple of texts, or a pattern of files with "
-                    f"one star, not {values!r}"
-                )
+            pattern = isinstance(values, str) and values.count("*") == 1
+            if not (pattern or isinstance(values, AxisFunction)):
+                _texts(values, axis, where)
         text = ast.get_docstring(function) or ""
         one = _Declared(
             template,
-            tuple((axis, v if isinstance(v, str) else tuple(v)) for axis, v in axes.items()),
+            tuple(axes.items()),
             text,
             slow,
             root,
@@ -180,8 +219,19 @@ def _declared(function: ast.FunctionDef, root: Path, file: Path) -> Iterator[_De
             where,
         )
         # A wrong name costs the file's own names, whatever files there are.
-        one.name({axis: "x" if isinstance(v, str) else v[0] for axis, v in axes.items() if v})
+        told = {axis: v[0] if isinstance(v, list | tuple) else "x" for axis, v in axes.items() if v}
+        one.name(told)
         yield one
+
+
+def _texts(values: Any, axis: str, where: str) -> Sequence[str]:
+    """The values of an axis, checked."""
+    if not (isinstance(values, tuple | list) and all(isinstance(v, str) for v in values)):
+        raise RegistryError(
+            f"{where}: axis {axis} must be a tuple of texts, a pattern of files with one star, or "
+            f"a function that returns texts, not {values!r}"
+        )
+    return values
 
 
 def _name(node: ast.expr) -> str:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import workbench
 import workbench.plants
 from workbench.bench.declare import PLACEMENT, RESERVED_PARAMETERS, Fed, Needs, Ref, Settings
-from workbench.bench.discovery import Entry
+from workbench.bench.discovery import AxisFunction, Entry
 from workbench.errors import InputError, RegistryError, UnknownNameError, WorkbenchError
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ class Problem:
     def __init__(self, entry: Entry) -> None:
         self.entry = entry
         self.name = entry.name
-        self.function = getattr(_import(entry), entry.function)
+        self.function = getattr(_import(entry.root, entry.file), entry.function)
         self.settings: Settings = getattr(self.function, PLACEMENT)
         self.signature = inspect.signature(self.function)
         missing = entry.axes.keys() - self.signature.parameters.keys()
@@ -223,10 +223,21 @@ def _fill(needs: Needs, entry: Entry) -> Needs:
     }
 
 
-def _import(entry: Entry) -> types.ModuleType:
+def axis_values(function: AxisFunction) -> Any:
+    """What the function of an axis returns. Raises RegistryError where it fails."""
+    module = _import(function.root, function.file)
+    try:
+        return getattr(module, function.name)()
+    except Exception as error:
+        raise RegistryError(
+            f"{function.file}: {function.name}(), the values of an axis, failed: {place_of(error)}"
+        ) from error
+
+
+def _import(root: Path, file: Path) -> types.ModuleType:
     """Import a problem file, anew with all of its root where one of them was edited since."""
-    package = _package(entry.root)
-    state = {file: file.stat().st_mtime_ns for file in entry.root.rglob("*.py")}
+    package = _package(root)
+    state = {file: file.stat().st_mtime_ns for file in root.rglob("*.py")}
     if package in _imported:
         edited = _imported[package] != state
     else:  # a notebook may have imported a plant's modules by itself, and their files edited since
@@ -235,15 +246,13 @@ def _import(entry: Entry) -> types.ModuleType:
     if edited:
         for name in [name for name in sys.modules if name.startswith(f"{package}.")]:
             del sys.modules[name]
-    parts = entry.file.relative_to(entry.root).with_suffix("").parts
+    parts = file.relative_to(root).with_suffix("").parts
     # Python tells stale byte code by whole seconds only; problem files are few, so none is kept.
     keep, sys.dont_write_bytecode = sys.dont_write_bytecode, True
     try:
         return importlib.import_module(".".join((package, *parts)))
     except Exception as error:
-        raise RegistryError(
-            f"problem file {entry.file} cannot be imported: {place_of(error)}"
-        ) from error
+        raise RegistryError(f"problem file {file} cannot be imported: {place_of(error)}") from error
     finally:
         sys.dont_write_bytecode = keep
 

@@ -7,7 +7,7 @@ from functools import cached_property
 from pathlib import Path
 
 from workbench.bench.discovery import Entry, scan
-from workbench.bench.problem import Problem
+from workbench.bench.problem import Problem, axis_values
 from workbench.errors import RegistryError, UnknownNameError, WorkbenchError
 
 
@@ -28,7 +28,7 @@ class Registry:
         claims: dict[str, list[Entry]] = {}
         wrong: list[str] = []
         for root in self.roots:
-            for one in scan(root):
+            for one in scan(root, axis_values):
                 if isinstance(one, RegistryError):
                     wrong.append(str(one))
                 else:

@@ -1,0 +1,1 @@
+"""Small named problems of every kind of Program, solved in seconds: to compare methods on."""

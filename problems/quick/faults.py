@@ -1,0 +1,71 @@
+"""Fault filters."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+
+from workbench import problem
+from workbench.diagnosis import FaultEstimation, Requirement
+from workbench.structure import Complex
+from workbench.uncertainty import GeneralisedPlant, generalised_plant
+
+from ..mass_spring.plant import K2, SPRING, masses
+
+NOISE = 0.05
+"""Noise of a measurement, over what is measured."""
+
+
+@problem("quick/{plant}/fault-filter", plant=("lag", "two-masses"))
+def fault_filter(plant: Literal["lag", "two-masses"]) -> FaultEstimation:
+    """The filter that estimates a fault best while disturbances leak in least.
+
+    A sensor's fault behind an uncertain lag; the fault of an actuator of two masses with a spring,
+    the positions measured, a force on the other mass as the disturbance.
+    """
+    import control
+
+    if plant == "lag":
+        observed, slow = _lag(), control.tf([1.0], [1.0, 0.01])
+        disturbances = ["d", "n"]
+        weights = control.append(control.ss(slow), control.ss([], [], [], [[NOISE]]))
+        fault = control.tf([1.0, 0.1], [1.0, 2.0])
+    else:
+        observed, disturbances = _two_masses(), ["d", "n1", "n2"]
+        slow = control.tf([0.1], [1.0, 0.1])
+        weights = control.append(control.ss(slow), control.ss([], [], [], NOISE * np.eye(2)))
+        fault = control.tf([1.0], [1.0, 1.0])
+    wanted = [Requirement("disturbances", disturbances, weights), Requirement("faults", "f", fault)]
+    return FaultEstimation(observed, "f", wanted)
+
+
+def _lag() -> GeneralisedPlant:
+    """1 / (s + 0.5), its input uncertain by 30 %, its sensor with a fault and noise."""
+    import control
+
+    return generalised_plant(
+        [
+            (control.tf([1.0], [1.0, 0.5]), "v", "x"),
+            (control.tf([0.3], [1.0]), "d0", "y_d"),
+        ],
+        {"v": "d + u_d", "d0": "d", "y": "x + f + n"},
+        perturbation=[(Complex(1), "y_d", "u_d")],
+        exogenous=["d", "n", "f"],
+        measurement="y",
+    )
+
+
+def _two_masses() -> GeneralisedPlant:
+    """The nominal masses, fault force on the one, disturbance force on the other."""
+    import control
+
+    A, B, _, _ = masses(SPRING.nominal)
+    C = K2 * np.eye(2, 4)
+    system = control.ss(A, B, C, np.zeros((2, 2)))
+    return generalised_plant(
+        [(system, ["f", "d"], ["z1", "z2"])],
+        {"y1": "z1 + n1", "y2": "z2 + n2"},
+        exogenous=["d", "n1", "n2", "f"],
+        measurement=["y1", "y2"],
+    )

@@ -1,0 +1,20 @@
+"""H-infinity synthesis for plants of the literature."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from workbench import problem
+from workbench.synthesis import HinfSynthesis
+
+from .loops import PLANTS
+
+
+@problem("quick/{plant}/hinf", plant=("mass-spring", "distillation", "unstable-first-order"))
+def hinf(plant: Literal["mass-spring", "distillation", "unstable-first-order"]) -> HinfSynthesis:
+    """The controller with the least H-infinity norm of the weighted plant.
+
+    Perturbation channels count as exogenous inputs and performance outputs, so that its norm bounds
+    mu. Two masses with a spring, the ill-conditioned distillation column, an unstable plant.
+    """
+    return HinfSynthesis(PLANTS[plant]())

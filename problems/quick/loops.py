@@ -1,0 +1,47 @@
+"""Closed loops of the literature, for bounds of mu."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from workbench.heavy_types import StateSpace
+from workbench.uncertainty import GeneralisedPlant
+
+from ..mass_spring.plant import simple_controller, two_mass_plant
+from ..textbook.distillation import GAINS, TIME_CONSTANT, distillation_column
+from ..textbook.first_order import unstable_first_order
+
+PLANTS: dict[str, Callable[[], GeneralisedPlant]] = {
+    "mass-spring": two_mass_plant,
+    "distillation": distillation_column,
+    "unstable-first-order": unstable_first_order,
+}
+RANGES = {"mass-spring": (1e-2, 1e2), "distillation": (1e-3, 1e2)}
+"""Frequencies [rad/s, of the column rad/min] from below the loop's bandwidth to above it."""
+INVERSE_GAIN = 0.7
+"""Bandwidth of the inverse-based controller of the column [rad/min]."""
+
+
+def inverse_based() -> StateSpace:
+    """The column's controller 0.7 (75 s + 1) / s G(0)^-1.
+
+    S. Skogestad, M. Morari, J. Doyle, IEEE Trans. Automatic Control 33 (1988) 1092-1105. Its loop
+    is perfect for the nominal column and far from robust.
+    """
+    import control
+    import numpy as np
+
+    inverse = INVERSE_GAIN * np.linalg.inv(GAINS)
+    return control.ss(np.zeros((2, 2)), np.eye(2), inverse, TIME_CONSTANT * inverse)
+
+
+CONTROLLERS: dict[str, Callable[[], StateSpace]] = {
+    "mass-spring": simple_controller,
+    "distillation": inverse_based,
+}
+
+
+def closed_loop(plant: str) -> GeneralisedPlant:
+    """The loop of a plant with its controller, (perturbation, exogenous) -> (.., performance)."""
+    whole = PLANTS[plant]()
+    return GeneralisedPlant(whole.close(CONTROLLERS[plant]()), whole.structure, 0, 0)

@@ -1,0 +1,58 @@
+"""Dwell times of switched loops."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+
+from workbench import problem
+from workbench.arrays import RealArray
+from workbench.synthesis import Mode, SwitchedStability
+
+SAMPLE = 0.1
+"""Sampling time of the cart [s]."""
+MASSES = (0.5, 1.0, 2.0)
+"""Masses that the cart may have [kg]."""
+FEEDBACK = np.array([[1.0, 1.5]])
+"""Force for each metre [N/m] and for each metre a second [N s/m]."""
+LONGEST_LOSS = 5
+"""Samples for which the measurements may be lost."""
+OSCILLATORS = {"soft": (0.1, 0.5), "stiff": (10.0, 1.0)}
+"""Stiffness over mass [1/s^2] and damping over mass [1/s] of two oscillators."""
+STEP = 0.5
+"""Time between instants at which the oscillators may change [s]."""
+
+
+@problem("quick/{loop}/dwell", loop=("oscillators", "cart"))
+def dwell(loop: Literal["oscillators", "cart"]) -> SwitchedStability:
+    """The shortest stay between switches for which a switched loop is proven stable.
+
+    Two damped oscillators that take turns; a cart of uncertain mass under sampled state feedback,
+    whose measurements are lost for up to five samples.
+    """
+    if loop == "oscillators":
+        return SwitchedStability(
+            tuple(Mode(name, _oscillator(*about), None) for name, about in OSCILLATORS.items())
+        )
+    carts = [_cart(mass) for mass in MASSES]
+    return SwitchedStability(
+        (
+            Mode("measured", np.array([A - B @ FEEDBACK for A, B in carts]), None),
+            Mode("lost", np.array([A for A, _ in carts]), 1, LONGEST_LOSS),
+        )
+    )
+
+
+def _oscillator(stiffness: float, damping: float) -> RealArray:
+    """Transition over one step."""
+    from scipy.linalg import expm
+
+    A: RealArray = expm(STEP * np.array([[0.0, 1.0], [-stiffness, -damping]]))
+    return A
+
+
+def _cart(mass: float) -> tuple[RealArray, RealArray]:
+    """Transition of position and speed over one sample, and the effect of a held force."""
+    A = np.array([[1.0, SAMPLE], [0.0, 1.0]])
+    return A, np.array([[SAMPLE**2 / 2], [SAMPLE]]) / mass
