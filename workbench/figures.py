@@ -125,3 +125,23 @@ def legend_below(figure: Figure, source: Axes, columns: int = 4) -> None:
     """A legend under the axes, where it covers no data."""
     handles, labels = source.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=columns, frameon=False)
+
+
+def along_batch(panel: Any, values: Any, labels: Any = None, **look: Any) -> None:
+    """Draw a number for each matrix of a batch, over what the batch's one axis is labelled with.
+
+    Without labels, or for a batch of several axes, over the number of the matrix. Frequencies are
+    on a logarithmic scale.
+    """
+    names = [] if labels is None else [str(name) for name in labels.dims[:-2]]
+    name = names[0] if len(names) == 1 else ""
+    place = labels.coords[name] if name and name in labels.coords else None
+    over = np.arange(np.size(values)) if place is None else place.values
+    panel.plot(over, np.ravel(values), ".-", **look)
+    if place is None:
+        panel.set_xlabel("matrix")
+        return
+    units = place.attrs.get("units", "1")
+    panel.set_xlabel(axis_label(place, name))
+    if units in ("Hz", "rad/s") and (over > 0).all():
+        panel.set_xscale("log")

@@ -41,8 +41,7 @@ def mu_upper(plant: Loop, frequencies: Few = 12) -> MuUpperBound:
 
     frequencies: how many.
     """
-    N, structure = loop_matrices(plant, frequencies)
-    return MuUpperBound(N.values, structure)
+    return MuUpperBound(*loop_matrices(plant, frequencies))
 
 
 @problem("quick/{plant}/mu-lower", plant=LOOPS)

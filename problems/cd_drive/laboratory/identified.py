@@ -123,11 +123,12 @@ class Identified(Study):
     @array((drive, frequency), "m/V")
     def identified(self, value: DataArray, frequency: DataArray) -> Any:
         rows = (dict(zip(NAMES, row, strict=True)) for row in value.values.tolist())
-        return _responses([ActuatorParameters(**row) for row in rows], frequency)
+        responses = _responses([ActuatorParameters(**row) for row in rows], frequency)
+        return np.asarray(responses, np.complex64)
 
     @array((drive, frequency), "m/V")
     def true(self, frequency: DataArray) -> Any:
-        return _responses(drives(self.axis), frequency)
+        return np.asarray(_responses(drives(self.axis), frequency), np.complex64)
 
     @arrays((drive, parameter), value="", half_width="", table="")
     def compared(self, fits: list[DriveFit]) -> dict[str, Any]:

@@ -194,8 +194,8 @@ class MuLowerBound(Program):
 
     def figures(self, answer: LowerBound) -> dict[str, Figure]:
         figure, (axis,) = figures.axes()
-        axis.plot(np.ravel(answer.value), ".-")
-        axis.set(xlabel="matrix", ylabel="lower bound of mu", title="Lower bound of mu")
+        figures.along_batch(axis, answer.value, self.labels)
+        axis.set_ylabel("lower bound of mu [1]")
         return {"mu_lower": figure}
 
     def place(self, index: tuple[int, ...]) -> str:

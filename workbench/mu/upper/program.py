@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
@@ -15,7 +15,7 @@ from workbench.arrays import ComplexArray
 from workbench.certificate import Check, worst
 from workbench.certify.mu_bound import certified_bound, structured
 from workbench.errors import InputError
-from workbench.heavy_types import Dataset, Figure
+from workbench.heavy_types import DataArray, Dataset, Figure
 from workbench.input_checks import need_structure
 from workbench.mu.upper.opinion import opinion, witnesses
 from workbench.program import Program
@@ -55,7 +55,7 @@ class MuUpperBound(Program):
     ----------
     M
         Complex, shape (..., c, r), finite: the matrix that Delta closes, so Delta has c columns
-        and r rows.
+        and r rows. An `xarray.DataArray` names the axes of the figure.
     structure
         Blocks of Delta.
 
@@ -73,11 +73,13 @@ class MuUpperBound(Program):
 
     M: ComplexArray
     structure: Structure
+    labels: DataArray | None = field(default=None, init=False, repr=False)
 
     headline: ClassVar[str] = "largest_bound"
     default_method: ClassVar[str] = "fast"
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "labels", self.M if hasattr(self.M, "dims") else None)
         try:
             M = np.array(self.M, dtype=complex)
         except (TypeError, ValueError) as error:
@@ -154,11 +156,8 @@ class MuUpperBound(Program):
 
     def figures(self, answer: UpperBound) -> dict[str, Figure]:
         figure, (panel,) = figures.axes()
-        rows = np.atleast_1d(answer.value)
-        for row in rows.reshape(-1, rows.shape[-1])[:20]:
-            panel.plot(np.arange(row.size), row)
-        panel.set_xlabel("index")
-        panel.set_ylabel("upper bound of mu")
+        figures.along_batch(panel, answer.value, self.labels)
+        panel.set_ylabel("upper bound of mu [1]")
         return {"bound": figure}
 
     def to_dataset(self, answer: UpperBound) -> Dataset:

@@ -122,7 +122,9 @@ class Sensitivity(Study):
         lambda rows: [[[*bandwidths(L).values()] for L in row] for row in rows]
     )
     L = array((loop, drive, frequency), "1")(
-        lambda rows, frequency: [[loop_response(L, frequency.values) for L in row] for row in rows]
+        lambda rows, frequency: np.array(
+            [[loop_response(L, frequency.values) for L in row] for row in rows], np.complex64
+        )
     )
 
     @arrays(

@@ -222,10 +222,11 @@ class FaultFilterStudy(Study):
 
     @array((filter, shape, "drive", time), "m")
     def estimate(self, played: dict[str, StateSpace], context: Context) -> Any:
-        return [
+        every = [
             [estimates(self.axis, F, shape, self.delay)[2] for shape in SHAPES]
             for F in context.track(list(played.values()), "defects")
         ]
+        return np.array(every, np.float32)
 
     def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
         return filter_checks(

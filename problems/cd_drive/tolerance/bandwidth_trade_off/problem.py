@@ -126,11 +126,12 @@ class BandwidthTradeOff(Study):
     )
 
     @arrays((controller, time), measured="m", true="m", u="V")
-    def record(self, context: Context) -> dict[str, RealArray]:
+    def record(self, context: Context) -> dict[str, Any]:
         """One record of one draw: error as measured and true, and the control signal."""
         scratch = ScratchDraw.drawn(self.loop.axis, int(context.rng.integers(2**31)))
         found = [self.loop.shown(law, *SHOWN, scratch) for law in CONTROLLERS]
-        return dict(zip(("measured", "true", "u"), np.transpose(found, (1, 0, 2)), strict=True))
+        rows = np.transpose(found, (1, 0, 2)).astype(np.float32)
+        return dict(zip(("measured", "true", "u"), rows, strict=True))
 
     # --- checks -------------------------------------------------------------------------------
 
