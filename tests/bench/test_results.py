@@ -78,7 +78,7 @@ def test_nothing_in_the_folder_is_private_or_executable(run, project):
 def test_arrays_are_labelled_with_units_and_complex_ones_are_pairs(run):
     with h5py.File(run.path / "data.nc") as raw:
         assert set(raw) == {"x", "target", "phasor_real", "phasor_imag"}
-        assert raw["x"].attrs["units"] == "m"
+        assert raw["x"].attrs["units"] == b"m"
     x = run.data["x"].values
     assert np.array_equal(run.data["phasor"].values, x * np.exp(1j * x))
 
