@@ -34,13 +34,7 @@ def write(data: xr.Dataset, file: Path) -> None:
     from xarray.backends import H5NetCDFStore
 
     split = _lean(_split(data))
-    # A fill value would turn some number into a missing one.
-    plain: dict[str, Any] = {"_FillValue": None}
-    packed = plain | {"zlib": True, "complevel": 9, "shuffle": True}
-    encoding = {
-        name: packed if array.dtype.kind in "iuf" and array.nbytes >= WORTH_PACKING else plain
-        for name, array in split.variables.items()
-    }
+    encoding = {name: _packing(array) for name, array in split.variables.items()}
     # Made in memory: HDF5 that meets a full disk leaves open files and words of its own.
     content = io.BytesIO()
     with closing(H5NetCDFStore(h5netcdf.File(content, "w", libver="v110"))) as store:
@@ -87,6 +81,15 @@ def _split(data: xr.Dataset) -> xr.Dataset:
     return xr.Dataset(parts, attrs=data.attrs).set_coords(coordinates)
 
 
+def _packing(array: xr.Variable) -> dict[str, Any]:
+    """How an array is stored: numbers and texts compressed, the latter as characters."""
+    plain: dict[str, Any] = {"_FillValue": None}  # it would turn some number into a missing one
+    packed = {"zlib": True, "complevel": 9, "shuffle": True}
+    if array.nbytes < WORTH_PACKING or array.dtype.kind not in "iufU":
+        return plain
+    return packed | ({"dtype": "S1"} if array.dtype.kind == "U" else plain)
+
+
 def _lean(data: xr.Dataset) -> xr.Dataset:
     """The dataset with its words as fixed-length characters, which NetCDF's own library writes too.
 
@@ -130,7 +133,7 @@ def _join(data: xr.Dataset) -> xr.Dataset:
         if name in data.coords:
             coordinates.append(whole)
         if WHOLE not in array.attrs:
-            joined[name] = array
+            joined[name] = array.astype(str) if array.dtype.kind == "O" else array
         elif whole not in joined:
             if (whole, "imag") not in parts or (whole, "real") not in parts:
                 raise KeyError(f"{whole} has only one of its parts {whole}_real, {whole}_imag")
