@@ -1,6 +1,7 @@
 """Problems for every file of a folder: the axis is a pattern, each instance hashes its own file."""
 
 import json
+import re
 
 import pytest
 from click.testing import CliRunner
@@ -86,3 +87,52 @@ def test_a_pattern_has_one_star(files, pattern):
     text = SOURCE.replace('instance="sdplib/*.dat-s"', f'instance="{pattern}"')
     (files.parent / "programs.py").write_text(text)
     assert any("a pattern of files with one star" in sentence for sentence in registry().unfit)
+
+
+COMPUTED = '''
+from workbench import problem
+from workbench.conic import ConicProgram
+
+SIZES = ("small", "large")
+
+
+def instances():
+    return [f"n{k}" for k in (1, 2)]
+
+
+@problem("mine/{size}/{instance}", size=SIZES, instance=instances)
+def mine(size: str, instance: str) -> ConicProgram:
+    """Programs of two sizes."""
+'''
+
+
+def test_an_axis_may_be_a_name_or_a_function_of_the_file(files):
+    file = files.parent / "computed.py"
+    file.write_text(COMPUTED)
+    wanted = ["mine/large/n1", "mine/large/n2", "mine/small/n1", "mine/small/n2"]
+    assert [entry.name for entry in registry().match("mine/*")] == wanted
+    file.write_text(COMPUTED.replace("(1, 2)", "(3,)"))
+    assert [entry.name for entry in registry().match("mine/*")] == [
+        "mine/large/n3",
+        "mine/small/n3",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("body", "words"),
+    [
+        (
+            "raise ValueError('no list')",
+            r"instances\(\), the values of an axis, failed: ValueError",
+        ),
+        ("return 3", "axis instance must be a tuple of texts"),
+        ("return ['a', 3]", "axis instance must be a tuple of texts"),
+        ("return ['a b']", "is no problem name"),
+    ],
+)
+def test_a_function_that_gives_no_texts_costs_its_own_names(files, body, words):
+    source = COMPUTED.replace('return [f"n{k}" for k in (1, 2)]', body)
+    (files.parent / "computed.py").write_text(source)
+    assert names() == ["sdplib/arch0", "sdplib/control1"]
+    (sentence,) = registry().unfit
+    assert re.search(words, sentence)

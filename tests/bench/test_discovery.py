@@ -3,6 +3,7 @@
 import pytest
 
 from workbench.bench.discovery import scan
+from workbench.bench.problem import axis_values
 from workbench.errors import RegistryError
 
 HEAD = "from workbench import problem\n\n"
@@ -11,7 +12,7 @@ HEAD = "from workbench import problem\n\n"
 def found(folder, text, name="problems.py"):
     (folder / name).parent.mkdir(parents=True, exist_ok=True)
     (folder / name).write_text(HEAD + text)
-    every = list(scan(folder))
+    every = list(scan(folder, axis_values))
     for one in every:
         if isinstance(one, RegistryError):
             raise one
@@ -96,7 +97,7 @@ def test_a_name_may_not_take_a_place_that_the_bench_uses(tmp_path, name):
 
 def test_a_file_in_another_encoding_is_an_error_that_names_it(tmp_path):
     (tmp_path / "problems.py").write_bytes(b"# caf\xe9\n@problem('a')\ndef f(): ...\n")
-    (error,) = scan(tmp_path)
+    (error,) = scan(tmp_path, axis_values)
     assert isinstance(error, RegistryError) and "problems.py" in str(error)
 
 
@@ -106,11 +107,11 @@ def test_a_broken_file_costs_its_own_names_only(tmp_path):
     (tmp_path / "c.py").symlink_to(tmp_path / "gone")
     deep = "@problem('d')\ndef f(): " + "(" * 5000 + ")" * 5000
     (tmp_path / "d.py").write_text(deep)
-    first, entry, gone, deep = scan(tmp_path)
+    first, entry, gone, deep = scan(tmp_path, axis_values)
     assert [isinstance(one, RegistryError) for one in (first, gone, deep)] == [True] * 3
     assert entry.name == "b"
 
 
 def test_a_folder_must_exist(tmp_path):
     with pytest.raises(RegistryError, match="missing does not exist"):
-        list(scan(tmp_path / "missing"))
+        list(scan(tmp_path / "missing", axis_values))

@@ -20,6 +20,7 @@ from workbench.study import Study, array, check, dim, figure, metric
 from ..drive.plants import nominal_response
 from ..drive.shared_parameters import TABLES, WINDOWS, Frequencies
 from ..drive.tables import Axis
+from .covered import covered_responses
 
 NOMINAL_FORMS = ("parametric", "complex", "mixed")
 CLOSE = {"outside": 2.0, "inside": 4.0}
@@ -84,7 +85,7 @@ class NominalModels(Study):
         return [printed, *(one.response(2 * np.pi * frequency.values) for one in self.fitted)]
 
     response = array(
-        ("frequency", "drive"), "units/V", value=lambda self: self.circles.data["response"].values
+        ("frequency", "drive"), "units/V", value=lambda self: covered_responses(self.circles).values
     )
     complex_zeros = array("complex_zeros", "rad/s", value=lambda self: self.fitted[0].zeros)
     complex_poles = array("complex_poles", "rad/s", value=lambda self: self.fitted[0].poles)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import Any, ClassVar, cast
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,11 +23,11 @@ from workbench.mu import Peak, conditions, performance_sweep
 from workbench.study import Study, array, check, dim, figure, metric, part, table
 from workbench.synthesis import equalising_gain
 from workbench.uncertainty import GeneralisedPlant, ParametricModel, UncertaintyModel
-from workbench.uncertainty.covers.cover import UncertaintyCover
 from workbench.uncertainty.covers.storage import rational, shape
 
 from ...drive.plants import GAIN_VARIANTS, controller
 from ...drive.tables import Axis
+from ...uncertainty.covered import covered_responses
 from ..control_problem import generalised
 from ..design import uncertainty
 from ..loop_weights import CHANNELS, channel_of
@@ -132,11 +132,11 @@ class MuPidAnalysis(Study):
         found = []
         for form in COVERS:
             run = self.runs[form, gain]
-            cover, data = cast(UncertaintyCover, run.task), run.data
+            drives, data = covered_responses(run), run.data
             nominal = rational(data, "nominal")
             assert nominal is not None
             loop = channel_of(self.axis, nominal, controller(self.axis), single, speed, omega)
-            away = cover.responses.values / nominal.response(omega)[:, None] - 1
+            away = drives.values / nominal.response(omega)[:, None] - 1
             sets = [shape(data, "second")]
             if form == "stadium":
                 sets += [

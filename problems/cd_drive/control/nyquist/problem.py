@@ -31,6 +31,7 @@ from workbench.uncertainty.covers.storage import rational, shape
 from ...drive.plants import ANTIALIASING, Gain, controller, nominal_response
 from ...drive.shared_parameters import TABLES, WINDOWS, Frequencies
 from ...drive.tables import Axis
+from ...uncertainty.covered import covered_responses
 from ...uncertainty.uncertainty_comparison import COVER_METHODS
 from .figures import clearances, planes
 
@@ -107,7 +108,7 @@ class Nyquist(Study):
     kind, shape, drive = dim(KINDS), dim(SHAPES), dim(lambda measured: measured["plant"].values)
     frequency = dim(lambda measured: measured["frequency"].values, unit="Hz", meaning="frequency")
 
-    measured = part(lambda self: self.runs["circle", "steps"].data["response"])
+    measured = part(lambda self: covered_responses(self.runs["circle", "steps"]))
     factor = part(lambda self, frequency: known_factor(self.axis, frequency.values))
 
     @part
@@ -143,9 +144,9 @@ class Nyquist(Study):
             assert model is not None
             nominal = model.response(2 * np.pi * data["frequency"].values)
             return around_nominal(nominal, shape(data, step))
-        data = self.runs[form, "steps"].data
-        nominal = nominal_response(self.axis, data["frequency"].values, antialiasing=False)
-        away = data["response"].values / nominal[:, None] - 1
+        drives = covered_responses(self.runs[form, "steps"])
+        nominal = nominal_response(self.axis, drives["frequency"].values, antialiasing=False)
+        away = drives.values / nominal[:, None] - 1
         around = circles_about_nominal if form == "circle" else stadiums_about_nominal
         return around_nominal(nominal, around(away))
 

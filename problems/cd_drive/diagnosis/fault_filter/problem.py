@@ -77,9 +77,10 @@ def fault_filter(
     rises steeply, by half for 0.05 less, above it falls by less than a third for 0.1 more; and
     there what the disc leaks is a quarter of the 2 um that the loop itself may be off.
 
-    frequencies, gain: of the stadiums, as `cd/focus/cover-for-control`. error: relative, allowed
-    from 1.5 kHz on; leakage: of the Red Book's envelope into the estimate [m], allowed up to
-    200 Hz. order: of the sampled filter. delay: of the sampled loop [samples].
+    frequencies, gain: of the stadiums, as `cd/focus/cover-for-control`. error: relative, wanted
+    from 1.5 kHz on; where no filter has it, the next one of the front is taken. leakage: of the Red
+    Book's envelope into the estimate [m], allowed up to 200 Hz. order: of the sampled filter.
+    delay: of the sampled loop [samples].
     """
     return FaultFilterStudy("focus", stadiums_of(covered), error, leakage, order, delay)
 
@@ -145,11 +146,6 @@ class FaultFilterStudy(Study):
             "discrete": fault_loop(self.axis, self.model, K, self.delay),
         }
 
-    @property
-    def limits(self) -> tuple[float, float]:
-        """Relative error and leakage [m] allowed."""
-        return self.error, self.leakage
-
     def fronts(self, which: str) -> list[FaultFront]:
         """The front of a loop for each of KINDS."""
         loop = self.loops[which]
@@ -179,24 +175,44 @@ class FaultFilterStudy(Study):
 
     design = dim("full", "discrete")
     requirement = dim(
-        lambda self: [one.name for one in self.loops["full"].requirements(*self.limits)]
+        lambda self: [one.name for one in self.loops["full"].requirements(self.error, self.leakage)]
     )
 
     @part
-    def designs(self) -> dict[str, FrontFilter]:
+    def chosen(self) -> tuple[float, dict[str, FrontFilter]]:
+        """The least error at which there are filters, and these."""
+        errors = [self.error, *(error for error in ERRORS if error > self.error)]
+        for error in errors:
+            try:
+                return error, self._designed(error)
+            except SolverError:  # on this uncertainty no filter leaks so little
+                continue
+        raise SolverError(
+            f"no filter with a relative error of {self.error:g} to {errors[-1]:g} leaks less than "
+            f"{1e6 * self.leakage:.3g} um; allow more leakage"
+        )
+
+    def _designed(self, error: float) -> dict[str, FrontFilter]:
         """The continuous filter of full order, and the one of few states for the sampled loop."""
+        limits = error, self.leakage
         full, fine = (
-            full_order(loop, grid(loop), LaguerreBasis(loop, LAGUERRE_POLE), count, *self.limits)
+            full_order(loop, grid(loop), LaguerreBasis(loop, LAGUERRE_POLE), count, *limits)
             for loop, count in zip(self.loops.values(), (CONTINUOUS, SAMPLED), strict=True)
         )
         sampled = self.loops["discrete"]
-        few = few_states(sampled, fine_grid(sampled), fine.F, self.order, *self.limits)
+        few = few_states(sampled, fine_grid(sampled), fine.F, self.order, *limits)
         return {"full": full, "discrete": few}
 
+    designs = part(lambda chosen: chosen[1])
+    allowed = array((), "1", "relative error of the designs", lambda chosen: chosen[0])
+
     @part
-    def filters(self, designs: dict[str, FrontFilter]) -> dict[str, StateSpace]:
+    def filters(
+        self, chosen: tuple[float, Any], designs: dict[str, FrontFilter]
+    ) -> dict[str, StateSpace]:
         """The robust filter and its peers, in continuous time."""
-        return {"robust": designs["discrete"].F} | peer_filters(self.loops["full"], *self.limits)
+        peers = peer_filters(self.loops["full"], chosen[0], self.leakage)
+        return {"robust": designs["discrete"].F} | peers
 
     played = part(lambda filters: {k: bilinear_sampled(F, PERIOD) for k, F in filters.items()})
     filter = dim(lambda filters: list(filters))
@@ -229,9 +245,8 @@ class FaultFilterStudy(Study):
         return np.array(every, np.float32)
 
     def checks(self, answer: Dataset, tolerance: float) -> list[Check]:
-        return filter_checks(
-            self.axis, self.loops, self.stored(answer), self.order, self.limits, answer
-        )
+        limits = float(answer["allowed"]), self.leakage
+        return filter_checks(self.axis, self.loops, self.stored(answer), self.order, limits, answer)
 
     def metrics(self, answer: Dataset) -> dict[str, float]:
         error, leakage, noise = answer["judged"].sel(filter="robust", kind=KINDS[1]).values.tolist()
