@@ -106,6 +106,10 @@ def mine(size: str, instance: str) -> ConicProgram:
 '''
 
 
+def mine():
+    return [entry.name for entry in registry().match("mine/*")]
+
+
 def test_an_axis_may_be_a_name_or_a_function_of_the_file(files):
     file = files.parent / "computed.py"
     file.write_text(COMPUTED)
@@ -123,7 +127,7 @@ def test_an_axis_may_be_a_name_or_a_function_of_the_file(files):
     [
         (
             "raise ValueError('no list')",
-            r"instances\(\), the values of an axis, failed: ValueError",
+            r"instances\(\), .* axis, failed: ValueError",
         ),
         ("return 3", "axis instance must be a tuple of texts"),
         ("return ['a', 3]", "axis instance must be a tuple of texts"),
