@@ -7,7 +7,7 @@ WORKBENCH := $(BIN)/workbench
 REFERENCE := $(WORKBENCH) --results results/reference run --jobs 2
 
 .DELETE_ON_ERROR:
-.PHONY: reproduce reproduce-all test test-all mutants quick lint reference thesis clean
+.PHONY: reproduce reproduce-all test test-all mutants quick lint reference study thesis clean
 
 # Run every named problem, print the table, write the HTML index.
 reproduce: $(READY)
@@ -72,6 +72,14 @@ reference: $(READY)
 # The page about the thesis, from the reference results.
 thesis: $(READY)
 	$(BIN)/python docs/thesis.py
+
+# Compare all methods on all fast problems (half an hour on two cores), store it, write its page.
+# What is stopped goes on where it was. Cells without a certificate are no failure of the study.
+study: $(READY)
+	-$(WORKBENCH) --results results/study compare '*' --all-methods --light --time-limit 10 --jobs 2
+	rm -rf results/reference/compare results/reference/cells
+	cp -r results/study/compare results/study/cells results/reference/
+	$(BIN)/python docs/study.py
 
 $(READY): requirements.txt pyproject.toml
 	$(PYTHON) -m venv .venv

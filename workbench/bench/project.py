@@ -26,7 +26,7 @@ from pathlib import Path
 import workbench.plants
 from workbench.bench.registry import Registry
 from workbench.bench.trust.untrusted import possible_path
-from workbench.errors import RegistryError
+from workbench.errors import RegistryError, WorkbenchError
 
 
 @dataclass(frozen=True)
@@ -121,14 +121,14 @@ def added_problems() -> tuple[Path, ...]:
 def registry() -> Registry:
     """The registry over the built-in, the project's and the added folders."""
     project = Project.around(Path.cwd())
-    use_solvers(project.solvers)
-    _load_packages()
-    roots = _instead or [built_in(), *_package_folders(), *project.problems, *_added]
+    brought, unfit = _package_folders()
+    wrong = (*unfit, *_load_packages(), *_without(project.solvers))
+    roots = _instead or [built_in(), *brought, *project.problems, *_added]
     unique = tuple(dict.fromkeys(path.resolve() for path in roots))
     # The time of a folder tells of files that an axis may be made of.
     files = (file for root in unique for file in (root, *root.rglob("*")) if _counts(file))
     state = tuple(sorted((file, file.lstat().st_mtime_ns) for file in files))
-    return _registry(unique, state)
+    return _registry(unique, state, wrong)
 
 
 def _counts(file: Path) -> bool:
@@ -154,6 +154,17 @@ def use_solvers(names: Iterable[str]) -> None:
             _named.append(name)
 
 
+def _without(names: Iterable[str]) -> list[str]:
+    """Use a project's solvers; a sentence for each that cannot be used, which costs itself only."""
+    wrong = []
+    for name in names:
+        try:
+            use_solvers([name])
+        except WorkbenchError as error:
+            wrong.append(f"solver {name} of pyproject.toml: {error}")
+    return wrong
+
+
 def used_solvers() -> tuple[str, ...]:
     """The solvers named so far."""
     return tuple(_named)
@@ -164,36 +175,47 @@ def _points(group: str) -> list[EntryPoint]:
 
 
 @cache
-def _package_folders() -> tuple[Path, ...]:
-    """Folders of the installed packages that bring problems, none of them imported."""
-    found = []
+def _package_folders() -> tuple[tuple[Path, ...], tuple[str, ...]]:
+    """Folders of the installed packages that bring problems, none of them imported.
+
+    Beside them stands a sentence for each entry point that leads to none.
+    """
+    found, wrong = [], []
     for point in _points("workbench.problems"):
         try:
             spec = find_spec(point.value)
         except (ImportError, ValueError) as error:
-            raise RegistryError(f"entry point {point.name} = {point.value}: {error}") from None
+            wrong.append(f"entry point {point.name} = {point.value}: {error}")
+            continue
         if spec is None or not spec.submodule_search_locations:
-            raise RegistryError(f"entry point {point.name}: {point.value} is no package")
+            wrong.append(f"entry point {point.name}: {point.value} is no package")
+            continue
         found.append(Path(next(iter(spec.submodule_search_locations))))
-    return tuple(found)
+    return tuple(found), tuple(wrong)
 
 
 @cache
-def _load_packages() -> None:
-    """Import the modules of installed packages that bring solvers and methods."""
+def _load_packages() -> tuple[str, ...]:
+    """Import the modules of installed packages that bring solvers and methods.
+
+    Returns a sentence for each that cannot be imported.
+    """
+    wrong = []
     for point in _points("workbench.solvers"):
         try:
             point.load()
         except Exception as error:  # somebody else's module may raise anything
-            raise RegistryError(
-                f"entry point {point.name} = {point.value}: {type(error).__name__}: {error}"
-            ) from None
+            words = f"{type(error).__name__}: {error}"
+            wrong.append(f"entry point {point.name} = {point.value}: {words}")
+    return tuple(wrong)
 
 
 @lru_cache(maxsize=1)
-def _registry(roots: tuple[Path, ...], state: tuple[tuple[Path, int], ...]) -> Registry:
+def _registry(
+    roots: tuple[Path, ...], state: tuple[tuple[Path, int], ...], wrong: tuple[str, ...]
+) -> Registry:
     """The same registry as long as no file was added, removed or edited."""
-    return Registry(list(roots))
+    return Registry(list(roots), wrong)
 
 
 RESULTS = "WORKBENCH_RESULTS"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fnmatch
+from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
 
@@ -15,18 +16,19 @@ class Registry:
     """The problems of several folders, under one set of names.
 
     A file that cannot be read, and a name that two functions claim, cost their own names only:
-    ``unfit`` has a sentence for each.
+    ``unfit`` has a sentence for each, and those about packages and solvers that are given.
     """
 
-    def __init__(self, roots: list[Path]) -> None:
+    def __init__(self, roots: list[Path], wrong: Sequence[str] = ()) -> None:
         self.roots = roots
+        self._wrong = list(wrong)
         self._problems: dict[str, Problem] = {}
 
     @cached_property
     def _found(self) -> tuple[dict[str, list[Entry]], list[str]]:
         """Entries by the name that they claim, and what is wrong with files."""
         claims: dict[str, list[Entry]] = {}
-        wrong: list[str] = []
+        wrong = list(self._wrong)
         for root in self.roots:
             for one in scan(root, axis_values):
                 if isinstance(one, RegistryError):
