@@ -16,6 +16,7 @@ from workbench.batch import ended, workers
 from workbench.bench.declare import RESERVED_PARAMETERS
 from workbench.bench.project import add_problems, registry, results_root, use_results
 from workbench.errors import WorkbenchError
+from workbench.solvers import Options
 from workbench.terminal import (
     print_comparison,
     print_details,
@@ -221,7 +222,7 @@ def compare(
 
     A cell is stored when it ends and found again: what was stopped goes on where it was.
     """
-    from workbench.bench.compare import asked_for, run_comparison
+    from workbench.bench.compare import asked_for, described, run_comparison
     from workbench.bench.comparison import changes, need_comparison, need_table_file, write_cells
     from workbench.executor import InProcess
 
@@ -251,7 +252,8 @@ def compare(
             else:
                 planned = asked.planned(progress)
     if plan:
-        print_plan(planned, as_json)
+        names = ("problem", "method", "accuracy", "repetition")
+        print_plan(names, described(planned), as_json)
         return
     print_comparison(done, None if before is None else changes(before, done.data), as_json)
     if table is not None:
@@ -272,6 +274,7 @@ def compare(
 @click.option("--jobs", type=click.IntRange(min=1), default=1, help="Run points in N processes.")
 @SCHEDULER
 @click.option("--fresh", is_flag=True, help="Compute anew even where points are stored.")
+@click.option("--plan", is_flag=True, help="Print what would run, and run nothing.")
 @AS_JSON
 def sweep(
     name: str,
@@ -279,6 +282,7 @@ def sweep(
     method: str | None,
     settings: tuple[str, ...],
     scheduler: str | None,
+    plan: bool,
     as_json: bool,
     **options: Any,
 ) -> None:
@@ -292,6 +296,13 @@ def sweep(
         raise click.UsageError(f"--over names a parameter twice: {', '.join(names)}")
     over = {key: value.split(",") for one in given for key, value in one.items()}
     asked = {**options, **_settings(settings)}
+    if plan:
+        from workbench.sweeps import grid_of
+
+        wanted = Options(options["tolerance"], options["time_limit"], seed=options["seed"])
+        grid = grid_of(name, over, method, wanted, _settings(settings), fresh=options["fresh"])
+        print_plan(list(grid.axes), grid.planned(), as_json)
+        return
     with (
         _cluster(scheduler, options["jobs"]) as executor,
         shown_live(f"sweep {name}") as (progress, _),

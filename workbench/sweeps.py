@@ -46,6 +46,16 @@ class Grid:
             progress("points", len(found), len(places))
         return sweep_dataset(self.axes, found, self.problem)
 
+    def planned(self) -> list[tuple[tuple[Any, ...], str]]:
+        """The values of each point, and what would become of it: "stored" or "would run"."""
+        found = []
+        for values in itertools.product(*self.axes.values()):
+            given = {**self.parameters, **dict(zip(self.axes, values, strict=True))}
+            bench = default_bench(self.options, fresh=self.fresh)
+            known = bench.found(self.problem, self.method, given)
+            found.append((values, "would run" if known is None else "stored"))
+        return found
+
     def at(self, place: tuple[int, ...]) -> _Asked:
         """What is asked at a place of the grid."""
         point = {name: self.axes[name][k] for name, k in zip(self.axes, place, strict=True)}

@@ -15,7 +15,6 @@ from workbench.solvers import Outcome
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from workbench.bench.compare import Cells
     from workbench.bench.results import Run
     from workbench.executor import Progress, Row, Watch
     from workbench.heavy_types import Dataset
@@ -164,17 +163,15 @@ def print_sweep(one: Run, as_json: bool) -> None:
     click.echo(one.path)
 
 
-def print_plan(cells: Cells, as_json: bool) -> None:
-    """What would become of each cell of a comparison."""
-    from workbench.bench.compare import described
-
-    planned = [(*labels, state) for labels, state in described(cells)]
+def print_plan(
+    names: Sequence[str], states: Iterable[tuple[Sequence[Any], str]], as_json: bool
+) -> None:
+    """What would become of each cell of a comparison, or point of a sweep."""
+    heads, planned = [*names, "state"], [(*labels, state) for labels, state in states]
     if as_json:
-        heads = ("problem", "method", "accuracy", "repetition", "state")
         print_json([dict(zip(heads, one, strict=True)) for one in planned])
         return
-    lines = [[*map(str, one)] for one in planned]
-    print_table(["problem", "method", "accuracy", "repetition", "state"], lines)
+    print_table(heads, [[*map(str, one)] for one in planned])
     run = sum(one[-1] == "would run" for one in planned)
     click.echo(f"{run} of {len(planned)} would run")
 

@@ -115,3 +115,20 @@ def test_a_figure_of_words_and_of_many_lines():
     panel = ParameterSweep.stored().figures(data)["metric"].axes[0]
     assert [tick.get_text() for tick in panel.get_xticklabels()] == ["a", "b", "c"]
     assert len(panel.lines) == 10
+
+
+def test_a_plan_says_what_would_run_and_runs_nothing(project):
+    words = ["sweep", "toy/root", "--over", "scale=1,4,9", "--plan", "--json"]
+    wb.sweep("toy/root", {"scale": [4]})
+    before = {run.key for run in wb.results("toy/root")}
+    planned = json.loads(CliRunner().invoke(main, words).output)
+    assert planned == [
+        {"scale": 1.0, "state": "would run"},
+        {"scale": 4.0, "state": "stored"},
+        {"scale": 9.0, "state": "would run"},
+    ]
+    assert {run.key for run in wb.results("toy/root")} == before
+    told = CliRunner().invoke(main, words[:-1])
+    assert told.exit_code == 0 and "2 of 3 would run" in told.output
+    fresh = json.loads(CliRunner().invoke(main, [*words, "--fresh"]).output)
+    assert {one["state"] for one in fresh} == {"would run"}

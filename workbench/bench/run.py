@@ -61,6 +61,15 @@ class Bench:
         """The run that answers a question, computed or found."""
         return self._run(Ref(name, method, parameters), ())
 
+    def found(self, name: str, method: str | None, parameters: Mapping[str, Any]) -> Run | None:
+        """The stored answer of a question, where it may be reused; nothing is run for it."""
+        try:
+            bound = replace(self, stored_only=True).load(name, parameters)
+        except ResultError:  # it is fed with what is not stored
+            return None
+        question = bound.question(method, self.options)
+        return self._stored(question, bound.code(question.method))
+
     def _load(self, asked_for: Ref, path: tuple[str, ...]) -> Bound:
         problem = registry().find(asked_for.name)
         parameters = problem.bind(asked_for.parameters)

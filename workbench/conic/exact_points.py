@@ -28,13 +28,20 @@ DEPENDENT = 1e-10
 
 
 def exact_point(form: ConicForm, near: RealArray) -> list[Rational] | None:
-    """Rational x near given doubles with b - A x in K exactly; None where none was found."""
+    """Rational x near given doubles with b - A x in K exactly; None where none was found.
+
+    Programs with more equations than exact arithmetic solves in about half a minute are not tried.
+    """
     tried: set[int] = set()
+    count = sum(cone.size for cone, _ in form.blocks if cone.kind is ConeKind.ZERO)
     for cut in CUTS:
+        if _too_many(count, near.size):
+            return None
         equations = _equations(form, near, cut)
-        if len(equations) in tried:  # larger cuts only add equations
+        count = len(equations)
+        if count in tried:  # larger cuts only add equations
             continue
-        tried.add(len(equations))
+        tried.add(count)
         x = _solved(equations, near)
         if x is not None and not outside(form, conic_slack(form, x)):
             return x
@@ -81,10 +88,12 @@ def _solved(equations: Sequence[Combination], near: RealArray) -> list[Rational]
     x: list[Any] = [exact_rational(value) for value in near]
     if not equations:
         return x
+    if _too_many(len(equations), n):
+        return None
     order, independent = _pivot_order(equations, near)
     if independent and len(equations) <= MOST_EQUATIONS:
         return _lifted(equations, x, order)
-    if len(equations) * (n + 1) > MOST_ENTRIES:
+    if len(equations) * (n + 1) > MOST_ENTRIES:  # dependent ones are eliminated
         return None
     place = {column: k for k, column in enumerate(order)} | {n: n}
     table = fmpq_mat(len(equations), n + 1)
@@ -107,14 +116,19 @@ def _solved(equations: Sequence[Combination], near: RealArray) -> list[Rational]
     return x
 
 
+def _too_many(equations: int, unknowns: int) -> bool:
+    """For lifting and for elimination."""
+    return equations > MOST_EQUATIONS and equations * (unknowns + 1) > MOST_ENTRIES
+
+
 def _lifted(
     equations: Sequence[Combination], x: list[Rational], order: Sequence[int]
 ) -> list[Rational] | None:
     """x with its first entries, by order, changed so that independent equations hold.
 
     FLINT lifts large systems p-adically (Dixon): its numbers stay small where those of an
-    elimination grow. None where the
-    columns of these entries are singular, though doubles say that they are not.
+    elimination grow. None where the columns of these entries are singular, though doubles say that
+    they are not.
     """
     n, r = len(x), len(equations)
     place = {column: k for k, column in enumerate(order[:r])}
