@@ -103,6 +103,7 @@ FAST = {
     "cd_drive": ("cd/red-book", {"frequencies": 10}),
     "textbook": ("textbook/fault-detection", {"frequencies": 20}),
     "cd_arm": ("cd-arm/identification", {"method": "subspace", "highest_order": 2}),
+    "quick": ("quick/cart/dwell", {}),
 }
 SLOW = {
     "bench": ("bench/geometry", {"sets": 10, "points": 3, "large": 1000}),

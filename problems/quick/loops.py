@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field
 
 from workbench.heavy_types import StateSpace
+from workbench.structure import Structure
 from workbench.uncertainty import GeneralisedPlant
 
 from ..mass_spring.plant import simple_controller, two_mass_plant
@@ -29,7 +34,6 @@ def inverse_based() -> StateSpace:
     is perfect for the nominal column and far from robust.
     """
     import control
-    import numpy as np
 
     inverse = INVERSE_GAIN * np.linalg.inv(GAINS)
     return control.ss(np.zeros((2, 2)), np.eye(2), inverse, TIME_CONSTANT * inverse)
@@ -45,3 +49,21 @@ def closed_loop(plant: str) -> GeneralisedPlant:
     """The loop of a plant with its controller, (perturbation, exogenous) -> (.., performance)."""
     whole = PLANTS[plant]()
     return GeneralisedPlant(whole.close(CONTROLLERS[plant]()), whole.structure, 0, 0)
+
+
+Loop = Literal["mass-spring", "distillation"]
+Few = Annotated[int, Field(ge=2, le=1000)]
+
+
+def loop_matrices(plant: str, frequencies: int) -> tuple[Any, Structure]:
+    """N(j omega) (frequency, outputs, inputs), labelled, and the structure of performance."""
+    import xarray as xr
+
+    loop = closed_loop(plant)
+    omega = np.geomspace(*RANGES[plant], frequencies)
+    labelled = xr.DataArray(
+        loop.response(omega),
+        dims=("frequency", "output", "input"),
+        coords={"frequency": ("frequency", omega, {"units": "rad/s"})},
+    )
+    return labelled, loop.performance_structure

@@ -3,9 +3,10 @@
 import pytest
 
 from workbench.bench.discovery import scan
+from workbench.bench.problem import axis_values
 from workbench.bench.project import built_in, registry
 
-ENTRIES = list(scan(built_in()))
+ENTRIES = list(scan(built_in(), axis_values))
 
 
 def test_there_are_problems():

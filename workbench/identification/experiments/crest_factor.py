@@ -66,6 +66,10 @@ class CrestFactor(Program):
         return Multisine(self.lines, self.amplitudes, phases, self.samples)
 
     @property
+    def quantifier(self) -> str:
+        return f"for these {len(self.lines)} lines"
+
+    @property
     def problem_size(self) -> float:
         """Number of lines."""
         return float(len(self.lines))

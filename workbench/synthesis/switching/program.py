@@ -97,6 +97,12 @@ class SwitchedStability(Program):
                 )
 
     @property
+    def quantifier(self) -> str:
+        plants = len(self.modes[0].A)
+        among = "this one plant" if plants == 1 else f"these {plants} plants"
+        return f"for {among}, in these {len(self.modes)} modes"
+
+    @property
     def states(self) -> int:
         """Number of states."""
         return int(self.modes[0].A.shape[-1])

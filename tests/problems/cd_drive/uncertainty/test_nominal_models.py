@@ -21,7 +21,8 @@ def solved(request, covered):
     axis = request.param
     covers = [covered(axis, shape, "steps") for shape in ("circle", "stadium")]
     runs = [
-        SimpleNamespace(data=cover.to_dataset(answer), answer=answer) for cover, answer in covers
+        SimpleNamespace(data=cover.to_dataset(answer), answer=answer, task=cover)
+        for cover, answer in covers
     ]
     study = NominalModels(axis, *runs)
     return study, wb.solve(study)

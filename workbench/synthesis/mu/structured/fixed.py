@@ -70,8 +70,9 @@ def _fixed(program: MuSynthesis, context: Context) -> Claim:
     target = (program.target or 0.0) / (1 + PEAK_TOLERANCE)
     members = list(_members(problem, x, program.random, context.rng))
     minima = [_minimised(problem, x, context, target)]
-    left = context.options.time_limit and context.seconds_left("fixed structure")
-    until = None if left is None else time.time() + left
+    limit = context.options.time_limit
+    spent = time.perf_counter() - context.started
+    until = None if limit is None else time.time() + limit - spent
     beside = partial(_minimised_until, until, problem, target)
     where = context.executor or InProcess()
     minima += spread(beside, members, where, context.progress, "random starts")

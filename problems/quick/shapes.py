@@ -1,0 +1,13 @@
+"""Functions that are not rational, to be fitted."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+Shape = Literal["delay", "half-order"]
+Order = Annotated[int, Field(ge=1, le=10)]
+OMEGA = np.geomspace(0.05, 50.0, 60)
+"""Frequencies [rad/s] of the data, for a delay of 1 s and a corner of 1 rad/s."""
