@@ -147,8 +147,9 @@ def page(run: wb.Run) -> str:
     limit = float(data.attrs["time_limit"])
     parts = [
         "# Which method to trust\n",
-        f"Every method on every fast named problem at three accuracy levels, {limit:g} s for each "
-        f"cell: {badge(data)}. A cell is certified when the checks of the problem hold and, of "
+        f"Every method on {data.sizes['problem']} small problems (`quick/*`: of the literature, at "
+        f"most seconds each) at three accuracy levels, {limit:g} s for each cell: {badge(data)}. A "
+        "cell is certified when the checks of the problem hold and, of "
         "methods that claim the optimum, the gap is closed; what a solver says of itself counts "
         "for nothing. Times are shifted geometric means of statement and solve over certified "
         "cells. The last column is how far the worst certified answer of a method is above the "

@@ -271,6 +271,16 @@ def test_a_collision_of_keys_is_detected(project, one):
         one("exact")
 
 
+def test_light_records_are_verified_with_their_comparison(project, one):
+    run = one("exact", "lying", light=True)
+    found = wb.verify(run.path)
+    assert found.holds and not any("not here" in note for note in found.notes)
+    with sqlite3.connect(project.results / "cells/light.sqlite") as rows:
+        rows.execute("update cells set record = replace(record, '\"solve\":', '\"solve\":1')")
+    found = wb.verify(run.path)
+    assert not found.holds and "its solve is" in " ".join(found.problems)
+
+
 def test_light_cells_leave_records_and_no_folders(project, one):
     run = one("exact", "lying", "raising", light=True)
     assert cell_folders(project) == []

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from workbench.bench.cells.record import CELL, Record
+from workbench.bench.cells.stored import light_records
 from workbench.bench.compare import asked_for
 from workbench.bench.comparison.layout import cell_labels
 from workbench.bench.results import Run, root_of
@@ -42,15 +43,16 @@ def _same(a: float, b: float) -> bool:
 
 def stored_cells(run: Run) -> tuple[list[str], list[str]]:
     """Where a comparison disagrees with those of its cells that are stored beside it; and notes."""
-    store, data = Store(root_of(run)), run.data
+    data, store, light = run.data, Store(root_of(run)), light_records(root_of(run))
     asked, wrong, missing = _asked(data), [], 0
     for place in asked:
         key, problem = str(data["key"].values[place]), str(data["problem"].values[place[0]])
-        cells = [folder for folder in store.places(problem, key) if folder.exists()]
-        missing += not cells
-        for cell in cells:
-            apart = _apart(Record.stored(Run(cell)), data, place)
-            wrong += [f"{cell.name}: {text}" for text in apart]
+        folders = [folder for folder in store.places(problem, key) if folder.exists()]
+        records = [Record.stored(Run(folder)) for folder in folders]
+        records += [light[key]] if key in light else []
+        missing += not records
+        for record in records:
+            wrong += [f"{key}: {text}" for text in _apart(record, data, place)]
     notes = [f"{missing} of {len(asked)} cells are not here; --rerun answers them anew"]
     return wrong, notes if missing else []
 

@@ -16,6 +16,9 @@ from workbench.bench.run import earlier_run, need_same
 from workbench.bench.store import CELLS, Store
 from workbench.errors import ResultError
 
+LIGHT = "light.sqlite"
+"""File of the light records, in the folder of the cells."""
+
 
 def in_folder(store: Store, cell: Cell) -> Record | None:
     """The record in the results folder of a cell, an answer or a failure, if it may be reused.
@@ -37,7 +40,7 @@ class Journal(AbstractContextManager["Journal"]):
     """Light records of cells below a results root, one row each; written when a cell ends."""
 
     def __init__(self, root: Path) -> None:
-        self.file = root / CELLS / "light.sqlite"
+        self.file = root / CELLS / LIGHT
         try:
             self.file.parent.mkdir(parents=True, exist_ok=True)
             self._rows = sqlite3.connect(self.file, timeout=60.0, isolation_level=None)
@@ -76,3 +79,25 @@ class Journal(AbstractContextManager["Journal"]):
             self._rows.execute("insert or replace into cells values (?, ?, ?, ?)", row)
         except sqlite3.Error as error:
             raise ResultError(f"{self.file} cannot be written: {error}") from None
+
+
+def light_records(root: Path) -> dict[str, Record]:
+    """Every light record below a results root by its key, whatever code answered it; only read.
+
+    Raises
+    ------
+    ResultError
+        They cannot be read.
+    """
+    file = root / CELLS / LIGHT
+    if not file.exists():
+        return {}
+    try:
+        rows = sqlite3.connect(f"{file.absolute().as_uri()}?mode=ro", uri=True)
+        try:
+            found = rows.execute("select key, record from cells").fetchall()
+        finally:
+            rows.close()
+        return {key: Record.from_json(json.loads(text), str(file)) for key, text in found}
+    except (sqlite3.Error, ValueError) as error:
+        raise ResultError(f"{file} cannot be read: {error}") from None
