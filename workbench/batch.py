@@ -59,9 +59,7 @@ def _several(
         }
         for count, future in enumerate(as_completed(futures), start=1):
             error = future.exception()
-            if isinstance(error, ClusterError):
-                raise error
-            if error is not None and not isinstance(error, WorkbenchError):
+            if isinstance(error, ClusterError) or not isinstance(error, WorkbenchError | None):
                 raise error
             progress("problems", count, len(names))
             yield futures[future], error or future.result()

@@ -127,7 +127,7 @@ def legend_below(figure: Figure, source: Axes, columns: int = 4) -> None:
     figure.legend(handles, labels, loc="outside lower center", ncols=columns, frameon=False)
 
 
-def along_batch(panel: Any, values: Any, labels: Any = None, **look: Any) -> None:
+def along_batch(panel: Any, values: Any, labels: Any = None) -> None:
     """Draw a number for each matrix of a batch, over what the batch's one axis is labelled with.
 
     Without labels, or for a batch of several axes, over the number of the matrix. Frequencies are
@@ -137,7 +137,7 @@ def along_batch(panel: Any, values: Any, labels: Any = None, **look: Any) -> Non
     name = names[0] if len(names) == 1 else ""
     place = labels.coords[name] if name and name in labels.coords else None
     over = np.arange(np.size(values)) if place is None else place.values
-    panel.plot(over, np.ravel(values), ".-", **look)
+    panel.plot(over, np.ravel(values), ".-")
     if place is None:
         panel.set_xlabel("matrix")
         return

@@ -36,7 +36,7 @@ class Grid:
 
     def __call__(self, executor: Executor, progress: Progress) -> Dataset:
         """The dataset, its points run where they are not stored."""
-        places = list(itertools.product(*(range(len(values)) for values in self.axes.values())))
+        places = self.places
         calls = ((place, (_run, self.at(place), Site.here())) for place in places)
         found: dict[tuple[int, ...], SweptPoint] = {}
         progress("points", 0, len(places))
@@ -48,13 +48,18 @@ class Grid:
 
     def planned(self) -> list[tuple[tuple[Any, ...], str]]:
         """The values of each point, and what would become of it: "stored" or "would run"."""
-        found = []
-        for values in itertools.product(*self.axes.values()):
-            given = {**self.parameters, **dict(zip(self.axes, values, strict=True))}
-            bench = default_bench(self.options, fresh=self.fresh)
-            known = bench.found(self.problem, self.method, given)
+        bench, found = default_bench(self.options, fresh=self.fresh), []
+        for place in self.places:
+            point = self.at(place).parameters
+            known = bench.found(self.problem, self.method, point)
+            values = tuple(point[name] for name in self.axes)
             found.append((values, "would run" if known is None else "stored"))
         return found
+
+    @property
+    def places(self) -> list[tuple[int, ...]]:
+        """Every place of the grid: the number of its value on each axis."""
+        return list(itertools.product(*(range(len(values)) for values in self.axes.values())))
 
     def at(self, place: tuple[int, ...]) -> _Asked:
         """What is asked at a place of the grid."""

@@ -7,7 +7,7 @@ from typing import Literal
 from workbench import problem
 from workbench.synthesis import HinfSynthesis
 
-from .loops import PLANTS
+from ..textbook.controller import PLANTS
 
 
 @problem("quick/{plant}/hinf", plant=("mass-spring", "distillation", "unstable-first-order"))

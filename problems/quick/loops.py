@@ -12,15 +12,10 @@ from workbench.heavy_types import StateSpace
 from workbench.structure import Structure
 from workbench.uncertainty import GeneralisedPlant
 
-from ..mass_spring.plant import simple_controller, two_mass_plant
-from ..textbook.distillation import GAINS, TIME_CONSTANT, distillation_column
-from ..textbook.first_order import unstable_first_order
+from ..mass_spring.plant import simple_controller
+from ..textbook.controller import PLANTS
+from ..textbook.distillation import GAINS, TIME_CONSTANT
 
-PLANTS: dict[str, Callable[[], GeneralisedPlant]] = {
-    "mass-spring": two_mass_plant,
-    "distillation": distillation_column,
-    "unstable-first-order": unstable_first_order,
-}
 RANGES = {"mass-spring": (1e-2, 1e2), "distillation": (1e-3, 1e2)}
 """Frequencies [rad/s, of the column rad/min] from below the loop's bandwidth to above it."""
 INVERSE_GAIN = 0.7

@@ -45,6 +45,15 @@ def code_hash(
     return digest("".join([*lines, *upstream]) + canonical(versions(sorted(counted))))[:16]
 
 
+def source_digests(folders: Iterable[Path]) -> dict[str, str]:
+    """Hashes of all sources of the workbench and of problem folders, wherever these lie."""
+    return {
+        f"{place} {file.relative_to(folder).as_posix()}": digest(file.read_bytes())
+        for place, folder in enumerate((Path(__file__).parents[1], *folders))
+        for file in folder.rglob("*.py")
+    }
+
+
 def closure(modules: Iterable[str]) -> tuple[dict[str, Facts], set[str]]:
     """The modules that some modules are made of, themselves included, and what else they import.
 

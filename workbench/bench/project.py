@@ -154,15 +154,19 @@ def use_solvers(names: Iterable[str]) -> None:
             _named.append(name)
 
 
-def _without(names: Iterable[str]) -> list[str]:
-    """Use a project's solvers; a sentence for each that cannot be used, which costs itself only."""
+@cache
+def _without(names: tuple[str, ...]) -> tuple[str, ...]:
+    """Use a project's solvers; a sentence for each that cannot be used, which costs itself only.
+
+    Tried once for a process: whoever asks for a problem passes here.
+    """
     wrong = []
     for name in names:
         try:
             use_solvers([name])
         except WorkbenchError as error:
             wrong.append(f"solver {name} of pyproject.toml: {error}")
-    return wrong
+    return tuple(wrong)
 
 
 def used_solvers() -> tuple[str, ...]:

@@ -7,12 +7,13 @@ from workbench.plants.quick.crest_factor import crest_factor
 from workbench.plants.quick.dwell import LONGEST_LOSS, dwell
 from workbench.plants.quick.fault_filter import fault_filter
 from workbench.plants.quick.hinf import hinf
-from workbench.plants.quick.loops import PLANTS, closed_loop
+from workbench.plants.quick.loops import closed_loop
 from workbench.plants.quick.magnitude_fit import magnitude_fit
 from workbench.plants.quick.mu_lower import mu_lower
 from workbench.plants.quick.mu_upper import mu_upper
 from workbench.plants.quick.response_fit import response_fit
 from workbench.plants.quick.shapes import OMEGA
+from workbench.plants.textbook.controller import PLANTS
 
 import workbench as wb
 from workbench.bench.project import registry

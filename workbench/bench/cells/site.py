@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-import workbench
+from workbench.bench.code import source_digests
 from workbench.bench.project import (
     registry,
     results_root,
@@ -98,9 +98,4 @@ def _need_same(there: Mapping[str, str], here: Mapping[str, str]) -> None:
 
 def _sources(folders: tuple[Path, ...]) -> str:
     """Hash of the sources of the workbench and of problem folders."""
-    found = {
-        f"{place} {file.relative_to(folder).as_posix()}": digest(file.read_bytes())
-        for place, folder in enumerate((Path(workbench.__file__).parent, *folders))
-        for file in folder.rglob("*.py")
-    }
-    return digest(canonical(found))
+    return digest(canonical(source_digests(folders)))

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from importlib.metadata import version
 from pathlib import Path
 
-import workbench
+from workbench.bench.code import source_digests
 from workbench.bench.project import registry
 from workbench.bench.question import canonical, digest
 from workbench.bench.report.words import listed
@@ -21,12 +21,7 @@ DRAWING = ("matplotlib", "pillow")
 
 def drawing_code() -> str:
     """Hash of the sources of the workbench and of all problem folders, and of versions."""
-    folders = [Path(workbench.__file__).parent, *registry().roots]
-    found = {
-        f"{place} {file.relative_to(folder).as_posix()}": digest(file.read_bytes())
-        for place, folder in enumerate(folders)
-        for file in folder.rglob("*.py")
-    }
+    found = source_digests(registry().roots)
     drawing = {name: version(name) for name in DRAWING}
     return digest(canonical([found, versions() | drawing]))
 
