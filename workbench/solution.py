@@ -31,6 +31,14 @@ class Solution:
     """The task that answer and certificate belong to, where they prove a claim of no answer."""
 
     @property
+    def lti(self) -> Any:
+        """The answer, where a linear system is wanted.
+
+        Raises InputError where no certificate says that it is valid.
+        """
+        return certified_answer(self.answer, self.certificate, self.message)
+
+    @property
     def outcome(self) -> Outcome:
         """Set by the certificate, whatever the method said.
 
@@ -52,6 +60,20 @@ class Solution:
         if self.claim is Outcome.TIME_LIMIT and self.certificate.valid and not best:
             return Outcome.TIME_LIMIT
         return self.certificate.outcome
+
+
+def certified_answer(answer: Any, certificate: Certificate | None, message: str) -> Any:
+    """An answer that is used further; raises InputError where it is not certified to be valid."""
+    if certificate is None or answer is None:
+        raise InputError(
+            f"there is no certified answer to go on with: {message or 'none was given'}"
+        )
+    if not certificate.valid:
+        raise InputError(
+            f"the answer's certificate does not hold ({'; '.join(certificate.failures)}); whoever "
+            "wants it nevertheless takes `.answer`"
+        )
+    return answer
 
 
 def solve(

@@ -228,7 +228,7 @@ def make(blocks=(G,), sums=None, **places):
         ({"sums": {"f": ""}}, "write signal names"),
         ({"perturbation": [(Full(1, 2), "y", "w")]}, "reads 2 signals and drives 1"),
         ({"blocks": [(G, ["u", "v"], "y")]}, "1 inputs and 1 outputs was given"),
-        ({"blocks": [control.frd([1.0], [1.0])]}, "fit measured"),
+        ({"blocks": [control.frd([1.0], [1.0])]}, "fit a model or a cover"),
         ({"blocks": [control.tf([1, 0, 0], [1, 1], inputs="u", outputs="y")]}, "improper"),
         ({"blocks": [G, control.tf(1, [1, 1], 0.1, inputs="u", outputs="q")]}, "sampling times"),
         ({"sums": {"a": "b + r", "b": "a"}}, "loop through a, b has no dynamics"),

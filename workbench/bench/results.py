@@ -33,7 +33,7 @@ from workbench.certificate import Certificate
 from workbench.errors import ResultError
 from workbench.heavy_types import Dataset, Figure
 from workbench.program import Task
-from workbench.solution import proof_task
+from workbench.solution import certified_answer, proof_task
 from workbench.solvers import Outcome
 
 COMPARISON = "compare"
@@ -149,6 +149,14 @@ class Run(Fed):
         Where there is none, it is what proves that.
         """
         return self.answered.from_dataset(self.data)
+
+    @property
+    def lti(self) -> Any:
+        """The answer, where a linear system is wanted.
+
+        Raises InputError where no certificate says that it is valid.
+        """
+        return certified_answer(self.answer, self.certificate, self.problem)
 
     @property
     def answered(self) -> Task:

@@ -97,6 +97,11 @@ class Rational:
         """1 / function; it exists only with as many zeros as poles."""
         return Rational(self.poles, self.zeros, 1 / self.gain)
 
+    @property
+    def lti(self) -> StateSpace:
+        """As `state_space`."""
+        return self.state_space()
+
     def state_space(self) -> StateSpace:
         """State-space realisation: a cascade of second-order sections, scaled in time and size.
 

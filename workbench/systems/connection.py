@@ -14,9 +14,8 @@ from workbench.systems.interconnection import (
     Names,
     common_dt,
     connected,
-    named_realisation,
+    named_parts,
     names_of,
-    perturbation_of,
     state_space,
     sum_of,
     unique,
@@ -41,9 +40,10 @@ def generalised_plant(
     Parameters
     ----------
     blocks
-        StateSpace or TransferFunction with named signals, `ParametricModel`, `UncertaintyModel`, or
-        (one of these, input names, output names). Perturbations of the uncertain ones are joined
-        behind those of `perturbation`.
+        Systems with named signals: StateSpace, TransferFunction, `ParametricModel`,
+        `UncertaintyModel`, an answer, Solution or Run with one of these; or (one of these or a
+        gain, input names, output names). Perturbations of the uncertain ones are joined behind
+        those of `perturbation`.
     sums
         Summing junctions such as {"e": "w_p + w_u - x"}.
     perturbation
@@ -72,11 +72,11 @@ def generalised_plant(
     ...     exogenous="r", control="u", performance="e", measurement="e",
     ... )
     """
-    parts = [
-        *(named_realisation(block) for block in blocks),
-        *(sum_of(*item) for item in sums.items()),
-    ]
-    deltas, reads, drives = perturbation_of(perturbation, blocks)
+    of_blocks, entries = named_parts(blocks, perturbation)
+    parts = [*of_blocks, *(sum_of(*item) for item in sums.items())]
+    deltas = [block for block, _, _ in entries]
+    reads = [name for _, names, _ in entries for name in names]
+    drives = [name for _, _, names in entries for name in names]
     externals = (*drives, *names_of(exogenous), *names_of(control))
     results = (*reads, *names_of(performance), *names_of(measurement))
 

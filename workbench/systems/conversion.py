@@ -11,20 +11,18 @@ from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import is_real
 from workbench.systems.generalised_plant import GeneralisedPlant
+from workbench.systems.joints import system_of
 
 
 def as_system(system: Any, name: str) -> StateSpace:
-    """Convert a StateSpace or TransferFunction to a new StateSpace.
+    """Convert whatever `system_of` takes to a new StateSpace, with the names of its signals.
 
-    Raises InputError for another type, an improper system, a system without inputs or outputs, and
-    a system with entries that are not finite. `name` is what its message calls the system.
+    Raises InputError as it does, for an improper system, a system without inputs or outputs, and a
+    system with entries that are not finite. `name` is what its message calls the system.
     """
     import control
 
-    if not isinstance(system, control.StateSpace | control.TransferFunction):
-        raise InputError(
-            f"{name} must be a StateSpace or TransferFunction, not {type(system).__name__}"
-        )
+    system = system_of(system, name)
     if not (system.ninputs and system.noutputs):
         raise InputError(
             f"{name} has {system.ninputs} inputs and {system.noutputs} outputs; it needs one each"

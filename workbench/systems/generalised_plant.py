@@ -20,7 +20,14 @@ from workbench.errors import InputError, UnknownNameError
 from workbench.heavy_types import StateSpace
 from workbench.structure import Full, Structure
 from workbench.systems.frequency_response import frequency_response
-from workbench.systems.interconnection import common_dt, connected, named_realisation, state_space
+from workbench.systems.interconnection import (
+    common_dt,
+    connected,
+    named_realisation,
+    own_name,
+    state_space,
+)
+from workbench.systems.joints import system_of
 
 Signals = str | int | Sequence[str | int] | None
 """A choice from a list of signals: one or several names or numbers; None for all."""
@@ -117,6 +124,12 @@ class GeneralisedPlant:
         outputs, inputs = range(rows, self.system.noutputs), range(columns, self.system.ninputs)
         return self._part(list(outputs), list(inputs), None)
 
+    def controlled(self) -> StateSpace:
+        """The part from the controls to the measurements, all states kept."""
+        m, p = self.system.noutputs, self.system.ninputs
+        outputs, inputs = range(m - self.measurements, m), range(p - self.controls, p)
+        return self._part(list(outputs), list(inputs), None).system
+
     def unstructured(self) -> GeneralisedPlant:
         """The plant with the perturbation channels counted as exogenous and performance."""
         return GeneralisedPlant(self.system, None, self.controls, self.measurements)
@@ -175,12 +188,12 @@ class GeneralisedPlant:
     def close(self, K: Any) -> StateSpace:
         """The closed loop N = F_l(P, K) with u = K y.
 
-        N keeps every state of P and K, so its poles decide internal stability. K is a StateSpace
-        or a TransferFunction. Raises InputError where its size or sampling time does not fit, or
-        where the loop through the direct terms of P and K is singular.
+        N keeps every state of P and K, so its poles decide internal stability. K is whatever
+        `system_of` takes. Raises InputError where its size or sampling time does not fit, or where
+        the loop through the direct terms of P and K is singular.
         """
         plant = named_realisation(self.system)
-        controller = named_realisation(K)
+        controller = named_realisation(system_of(K, "K"), "K")
         if (len(controller.outputs), len(controller.inputs)) != (self.controls, self.measurements):
             raise InputError(
                 f"K has {len(controller.inputs)} inputs and {len(controller.outputs)} outputs; the "
@@ -200,6 +213,14 @@ class GeneralisedPlant:
             plant.inputs[:open_inputs],
             plant.outputs[:open_outputs],
         )
+
+    def named(self, K: StateSpace) -> StateSpace:
+        """K with the plant's measurements as names of its inputs, and the controls as outputs."""
+        import control
+
+        inputs = [own_name(label) for label in self.system.output_labels[-self.measurements :]]
+        outputs = list(self.system.input_labels[-self.controls :])
+        return control.ss(K, inputs=inputs, outputs=outputs)
 
     def partition(self, N: Array) -> tuple[Array, Array, Array, Array]:
         """The parts N11, N12, N21, N22 of responses of N = close(K), (..., outputs, inputs).

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import re
-from abc import ABC, abstractmethod
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,25 +14,12 @@ from scipy.sparse.csgraph import connected_components
 from workbench.arrays import Array
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
-from workbench.structure import Block, Structure
+from workbench.structure import Block
 from workbench.systems.balancing import balancing, singular
+from workbench.systems.joints import UncertainPart, part_of
 
 Names = str | Sequence[str]
 """One name or several."""
-
-
-class UncertainPart(ABC):
-    """A system with its perturbation pulled out; it can be a block of a connection."""
-
-    @property
-    @abstractmethod
-    def structure(self) -> Structure:
-        """Blocks of the perturbation."""
-
-    @property
-    @abstractmethod
-    def system(self) -> StateSpace:
-        """System with named inputs (perturbation, inputs) and outputs (perturbation, outputs)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,28 +33,28 @@ class NamedRealisation:
     outputs: tuple[str, ...]
 
 
-def named_realisation(block: Any) -> NamedRealisation:
+def named_realisation(block: Any, name: str = "a block") -> NamedRealisation:
     """The realisation of a block of a connection, with the names of its signals.
 
-    A block is a StateSpace, a TransferFunction, an `UncertainPart`, or a tuple of one of these with
-    names of its inputs and outputs. Raises InputError for another type, for a wrong number of
-    names, and for an improper transfer function.
+    A block is whatever `part_of` takes, or a tuple of one of these with names of its inputs and
+    outputs. Raises InputError for another type, for a wrong number of names, and for an improper
+    transfer function.
     """
     import control
 
     inputs = outputs = None
     if isinstance(block, tuple):
+        if len(block) != 3:
+            raise InputError(
+                f"{name} is a tuple of {len(block)}; (system, inputs, outputs) is needed"
+            )
         block, inputs, outputs = block[0], names_of(block[1]), names_of(block[2])
+    block = part_of(block, name)
     if isinstance(block, UncertainPart):
-        r, block = block.structure.rows, block.system
+        columns, rows, block = block.structure.columns, block.structure.rows, block.system
         if inputs is not None and outputs is not None:
-            inputs = (*block.input_labels[:r], *inputs)
-            outputs = (*block.output_labels[:r], *outputs)
-    if not isinstance(block, control.StateSpace | control.TransferFunction):
-        raise InputError(
-            f"a block is a {type(block).__name__}; it must be a StateSpace, a TransferFunction, a "
-            "ParametricModel or an UncertaintyModel (fit measured responses first)"
-        )
+            inputs = (*block.input_labels[:rows], *inputs)
+            outputs = (*block.output_labels[:columns], *outputs)
     inputs = tuple(block.input_labels) if inputs is None else inputs
     outputs = tuple(block.output_labels) if outputs is None else outputs
     if (len(inputs), len(outputs)) != (block.ninputs, block.noutputs):
@@ -120,33 +106,46 @@ def sum_of(name: str, terms: str) -> NamedRealisation:
     return NamedRealisation(np.array(signs), 0, None, tuple(term for _, term in found), (name,))
 
 
-def perturbation_of(
-    perturbation: Sequence[tuple[Block, Names, Names]], blocks: Iterable[Any]
-) -> tuple[list[Block], list[str], list[str]]:
-    """Blocks of Delta, with the signals that they read and the signals that they drive."""
+def named_parts(
+    blocks: Sequence[Any], perturbation: Sequence[tuple[Block, Names, Names]]
+) -> tuple[list[NamedRealisation], list[tuple[Block, tuple[str, ...], tuple[str, ...]]]]:
+    """Realisations of blocks, and entries of Delta: a block, the signals that it reads and drives.
+
+    The entries of uncertain blocks stand behind those of `perturbation`. Where two uncertain blocks
+    name their perturbation alike, the second one's names get "#2" behind them, and so on. Raises
+    InputError where a block of Delta does not fit its signals.
+    """
+    parts = []
     entries = [(block, names_of(reads), names_of(drives)) for block, reads, drives in perturbation]
-    for entry in blocks:
-        model = entry[0] if isinstance(entry, tuple) else entry
+    taken: list[str] = []
+    for number, given in enumerate(blocks, start=1):
+        part = named_realisation(given, f"block {number}")
+        model = part_of(given[0] if isinstance(given, tuple) else given, f"block {number}")
         if isinstance(model, UncertainPart):
-            places = zip(
-                model.structure,
-                model.structure.column_slices,
-                model.structure.row_slices,
-                strict=True,
+            rows, columns = model.structure.rows, model.structure.columns
+            own = [*part.inputs[:rows], *part.outputs[:columns]]
+            names = unique([*taken, *own])[len(taken) :]
+            taken += own
+            part = replace(
+                part,
+                inputs=(*names[:rows], *part.inputs[rows:]),
+                outputs=(*names[rows:], *part.outputs[columns:]),
             )
-            z, w = model.system.output_labels, model.system.input_labels
-            entries += [(block, tuple(z[c]), tuple(w[r])) for block, c, r in places]
+            structure = model.structure
+            entries += [
+                (block, part.outputs[columns], part.inputs[rows])
+                for block, columns, rows in zip(
+                    structure, structure.column_slices, structure.row_slices, strict=True
+                )
+            ]
+        parts.append(part)
     for block, reads, drives in entries:
         if (len(reads), len(drives)) != (block.columns, block.rows):
             raise InputError(
                 f"{block} reads {block.columns} signals and drives {block.rows}, but was given "
                 f"{reads} to read and {drives} to drive"
             )
-    return (
-        [block for block, _, _ in entries],
-        [name for _, reads, _ in entries for name in reads],
-        [name for _, _, drives in entries for name in drives],
-    )
+    return parts, entries
 
 
 def connected(
@@ -209,6 +208,11 @@ def unique(names: Sequence[str]) -> list[str]:
     """Distinct names of outputs: a repeated name gets "#2", "#3" and so on behind it."""
     seen = [names[:i].count(name) + 1 for i, name in enumerate(names)]
     return [name if i == 1 else f"{name}#{i}" for name, i in zip(names, seen, strict=True)]
+
+
+def own_name(name: str) -> str:
+    """The name before `unique` put a number behind it."""
+    return re.sub(r"#\d+$", "", name)
 
 
 def state_space(

@@ -65,6 +65,11 @@ class FaultFilter:
     """What proves the bounds of each requirement, and of all together."""
 
     @property
+    def lti(self) -> StateSpace:
+        """The filter."""
+        return self.K
+
+    @property
     def upper(self) -> float:
         """The largest upper bound of a requirement."""
         return float(self.peaks[:, 1].max())

@@ -47,7 +47,7 @@ def identify(
     )
     if predictor is None or simulator is None:
         return None
-    return IdentifiedModels(predictor, simulator, scores)
+    return IdentifiedModels(predictor, simulator, scores, program.sample_time)
 
 
 def _best(program: StateSpaceFit, way: FitterOfOrder, means: RealArray) -> InnovationsModel | None:

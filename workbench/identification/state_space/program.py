@@ -19,7 +19,7 @@ import numpy as np
 from workbench.arrays import RealArray
 from workbench.certificate import THIS_SYSTEM, Check
 from workbench.errors import InputError
-from workbench.heavy_types import Dataset, Figure
+from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.identification.experiments.quality import checked_record
 from workbench.identification.responses.local_polynomial import LocalPolynomial, local_polynomial
 from workbench.identification.state_space import figures as drawn
@@ -31,6 +31,7 @@ from workbench.identification.state_space.validation import (
     nrmse_fit,
     share_outside,
 )
+from workbench.input_checks import need_positive
 from workbench.program import Program
 from workbench.second_opinion.fits import decays
 from workbench.second_opinion.records import convolved
@@ -66,12 +67,20 @@ class IdentifiedModels:
     """A model for each use, and the validation fits that chose their orders.
 
     ``scores`` (uses, orders, ny) [%] holds one-step fits of predictors and free-run fits of
-    simulators.
+    simulators. ``sample_time`` [s] is the record's.
     """
 
     predictor: InnovationsModel
     simulator: InnovationsModel
     scores: RealArray
+    sample_time: float = 1.0
+
+    @property
+    def lti(self) -> StateSpace:
+        """The simulator's system from u to y, at the record's sampling time."""
+        import control
+
+        return control.ss(*(getattr(self.simulator, part) for part in "ABCD"), self.sample_time)
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +107,8 @@ class StateSpaceFit(Program):
         Number of samples from which an initial state is estimated.
     title
         Title of figures.
+    sample_time
+        Sampling time of the record [s], for the systems of the answer.
 
     Raises
     ------
@@ -111,11 +122,13 @@ class StateSpaceFit(Program):
     orders: tuple[int, ...] = (2, 4, 6, 8)
     washout: int = 50
     title: str = field(default="record", kw_only=True)
+    sample_time: float = field(default=1.0, kw_only=True)
 
     default_method: ClassVar[str] = "prediction-error"
     headline: ClassVar[str] = "fit_free_run_y1"
 
     def __post_init__(self) -> None:
+        need_positive(self.sample_time, "sample_time")
         u, y = checked_record(self.u, self.y)
         object.__setattr__(self, "u", u)
         object.__setattr__(self, "y", y)
@@ -338,4 +351,5 @@ class StateSpaceFit(Program):
             InnovationsModel(**{matrix: data[f"{name}_{matrix}"].values for matrix in MATRICES})
             for name in MODELS
         )
-        return IdentifiedModels(predictor, simulator, data["validation_fit"].values)
+        scores = data["validation_fit"].values
+        return IdentifiedModels(predictor, simulator, scores, self.sample_time)

@@ -47,6 +47,11 @@ class TransferFunctionEstimate:
         found: RealArray = np.sqrt(np.diag(self.covariance))
         return found
 
+    @property
+    def lti(self) -> TransferFunction:
+        """As `system`."""
+        return self.system()
+
     def system(self) -> TransferFunction:
         """The transfer function of python-control."""
         import control

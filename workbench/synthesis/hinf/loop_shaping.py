@@ -21,6 +21,7 @@ from workbench.certify.norms import NORM_TOLERANCE
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.heavy_types import StateSpace
+from workbench.input_checks import is_real
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
 from workbench.synthesis.hinf.levels import LARGEST_LEVEL
@@ -77,7 +78,7 @@ class LoopShaping(HinfSynthesis):
     def __init__(self, G: Any, W1: Any = 1.0, W2: Any = 1.0, gamma: float | None = None) -> None:
         G = as_system(G, "G")
         W2 = as_weight(W2, G.noutputs, "W2")
-        W1 = as_system(W1, "W1") if hasattr(W1, "noutputs") else as_weight(W1, G.ninputs, "W1")
+        W1 = as_weight(W1, G.ninputs, "W1") if is_real(W1) else as_system(W1, "W1")
         if (W1.ninputs, W1.noutputs) == (1, 1) and G.ninputs > 1:
             W1 = as_weight(W1, G.ninputs, "W1")
         if W1.noutputs != G.ninputs:
@@ -97,7 +98,14 @@ class LoopShaping(HinfSynthesis):
 
     def controller(self, answer: HinfController) -> StateSpace:
         """K = W1 K_inf W2 for the loop of G with negative feedback."""
-        return self.W1 * answer.K * self.W2
+        import control
+
+        whole = self.W1 * answer.K * self.W2
+        return control.ss(whole, inputs=self.G.output_labels, outputs=self.G.input_labels)
+
+    def witnessed(self, answer: HinfController) -> HinfController:
+        """The answer with the controller for the loop of G."""
+        return replace(answer, whole=self.controller(answer))
 
     @cached_property
     def epsilon_max(self) -> float:

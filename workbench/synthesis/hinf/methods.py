@@ -57,17 +57,13 @@ def claimed(
         size = gamma
     elif size < CANCELLED_SHARE * open_loop:
         size = min(gamma, CANCELLED_CLAIM * open_loop)
-    plant, system = program.plant, program.plant.system
-    dt = float(system.dt or 0.0)
+    plant = program.plant
+    dt = float(plant.system.dt or 0.0)
     try:
         matrices = to_sampled(K) if dt else K
     except np.linalg.LinAlgError:
         return None, Outcome.FAILED, f"{said}; the sampled controller found is not causal"
-    labels = {
-        "inputs": list(system.output_labels[system.noutputs - plant.measurements :]),
-        "outputs": list(system.input_labels[system.ninputs - plant.controls :]),
-    }
-    K_found = realisation(matrices, dt, **labels)
+    K_found = plant.named(realisation(matrices, dt))
     # The realised loop may differ from the scaled one that gave the size: the kernel has its norm.
     loop = plant.close(K_found)
     if stability_of(loop).holds:

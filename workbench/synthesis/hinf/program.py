@@ -44,6 +44,13 @@ class HinfController:
     norm: float
     gamma: float
     least: float = math.nan
+    whole: StateSpace | None = None
+    """The controller of the user's plant, where K is only a part of it."""
+
+    @property
+    def lti(self) -> StateSpace:
+        """The controller of the user's plant."""
+        return self.whole or self.K
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,7 +192,8 @@ class HinfSynthesis(Program):
 
     def from_dataset(self, data: Dataset) -> HinfController:
         numbers = (float(data[name]) for name in ("norm", "gamma", "least"))
-        return HinfController(restored(data, "controller"), *numbers)
+        K = self.plant.named(restored(data, "controller"))
+        return self.witnessed(HinfController(K, *numbers))
 
 
 def hinf(

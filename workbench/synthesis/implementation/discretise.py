@@ -12,7 +12,11 @@ from workbench.arrays import RealArray
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import is_real, need_positive
-from workbench.synthesis.implementation.sampled_loop import need_fitting, sampled_conditions
+from workbench.synthesis.implementation.sampled_loop import (
+    need_fitting,
+    plant_and_sign,
+    sampled_conditions,
+)
 from workbench.systems.balancing import speed, state_units
 from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import response
@@ -34,7 +38,7 @@ def discretised(
     prewarp: float | None = None,
     *,
     plant: Any = None,
-    sign: int = -1,
+    sign: int | None = None,
     delay: float = 0.0,
 ) -> StateSpace:
     """Discretise a controller at a sampling time [s]; its A becomes block diagonal.
@@ -71,7 +75,7 @@ def discretised(
             f"method is {method!r}; it must be one of {get_args(DiscretisationMethod)}"
         )
     if plant is not None:
-        plant = as_system(plant, "plant")
+        plant, turn = plant_and_sign(plant, sign)
         need_fitting(K, plant)
         _check_bandwidth(K, plant, sample_time)
     A, B, C = block_diagonal(K.A, K.B, K.C)
@@ -95,11 +99,18 @@ def discretised(
     labels = {"inputs": K.input_labels, "outputs": K.output_labels}
     sampled = realisation((A, B, C, D), sample_time, **labels)
     if plant is not None:
-        found = sampled_conditions(plant, sampled, sample_time, delay, sign=sign)
+        found = sampled_conditions(plant, sampled, sample_time, delay, sign=turn)
         if not found.stable:
+            turned = sampled_conditions(plant, sampled, sample_time, delay, sign=-turn)
+            advice = (
+                f"with the other sign, u = {'-' if turn > 0 else ''}K y, it is stable: give sign="
+                f"{-turn}, or turn K's sign"
+                if turned.stable
+                else "sample faster or lower the bandwidth"
+            )
             raise InputError(
                 f"the loop sampled every {sample_time:.6g} s with a delay of {delay:g} samples is "
-                f"unstable, its largest pole {found.pole:.6g}; sample faster or lower the bandwidth"
+                f"unstable, its largest pole {found.pole:.6g}; {advice}"
             )
     return sampled
 

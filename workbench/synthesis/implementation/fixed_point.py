@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from workbench.arrays import RealArray
 from workbench.errors import InputError
+from workbench.heavy_types import StateSpace
 from workbench.synthesis.implementation.impulse import absolute_sum, squared_sum
 from workbench.synthesis.implementation.sampled_loop import SampledConditions, sampled_conditions
 from workbench.synthesis.implementation.second_order import Sections
@@ -70,7 +71,14 @@ class FixedPoint:
         """Whether no input within full scale makes a section of any channel overflow."""
         return all(cascade.overflow_free for line in self.cascades for cascade in line)
 
-    def conditions(self, plant: Any, delay: float = 0.0, *, sign: int = -1) -> SampledConditions:
+    @property
+    def lti(self) -> StateSpace:
+        """The controller with the rounded coefficients."""
+        return self.quantised.system
+
+    def conditions(
+        self, plant: Any, delay: float = 0.0, *, sign: int | None = None
+    ) -> SampledConditions:
         """Stability and margins, as `sampled_conditions`, with the rounded coefficients."""
         system, dt = self.quantised.system, self.quantised.dt
         return sampled_conditions(plant, system, dt, delay, sign=sign)

@@ -49,6 +49,11 @@ class ReducedController:
     upper: float
 
     @property
+    def lti(self) -> StateSpace:
+        """The controller."""
+        return self.K
+
+    @property
     def order(self) -> int:
         """Number of states."""
         return int(self.K.nstates)
@@ -68,6 +73,16 @@ class ReducedControllers:
     @property
     def smallest(self) -> ReducedController | None:
         return next((one for one in self.tried if one.stable and one.upper <= self.target), None)
+
+    @property
+    def lti(self) -> StateSpace:
+        """The controller of the least order that meets the target; InputError where none does."""
+        if self.smallest is None:
+            raise InputError(
+                f"no reduced controller has a certified peak of {self.target:.6g} or less; choose "
+                "one of `tried`"
+            )
+        return self.smallest.K
 
     @property
     def curve(self) -> NDArray[np.float64]:

@@ -16,6 +16,7 @@ from workbench.heavy_types import StateSpace
 from workbench.input_checks import is_real, need_positive
 from workbench.synthesis.implementation.sampled_response import HeldPlantLoop
 from workbench.systems.conversion import as_system
+from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.realisation import realisation
 
 STATIC_FREQUENCY_SHARE = 1e-8
@@ -69,20 +70,22 @@ class SampledConditions:
 
 
 def sampled_conditions(
-    plant: Any, K: Any, sample_time: float, delay: float = 0.0, *, sign: int = -1
+    plant: Any, K: Any, sample_time: float, delay: float = 0.0, *, sign: int | None = None
 ) -> SampledConditions:
     """Stability and margins of a sampled controller K around a plant with held inputs.
 
     Parameters
     ----------
     plant
-        Continuous-time StateSpace or TransferFunction from u to y; it is discretised exactly.
+        A continuous-time system from u to y, or the nominal of a model; it is discretised exactly.
+        Of a `GeneralisedPlant` it is the part from controls to measurements.
     K
         StateSpace or TransferFunction, sampled every `sample_time` [s].
     delay
         Delay of the computer [samples], also a fraction, 0 or more.
     sign
-        u = sign K y: -1 for negative, 1 for positive feedback.
+        u = sign K y. None: u = K y for a generalised plant, whose sums have the signs, and
+        u = -K y for a plant, as in `control.feedback`.
 
     Raises
     ------
@@ -90,7 +93,8 @@ def sampled_conditions(
         The plant is sampled; K is not, or has another sampling time or size; or the sign or the
         delay is wrong.
     """
-    plant, K = as_system(plant, "plant"), as_system(K, "K")
+    plant, sign = plant_and_sign(plant, sign)
+    K = as_system(K, "K")
     if plant.dt:
         raise InputError(f"the plant is sampled (dt = {plant.dt}); give the continuous plant")
     need_positive(sample_time, "sample_time")
@@ -113,6 +117,20 @@ def sampled_conditions(
     if not stability_of(closed).holds:
         return SampledConditions(False, pole, ())
     return SampledConditions(True, pole, tuple(_margins(loop, i) for i in range(plant.ninputs)))
+
+
+def plant_and_sign(plant: Any, sign: int | None) -> tuple[StateSpace, int]:
+    """The plant from controls to measurements, and the sign of the loop, as `sampled_conditions`.
+
+    Raises InputError for a sign beside a generalised plant.
+    """
+    if isinstance(plant, GeneralisedPlant):
+        if sign is not None:
+            raise InputError(
+                f"sign is {sign!r}; a generalised plant has its signs in its sums: leave it out"
+            )
+        return plant.controlled(), 1
+    return as_system(plant, "plant"), -1 if sign is None else sign
 
 
 def need_fitting(K: StateSpace, plant: StateSpace) -> None:

@@ -53,6 +53,11 @@ class Sections:
         )
 
     @property
+    def lti(self) -> StateSpace:
+        """As `system`."""
+        return self.system
+
+    @property
     def system(self) -> StateSpace:
         """StateSpace with the states of every cascade, two for each section."""
         parts = [[_cascade(rows) for rows in line] for line in self.channels]

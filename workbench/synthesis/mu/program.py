@@ -54,6 +54,11 @@ class MuController:
     history: tuple[Iterate, ...] = field(default=())
     peak: Peak | None = None
 
+    @property
+    def lti(self) -> StateSpace:
+        """The controller."""
+        return self.K
+
 
 @dataclass(frozen=True, eq=False)
 class MuSynthesis(Program):
@@ -148,7 +153,7 @@ class MuSynthesis(Program):
         None where the loop is unstable. The states are balanced because tools that do not balance
         give responses with errors of 1e-3 for fifty badly scaled states.
         """
-        K = realisation((*balanced(K.A, K.B, K.C), K.D), 0.0)
+        K = self.plant.named(realisation((*balanced(K.A, K.B, K.C), K.D), 0.0))
         found = self.certified(K, tolerance)
         if found is None:
             return None
@@ -243,7 +248,8 @@ class MuSynthesis(Program):
         lower, upper = data["peak"].values.tolist()
         omega = float(data["peak_omega"])
         found = restored_peak(data, "proven")
-        return MuController(restored(data, "controller"), lower, upper, omega, history, found)
+        K = self.plant.named(restored(data, "controller"))
+        return MuController(K, lower, upper, omega, history, found)
 
     def figures(self, answer: MuController) -> dict[str, Figure]:
         loop = self.plant.close(answer.K)

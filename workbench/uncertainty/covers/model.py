@@ -25,7 +25,7 @@ from workbench.structure import Complex as ComplexScalar
 from workbench.structure import Real as RealScalar
 from workbench.structure import Structure
 from workbench.systems.connection import generalised_plant
-from workbench.systems.interconnection import UncertainPart
+from workbench.systems.joints import UncertainPart
 from workbench.uncertainty.covers.responses import Responses
 from workbench.uncertainty.covers.sets import Form
 
@@ -57,6 +57,13 @@ class UncertaintyModel(UncertainPart):
                 raise InputError(f"{name} is needed; only W_r may be None")
             if given is not None and not isinstance(given, Rational):
                 object.__setattr__(self, name, from_system(given))
+
+    @property
+    def lti(self) -> StateSpace:
+        """The nominal."""
+        import control
+
+        return control.ss(self.nominal.state_space(), inputs="u", outputs="f")
 
     @property
     def structure(self) -> Structure:

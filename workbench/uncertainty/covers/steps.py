@@ -20,3 +20,8 @@ class CoverSteps:
     first: Circle | Stadium
     second: Stadium
     third: Stadium
+
+    @property
+    def lti(self) -> UncertaintyModel:
+        """The model, which fits where a system is wanted."""
+        return self.model

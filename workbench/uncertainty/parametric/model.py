@@ -21,7 +21,7 @@ from workbench.errors import InputError, UnknownNameError
 from workbench.heavy_types import StateSpace
 from workbench.structure import Real, Structure
 from workbench.systems.frequency_response import frequency_response
-from workbench.systems.interconnection import UncertainPart
+from workbench.systems.joints import UncertainPart
 from workbench.uncertainty.parametric.lft import (
     INTEGRATOR,
     LFT,
@@ -85,6 +85,11 @@ class ParametricModel(UncertainPart):
             [*(f"w_{c}" for c in channels), *self.inputs],
             [*(f"z_{c}" for c in channels), *self.outputs],
         )
+
+    @property
+    def lti(self) -> StateSpace:
+        """The nominal, at deltas of 0."""
+        return self.at({})
 
     def at(self, deltas: Deltas) -> StateSpace:
         """System at one set of deltas; raises InputError where the model is not well posed."""

@@ -1,0 +1,101 @@
+"""What fits where a linear system is wanted: whatever has one, and arrays and numbers as gains."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Any
+
+import numpy as np
+
+from workbench.errors import InputError
+from workbench.heavy_types import StateSpace
+from workbench.input_checks import is_real
+from workbench.structure import Structure
+
+
+class UncertainPart(ABC):
+    """A system with its perturbation pulled out; it can be a block of a connection."""
+
+    @property
+    @abstractmethod
+    def structure(self) -> Structure:
+        """Blocks of the perturbation."""
+
+    @property
+    @abstractmethod
+    def system(self) -> StateSpace:
+        """System with named inputs (perturbation, inputs) and outputs (perturbation, outputs)."""
+
+    @property
+    @abstractmethod
+    def lti(self) -> Any:
+        """The nominal system, without the perturbation."""
+
+
+def part_of(given: Any, name: str) -> Any:
+    """The StateSpace, TransferFunction or `UncertainPart` that something stands for.
+
+    A number or an array (outputs, inputs) is a gain, at every sampling time. An answer, a Solution,
+    a Run, or anything else that has an attribute ``lti`` stands for that. `name` is what messages
+    call it.
+
+    Raises
+    ------
+    InputError
+        It stands for none of these, is not finite, or is a Solution or a Run without a certified
+        answer.
+    """
+    import control
+
+    kinds = (control.StateSpace, control.TransferFunction, UncertainPart)
+    part = given
+    while not isinstance(part, kinds):
+        if is_real(part) or isinstance(part, np.ndarray | list):
+            return _gain(part, name)
+        if isinstance(part, type) or not hasattr(part, "lti"):
+            raise InputError(
+                f"{name} must be a StateSpace, a TransferFunction, a gain, an uncertain model or a "
+                f"Solution with one of these, not {type(part).__name__}{_hint(part)}"
+            )
+        part = part.lti
+    return part
+
+
+def system_of(given: Any, name: str) -> Any:
+    """The StateSpace or TransferFunction that something stands for: the nominal of a model.
+
+    Raises as `part_of`.
+    """
+    part = part_of(given, name)
+    while isinstance(part, UncertainPart):
+        part = part_of(part.lti, name)
+    return part
+
+
+def _gain(value: Any, name: str) -> StateSpace:
+    """A number or an array (outputs, inputs) as a system without states."""
+    import control
+
+    try:
+        if np.asarray(value).dtype.kind not in "iuf":
+            raise TypeError
+        gain = np.atleast_2d(np.asarray(value, dtype=float))
+    except (TypeError, ValueError):
+        raise InputError(f"{name} is {value!r}; a gain needs real numbers in rows alike") from None
+    if gain.ndim != 2 or not gain.size or not np.isfinite(gain).all():
+        raise InputError(
+            f"{name} is an array of shape {np.shape(value)}; a gain needs finite numbers of shape "
+            "(outputs, inputs)"
+        )
+    return control.StateSpace([], [], [], gain, None)
+
+
+def _hint(part: Any) -> str:
+    """What to do with something else that people give."""
+    if hasattr(part, "frdata") or type(part).__name__ == "Responses":
+        return "; a measured response has no poles: fit a model or a cover to it first"
+    if isinstance(part, type):
+        return f"; {part.__name__} is a class, give one of its objects"
+    if hasattr(part, "checks"):
+        return f"; a {type(part).__name__} is a question: solve it first, wb.solve(...)"
+    return ""
