@@ -152,7 +152,7 @@ class CoverSpeed(Study):
 
 def _measured(frequencies: int) -> Responses:
     """Responses of the twelve drives as if they were known at these frequencies only."""
-    return replace(measured_drives("focus", frequencies, 5.0, 5000.0), known=None)
+    return replace(measured_drives("focus", frequencies, 5.0, 5000.0), known=())
 
 
 def _over(seconds: DataArray, task: str) -> float:

@@ -198,7 +198,7 @@ class TestHinf:
         plant = GeneralisedPlant(form(PLANT), None, 1, 1)
         with pytest.raises(InputError, match="K has 2 inputs and 2 outputs; the plant has 1"):
             plant.close(control.append(KD, KD))
-        with pytest.raises(InputError, match="K must be a StateSpace.*not str"):
+        with pytest.raises(InputError, match=r"K must be a StateSpace.*not str"):
             plant.close("K")
 
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from workbench.errors import InputError
-from workbench.uncertainty import Responses, responses_of
+from workbench.uncertainty import Responses
 
 OMEGA = 2 * np.pi * np.array([1.0, 2.0, 5.0, 10.0])
 VALUES = np.array([[1, 2, 3], [1j, 2j, 3j], [-1, -2, -3], [1 + 1j, 2 + 2j, 3 + 3j]])
@@ -98,7 +98,7 @@ def frd(omega, gain=1.0):
 
 
 def test_the_same_grid():
-    responses = responses_of([frd(OMEGA), frd(OMEGA, 2), frd(OMEGA, 3)], unit="N")
+    responses = Responses.from_frd([frd(OMEGA), frd(OMEGA, 2), frd(OMEGA, 3)], unit="N")
     np.testing.assert_allclose(responses.values, np.outer(1 / (1 + 1j * OMEGA), [1, 2, 3]))
     assert responses.present.all()
     assert responses.unit == "N"
@@ -107,7 +107,7 @@ def test_the_same_grid():
 def test_grids_of_their_own():
     grids = [[1.0, 2.0, 4.0], [4.0, 2.0], [1.0, 4.0, 8.0], [8.0, 2.0]]
     systems = [frd(np.sort(grid), k + 1) for k, grid in enumerate(grids)]
-    responses = responses_of(systems, plants="abcd")
+    responses = Responses.from_frd(systems, plants="abcd")
     assert responses.omega.tolist() == [1, 2, 4, 8]
     for k, grid in enumerate(grids):
         measured = responses.omega[responses.present[:, k]]
@@ -119,16 +119,16 @@ def test_grids_of_their_own():
 def test_lonely_frequencies_are_named():
     words = r"different grids: 2 of 4 frequencies have one plant only, the first at 0.318\d* Hz"
     with pytest.raises(InputError, match=words):
-        responses_of([frd([1.0, 2.0, 3.0]), frd([1.0, 3.0, 4.0])])
+        Responses.from_frd([frd([1.0, 2.0, 3.0]), frd([1.0, 3.0, 4.0])])
 
 
 def test_systems_that_are_no_plants():
     square = control.frd(np.ones((2, 2, 3)), [1.0, 2.0, 3.0])
-    with pytest.raises(InputError, match="plant 2 is 2 x 2, not SISO"):
-        responses_of([frd([1.0, 2.0, 3.0]), square])
+    with pytest.raises(InputError, match=r"plant 2 has 2 outputs.*choose one"):
+        Responses.from_frd([frd([1.0, 2.0, 3.0]), square])
     with pytest.raises(InputError, match="needed"):
-        responses_of([])
+        Responses.from_frd([])
     with pytest.raises(InputError, match=r"one plant has no spread|one plant only"):
-        responses_of([frd([1.0, 2.0])])
+        Responses.from_frd([frd([1.0, 2.0])])
     with pytest.raises(InputError, match="plant 1 is no frequency response, but a TransferFunc"):
-        responses_of([control.tf([1.0], [1.0, 1.0]), frd([1.0, 2.0])])
+        Responses.from_frd([control.tf([1.0], [1.0, 1.0]), frd([1.0, 2.0])])

@@ -14,7 +14,7 @@ from workbench.uncertainty.covers.orientation import (
     narrowest,
     smooth,
 )
-from workbench.uncertainty.covers.responses import Responses, responses_of
+from workbench.uncertainty.covers.responses import Responses
 from workbench.uncertainty.covers.stadium_cover import StadiumCover
 from workbench.uncertainty.covers.steps import CoverSteps
 from workbench.uncertainty.parametric.lft import inverse, left_divide, matrix
@@ -46,7 +46,6 @@ __all__ = [
     "members",
     "narrowest",
     "parametric",
-    "responses_of",
     "samples",
     "smooth",
     "vertices",

@@ -39,6 +39,7 @@ from workbench.uncertainty.covers.everywhere import (
 )
 from workbench.uncertainty.covers.figures import cover_figures
 from workbench.uncertainty.covers.model import UncertaintyModel, contains
+from workbench.uncertainty.covers.regions import estimates, with_regions
 from workbench.uncertainty.covers.responses import Responses
 from workbench.uncertainty.covers.sets import Form, corners, deviations, kept
 from workbench.uncertainty.covers.steps import CoverSteps
@@ -70,6 +71,9 @@ class UncertaintyCover(Program):
         A given nominal (a SISO system of python-control, or `Rational`), which is then not fitted.
     leave_out
         Number of points that may lie outside at each frequency; the most costly ones are left out.
+    confidence
+        Probability with which each disc about an estimate holds the true response; the cover
+        contains these discs. None: the responses themselves.
     windows
         Parts to draw enlarged: for each caption a range of frequency [Hz].
     """
@@ -81,6 +85,7 @@ class UncertaintyCover(Program):
     form: Form = field(default="multiplicative", kw_only=True)
     nominal: Any = field(default=None, kw_only=True)  # a Rational after construction, if given
     leave_out: int = field(default=0, kw_only=True)
+    confidence: float | None = field(default=None, kw_only=True)
     windows: Any = field(default_factory=dict, kw_only=True)
 
     default_method: ClassVar[str] = "joint"
@@ -91,6 +96,10 @@ class UncertaintyCover(Program):
     def __post_init__(self) -> None:
         if not isinstance(self.responses, Responses):
             raise InputError(f"responses must be Responses, not {type(self.responses).__name__}")
+        if self.confidence is not None:
+            if self.leave_out:
+                raise InputError("leave_out counts plants, confidence covers regions: give one")
+            object.__setattr__(self, "responses", with_regions(self.responses, self.confidence))
         if self.form not in get_args(Form):
             raise InputError(f"form is {self.form!r}; it must be one of {get_args(Form)}")
         if self.nominal is not None and not isinstance(self.nominal, Rational):
@@ -331,7 +340,17 @@ class UncertaintyCover(Program):
             "order_nominal": model.nominal.order,
             "order_Wc": model.W_c.order,
             "outside": int(contains(model, self.responses, self.leave_out).outside.sum()),
-        }
+        } | self._noise(answer)
+
+    def _noise(self, answer: CoverSteps) -> dict[str, float]:
+        """How much of the sets about the nominal is plant spread, and how much is noise."""
+        if self.confidence is None:
+            return {}
+        nominal, shares = answer.model.nominal, self.responses.shares
+        spread = self.second_set(self.away(nominal, estimates(self.responses))).radius
+        rms = float(np.sqrt(shares @ spread**2))
+        whole = float(np.sqrt(shares @ answer.second.radius**2))
+        return {f"{self.size_name}_rms_estimates": rms, "noise_share": 1.0 - rms / whole}
 
     def to_dataset(self, answer: CoverSteps) -> Dataset:
         from workbench.uncertainty.covers.storage import cover_dataset

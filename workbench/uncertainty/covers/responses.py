@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from os import PathLike
 from typing import Any
 
 import numpy as np
@@ -12,20 +14,23 @@ from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.fitting.rational import Rational, from_system
 from workbench.heavy_types import DataArray, FrequencyResponseData
+from workbench.identification.responses.periodic import ResponseEstimate
 from workbench.systems.frequency_grid import starting_grid
 
+Channel = str | int | None
+"""A channel by name or by number from 0; None where there is only one."""
 KNOWN_RESPONSE_TOLERANCE = 1e-6
 """Largest distance of a given response from that of the known plant, relative to it."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, init=False)
 class Responses:
     """Measured or computed responses of N >= 2 plants at F >= 2 frequencies.
 
     Parameters
     ----------
-    omega
-        Angular frequencies [rad/s], increasing, positive, shape (F,).
+    omega, frequency
+        Frequencies (F,), increasing and positive: ``omega`` in rad/s or ``frequency`` in Hz.
     values
         Complex responses, shape (F, N); finite and not zero where present.
     present
@@ -42,6 +47,15 @@ class Responses:
         The N plants as systems, where they are known at every frequency: stable SISO systems of
         python-control or `Rational`s, None for a plant that was only measured. Covers contain
         these at every frequency, between the given ones too.
+    variance
+        E|error|^2 of the responses (F, N), or a number for all; None: they count as exact.
+    degrees
+        Real degrees of freedom of the variance, a number or one for each plant (N,).
+    read
+        What was found out to read the responses, if they come from files.
+    confidence
+        The values are corners of confidence regions, of this probability each; see
+        `workbench.uncertainty.covers.regions`.
 
     Raises
     ------
@@ -52,30 +66,38 @@ class Responses:
 
     omega: RealArray
     values: ComplexArray
-    present: Any = None  # an ndarray after construction
-    plants: Any = None  # a tuple of names after construction
-    unit: str = field(default="1", kw_only=True)
-    assumption: str = field(default="", kw_only=True)
-    known: Any = field(default=None, kw_only=True)  # a tuple of Rational or None, or () for none
+    present: np.ndarray
+    plants: tuple[str, ...]
+    unit: str
+    assumption: str
+    known: tuple[Rational | None, ...]
+    variance: RealArray | None
+    degrees: RealArray
+    read: str
+    confidence: float | None
 
-    def __post_init__(self) -> None:
-        omega = np.asarray(self.omega, dtype=float)
-        if omega.ndim != 1 or omega.size < 2:
+    def __init__(
+        self,
+        omega: Any = None,
+        values: Any = None,
+        present: Any = None,
+        plants: Any = None,
+        *,
+        frequency: Any = None,
+        unit: str = "1",
+        assumption: str = "",
+        known: Any = None,
+        variance: Any = None,
+        degrees: Any = math.inf,
+        read: str = "",
+        confidence: float | None = None,
+    ) -> None:
+        omega = _frequencies(omega, frequency)
+        if values is None:
             raise InputError(
-                f"omega of shape {omega.shape}: two frequencies or more are needed, shape (F,)"
+                "values are needed: complex responses of shape (F, N), a column for each plant"
             )
-        bad = ~(np.isfinite(omega) & (omega > 0))
-        if bad.any():
-            raise InputError(f"omega[{bad.argmax()}] is {omega[bad.argmax()]}; it must be positive")
-        steps = np.diff(omega) <= 0
-        if steps.any():
-            k = int(steps.argmax())
-            kind = "repeated" if omega[k] == omega[k + 1] else "not increasing"
-            raise InputError(
-                f"omega[{k}] = {omega[k]:.6g} and omega[{k + 1}] = {omega[k + 1]:.6g} rad/s are "
-                f"{kind}: sort the frequencies and keep each once"
-            )
-        values = np.asarray(self.values)
+        values = np.asarray(_plain(values))
         if values.dtype.kind not in "iufc":
             raise InputError(f"responses must be numbers, they have type {values.dtype}")
         if values.ndim != 2 or len(values) != omega.size:
@@ -85,18 +107,27 @@ class Responses:
             )
         if values.shape[1] < 2:
             raise InputError("one plant has no spread to cover: two or more are needed")
-        present = np.ones(values.shape, bool) if self.present is None else np.array(self.present)
+        present = np.ones(values.shape, bool) if present is None else np.array(present)
         if present.shape != values.shape or present.dtype != bool:
             raise InputError(f"present must be booleans of shape {values.shape}")
-        plants = tuple(
-            map(str, range(1, values.shape[1] + 1)) if self.plants is None else self.plants
-        )
-        if len(plants) != values.shape[1]:
-            raise InputError(f"{len(plants)} names for {values.shape[1]} plants")
-        object.__setattr__(self, "omega", omega)
-        object.__setattr__(self, "values", values.astype(complex))
-        object.__setattr__(self, "present", present)
-        object.__setattr__(self, "plants", plants)
+        names = tuple(map(str, range(1, values.shape[1] + 1) if plants is None else plants))
+        if len(names) != values.shape[1]:
+            raise InputError(f"{len(names)} names for {values.shape[1]} plants")
+        if len(set(names)) < len(names):
+            twice = next(name for name in names if names.count(name) > 1)
+            raise InputError(f"two plants are called {twice!r}; give each a name of its own")
+        fields = {
+            "omega": omega,
+            "values": values.astype(complex),
+            "present": present,
+            "plants": names,
+            "unit": unit,
+            "assumption": assumption,
+            "read": read,
+            "confidence": confidence,
+        }
+        for name, value in fields.items():
+            object.__setattr__(self, name, value)
         self._refuse(~np.isfinite(values), "is not finite")
         self._refuse(values == 0, "is exactly zero")
         few = present.sum(axis=1) < 2
@@ -105,7 +136,98 @@ class Responses:
                 f"only {present[few.argmax()].sum()} plant was measured at "
                 f"{self.place(int(few.argmax()))}: two or more are needed at every frequency"
             )
-        object.__setattr__(self, "known", self._checked(tuple(self.known or ())))
+        object.__setattr__(self, "known", self._checked(tuple(known or ())))
+        for name, value in zip(
+            ("variance", "degrees"), self._spread(variance, degrees), strict=True
+        ):
+            object.__setattr__(self, name, value)
+
+    @classmethod
+    def from_frd(
+        cls,
+        systems: Sequence[FrequencyResponseData],
+        input: Channel = None,
+        output: Channel = None,
+        **names: Any,
+    ) -> Responses:
+        """Responses of plants that were each measured at their own frequencies.
+
+        The grid is the union of all frequencies; a plant counts as missing where it was not
+        measured.
+
+        Parameters
+        ----------
+        systems
+            `control.FrequencyResponseData` objects, frequencies in rad/s.
+        input, output
+            The channel of plants with several, by name or by number from 0.
+        names
+            ``plants``, ``unit``, ``assumption`` and ``known`` of `Responses`.
+
+        Raises
+        ------
+        InputError
+            As for `Responses`; in particular plants on different grids leave a frequency with
+            fewer than two of them.
+        """
+        from workbench.uncertainty.covers.measured import from_frd
+
+        return from_frd(systems, input, output, names)
+
+    @classmethod
+    def from_estimates(
+        cls, estimates: Sequence[ResponseEstimate], input: int = 0, output: int = 0, **names: Any
+    ) -> Responses:
+        """Responses that were estimated, with their variances, all at the same frequencies.
+
+        ``input`` and ``output`` are numbers of the channel, from 0; ``names`` as in `from_frd`.
+        Raises InputError as `Responses`, and for different frequencies.
+        """
+        from workbench.uncertainty.covers.measured import from_estimates
+
+        return from_estimates(estimates, input, output, names)
+
+    @classmethod
+    def from_files(
+        cls,
+        files: str | PathLike[str] | Sequence[str | PathLike[str]],
+        *,
+        input: str | None = None,
+        output: str | None = None,
+        time: str | None = None,
+        sample_rate: float | None = None,
+        frequency: str | None = None,
+        response: str | tuple[str, str] | None = None,
+        most: int = 200,
+        **names: Any,
+    ) -> Responses:
+        """Responses of plants from files, one for each plant; its name is the plant's.
+
+        Of a record, name the ``input``, the ``output`` and the ``time`` (or give the sampling
+        frequency); the response and its variance are then estimated, from whole periods where the
+        input is periodic and by local polynomials where it is not. Of a frequency response, name
+        the ``frequency`` and the ``response`` (or its real and its imaginary part). What was found
+        out stands in ``read``. The response of a record leads from samples to samples: it contains
+        the hold and the delay of the converters.
+
+        Parameters
+        ----------
+        files
+            A pattern such as ``"drive*.csv"``, or paths; read as by `read_record`.
+        most
+            Largest number of frequencies that are taken of a record.
+        names
+            ``plants``, ``unit``, ``assumption`` and ``known`` of `Responses`.
+
+        Raises
+        ------
+        InputError
+            As `Responses`, `read_record` and `read_response`; no file fits the pattern; or the
+            names belong to neither a record nor a response.
+        """
+        from workbench.uncertainty.covers.measured import from_files
+
+        return from_files(files, input, output, time, sample_rate, frequency, response, most, names)
 
     def _checked(self, known: tuple[Any, ...]) -> tuple[Rational | None, ...]:
         """The known plants as functions; raises `InputError` for those that cannot be."""
@@ -133,6 +255,31 @@ class Responses:
                 )
         return found
 
+    def _spread(self, variance: Any, degrees: Any) -> tuple[RealArray | None, RealArray]:
+        """Variances (F, N) and degrees of freedom (N,), or an `InputError`."""
+        shape = self.values.shape
+        freedom = np.broadcast_to(np.asarray(degrees, float), (shape[1],)).copy()
+        if not (freedom > 0).all():
+            raise InputError(f"degrees is {degrees!r}; it must be positive")
+        if variance is None:
+            return None, freedom
+        try:
+            found = np.broadcast_to(np.asarray(variance, float), shape).copy()
+        except ValueError:
+            raise InputError(
+                f"variance of shape {np.shape(variance)} does not fit responses of shape {shape}"
+            ) from None
+        bad = self.present & ~(np.isfinite(found) & (found >= 0))
+        if bad.any():
+            k, i = (int(j) for j in np.argwhere(bad)[0])
+            raise InputError(
+                f"the variance of plant {self.plants[i]} is {found[k, i]} at {self.place(k)}; it "
+                "must be finite and not negative"
+            )
+        if self.known_plants:
+            raise InputError("a plant that is known has no variance: give known or variance")
+        return found, freedom
+
     @property
     def known_plants(self) -> dict[str, Rational]:
         """The plants that are known at every frequency, by name."""
@@ -142,7 +289,10 @@ class Responses:
     @property
     def over(self) -> str:
         """What a statement about these responses quantifies over."""
-        return f"at the {self.omega.size} given frequencies, for these {len(self.plants)} plants"
+        at = f"at the {self.omega.size} given frequencies"
+        if self.confidence is None:
+            return f"{at}, for these {len(self.plants)} plants"
+        return f"{at}, for the {100 * self.confidence:g} % regions of these plants"
 
     def _refuse(self, bad: np.ndarray, what: str) -> None:
         """Raise `InputError` if a measured response is bad; it names the first one."""
@@ -169,12 +319,29 @@ class Responses:
         """The same plants at ``most`` of the frequencies at most, with the first and the last."""
         if self.omega.size <= most:
             return self
-        chosen = np.unique(np.linspace(0, self.omega.size - 1, most).round().astype(int))
+        return self._at(np.unique(np.linspace(0, self.omega.size - 1, most).round().astype(int)))
+
+    def within(self, low: float, high: float) -> Responses:
+        """The same plants at the frequencies from `low` to `high` [Hz].
+
+        Raises InputError where fewer than two frequencies are left.
+        """
+        chosen = np.flatnonzero((self.frequency >= low) & (self.frequency <= high))
+        if chosen.size < 2:
+            raise InputError(
+                f"{chosen.size} frequencies lie from {low:g} to {high:g} Hz; two are needed of "
+                f"those from {self.frequency[0]:.6g} to {self.frequency[-1]:.6g} Hz"
+            )
+        return self._at(chosen)
+
+    def _at(self, chosen: np.ndarray) -> Responses:
+        """The same plants at some of the frequencies, by number."""
         return replace(
             self,
             omega=self.omega[chosen],
             values=self.values[chosen],
             present=self.present[chosen],
+            variance=None if self.variance is None else self.variance[chosen],
         )
 
     def refined(self) -> Responses:
@@ -182,13 +349,14 @@ class Responses:
 
         Where a plant was only measured nothing is known between the frequencies: they stay.
         """
-        if not self.known or None in self.known:
+        known = list(self.known_plants.values())
+        if len(known) < len(self.plants):
             return self
-        poles = np.concatenate([plant.poles for plant in self.known])
+        poles = np.concatenate([plant.poles for plant in known])
         more = starting_grid(poles)
         more = more[(more > self.omega[0]) & (more < self.omega[-1])]
         omega = np.union1d(self.omega, more)
-        values = np.stack([plant.response(omega) for plant in self.known], axis=1)
+        values = np.stack([plant.response(omega) for plant in known], axis=1)
         given = np.searchsorted(omega, self.omega)
         values[given] = np.where(self.present, self.values, values[given])
         present = np.ones(values.shape, bool)
@@ -217,51 +385,45 @@ class Responses:
         )
 
 
+def _frequencies(omega: Any, frequency: Any) -> RealArray:
+    """Angular frequencies (F,) [rad/s] from either; raises `InputError` for other data."""
+    if (omega is None) == (frequency is None):
+        raise InputError("give the frequencies once: omega= in rad/s, or frequency= in Hz")
+    name, unit = ("omega", "rad/s") if frequency is None else ("frequency", "Hz")
+    try:
+        given = np.asarray(omega if frequency is None else frequency, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} must be real numbers of shape (F,)") from None
+    if given.ndim != 1 or given.size < 2:
+        raise InputError(
+            f"{name} of shape {given.shape}: two frequencies or more are needed, shape (F,)"
+        )
+    bad = ~(np.isfinite(given) & (given > 0))
+    if bad.any():
+        raise InputError(f"{name}[{bad.argmax()}] is {given[bad.argmax()]}; it must be positive")
+    steps = np.diff(given) <= 0
+    if steps.any():
+        k = int(steps.argmax())
+        kind = "repeated" if given[k] == given[k + 1] else "not increasing"
+        raise InputError(
+            f"{name}[{k}] = {given[k]:.6g} and {name}[{k + 1}] = {given[k + 1]:.6g} {unit} are "
+            f"{kind}: sort the frequencies and keep each once"
+        )
+    return given if frequency is None else 2 * np.pi * given
+
+
+def _plain(values: Any) -> Any:
+    """The values, where they are no systems; raises `InputError` that says where those go."""
+    each = values if isinstance(values, list | tuple) else [values]
+    if any(hasattr(one, "frdata") for one in each):
+        raise InputError("values are frequency responses of python-control: Responses.from_frd")
+    if any(hasattr(one, "radius") and hasattr(one, "variance") for one in each):
+        raise InputError("values are estimates of responses: Responses.from_estimates")
+    return values
+
+
 def filled(values: ComplexArray, present: np.ndarray) -> ComplexArray:
     """Values (F, N), each missing value replaced by the first measured one at its frequency."""
     substitute = values[np.arange(len(values)), present.argmax(axis=1)]
     points: ComplexArray = np.where(present, values, substitute[:, None])
     return points
-
-
-def responses_of(systems: Sequence[FrequencyResponseData], **names: Any) -> Responses:
-    """Responses of SISO plants that were each measured at their own frequencies.
-
-    The grid is the union of all frequencies; a plant counts as missing where it was not measured.
-
-    Parameters
-    ----------
-    systems
-        `control.FrequencyResponseData` objects, frequencies in rad/s.
-    names
-        ``plants``, ``unit``, ``assumption`` and ``known`` of `Responses`.
-
-    Raises
-    ------
-    InputError
-        The same as for `Responses`; in particular plants on different grids leave a frequency with
-        fewer than two of them.
-    """
-    for k, system in enumerate(systems):
-        if not hasattr(system, "frdata"):
-            kind = type(system).__name__
-            raise InputError(f"plant {k + 1} is no frequency response, but a {kind}")
-        if (system.ninputs, system.noutputs) != (1, 1):
-            raise InputError(f"plant {k + 1} is {system.noutputs} x {system.ninputs}, not SISO")
-    grids = [np.asarray(system.omega, dtype=float) for system in systems]
-    omega = np.unique(np.concatenate(grids)) if grids else np.zeros(0)
-    values = np.full((omega.size, len(grids)), np.nan, dtype=complex)
-    for k, (grid, system) in enumerate(zip(grids, systems, strict=True)):
-        values[np.searchsorted(omega, grid), k] = np.asarray(system.frdata)[0, 0]
-    present = np.zeros(values.shape, bool)
-    for k, grid in enumerate(grids):
-        present[np.searchsorted(omega, grid), k] = True
-    lonely = present.sum(axis=1) < 2 if grids else np.zeros(0, bool)
-    if lonely.any():
-        raise InputError(
-            f"the plants were measured on different grids: {lonely.sum()} of {omega.size} "
-            "frequencies have one plant only, the first at "
-            f"{omega[lonely][0] / (2 * np.pi):.6g} Hz; "
-            "measure on common frequencies, or interpolate before"
-        )
-    return Responses(omega, values, present, **names)

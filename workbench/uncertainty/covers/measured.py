@@ -1,0 +1,243 @@
+"""Responses from measurements: files, estimates, and python-control's frequency responses."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from workbench.errors import InputError, UnknownNameError
+from workbench.heavy_types import FrequencyResponseData
+from workbench.identification.experiments.quality import checked_record
+from workbench.identification.experiments.records import read_record, read_response
+from workbench.identification.responses.of_records import record_responses
+from workbench.identification.responses.periodic import ResponseEstimate
+from workbench.uncertainty.covers.responses import Channel, Responses
+
+SAME_RATE = 1e-4
+"""Relative difference of sampling frequencies that counts as rounding of the instants."""
+SAME_FREQUENCY = 1e-9
+"""Relative difference of frequencies that counts as rounding."""
+
+
+def from_frd(
+    systems: Sequence[FrequencyResponseData],
+    input: Channel,
+    output: Channel,
+    names: Mapping[str, Any],
+) -> Responses:
+    """As `Responses.from_frd`."""
+    if hasattr(systems, "frdata"):
+        raise InputError("one plant has no spread to cover: give a list of two or more")
+    for k, system in enumerate(systems):
+        if not hasattr(system, "frdata"):
+            kind = type(system).__name__
+            raise InputError(f"plant {k + 1} is no frequency response, but a {kind}")
+    grids = [np.asarray(system.omega, dtype=float) for system in systems]
+    omega = np.unique(np.concatenate(grids)) if grids else np.zeros(0)
+    values = np.full((omega.size, len(grids)), np.nan, dtype=complex)
+    present = np.zeros(values.shape, bool)
+    for k, (grid, system) in enumerate(zip(grids, systems, strict=True)):
+        row = _channel(output, system.output_labels, f"plant {k + 1}", "output")
+        column = _channel(input, system.input_labels, f"plant {k + 1}", "input")
+        at = np.searchsorted(omega, grid)
+        values[at, k] = np.asarray(system.frdata)[row, column]
+        present[at, k] = True
+    return _on_one_grid(omega, values, present, names)
+
+
+def _channel(chosen: Channel, labels: Sequence[str], plant: str, kind: str) -> int:
+    """Number of the chosen channel of a plant."""
+    if chosen is None:
+        if len(labels) > 1:
+            raise InputError(
+                f"{plant} has {len(labels)} {kind}s, {', '.join(labels)}: choose one, {kind}=..."
+            )
+        return 0
+    if isinstance(chosen, str):
+        if chosen not in labels:
+            raise UnknownNameError(kind, chosen, list(labels))
+        return list(labels).index(chosen)
+    if not 0 <= chosen < len(labels):
+        raise InputError(f"there is no {kind} {chosen}; {plant} has {len(labels)}, from 0")
+    return chosen
+
+
+def _on_one_grid(
+    omega: np.ndarray, values: np.ndarray, present: np.ndarray, names: Mapping[str, Any]
+) -> Responses:
+    """Responses on the union of grids; raises InputError where a frequency has one plant only."""
+    lonely = present.sum(axis=1) < 2
+    if lonely.any() and values.shape[1] > 1:
+        raise InputError(
+            f"the plants were measured on different grids: {lonely.sum()} of {omega.size} "
+            "frequencies have one plant only, the first at "
+            f"{omega[lonely][0] / (2 * np.pi):.6g} Hz; "
+            "measure on common frequencies, or interpolate before"
+        )
+    return Responses(omega, values, present, **names)
+
+
+def from_estimates(
+    estimates: Sequence[ResponseEstimate], input: int, output: int, names: Mapping[str, Any]
+) -> Responses:
+    """As `Responses.from_estimates`."""
+    if isinstance(estimates, ResponseEstimate):
+        raise InputError("one plant has no spread to cover: give a list of two estimates or more")
+    for k, one in enumerate(estimates):
+        if not isinstance(one, ResponseEstimate):
+            raise InputError(
+                f"plant {k + 1} is no estimate of a response, but a {type(one).__name__}"
+            )
+        for kind, number, count in zip(
+            ("output", "input"), (output, input), one.response.shape[1:], strict=True
+        ):
+            if not 0 <= number < count:
+                raise InputError(f"there is no {kind} {number}; plant {k + 1} has {count}, from 0")
+    if len(estimates) < 2:
+        raise InputError("one plant has no spread to cover: two or more are needed")
+    frequency = estimates[0].frequency
+    for k, one in enumerate(estimates):
+        same = one.frequency.shape == frequency.shape
+        if not same or np.abs(one.frequency / frequency - 1).max() > SAME_FREQUENCY:
+            raise InputError(
+                f"plant {k + 1} was estimated at other frequencies than plant 1; estimate all at "
+                "the same"
+            )
+    return Responses(
+        values=np.stack([one.response[:, output, input] for one in estimates], axis=1),
+        frequency=frequency,
+        variance=np.stack([one.variance[:, output, input] for one in estimates], axis=1),
+        degrees=[one.degrees for one in estimates],
+        **names,
+    )
+
+
+def from_files(
+    files: str | PathLike[str] | Sequence[str | PathLike[str]],
+    input: str | None,
+    output: str | None,
+    time: str | None,
+    sample_rate: float | None,
+    frequency: str | None,
+    response: str | tuple[str, str] | None,
+    most: int,
+    names: Mapping[str, Any],
+) -> Responses:
+    """As `Responses.from_files`."""
+    paths = found_files(files)
+    named = {"plants": _plant_names(paths)} | dict(names)
+    record, curve = (input, output), (frequency, response)
+    if None not in record and curve == (None, None):
+        return _of_records(paths, input, output, time, sample_rate, most, named)
+    if None not in curve and record == (None, None) and time is None and sample_rate is None:
+        return _of_curves(paths, frequency, response, named)
+    raise InputError(
+        "of a record name input=, output= and time= (or give sample_rate=); of a frequency "
+        "response name frequency= and response="
+    )
+
+
+def found_files(files: str | PathLike[str] | Sequence[str | PathLike[str]]) -> list[Path]:
+    """Paths in the order of their names; raises InputError where there are none."""
+    if not isinstance(files, str | PathLike):
+        return [Path(file) for file in files]
+    pattern = Path(files)
+    root = Path(pattern.anchor)
+    paths = sorted(root.glob(str(pattern.relative_to(root))), key=_natural)
+    if not paths:
+        folder = Path(files).parent
+        there = sorted(path.name for path in folder.iterdir()) if folder.is_dir() else None
+        what = (
+            f"it holds {', '.join(there[:8]) or 'nothing'}" if there is not None else "is missing"
+        )
+        raise InputError(f"no file fits {str(files)!r}; the folder {str(folder)!r}: {what}")
+    return paths
+
+
+def _natural(path: Path) -> list[tuple[int, str]]:
+    """Order of names in which 2 comes before 10."""
+    parts = re.split(r"(\d+)", str(path))
+    return [(int(part), "") if part.isdigit() else (-1, part) for part in parts]
+
+
+def _plant_names(paths: Sequence[Path]) -> list[str]:
+    """Names of files without endings; with their folders where two are alike."""
+    stems = [path.stem for path in paths]
+    if len(set(stems)) == len(stems):
+        return stems
+    return [str(path) for path in paths]
+
+
+def _of_records(
+    paths: Sequence[Path],
+    input: str | None,
+    output: str | None,
+    time: str | None,
+    sample_rate: float | None,
+    most: int,
+    names: Mapping[str, Any],
+) -> Responses:
+    """Responses estimated from a record in each file."""
+    if len(paths) < 2:
+        raise InputError(f"{paths[0]} is the only file: one plant has no spread to cover")
+    if most < 2:
+        raise InputError(f"most is {most}; two frequencies or more are needed")
+    read = [read_record(path, [str(input)], [str(output)], sample_rate, time) for path in paths]
+    rates = [
+        1.0 / float(np.diff(data["time"].values[[0, -1]])[0] / (data.sizes["time"] - 1))
+        for data in read
+    ]
+    for path, rate in zip(paths, rates, strict=True):
+        if abs(rate / rates[0] - 1) > SAME_RATE:
+            raise InputError(
+                f"{path} is sampled at {rate:.6g} Hz and {paths[0]} at {rates[0]:.6g} Hz; sample "
+                "all alike"
+            )
+    records = [(data["u"].values[0], data["y"].values[0]) for data in read]
+    for path, (u, y) in zip(paths, records, strict=True):
+        try:
+            checked_record(u[:, None], y[:, None])
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from None
+    rate = sample_rate or float(np.mean(rates))
+    estimates, said = record_responses(records, rate, most)
+    units = {str(data[name].attrs["units"]) for data in read for name in ("y",)}
+    over = {str(data["u"].attrs["units"]) for data in read}
+    unit = _ratio(units.pop(), over.pop()) if len(units) == len(over) == 1 else "1"
+    told = {"unit": unit, "read": f"{read[0].attrs['read']}; {said}"}
+    return from_estimates(estimates, 0, 0, told | dict(names))
+
+
+def _ratio(above: str, below: str) -> str:
+    """Unit of a ratio."""
+    if above == below:
+        return "1"
+    parts = [f"({unit})" if "/" in unit else unit for unit in (above, below)]
+    return parts[0] if below == "1" else "/".join(parts)
+
+
+def _of_curves(
+    paths: Sequence[Path],
+    frequency: str | None,
+    response: str | tuple[str, str] | None,
+    names: Mapping[str, Any],
+) -> Responses:
+    """Responses of SISO plants read from files, on the union of their frequencies."""
+    read = [read_response(path, str(frequency), response or "") for path in paths]
+    for path, data in zip(paths, read, strict=True):
+        if data["response"].shape[1:] != (1, 1):
+            sizes = " x ".join(map(str, data["response"].shape[1:]))
+            raise InputError(f"{path} holds a response of {sizes} channels; one is needed")
+    grids = [2 * np.pi * data["frequency"].values for data in read]
+    omega = np.unique(np.concatenate(grids))
+    values = np.full((omega.size, len(grids)), np.nan, dtype=complex)
+    present = np.zeros(values.shape, bool)
+    for k, (grid, data) in enumerate(zip(grids, read, strict=True)):
+        at = np.searchsorted(omega, grid)
+        values[at, k], present[at, k] = data["response"].values[:, 0, 0], True
+    return _on_one_grid(omega, values, present, {"read": read[0].attrs["read"]} | dict(names))

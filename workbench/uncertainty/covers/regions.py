@@ -1,0 +1,99 @@
+"""Confidence regions of measured responses: what a cover of plants must contain, noise aside.
+
+An estimate lies off the true response by its noise. The region of a response is the disc about its
+estimate that holds the true one with a given probability; a cover that contains the regions
+contains the plants with that probability, at each single frequency.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import replace
+
+import numpy as np
+from scipy import stats
+
+from workbench.arrays import ComplexArray, RealArray
+from workbench.errors import InputError
+from workbench.identification.experiments.quality import IdentificationWarning
+from workbench.input_checks import is_real
+from workbench.uncertainty.covers.responses import Responses
+
+REGION_CORNERS = 12
+"""Corners of the polygon around each disc; its corners lie 3.5 % outside."""
+
+
+def with_regions(responses: Responses, confidence: float) -> Responses:
+    """The responses, each replaced by the corners of a polygon around its confidence region.
+
+    Raises
+    ------
+    InputError
+        The confidence is no probability, or the responses have no variance.
+    """
+    if not (is_real(confidence) and 0 < confidence < 1):
+        raise InputError(f"confidence is {confidence!r}; it must lie between 0 and 1")
+    if responses.confidence == confidence:
+        return responses
+    if responses.variance is None or responses.confidence is not None:
+        raise InputError(
+            "the responses have no variance: take Responses.from_files of records, "
+            "Responses.from_estimates, or give variance="
+        )
+    radius = region_radius(responses, confidence)
+    _warn_of_noise(responses, radius)
+    turn = np.exp(2j * np.pi * np.arange(REGION_CORNERS) / REGION_CORNERS)
+    reach = radius / np.cos(np.pi / REGION_CORNERS)
+    corners = responses.values[..., None] + reach[..., None] * turn
+    count = len(responses.omega), len(responses.plants) * REGION_CORNERS
+    said = (
+        f"the discs about the {len(responses.plants)} estimates hold the true responses, each "
+        f"with probability {confidence:g}, at each single frequency"
+    )
+    return replace(
+        responses,
+        values=corners.reshape(count),
+        present=np.repeat(responses.present, REGION_CORNERS, axis=1),
+        plants=tuple(
+            f"{name} ({k + 1})" for name in responses.plants for k in range(REGION_CORNERS)
+        ),
+        assumption="; ".join(filter(None, [responses.assumption, said])),
+        known=(),
+        variance=None,
+        degrees=np.full(count[1], np.inf),
+        confidence=confidence,
+    )
+
+
+def _warn_of_noise(responses: Responses, radius: RealArray) -> None:
+    """Warn where a region holds zero: there is no telling whether the plant responds at all."""
+    hidden = (responses.present & (radius >= np.abs(responses.values))).any(axis=1)
+    if hidden.any():
+        at = responses.frequency[hidden]
+        warnings.warn(
+            f"at {hidden.sum()} of {hidden.size} frequencies, from {at[0]:.6g} to {at[-1]:.6g} Hz, "
+            "the noise hides a plant: its region holds zero, and relative sets must be larger than "
+            "the nominal; average longer, leave these out with responses.within(low, high) in Hz, "
+            'or take form="additive"',
+            IdentificationWarning,
+            stacklevel=5,
+        )
+
+
+def region_radius(responses: Responses, confidence: float) -> RealArray:
+    """Radii (F, N) of the discs that hold the true responses with this probability, each."""
+    variance = (
+        np.zeros(responses.values.shape) if responses.variance is None else responses.variance
+    )
+    degrees = np.minimum(responses.degrees, 1e9)
+    radius: RealArray = np.sqrt(stats.f.ppf(confidence, 2, degrees) * variance)
+    return radius
+
+
+def estimates(responses: Responses) -> ComplexArray:
+    """The estimates (F, N) in the middle of the regions; the responses where they have none."""
+    if responses.confidence is None:
+        return responses.values
+    corners = responses.values.reshape(len(responses.omega), -1, REGION_CORNERS)
+    middle: ComplexArray = corners.mean(axis=-1)
+    return middle
