@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from workbench.certify.proof import PeakProof, proves
-from workbench.certify.proof_storage import restored_proof, stored_proof
+from workbench.certify.proofs.peak_proof import PeakProof, proves
+from workbench.certify.proofs.storage import restored_proof, stored_proof
 from workbench.mu.frequency.peak import peak
 from workbench.structure import Complex, Full, Real, Structure
 

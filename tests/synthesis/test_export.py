@@ -169,11 +169,11 @@ def test_the_focus_controller_in_single_precision(tmp_path):
 
 
 @needs_compiler
-def test_limits_clip_outputs_and_nothing_else(tmp_path):
-    K = system(4, 1, 2, seed=5)
+def test_limits_clip_outputs_of_sections_and_nothing_else(tmp_path):
+    K = second_order_sections(system(4, 1, 2, seed=5))
     export(K, tmp_path / "controller.h", "c", limits=([-0.5, -2.0], [1.0, 0.3]))
     y = np.random.default_rng(1).normal(size=(300, 1))
-    expected = np.clip(respond(K, y), [-0.5, -2.0], [1.0, 0.3])
+    expected = np.clip(respond(K.system, y), [-0.5, -2.0], [1.0, 0.3])
     found = computed(tmp_path, y, 2)
     assert np.abs(found - expected).max() <= 1e-12
     assert {-0.5, 1.0} <= set(found[:, 0])

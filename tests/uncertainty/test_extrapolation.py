@@ -9,7 +9,7 @@ from scipy import stats
 import workbench as wb
 from workbench.errors import InputError
 from workbench.uncertainty import CircleCover, Responses, widened
-from workbench.uncertainty.covers.extrapolation import prediction_polygon
+from workbench.uncertainty.responses.extrapolation import prediction_polygon
 
 
 def inside(corners, points):

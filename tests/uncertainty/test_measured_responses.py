@@ -11,7 +11,7 @@ from workbench.identification import IdentificationWarning, ResponseEstimate
 from workbench.identification.responses.of_records import period, record_responses
 from workbench.solution import solve
 from workbench.uncertainty import CircleCover, Responses, StadiumCover, contains
-from workbench.uncertainty.covers.regions import region_radius, with_regions
+from workbench.uncertainty.responses.regions import region_radius, with_regions
 
 RATE, SAMPLES, PERIODS, PLANTS = 1000.0, 500, 6, 6
 TIME = np.arange(SAMPLES * PERIODS) / RATE

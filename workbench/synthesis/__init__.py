@@ -11,6 +11,8 @@ from workbench.synthesis.hinf.program import HinfController, HinfSynthesis, hinf
 from workbench.synthesis.implementation.discretise import discretised
 from workbench.synthesis.implementation.export import export, load_controller
 from workbench.synthesis.implementation.fixed_point import FixedCascade, FixedPoint, fixed_point
+from workbench.synthesis.implementation.implemented import ImplementedController
+from workbench.synthesis.implementation.program import Implementation
 from workbench.synthesis.implementation.reduction import (
     ReducedController,
     ReducedControllers,
@@ -76,6 +78,8 @@ __all__ = [
     "FixedPoint",
     "HinfController",
     "HinfSynthesis",
+    "Implementation",
+    "ImplementedController",
     "Iterate",
     "LeadLag",
     "LeastMu",

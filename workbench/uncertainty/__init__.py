@@ -5,7 +5,6 @@ from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.uncertainty.covers import conic as cover_conic
 from workbench.uncertainty.covers import methods as cover_methods
 from workbench.uncertainty.covers.circle_cover import CircleCover
-from workbench.uncertainty.covers.extrapolation import widened
 from workbench.uncertainty.covers.model import Containment, UncertaintyModel, contains
 from workbench.uncertainty.covers.orientation import (
     Orientation,
@@ -14,13 +13,14 @@ from workbench.uncertainty.covers.orientation import (
     narrowest,
     smooth,
 )
-from workbench.uncertainty.covers.responses import Responses
 from workbench.uncertainty.covers.stadium_cover import StadiumCover
 from workbench.uncertainty.covers.steps import CoverSteps
 from workbench.uncertainty.parametric.lft import inverse, left_divide, matrix
 from workbench.uncertainty.parametric.members import members
 from workbench.uncertainty.parametric.model import ParametricModel, parametric
 from workbench.uncertainty.parametric.parameters import Parameter, levels, samples, vertices
+from workbench.uncertainty.responses.extrapolation import widened
+from workbench.uncertainty.responses.plants import Responses
 
 __all__ = [
     "CircleCover",

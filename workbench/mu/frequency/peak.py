@@ -13,7 +13,7 @@ import numpy as np
 from workbench.arrays import Array
 from workbench.certify.agreement import need_agreement
 from workbench.certify.cover import BandCover, CertifiedInterval, refined_bounds
-from workbench.certify.proof import PeakProof
+from workbench.certify.proofs.peak_proof import PeakProof
 from workbench.certify.stable_system import StableSystem, stable_system
 from workbench.errors import InputError
 from workbench.input_checks import need_count, need_tolerance
@@ -48,7 +48,7 @@ class Peak:
 
     @property
     def proof(self) -> PeakProof | None:
-        """What `workbench.certify.proof.proves` proves again; None for an infinite bound.
+        """What `proves` of `workbench.certify.proofs` proves again; None for an infinite bound.
 
         Where there is a complex part, it is a proof for `with_complex_part` of the system.
         """

@@ -9,8 +9,8 @@ import numpy as np
 
 from workbench.certificate import Check
 from workbench.certify.perturbed_loop import proven_at, proven_over_frequency
-from workbench.certify.proof import proves
-from workbench.certify.proof_storage import restored_proof, stored_proof
+from workbench.certify.proofs.peak_proof import proves
+from workbench.certify.proofs.storage import restored_proof, stored_proof
 from workbench.certify.stable_system import stable_system
 from workbench.heavy_types import Dataset
 from workbench.mu.frequency.peak import Peak

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from workbench.certificate import EVERY_PERTURBATION, Check, quantified
-from workbench.certify.proof import proves
-from workbench.certify.proof_storage import restored_proof, stored_proof
+from workbench.certify.proofs.peak_proof import proves
+from workbench.certify.proofs.storage import restored_proof, stored_proof
 from workbench.certify.stable_system import stable_system
 from workbench.heavy_types import Dataset
 from workbench.mu.frequency.stored_peak import REPROVEN_LOWER

@@ -20,7 +20,7 @@ import numpy as np
 from workbench.arrays import Array, RealArray
 from workbench.certify.agreement import need_agreement
 from workbench.certify.perturbed_loop import proven_at, proven_gain, proven_over_frequency
-from workbench.certify.proof import PeakProof
+from workbench.certify.proofs.peak_proof import PeakProof
 from workbench.certify.stable_system import StableSystem, stable_system
 from workbench.errors import InputError
 from workbench.input_checks import need_structure, need_tolerance

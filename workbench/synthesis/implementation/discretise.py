@@ -6,7 +6,7 @@ import math
 from typing import Any, Literal, get_args
 
 import numpy as np
-from scipy.linalg import schur
+from scipy.linalg import expm, schur
 
 from workbench.arrays import RealArray
 from workbench.errors import InputError
@@ -23,8 +23,8 @@ from workbench.systems.generalised_plant import response
 from workbench.systems.realisation import realisation
 from workbench.systems.sampling import hold
 
-DiscretisationMethod = Literal["tustin", "zoh"]
-"""Discretisation methods: bilinear transform, and zero-order hold."""
+DiscretisationMethod = Literal["tustin", "zoh", "foh"]
+"""Discretisation methods: bilinear transform, and holds of order zero and one."""
 SEPARATION_NORM = 1e3
 """Largest norm of a transformation that separates blocks; poles that need more stay together."""
 CHECKED_NYQUIST_RATIOS = np.logspace(0.0, 4.0, 2000)
@@ -52,7 +52,8 @@ def discretised(
     K
         StateSpace or TransferFunction, continuous time.
     method
-        ``"tustin"``, the bilinear transform, or ``"zoh"``, exact for held inputs.
+        ``"tustin"``, the bilinear transform; ``"zoh"``, exact for held inputs; or ``"foh"``, exact
+        for inputs that go straight from sample to sample.
     prewarp
         Frequency [rad/s] at which the bilinear transform keeps the response of K.
     plant, sign, delay
@@ -80,10 +81,12 @@ def discretised(
         _check_bandwidth(K, plant, sample_time)
     A, B, C = block_diagonal(K.A, K.B, K.C)
     D = np.asarray(K.D, dtype=float)
+    if method != "tustin" and prewarp is not None:
+        raise InputError(f"prewarp belongs to the bilinear transform; leave it out with {method}")
     if method == "zoh":
-        if prewarp is not None:
-            raise InputError("prewarp belongs to the bilinear transform; leave it out with zoh")
         A, B = hold(A, B, sample_time)
+    elif method == "foh":
+        A, B, D = _straight(A, B, C, D, sample_time)
     else:
         half = _half_step(sample_time, prewarp)
         shifted = np.eye(len(A)) - half * A
@@ -113,6 +116,23 @@ def discretised(
                 f"unstable, its largest pole {found.pole:.6g}; {advice}"
             )
     return sampled
+
+
+def _straight(
+    A: RealArray, B: RealArray, C: RealArray, D: RealArray, period: float
+) -> tuple[RealArray, RealArray, RealArray]:
+    """A, B and D for inputs that go straight between samples (G. F. Franklin, J. D. Powell, M. L.
+    Workman, Digital Control of Dynamic Systems, 3rd ed., 1997, section 6.3.2: triangle hold).
+
+    With x+ = F x + G1 u + G2 (u+ - u) the state x - G2 u needs no input of the next sample.
+    """
+    n, m = B.shape
+    block = np.zeros((n + 2 * m, n + 2 * m))
+    block[:n, :n], block[:n, n : n + m] = A * period, B * period
+    block[n : n + m, n + m :] = np.eye(m)
+    block = expm(block)
+    F, G1, G2 = block[:n, :n], block[:n, n : n + m], block[:n, n + m :]
+    return F, G1 + F @ G2 - G2, D + C @ G2
 
 
 def block_diagonal(

@@ -69,7 +69,7 @@ def export(
         if limits is not None or (name, precision) != ("controller", "double"):
             raise InputError(f"name, precision and limits are for C, not for {format!r}")
         content = _WRITERS[format](_fields(K, metadata or {}))
-    _replace(path, content)
+    replace_file(path, content)
     return path
 
 
@@ -186,7 +186,7 @@ def _from_mat(content: bytes) -> dict[str, Any]:
 _WRITERS: dict[str, Callable[[dict[str, Any]], bytes]] = {"json": _to_json, "mat": _to_mat}
 
 
-def _replace(path: Path, content: bytes) -> None:
+def replace_file(path: Path, content: bytes) -> None:
     """Write a new file beside the old one and rename it, so that an interruption keeps the old."""
     partial: Path | None = None
     try:

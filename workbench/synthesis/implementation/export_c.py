@@ -11,6 +11,11 @@ import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.errors import InputError
+from workbench.synthesis.implementation.c_state_space import (
+    anti_windup_gain,
+    start_code,
+    step_code,
+)
 from workbench.synthesis.implementation.second_order import Sections
 from workbench.systems.conversion import as_system
 
@@ -52,26 +57,16 @@ static inline void {name}_step({name}_state *state, const {name}_real y[{inputs}
                                {name}_real u[{outputs}])
 {{
 {body}{clip}}}
-
+{start}
 #endif
 """
-_SPACE = """\
-    {name}_real next[{room}] = {{0}};
-    for (int i = 0; i < {states}; i++) {{
-        for (int j = 0; j < {states}; j++)
-            next[i] += {name}_a[i][j] * state->x[j];
-        for (int j = 0; j < {inputs}; j++)
-            next[i] += {name}_b[i][j] * y[j];
-    }}
-    for (int i = 0; i < {outputs}; i++) {{
-        u[i] = 0;
-        for (int j = 0; j < {states}; j++)
-            u[i] += {name}_c[i][j] * state->x[j];
-        for (int j = 0; j < {inputs}; j++)
-            u[i] += {name}_d[i][j] * y[j];
-    }}
-    for (int i = 0; i < {states}; i++)
-        state->x[i] = next[i];
+_START = """\
+
+/* The state from which a step answers the measurements y with the controls u: no bump. */
+static inline void {name}_start({name}_state *state, const {name}_real y[{inputs}],
+                                const {name}_real u[{outputs}])
+{{
+{moves}}}
 """
 _CASCADES = """\
     /* Transposed direct form II; x holds two values a section. */
@@ -106,6 +101,8 @@ def header(
 ) -> str:
     """Text of a C99 header that defines ``name_state``, ``name_init`` and ``name_step``.
 
+    A state space also has ``name_start``, which takes over from another controller without a bump.
+
     Parameters
     ----------
     K
@@ -113,9 +110,8 @@ def header(
     name
         Prefix of every name in the header, a C identifier.
     limits
-        Limits to which the outputs are clipped. The states do not depend on the clipping: the
-        limits are those of the actuator, not an anti-windup scheme, which the controller would need
-        by its own design.
+        Limits of the actuator, to which the outputs are clipped. The states of a state space are
+        told (anti-windup, see `anti_windup_gain`); those of sections are not.
 
     Raises
     ------
@@ -128,19 +124,11 @@ def header(
     if precision not in get_args(Precision):
         raise InputError(f'precision is {precision!r}; it must be "double" or "float"')
     if isinstance(K, Sections):
-        what, body, tables = "second-order sections", _CASCADES, _cascade_tables(K)
         states, dt = 2 * sum(len(rows) for line in K.channels for rows in line), K.dt
     else:
         K = _sampled(K)
-        what, body, tables = "state space", _SPACE, _space_tables(K)
         states, dt = K.nstates, K.dt
-    clip, limited = "", "Outputs are not limited."
-    if limits is not None:
-        clip, limited = _CLIP, "Outputs are clipped to limits, which the states do not see."
-        tables |= _limit_tables(limits, K.noutputs)
     places = {
-        "what": f"Controller in {what}.",
-        "limited": limited,
         "name": name,
         "guard": name.upper(),
         "real": precision,
@@ -150,13 +138,36 @@ def header(
         "room": max(states, 1),  # C does not allow arrays of length 0
         "time": repr(float(dt)),
     }
+    bounds = {} if limits is None else _limit_tables(limits, K.noutputs)
+    clip = _CLIP if bounds else ""
+    if isinstance(K, Sections):
+        what, body, start = "second-order sections", _CASCADES.format(**places), ""
+        tables = _cascade_tables(K) | bounds
+        told = "which the states do not see"
+    else:
+        what, clip, tables = "state space", "", bounds
+        H = anti_windup_gain(K) if bounds else None
+
+        def number(value: float) -> str:
+            return _number(value, precision)
+
+        body = step_code(K, name, number, H)
+        start = _START.format(moves=start_code(K, number), **places)
+        told = "of which the states are told (anti-windup)"
     constants = "".join(
         f"static const {'int' if values.dtype == int else f'{name}_real'} {name}_{key}"
         f"{''.join(f'[{size}]' for size in values.shape)} = {_text(values, precision)};\n"
         for key, values in tables.items()
     )
-    parts = {"body": body.format(**places), "clip": clip.format(**places)}
-    return _FRAME.format(tables=constants, **parts, **places)
+    return _FRAME.format(
+        what=f"Controller in {what}.",
+        limited=f"Outputs are clipped to limits, {told}." if bounds else "Outputs are not limited.",
+        tables=constants,
+        body=body,
+        clip=clip.format(**places),
+        start=start,
+        **places,
+    )
 
 
 def _sampled(K: Any) -> Any:
@@ -168,19 +179,6 @@ def _sampled(K: Any) -> Any:
             "seconds: use discretised()"
         )
     return K
-
-
-def _space_tables(K: Any) -> dict[str, RealArray]:
-    """Tables of A to D; a controller without states gets one state of zeros."""
-    room = max(K.nstates, 1)
-    rows = {"A": room, "B": room, "C": K.noutputs, "D": K.noutputs}
-    columns = {"A": room, "B": K.ninputs, "C": room, "D": K.ninputs}
-    tables = {}
-    for key in "ABCD":
-        part = np.asarray(getattr(K, key), dtype=float)
-        tables[key.lower()] = np.zeros((rows[key], columns[key]))
-        tables[key.lower()][: part.shape[0], : part.shape[1]] = part
-    return tables
 
 
 def _cascade_tables(K: Sections) -> dict[str, Any]:

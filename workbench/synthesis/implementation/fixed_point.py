@@ -22,6 +22,11 @@ from workbench.synthesis.implementation.second_order import Sections
 
 Integers = NDArray[np.int64]
 """Array of integers."""
+ACCUMULATOR_BITS, SPARE_BITS = 63, 4
+"""Bits of the widest sum that a computer has, its sign aside, and those that sums need for their
+terms."""
+MOST_ROUNDINGS = 4
+"""Most roundings of numerators until their sums fit."""
 FEWEST_BITS, MOST_BITS = 4, 62
 """Least and most bits of an integer; int64 must hold it."""
 
@@ -112,25 +117,41 @@ def fixed_point(sections: Sections, bits: int, signal_bits: int) -> FixedPoint:
 
 def _cascade(rows: RealArray, bits: int, signal_bits: int) -> tuple[FixedCascade, RealArray]:
     """The cascade in integers, and the sections (L, 6) with the rounded coefficients."""
-    a, a_exponents = _rounded(rows[:, 4:], bits)
-    b, b_exponents = _rounded(rows[:, :3], bits)
+    # Poles near zero need no finer steps than the others.
+    a, a_exponents = _rounded(rows[:, 4:], bits, np.full(len(rows), bits))
     rounded = rows.copy()
     rounded[:, 4:] = a * np.exp2(-a_exponents)[:, None]
-    rounded[:, :3] = b * np.exp2(-b_exponents)[:, None]
-    shifts, largest = _shifts(rounded, signal_bits)
+    # A sum is as long as its finest term asks for: numerators are no finer than fits.
+    finest = np.full(len(rows), np.iinfo(np.int64).max)
+    for _ in range(MOST_ROUNDINGS):
+        b, b_exponents = _rounded(rows[:, :3], bits, finest)
+        rounded[:, :3] = b * np.exp2(-b_exponents)[:, None]
+        shifts, largest = _shifts(rounded, signal_bits)
+        moved_by = np.diff(shifts, prepend=0)
+        most = a_exponents + ACCUMULATOR_BITS - SPARE_BITS - bits - signal_bits - moved_by
+        if (b_exponents <= most).all() or bits + signal_bits + SPARE_BITS > ACCUMULATOR_BITS:
+            break
+        finest = np.minimum(finest, most)
     # The exponent of a numerator includes the shift, so that no coefficient changes.
-    b_exponents = b_exponents + np.diff(shifts, prepend=0)
+    b_exponents = b_exponents + moved_by
     noise = _noise(rounded, shifts, signal_bits)
     moved = _moved(rows, rounded)
     return FixedCascade(b, b_exponents, a, a_exponents, shifts, largest, noise, moved), rounded
 
 
-def _rounded(values: RealArray, bits: int) -> tuple[Integers, Integers]:
-    """Integers of size below 2**(bits - 1), and the largest possible exponent of each row."""
+def _rounded(
+    values: RealArray, bits: int, finest: Integers | None = None
+) -> tuple[Integers, Integers]:
+    """Integers of size below 2**(bits - 1), and the exponent of each row: as large as can be.
+
+    No exponent is above `finest`.
+    """
     limit = 2.0 ** (bits - 1) - 1
     size = np.abs(values).max(axis=1)
     safe = np.where(size > 0.0, size, limit)
     exponents = np.floor(np.log2(limit / safe)).astype(np.int64)
+    if finest is not None:
+        exponents = np.minimum(exponents, finest)
     return np.rint(values * np.exp2(exponents)[:, None]).astype(np.int64), exponents
 
 

@@ -103,12 +103,7 @@ def sampled_conditions(
             f"K has dt = {K.dt}; it must be sampled every {sample_time} s, as discretised() does"
         )
     need_fitting(K, plant)
-    if sign not in (-1, 1):
-        raise InputError(f"sign is {sign!r}; it must be -1 or 1")
-    if not (is_real(delay) and 0.0 <= delay <= LONGEST_DELAY):
-        raise InputError(
-            f"delay is {delay!r}; it must be a number of samples from 0 to {LONGEST_DELAY}"
-        )
+    need_delay(delay)
     sampled_K = realisation((K.A, K.B, K.C, K.D), sample_time)
     loop = HeldPlantLoop(plant, sampled_K, sample_time, delay, sign)
     closed = loop.closed()
@@ -130,7 +125,17 @@ def plant_and_sign(plant: Any, sign: int | None) -> tuple[StateSpace, int]:
                 f"sign is {sign!r}; a generalised plant has its signs in its sums: leave it out"
             )
         return plant.controlled(), 1
+    if sign not in (None, -1, 1):
+        raise InputError(f"sign is {sign!r}; it must be -1 or 1")
     return as_system(plant, "plant"), -1 if sign is None else sign
+
+
+def need_delay(delay: float) -> None:
+    """Raise InputError for what is no delay of the computer [samples]."""
+    if not (is_real(delay) and 0.0 <= delay <= LONGEST_DELAY):
+        raise InputError(
+            f"delay is {delay!r}; it must be a number of samples from 0 to {LONGEST_DELAY}"
+        )
 
 
 def need_fitting(K: StateSpace, plant: StateSpace) -> None:

@@ -11,8 +11,8 @@ from workbench.geometry.cover import CONTAINMENT_TOLERANCE
 from workbench.heavy_types import StateSpace
 from workbench.second_opinion.responses import plain_response
 from workbench.second_opinion.support import reach_beyond
-from workbench.uncertainty.covers.responses import Responses
 from workbench.uncertainty.covers.sets import Form
+from workbench.uncertainty.responses.plants import Responses
 
 REALISED_SUPPORT_TOLERANCE = 1e-6
 """Largest reach of a response beyond its set in the second opinion, relative to the radius; the

@@ -39,11 +39,11 @@ from workbench.uncertainty.covers.everywhere import (
 )
 from workbench.uncertainty.covers.figures import cover_figures
 from workbench.uncertainty.covers.model import UncertaintyModel, contains
-from workbench.uncertainty.covers.regions import estimates, with_regions
-from workbench.uncertainty.covers.responses import Responses
 from workbench.uncertainty.covers.sets import Form, corners, deviations, kept
 from workbench.uncertainty.covers.steps import CoverSteps
 from workbench.uncertainty.covers.weights import damped, resolved, share_of_size
+from workbench.uncertainty.responses.plants import Responses
+from workbench.uncertainty.responses.regions import estimates, with_regions
 
 HALF_LENGTH_WEIGHT = 0.1
 """Weight of the squared half-length of a stadium beside its squared radius."""

@@ -20,7 +20,6 @@ from workbench.geometry.cover import CONTAINMENT_TOLERANCE
 from workbench.second_opinion.responses import plain_response, tried_frequencies
 from workbench.uncertainty.covers.checks import REALISED_SUPPORT_TOLERANCE, excess_over_radius
 from workbench.uncertainty.covers.model import UncertaintyModel
-from workbench.uncertainty.covers.responses import Responses
 from workbench.uncertainty.covers.sets import Form
 from workbench.uncertainty.covers.weights import (
     GAIN_MARGIN,
@@ -28,6 +27,7 @@ from workbench.uncertainty.covers.weights import (
     complex_weight,
     needed_radius,
 )
+from workbench.uncertainty.responses.plants import Responses
 
 SMALL_EXCESS = 1e-3
 """Excess of a known plant, relative to the radius, that a larger gain of W_c may make up for;

@@ -9,9 +9,9 @@ import numpy as np
 from workbench import figures
 from workbench.geometry.figures import plane
 from workbench.heavy_types import Axes, Figure
-from workbench.uncertainty.covers.responses import Responses
 from workbench.uncertainty.covers.steps import CoverSteps
 from workbench.uncertainty.covers.weights import unwrapped
+from workbench.uncertainty.responses.plants import Responses
 
 
 def cover_figures(

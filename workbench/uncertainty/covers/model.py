@@ -26,8 +26,8 @@ from workbench.structure import Real as RealScalar
 from workbench.structure import Structure
 from workbench.systems.connection import generalised_plant
 from workbench.systems.joints import UncertainPart
-from workbench.uncertainty.covers.responses import Responses
 from workbench.uncertainty.covers.sets import Form
+from workbench.uncertainty.responses.plants import Responses
 
 
 @dataclass(frozen=True, eq=False)

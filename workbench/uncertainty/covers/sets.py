@@ -18,7 +18,7 @@ from workbench.fitting.samples import as_count
 from workbench.geometry import Circle, Stadium, narrowest_stadium, smallest_circle
 from workbench.geometry.exact_stadium import exact_stadium
 from workbench.geometry.hull import convex_hull
-from workbench.uncertainty.covers.responses import Responses, filled
+from workbench.uncertainty.responses.plants import Responses, filled
 
 Form = Literal["multiplicative", "additive"]
 

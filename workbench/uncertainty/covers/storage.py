@@ -8,8 +8,8 @@ import xarray as xr
 from workbench.fitting.rational import Rational
 from workbench.fitting.storage import function, roots
 from workbench.geometry import Circle, Stadium
-from workbench.uncertainty.covers.responses import Responses
 from workbench.uncertainty.covers.steps import CoverSteps
+from workbench.uncertainty.responses.plants import Responses
 
 PARTS = {
     "center": "centre",

@@ -8,8 +8,8 @@ import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.errors import InputError
-from workbench.uncertainty.covers.responses import Responses
 from workbench.uncertainty.parametric.model import ParametricModel
+from workbench.uncertainty.responses.plants import Responses
 
 
 def members(

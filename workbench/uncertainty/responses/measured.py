@@ -1,4 +1,7 @@
-"""Responses from measurements: files, estimates, and python-control's frequency responses."""
+"""What `Responses` is made of: files, estimates, and python-control's frequency responses.
+
+Each function gives the arguments of `Responses` by name.
+"""
 
 from __future__ import annotations
 
@@ -16,8 +19,11 @@ from workbench.identification.experiments.quality import checked_record
 from workbench.identification.experiments.records import read_record, read_response
 from workbench.identification.responses.of_records import record_responses
 from workbench.identification.responses.periodic import ResponseEstimate
-from workbench.uncertainty.covers.responses import Channel, Responses
 
+Channel = str | int | None
+"""A channel by name or by number from 0; None where there is only one."""
+Arguments = dict[str, Any]
+"""Arguments of `Responses` by name."""
 SAME_RATE = 1e-4
 """Relative difference of sampling frequencies that counts as rounding of the instants."""
 SAME_FREQUENCY = 1e-9
@@ -29,7 +35,7 @@ def from_frd(
     input: Channel,
     output: Channel,
     names: Mapping[str, Any],
-) -> Responses:
+) -> Arguments:
     """As `Responses.from_frd`."""
     if hasattr(systems, "frdata"):
         raise InputError("one plant has no spread to cover: give a list of two or more")
@@ -69,7 +75,7 @@ def _channel(chosen: Channel, labels: Sequence[str], plant: str, kind: str) -> i
 
 def _on_one_grid(
     omega: np.ndarray, values: np.ndarray, present: np.ndarray, names: Mapping[str, Any]
-) -> Responses:
+) -> Arguments:
     """Responses on the union of grids; raises InputError where a frequency has one plant only."""
     lonely = present.sum(axis=1) < 2
     if lonely.any() and values.shape[1] > 1:
@@ -79,12 +85,12 @@ def _on_one_grid(
             f"{omega[lonely][0] / (2 * np.pi):.6g} Hz; "
             "measure on common frequencies, or interpolate before"
         )
-    return Responses(omega, values, present, **names)
+    return {"omega": omega, "values": values, "present": present} | dict(names)
 
 
 def from_estimates(
     estimates: Sequence[ResponseEstimate], input: int, output: int, names: Mapping[str, Any]
-) -> Responses:
+) -> Arguments:
     """As `Responses.from_estimates`."""
     if isinstance(estimates, ResponseEstimate):
         raise InputError("one plant has no spread to cover: give a list of two estimates or more")
@@ -108,13 +114,12 @@ def from_estimates(
                 f"plant {k + 1} was estimated at other frequencies than plant 1; estimate all at "
                 "the same"
             )
-    return Responses(
-        values=np.stack([one.response[:, output, input] for one in estimates], axis=1),
-        frequency=frequency,
-        variance=np.stack([one.variance[:, output, input] for one in estimates], axis=1),
-        degrees=[one.degrees for one in estimates],
-        **names,
-    )
+    return {
+        "values": np.stack([one.response[:, output, input] for one in estimates], axis=1),
+        "frequency": frequency,
+        "variance": np.stack([one.variance[:, output, input] for one in estimates], axis=1),
+        "degrees": [one.degrees for one in estimates],
+    } | dict(names)
 
 
 def from_files(
@@ -127,7 +132,7 @@ def from_files(
     response: str | tuple[str, str] | None,
     most: int,
     names: Mapping[str, Any],
-) -> Responses:
+) -> Arguments:
     """As `Responses.from_files`."""
     paths = found_files(files)
     named = {"plants": _plant_names(paths)} | dict(names)
@@ -181,7 +186,7 @@ def _of_records(
     sample_rate: float | None,
     most: int,
     names: Mapping[str, Any],
-) -> Responses:
+) -> Arguments:
     """Responses estimated from a record in each file."""
     if len(paths) < 2:
         raise InputError(f"{paths[0]} is the only file: one plant has no spread to cover")
@@ -226,7 +231,7 @@ def _of_curves(
     frequency: str | None,
     response: str | tuple[str, str] | None,
     names: Mapping[str, Any],
-) -> Responses:
+) -> Arguments:
     """Responses of SISO plants read from files, on the union of their frequencies."""
     read = [read_response(path, str(frequency), response or "") for path in paths]
     for path, data in zip(paths, read, strict=True):

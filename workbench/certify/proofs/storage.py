@@ -8,7 +8,7 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.certify.cover import CertifiedInterval
-from workbench.certify.proof import PeakProof
+from workbench.certify.proofs.peak_proof import PeakProof
 from workbench.heavy_types import Dataset
 
 MULTIPLIERS = ("D_left", "D_right", "G")

@@ -17,7 +17,7 @@ from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.quality import IdentificationWarning
 from workbench.input_checks import is_real
-from workbench.uncertainty.covers.responses import Responses
+from workbench.uncertainty.responses.plants import Responses
 
 REGION_CORNERS = 12
 """Corners of the polygon around each disc; its corners lie 3.5 % outside."""

@@ -9,7 +9,7 @@ from scipy import stats
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
-from workbench.uncertainty.covers.responses import Responses
+from workbench.uncertainty.responses.plants import Responses
 
 POLYGON_CORNERS = 24
 """Number of corners of the polygon around each prediction ellipse."""

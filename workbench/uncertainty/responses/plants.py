@@ -16,9 +16,9 @@ from workbench.fitting.rational import Rational, from_system
 from workbench.heavy_types import DataArray, FrequencyResponseData
 from workbench.identification.responses.periodic import ResponseEstimate
 from workbench.systems.frequency_grid import starting_grid
+from workbench.uncertainty.responses import measured
+from workbench.uncertainty.responses.measured import Channel
 
-Channel = str | int | None
-"""A channel by name or by number from 0; None where there is only one."""
 KNOWN_RESPONSE_TOLERANCE = 1e-6
 """Largest distance of a given response from that of the known plant, relative to it."""
 
@@ -55,7 +55,7 @@ class Responses:
         What was found out to read the responses, if they come from files.
     confidence
         The values are corners of confidence regions, of this probability each; see
-        `workbench.uncertainty.covers.regions`.
+        `workbench.uncertainty.responses.regions`.
 
     Raises
     ------
@@ -170,9 +170,7 @@ class Responses:
             As for `Responses`; in particular plants on different grids leave a frequency with
             fewer than two of them.
         """
-        from workbench.uncertainty.covers.measured import from_frd
-
-        return from_frd(systems, input, output, names)
+        return cls(**measured.from_frd(systems, input, output, names))
 
     @classmethod
     def from_estimates(
@@ -183,9 +181,7 @@ class Responses:
         ``input`` and ``output`` are numbers of the channel, from 0; ``names`` as in `from_frd`.
         Raises InputError as `Responses`, and for different frequencies.
         """
-        from workbench.uncertainty.covers.measured import from_estimates
-
-        return from_estimates(estimates, input, output, names)
+        return cls(**measured.from_estimates(estimates, input, output, names))
 
     @classmethod
     def from_files(
@@ -225,9 +221,11 @@ class Responses:
             As `Responses`, `read_record` and `read_response`; no file fits the pattern; or the
             names belong to neither a record nor a response.
         """
-        from workbench.uncertainty.covers.measured import from_files
-
-        return from_files(files, input, output, time, sample_rate, frequency, response, most, names)
+        return cls(
+            **measured.from_files(
+                files, input, output, time, sample_rate, frequency, response, most, names
+            )
+        )
 
     def _checked(self, known: tuple[Any, ...]) -> tuple[Rational | None, ...]:
         """The known plants as functions; raises `InputError` for those that cannot be."""

@@ -1,0 +1,98 @@
+"""A controller as a computer runs it: its coefficients, its bounds, its C code."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from workbench.certify.sampled_sets import SetPeak
+from workbench.errors import InputError
+from workbench.heavy_types import StateSpace
+from workbench.synthesis.implementation.c_fixed_point import fixed_header
+from workbench.synthesis.implementation.export import replace_file
+from workbench.synthesis.implementation.export_c import Limits, header
+from workbench.synthesis.implementation.fixed_point import FixedPoint
+from workbench.synthesis.implementation.rounding import Rounding
+from workbench.synthesis.implementation.sampled_loop import SampledMargins
+
+Precision = Literal["double", "float", "fixed"]
+"""Number formats."""
+BYTES = {"double": 8, "float": 4}
+"""Bytes of a number."""
+WORD = 8
+"""Bytes of a stored signal in fixed point."""
+
+
+@dataclass(frozen=True, eq=False)
+class FixedFormat:
+    """Bits of coefficients and of signals, signs included, and full scales of y and of u."""
+
+    bits: int
+    signal_bits: int
+    y_scale: float
+    u_scale: float
+
+
+@dataclass(frozen=True, eq=False)
+class ImplementedController:
+    """A sampled controller with the coefficients that a computer has, and what its loop holds.
+
+    ``K`` acts as the given controller does, u = sign K y; ``found`` says how it was discretised.
+    ``peak`` bounds mu of the sampled loop for a set of plants, ``sensitivity`` is a certified bound
+    of the peak of its sensitivity. ``margins`` has an entry for each control signal.
+    """
+
+    K: StateSpace
+    found: str
+    precision: Precision
+    sensitivity: float
+    peak: SetPeak | None
+    margins: tuple[SampledMargins, ...]
+    rounding: Rounding
+    limits: Limits | None = None
+    fixed: FixedPoint | None = None
+    format: FixedFormat | None = None
+
+    @property
+    def lti(self) -> StateSpace:
+        """The controller."""
+        return self.K
+
+    @property
+    def operations(self) -> int:
+        """Multiplications of a sample."""
+        if self.fixed is not None:
+            return sum(5 * len(one.shifts) for line in self.fixed.cascades for one in line)
+        parts = (self.K.A, self.K.B, self.K.C, self.K.D)
+        return int(sum(np.count_nonzero(part) for part in parts))
+
+    @property
+    def memory(self) -> int:
+        """Bytes of the state."""
+        if self.fixed is not None:
+            return sum(4 * WORD * len(one.shifts) for line in self.fixed.cascades for one in line)
+        return BYTES[self.precision] * max(int(self.K.nstates), 1)
+
+    def code(self, name: str = "controller") -> str:
+        """Text of the C99 header; names in it begin with `name`."""
+        if self.precision == "fixed":
+            assert self.fixed is not None and self.format is not None
+            f = self.format
+            return fixed_header(self.fixed, f.bits, f.signal_bits, (f.y_scale, f.u_scale), name)
+        return header(self.K, name, self.precision, self.limits)
+
+    def export(self, path: str | Path, name: str = "controller") -> Path:
+        """Write the C99 header to a file, which is replaced as a whole or not at all.
+
+        Raises InputError for a name that is no C identifier, or a folder that cannot be written.
+        """
+        path = Path(path)
+        if path.suffix not in (".h", ".c"):
+            raise InputError(
+                f"{path}: a controller is exported as a C header, .h; export() writes other formats"
+            )
+        replace_file(path, self.code(name).encode("ascii"))
+        return path

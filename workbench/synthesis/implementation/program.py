@@ -1,0 +1,526 @@
+"""From a controller to what a processor runs, as a Program.
+
+Reduced, discretised, with the coefficients that the number format has; then the sampled loop is
+certified with the hold, the delay of the computer and the anti-aliasing filter in it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, ClassVar, get_args
+
+import numpy as np
+
+from workbench.accuracy import ANY_ACCURACY_ALIKE
+from workbench.certificate import EVERY_FREQUENCY, THIS_SYSTEM, Check
+from workbench.certify.norms import certified_norm
+from workbench.certify.sampled_sets import SetPeak, sampled_set_peak
+from workbench.certify.stability import stability_of
+from workbench.errors import InputError, WorkbenchError
+from workbench.executor import Context
+from workbench.heavy_types import Dataset, Figure, StateSpace
+from workbench.input_checks import need_positive, need_whole
+from workbench.program import Claim, Program, method
+from workbench.second_opinion import loops
+from workbench.second_opinion.sampled_plants import rounded_signals, sampled_plants
+from workbench.solvers import Outcome
+from workbench.synthesis.implementation import implementation_figures as drawn
+from workbench.synthesis.implementation import rounding
+from workbench.synthesis.implementation.discretise import DiscretisationMethod, discretised
+from workbench.synthesis.implementation.export_c import Limits
+from workbench.synthesis.implementation.fixed_point import fixed_point
+from workbench.synthesis.implementation.implemented import (
+    FixedFormat,
+    ImplementedController,
+    Precision,
+)
+from workbench.synthesis.implementation.reduction import approximated
+from workbench.synthesis.implementation.sampled_loop import (
+    need_delay,
+    plant_and_sign,
+    sampled_conditions,
+)
+from workbench.synthesis.implementation.sampled_response import HeldPlantLoop
+from workbench.synthesis.implementation.second_order import Sections, second_order_sections
+from workbench.systems.conversion import as_system
+from workbench.systems.generalised_plant import GeneralisedPlant
+from workbench.systems.interconnection import connected, named_realisation
+from workbench.systems.joints import part_of
+from workbench.systems.realisation import realisation
+from workbench.systems.storage import restored, stored
+from workbench.uncertainty import UncertaintyModel
+
+CLAIM_TOLERANCE = 1e-6
+"""Relative difference from a claimed bound that counts as rounding."""
+SAMPLED_SET = "for every plant of the set, sampled, up to half the sampling rate"
+
+
+@dataclass(frozen=True, eq=False)
+class Implementation(Program):
+    """The sampled controller of a number format with the least peak in the sampled loop.
+
+    The peak is mu of robust stability for the set of plants of an `UncertaintyModel`, else the peak
+    of the sensitivity.
+
+    Parameters
+    ----------
+    K
+        The controller, continuous; or sampled at `period`, and then taken as it is.
+    plant
+        A plant from u to y, an `UncertaintyModel`, or a `GeneralisedPlant`; see
+        `sampled_conditions` for the sign of the loop. Of a model the deviations W delta count as
+        those of its sampled nominal: what they add by aliasing is left out.
+    period
+        Sampling time [s].
+    delay
+        Delay of the computer [samples], also a fraction.
+    precision
+        ``"double"``, ``"float"`` or ``"fixed"``.
+    order
+        Number of states that K is reduced to before; None: it stays as it is.
+    anti_aliasing
+        Continuous filter of the measurements, of one channel or of all.
+    limits
+        Lowest and highest values of the controls, which the code keeps to, with anti-windup; not
+        for "fixed", whose controls end at their full scales.
+    bits, signal_bits
+        Of coefficients and signals in fixed point, signs included.
+    full_scale
+        Full scales of the measurements and of the controls; for "fixed" only.
+    sign
+        As in `sampled_conditions`.
+
+    Raises
+    ------
+    InputError
+        Something does not fit; the message says what.
+    """
+
+    K: Any  # a StateSpace after construction
+    plant: Any
+    period: float
+    delay: float = 0.0
+    precision: Precision = "double"
+    order: int | None = field(default=None, kw_only=True)
+    anti_aliasing: Any = field(default=None, kw_only=True)
+    limits: Limits | None = field(default=None, kw_only=True)
+    bits: int = field(default=24, kw_only=True)
+    signal_bits: int = field(default=32, kw_only=True)
+    full_scale: tuple[float, float] | None = field(default=None, kw_only=True)
+    sign: int | None = field(default=None, kw_only=True)
+
+    default_method: ClassVar[str] = "best"
+    headline: ClassVar[str] = "peak"
+
+    def __post_init__(self) -> None:
+        need_positive(self.period, "period")
+        need_delay(self.delay)
+        if self.precision not in get_args(Precision):
+            raise InputError(
+                f"precision is {self.precision!r}; it must be one of {get_args(Precision)}"
+            )
+        fixed = self.precision == "fixed"
+        if fixed and self.full_scale is None:
+            raise InputError("fixed point needs full_scale=(of the measurements, of the controls)")
+        if not fixed and self.full_scale is not None:
+            raise InputError(f"full_scale belongs to fixed point, not to {self.precision!r}")
+        if fixed and self.limits is not None:
+            raise InputError(
+                "the controls in fixed point end at their full scale: leave out limits"
+            )
+        for number, name in enumerate(("of measurements", "of controls")):
+            if self.full_scale is not None:
+                need_positive(self.full_scale[number], f"full scale {name}")
+        K = as_system(self.K, "K")
+        if K.dt and (K.dt is True or abs(K.dt / self.period - 1) > CLAIM_TOLERANCE):
+            raise InputError(
+                f"K has dt = {K.dt}; give a continuous controller, or one sampled every "
+                f"{self.period:g} s"
+            )
+        if self.order is not None:
+            need_whole(self.order, "order")
+            if not 0 <= self.order <= K.nstates:
+                raise InputError(f"order is {self.order}; K has {K.nstates} states")
+            if K.dt:
+                raise InputError("a sampled controller is not reduced: give the continuous one")
+        object.__setattr__(self, "K", K)
+        _ = self.loop_of(realisation((K.A, K.B, K.C, K.D), self.period))  # raises for what misfits
+
+    # --- the loop ---------------------------------------------------------------------------------
+
+    @cached_property
+    def model(self) -> UncertaintyModel | None:
+        """The set of plants, if the plant is one of a single channel."""
+        if isinstance(self.plant, GeneralisedPlant):
+            return None
+        part = part_of(self.plant, "plant")
+        return part if isinstance(part, UncertaintyModel) else None
+
+    @cached_property
+    def nominal(self) -> tuple[StateSpace, int]:
+        """The continuous nominal from u to y with its filter, and the sign of the loop."""
+        plant, sign = plant_and_sign(self.plant, self.sign)
+        if plant.dt:
+            raise InputError(f"the plant is sampled (dt = {plant.dt}); give the continuous plant")
+        if self.anti_aliasing is None:
+            return plant, sign
+        import control
+
+        if self.model is not None and self.model.form == "additive":
+            raise InputError("an additive model with a filter: put the filter into the responses")
+        part = as_system(self.anti_aliasing, "anti_aliasing")
+        if (part.ninputs, part.noutputs) == (1, 1) and plant.noutputs > 1:
+            part = control.append(*[part] * plant.noutputs)
+        if part.ninputs != plant.noutputs or part.noutputs != plant.noutputs or part.dt:
+            raise InputError(
+                f"anti_aliasing has {part.ninputs} inputs and {part.noutputs} outputs, dt "
+                f"{part.dt}; needed is a continuous filter of 1 or {plant.noutputs} channels"
+            )
+        return part * plant, sign
+
+    def loop_of(self, K: StateSpace) -> HeldPlantLoop:
+        """The loop of a sampled controller."""
+        plant, sign = self.nominal
+        if (K.ninputs, K.noutputs) != (plant.noutputs, plant.ninputs):
+            raise InputError(
+                f"K has {K.ninputs} inputs and {K.noutputs} outputs; the plant has "
+                f"{plant.noutputs} outputs and {plant.ninputs} inputs"
+            )
+        return HeldPlantLoop(plant, K, self.period, self.delay, sign)
+
+    def closed(self, K: StateSpace) -> StateSpace:
+        """The loop from a disturbance of the measurements to (measurements, controls)."""
+        loop = self.loop_of(K)
+        G = loop.held()
+        m, p = G.ninputs, G.noutputs
+        links = np.zeros((m + p, p + m))
+        links[:m, p:], links[m:, :p] = loop.sign * np.eye(m), np.eye(p)
+        enters = np.vstack([np.zeros((m, p)), np.eye(p)])
+        # The measurement is the output with the disturbance: S = 1 + (from disturbance to output).
+        M, n = connected((named_realisation(G), named_realisation(K)), links, enters, np.eye(p + m))
+        M[n : n + p, n:] += np.eye(p)
+        return realisation((M[:n, :n], M[:n, n:], M[n:, :n], M[n:, n:]), self.period)
+
+    def sensitivity(self, K: StateSpace) -> StateSpace:
+        """S of the loop, from a disturbance of the measurements to them."""
+        closed, p = self.closed(K), self.nominal[0].noutputs
+        return realisation((closed.A, closed.B, closed.C[:p], closed.D[:p]), self.period)
+
+    def around(self, K: StateSpace) -> StateSpace:
+        """What the set's deviations see: T = 1 - S for relative ones, K S for additive ones."""
+        closed, p = self.closed(K), self.nominal[0].noutputs
+        assert self.model is not None
+        if self.model.form == "multiplicative":
+            return realisation((closed.A, -closed.B, closed.C[:p], 1.0 - closed.D[:p]), self.period)
+        sign = -self.nominal[1]
+        return realisation(
+            (closed.A, sign * closed.B, closed.C[p:], sign * closed.D[p:]), self.period
+        )
+
+    def peak(self, K: StateSpace) -> SetPeak | None:
+        """Bounds of mu of a stable loop for the set of plants; None without a set."""
+        model = self.model
+        return None if model is None else sampled_set_peak(self.around(K), model.W_c, model.W_r)
+
+    # --- answers ----------------------------------------------------------------------------------
+
+    @cached_property
+    def reduced(self) -> StateSpace:
+        """The controller with at most `order` states."""
+        if self.order is None or self.order == self.K.nstates:
+            return self.K
+        if isinstance(self.plant, GeneralisedPlant):
+            return approximated(self.K, self.order, "weighted", self.plant)
+        return approximated(self.K, self.order, "balanced")
+
+    def implemented(self, way: DiscretisationMethod) -> ImplementedController:
+        """The controller discretised in one way, with the coefficients of the number format.
+
+        Raises InputError where its loop is unstable.
+        """
+        K = self.reduced
+        prewarp = None
+        if K.dt:
+            sampled, way_said = K, "given sampled"
+        else:
+            sampled = discretised(K, self.period, way, prewarp)
+            way_said = way
+        sampled = _named_as(sampled, self.K, self.period)
+        if self.precision == "fixed":
+            return self._judged(self._fixed(second_order_sections(self._scaled(sampled)), way_said))
+        kind = np.float32 if self.precision == "float" else np.float64
+        with np.errstate(over="ignore"):
+            A, B, C, D = (
+                np.asarray(getattr(sampled, name)).astype(kind).astype(float) for name in "ABCD"
+            )
+        if not all(np.isfinite(part).all() for part in (A, B, C, D)):
+            raise InputError(f"K has numbers that {self.precision} cannot hold")
+        coefficients = _named_as(realisation((A, B, C, D), self.period), self.K, self.period)
+        return self._judged(self._bare(coefficients, way_said))
+
+    def _bare(self, K: StateSpace, found: str) -> ImplementedController:
+        none = rounding.Rounding(np.inf, np.inf)
+        return ImplementedController(K, found, self.precision, np.inf, None, (), none, self.limits)
+
+    def _scaled(self, K: StateSpace) -> StateSpace:
+        """K from measurements over their full scale to controls over theirs."""
+        assert self.full_scale is not None
+        y, u = self.full_scale
+        return realisation((K.A, K.B * y, K.C / u, K.D * (y / u)), self.period)
+
+    def _fixed(self, sections: Sections, found: str) -> ImplementedController:
+        """The controller of cascades in fixed point."""
+        assert self.full_scale is not None
+        made = fixed_point(sections, self.bits, self.signal_bits)
+        y, u = self.full_scale
+        own = made.quantised.system
+        K = realisation((own.A, own.B / y, own.C * u, own.D * (u / y)), self.period)
+        form = FixedFormat(self.bits, self.signal_bits, y, u)
+        bare = self._bare(_named_as(K, self.K, self.period), found)
+        return replace(bare, fixed=made, format=form)
+
+    def _judged(self, made: ImplementedController) -> ImplementedController:
+        """The controller with the bounds of its loop; InputError where that is unstable."""
+        K = made.K
+        plant, sign = self.nominal
+        found = sampled_conditions(plant, K, self.period, self.delay, sign=sign)
+        if not found.stable:
+            raise InputError(f"the sampled loop is unstable, its largest pole {found.pole:.6g}")
+        return replace(
+            made,
+            sensitivity=certified_norm(self.sensitivity(K)),
+            peak=self.peak(K),
+            margins=found.margins,
+            rounding=self.rounding_of(made),
+        )
+
+    def rounding_of(self, made: ImplementedController) -> rounding.Rounding:
+        """Bounds of the rounding errors in the loop."""
+        loop = self.loop_of(made.K)
+        G = loop.held()
+        if made.fixed is None:
+            unit = rounding.FLOAT_UNITS[self.precision]
+            return rounding.floating_rounding(made.K, G, loop.sign, unit)
+        assert self.full_scale is not None
+        y, u = self.full_scale
+        scaled = realisation((G.A, G.B * u, G.C / y, G.D * (u / y)), self.period)
+        return rounding.fixed_rounding(made.fixed, scaled, loop.sign, self.signal_bits)
+
+    def objective(self, answer: ImplementedController) -> float:
+        """Mu of the sampled loop for the set of plants, or else the peak of the sensitivity."""
+        return answer.sensitivity if answer.peak is None else answer.peak.upper
+
+    # --- checks -----------------------------------------------------------------------------------
+
+    def checks(self, answer: ImplementedController, tolerance: float) -> Sequence[Check]:
+        loop = self.loop_of(answer.K)
+        stability = stability_of(loop.closed())
+        found = [replace(stability, name="sampled loop")]
+        if not stability.holds:
+            return found
+        size = certified_norm(self.sensitivity(answer.K)) / answer.sensitivity - 1.0
+        statement = "certified peak of the sensitivity over the claimed one, less 1"
+        found.append(Check("sensitivity", statement, size, CLAIM_TOLERANCE, over=EVERY_FREQUENCY))
+        if self.model is not None:
+            assert answer.peak is not None
+            upper = self.peak(answer.K)
+            assert upper is not None
+            value = upper.upper / answer.peak.upper - 1.0
+            statement = "proven bound of mu over the claimed one, less 1"
+            found.append(
+                Check("sets of plants", statement, value, CLAIM_TOLERANCE, over=SAMPLED_SET)
+            )
+        again = self.rounding_of(answer)
+        statement = "growth of rounding errors by one turn through the loop"
+        every = "for every signal in the loop"
+        found.append(Check("no limit cycle", statement, again.contraction, 1.0, over=every))
+        statement = "bound of the rounding errors of the control over the claimed one, less 1"
+        share = _over(again.share, answer.rounding.share)
+        found.append(Check("rounding", statement, share, CLAIM_TOLERANCE, over=every))
+        if answer.fixed is not None:
+            largest = max(
+                float(one.largest.max(initial=0.0))
+                for line in answer.fixed.cascades
+                for one in line
+            )
+            statement = "largest signal of a section for measurements of full scale"
+            over = "for every measurement within full scale"
+            found.append(Check("no overflow", statement, largest, 1.0, over=over))
+        else:
+            statement = "whether a coefficient is no number of the format"
+            kind = np.float32 if self.precision == "float" else np.float64
+            off = any(
+                (np.asarray(part).astype(kind).astype(float) != np.asarray(part)).any()
+                for part in (answer.K.A, answer.K.B, answer.K.C, answer.K.D)
+            )
+            found.append(Check("coefficients", statement, float(off), 0.0, over=THIS_SYSTEM))
+        return found
+
+    def second_opinion(self, answer: ImplementedController) -> Sequence[Check]:
+        loop = self.loop_of(answer.K)
+        closed = loop.closed()
+        found = [loops.powers_fall(closed.A, closed.dt)]
+        if self.model is not None and answer.peak is not None:
+            model = self.model
+            found.append(
+                sampled_plants(
+                    loop.held(),
+                    answer.K,
+                    loop.sign,
+                    (model.W_c.response, None if model.W_r is None else model.W_r.response),
+                    model.form,
+                    answer.peak.upper,
+                )
+            )
+        if answer.fixed is None:
+            found.append(
+                rounded_signals(
+                    answer.K,
+                    loop.held(),
+                    loop.sign,
+                    np.float32 if self.precision == "float" else np.float64,
+                    answer.rounding.share,
+                )
+            )
+        return found
+
+    # --- results ----------------------------------------------------------------------------------
+
+    def metrics(self, answer: ImplementedController) -> dict[str, float]:
+        poles = answer.K.poles()
+        poles = poles[np.abs(poles) > 0]
+        fastest = np.abs(np.log(poles.astype(complex))).max(initial=0.0) / self.period
+        rows = answer.margins
+        return {
+            "peak": self.objective(answer),
+            "sensitivity_peak": answer.sensitivity,
+            "gain_low": max(row.gain[0] for row in rows),
+            "gain_high": min(row.gain[1] for row in rows),
+            "phase_margin_deg": min(row.phase for row in rows),
+            "delay_margin_samples": min(row.delay for row in rows),
+            "rounding_share": answer.rounding.share,
+            "order": float(answer.K.nstates),
+            "fastest_pole": float(fastest),
+            "stable_controller": float((np.abs(answer.K.poles()) < 1.0).all()),
+            "operations": float(answer.operations),
+            "memory_bytes": float(answer.memory),
+        }
+
+    def figures(self, answer: ImplementedController) -> dict[str, Figure]:
+        model = self.model
+        around = None if model is None else (self.around(answer.K), model.W_c, model.W_r)
+        return drawn.figures_of(answer, self.sensitivity(answer.K), around, self.K)
+
+    def tables(self, answer: ImplementedController) -> dict[str, str]:
+        return {
+            "margins": drawn.margins_table(answer),
+            "code": f"```c\n{answer.code()}```\n",
+        }
+
+    def to_dataset(self, answer: ImplementedController) -> Dataset:
+        import xarray as xr
+
+        unit = {"units": "1"}
+        numbers = {
+            "sensitivity": (answer.sensitivity, "certified peak of the sensitivity"),
+            "rounding_share": (answer.rounding.share, "bound of rounding errors of the control"),
+            "contraction": (answer.rounding.contraction, "growth of errors by a turn of the loop"),
+        }
+        if answer.peak is not None:
+            numbers |= {
+                "mu_lower": (answer.peak.lower, "lower bound of mu of the sampled loop"),
+                "mu_upper": (answer.peak.upper, "upper bound of mu of the sampled loop"),
+                "mu_omega": (answer.peak.omega, "angular frequency of the lower bound"),
+            }
+        variables: dict[str, Any] = {
+            name: ((), value, unit | {"long_name": said}) for name, (value, said) in numbers.items()
+        }
+        variables |= stored("controller", answer.K)
+        if answer.fixed is not None:
+            variables["sections"] = drawn.padded_sections(self._sections(answer))
+        variables["code"] = ((), answer.code(), {"long_name": "C99 header"})
+        variables["discretisation"] = ((), answer.found, {"long_name": "way of discretisation"})
+        data = xr.Dataset(variables)
+        return data.assign(drawn.stored_margins(answer.margins))
+
+    def from_dataset(self, data: Dataset) -> ImplementedController:
+        found = str(data["discretisation"].values)
+        if self.precision == "fixed":
+            made = self._fixed(drawn.read_sections(data["sections"], self.period), found)
+        else:
+            K = _named_as(restored(data, "controller"), self.K, self.period)
+            made = self._bare(K, found)
+        number = {
+            name: float(data[name])
+            for name in data
+            if data[name].dtype.kind == "f" and not data[name].ndim
+        }
+        peak = None
+        if "mu_upper" in number:
+            peak = SetPeak(number["mu_lower"], number["mu_upper"], number["mu_omega"])
+        return replace(
+            made,
+            sensitivity=number["sensitivity"],
+            peak=peak,
+            margins=drawn.read_margins(data),
+            rounding=rounding.Rounding(number["rounding_share"], number["contraction"]),
+        )
+
+    def _sections(self, answer: ImplementedController) -> Sections:
+        """The sections with the rounded coefficients, which round to themselves."""
+        assert answer.fixed is not None
+        return answer.fixed.quantised
+
+
+def _named_as(K: StateSpace, like: StateSpace, period: float) -> StateSpace:
+    return realisation(
+        (K.A, K.B, K.C, K.D), period, inputs=like.input_labels, outputs=like.output_labels
+    )
+
+
+def _over(value: float, claimed: float) -> float:
+    """Value over claimed, less 1; equal values are 0."""
+    if value == claimed:
+        return 0.0
+    return value / claimed - 1.0 if claimed > 0.0 else np.inf
+
+
+def _of(program: Implementation, way: DiscretisationMethod) -> Claim:
+    return program.implemented(way), Outcome.SOLVED, f"discretised by {way}"
+
+
+@method(Implementation, "tustin", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
+def _tustin(program: Implementation, context: Context) -> Claim:
+    """The bilinear transform."""
+    return _of(program, "tustin")
+
+
+@method(Implementation, "zoh", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
+def _zoh(program: Implementation, context: Context) -> Claim:
+    """The controller's exact answer to a held measurement."""
+    return _of(program, "zoh")
+
+
+@method(Implementation, "foh", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
+def _foh(program: Implementation, context: Context) -> Claim:
+    """The controller's exact answer to a measurement that goes straight between samples."""
+    return _of(program, "foh")
+
+
+@method(Implementation, "best", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
+def _best(program: Implementation, context: Context) -> Claim:
+    """The best of all ways of discretisation, by the certified peak."""
+    found, said = [], []
+    for way in get_args(DiscretisationMethod):
+        try:
+            made = program.implemented(way)
+        except WorkbenchError as error:
+            said.append(f"{way}: {error}")
+            continue
+        found.append(made)
+        said.append(f"{way}: peak {program.objective(made):.6g}")
+    if not found:
+        return None, Outcome.FAILED, "; ".join(said)
+    return min(found, key=program.objective), Outcome.SOLVED, "; ".join(said)

@@ -1,0 +1,1 @@
+"""Responses of plants: given, measured, with confidence regions, extrapolated to further plants."""
