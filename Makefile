@@ -76,7 +76,7 @@ thesis: $(READY)
 # Compare all methods on the small problems (five minutes on two cores), store it, write its page.
 # What is stopped goes on where it was. Cells without a certificate are no failure of the study.
 study: $(READY)
-	-$(WORKBENCH) --results results/study compare 'quick/*' --all-methods --light --time-limit 10 \
+	-$(WORKBENCH) --results results/study compare '*' --all-methods --light --time-limit 10 \
 		--jobs 2
 	rm -rf results/reference/compare results/reference/cells
 	cp -r results/study/compare results/study/cells results/reference/

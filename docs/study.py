@@ -26,6 +26,9 @@ KINDS = {
     "MuLowerBound": "Lower bounds of mu",
     "HinfSynthesis": "H-infinity synthesis",
     "MuSynthesis": "Mu synthesis",
+    "LoopController": "The CD drive's mu controllers",
+    "MuPid": "The CD drive's mu PID controllers",
+    "LowerBandwidth": "The CD drive's slower controllers",
     "NarrowestStadium": "Narrowest stadiums",
     "SmallestAreaStadium": "Stadiums of smallest area",
     "SmallestCircle": "Smallest circles",
@@ -35,6 +38,7 @@ KINDS = {
     "ResponseFit": "Response fits",
     "SwitchedStability": "Dwell times of switched loops",
     "FaultEstimation": "Fault filters",
+    "StateSpaceFit": "State-space models of records",
     "CrestFactor": "Crest factors",
 }
 """What the Programs are, in the order of the page."""
@@ -147,9 +151,9 @@ def page(run: wb.Run) -> str:
     limit = float(data.attrs["time_limit"])
     parts = [
         "# Which method to trust\n",
-        f"Every method on {data.sizes['problem']} small problems (`quick/*`: of the literature, at "
-        f"most seconds each) at three accuracy levels, {limit:g} s for each cell: {badge(data)}. A "
-        "cell is certified when the checks of the problem hold and, of "
+        f"Every method on the {data.sizes['problem']} problems of the workbench that have methods "
+        f"and are not marked slow, at three accuracy levels, {limit:g} s for each cell: "
+        f"{badge(data)}. A cell is certified when the checks of the problem hold and, of "
         "methods that claim the optimum, the gap is closed; what a solver says of itself counts "
         "for nothing. Times are shifted geometric means of statement and solve over certified "
         "cells. The last column is how far the worst certified answer of a method is above the "

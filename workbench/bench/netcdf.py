@@ -65,7 +65,8 @@ def _split(data: xr.Dataset) -> xr.Dataset:
     parts: dict[Hashable, Any] = {}
     coordinates: list[Hashable] = []
     for name, array in data.variables.items():
-        halves: dict[Hashable, Any] = {name: array}
+        # Texts of variable length would be stored one by one, uncompressed.
+        halves: dict[Hashable, Any] = {name: array.astype(str) if array.dtype == object else array}
         if np.iscomplexobj(array.values):
             halves = {
                 _free(f"{name}_{part}", data): (
