@@ -81,7 +81,7 @@ class Compiled:
 
 def in_the_loop(task, step, w):
     """Controls (N,) of a controller in the loop with disturbances w (N,) of the measurement."""
-    held = task.loop_of(task.implemented("tustin").K).held()
+    held = task.loop.loop_of(task.implemented("tustin").K).held()
     x, u, found = np.zeros(held.nstates), np.zeros(1), []
     for error in w:
         y = held.C @ x + held.D @ u + error
@@ -140,7 +140,7 @@ def test_the_compiled_code_runs_in_the_loop_as_the_model_does(done, tmp_path):
             return board.step(y).astype(float)
 
         # The claim is over the largest control that any disturbance of 1 brings about.
-        closed = task.closed(answer.K)
+        closed = task.loop.closed(answer.K)
         limit = answer.rounding.share * absolute_sums(closed.A, closed.B, closed.C, closed.D)[1, 0]
     off = np.abs(in_the_loop(task, step, w) - expected).max()
     assert off <= limit

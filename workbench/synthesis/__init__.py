@@ -8,6 +8,7 @@ from workbench.synthesis.hinf.known_disturbance import known_disturbance_bound
 from workbench.synthesis.hinf.loop_shaping import LoopShaping
 from workbench.synthesis.hinf.mixed_sensitivity import MixedSensitivity
 from workbench.synthesis.hinf.program import HinfController, HinfSynthesis, hinf
+from workbench.synthesis.implementation import implementation_methods
 from workbench.synthesis.implementation.discretise import discretised
 from workbench.synthesis.implementation.export import export, load_controller
 from workbench.synthesis.implementation.fixed_point import FixedCascade, FixedPoint, fixed_point
@@ -116,6 +117,7 @@ __all__ = [
     "hinf",
     "hinf_conic",
     "hinf_methods",
+    "implementation_methods",
     "known_disturbance_bound",
     "largest_least_mu",
     "least_mu",

@@ -13,21 +13,19 @@ from typing import Any, ClassVar, get_args
 
 import numpy as np
 
-from workbench.accuracy import ANY_ACCURACY_ALIKE
 from workbench.certificate import EVERY_FREQUENCY, THIS_SYSTEM, Check
 from workbench.certify.norms import certified_norm
-from workbench.certify.sampled_sets import SetPeak, sampled_set_peak
+from workbench.certify.sampled_sets import SetPeak
 from workbench.certify.stability import stability_of
-from workbench.errors import InputError, WorkbenchError
-from workbench.executor import Context
+from workbench.errors import InputError
 from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.input_checks import need_positive, need_whole
-from workbench.program import Claim, Program, method
+from workbench.program import Program
 from workbench.second_opinion import loops
 from workbench.second_opinion.sampled_plants import rounded_signals, sampled_plants
-from workbench.solvers import Outcome
 from workbench.synthesis.implementation import implementation_figures as drawn
 from workbench.synthesis.implementation import rounding
+from workbench.synthesis.implementation.board_loop import BoardLoop
 from workbench.synthesis.implementation.discretise import DiscretisationMethod, discretised
 from workbench.synthesis.implementation.export_c import Limits
 from workbench.synthesis.implementation.fixed_point import fixed_point
@@ -39,18 +37,13 @@ from workbench.synthesis.implementation.implemented import (
 from workbench.synthesis.implementation.reduction import approximated
 from workbench.synthesis.implementation.sampled_loop import (
     need_delay,
-    plant_and_sign,
     sampled_conditions,
 )
-from workbench.synthesis.implementation.sampled_response import HeldPlantLoop
 from workbench.synthesis.implementation.second_order import Sections, second_order_sections
 from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import GeneralisedPlant
-from workbench.systems.interconnection import connected, named_realisation
-from workbench.systems.joints import part_of
 from workbench.systems.realisation import realisation
 from workbench.systems.storage import restored, stored
-from workbench.uncertainty import UncertaintyModel
 
 CLAIM_TOLERANCE = 1e-6
 """Relative difference from a claimed bound that counts as rounding."""
@@ -146,83 +139,14 @@ class Implementation(Program):
             if K.dt:
                 raise InputError("a sampled controller is not reduced: give the continuous one")
         object.__setattr__(self, "K", K)
-        _ = self.loop_of(realisation((K.A, K.B, K.C, K.D), self.period))  # raises for what misfits
-
-    # --- the loop ---------------------------------------------------------------------------------
-
-    @cached_property
-    def model(self) -> UncertaintyModel | None:
-        """The set of plants, if the plant is one of a single channel."""
-        if isinstance(self.plant, GeneralisedPlant):
-            return None
-        part = part_of(self.plant, "plant")
-        return part if isinstance(part, UncertaintyModel) else None
+        _ = self.loop.loop_of(
+            realisation((K.A, K.B, K.C, K.D), self.period)
+        )  # raises for what misfits
 
     @cached_property
-    def nominal(self) -> tuple[StateSpace, int]:
-        """The continuous nominal from u to y with its filter, and the sign of the loop."""
-        plant, sign = plant_and_sign(self.plant, self.sign)
-        if plant.dt:
-            raise InputError(f"the plant is sampled (dt = {plant.dt}); give the continuous plant")
-        if self.anti_aliasing is None:
-            return plant, sign
-        import control
-
-        if self.model is not None and self.model.form == "additive":
-            raise InputError("an additive model with a filter: put the filter into the responses")
-        part = as_system(self.anti_aliasing, "anti_aliasing")
-        if (part.ninputs, part.noutputs) == (1, 1) and plant.noutputs > 1:
-            part = control.append(*[part] * plant.noutputs)
-        if part.ninputs != plant.noutputs or part.noutputs != plant.noutputs or part.dt:
-            raise InputError(
-                f"anti_aliasing has {part.ninputs} inputs and {part.noutputs} outputs, dt "
-                f"{part.dt}; needed is a continuous filter of 1 or {plant.noutputs} channels"
-            )
-        return part * plant, sign
-
-    def loop_of(self, K: StateSpace) -> HeldPlantLoop:
-        """The loop of a sampled controller."""
-        plant, sign = self.nominal
-        if (K.ninputs, K.noutputs) != (plant.noutputs, plant.ninputs):
-            raise InputError(
-                f"K has {K.ninputs} inputs and {K.noutputs} outputs; the plant has "
-                f"{plant.noutputs} outputs and {plant.ninputs} inputs"
-            )
-        return HeldPlantLoop(plant, K, self.period, self.delay, sign)
-
-    def closed(self, K: StateSpace) -> StateSpace:
-        """The loop from a disturbance of the measurements to (measurements, controls)."""
-        loop = self.loop_of(K)
-        G = loop.held()
-        m, p = G.ninputs, G.noutputs
-        links = np.zeros((m + p, p + m))
-        links[:m, p:], links[m:, :p] = loop.sign * np.eye(m), np.eye(p)
-        enters = np.vstack([np.zeros((m, p)), np.eye(p)])
-        # The measurement is the output with the disturbance: S = 1 + (from disturbance to output).
-        M, n = connected((named_realisation(G), named_realisation(K)), links, enters, np.eye(p + m))
-        M[n : n + p, n:] += np.eye(p)
-        return realisation((M[:n, :n], M[:n, n:], M[n:, :n], M[n:, n:]), self.period)
-
-    def sensitivity(self, K: StateSpace) -> StateSpace:
-        """S of the loop, from a disturbance of the measurements to them."""
-        closed, p = self.closed(K), self.nominal[0].noutputs
-        return realisation((closed.A, closed.B, closed.C[:p], closed.D[:p]), self.period)
-
-    def around(self, K: StateSpace) -> StateSpace:
-        """What the set's deviations see: T = 1 - S for relative ones, K S for additive ones."""
-        closed, p = self.closed(K), self.nominal[0].noutputs
-        assert self.model is not None
-        if self.model.form == "multiplicative":
-            return realisation((closed.A, -closed.B, closed.C[:p], 1.0 - closed.D[:p]), self.period)
-        sign = -self.nominal[1]
-        return realisation(
-            (closed.A, sign * closed.B, closed.C[p:], sign * closed.D[p:]), self.period
-        )
-
-    def peak(self, K: StateSpace) -> SetPeak | None:
-        """Bounds of mu of a stable loop for the set of plants; None without a set."""
-        model = self.model
-        return None if model is None else sampled_set_peak(self.around(K), model.W_c, model.W_r)
+    def loop(self) -> BoardLoop:
+        """What the controller is closed with."""
+        return BoardLoop(self.plant, self.period, self.delay, self.anti_aliasing, self.sign)
 
     # --- answers ----------------------------------------------------------------------------------
 
@@ -284,21 +208,21 @@ class Implementation(Program):
     def _judged(self, made: ImplementedController) -> ImplementedController:
         """The controller with the bounds of its loop; InputError where that is unstable."""
         K = made.K
-        plant, sign = self.nominal
+        plant, sign = self.loop.nominal
         found = sampled_conditions(plant, K, self.period, self.delay, sign=sign)
         if not found.stable:
             raise InputError(f"the sampled loop is unstable, its largest pole {found.pole:.6g}")
         return replace(
             made,
-            sensitivity=certified_norm(self.sensitivity(K)),
-            peak=self.peak(K),
+            sensitivity=certified_norm(self.loop.sensitivity(K)),
+            peak=self.loop.peak(K),
             margins=found.margins,
             rounding=self.rounding_of(made),
         )
 
     def rounding_of(self, made: ImplementedController) -> rounding.Rounding:
         """Bounds of the rounding errors in the loop."""
-        loop = self.loop_of(made.K)
+        loop = self.loop.loop_of(made.K)
         G = loop.held()
         if made.fixed is None:
             unit = rounding.FLOAT_UNITS[self.precision]
@@ -315,17 +239,17 @@ class Implementation(Program):
     # --- checks -----------------------------------------------------------------------------------
 
     def checks(self, answer: ImplementedController, tolerance: float) -> Sequence[Check]:
-        loop = self.loop_of(answer.K)
+        loop = self.loop.loop_of(answer.K)
         stability = stability_of(loop.closed())
         found = [replace(stability, name="sampled loop")]
         if not stability.holds:
             return found
-        size = certified_norm(self.sensitivity(answer.K)) / answer.sensitivity - 1.0
+        size = certified_norm(self.loop.sensitivity(answer.K)) / answer.sensitivity - 1.0
         statement = "certified peak of the sensitivity over the claimed one, less 1"
         found.append(Check("sensitivity", statement, size, CLAIM_TOLERANCE, over=EVERY_FREQUENCY))
-        if self.model is not None:
+        if self.loop.model is not None:
             assert answer.peak is not None
-            upper = self.peak(answer.K)
+            upper = self.loop.peak(answer.K)
             assert upper is not None
             value = upper.upper / answer.peak.upper - 1.0
             statement = "proven bound of mu over the claimed one, less 1"
@@ -359,11 +283,11 @@ class Implementation(Program):
         return found
 
     def second_opinion(self, answer: ImplementedController) -> Sequence[Check]:
-        loop = self.loop_of(answer.K)
+        loop = self.loop.loop_of(answer.K)
         closed = loop.closed()
         found = [loops.powers_fall(closed.A, closed.dt)]
-        if self.model is not None and answer.peak is not None:
-            model = self.model
+        if self.loop.model is not None and answer.peak is not None:
+            model = self.loop.model
             found.append(
                 sampled_plants(
                     loop.held(),
@@ -409,9 +333,9 @@ class Implementation(Program):
         }
 
     def figures(self, answer: ImplementedController) -> dict[str, Figure]:
-        model = self.model
-        around = None if model is None else (self.around(answer.K), model.W_c, model.W_r)
-        return drawn.figures_of(answer, self.sensitivity(answer.K), around, self.K)
+        model = self.loop.model
+        around = None if model is None else (self.loop.around(answer.K), model.W_c, model.W_r)
+        return drawn.figures_of(answer, self.loop.sensitivity(answer.K), around, self.K)
 
     def tables(self, answer: ImplementedController) -> dict[str, str]:
         return {
@@ -485,42 +409,3 @@ def _over(value: float, claimed: float) -> float:
     if value == claimed:
         return 0.0
     return value / claimed - 1.0 if claimed > 0.0 else np.inf
-
-
-def _of(program: Implementation, way: DiscretisationMethod) -> Claim:
-    return program.implemented(way), Outcome.SOLVED, f"discretised by {way}"
-
-
-@method(Implementation, "tustin", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
-def _tustin(program: Implementation, context: Context) -> Claim:
-    """The bilinear transform."""
-    return _of(program, "tustin")
-
-
-@method(Implementation, "zoh", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
-def _zoh(program: Implementation, context: Context) -> Claim:
-    """The controller's exact answer to a held measurement."""
-    return _of(program, "zoh")
-
-
-@method(Implementation, "foh", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
-def _foh(program: Implementation, context: Context) -> Claim:
-    """The controller's exact answer to a measurement that goes straight between samples."""
-    return _of(program, "foh")
-
-
-@method(Implementation, "best", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
-def _best(program: Implementation, context: Context) -> Claim:
-    """The best of all ways of discretisation, by the certified peak."""
-    found, said = [], []
-    for way in get_args(DiscretisationMethod):
-        try:
-            made = program.implemented(way)
-        except WorkbenchError as error:
-            said.append(f"{way}: {error}")
-            continue
-        found.append(made)
-        said.append(f"{way}: peak {program.objective(made):.6g}")
-    if not found:
-        return None, Outcome.FAILED, "; ".join(said)
-    return min(found, key=program.objective), Outcome.SOLVED, "; ".join(said)

@@ -1,0 +1,52 @@
+"""Methods of `Implementation`: ways of discretisation, and the best of them."""
+
+from __future__ import annotations
+
+from typing import get_args
+
+from workbench.accuracy import ANY_ACCURACY_ALIKE
+from workbench.errors import WorkbenchError
+from workbench.executor import Context
+from workbench.program import Claim, method
+from workbench.solvers import Outcome
+from workbench.synthesis.implementation.discretise import DiscretisationMethod
+from workbench.synthesis.implementation.program import Implementation
+
+
+def _of(program: Implementation, way: DiscretisationMethod) -> Claim:
+    return program.implemented(way), Outcome.SOLVED, f"discretised by {way}"
+
+
+@method(Implementation, "tustin", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
+def _tustin(program: Implementation, context: Context) -> Claim:
+    """The bilinear transform."""
+    return _of(program, "tustin")
+
+
+@method(Implementation, "zoh", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
+def _zoh(program: Implementation, context: Context) -> Claim:
+    """The controller's exact answer to a held measurement."""
+    return _of(program, "zoh")
+
+
+@method(Implementation, "foh", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
+def _foh(program: Implementation, context: Context) -> Claim:
+    """The controller's exact answer to a measurement that goes straight between samples."""
+    return _of(program, "foh")
+
+
+@method(Implementation, "best", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
+def _best(program: Implementation, context: Context) -> Claim:
+    """The best of all ways of discretisation, by the certified peak."""
+    found, said = [], []
+    for way in get_args(DiscretisationMethod):
+        try:
+            made = program.implemented(way)
+        except WorkbenchError as error:
+            said.append(f"{way}: {error}")
+            continue
+        found.append(made)
+        said.append(f"{way}: peak {program.objective(made):.6g}")
+    if not found:
+        return None, Outcome.FAILED, "; ".join(said)
+    return min(found, key=program.objective), Outcome.SOLVED, "; ".join(said)
