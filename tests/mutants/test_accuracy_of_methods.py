@@ -13,6 +13,7 @@ from workbench.fitting import ResponseFit
 from workbench.geometry import NarrowestStadium
 from workbench.program import _METHODS, methods
 from workbench.solvers import ACCURACY, Options, conic_solvers
+from workbench.synthesis import Implementation
 
 
 class Recorded(Options):
@@ -37,6 +38,12 @@ def mu_synthesis():
 
 def given_angle():
     return NarrowestStadium(np.random.default_rng(3).normal(size=(7, 2)) @ [1.0, 1j], angle=0.3)
+
+
+def implementation():
+    """A gain and a slow pole around a first-order plant."""
+    s = control.tf("s")
+    return Implementation((s + 1) / (s + 0.1), 1 / (s + 1), period=0.05, delay=0.5)
 
 
 def conic_program():
@@ -64,6 +71,7 @@ SMALL = {
 
 SMALL |= {
     "conic_program": conic_program,
+    "implementation": implementation,
     "rational_fit": rational_fit,
     "given_angle": given_angle,
     "mu_synthesis": mu_synthesis,

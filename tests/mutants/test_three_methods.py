@@ -47,6 +47,12 @@ MATHEMATICS = {
         "dgk": "mixed multipliers",
         "fixed": "nonsmooth descent",
     },
+    "Implementation": {
+        "tustin": "the trapezoidal rule",
+        "zoh": "an exact answer to steps",
+        "foh": "an exact answer to ramps",
+        "best": "",
+    },
     "FaultEstimation": SOLVERS
     | {
         "riccati": "Riccati equations",
