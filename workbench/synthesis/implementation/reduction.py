@@ -20,8 +20,8 @@ from workbench.mu.frequency.peak import Peak
 from workbench.mu.robust.conditions import Conditions, conditions
 from workbench.mu.robust.performance import performance_peak
 from workbench.solution import solve
-from workbench.synthesis.implementation import reduction_methods
 from workbench.synthesis.mu.program import MuSynthesis
+from workbench.synthesis.reduction import truncation
 from workbench.systems.conversion import as_system, need_plant
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.realisation import realisation
@@ -105,7 +105,7 @@ def approximated(
     method
         ``"weighted"``: balanced truncation by Gramians of the closed loop. ``"balanced"`` and
         ``"hankel"``: balanced truncation and optimal Hankel-norm approximation of the stable part
-        of K alone; the other poles are kept (see `reduction_methods`).
+        of K alone; the other poles are kept (see `workbench.synthesis.reduction.truncation`).
     plant
         Plant of the loop u = K y; for ``"weighted"`` only.
 
@@ -242,9 +242,9 @@ def _reducer(
     parts = K.A, K.B, K.C, K.D
     least = 0
     if method == "balanced":
-        least, of = reduction_methods.balanced_truncation(parts)
+        least, of = truncation.balanced_truncation(parts)
     elif method == "hankel":
-        least, of = reduction_methods.hankel(parts)
+        least, of = truncation.hankel(parts)
     elif method == "weighted":
         if plant is None:
             raise InputError(
@@ -261,7 +261,7 @@ def _reducer(
                 '"weighted" needs a controller that stabilises the plant'
             )
         closed = loop.A, loop.B, loop.C, loop.D
-        of = reduction_methods.weighted(parts, plant, closed, peak)
+        of = truncation.weighted(parts, plant, closed, peak)
     else:
         raise InputError(f"method is {method!r}; it must be one of {get_args(ReductionMethod)}")
     labels = {"inputs": K.input_labels, "outputs": K.output_labels}

@@ -15,6 +15,9 @@ from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 
+LEAST_DAMPING, POLE_ROOM = 1e-6, 1e-6
+"""Least coefficient of a block that is asked to be stable, and the share of the size allowed that
+poles keep away from it."""
 STATE_DIRECTIONS = 24
 """Directions of the second state of a second-order block that are tried for good conditioning."""
 
@@ -35,9 +38,19 @@ class Family(ABC):
         """Parameters (k,) of a member of the family; raises InputError for other controllers."""
 
     def units(self, x: RealArray) -> RealArray:
-        """Units of steps (k,): the size of each parameter, or a tenth of the median if larger."""
+        """Units of steps (k,): the size of each parameter, or a tenth of the median if larger.
+
+        Zero where all parameters are about zero: their sizes tell no unit.
+        """
         size = np.abs(x)
         return np.maximum(size, 0.1 * float(np.median(size)))
+
+    def halfspaces(self, stable: bool, fastest: float | None) -> tuple[RealArray, RealArray]:
+        """Rows G (r, k) and sides h (r,): controllers with G x <= h meet the demands on poles.
+
+        No rows where a family has no such form; its members are then only checked.
+        """
+        return np.zeros((0, 0)), np.zeros(0)
 
 
 @dataclass(frozen=True)
@@ -82,6 +95,37 @@ class Modal(Family):
         if family != self:
             raise InputError(f"the controller has other corners than the family: {family} {self}")
         return x
+
+    def halfspaces(self, stable: bool, fastest: float | None) -> tuple[RealArray, RealArray]:
+        # A block s^2 + w b s + w^2 a has stable poles where a, b > 0, and poles of size P at most
+        # where |w^2 a| <= P^2 and P^2 + w^2 a >= P |w b|: Jury's triangle, scaled.
+        n, m, p = self.order, self.inputs, self.outputs
+        rows: list[RealArray] = []
+        sides: list[float] = []
+
+        def add(side: float, *terms: tuple[int, float]) -> None:
+            row = np.zeros(n + n * m + p * n + p * m)
+            for place, value in terms:
+                row[place] = value
+            rows.append(row)
+            sides.append(side)
+
+        for k, w in enumerate(self.corners):
+            i, pair = 2 * k, 2 * k + 1 < n
+            if stable:
+                for place in (i, i + 1)[: 1 + pair]:
+                    add(-LEAST_DAMPING, (place, -1.0))
+            if fastest is not None:
+                size = w / (fastest * (1.0 - POLE_ROOM))
+                reach = size**2 if pair else size
+                add(1.0, (i, reach))
+                add(1.0, (i, -reach))
+                if pair:
+                    add(1.0, (i, -reach), (i + 1, size))
+                    add(1.0, (i, -reach), (i + 1, -size))
+        if not rows:
+            return np.zeros((0, n + n * m + p * n + p * m)), np.zeros(0)
+        return np.array(rows), np.array(sides)
 
     def matrices(self, x: RealArray) -> tuple[RealArray, RealArray, RealArray, RealArray]:
         """A, B, C and D of the controller with parameters x."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -11,11 +11,12 @@ import numpy as np
 from workbench.certificate import EVERY_PERTURBATION, Check, quantified
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError
+from workbench.executor import Context
 from workbench.heavy_types import Dataset, Figure, StateSpace
-from workbench.input_checks import need_positive
+from workbench.input_checks import need_positive, need_whole
 from workbench.mu import Peak, performance_peak
 from workbench.mu.frequency.stored_peak import peak_checks, restored_peak, stored_peak
-from workbench.program import Program
+from workbench.program import Claim, Program
 from workbench.second_opinion import loops
 from workbench.structure import Structure
 from workbench.synthesis.hinf.figures import controller
@@ -23,6 +24,7 @@ from workbench.synthesis.mu.families import Family
 from workbench.synthesis.mu.figures import bounds_figure, rounds_figure
 from workbench.synthesis.mu.rounds import Iterate, packed, unpacked
 from workbench.synthesis.mu.scalings import PARAMETERS
+from workbench.synthesis.mu.shippable import Shippable, interlacing_violation
 from workbench.systems.balancing import balanced
 from workbench.systems.conversion import as_system, need_plant
 from workbench.systems.generalised_plant import GeneralisedPlant
@@ -85,12 +87,21 @@ class MuSynthesis(Program):
     target
         Certified peak that is low enough: methods end when they reach it, and an answer above it is
         not valid. None: methods go on to the least peak that they find.
+    order
+        Largest number of states of the controller; method "fixed" needs it where there is no start.
+    stable
+        Whether the controller itself must be stable.
+    fastest_pole
+        Largest size of the controller's poles [rad/s].
+
+    A method whose controller does not meet these demands hands over to "fixed", which carries them.
 
     Raises
     ------
     InputError
         The plant has no structure, performance or exogenous signals, or is in discrete time; the
-        start does not fit or does not stabilise; or the target is not positive and finite.
+        start does not fit or does not stabilise; the target is not positive and finite; or no
+        stable controller stabilises the plant, by parity interlacing.
     """
 
     plant: GeneralisedPlant
@@ -99,6 +110,9 @@ class MuSynthesis(Program):
     family: Family | None = None
     random: int = 0
     target: float | None = None
+    order: int | None = field(default=None, kw_only=True)
+    stable: bool = field(default=False, kw_only=True)
+    fastest_pole: float | None = field(default=None, kw_only=True)
 
     default_method: ClassVar[str] = "dk"
     headline: ClassVar[str] = "peak"
@@ -106,6 +120,13 @@ class MuSynthesis(Program):
     def __post_init__(self) -> None:
         need_plant(self.plant)
         need_positive(self.target, "target", or_none=True)
+        need_positive(self.fastest_pole, "fastest_pole", or_none=True)
+        if self.order is not None:
+            need_whole(self.order, "order")
+            if self.order < 0:
+                raise InputError(f"order is {self.order}; it must be 0 or more")
+        if not isinstance(self.stable, bool):
+            raise InputError(f"stable is {self.stable!r}; it must be True or False")
         if self.family is not None and not isinstance(self.family, Family):
             raise InputError(f"family must be a Family, not {type(self.family).__name__}")
         plant, structure = self.plant, self.structure or self.plant.structure
@@ -126,6 +147,10 @@ class MuSynthesis(Program):
             )
         object.__setattr__(self, "plant", plant)
         object.__setattr__(self, "structure", structure)
+        if self.stable:
+            reason = interlacing_violation(plant.controlled())
+            if reason is not None:
+                raise InputError(f"stable=True, but {reason}: leave it out, or move the sensor")
         if self.start is not None:
             object.__setattr__(self, "start", as_system(self.start, "start"))
             stability = stability_of(plant.close(self.start))
@@ -135,6 +160,24 @@ class MuSynthesis(Program):
                     f"{stability.value:.3g} {stability.where}, which must be less than "
                     f"{stability.limit:.3g}, its rounding error"
                 )
+
+    @property
+    def demands(self) -> Shippable:
+        """What the controller must be besides."""
+        return Shippable(self.order, self.stable, self.fastest_pole)
+
+    def without_demands(self) -> MuSynthesis:
+        """The same synthesis with nothing asked of the controller, and no start."""
+        free: dict[str, Any] = {"order": None, "stable": False, "fastest_pole": None}
+        return replace(self, start=None, family=None, random=0, **free)
+
+    def respond(self, method: str | None, context: Context) -> Claim:
+        answer, outcome, said = super().respond(method, context)
+        if answer is None or self.demands.admits(answer.K) or method == "fixed":
+            return answer, outcome, said
+        missed = "; ".join(c.name for c in self.demands.checks(answer.K) if not c.holds)
+        answer, outcome, more = super().respond("fixed", context)
+        return answer, outcome, f"{said}; not met: {missed}; handed over to fixed: {more}"
 
     @cached_property
     def closed(self) -> Structure:
@@ -193,7 +236,7 @@ class MuSynthesis(Program):
         if not fits:
             return found
         stability = stability_of(self.plant.close(K))
-        found.append(stability)
+        found += [stability, *self.demands.checks(K)]
         if not stability.holds:
             return found
         loop = self.plant.close(K)
@@ -218,6 +261,8 @@ class MuSynthesis(Program):
             "peak_lower": answer.lower,
             "order": float(answer.K.nstates),
             "iterations": float(len(answer.history)),
+            "fastest_pole": float(np.abs(answer.K.poles()).max(initial=0.0)),
+            "stable_controller": float(stability_of(answer.K).holds),
         }
 
     # --- datasets and figures -----------------------------------------------------------------

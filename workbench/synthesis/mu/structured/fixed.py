@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -29,6 +29,8 @@ from workbench.structure import Structure
 from workbench.synthesis.mu.families import Family, Modal
 from workbench.synthesis.mu.program import PEAK_TOLERANCE, MuSynthesis
 from workbench.synthesis.mu.rounds import Iterate, packed, unpacked
+from workbench.synthesis.mu.shippable import Shippable
+from workbench.synthesis.mu.structured.starts import found_starts
 from workbench.systems.frequency_grid import frequencies_of
 from workbench.systems.generalised_plant import GeneralisedPlant, response
 
@@ -51,6 +53,8 @@ SHORTEST = 1e-3
 """Time for a start that comes late: it is its own answer [s]."""
 LEAST_PROMISE = 1e-6
 """Share of the peak that a step must promise."""
+SMALLEST_SLOPE = 1e-12
+"""Slope over the peak that counts as none: it tells no unit."""
 SETTLED_FALL, PATIENCE = 1e-4, 12
 """The optimisation is settled if the peak falls by less than this share over this number of
 rounds."""
@@ -59,25 +63,61 @@ rounds."""
 @method(MuSynthesis, "fixed", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
 def _fixed(program: MuSynthesis, context: Context) -> Claim:
     """Nonsmooth optimisation over the start's family, or over all controllers of its order."""
-    if program.start is None:
-        raise InputError("a controller to start from is needed: give start, of the order wanted")
-    family, x = program.family, None
-    if family is None:
-        family, x = Modal.of(program.start)
-    else:
-        x = family.parameters(program.start)
-    problem = _Problem(program.plant, program.closed, family)
+    starts, begun = _starts(program, context)
+    problems = [_problem(program, start) for start in starts]
     target = (program.target or 0.0) / (1 + PEAK_TOLERANCE)
-    members = list(_members(problem, x, program.random, context.rng))
-    minima = [_minimised(problem, x, context, target)]
+    (first, x), *others = problems
+    others += [(first, member) for member in _members(first, x, program.random, context.rng)]
+    minima = [_minimised(first, x, context, target)]
     limit = context.options.time_limit
     spent = time.perf_counter() - context.started
     until = None if limit is None else time.time() + limit - spent
-    beside = partial(_minimised_until, until, problem, target)
+    beside = partial(_minimised_until, until, target)
     where = context.executor or InProcess()
-    minima += spread(beside, members, where, context.progress, "random starts")
+    minima += spread(beside, others, where, context.progress, "further starts")
     history, said = min(minima, key=lambda each: each[0][-1].peak)
-    return program.answer(history[-1].K, tuple(history)), Outcome.SOLVED, said
+    return program.answer(history[-1].K, tuple(history)), Outcome.SOLVED, begun + said
+
+
+def _starts(program: MuSynthesis, context: Context) -> tuple[list[StateSpace], str]:
+    """Controllers to start from: the one given, or those that are found; and how."""
+    if program.start is not None:
+        failed = [c.name for c in program.demands.checks(program.start) if not c.holds]
+        if failed:
+            raise InputError(
+                f"the start does not meet what is asked of the controller: {'; '.join(failed)}"
+            )
+        return [program.start], ""
+    if program.order is None or program.family is not None:
+        raise InputError(
+            "a controller to start from is needed: give start, or order for one that is found"
+        )
+    starts, said = found_starts(program, context)
+    return starts, f"{said}; "
+
+
+def _problem(program: MuSynthesis, start: StateSpace) -> tuple[_Problem, RealArray]:
+    """Mu over the parameters of the family, or of all controllers of the start's order."""
+    if program.family is not None:
+        family, x = program.family, program.family.parameters(start)
+        return _Problem(program.plant, program.closed, family, program.demands), x
+    modal, x = Modal.of(start)
+    return _Problem(program.plant, program.closed, modal, program.demands), _stirred(modal, x)
+
+
+def _stirred(family: Modal, x: RealArray) -> RealArray:
+    """The same controller, with inputs for modes that neither input nor output moves.
+
+    Where B and C of a mode are zero no small step of either has an effect.
+    """
+    n, m, p = family.order, family.inputs, family.outputs
+    _, B, C, _ = np.split(x, np.cumsum([n, n * m, p * n]))
+    B, C = B.reshape(n, m).copy(), C.reshape(p, n)
+    for i in range(0, n, 2):
+        part = slice(i, min(i + 2, n))
+        if not B[part].any() and not C[:, part].any():
+            B[part] = 1.0
+    return np.concatenate([x[:n], B.ravel(), x[n + n * m :]])
 
 
 def _members(
@@ -100,10 +140,32 @@ class _Problem:
     plant: GeneralisedPlant
     structure: Structure
     family: Family
+    demands: Shippable = field(default_factory=Shippable)
+
+    @cached_property
+    def opened(self) -> GeneralisedPlant:
+        """The plant with the controls as exogenous inputs too, and the measurements as outputs."""
+        import control
+
+        system, m, p = self.plant.system, self.plant.controls, self.plant.measurements
+        inputs = [*range(system.ninputs), *range(system.ninputs - m, system.ninputs)]
+        outputs = [*range(system.noutputs), *range(system.noutputs - p, system.noutputs)]
+        doubled = control.StateSpace(
+            system.A,
+            system.B[:, inputs],
+            system.C[outputs],
+            system.D[np.ix_(outputs, inputs)],
+            0,
+            remove_useless_states=False,
+        )
+        return GeneralisedPlant(doubled, None, m, p)
 
     def loop(self, x: RealArray) -> StateSpace | None:
-        """The closed loop; None where it is not stable."""
-        loop = self.plant.close(self.family.system(x))
+        """The closed loop; None where it is not stable, or K not what is asked."""
+        K = self.family.system(x)
+        if self.demands.asked and not self.demands.admits(K):
+            return None
+        loop = self.plant.close(K)
         return loop if stability_of(loop).holds else None
 
     def stable_loop(self, x: RealArray) -> StateSpace:
@@ -119,8 +181,13 @@ class _Problem:
         """The problem, and parameters x, with the family of all controllers made for K."""
         if not isinstance(self.family, Modal):
             return self, x
-        family, x = Modal.of(K)
-        return replace(self, family=family), x
+        try:
+            family, new = Modal.of(K)
+        except (
+            InputError
+        ):  # poles that met have no common block: go on with the corners as they are
+            return self, x
+        return replace(self, family=family), new
 
     def curve(self, loop: StateSpace) -> tuple[RealArray, RealArray]:
         """Frequencies (F,) [rad/s] that resolve the maxima of the upper bound, and bounds (F,)."""
@@ -137,16 +204,14 @@ class _Problem:
 
     def linear(self, x: RealArray, omega: RealArray) -> tuple[RealArray, RealArray]:
         """Bounds (F,) at frequencies [rad/s] and their gradients (F, k) by the parameters."""
-        P = response(self.plant.system, omega)
+        # The loop as it is closed: the open one may have poles on the imaginary axis.
         m, p = self.plant.controls, self.plant.measurements
-        K, slopes = self.family.response(x, omega)
-        into, out = P[:, :-p, -m:], P[:, -p:, :-m]
-        through = np.linalg.inv(np.eye(p) - P[:, -p:, -m:] @ K)
-        back = np.linalg.inv(np.eye(m) - K @ P[:, -p:, -m:])
-        N = P[:, :-p, :-m] + into @ K @ through @ out
+        whole = response(self.opened.close(self.family.system(x)), omega)
+        N, back, out = whole[:, :-p, :-m], whole[:, :-p, -m:], whole[:, -p:, :-m]
+        _, slopes = self.family.response(x, omega)
         bound: UpperBound = upper_bound(N, self.structure)
-        # dN = into back dK through out
-        with_K = through @ out @ gradient(N, self.structure, bound) @ into @ back
+        # dN = back dK out
+        with_K = out @ gradient(N, self.structure, bound) @ back
         return bound.value, np.einsum("fij,fkji->fk", with_K, slopes).real
 
     def iterate(self, x: RealArray, bound: RealArray) -> Iterate:
@@ -217,11 +282,11 @@ def _minimised(
 
 
 def _minimised_until(
-    until: float | None, problem: _Problem, target: float, x: RealArray
+    until: float | None, target: float, begun: tuple[_Problem, RealArray]
 ) -> tuple[list[Iterate], str]:
     """`_minimised`, stopped at a time [s since the epoch], wherever it runs."""
     left = None if until is None else max(until - time.time(), SHORTEST)
-    return _minimised(problem, x, Context(Options(time_limit=left)), target)
+    return _minimised(*begun, Context(Options(time_limit=left)), target)
 
 
 class _Lower(NamedTuple):
@@ -248,9 +313,12 @@ def _lower(
     peak = float(bound.max())
     near = omega[bound > LOWERED_SHARE * peak]
     value, slope = problem.linear(x, near)
+    units = _known_units(units, slope, peak)
+    rows, sides = problem.family.halfspaces(problem.demands.stable, problem.demands.fastest)
+    room = (rows * units, sides - rows @ x) if len(rows) else None
     while radius > SMALLEST_RADIUS:
         scaled = hessian * units[:, None] * units
-        step, level, weights = _step(scaled, slope * units, value, radius)
+        step, level, weights = _step(scaled, slope * units, value, radius, room)
         promised, length = peak - level, float(np.abs(step).max())
         if promised < LEAST_PROMISE * peak:
             return "no step promises less"
@@ -270,10 +338,23 @@ def _lower(
     return "no step lowers the peak"
 
 
+def _known_units(units: RealArray, slope: RealArray, peak: float) -> RealArray:
+    """Units of parameters, where they are zero the step that moves a bound by the peak."""
+    steepest = np.abs(slope).max(axis=0)
+    moved = steepest > SMALLEST_SLOPE * peak
+    by_slope = np.where(moved, peak / np.where(moved, steepest, 1.0), 1.0)
+    found: RealArray = np.where(units > 0, units, by_slope)
+    return found
+
+
 def _step(
-    hessian: RealArray, slope: RealArray, value: RealArray, radius: float
+    hessian: RealArray,
+    slope: RealArray,
+    value: RealArray,
+    radius: float,
+    room: tuple[RealArray, RealArray] | None = None,
 ) -> tuple[RealArray, float, RealArray]:
-    """The step d that minimises max(value + slope d) + d H d / 2 in a box.
+    """The step d that minimises max(value + slope d) + d H d / 2 in a box, with G d <= h in `room`.
 
     Returns d, the level of the maximum, and the weights (multipliers) of the values in it.
     """
@@ -286,6 +367,9 @@ def _step(
     box = np.hstack([np.eye(n), np.zeros((n, 1))])
     rows = np.vstack([np.column_stack([slope, -np.ones(len(value))]), box, -box])
     sides = np.concatenate([-value, np.full(2 * n, radius)])
+    if room is not None:
+        rows = np.vstack([rows, np.hstack([room[0], np.zeros((len(room[0]), 1))])])
+        sides = np.concatenate([sides, room[1]])
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     solution = clarabel.DefaultSolver(

@@ -1,0 +1,186 @@
+"""Method "fixed" finds its own start and leaves any; controllers that one would ship."""
+
+import control
+import numpy as np
+import pytest
+
+from workbench.errors import InputError
+from workbench.solution import solve
+from workbench.solvers import Outcome
+from workbench.structure import Complex
+from workbench.synthesis import MuSynthesis
+from workbench.synthesis.mu.families import Modal
+from workbench.synthesis.mu.shippable import Shippable, interlacing_violation
+from workbench.uncertainty import UncertaintyModel, generalised_plant
+
+s = control.tf("s")
+
+
+def plant(G=100 / (s**2 + 3 * s + 100)):
+    model = UncertaintyModel(G, 0.1 * (s + 10) / (s + 100), 0.1 * (s + 5) / (s + 50))
+    error = control.tf([0.4, 8.0], [1.0, 0.01], inputs="e", outputs="z_e")
+    return generalised_plant(
+        [model, error, (0.01, "u", "z_u")],
+        {"e": "r - f"},
+        exogenous="r",
+        control="u",
+        performance=["z_e", "z_u"],
+        measurement="e",
+    )
+
+
+PLANT = plant()
+
+
+@pytest.fixture(scope="module")
+def full():
+    return solve(MuSynthesis(PLANT), "dk")
+
+
+@pytest.fixture(scope="module")
+def small():
+    return solve(MuSynthesis(PLANT, order=2), "fixed")
+
+
+def test_it_finds_its_own_start_and_is_as_good_as_the_iteration(full, small):
+    assert small.outcome is Outcome.SOLVED, small.message
+    assert small.answer.K.nstates == 2 < full.answer.K.nstates
+    assert small.answer.upper <= 1.02 * full.answer.upper
+    assert "started from" in small.message
+
+
+@pytest.mark.parametrize("order", [0, 2])
+def test_it_leaves_the_zero_controller(small, order):
+    """K = 0, the natural start of a stable plant, in one round only before."""
+    A = -np.diag(np.arange(1.0, order + 1)) * 5
+    zero = control.StateSpace(
+        A, np.zeros((order, 1)), np.zeros((1, order)), np.zeros((1, 1)),
+        remove_useless_states=False,
+    )  # fmt: skip
+    task = MuSynthesis(PLANT, start=zero)
+    found = solve(task, "fixed")
+    begun = task.certified(zero).upper
+    assert found.answer.upper < 0.1 * begun
+    if order == 2:
+        assert found.answer.upper == pytest.approx(small.answer.upper, rel=0.03)
+
+
+def test_open_loop_poles_on_the_axis_are_no_obstacle():
+    """A weight that integrates, and a plant that does: the open loop is infinite at 0."""
+    G = 20 / (s * (s + 10))
+    model = (control.ss(G), "v", "g")
+    loop = generalised_plant(
+        [model, (0.2 * (s + 2) / (s + 50), "u", "y_d"), ((0.3 * s + 1) / (s + 1e-4), "e", "z")],
+        {"v": "u + u_d", "e": "r - g"},
+        perturbation=[(Complex(1), "y_d", "u_d")],
+        exogenous="r",
+        control="u",
+        performance="z",
+        measurement="e",
+    )
+    found = solve(MuSynthesis(loop, start=control.ss([], [], [], [[2.0]])), "fixed")
+    assert found.outcome is Outcome.SOLVED, found.message
+    assert found.answer.upper < MuSynthesis(loop).certified(control.ss([], [], [], [[2.0]])).upper
+
+
+def test_stable_and_slow_is_carried_and_certified(small):
+    fastest = 60.0
+    task = MuSynthesis(PLANT, order=2, stable=True, fastest_pole=fastest)
+    found = solve(task, "fixed")
+    assert found.outcome is Outcome.SOLVED, found.message
+    poles = found.answer.K.poles()
+    assert poles.real.max() < 0 and np.abs(poles).max() <= fastest * (1 + 1e-9)
+    assert found.answer.upper >= small.answer.upper * (1 - 1e-3)
+    names = {check.name for check in found.certificate.checks}
+    assert {"order", "controller stable", "fastest pole"} <= names
+    metrics = task.metrics(found.answer)
+    assert metrics["stable_controller"] == 1.0 and metrics["fastest_pole"] <= fastest * (1 + 1e-9)
+    # The same controller, asked for more, is refused.
+    tighter = MuSynthesis(PLANT, order=1, fastest_pole=fastest / 100)
+    failures = tighter.certify(found.answer, 1e-6, optimal=False).failures
+    assert any(text.startswith("order") for text in failures)
+    assert any(text.startswith("fastest pole") for text in failures)
+
+
+def test_iterations_hand_over_what_they_do_not_meet(full):
+    found = solve(MuSynthesis(PLANT, order=2, fastest_pole=1e3), "dk")
+    assert full.answer.K.nstates > 2
+    assert "not met: order" in found.message and "handed over to fixed" in found.message
+    assert found.answer.K.nstates == 2 and found.certificate.valid
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_halfspaces_are_the_stable_and_the_slow_controllers(seed):
+    rng = np.random.default_rng(seed)
+    order = int(rng.integers(1, 6))
+    family = Modal(tuple(rng.uniform(0.5, 5, (order + 1) // 2)), 1, 1, order)
+    fastest = float(rng.uniform(1, 6))
+    rows, sides = family.halfspaces(True, fastest)
+    for _ in range(50):
+        x = rng.normal(size=3 * order + 1)
+        poles = np.linalg.eigvals(family.matrices(x)[0])
+        met = poles.real.max() < -1e-5 and np.abs(poles).max() < fastest * (1 - 1e-4)
+        missed = poles.real.max() > 1e-5 or np.abs(poles).max() > fastest * (1 + 1e-4)
+        inside = bool((rows @ x <= sides).all())
+        assert not (inside and missed)
+        assert inside or not met
+
+
+@pytest.mark.parametrize(
+    ("G", "violated"),
+    [
+        (1 / (s - 1), False),  # zero at infinity only
+        ((s - 1) / ((s - 2) * (s + 1)), True),  # 2 between 1 and infinity
+        ((s - 2) / ((s - 1) * (s + 1)), False),
+        ((s - 1) / ((s - 2) * (s - 3)), False),  # two between
+        ((s - 1) * (s - 4) / ((s - 2) * (s + 1) * (s + 3)), True),
+        (s / (s - 1), False),  # not strictly proper: no zero at infinity
+        (s / ((s - 1) * (s + 2)), True),  # 1 between 0 and infinity
+        (1 / (s + 1), False),
+    ],
+)  # fmt: skip
+def test_parity_interlacing(G, violated):
+    assert (interlacing_violation(control.ss(G)) is not None) == violated
+
+
+def test_what_no_stable_controller_can_do_is_said_before():
+    G = (s - 1) / ((s - 2) * (s + 1))
+    loop = generalised_plant(
+        [(control.ss(G), "u", "g"), (0.1, "u", "y_d")],
+        {"e": "r - g - u_d"},
+        perturbation=[(Complex(1), "y_d", "u_d")],
+        exogenous="r",
+        control="u",
+        performance="e",
+        measurement="e",
+    )
+    with pytest.raises(InputError, match=r"between its zeros 1 and infinity.*odd.*2 rad/s"):
+        MuSynthesis(loop, stable=True)
+
+
+@pytest.mark.parametrize(
+    ("asked", "words"),
+    [
+        ({"order": 1.5}, "order is 1.5; it must be a whole number"),
+        ({"order": -1}, "order is -1; it must be 0 or more"),
+        ({"stable": "yes"}, "stable is 'yes'; it must be True or False"),
+        ({"fastest_pole": 0.0}, "fastest_pole is 0.0"),
+    ],
+)
+def test_bad_demands(asked, words):
+    with pytest.raises(InputError, match=words):
+        MuSynthesis(PLANT, **asked)
+
+
+def test_fixed_without_start_and_order_says_what_it_needs():
+    found = solve(MuSynthesis(PLANT), "fixed")
+    assert found.outcome is Outcome.FAILED and "give start, or order" in found.message
+    fast = control.ss([[-100.0]], [[1.0]], [[1.0]], [[0.0]])
+    found = solve(MuSynthesis(PLANT, start=fast, fastest_pole=10.0), "fixed")
+    assert "the start does not meet what is asked of the controller: fastest pole" in found.message
+
+
+def test_nothing_asked_is_nothing_checked():
+    K = control.ss([[5.0]], [[1.0]], [[1.0]], [[0.0]])
+    assert not Shippable().asked and Shippable().checks(K) == [] and Shippable().admits(K)
+    assert not Shippable(stable=True).admits(K)
