@@ -15,7 +15,6 @@ from workbench.certify.stability import stability_of
 from workbench.diagnosis import FaultLoop
 from workbench.diagnosis.estimation.front_filters import estimation, removal_conditions
 from workbench.heavy_types import StateSpace
-from workbench.mu import Conditions
 from workbench.synthesis import discretised
 from workbench.synthesis.switching.single_loops import LoopMargins, SingleLoops
 from workbench.systems.bilinear import bilinear_continuous
@@ -28,7 +27,7 @@ from ...laboratory.bench_setup import PERIOD
 CONDITIONS = ("sensitivity", "robust stability", "robust sensitivity")
 """Norm of the nominal loop, mu of stability and of performance; the sensitivity over its limit."""
 PEAK_WIDTH = 1e-2
-"""Relative width of the intervals that certify these."""
+"""Relative width of the intervals that show these for filters which may not meet them."""
 
 
 def loop_margins(axis: Axis, filters: Mapping[str, StateSpace], delay: float) -> LoopMargins:
@@ -50,13 +49,9 @@ def certified(loop: FaultLoop, F: StateSpace, peak: float) -> RealArray:
 
     F: discrete. peak: the sensitivity that is allowed.
     """
-    found = _conditions(loop, F, peak)
+    found = removal_conditions(loop, bilinear_continuous(F), peak, PEAK_WIDTH)
     every = (found.nominal_performance, found.robust_stability, found.robust_performance)
     return np.array([[np.inf] * 2 if one is None else [one.lower, one.upper] for one in every])
-
-
-def _conditions(loop: FaultLoop, F: StateSpace, peak: float) -> Conditions:
-    return removal_conditions(loop, bilinear_continuous(F), peak, PEAK_WIDTH)
 
 
 def filter_checks(
@@ -78,7 +73,7 @@ def filter_checks(
         upper = program.certified(continuous, channel).upper
         over = f"{EVERY_PERTURBATION}, in the band of the requirement"
         found.append(Check(channel.name, "certified supremum of mixed mu", upper, 1.0, over=over))
-    again = _conditions(loop, F, peak)
+    again = removal_conditions(loop, continuous, peak)
     pole = np.inf if again.pole is None else again.pole.real
     statement = "rightmost pole of the nominal loop of K (1 - F) [rad/s]"
     found.append(Check("removal: stable", statement, pole, -np.finfo(float).tiny))

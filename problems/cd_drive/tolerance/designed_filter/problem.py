@@ -189,12 +189,12 @@ class DesignedFilter(Study):
         for error in errors:
             try:
                 point = front.least(responses, error, leakage, self.peak)
+                full, points = basis.filter(point.coefficients), fine_grid(self.loop)
+                few = few_states(self.loop, points, full, self.order, error, leakage, self.peak)
             except SolverError:  # its least leakage is larger
                 continue
-            full = basis.filter(point.coefficients)
-            points = fine_grid(self.loop)
-            few = few_states(self.loop, points, full, self.order, error, leakage, self.peak)
-            return error, bilinear_sampled(few.F, PERIOD)
+            if few.meets:
+                return error, bilinear_sampled(few.F, PERIOD)
         raise SolverError(
             f"no filter leaks at most {leakage:.3g} m at sensitivities up to {self.peak:g} and "
             f"relative errors of {', '.join(f'{error:g}' for error in errors)}: allow more leakage"
