@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
@@ -35,7 +35,7 @@ class QuadraticFactor:
     Parameters
     ----------
     level
-        Frequency [rad/s] that scales s.
+        Frequency [rad/s] that scales s; a negative one mirrors the roots at the imaginary axis.
     coefficients
         Starting values (3,) of c0, c1 and c2.
     moving
@@ -84,6 +84,7 @@ class FactoredRational:
         band: tuple[float, float],
         stable: bool,
         minimum_phase: bool,
+        unstable_poles: int = 0,
     ) -> FactoredRational:
         """The factored form that starts at a given function.
 
@@ -98,8 +99,19 @@ class FactoredRational:
         stable, minimum_phase
             Whether the poles, the zeros must stay left of the imaginary axis; those of ``start``
             on its right are mirrored.
+        unstable_poles
+            Number of poles of ``start`` that stay right of the axis instead.
         """
-        bottom, gain = _factors(start.poles, start.order, band, stable, monic=True)
+        if unstable_poles:
+            right = start.poles.real > 0
+            bottom, gain = _factors(
+                start.poles[~right], start.order - unstable_poles, band, stable, monic=True
+            )
+            over, size = _factors(-start.poles[right], unstable_poles, band, True, monic=True)
+            bottom += [replace(part, level=-part.level) for part in over]
+            gain *= size * (-1) ** unstable_poles
+        else:
+            bottom, gain = _factors(start.poles, start.order, band, stable, monic=True)
         top, share = _factors(start.zeros, zeros, band, minimum_phase, monic=False)
         return cls(tuple(top), tuple(bottom), start.gain * share / gain)
 

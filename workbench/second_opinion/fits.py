@@ -14,6 +14,8 @@ from workbench.second_opinion.responses import plain_response
 
 BETWEEN = 8
 """Frequencies tried from one datum to the next."""
+SIGN_ROUNDING = 0.1
+"""Largest distance of the trace of a sign function from a whole number that counts as rounding."""
 RESPONSE_ROUNDING = 1e-6
 """Largest difference of the responses of a realisation and of the roots, relative to the data."""
 
@@ -75,6 +77,16 @@ def decays(system: Any, name: str) -> Check:
     rate, rounding = growth(system.A, system.dt)
     statement = "logarithmic growth per sample by a power of the transition matrix, less rounding"
     return Check(name, statement, rate - rounding, 0.0, over=THIS_SYSTEM)
+
+
+def growing_modes(system: Any, count: int, name: str) -> Check:
+    """Check that so many modes of a realisation grow, by the trace of the matrix sign function."""
+    from scipy.linalg import signm
+
+    A = np.asarray(system.A)
+    found = (len(A) + float(np.trace(signm(A / np.abs(A).max(initial=1.0))).real)) / 2
+    statement = f"modes that grow, by the trace of sign(A), more or fewer than {count}"
+    return Check(f"{name} grows", statement, abs(found - count), SIGN_ROUNDING, over=THIS_SYSTEM)
 
 
 def inverse_decays(fit: Any, name: str) -> Check:

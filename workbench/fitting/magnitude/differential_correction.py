@@ -79,12 +79,21 @@ def minimax(
     """
     target = target_of(program)
 
-    def corrected(start: Rational) -> Rational:
-        fit = _covering_correction(target, start, solver, context)
-        return with_best_gain(target, fit.zeros, fit.poles)
-
     def proven(fit: Rational) -> bool:
         return abs(program.gap(fit)[1]) <= context.options.accuracy
+
+    def corrected(start: Rational) -> Rational:
+        plain = _differential_correction(replace(target, cover=False), start, solver, context)
+        fit = with_best_gain(target, plain.zeros, plain.poles)
+        if not target.cover:
+            return fit
+        # The plain fit may be zero between the data, from where no correction leads to a cover.
+        for first in (plain, start):
+            found = _covering_correction(target, first, solver, context)
+            fit = min(fit, with_best_gain(target, found.zeros, found.poles), key=program.error)
+            if proven(fit):
+                break
+        return fit
 
     fit = corrected(sanathanan_koerner(target, program.order))
     if program.order == 0 or proven(fit):
@@ -106,10 +115,8 @@ def minimax(
 def _covering_correction(
     target: Target, start: Rational, solver: Solver, context: Context
 ) -> Rational:
-    """The best fit; for a cover, points between the data are added where the fit is too low."""
-    fit = _differential_correction(replace(target, cover=False), start, solver, context)
-    if not target.cover:
-        return fit
+    """The best cover; points between the data are added where it is too low."""
+    fit = start
     for _ in range(MAX_VALLEY_ROUNDS):
         target, least = target.with_valleys(fit)
         fit = _differential_correction(target, fit, solver, context)

@@ -17,6 +17,8 @@ from workbench.solvers import Outcome
 def _unfit_for_sb10yd(program: ResponseFit) -> str | None:
     """Reason why SB10YD cannot answer a program; None if it can."""
     data = program.active
+    if program.unstable_poles:
+        return f"SB10YD holds no poles right of the axis; {program.unstable_poles} are asked for"
     if program.zeros < program.order:
         return f"SB10YD gives as many zeros as poles; {program.zeros} at most are asked for"
     zero = data.omega[data.response == 0]

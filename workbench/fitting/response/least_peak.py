@@ -32,7 +32,14 @@ def factored(program: ResponseFit, start: Rational) -> FactoredRational:
     """The factored form of a function, with the constraints that the program asks for."""
     omega = program.active.omega
     band = float(omega[0]), float(omega[-1])
-    return FactoredRational.of(start, program.zeros, band, program.stable, program.minimum_phase)
+    return FactoredRational.of(
+        start,
+        program.zeros,
+        band,
+        program.stable or bool(program.unstable_poles),
+        program.minimum_phase,
+        program.unstable_poles,
+    )
 
 
 def polished(program: ResponseFit, start: Rational) -> tuple[float, Rational]:

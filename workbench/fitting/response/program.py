@@ -20,7 +20,13 @@ from workbench.fitting.samples import as_count, as_frequencies, as_responses, as
 from workbench.fitting.storage import function, roots
 from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.program import Program
-from workbench.second_opinion.fits import decays, inverse_decays, realisation_agrees, within
+from workbench.second_opinion.fits import (
+    decays,
+    growing_modes,
+    inverse_decays,
+    realisation_agrees,
+    within,
+)
 from workbench.solution import solve
 from workbench.solvers import Options
 
@@ -49,6 +55,8 @@ class ResponseFit(Program):
         by w.
     stable
         Whether every pole must lie left of the imaginary axis.
+    unstable_poles
+        Number of poles that must lie right of the imaginary axis; if any, the others must lie left.
     minimum_phase
         Whether every zero must lie left of the imaginary axis.
     zeros
@@ -71,6 +79,7 @@ class ResponseFit(Program):
     minimum_phase: bool = False
     zeros: Any = None  # an int after construction
     error: float | None = None
+    unstable_poles: int = 0
 
     default_method: ClassVar[str] = "best"
     headline: ClassVar[str] = "error_worst"
@@ -83,6 +92,8 @@ class ResponseFit(Program):
         zeros = order if self.zeros is None else as_count("zeros", self.zeros)
         if zeros > order:
             raise InputError(f"zeros is {zeros}; at most the order, {order}, can be had")
+        if not 0 <= as_count("unstable_poles", self.unstable_poles) <= order:
+            raise InputError(f"unstable_poles is {self.unstable_poles}; the order is {order}")
         if self.error is not None and not 0 < self.error < np.inf:
             raise InputError(f"error must be positive and finite or None, it is {self.error}")
         fields = {"omega": omega, "response": response, "weight": weight}
@@ -137,7 +148,9 @@ class ResponseFit(Program):
             Check("zeros", "number of zeros", answer.zeros.size, self.zeros),
             Check("error", "largest v |R - g|", error, float(limit), where, over=over),
         ]
-        if self.stable:
+        if self.unstable_poles:
+            found.append(right_check(answer.poles, self.unstable_poles))
+        elif self.stable:
             found.append(_left("stable", "poles", answer.poles))
         if self.minimum_phase:
             found.append(_left("minimum phase", "zeros", answer.zeros))
@@ -153,7 +166,9 @@ class ResponseFit(Program):
         if self.error is not None:
             data = used.omega, used.response, used.weight
             found.append(within(system, *data, self.error))
-        if self.stable:
+        if self.unstable_poles:
+            found.append(growing_modes(system, self.unstable_poles, "fit"))
+        elif self.stable:
             found.append(decays(system, "fit decays"))
         if self.minimum_phase and answer.gain and answer.zeros.size == answer.poles.size:
             found.append(inverse_decays(answer, "inverse decays"))
@@ -219,6 +234,7 @@ def fit_response(
     minimum_phase: bool = False,
     zeros: int | None = None,
     error: float | None = None,
+    unstable_poles: int = 0,
     method: str = "best",
     options: Options | None = None,
 ) -> StateSpace:
@@ -226,7 +242,7 @@ def fit_response(
 
     Parameters
     ----------
-    omega, response, weight, stable, minimum_phase, zeros
+    omega, response, weight, stable, minimum_phase, zeros, unstable_poles
         The same as for `ResponseFit`.
     order
         Number of poles; None: the smallest, up to 12, whose worst error is at most ``error``.
@@ -249,11 +265,11 @@ def fit_response(
 
     reached: list[tuple[float, int]] = []
     message = ""
-    for tried in range(LARGEST_ORDER + 1) if order is None else [order]:
+    for tried in range(unstable_poles, LARGEST_ORDER + 1) if order is None else [order]:
         most = zeros if zeros is None or order is not None else min(zeros, tried)
         try:
             program = ResponseFit(
-                omega, response, tried, weight, stable, minimum_phase, most, error
+                omega, response, tried, weight, stable, minimum_phase, most, error, unstable_poles
             )
         except InputError:
             if not reached:
@@ -269,6 +285,13 @@ def fit_response(
             reached.append((program.metrics(solution.answer)["error_worst"], tried))
     best = "; best: {:.3g} at order {}".format(*min(reached)) if reached else ""
     raise SolverError(f"{method}: no valid fit: {message}{best}")
+
+
+def right_check(poles: ComplexArray, count: int) -> Check:
+    """Check that so many poles lie right of the imaginary axis, and none on it."""
+    off = abs(int((poles.real > 0).sum()) - count) + int((poles.real == 0).sum())
+    statement = f"poles right of the imaginary axis, more or fewer than {count}, or on it"
+    return Check("unstable poles", statement, float(off), 0.0, over=THIS_SYSTEM)
 
 
 def _left(name: str, roots: str, values: ComplexArray) -> Check:

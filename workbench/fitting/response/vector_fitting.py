@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from workbench.accuracy import ANY_ACCURACY_ALIKE
-from workbench.arrays import ComplexArray, RealArray
+from workbench.arrays import EPS, ComplexArray, RealArray
 from workbench.executor import Context
 from workbench.fitting.rational import Rational, conjugate_pairs
 from workbench.fitting.response.least_peak import polished
@@ -29,6 +29,8 @@ POLE_MOVEMENT = 1e-9
 """Largest relative movement of a pole at which the relocation has converged."""
 EXTRA_POLES = 4
 """Poles above the order in one of the starts, which then keeps the most important ones."""
+UNSTABLE_STARTS = 4
+"""Places over the band at which poles right of the axis start."""
 EXACT_ERROR = 1e-12
 """Worst error, relative to the largest weighted datum, at which only rounding is left to fit."""
 
@@ -60,11 +62,23 @@ def starting_poles(program: ResponseFit) -> list[ComplexArray]:
     important poles are then left out.
     """
     omega, order = program.active.omega, program.order
+    if program.unstable_poles:
+        return _unstable_starts(omega, order, program.unstable_poles)
     starts = [_spread(omega, order)]
     extra = min(EXTRA_POLES, 2 * omega.size - program.coefficients - 1)
     if order and extra > 0:
         starts.append(_foremost(program, relocated(program, _spread(omega, order + extra))))
     return starts
+
+
+def _unstable_starts(omega: RealArray, order: int, count: int) -> list[ComplexArray]:
+    """Real poles right of the axis at places over the band, with the others spread over it."""
+    others = _spread(omega, order - count)
+    places = np.geomspace(omega[0], omega[-1], UNSTABLE_STARTS + 2)[1:-1]
+    return [
+        np.concatenate([others, place * (1 + 0.1 * np.arange(count))]).astype(complex)
+        for place in places
+    ]
 
 
 def _ways_in(program: ResponseFit, poles: ComplexArray) -> list[Rational]:
@@ -131,7 +145,12 @@ def relocated(program: ResponseFit, poles: ComplexArray) -> ComplexArray:
         peak = float(np.abs(left[: x.size] + 1j * left[x.size :]).max())
         if peak < lowest:
             lowest, best = peak, poles
-        moved = _relocate(x, target, basis, poles, program.stable)
+        moved = _relocate(x, target, basis, poles)
+        if program.unstable_poles:
+            moved = _sided(moved, program.unstable_poles)
+        elif program.stable:
+            moved = -np.abs(moved.real) + 1j * moved.imag
+        moved = _off_the_axis(moved, x)
         change = np.abs(np.sort_complex(moved) - np.sort_complex(poles)) / np.abs(moved)
         poles = moved
         if change.max(initial=0.0) < POLE_MOVEMENT:
@@ -140,7 +159,7 @@ def relocated(program: ResponseFit, poles: ComplexArray) -> ComplexArray:
 
 
 def _relocate(
-    x: RealArray, target: ComplexArray, basis: RealArray, poles: ComplexArray, stable: bool
+    x: RealArray, target: ComplexArray, basis: RealArray, poles: ComplexArray
 ) -> ComplexArray:
     """New poles: the zeros of the denominator found by one linear least-squares problem.
 
@@ -161,13 +180,28 @@ def _relocate(
     share, constant = solution[:-1], solution[-1]
     constant = np.copysign(max(abs(constant), 1e-8), constant)
     matrix, column = _realisation(groups)
-    moved = np.linalg.eigvals(matrix - np.outer(column, share / constant))
-    if stable:
-        moved = -np.abs(moved.real) + 1j * moved.imag
-    tiny = 1e-12 * np.maximum(np.abs(moved), x[0])  # poles on the axis give infinite fractions
-    near = np.abs(moved.real) < tiny
-    moved[near] = (-tiny + 1j * moved.imag)[near]
-    return conjugate_pairs(moved)
+    return conjugate_pairs(np.linalg.eigvals(matrix - np.outer(column, share / constant)))
+
+
+def _sided(poles: ComplexArray, count: int) -> ComplexArray:
+    """The poles, so many of them mirrored to the right of the axis and the others to its left.
+
+    Those furthest to the right go there; a pair of which one place is left becomes two real poles.
+    """
+    poles = poles[np.argsort(-poles.real / np.maximum(np.abs(poles), EPS), kind="stable")]
+    if 0 < count < poles.size and poles[count - 1].imag and poles[count] == poles[count - 1].conj():
+        poles = poles.copy()
+        poles[count - 1 : count + 1] = np.abs(poles[count])
+    side = np.where(np.arange(poles.size) < count, 1.0, -1.0)
+    return conjugate_pairs(side * np.abs(poles.real) + 1j * poles.imag)
+
+
+def _off_the_axis(poles: ComplexArray, x: RealArray) -> ComplexArray:
+    """Poles that are not on the axis, where their fractions are infinite."""
+    tiny = 1e-12 * np.maximum(np.abs(poles), x[0])
+    near = np.abs(poles.real) < tiny
+    away = np.where(poles.real > 0, tiny, -tiny) + 1j * poles.imag
+    return np.where(near, away, poles)
 
 
 def _real_groups(poles: ComplexArray) -> list[ComplexArray]:

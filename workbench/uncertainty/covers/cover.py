@@ -20,12 +20,13 @@ from workbench.certificate import Check, worst
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.fitting.rational import Rational, from_system
+from workbench.fitting.response.program import right_check
 from workbench.fitting.samples import as_count
 from workbench.geometry import Circle, NarrowestStadium, Stadium
 from workbench.geometry.cover import CONTAINMENT_TOLERANCE
 from workbench.heavy_types import Dataset, Figure
 from workbench.program import Program
-from workbench.second_opinion.fits import decays, inverse_decays
+from workbench.second_opinion.fits import decays, growing_modes, inverse_decays
 from workbench.uncertainty.covers.checks import (
     at_most,
     given_nominal,
@@ -69,6 +70,8 @@ class UncertaintyCover(Program):
         ``"multiplicative"`` weights, relative to the nominal, or ``"additive"`` ones.
     nominal
         A given nominal (a SISO system of python-control, or `Rational`), which is then not fitted.
+    unstable_poles
+        Number of poles that the nominal, as every plant, has right of the imaginary axis.
     leave_out
         Number of points that may lie outside at each frequency; the most costly ones are left out.
     confidence
@@ -84,6 +87,7 @@ class UncertaintyCover(Program):
     complex_order: int = 4
     form: Form = field(default="multiplicative", kw_only=True)
     nominal: Any = field(default=None, kw_only=True)  # a Rational after construction, if given
+    unstable_poles: int = field(default=0, kw_only=True)
     leave_out: int = field(default=0, kw_only=True)
     confidence: float | None = field(default=None, kw_only=True)
     windows: Any = field(default_factory=dict, kw_only=True)
@@ -116,9 +120,13 @@ class UncertaintyCover(Program):
                     f"{name} is {getattr(self, name)}; {self.responses.omega.size} frequencies "
                     f"determine {most} at most"
                 )
-        if self.nominal is not None and not self.nominal.is_stable:
+        if not 0 <= as_count("unstable_poles", self.unstable_poles) <= self.order:
+            raise InputError(f"unstable_poles is {self.unstable_poles}; the order is {self.order}")
+        if self.nominal is not None:
+            self._need_sides(self.nominal)
+        if self.unstable_poles and self.responses.known_plants:
             raise InputError(
-                f"the given nominal must be stable, its poles are {self.nominal.poles}"
+                "known plants are stable: leave out unstable_poles, or give their responses alone"
             )
         if self.leave_out and self.responses.assumption:
             raise InputError(
@@ -126,6 +134,19 @@ class UncertaintyCover(Program):
                 f"({self.responses.assumption}), which needs all of them"
             )
         _ = self.points  # raises if so many points cannot be left out
+
+    def _need_sides(self, nominal: Rational) -> None:
+        """Raise InputError for a given nominal with other poles right of the axis."""
+        right = int((nominal.poles.real > 0).sum())
+        if (nominal.poles.real == 0).any():
+            raise InputError(
+                f"the given nominal has poles on the imaginary axis: {nominal.poles}; move them off"
+            )
+        if right != self.unstable_poles:
+            raise InputError(
+                f"the given nominal must be stable but for {self.unstable_poles} poles, its poles "
+                f"are {nominal.poles}; say unstable_poles={right} if every plant has as many"
+            )
 
     @property
     def _most(self) -> dict[str, int]:
@@ -279,7 +300,8 @@ class UncertaintyCover(Program):
             ),
             *(at_most("order", name, of.order, most) for name, of, most in fits),
             self._nominal_check(model.nominal),
-            *(left_check(f"{name} stable", "pole", of.poles) for name, of, _ in fits),
+            self._sides_check(model.nominal),
+            *(left_check(f"{name} stable", "pole", of.poles) for name, of, _ in fits[1:]),
             left_check("W_c minimum phase", "zero", model.W_c.zeros),
         ]
 
@@ -288,7 +310,12 @@ class UncertaintyCover(Program):
         return [
             realised_support(systems, self.form, self.responses, self.leave_out),
             *self._between(sampled_containment, answer.model),
-            *(decays(system, f"{name} decays") for name, system in systems.items()),
+            *(
+                growing_modes(system, self.unstable_poles, name)
+                if name == "G" and self.unstable_poles
+                else decays(system, f"{name} decays")
+                for name, system in systems.items()
+            ),
             inverse_decays(answer.model.W_c, "inverse of W_c decays"),
         ]
 
@@ -313,6 +340,12 @@ class UncertaintyCover(Program):
         off = np.maximum.reduce([beyond, np.abs(second.radius - least), np.abs(second.center)])
         off = off - RADIUS_ROUNDING * self.away_scale(nominal)
         return np.where(off <= 0, 0.0, off / np.maximum(least, np.finfo(float).tiny)).astype(float)
+
+    def _sides_check(self, nominal: Rational) -> Check:
+        """Check that the nominal is stable, or has as many unstable poles as the plants."""
+        if self.unstable_poles:
+            return replace(right_check(nominal.poles, self.unstable_poles), name="nominal")
+        return left_check("nominal stable", "pole", nominal.poles)
 
     def _nominal_check(self, nominal: Rational) -> Check:
         """Check of the number of zeros or, of a given nominal, that it is the one given."""

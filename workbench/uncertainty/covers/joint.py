@@ -109,7 +109,9 @@ def smallest_sets(
     band = float(omega[0]), float(omega[-1])
     moving: FactoredRational | ComplexArray = nominal.response(omega)
     if program.nominal is None:
-        moving = FactoredRational.of(nominal, program.zeros, band, stable=True, minimum_phase=False)
+        moving = FactoredRational.of(
+            nominal, program.zeros, band, True, False, program.unstable_poles
+        )
     weight = None
     if W_r is not None:
         weight = FactoredRational.of(

@@ -10,6 +10,7 @@ from workbench.solvers import Outcome
 from workbench.uncertainty.covers.circle_cover import CircleCover
 from workbench.uncertainty.covers.cover import UncertaintyCover
 from workbench.uncertainty.covers.joint import FoundModel, smallest_sets
+from workbench.uncertainty.covers.sides import warn_of_unstable
 from workbench.uncertainty.covers.stadium_cover import StadiumCover
 from workbench.uncertainty.covers.starts import nominals, real_weights, through
 
@@ -25,6 +26,7 @@ FINISHED_STARTS = 6
 @method(StadiumCover, "steps", optimal=False)
 def _steps(program: UncertaintyCover, context: Context) -> Claim:
     """The steps of the thesis: the nominal is fitted to the centres of the first set."""
+    warn_of_unstable(program.thinned(TRIAL_FREQUENCIES), context)
     first = program.first_set(program.points)
     nominal = program.realisable(through(first.center, first, program, context))
     third = program.third_set(program.away(nominal, program.points))
@@ -36,6 +38,7 @@ def _steps(program: UncertaintyCover, context: Context) -> Claim:
 @method(StadiumCover, "joint", optimal=False)
 def _joint(program: UncertaintyCover, context: Context) -> Claim:
     """Nominal and real weight are chosen together for the least mean square size of the sets."""
+    warn_of_unstable(program.thinned(TRIAL_FREQUENCIES), context)
     found, said = _tried(program.thinned(TRIAL_FREQUENCIES), context)
     if not found:
         return None, Outcome.FAILED, said

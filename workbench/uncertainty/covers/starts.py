@@ -36,7 +36,9 @@ def through(
         first.radius + first.half_length, STARTING_MIN_RELATIVE_SIZE * np.abs(response)
     )
     weight = np.abs(response) / size**2
-    return fitted(ResponseFit(omega, response, order, weight=weight, zeros=zeros), context)
+    right = program.unstable_poles
+    fit = ResponseFit(omega, response, order, weight=weight, zeros=zeros, unstable_poles=right)
+    return fitted(fit, context)
 
 
 def nominals(program: UncertaintyCover) -> dict[str, tuple[ComplexArray, Circle | Stadium]]:

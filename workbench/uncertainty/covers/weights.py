@@ -184,9 +184,12 @@ def resolved(function: Rational, omega: RealArray) -> Rational:
 
 
 def _left_by(distance: RealArray, function: Rational) -> Rational:
-    """Function with every pole moved to Re s <= -distance."""
+    """Function with every pole at least so far from the axis, on its side of it."""
     poles = function.poles.copy()
-    poles.real = np.minimum(poles.real, -distance)
+    right = poles.real > 0
+    poles.real = np.where(
+        right, np.maximum(poles.real, distance), np.minimum(poles.real, -distance)
+    )
     return Rational(function.zeros, poles, function.gain)
 
 

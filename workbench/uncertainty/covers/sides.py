@@ -1,0 +1,48 @@
+"""Responses that belong to no stable plant: a warning, since a stable cover of them is no use."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+
+from workbench.executor import Context
+from workbench.fitting.response.program import ResponseFit
+from workbench.fitting.response.vector_fitting import vector_fits
+from workbench.identification.experiments.quality import IdentificationWarning
+from workbench.uncertainty.covers.cover import UncertaintyCover
+from workbench.uncertainty.covers.starts import mean_response
+
+TRIED = (1, 2)
+"""Numbers of poles right of the axis that are tried."""
+FAR_BETTER = 0.2
+"""Relative error of a fit over that of the stable one below which the plants seem unstable."""
+POOR = 0.1
+"""Relative error of a stable fit from which it is poor."""
+
+
+def warn_of_unstable(program: UncertaintyCover, context: Context) -> None:
+    """Warn where a nominal with poles right of the axis fits the plants' mean far better."""
+    if program.nominal is not None or program.unstable_poles:
+        return
+    omega, mean = program.responses.omega, mean_response(program.responses.points)
+
+    def error(count: int) -> float:
+        """Largest relative error of the best fit with so many poles right of the axis."""
+        fit = ResponseFit(omega, mean, program.order, zeros=program.zeros, unstable_poles=count)
+        return float(fit.errors(vector_fits(fit, context)[0]).max())
+
+    stable = error(0)
+    if stable < POOR:
+        return
+    found = {count: error(count) for count in TRIED if count <= program.order}
+    count = min(found, key=lambda one: found[one])
+    if np.isfinite(found[count]) and found[count] < FAR_BETTER * stable:
+        poles = "a pole" if count == 1 else f"{count} poles"
+        warnings.warn(
+            f"the responses seem to belong to plants with {poles} right of the axis: their mean is "
+            f"fitted to {100 * found[count]:.2g} % so, and to {100 * stable:.2g} % by a stable "
+            f"function of order {program.order}; if so, say unstable_poles={count}",
+            IdentificationWarning,
+            stacklevel=2,
+        )
