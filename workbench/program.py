@@ -89,6 +89,10 @@ class Task(ABC):
         """Tables in Markdown by file stem."""
         return {}
 
+    def files(self, answer: Any) -> dict[str, str]:
+        """Texts that the results folder holds beside the arrays, by file name."""
+        return {}
+
     def to_dataset(self, answer: Any) -> Dataset:
         """Every array of question and answer, labelled, with units.
 

@@ -34,6 +34,7 @@ COMPLETED = {"solved", "inaccurate", "infeasible", "unbounded"}
 # Not the mimetypes module: its answers depend on the machine.
 FORMATS = {
     ".csv": "text/csv",
+    ".h": "text/x-c",
     ".html": "text/html",
     ".json": "application/json",
     ".nc": "application/x-netcdf",
@@ -48,6 +49,7 @@ DESCRIPTIONS = {
     "metrics.json": "Figures of merit of the answer",
     "data.nc": "Labelled arrays of the answer (NetCDF 4)",
     "log.txt": "What the run printed",
+    "controller.h": "The controller as C99",
 }
 
 

@@ -259,6 +259,8 @@ def publish(
         netcdf.write(data, folder / "data.nc")
         write_json(folder / "certificate.json", solution.certificate.to_json())
         write_json(folder / "metrics.json", task.metrics(solution.answer))
+        for name, content in task.files(solution.answer).items():
+            (folder / name).write_text(content, encoding="utf-8", newline="\n")
     kind = "study" if isinstance(bound.task, Study) else "program"
     info = information(question, solution, about) | {"kind": kind, "headline": task.headline}
     text = log(info, solution, rows, notes)

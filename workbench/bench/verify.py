@@ -24,7 +24,7 @@ from workbench.bench.results import COMPARISON, OWN_STUDIES, Run, given, rebuilt
 from workbench.bench.run import Bench, Bound, environment
 from workbench.bench.store import CHECKSUMS, FAILED, Store, damage
 from workbench.bench.sweep import SWEEP
-from workbench.bench.trust.untrusted import possible_path, read_json
+from workbench.bench.trust.untrusted import possible_path, read_json, read_text
 from workbench.bench.verify_cells import cell_of, rerun_cells, stored_cells, stored_points
 from workbench.certificate import Certificate
 from workbench.errors import InputError, ResultError, WorkbenchError
@@ -184,6 +184,11 @@ def _recheck(run: Run, bound: Bound) -> tuple[Certificate | None, list[str]]:
     wrong += [f"certificate.json: {text}" for text in _certificates_apart(stored, fresh)]
     stored, fresh = read_json(run.path / "metrics.json"), plain(task.metrics(answer))
     wrong += [f"metrics.json: {text}" for text in _apart(stored, fresh)]
+    wrong += [
+        f"{name} is not what the arrays give"
+        for name, content in task.files(answer).items()
+        if not (run.path / name).is_file() or read_text(run.path / name) != content
+    ]
     return certificate, wrong
 
 

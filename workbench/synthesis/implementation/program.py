@@ -343,6 +343,9 @@ class Implementation(Program):
             "code": f"```c\n{answer.code()}```\n",
         }
 
+    def files(self, answer: ImplementedController) -> dict[str, str]:
+        return {"controller.h": answer.code()}
+
     def to_dataset(self, answer: ImplementedController) -> Dataset:
         import xarray as xr
 
@@ -364,7 +367,6 @@ class Implementation(Program):
         variables |= stored("controller", answer.K)
         if answer.fixed is not None:
             variables["sections"] = drawn.padded_sections(self._sections(answer))
-        variables["code"] = ((), answer.code(), {"long_name": "C99 header"})
         variables["discretisation"] = ((), answer.found, {"long_name": "way of discretisation"})
         data = xr.Dataset(variables)
         return data.assign(drawn.stored_margins(answer.margins))

@@ -11,7 +11,8 @@ frequency of
 where the radius is the largest distance of a deviation from the nominal, or from the segment of the
 real weight. Sizes are relative to the nominal or, for additive models, to the plants. The radius of
 stadiums alone would be ill-posed: as |G| grows every relative deviation tends to -1, and a stadium
-of half-length 1 and no width contains them all.
+of half-length 1 and no width contains them all. Beyond the frequencies nothing is known: there the
+square of the real weight counts a little, or it could grow without limit at zero frequency.
 """
 
 from __future__ import annotations
@@ -34,6 +35,9 @@ MAX_BFGS_STEPS = 200
 """Most quasi-Newton steps with each power."""
 COVER_ROOT_REACH = 1e3
 """Largest factor from the first or last frequency to a root of the nominal or the real weight."""
+BEYOND, BEYOND_DECADES = 0.01, 4
+"""Weight of the mean square of the real weight at one frequency in each of so many decades below
+and above the given ones."""
 DIRECTIONS = 16
 """Larger point sets are reduced to the outermost point in each of this many directions."""
 
@@ -89,7 +93,19 @@ class SmallSets:
         radius, rise = _norm(beside, slopes, power)
         gradient = 2 * (shares * radius) @ rise
         gradient[of_nominal.size :] += 2 * HALF_LENGTH_WEIGHT * ((shares * end.conj()) @ turn).real
-        return float(shares @ (radius**2 + HALF_LENGTH_WEIGHT * square)), gradient
+        cost = float(shares @ (radius**2 + HALF_LENGTH_WEIGHT * square))
+        out, turn = self._beyond(of_weight)
+        gradient[of_nominal.size :] += 2 * BEYOND * (out.conj() @ turn).real
+        return cost + BEYOND * float((np.abs(out) ** 2).sum()), gradient
+
+    def _beyond(self, of_weight: RealArray) -> tuple[ComplexArray, ComplexArray]:
+        """The real weight beyond the frequencies, its squares' sum a mean square, and slopes."""
+        omega, unit = self.program.responses.omega, self.program.unit
+        decades = 10.0 ** np.arange(1, BEYOND_DECADES + 1)
+        far = np.concatenate([omega[0] / decades, omega[-1] * decades])
+        size = np.repeat([unit[0], unit[-1]], BEYOND_DECADES) * np.sqrt(far.size)
+        end, turn = _evaluated(self.W_r, of_weight, far)
+        return end / size, turn / size[:, None]
 
 
 FoundModel = tuple[float, Rational, Rational | None]

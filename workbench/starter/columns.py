@@ -1,0 +1,77 @@
+"""Which columns of a record are the time, the input and the output, by their names."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from workbench.errors import InputError
+from workbench.identification.experiments.variables import read_table
+
+TIME = ("t", "time", "zeit", "seconds", "timestamp")
+INPUT = (
+    "u", "in", "input", "torque", "force", "current", "voltage", "command", "reference", "drive",
+    "excitation", "control", "valve", "pwm", "duty",
+)  # fmt: skip
+OUTPUT = (
+    "y", "out", "output", "position", "speed", "velocity", "angle", "place", "displacement",
+    "acceleration", "gap", "temperature", "level", "pressure", "response", "sensor", "measured",
+)  # fmt: skip
+EVEN = 0.1
+"""Largest relative deviation of the steps of a column that counts as equidistant instants."""
+
+
+def channels(
+    file: Path, input: str | None, output: str | None, time: str | None, sample_rate: float | None
+) -> tuple[str, str, str | None]:
+    """Names of the input, of the output, and of the time of a record; those given stay.
+
+    The time is None where the sampling frequency is given. Raises InputError where the names leave
+    open which is which; the message tells all names.
+    """
+    table = read_table(file).variables
+    names = [name for name, values in table.items() if np.ndim(values) == 1]
+    told = f"{file} has the columns {', '.join(map(repr, table)) or 'none'}"
+    for kind, name in (("input", input), ("output", output), ("time", time)):
+        if name is not None and name not in table:
+            raise InputError(f"{told}: none is called {name!r}; name the {kind}, --{kind} NAME")
+    if time is None and sample_rate is None:
+        time = _one(_instants(table, names), told, "time", "or give --sample-rate HZ")
+    left = [name for name in names if name not in (input, output, time)]
+    if input is None:
+        fit = _called(left, INPUT)
+        if not fit and output is not None and len(left) == 1:
+            fit = left
+        input = _one(fit, told, "input")
+        left = [name for name in left if name != input]
+    if output is None:
+        output = _one(_called(left, OUTPUT) or (left if len(left) == 1 else []), told, "output")
+    return input, output, time
+
+
+def _one(found: Sequence[str], told: str, kind: str, also: str = "") -> str:
+    """The only name found, or an InputError that says how to name it."""
+    if len(found) == 1:
+        return found[0]
+    what = f"{', '.join(map(repr, found))} may be" if found else "none is seen to be"
+    raise InputError(f"{told}; {what} the {kind}: name it, --{kind} NAME {also}".rstrip())
+
+
+def _called(names: Sequence[str], words: Sequence[str]) -> list[str]:
+    """The names that one of the words stands in, as a word of its own."""
+    return [name for name in names if set(re.split(r"[^a-z]+", name.lower())) & set(words)]
+
+
+def _instants(table: dict[str, np.ndarray], names: Sequence[str]) -> list[str]:
+    """The columns with rising, equidistant values; of several those that are called so."""
+    rising = []
+    for name in names:
+        steps = np.diff(table[name])
+        if steps.size and np.isfinite(steps).all() and steps.min() > 0:
+            mean = steps.mean()
+            if np.abs(steps - mean).max() <= EVEN * mean:
+                rising.append(name)
+    return (_called(rising, TIME) or rising) if len(rising) > 1 else rising

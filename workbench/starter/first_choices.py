@@ -1,0 +1,199 @@
+"""First choices of a design, derived from responses: order, bandwidth, weights.
+
+They are where a designer starts, not where one ends; each says where its number comes from.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.arrays import RealArray
+from workbench.errors import InputError
+from workbench.executor import Context
+from workbench.fitting.rational import Rational
+from workbench.fitting.response.program import ResponseFit
+from workbench.fitting.response.vector_fitting import vector_fits
+from workbench.input_checks import need_positive
+from workbench.solvers import Options
+from workbench.uncertainty import Responses
+from workbench.uncertainty.covers.starts import mean_response
+from workbench.uncertainty.responses.regions import region_radius
+
+CONFIDENCE = 0.95
+"""Probability of the regions that count as what the plants may be."""
+LARGEST_ORDER = 6
+"""Largest order of the nominal that is tried."""
+AS_GOOD, OF_SPREAD = 1.5, 0.3
+"""Error of a fit, over that of the best order or over the spread of the plants, up to which a
+smaller order is taken."""
+POOR, UNSTABLE_GAIN = 0.1, 0.2
+"""Error of a stable fit from which unstable poles are tried, and by what factor they must help."""
+FIT_FREQUENCIES = 60
+"""Most frequencies that are fitted."""
+PHASE_BUDGET = 0.35
+"""Phase [rad] that hold and delay may take at the bandwidth: 20 degrees."""
+WORST_SET = 0.7
+"""Largest min(|W_e|, r) over frequency. A perturbed loop meets its weight where |W_e| (1 - T) + r T
+is below 1 for some T, and the least of it is min(|W_e|, r); r is the relative size of the set."""
+ERROR_PEAK, LEAST_ERROR = 2.0, 0.01
+"""Largest sensitivity, and the sensitivity at frequency zero, that the error weight allows."""
+BELOW_THE_END = 3.0
+"""Distance of the bandwidth from the last measured frequency, as a factor."""
+ABOVE_UNSTABLE, BELOW_ZERO = 2.0, 3.0
+"""Least bandwidth over an unstable pole; least zero right of the axis over the bandwidth."""
+EFFORT = 0.3
+"""Control weight over the least |G| below the bandwidth: the control may be 1 / 0.3 / |G|."""
+
+
+@dataclass(frozen=True)
+class FirstChoices:
+    """Numbers of a first design, each with its reason.
+
+    ``band`` [Hz]: frequencies at which noise hides no plant. ``order``, ``unstable_poles``: of the
+    nominal. ``bandwidth`` [Hz]: where the error weight is about 1. ``effort``: the control weight
+    at low frequencies. ``reasons``: by name of the number.
+    """
+
+    band: tuple[float, float]
+    order: int
+    unstable_poles: int
+    bandwidth: float
+    effort: float
+    reasons: dict[str, str]
+
+
+def first_choices(responses: Responses, period: float, delay: float = 1.0) -> FirstChoices:
+    """First choices for a controller of these plants on a computer.
+
+    Parameters
+    ----------
+    responses
+        Of two plants or more.
+    period
+        Sampling time of the controller [s].
+    delay
+        Delay of the computer [samples].
+
+    Raises
+    ------
+    InputError
+        Noise hides the plants nearly everywhere; no bandwidth suits both an unstable pole and what
+        limits it from above, which the message names.
+    """
+    need_positive(period, "period")
+    reasons = {}
+    used, reasons["band"] = _seen(responses)
+    nominal, reasons["order"] = _nominal(used)
+    unstable = int((nominal.poles.real > 0).sum())
+    bandwidth, reasons["bandwidth"] = _bandwidth(used, nominal, period, delay)
+    below = np.geomspace(used.frequency[0], max(bandwidth, 1.01 * used.frequency[0]), 50)
+    effort = EFFORT * float(np.abs(nominal.response(2 * np.pi * below)).min())
+    reasons["effort"] = f"{EFFORT:g} times the least gain of the plants below the bandwidth"
+    band = float(used.frequency[0]), float(used.frequency[-1])
+    return FirstChoices(band, nominal.order, unstable, bandwidth, effort, reasons)
+
+
+def _seen(responses: Responses) -> tuple[Responses, str]:
+    """The responses in the longest band in which noise hides no plant, and how it was found."""
+    radius = region_radius(responses, CONFIDENCE)
+    hidden = (responses.present & (radius >= 0.5 * np.abs(responses.values))).any(axis=1)
+    edges = np.flatnonzero(np.diff(np.concatenate([[True], hidden, [True]])))
+    runs = edges.reshape(-1, 2)
+    start, end = max(runs, key=lambda run: np.log(np.diff(responses.omega[[run[0], run[1] - 1]]) + 1)
+                     if run[1] > run[0] else 0.0) if len(runs) else (0, 0)
+    if end - start < 8:
+        raise InputError(
+            f"noise hides a plant at {hidden.sum()} of {hidden.size} frequencies (its "
+            f"{100 * CONFIDENCE:g} % region is wider than half its response): excite more, or "
+            "average longer"
+        )
+    first, last = responses.frequency[start], responses.frequency[end - 1]
+    text = (
+        "everything measured"
+        if not hidden.any()
+        else f"elsewhere the {100 * CONFIDENCE:g} % region of a plant is wider than half its response"
+    )
+    return responses.within(first, last), text
+
+
+def _nominal(responses: Responses) -> tuple[Rational, str]:
+    """The nominal of the smallest order that fits nearly as well as any, and what was tried."""
+    responses = responses.thinned(FIT_FREQUENCIES)
+    omega, mean = responses.omega, mean_response(responses.points)
+    away = np.where(responses.present, responses.values / mean[:, None] - 1, 0.0)
+    spread = float(np.sqrt(np.mean(np.abs(away).max(axis=1) ** 2)))
+    context = Context(Options())
+
+    def fits(count: int) -> list[tuple[float, Rational]]:
+        found = []
+        for order in range(max(1, count), min(LARGEST_ORDER, omega.size // 4) + 1):
+            fit = ResponseFit(omega, mean, order, unstable_poles=count)
+            best = vector_fits(fit, context)[0]
+            found.append((float(np.sqrt(np.mean(fit.errors(best) ** 2))), best))
+        return found
+
+    tried = fits(0)
+    least = min(error for error, _ in tried)
+    for count in (1, 2):
+        if least <= POOR:
+            break
+        other = fits(count)
+        if min(error for error, _ in other) < UNSTABLE_GAIN * least:
+            tried, least = other, min(error for error, _ in other)
+    enough = max(AS_GOOD * least, OF_SPREAD * spread, 1e-6)
+    error, chosen = next(pair for pair in tried if pair[0] <= enough)
+    right = int((chosen.poles.real > 0).sum())
+    poles = f", {right} poles of it right of the axis" if right else ""
+    return chosen, (
+        f"the smallest that fits the mean of the plants well: to {100 * error:.2g} % rms, the best "
+        f"up to {LARGEST_ORDER} to {100 * least:.2g} %, the spread is {100 * spread:.2g} %{poles}"
+    )
+
+
+def _bandwidth(
+    responses: Responses, nominal: Rational, period: float, delay: float
+) -> tuple[float, str]:
+    """Bandwidth [Hz] that a first design can hope for, and what limits it."""
+    size = _relative_size(responses, nominal)
+    dead = (delay + 0.5) * period
+    limits = {
+        f"hold and delay, {dead:.3g} s, take {np.degrees(PHASE_BUDGET):.0f} degrees there":
+            PHASE_BUDGET / dead,
+        "a third of the last frequency that was measured": responses.omega[-1] / BELOW_THE_END,
+    }  # fmt: skip
+    zeros = nominal.zeros[nominal.zeros.real > 0]
+    if zeros.size:
+        limits[f"a third of a zero right of the axis, {np.abs(zeros).min():.3g} rad/s"] = float(
+            np.abs(zeros).min() / BELOW_ZERO
+        )
+    wide = size >= WORST_SET
+    if wide.any():
+        # There |W_e| has to be below WORST_SET: |W_e|^2 = 1 / ERROR_PEAK^2 + (omega_b / omega)^2.
+        room = np.sqrt(WORST_SET**2 - ERROR_PEAK**-2)
+        first = int(np.argmax(wide))
+        words = (
+            f"at {responses.frequency[first]:.3g} Hz the plants, as far as they are known, differ by "
+            f"{100 * size[first]:.0f} % from the nominal"
+        )
+        limits[words] = float(room * responses.omega[first])
+    why = min(limits, key=lambda one: limits[one])
+    most = limits[why]
+    right = nominal.poles[nominal.poles.real > 0]
+    least = ABOVE_UNSTABLE * float(np.abs(right).max(initial=0.0))
+    if least > most:
+        raise InputError(
+            f"an unstable pole of {np.abs(right).max():.3g} rad/s needs a bandwidth of "
+            f"{least / (2 * np.pi):.3g} Hz, twice as fast; but {why}: at most "
+            f"{most / (2 * np.pi):.3g} Hz"
+        )
+    return float(f"{most / (2 * np.pi):.2g}"), why
+
+
+def _relative_size(responses: Responses, nominal: Rational) -> RealArray:
+    """Largest distance (F,) of a region from the nominal, relative to it."""
+    response = nominal.response(responses.omega)[:, None]
+    away = np.abs(responses.values - response) + region_radius(responses, CONFIDENCE)
+    size: RealArray = np.where(responses.present, away, 0.0).max(axis=1) / np.abs(response[:, 0])
+    return size

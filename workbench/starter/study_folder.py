@@ -1,0 +1,167 @@
+"""A study folder that runs at once: from the records to the C file."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import tempfile
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from workbench.errors import InputError
+from workbench.starter.columns import channels
+from workbench.starter.first_choices import CONFIDENCE, FirstChoices, first_choices
+from workbench.uncertainty import Responses
+from workbench.uncertainty.responses.measured import found_files
+
+TEMPLATES = {
+    "pyproject.toml": "pyproject.toml.jinja",
+    "README.md": "README.md.jinja",
+    "problems/{package}/__init__.py": "package.py.jinja",
+    "problems/{package}/design.py": "design.py.jinja",
+    "tests/test_{package}.py": "test.py.jinja",
+}
+"""Files of a study, and the template of each."""
+
+
+def write_study(
+    folder: str | Path,
+    data: str,
+    *,
+    input: str | None = None,
+    output: str | None = None,
+    time: str | None = None,
+    sample_rate: float | None = None,
+    period: float | None = None,
+    delay: float = 1.0,
+) -> FirstChoices:
+    """Write a folder with problems, notebook, README, test and the records.
+
+    Parameters
+    ----------
+    folder
+        The new folder; its name is that of the plant.
+    data
+        A pattern of files, one record of each plant, such as ``"drive*.csv"``.
+    input, output, time
+        Names of columns; None: found by their names and values.
+    sample_rate
+        Sampling frequency [Hz] of records without a column of time.
+    period, delay
+        Of the controller's computer: sampling time [s], by default that of the records, and delay
+        [samples].
+
+    Returns
+    -------
+    FirstChoices
+        The numbers that the design begins with, and why.
+
+    Raises
+    ------
+    InputError
+        The folder is there already; its name is no name; no records are found, or their columns
+        leave open what is what; or as `Responses.from_files` and `first_choices`. Nothing is
+        written then.
+    """
+    target = Path(folder)
+    plant = target.name
+    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_-]*", plant):
+        raise InputError(
+            f"{plant!r} names the plant and its problems: letters, digits, - and _, a letter first"
+        )
+    if target.exists():
+        raise InputError(f"{target} exists already; name a new folder, or move it away")
+    paths = found_files(data)
+    u, y, t = channels(paths[0], input, output, time, sample_rate)
+    responses = Responses.from_files(paths, input=u, output=y, time=t, sample_rate=sample_rate)
+    every = period or _period(paths[0], u, y, t, sample_rate)
+    chosen = first_choices(responses, every, delay)
+    told = {
+        "plant": plant,
+        "package": plant.lower().replace("-", "_"),
+        "names": [path.name for path in paths],
+        "input": u,
+        "output": y,
+        "time": t,
+        "sample_rate": sample_rate,
+        "period": every,
+        "delay": delay,
+        "chosen": chosen,
+        "reasons": chosen.reasons,
+        "confidence": CONFIDENCE,
+        "read": responses.read,
+    }
+    if len(set(told["names"])) < len(paths):
+        raise InputError("two files have one name; they would take each other's place: rename one")
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=target.parent, prefix=f".{plant}-") as place:
+        made = Path(place) / plant
+        _write(made, paths, told)
+        made.rename(target)
+    return chosen
+
+
+def _period(
+    path: Path, input: str, output: str, time: str | None, sample_rate: float | None
+) -> float:
+    """Sampling time [s] of a record."""
+    from workbench.identification import read_record
+
+    instants = read_record(path, [input], [output], sample_rate, time)["time"].values
+    return float(f"{np.mean(np.diff(instants)):.9g}")
+
+
+def _write(folder: Path, paths: list[Path], told: dict[str, Any]) -> None:
+    """Every file of the study, below a folder."""
+    import jinja2
+
+    loader = jinja2.FunctionLoader(
+        lambda name: (files("workbench.starter") / "templates" / name).read_text(encoding="utf-8")
+    )
+    made = jinja2.Environment(
+        loader=loader, keep_trailing_newline=True, undefined=jinja2.StrictUndefined
+    )
+    package = str(told["package"])
+    for name, template in TEMPLATES.items():
+        file = folder / name.format(package=package)
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(made.get_template(template).render(told), encoding="utf-8")
+    data = folder / "problems" / package / "data"
+    data.mkdir()
+    for path in paths:
+        shutil.copyfile(path, data / path.name)
+    notebook = folder / "notebooks" / f"{package}.ipynb"
+    notebook.parent.mkdir()
+    cells = made.get_template("notebook.py.jinja").render(told)
+    notebook.write_text(_notebook(cells), encoding="utf-8")
+
+
+def _notebook(text: str) -> str:
+    """A notebook of cells that lines `# %%` begin; those of `# %% [markdown]` are prose."""
+    cells = []
+    for part in text.split("# %%")[1:]:
+        head, _, body = part.partition("\n")
+        body = body.strip("\n")
+        number = {"id": f"cell{len(cells)}", "metadata": {}}
+        if "[markdown]" in head:
+            prose = "\n".join(line.removeprefix("# ") for line in body.splitlines())
+            cells.append({"cell_type": "markdown", "source": prose} | number)
+        else:
+            cells.append(
+                {"cell_type": "code", "source": body, "execution_count": None, "outputs": []}
+                | number
+            )
+    kernel = {"display_name": "Python 3", "language": "python", "name": "python3"}
+    return json.dumps(
+        {
+            "cells": cells,
+            "metadata": {"kernelspec": kernel},
+            "nbformat": 4,
+            "nbformat_minor": 5,
+        },
+        indent=1,
+    )
