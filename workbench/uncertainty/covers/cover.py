@@ -227,12 +227,14 @@ class UncertaintyCover(Program):
         context: Context,
     ) -> CoverSteps:
         """Last step: fit a complex weight that covers what the real weight leaves uncovered."""
-        omega = self.responses.omega
+        # Between few frequencies known plants tell more: how narrow a resonance may be, how wide
+        # the sets are.
+        fine = self if self.leave_out else self.refined()
+        omega = fine.responses.omega
         W_r = None if W_r is None else damped(resolved(W_r, omega), omega)
-        away = self.away(nominal, self.points)
         W_c = covering_weight(
-            self.responses,
-            away,
+            fine.responses,
+            fine.away(nominal, fine.points),
             nominal,
             W_r,
             self.form,
@@ -243,7 +245,8 @@ class UncertaintyCover(Program):
             context,
         )
         model = UncertaintyModel(nominal, W_c, W_r, self.form)
-        return CoverSteps(model, first, self.second_set(away), third)
+        second = self.second_set(self.away(nominal, self.points))
+        return CoverSteps(model, first, second, third)
 
     # --- objective --------------------------------------------------------------------------------
 

@@ -23,7 +23,7 @@ POOR = 0.1
 
 def warn_of_unstable(program: UncertaintyCover, context: Context) -> None:
     """Warn where a nominal with poles right of the axis fits the plants' mean far better."""
-    if program.nominal is not None or program.unstable_poles:
+    if program.nominal is not None or program.unstable_poles or not program.order:
         return
     omega, mean = program.responses.omega, mean_response(program.responses.points)
 
