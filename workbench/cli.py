@@ -96,13 +96,17 @@ def list_(pattern: str, as_json: bool) -> None:
 
 @main.command()
 @click.argument("folder", type=click.Path(path_type=Path))
-@click.option("--data", metavar="FILES", required=True, help="A record of each plant: 'drive*.csv'.")
+@click.option(
+    "--data", metavar="FILES", required=True, help="A record of each plant: 'drive*.csv'."
+)
 @click.option("--input", metavar="NAME", help="Column of the input [by its name].")
 @click.option("--output", metavar="NAME", help="Column of the output [by its name].")
 @click.option("--time", metavar="NAME", help="Column of the instants [s] [the equidistant one].")
 @click.option("--sample-rate", type=float, metavar="HZ", help="In place of a column of time.")
 @click.option("--period", type=float, metavar="S", help="Of the controller [that of the records].")
-@click.option("--delay", type=float, default=1.0, show_default=True, help="Of its computer [samples].")
+@click.option(
+    "--delay", type=float, default=1.0, show_default=True, help="Of its computer [samples]."
+)
 def init(folder: Path, data: str, **given: Any) -> None:
     """Write a study of measured plants to FOLDER, that runs from the records to the C file."""
     from workbench.starter import write_study

@@ -70,6 +70,7 @@ def certified_bound(
     D_left: ComplexArray,
     D_right: ComplexArray,
     G: ComplexArray,
+    *,
     allowances: float = 1.0,
 ) -> NDArray[np.float64]:
     """The least bound that the structured part of the multipliers proves, rounded outward.

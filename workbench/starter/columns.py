@@ -24,7 +24,7 @@ EVEN = 0.1
 """Largest relative deviation of the steps of a column that counts as equidistant instants."""
 
 
-def channels(
+def record_columns(
     file: Path, input: str | None, output: str | None, time: str | None, sample_rate: float | None
 ) -> tuple[str, str, str | None]:
     """Names of the input, of the output, and of the time of a record; those given stay.

@@ -23,6 +23,8 @@ from workbench.uncertainty.responses.regions import region_radius
 
 CONFIDENCE = 0.95
 """Probability of the regions that count as what the plants may be."""
+FEWEST = 8
+"""Least number of frequencies that noise leaves."""
 LARGEST_ORDER = 6
 """Largest order of the nominal that is tried."""
 AS_GOOD, OF_SPREAD = 1.5, 0.3
@@ -34,6 +36,9 @@ FIT_FREQUENCIES = 60
 """Most frequencies that are fitted."""
 PHASE_BUDGET = 0.35
 """Phase [rad] that hold and delay may take at the bandwidth: 20 degrees."""
+LATEST = np.radians(-186.0)
+"""Least phase [rad] of plant, hold and delay at the bandwidth: a controller leads by some 60
+degrees, and a sensitivity of 2 for every plant of the set needs nearly all of them."""
 WORST_SET = 0.7
 """Largest min(|W_e|, r) over frequency. A perturbed loop meets its weight where |W_e| (1 - T) + r T
 is below 1 for some T, and the least of it is min(|W_e|, r); r is the relative size of the set."""
@@ -43,8 +48,8 @@ BELOW_THE_END = 3.0
 """Distance of the bandwidth from the last measured frequency, as a factor."""
 ABOVE_UNSTABLE, BELOW_ZERO = 2.0, 3.0
 """Least bandwidth over an unstable pole; least zero right of the axis over the bandwidth."""
-EFFORT = 0.3
-"""Control weight over the least |G| below the bandwidth: the control may be 1 / 0.3 / |G|."""
+EFFORT = 0.05
+"""Control weight over the least |G| below the bandwidth: the control may be 20 / |G|."""
 
 
 @dataclass(frozen=True)
@@ -101,9 +106,9 @@ def _seen(responses: Responses) -> tuple[Responses, str]:
     hidden = (responses.present & (radius >= 0.5 * np.abs(responses.values))).any(axis=1)
     edges = np.flatnonzero(np.diff(np.concatenate([[True], hidden, [True]])))
     runs = edges.reshape(-1, 2)
-    start, end = max(runs, key=lambda run: np.log(np.diff(responses.omega[[run[0], run[1] - 1]]) + 1)
-                     if run[1] > run[0] else 0.0) if len(runs) else (0, 0)
-    if end - start < 8:
+    widths = [np.log(responses.omega[end - 1] / responses.omega[start]) for start, end in runs]
+    start, end = runs[int(np.argmax(widths))] if widths else (0, 0)
+    if end - start < FEWEST:
         raise InputError(
             f"noise hides a plant at {hidden.sum()} of {hidden.size} frequencies (its "
             f"{100 * CONFIDENCE:g} % region is wider than half its response): excite more, or "
@@ -111,9 +116,9 @@ def _seen(responses: Responses) -> tuple[Responses, str]:
         )
     first, last = responses.frequency[start], responses.frequency[end - 1]
     text = (
-        "everything measured"
+        "all that is measured, up to a tenth of the sampling rate"
         if not hidden.any()
-        else f"elsewhere the {100 * CONFIDENCE:g} % region of a plant is wider than half its response"
+        else f"elsewhere a plant's {100 * CONFIDENCE:g} % region is wider than half its response"
     )
     return responses.within(first, last), text
 
@@ -129,7 +134,7 @@ def _nominal(responses: Responses) -> tuple[Rational, str]:
     def fits(count: int) -> list[tuple[float, Rational]]:
         found = []
         for order in range(max(1, count), min(LARGEST_ORDER, omega.size // 4) + 1):
-            fit = ResponseFit(omega, mean, order, unstable_poles=count)
+            fit = ResponseFit(omega, mean, order, zeros=order - 1, unstable_poles=count)
             best = vector_fits(fit, context)[0]
             found.append((float(np.sqrt(np.mean(fit.errors(best) ** 2))), best))
         return found
@@ -168,13 +173,17 @@ def _bandwidth(
         limits[f"a third of a zero right of the axis, {np.abs(zeros).min():.3g} rad/s"] = float(
             np.abs(zeros).min() / BELOW_ZERO
         )
+    late = _phase(nominal, responses.omega) - dead * responses.omega < LATEST
+    if late.any():
+        words = f"plant, hold and delay turn by {-np.degrees(LATEST):.0f} degrees there"
+        limits[words] = float(responses.omega[max(int(np.argmax(late)) - 1, 0)])
     wide = size >= WORST_SET
     if wide.any():
         # There |W_e| has to be below WORST_SET: |W_e|^2 = 1 / ERROR_PEAK^2 + (omega_b / omega)^2.
         room = np.sqrt(WORST_SET**2 - ERROR_PEAK**-2)
         first = int(np.argmax(wide))
         words = (
-            f"at {responses.frequency[first]:.3g} Hz the plants, as far as they are known, differ by "
+            f"at {responses.frequency[first]:.3g} Hz the plants, as far as known, differ by "
             f"{100 * size[first]:.0f} % from the nominal"
         )
         limits[words] = float(room * responses.omega[first])
@@ -189,6 +198,20 @@ def _bandwidth(
             f"{most / (2 * np.pi):.3g} Hz"
         )
     return float(f"{most / (2 * np.pi):.2g}"), why
+
+
+def _phase(nominal: Rational, omega: RealArray) -> RealArray:
+    """Phase (F,) [rad] of a function of positive gain, counted from frequency zero."""
+
+    def turned(roots: np.ndarray) -> RealArray:
+        """Sum of the phases of s - root; from 0 on the left of the axis, from pi on its right."""
+        s = 1j * omega[:, None]
+        left = np.angle(s - np.where(roots.real > 0, -roots.conj(), roots))
+        angle: RealArray = np.where(roots.real > 0, np.pi - left, left).sum(axis=1)
+        return angle
+
+    right = int((nominal.zeros.real > 0).sum())
+    return turned(nominal.zeros) - np.pi * right - turned(nominal.poles)
 
 
 def _relative_size(responses: Responses, nominal: Rational) -> RealArray:

@@ -13,11 +13,13 @@ from typing import Any
 import numpy as np
 
 from workbench.errors import InputError
-from workbench.starter.columns import channels
+from workbench.starter.columns import record_columns
 from workbench.starter.first_choices import CONFIDENCE, FirstChoices, first_choices
 from workbench.uncertainty import Responses
 from workbench.uncertainty.responses.measured import found_files
 
+UNDISTORTED = 0.1
+"""Highest frequency that is used, times the sampling time; images distort higher ones."""
 TEMPLATES = {
     "pyproject.toml": "pyproject.toml.jinja",
     "README.md": "README.md.jinja",
@@ -76,11 +78,15 @@ def write_study(
     if target.exists():
         raise InputError(f"{target} exists already; name a new folder, or move it away")
     paths = found_files(data)
-    u, y, t = channels(paths[0], input, output, time, sample_rate)
-    responses = Responses.from_files(paths, input=u, output=y, time=t, sample_rate=sample_rate)
-    every = period or _period(paths[0], u, y, t, sample_rate)
+    u, y, t = record_columns(paths[0], input, output, time, sample_rate)
+    own = _period(paths[0], u, y, t, sample_rate)
+    every = own if period is None else period
+    responses = Responses.from_files(
+        paths, input=u, output=y, time=t, sample_rate=sample_rate, hold=True
+    )
+    responses = responses.within(0.0, UNDISTORTED / own)
     chosen = first_choices(responses, every, delay)
-    told = {
+    told: dict[str, Any] = {
         "plant": plant,
         "package": plant.lower().replace("-", "_"),
         "names": [path.name for path in paths],
@@ -142,11 +148,11 @@ def _write(folder: Path, paths: list[Path], told: dict[str, Any]) -> None:
 
 def _notebook(text: str) -> str:
     """A notebook of cells that lines `# %%` begin; those of `# %% [markdown]` are prose."""
-    cells = []
+    cells: list[dict[str, Any]] = []
     for part in text.split("# %%")[1:]:
         head, _, body = part.partition("\n")
         body = body.strip("\n")
-        number = {"id": f"cell{len(cells)}", "metadata": {}}
+        number: dict[str, Any] = {"id": f"cell{len(cells)}", "metadata": {}}
         if "[markdown]" in head:
             prose = "\n".join(line.removeprefix("# ") for line in body.splitlines())
             cells.append({"cell_type": "markdown", "source": prose} | number)

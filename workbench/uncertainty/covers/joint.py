@@ -104,6 +104,7 @@ class SmallSets:
         decades = 10.0 ** np.arange(1, BEYOND_DECADES + 1)
         far = np.concatenate([omega[0] / decades, omega[-1] * decades])
         size = np.repeat([unit[0], unit[-1]], BEYOND_DECADES) * np.sqrt(far.size)
+        assert self.W_r is not None
         end, turn = _evaluated(self.W_r, of_weight, far)
         return end / size, turn / size[:, None]
 

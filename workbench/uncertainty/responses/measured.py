@@ -131,6 +131,7 @@ def from_files(
     frequency: str | None,
     response: str | tuple[str, str] | None,
     most: int,
+    hold: bool,
     names: Mapping[str, Any],
 ) -> Arguments:
     """As `Responses.from_files`."""
@@ -138,7 +139,9 @@ def from_files(
     named = {"plants": _plant_names(paths)} | dict(names)
     record, curve = (input, output), (frequency, response)
     if None not in record and curve == (None, None):
-        return _of_records(paths, input, output, time, sample_rate, most, named)
+        return _of_records(paths, input, output, time, sample_rate, most, hold, named)
+    if hold:
+        raise InputError("hold belongs to records: name input=, output= and time=, or leave it out")
     if None not in curve and record == (None, None) and time is None and sample_rate is None:
         return _of_curves(paths, frequency, response, named)
     raise InputError(
@@ -185,6 +188,7 @@ def _of_records(
     time: str | None,
     sample_rate: float | None,
     most: int,
+    hold: bool,
     names: Mapping[str, Any],
 ) -> Arguments:
     """Responses estimated from a record in each file."""
@@ -215,7 +219,18 @@ def _of_records(
     over = {str(data["u"].attrs["units"]) for data in read}
     unit = _ratio(units.pop(), over.pop()) if len(units) == len(over) == 1 else "1"
     told = {"unit": unit, "read": f"{read[0].attrs['read']}; {said}"}
-    return from_estimates(estimates, 0, 0, told | dict(names))
+    if not hold:
+        return from_estimates(estimates, 0, 0, told | dict(names))
+    told["read"] += "; the hold of the input is taken out"
+    return _unheld(from_estimates(estimates, 0, 0, told | dict(names)), rate)
+
+
+def _unheld(found: Arguments, rate: float) -> Arguments:
+    """Responses and variances without the hold (1 - exp(-j omega T)) / (j omega T) of the input."""
+    turn = np.asarray(found["frequency"]) / rate
+    held = (np.sinc(turn) * np.exp(-1j * np.pi * turn))[:, None]
+    parts = {"values": found["values"] / held, "variance": found["variance"] / np.abs(held) ** 2}
+    return found | parts
 
 
 def _ratio(above: str, below: str) -> str:

@@ -195,6 +195,7 @@ class Responses:
         frequency: str | None = None,
         response: str | tuple[str, str] | None = None,
         most: int = 200,
+        hold: bool = False,
         **names: Any,
     ) -> Responses:
         """Responses of plants from files, one for each plant; its name is the plant's.
@@ -204,7 +205,7 @@ class Responses:
         input is periodic and by local polynomials where it is not. Of a frequency response, name
         the ``frequency`` and the ``response`` (or its real and its imaginary part). What was found
         out stands in ``read``. The response of a record leads from samples to samples: it contains
-        the hold and the delay of the converters.
+        the delay of the converters and, unless ``hold`` says that it is to be taken out, the hold.
 
         Parameters
         ----------
@@ -212,6 +213,9 @@ class Responses:
             A pattern such as ``"drive*.csv"``, or paths; read as by `read_record`.
         most
             Largest number of frequencies that are taken of a record.
+        hold
+            Whether the input was held from sample to sample, and the response is that of the plant
+            without this hold; above some 0.6 of half the sampling frequency it is distorted.
         names
             ``plants``, ``unit``, ``assumption`` and ``known`` of `Responses`.
 
@@ -223,7 +227,7 @@ class Responses:
         """
         return cls(
             **measured.from_files(
-                files, input, output, time, sample_rate, frequency, response, most, names
+                files, input, output, time, sample_rate, frequency, response, most, hold, names
             )
         )
 

@@ -1,0 +1,74 @@
+"""First choices of a design: what limits the bandwidth is found and named."""
+
+import numpy as np
+import pytest
+
+from workbench.errors import InputError
+from workbench.fitting import Rational
+from workbench.starter import first_choices
+from workbench.starter.first_choices import _phase
+from workbench.uncertainty import Responses
+
+OMEGA = np.geomspace(1.0, 1e4, 60)
+S = 1j * OMEGA[:, None]
+SPREAD = np.random.default_rng(4).uniform(-1, 1, (2, 6))
+
+
+def plants(values, **given) -> Responses:
+    return Responses(OMEGA, values * np.ones(6), **given)
+
+
+def test_delay_limits_a_plant_that_is_known_well():
+    chosen = first_choices(plants((1 + 0.02 * SPREAD[0]) / (S + 1)), period=0.01, delay=1.0)
+    assert chosen.bandwidth * 2 * np.pi == pytest.approx(0.35 / 0.015, rel=0.05)
+    assert "hold and delay" in chosen.reasons["bandwidth"]
+    assert (chosen.order, chosen.unstable_poles) == (1, 0)
+
+
+def test_what_is_not_known_limits_it():
+    unknown = 1 + SPREAD[0] * np.minimum(OMEGA / 100, 1.5)[:, None]
+    chosen = first_choices(plants(unknown / (S + 1)), period=1e-5)
+    assert chosen.bandwidth * 2 * np.pi < 80
+    assert "differ by" in chosen.reasons["bandwidth"]
+
+
+def test_a_zero_right_of_the_axis_limits_it():
+    chosen = first_choices(
+        plants((1 + 0.02 * SPREAD[0]) * (S - 30) / (S + 1) / (S + 3000)), period=1e-5
+    )
+    assert chosen.bandwidth * 2 * np.pi == pytest.approx(10, rel=0.1)
+    assert "zero right of the axis" in chosen.reasons["bandwidth"]
+
+
+def test_an_unstable_plant_is_seen_and_needs_a_bandwidth():
+    pole = 100 * (1 + 0.03 * SPREAD[0])
+    unstable = plants(1e4 / (S**2 - pole**2))
+    chosen = first_choices(unstable, period=1e-5)
+    assert chosen.unstable_poles == 1
+    assert chosen.bandwidth * 2 * np.pi > 200
+    with pytest.raises(InputError, match=r"an unstable pole of 100 rad/s needs a bandwidth of"):
+        first_choices(unstable, period=0.01)
+
+
+def test_noise_narrows_the_band():
+    values = (1 + 0.02 * SPREAD[0]) / (S + 1)
+    noisy = plants(values, variance=np.full((60, 6), 1e-5**2 * 100), degrees=20)
+    chosen = first_choices(noisy, period=1e-4)
+    assert chosen.band[0] == pytest.approx(OMEGA[0] / 2 / np.pi)
+    assert chosen.band[1] < OMEGA[-1] / 2 / np.pi / 1.2
+    assert "region is wider than half" in chosen.reasons["band"]
+    with pytest.raises(InputError, match="noise hides a plant at 60 of 60 frequencies"):
+        first_choices(plants(values, variance=100.0), period=1e-4)
+
+
+def test_the_phase_counts_from_frequency_zero():
+    omega = np.geomspace(0.01, 1e5, 200)
+    for zeros, poles, start, end in (
+        ([], [10.0, -10.0], -180, -180),
+        ([5.0], [-1 + 3j, -1 - 3j], 0, -270),
+        ([-5.0], [-1.0, -2.0], 0, -90),
+        ([], [1 + 20j, 1 - 20j], -360, -180),
+    ):
+        found = np.degrees(_phase(Rational(zeros, poles, 1.0), omega))
+        assert found[[0, -1]] == pytest.approx([start, end], abs=1)
+        assert np.abs(np.diff(found)).max() < 90

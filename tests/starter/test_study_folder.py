@@ -1,0 +1,123 @@
+"""`workbench init`: a folder from records, or an error that says what to name."""
+
+import json
+
+import nbformat
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import workbench as wb
+from workbench.bench.project import use_problems
+from workbench.cli import main
+from workbench.errors import InputError
+from workbench.starter import write_study
+
+RATE, SAMPLES = 200.0, 512
+
+
+def write_records(folder, header="t [s],torque [N m],speed [rad/s]", noise=1e-3, count=4):
+    """Records of first-order servos."""
+    folder.mkdir(exist_ok=True)
+    rng = np.random.default_rng(8)
+    lines = np.unique(np.geomspace(1, 200, 40).astype(int))
+    angle = 2 * np.pi * np.outer(np.arange(SAMPLES), lines) / SAMPLES
+    u = np.tile(np.cos(angle - np.pi * np.arange(40)[: lines.size] ** 2 / 40).sum(axis=1), 4)
+    for number in range(count):
+        a = np.exp(-5 * (1 + 0.1 * rng.uniform(-1, 1)) / RATE)
+        y = np.zeros(u.size)
+        for k in range(1, u.size):
+            y[k] = a * y[k - 1] + (1 - a) * u[k - 1]
+        columns = [np.arange(u.size) / RATE, u, y + noise * rng.normal(size=u.size)]
+        np.savetxt(
+            folder / f"drive{number}.csv",
+            np.column_stack(columns),
+            delimiter=",",
+            header=header,
+            comments="",
+            fmt="%.9g",
+        )
+    return folder / "drive*.csv"
+
+
+@pytest.fixture(scope="module")
+def records(tmp_path_factory):
+    return write_records(tmp_path_factory.mktemp("records"))
+
+
+def test_a_study_runs_from_the_records_to_the_code(records, tmp_path, monkeypatch):
+    asked = ["init", str(tmp_path / "my-servo"), "--data", str(records)]
+    said = CliRunner().invoke(main, asked)
+    assert said.exit_code == 0, said.output
+    assert "bandwidth" in said.output and "next: cd" in said.output
+    folder = tmp_path / "my-servo"
+    there = {file.relative_to(folder).as_posix() for file in folder.rglob("*") if file.is_file()}
+    assert {
+        "README.md",
+        "pyproject.toml",
+        "notebooks/my_servo.ipynb",
+        "tests/test_my_servo.py",
+        "problems/my_servo/design.py",
+        "problems/my_servo/data/drive0.csv",
+    } <= there
+    nbformat.validate(
+        nbformat.from_dict(json.loads((folder / "notebooks/my_servo.ipynb").read_text()))
+    )
+    monkeypatch.chdir(folder)
+    monkeypatch.setenv("WORKBENCH_RESULTS", str(tmp_path / "results"))
+    use_problems([])
+    board = wb.run("my-servo/board")
+    assert board.certificate.holds
+    assert wb.run("my-servo/controller").metrics["peak"] < 1
+    code = (board.path / "controller.h").read_text()
+    assert code == board.answer.code()
+    (board.path / "controller.h").write_text(code + "\n")
+    from workbench.bench.verify import verify_folder
+
+    problems = verify_folder(board.path).problems
+    assert any("controller.h is not what the arrays give" in one for one in problems)
+
+
+@pytest.mark.parametrize(
+    ("header", "given", "message"),
+    [
+        ("a,b,c", {}, r"has the columns 'a', 'b', 'c'; none is seen to be the input"),
+        ("t,u,v", {"output": "y"}, r"none is called 'y'; name the output, --output NAME"),
+        ("t,torque,force", {}, r"'torque', 'force' may be the input: name it, --input NAME"),
+    ],
+)
+def test_columns_that_leave_it_open_are_named(tmp_path, header, given, message):
+    data = write_records(tmp_path / "records", header, count=2)
+    with pytest.raises(InputError, match=message):
+        write_study(tmp_path / "servo", str(data), **given)
+    assert not (tmp_path / "servo").exists()
+
+
+def test_what_is_there_is_kept(records, tmp_path):
+    (tmp_path / "servo").mkdir()
+    (tmp_path / "servo" / "mine.txt").write_text("mine")
+    with pytest.raises(InputError, match="exists already; name a new folder"):
+        write_study(tmp_path / "servo", str(records))
+    assert [file.name for file in (tmp_path / "servo").iterdir()] == ["mine.txt"]
+
+
+def test_other_misuse_is_named_and_leaves_nothing(records, tmp_path):
+    for folder, data, given, message in (
+        ("1servo", records, {}, "letters, digits, - and _, a letter first"),
+        ("servo", tmp_path / "none*.csv", {}, "no file fits"),
+        ("servo", records, {"period": -1.0}, "period"),
+    ):
+        with pytest.raises(InputError, match=message):
+            write_study(tmp_path / folder, str(data), **given)
+    assert not list(tmp_path.iterdir())
+
+
+def test_named_columns_and_a_sampling_frequency_are_taken(tmp_path):
+    data = write_records(tmp_path / "records", "a,b,c", count=3)
+    chosen = write_study(
+        tmp_path / "servo", str(data), input="b", output="c", sample_rate=RATE, period=0.02
+    )
+    text = (tmp_path / "servo" / "problems" / "servo" / "design.py").read_text()
+    assert 'SAMPLES = {"sample_rate": 200.0}' in text
+    assert f"BANDWIDTH = {chosen.bandwidth}" in text
+    assert "PERIOD, DELAY" in text and "0.02" in text
