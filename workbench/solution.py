@@ -14,6 +14,14 @@ from workbench.executor import Context
 from workbench.program import Task
 from workbench.solvers import Options, Outcome
 
+LONGEST = 1000
+"""Most characters of an answer that a solution prints."""
+
+
+def shortened(text: str, most: int = 200) -> str:
+    """A text cut to its first characters."""
+    return text if len(text) <= most else f"{text[: most - 3]}..."
+
 
 @dataclass(frozen=True)
 class Solution:
@@ -29,6 +37,20 @@ class Solution:
     """What else there is to say, such as that the tolerance asked for makes no difference."""
     proof: Task | None = None
     """The task that answer and certificate belong to, where they prove a claim of no answer."""
+
+    def __repr__(self) -> str:
+        lines = [f"Solution: {self.outcome}"]
+        if self.message:
+            lines[0] += f" ({shortened(self.message)})"
+        if self.answer is not None:
+            lines += [f"  {line}" for line in shortened(repr(self.answer), LONGEST).splitlines()]
+        if self.certificate is not None:
+            failed = self.certificate.failures
+            said = (
+                "; ".join(failed) if failed else f"all {len(self.certificate.checks)} checks hold"
+            )
+            lines.append(f"  certificate: {shortened(said)}")
+        return "\n".join(lines)
 
     @property
     def lti(self) -> Any:

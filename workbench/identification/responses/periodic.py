@@ -46,6 +46,18 @@ class ResponseEstimate:
     variance: np.ndarray
     degrees: float
 
+    def __repr__(self) -> str:
+        size = np.abs(self.response)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = np.nanmedian(np.sqrt(self.variance) / size)
+        outputs, inputs = self.response.shape[1:]
+        return (
+            f"{type(self).__name__}: {outputs} outputs, {inputs} inputs, {self.frequency.size} "
+            f"frequencies from {self.frequency.min():.4g} to {self.frequency.max():.4g} Hz\n"
+            f"  |response| from {size.min():.4g} to {size.max():.4g}, standard deviation "
+            f"{100 * share:.2g} % of it in the median, {self.degrees:g} degrees of freedom"
+        )
+
     @property
     def omega(self) -> np.ndarray:
         """Angular frequencies (F,) [rad/s]."""

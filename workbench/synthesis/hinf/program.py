@@ -25,6 +25,7 @@ from workbench.synthesis.hinf.normalised import Scaled
 from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.minimal import visible
+from workbench.systems.realisation import in_words
 from workbench.systems.standard_plant import standard_plant
 from workbench.systems.storage import restored, stored
 
@@ -51,6 +52,10 @@ class HinfController:
     def lti(self) -> StateSpace:
         """The controller of the user's plant."""
         return self.whole or self.K
+
+    def __repr__(self) -> str:
+        least = "" if math.isnan(self.least) else f", none found below {self.least:.6g}"
+        return f"HinfController: {in_words(self.lti)}\n  norm {self.norm:.6g}{least}"
 
 
 @dataclass(frozen=True, eq=False)

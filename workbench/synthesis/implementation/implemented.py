@@ -17,6 +17,7 @@ from workbench.synthesis.implementation.export_c import Limits, header
 from workbench.synthesis.implementation.fixed_point import FixedPoint
 from workbench.synthesis.implementation.rounding import Rounding
 from workbench.synthesis.implementation.sampled_loop import SampledMargins
+from workbench.systems.realisation import in_words
 
 Precision = Literal["double", "float", "fixed"]
 """Number formats."""
@@ -60,6 +61,20 @@ class ImplementedController:
     def lti(self) -> StateSpace:
         """The controller."""
         return self.K
+
+    def __repr__(self) -> str:
+        mu = "" if self.peak is None else f"mu of the set at most {self.peak.upper:.4g}, "
+        lines = [
+            f"ImplementedController, {self.precision}, {self.found}: {in_words(self.K)}",
+            f"  {mu}|S| at most {self.sensitivity:.4g}; {self.operations} multiplications and "
+            f"{self.memory} bytes a sample",
+        ]
+        lines += [
+            f"  control {number}: gain up to {one.gain[1]:.3g}, phase {one.phase:.3g} degrees, "
+            f"delay {one.delay:.3g} samples"
+            for number, one in enumerate(self.margins, start=1)
+        ]
+        return "\n".join(lines)
 
     @property
     def operations(self) -> int:

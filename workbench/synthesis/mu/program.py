@@ -29,7 +29,7 @@ from workbench.systems.balancing import balanced
 from workbench.systems.conversion import as_system, need_plant
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.minimal import visible
-from workbench.systems.realisation import realisation
+from workbench.systems.realisation import in_words, realisation
 from workbench.systems.storage import restored, stored
 
 PEAK_TOLERANCE = 1e-3
@@ -60,6 +60,12 @@ class MuController:
     def lti(self) -> StateSpace:
         """The controller."""
         return self.K
+
+    def __repr__(self) -> str:
+        return (
+            f"MuController: {in_words(self.K)}\n"
+            f"  peak of mu from {self.lower:.4g} to {self.upper:.4g}, about {self.omega:.4g} rad/s"
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -58,6 +58,17 @@ class UncertaintyModel(UncertainPart):
             if given is not None and not isinstance(given, Rational):
                 object.__setattr__(self, name, from_system(given))
 
+    def __repr__(self) -> str:
+        weights = " and ".join(
+            f"{name} of order {part.order}"
+            for name, part in (("W_c", self.W_c), ("W_r", self.W_r))
+            if part is not None
+        )
+        right = int((self.nominal.poles.real > 0).sum())
+        unstable = f", {right} poles right of the axis" if right else ""
+        order = self.nominal.order
+        return f"UncertaintyModel, {self.form}: nominal of order {order}{unstable}; {weights}"
+
     @property
     def lti(self) -> StateSpace:
         """The nominal."""

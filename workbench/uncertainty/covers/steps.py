@@ -21,6 +21,13 @@ class CoverSteps:
     second: Stadium
     third: Stadium
 
+    def __repr__(self) -> str:
+        return (
+            f"CoverSteps at {self.second.radius.size} frequencies: sets about the nominal have a "
+            f"radius up to {self.second.radius.max():.4g}, a half-length up to "
+            f"{self.second.half_length.max():.4g}\n  {self.model!r}"
+        )
+
     @property
     def lti(self) -> UncertaintyModel:
         """The model, which fits where a system is wanted."""

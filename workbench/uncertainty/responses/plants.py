@@ -231,6 +231,18 @@ class Responses:
             )
         )
 
+    def __repr__(self) -> str:
+        names = self.plants if len(self.plants) <= 4 else (*self.plants[:2], "...", self.plants[-1])
+        noise = "taken as exact" if self.variance is None else "with variances"
+        if self.confidence is not None:
+            noise = f"corners of {100 * self.confidence:g} % regions"
+        lines = [
+            f"Responses [{self.unit}] of {len(self.plants)} plants ({', '.join(names)})",
+            f"  at {self.omega.size} frequencies from {self.frequency[0]:.4g} to "
+            f"{self.frequency[-1]:.4g} Hz, {noise}",
+        ]
+        return "\n".join(lines + [f"  {self.read}"] * bool(self.read))
+
     def _checked(self, known: tuple[Any, ...]) -> tuple[Rational | None, ...]:
         """The known plants as functions; raises `InputError` for those that cannot be."""
         if known and len(known) != len(self.plants):
