@@ -22,6 +22,8 @@ STYLE: Any = {
     "axes.spines.top": False,
     "axes.titlesize": 11,
     "figure.constrained_layout.use": True,
+    "axes.formatter.limits": (-3, 5),  # else the labels of small numbers run into each other
+    "axes.formatter.use_mathtext": True,
     "figure.dpi": 120,
     "font.size": 10,
     "grid.alpha": 0.25,
