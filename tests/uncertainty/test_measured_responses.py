@@ -79,6 +79,23 @@ def test_files_give_responses_with_names_units_and_what_was_found_out(folder):
     assert (error < 5 * np.sqrt(found.variance)).all()
 
 
+def test_without_the_hold_the_response_is_the_plants(folder):
+    """Six plants behind a hold: their own responses, to what images add below 0.1 of the rate."""
+    found = read(folder, hold=True).within(0.0, 0.1 * RATE)
+    assert found.read.endswith("the hold of the input is taken out")
+    s = 2j * np.pi * found.frequency[:, None]
+    k = np.arange(PLANTS)
+    gain, rate = 1 + 0.05 * k, 2 * np.pi * (20 + 0.4 * k)
+    own = gain * rate**2 / (s**2 + 0.6 * rate * s + rate**2)
+    apart = np.abs(found.values - own)
+    assert (apart < 5 * np.sqrt(found.variance) + 0.02 * np.abs(own)).all()
+    held = read(folder).within(0.0, 0.1 * RATE)
+    assert np.abs(held.values[-1] / own[-1] - 1).min() > 0.2
+    turn = held.frequency[:, None] / RATE
+    size = np.sqrt(held.variance / found.variance)
+    np.testing.assert_allclose(size, np.broadcast_to(np.sinc(turn), size.shape))
+
+
 def test_drive_10_stands_behind_drive_9(tmp_path):
     for k in (1, 2, 9, 10):
         (tmp_path / f"d{k}.csv").write_text("f,re,im\n1,1,0\n2,2,1\n3,3,1\n")
@@ -215,6 +232,8 @@ def test_channels_of_several_are_chosen_by_name_or_number():
         (lambda d: read(d, sample_rate=1000.0), "either the sample rate or the name of the time"),
         (lambda d: read(d, output="day"), "'2026-01-01' is not a number"),
         (lambda d: read(d, time="torque"), "'torque' is in 'Nm'; s, sec"),
+        (lambda d: Responses.from_files(d / "*", frequency="t", response="speed", hold=True),
+         "hold belongs to records"),
         (lambda d: read(d, most=1), "most is 1; two frequencies"),
         (lambda d: Responses.from_files([d / "drive1.csv"], **NAMES), "is the only file"),
         (lambda d: Responses.from_files([d / "drive1.csv"] * 2, **NAMES), "two plants are called"),
