@@ -106,10 +106,17 @@ def test_other_misuse_is_named_and_leaves_nothing(records, tmp_path):
         ("1servo", records, {}, "letters, digits, - and _, a letter first"),
         ("servo", tmp_path / "none*.csv", {}, "no file fits"),
         ("servo", records, {"period": -1.0}, "period"),
+        ("servo", records, {"period": 10.0}, "below the first frequency that was measured"),
     ):
         with pytest.raises(InputError, match=message):
             write_study(tmp_path / folder, str(data), **given)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_column_is_named_without_its_unit(records, tmp_path):
+    write_study(tmp_path / "servo", str(records), input="torque", output="speed", time="t")
+    text = (tmp_path / "servo" / "problems" / "servo" / "design.py").read_text()
+    assert 'INPUT, OUTPUT = "torque [N m]", "speed [rad/s]"' in text
 
 
 def test_named_columns_and_a_sampling_frequency_are_taken(tmp_path):

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from workbench.errors import InputError
+from workbench.identification.experiments.records import name_in_file
 from workbench.identification.experiments.variables import read_table
 
 TIME = ("t", "time", "zeit", "seconds", "timestamp")
@@ -32,7 +33,11 @@ def record_columns(
     The time is None where the sampling frequency is given. Raises InputError where the names leave
     open which is which; the message tells all names.
     """
-    table = read_table(file).variables
+    columns = read_table(file)
+    table = columns.variables
+    input, output, time = (
+        name if name is None else name_in_file(columns, name) for name in (input, output, time)
+    )
     names = [name for name, values in table.items() if np.ndim(values) == 1]
     told = f"{file} has the columns {', '.join(map(repr, table)) or 'none'}"
     for kind, name in (("input", input), ("output", output), ("time", time)):

@@ -197,6 +197,11 @@ def _bandwidth(
             f"{least / (2 * np.pi):.3g} Hz, twice as fast; but {why}: at most "
             f"{most / (2 * np.pi):.3g} Hz"
         )
+    if most < responses.omega[0]:
+        raise InputError(
+            f"{why}: a bandwidth of at most {most / (2 * np.pi):.3g} Hz, below the first frequency "
+            f"that was measured, {responses.frequency[0]:.3g} Hz; measure lower, or mend that limit"
+        )
     return float(f"{most / (2 * np.pi):.2g}"), why
 
 

@@ -77,7 +77,9 @@ def read_record(
             )
     arrays = {}
     for name, channel in (("u", "input"), ("y", "output")):
-        units = dict.fromkeys(table.units.get(_own(table, each), "1") for each in asked[channel])
+        units = dict.fromkeys(
+            table.units.get(name_in_file(table, each), "1") for each in asked[channel]
+        )
         words = {"units": next(iter(units)) if len(units) == 1 else "1", "long_name": f"{channel}s"}
         arrays[name] = ((channel, "time"), signals[channel][1], words)
     coords = {channel: labels for channel, (labels, _) in signals.items()}
@@ -146,7 +148,7 @@ def _list(names: str | Sequence[str]) -> list[str]:
 
 def _factor(file: File, table: Columns, name: str, known: Mapping[str, float]) -> float:
     """What a variable is multiplied with: its unit, where the file tells one."""
-    unit = table.units.get(_own(table, name))
+    unit = table.units.get(name_in_file(table, name))
     if unit is None or unit in known:
         return 1.0 if unit is None else known[unit]
     raise InputError(
@@ -154,7 +156,7 @@ def _factor(file: File, table: Columns, name: str, known: Mapping[str, float]) -
     )
 
 
-def _own(table: Columns, name: str) -> str:
+def name_in_file(table: Columns, name: str) -> str:
     """The name of a variable as the file has it: with its unit, if that is in brackets."""
     if name in table.variables:
         return name
@@ -168,7 +170,7 @@ def _picked(file: File, table: Columns, names: Sequence[str]) -> dict[str, np.nd
     """Variables by name, without the rows in which all are blank; all finite, or `InputError`."""
     found: dict[str, np.ndarray] = {}
     for name in names:
-        own, column = _own(table, name), COLUMN.fullmatch(name)
+        own, column = name_in_file(table, name), COLUMN.fullmatch(name)
         if own in table.variables:
             found[name] = table.variables[own]
         elif column and column[1] in table.variables:
