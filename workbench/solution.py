@@ -18,7 +18,7 @@ LONGEST = 1000
 """Most characters of an answer that a solution prints."""
 
 
-def shortened(text: str, most: int = 200) -> str:
+def _cut(text: str, most: int = 200) -> str:
     """A text cut to its first characters."""
     return text if len(text) <= most else f"{text[: most - 3]}..."
 
@@ -41,15 +41,15 @@ class Solution:
     def __repr__(self) -> str:
         lines = [f"Solution: {self.outcome}"]
         if self.message:
-            lines[0] += f" ({shortened(self.message)})"
+            lines[0] += f" ({_cut(self.message)})"
         if self.answer is not None:
-            lines += [f"  {line}" for line in shortened(repr(self.answer), LONGEST).splitlines()]
+            lines += [f"  {line}" for line in _cut(repr(self.answer), LONGEST).splitlines()]
         if self.certificate is not None:
             failed = self.certificate.failures
             said = (
                 "; ".join(failed) if failed else f"all {len(self.certificate.checks)} checks hold"
             )
-            lines.append(f"  certificate: {shortened(said)}")
+            lines.append(f"  certificate: {_cut(said)}")
         return "\n".join(lines)
 
     @property
