@@ -18,6 +18,7 @@ from workbench.fitting.response.vector_fitting import vector_fits
 from workbench.input_checks import need_positive
 from workbench.solvers import Options
 from workbench.uncertainty import Responses
+from workbench.uncertainty.covers.sides import FAR_BETTER, POOR, TRIED
 from workbench.uncertainty.covers.starts import mean_response
 from workbench.uncertainty.responses.regions import region_radius
 
@@ -30,8 +31,6 @@ LARGEST_ORDER = 6
 AS_GOOD, OF_SPREAD = 1.5, 0.3
 """Error of a fit, over that of the best order or over the spread of the plants, up to which a
 smaller order is taken."""
-POOR, UNSTABLE_GAIN = 0.1, 0.2
-"""Error of a stable fit from which unstable poles are tried, and by what factor they must help."""
 FIT_FREQUENCIES = 60
 """Most frequencies that are fitted."""
 PHASE_BUDGET = 0.35
@@ -42,8 +41,8 @@ degrees, and a sensitivity of 2 for every plant of the set needs nearly all of t
 WORST_SET = 0.7
 """Largest min(|W_e|, r) over frequency. A perturbed loop meets its weight where |W_e| (1 - T) + r T
 is below 1 for some T, and the least of it is min(|W_e|, r); r is the relative size of the set."""
-ERROR_PEAK, LEAST_ERROR = 2.0, 0.01
-"""Largest sensitivity, and the sensitivity at frequency zero, that the error weight allows."""
+ERROR_PEAK = 2.0
+"""Largest sensitivity that the error weight allows."""
 BELOW_THE_END = 3.0
 """Distance of the bandwidth from the last measured frequency, as a factor."""
 ABOVE_UNSTABLE, BELOW_ZERO = 2.0, 3.0
@@ -141,11 +140,11 @@ def _nominal(responses: Responses) -> tuple[Rational, str]:
 
     tried = fits(0)
     least = min(error for error, _ in tried)
-    for count in (1, 2):
+    for count in TRIED:
         if least <= POOR:
             break
         other = fits(count)
-        if min(error for error, _ in other) < UNSTABLE_GAIN * least:
+        if min(error for error, _ in other) < FAR_BETTER * least:
             tried, least = other, min(error for error, _ in other)
     enough = max(AS_GOOD * least, OF_SPREAD * spread, 1e-6)
     error, chosen = next(pair for pair in tried if pair[0] <= enough)

@@ -6,7 +6,6 @@ import json
 import re
 import shutil
 import tempfile
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -125,11 +124,10 @@ def _write(folder: Path, paths: list[Path], told: dict[str, Any]) -> None:
     """Every file of the study, below a folder."""
     import jinja2
 
-    loader = jinja2.FunctionLoader(
-        lambda name: (files("workbench.starter") / "templates" / name).read_text(encoding="utf-8")
-    )
     made = jinja2.Environment(
-        loader=loader, keep_trailing_newline=True, undefined=jinja2.StrictUndefined
+        loader=jinja2.PackageLoader("workbench.starter"),
+        keep_trailing_newline=True,
+        undefined=jinja2.StrictUndefined,
     )
     package = str(told["package"])
     for name, template in TEMPLATES.items():

@@ -13,16 +13,20 @@ Matrices = tuple[RealArray, RealArray, RealArray, RealArray]
 """A, B, C and D of a realisation."""
 
 
+def pole_sizes(system: StateSpace) -> RealArray:
+    """Sizes of the poles [rad/s]; of a sampled system those of log(z) / T, without poles at 0."""
+    poles = system.poles()
+    if not system.dt:
+        return np.abs(poles)
+    used = poles[np.abs(poles) > 0].astype(complex)
+    sizes: RealArray = np.abs(np.log(used)) / (1.0 if system.dt is True else system.dt)
+    return sizes
+
+
 def in_words(system: StateSpace) -> str:
     """Order of a system, whether it is stable itself, and its fastest pole, for people."""
-    poles = system.poles()
-    size = np.abs(poles)
-    if system.dt:
-        stable = bool((size < 1.0).all())
-        used = poles[size > 0].astype(complex)
-        size = np.abs(np.log(used)) / (1.0 if system.dt is True else system.dt)
-    else:
-        stable = bool((poles.real < 0).all())
+    poles, size = system.poles(), pole_sizes(system)
+    stable = bool(((np.abs(poles) < 1.0) if system.dt else (poles.real < 0)).all())
     fastest = f", fastest pole {size.max():.4g} rad/s" if size.size else ""
     return f"order {system.nstates}, {'stable' if stable else 'UNSTABLE'} itself{fastest}"
 

@@ -42,7 +42,7 @@ from workbench.synthesis.implementation.sampled_loop import (
 from workbench.synthesis.implementation.second_order import Sections, second_order_sections
 from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import GeneralisedPlant
-from workbench.systems.realisation import realisation
+from workbench.systems.realisation import pole_sizes, realisation
 from workbench.systems.storage import restored, stored
 
 CLAIM_TOLERANCE = 1e-6
@@ -313,9 +313,6 @@ class Implementation(Program):
     # --- results ----------------------------------------------------------------------------------
 
     def metrics(self, answer: ImplementedController) -> dict[str, float]:
-        poles = answer.K.poles()
-        poles = poles[np.abs(poles) > 0]
-        fastest = np.abs(np.log(poles.astype(complex))).max(initial=0.0) / self.period
         rows = answer.margins
         return {
             "peak": self.objective(answer),
@@ -326,7 +323,7 @@ class Implementation(Program):
             "delay_margin_samples": min(row.delay for row in rows),
             "rounding_share": answer.rounding.share,
             "order": float(answer.K.nstates),
-            "fastest_pole": float(fastest),
+            "fastest_pole": float(pole_sizes(answer.K).max(initial=0.0)),
             "stable_controller": float((np.abs(answer.K.poles()) < 1.0).all()),
             "operations": float(answer.operations),
             "memory_bytes": float(answer.memory),
