@@ -462,6 +462,17 @@ def test_a_check_counts_as_the_same_within_a_hundredth_of_its_limit(opinion, val
     assert (not _certificates_apart(written(value), written(0.0))) is same
 
 
+@pytest.mark.parametrize(("pole", "same"), [(-7.74711156353, True), (-7.75, False)])
+def test_a_check_counts_as_the_same_within_a_part_of_its_distance_from_the_limit(pole, same):
+    """A pole that two processors compute differs by its condition, however far it is."""
+
+    def written(value):
+        check = Check("stability", "worst pole beyond the boundary", value, -2.3e-308)
+        return plain(Certificate((check,)).to_json())
+
+    assert (not _certificates_apart(written(-7.74711154887), written(pole))) is same
+
+
 # --- where folders are ------------------------------------------------------------------------
 
 

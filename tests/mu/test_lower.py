@@ -6,6 +6,7 @@ from lanes import thinned
 from scipy.linalg import block_diag
 from scipy.optimize import minimize
 
+from workbench.certify import singularity
 from workbench.errors import InputError
 from workbench.mu.lower.bound import LowerBound, MuLowerBound, lower_bound
 from workbench.program import methods
@@ -241,6 +242,24 @@ def test_certificates_of_random_structures(largest):
         M[::4] = M[::4].real
         value = certified(M, structure, "power")
         assert (value <= np.linalg.norm(M, 2, axis=(1, 2)) * (1 + 1e-12)).all()
+
+
+def test_a_bound_that_is_said_is_proven_from_another_rounding_of_the_proof(monkeypatch):
+    """The vector that the proof starts from rounds in another way on another processor."""
+    rng = np.random.default_rng(5)
+    structure = Structure([Complex(1), Complex(1), Full(2, 2)])
+    M = rng.standard_normal((20, 4, 4)) + 1j * rng.standard_normal((20, 4, 4))
+    program = MuLowerBound(M, structure)
+    found = solve(program, "power").answer
+    direction = singularity._direction
+
+    def rounded(M, Delta):
+        v, share = direction(M, Delta)
+        return v * (1 + 4e-16 * rng.standard_normal(v.shape)), share
+
+    monkeypatch.setattr(singularity, "_direction", rounded)
+    assert (np.asarray(found.value) > 0).all()
+    assert program.certify(found, 1e-6).valid
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])

@@ -39,6 +39,10 @@ SAME_NUMBER = 1e-9
 CHECKED = 1e-2
 """Part of a check's limit within which recomputed values of the check count as the stored one."""
 
+DECIDED = 1e-4
+"""The same as part of the distance between value and limit, such as that of a pole, which rounds as
+badly as it is conditioned."""
+
 
 @dataclass(frozen=True)
 class Verification:
@@ -196,9 +200,9 @@ def _certificates_apart(stored: dict[str, Any], fresh: dict[str, Any]) -> list[s
     """Places where two certificates as JSON differ.
 
     The value of a check is what rounding and a search for a proof leave over, and differs between
-    machines: it counts as the same within a hundredth of its limit. What a second opinion measured
-    is not compared, for it samples in plain doubles about poles and peaks that round differently;
-    that its checks hold, and what they say, is.
+    machines: it counts as the same within a hundredth of its limit, or 1e-4 of its distance from
+    it. What a second opinion measured is not compared, for it samples in plain doubles about poles
+    and peaks that round differently; that its checks hold, and what they say, is.
     """
     checks = stored.get("checks")
     if isinstance(checks, list) and len(checks) == len(fresh["checks"]):
@@ -215,9 +219,10 @@ def _free(was: dict[str, Any], now: dict[str, Any]) -> set[str]:
         return {"value", "limit", "over"}
     try:
         away = abs(float(was["value"]) - float(now["value"]))
+        slack = abs(float(now["value"]) - now["limit"])
     except (KeyError, TypeError, ValueError):  # what was edited is no number
         return set()
-    return {"value"} if away <= CHECKED * abs(now["limit"]) else set()
+    return {"value"} if away <= max(CHECKED * abs(now["limit"]), DECIDED * slack) else set()
 
 
 def _apart(stored: Any, fresh: Any, path: str = "", floor: float = 0.0) -> list[str]:

@@ -31,7 +31,7 @@ from workbench.certify.balls import (
     submatrix,
 )
 from workbench.certify.modal_form import PRECISIONS
-from workbench.certify.singularity import REPROOF_MARGIN, proven_bound, size_of, structured_part
+from workbench.certify.singularity import proven_bound, size_of, structured_part
 from workbench.certify.stable_system import StableSystem
 from workbench.structure import Structure
 
@@ -60,7 +60,7 @@ def proven_over_frequency(system: StableSystem, structure: Structure, Delta: Arr
                 larger = balls(Delta) * acb(1 + growth)
                 if _unstable(_closed(system, larger)):
                     size = arb(size_of(structure, Delta)) * arb(1 + growth)
-                    return max(below(arb(1 - REPROOF_MARGIN) / size), 0.0)
+                    return max(below(arb(1) / size), 0.0)
     return 0.0
 
 

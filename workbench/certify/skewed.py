@@ -17,7 +17,6 @@ from workbench.arrays import Array
 from workbench.certify.balls import balls, below, identity, submatrix
 from workbench.certify.modal_form import PRECISIONS
 from workbench.certify.singularity import (
-    REPROOF_MARGIN,
     proven_bound,
     singular_sizes,
     size_of,
@@ -57,4 +56,4 @@ def proven_skew(M: Array, structure: Structure, varies: NDArray[np.bool_], Delta
     sizes = singular_sizes(balls(M), structure, Delta)
     if sizes is None or (sizes[~varies] > 1).any() or not sizes[varies].max() > 0:
         return 0.0
-    return max(below(arb(1 - REPROOF_MARGIN) / arb(float(sizes[varies].max()))), 0.0)
+    return max(below(arb(1) / arb(float(sizes[varies].max()))), 0.0)

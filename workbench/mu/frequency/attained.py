@@ -9,6 +9,7 @@ import numpy as np
 from workbench.arrays import Array
 from workbench.certify.cover import FrequencyBounds
 from workbench.certify.perturbed_loop import proven_at, proven_over_frequency
+from workbench.certify.singularity import said
 from workbench.certify.stable_system import StableSystem
 from workbench.mu.lower.methods import proposals
 from workbench.structure import Real, Structure
@@ -69,7 +70,7 @@ def attained_peak(
     ranked = [k for k in np.argsort(-value)[:MOST_PROOFS] if value[k] > 0]
     for k in ranked:
         proven = proven_at(system, structure, Delta[k], float(omega[k]))
-        proven = min(proven, 1 / float(np.linalg.norm(Delta[k], 2)))
+        proven = min(said(proven), 1 / float(np.linalg.norm(Delta[k], 2)))
         if proven > 0:
             best = Attained(proven, float(omega[k]), Delta[k])
             break
@@ -98,7 +99,7 @@ def _destabilising(
         else:
             low = middle
     Delta = high * Delta
-    value = min(proven_over_frequency(system, structure, Delta), 1 / (high * norm))
+    value = min(said(proven_over_frequency(system, structure, Delta)), 1 / (high * norm))
     omega = _rightmost(system, Delta).imag
     # The response at a negative frequency is the conjugate of that at the positive one.
     there = Delta if omega >= 0 else Delta.conj()

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from workbench.accuracy import ANY_ACCURACY_ALIKE
-from workbench.certify.singularity import proven_bounds
+from workbench.certify.singularity import proven_bounds, said
 from workbench.executor import Context
 from workbench.mu.lower.ascent import search_batch
 from workbench.mu.lower.attain import block_table
@@ -188,7 +188,7 @@ class _Search:
         """Bounds (B,) that Deltas prove, none above what the size of its Delta says; 0 for none."""
         proven = proven_bounds(M, self.structure, Delta)
         size = np.linalg.norm(np.where(proven[:, None, None] > 0, Delta, 1.0), 2, axis=(1, 2))
-        return np.minimum(proven, 1 / size)
+        return np.minimum(said(proven), 1 / size)
 
     def claim(self) -> Claim:
         """The proven bounds, in the units of the given matrices."""

@@ -24,7 +24,7 @@ import numpy as np
 
 from workbench.certify.agreement import need_agreement
 from workbench.certify.balls import balls
-from workbench.certify.singularity import proven_bound
+from workbench.certify.singularity import proven_bound, said
 from workbench.errors import InputError
 from workbench.input_checks import as_matrices, need_count
 from workbench.mu.lower.bound import lower_bound
@@ -206,7 +206,8 @@ class _Search:
         for k in np.argsort(sizes):
             if not 1 / sizes[k] > self.lower:
                 return
-            value = min(proven_bound(self._exact, self._structure, Deltas[k]), float(1 / sizes[k]))
+            proven = proven_bound(self._exact, self._structure, Deltas[k])
+            value = min(said(proven), float(1 / sizes[k]))
             if value > self.lower:
                 self.lower, self.Delta = value, Deltas[k]
 

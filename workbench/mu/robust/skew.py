@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from workbench.arrays import Array, RealArray
 from workbench.certify.agreement import need_agreement
+from workbench.certify.singularity import said
 from workbench.certify.skewed import proven_skew
 from workbench.errors import InputError, SolverError, UnknownNameError
 from workbench.input_checks import as_matrices
@@ -187,7 +188,7 @@ class Skew:
                 promised = np.where(fixed <= 1, 1 / varying, 0.0)
             for k in np.flatnonzero(promised > lower[place]):
                 one = self.M[place[k]], self.structure, self.blocks, found[k]
-                value = min(proven_skew(*one), promised[k])
+                value = min(said(proven_skew(*one)), promised[k])
                 if value > lower[place[k]]:
                     lower[place[k]], Delta[place[k]] = value, found[k]
 
