@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from workbench.bench.project import registry, results_root
-from workbench.executor import Cluster, Progress, Watch, silent, unwatched
+from workbench.executor import Cluster, Progress, Watch
+from workbench.executor.live import shown_live
 from workbench.solvers import Options
 
 if TYPE_CHECKING:
@@ -66,8 +67,8 @@ def run(
     seed: int = 0,
     fresh: bool = False,
     executor: Executor | None = None,
-    progress: Progress = silent,
-    watch: Watch = unwatched,
+    progress: Progress | None = None,
+    watch: Watch | None = None,
     **parameters: Any,
 ) -> Run:
     """Run a named problem, or find its stored answer; an iteration goes on where it was stopped.
@@ -87,7 +88,8 @@ def run(
         starts of a search: anybody's `concurrent.futures.Executor`, as that of `connect`; None:
         threads. The answer is the same.
     progress, watch
-        Told how far the work is; told the rows of an iteration's rounds after each.
+        Told how far the work is; told the rows of an iteration's rounds after each. None: a
+        terminal or a notebook shows it.
     parameters
         Parameters of the problem.
 
@@ -101,8 +103,11 @@ def run(
     from workbench.bench.run import default_bench
 
     options = Options(tolerance, time_limit, verbose, seed)
-    bench = default_bench(options, progress, watch, fresh=fresh, executor=executor)
-    return bench.run(name, method, parameters)
+    with shown_live(name) as (bar, table):
+        bench = default_bench(
+            options, progress or bar, watch or table, fresh=fresh, executor=executor
+        )
+        return bench.run(name, method, parameters)
 
 
 def compare(
@@ -121,7 +126,7 @@ def compare(
     fresh: bool = False,
     slow: bool = False,
     verbose: bool = False,
-    progress: Progress = silent,
+    progress: Progress | None = None,
     **parameters: Any,
 ) -> Run:
     """Every problem that fits a pattern, by every method, at every accuracy level.
@@ -158,6 +163,8 @@ def compare(
         Compute anew even where cells are stored.
     verbose
         Let the solvers print into the logs of their cells.
+    progress
+        Told how many cells are done. None: a terminal or a notebook shows it.
 
     Returns
     -------
@@ -189,7 +196,8 @@ def compare(
         fresh=fresh,
         verbose=verbose,
     )
-    return run_comparison(pattern, asked, progress)
+    with shown_live(f"compare {pattern}") as (bar, _):
+        return run_comparison(pattern, asked, progress or bar)
 
 
 def sweep(
@@ -203,7 +211,7 @@ def sweep(
     jobs: int = 1,
     executor: Executor | None = None,
     fresh: bool = False,
-    progress: Progress = silent,
+    progress: Progress | None = None,
     **parameters: Any,
 ) -> Run:
     """Run a problem over a grid of its parameters.
@@ -227,7 +235,7 @@ def sweep(
         Where points run instead: anybody's `concurrent.futures.Executor`, such as that of
         `connect`.
     progress
-        Told how many points are done.
+        Told how many points are done. None: a terminal or a notebook shows it.
     parameters
         Further parameters of the problem.
 
@@ -247,7 +255,8 @@ def sweep(
 
     options = Options(tolerance, time_limit, seed=seed)
     grid = grid_of(name, over, method, options, parameters, fresh=fresh)
-    return run_sweep(grid, executor=executor, jobs=jobs, progress=progress)
+    with shown_live(f"sweep {name}") as (bar, _):
+        return run_sweep(grid, executor=executor, jobs=jobs, progress=progress or bar)
 
 
 def connect(address: str, *, workers: int | None = None, threads: int = 1) -> Cluster:

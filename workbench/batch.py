@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import workbench
 from workbench.bench.project import add_problems, added_problems
 from workbench.errors import ClusterError, WorkbenchError
-from workbench.terminal import shown_live
+from workbench.executor.live import shown_live
 
 if TYPE_CHECKING:
     from workbench.bench.results import Run

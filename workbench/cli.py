@@ -16,6 +16,7 @@ from workbench.batch import ended, workers
 from workbench.bench.declare import RESERVED_PARAMETERS
 from workbench.bench.project import add_problems, registry, results_root, use_results
 from workbench.errors import WorkbenchError
+from workbench.executor.live import shown_live
 from workbench.solvers import Options
 from workbench.terminal import (
     print_comparison,
@@ -25,7 +26,6 @@ from workbench.terminal import (
     print_runs,
     print_sweep,
     row,
-    shown_live,
     verdict,
 )
 
@@ -329,11 +329,8 @@ def sweep(
         grid = grid_of(name, over, method, wanted, _settings(settings), fresh=options["fresh"])
         print_plan(list(grid.axes), grid.planned(), as_json)
         return
-    with (
-        _cluster(scheduler, options["jobs"]) as executor,
-        shown_live(f"sweep {name}") as (progress, _),
-    ):
-        done = workbench.sweep(name, over, method, executor=executor, progress=progress, **asked)
+    with _cluster(scheduler, options["jobs"]) as executor:
+        done = workbench.sweep(name, over, method, executor=executor, **asked)
     print_sweep(done, as_json)
     sys.exit(0 if done.holds else 1)
 
@@ -448,9 +445,8 @@ def report(
             raise click.UsageError("--single-file takes the folder of one run; leave ROOT out")
         page = single_page(single, output)
     else:
-        many = workers(jobs or os.cpu_count() or 1)
-        with shown_live("report") as (progress, _), many as executor:
-            page = workbench.report(root, output, executor=executor, progress=progress)
+        with workers(jobs or os.cpu_count() or 1) as executor:
+            page = workbench.report(root, output, executor=executor)
         for folder, reason in damaged(root or results_root()).items():
             click.echo(f"workbench: left out: {folder}: {reason}", err=True)
     click.echo(page)

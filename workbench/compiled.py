@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import sys
 from collections.abc import Callable
+from contextlib import AbstractContextManager, ExitStack
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -35,9 +36,53 @@ def kernel(function: Callable[..., Any]) -> Any:
     return _kept(function, {"_nrt": False})
 
 
+Watcher = Callable[[str, int, int], AbstractContextManager[None]]
+"""Given the name of a function that is compiled, how many of its room are, and how many it has."""
+_watchers: list[Watcher] = []
+_functions: dict[str, int] = {}
+"""Number of compiled functions of each room."""
+
+
+def watched_by(watcher: Watcher) -> None:
+    """Have a context entered whenever a function of the project is compiled anew."""
+    _watchers.append(watcher)
+
+
+@cache
+def _listen() -> None:
+    """Have the watchers told of what Numba compiles; what it finds on disk, it does not compile."""
+    from numba.core import event
+
+    class Listener(event.Listener):
+        """Compilation is locked: one at a time, but a function compiles what it calls."""
+
+        def __init__(self) -> None:
+            self._entered: list[ExitStack] = []
+            self._compiled: dict[str, int] = {}
+
+        def on_start(self, event: Any) -> None:
+            function = event.data["dispatcher"].py_func
+            room = function.__module__.rpartition(".")[0]
+            self._entered.append(stack := ExitStack())
+            if room in _functions:
+                done = self._compiled[room] = self._compiled.get(room, 0) + 1
+                said = (f"{function.__module__}.{function.__name__}", done, _functions[room])
+                for watcher in _watchers:
+                    stack.enter_context(watcher(*said))
+
+        def on_end(self, event: Any) -> None:
+            self._entered.pop().close()
+
+    events: Any = event  # has no annotations
+    events.register("numba:compile", Listener())
+
+
 def _kept(function: Callable[..., Any], options: dict[str, bool]) -> Any:
     import numba
 
+    _listen()
+    room = function.__module__.rpartition(".")[0]
+    _functions[room] = _functions.get(room, 0) + 1
     njit: Any = numba.njit  # its annotations lack the options that have no documentation
     try:
         dispatcher = njit(cache=True, nogil=True, **options)(function)

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import math
 import re
+from collections.abc import Mapping
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -40,12 +43,52 @@ def axes(
     """A figure of the house style and its axes, row by row. ``size`` in inches."""
     import matplotlib as mpl
     from cycler import cycler
-    from matplotlib.figure import Figure
 
     with mpl.rc_context({**STYLE, "axes.prop_cycle": cycler(color=CYCLE)}):
-        figure = Figure(figsize=size)
+        figure: Figure = _shown_figure()(figsize=size)
         grid = figure.subplots(rows, columns, squeeze=False, **keywords)
     return figure, list(grid.flat)
+
+
+@cache
+def _shown_figure() -> Any:
+    """The class of figures that a notebook shows where they are the value of a cell."""
+    from matplotlib.figure import Figure
+
+    class ShownFigure(Figure):
+        def _repr_png_(self) -> bytes:
+            file = io.BytesIO()
+            self.savefig(file, format="png")
+            return file.getvalue()
+
+    return ShownFigure
+
+
+MOST_NAMES = 8
+"""Curves of a figure that are told apart by colours and names."""
+
+
+def bode(
+    frequency: np.ndarray, curves: Mapping[str, np.ndarray], unit: str, many: str = ""
+) -> Figure:
+    """Bode plot of responses (F,) by name over frequencies [Hz]; NaN is left out.
+
+    More than `MOST_NAMES` of them are all grey, under the name ``many``.
+    """
+    figure, (top, bottom) = axes(2, 1, size=(7.0, 6.0), sharex=True)
+    look: dict[str, Any] = {}
+    if len(curves) > MOST_NAMES:
+        look = {"color": "0.6", "linewidth": 0.7}
+    for k, (name, response) in enumerate(curves.items()):
+        shown = np.isfinite(response)
+        words = name if not look else many if k == 0 else None
+        top.plot(frequency[shown], np.abs(response[shown]), label=words, **look)
+        bottom.plot(frequency[shown], phase(response[shown]), **look)
+    label(top, y=f"magnitude [{unit}]", log="y")
+    wide = frequency[-1] > 20 * frequency[0]
+    label(bottom, "frequency [Hz]", "phase [deg]", log="x" if wide else "")
+    legend_below(figure, top)
+    return figure
 
 
 def numbers_in(name: str) -> list[str]:

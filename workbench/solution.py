@@ -9,8 +9,10 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from workbench.certificate import Certificate
-from workbench.errors import InputError, TimeLimitError
+from workbench.errors import InputError, TimeLimitError, UnknownNameError
 from workbench.executor import Context
+from workbench.executor.live import shown_live
+from workbench.heavy_types import Figure
 from workbench.program import Task
 from workbench.solvers import Options, Outcome
 
@@ -37,6 +39,8 @@ class Solution:
     """What else there is to say, such as that the tolerance asked for makes no difference."""
     proof: Task | None = None
     """The task that answer and certificate belong to, where they prove a claim of no answer."""
+    task: Task | None = field(default=None, repr=False)
+    """The task that was asked."""
 
     def __repr__(self) -> str:
         lines = [f"Solution: {self.outcome}"]
@@ -49,8 +53,49 @@ class Solution:
             said = (
                 "; ".join(failed) if failed else f"all {len(self.certificate.checks)} checks hold"
             )
-            lines.append(f"  certificate: {_cut(said)}")
+            lines.append(f"  certificate: {_cut(said)}{self._headline}")
         return "\n".join(lines)
+
+    @property
+    def _headline(self) -> str:
+        """The number that matters, where there is one and the answer is valid."""
+        task, certificate = self._answered, self.certificate
+        if task is None or not task.headline or certificate is None or not certificate.valid:
+            return ""
+        return f"; {task.headline.replace('_', ' ')} {task.metrics(self.answer)[task.headline]:.6g}"
+
+    @property
+    def _answered(self) -> Task | None:
+        """The task that the answer belongs to."""
+        return self.proof or self.task
+
+    @property
+    def metrics(self) -> dict[str, float]:
+        """The numbers people quote; none without an answer that could be checked."""
+        task = self._answered
+        return {} if task is None or self.certificate is None else task.metrics(self.answer)
+
+    @property
+    def figures(self) -> dict[str, Figure]:
+        """Figures by name; the first is the one that people look at."""
+        task = self._answered
+        return {} if task is None or self.certificate is None else task.figures(self.answer)
+
+    def plot(self, name: str | None = None) -> Figure:
+        """A figure of the answer, None: the one that people look at. A notebook shows it.
+
+        Raises
+        ------
+        InputError, UnknownNameError
+            There is no figure; there is none of this name.
+        """
+        drawn = self.figures
+        if not drawn:
+            raise InputError(f"there is no figure of this answer: {_cut(self.message) or 'it has none'}")
+        name = name or next(iter(drawn))
+        if name not in drawn:
+            raise UnknownNameError("figure", name, drawn)
+        return drawn[name]
 
     @property
     def lti(self) -> Any:
@@ -106,6 +151,7 @@ def solve(
 ) -> Solution:
     """Answer a Program by a method (or compute a Study) and certify the answer.
 
+    Without a context, a terminal or a notebook shows how far the work is.
     Foreign exceptions do not leak: a method that raises one has failed, with its words as message.
 
     Raises
@@ -113,7 +159,10 @@ def solve(
     UnknownNameError, InputError
         As `find_method`; or a method was named for a Study, which has none.
     """
-    context = context or Context(options or Options())
+    if context is None:
+        with shown_live(type(task).__name__) as (progress, watch):
+            shown = Context(options or Options(), progress, watch)
+            return solve(task, method, context=shown)
     return judge(task, method, ask(task, method, context), context)
 
 
@@ -144,7 +193,7 @@ def ask(task: Task, method: str | None, context: Context) -> Solution:
         claim, message = Outcome.TIME_LIMIT, context.stopped
     stated = context.statement_seconds
     seconds = {"statement": stated, "solve": total - stated}
-    return Solution(answer, claim, message, None, seconds, trace, note)
+    return Solution(answer, claim, message, None, seconds, trace, note, task=task)
 
 
 def judge(task: Task, method: str | None, said: Solution, context: Context) -> Solution:

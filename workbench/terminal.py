@@ -1,11 +1,9 @@
-"""Output of the command line: tables, verdicts, JSON, progress bars."""
+"""Output of the command line: tables, verdicts, JSON."""
 
 from __future__ import annotations
 
 import json
-import sys
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -13,15 +11,8 @@ import click
 from workbench.solvers import Outcome
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from workbench.bench.results import Run
-    from workbench.executor import Progress, Row, Watch
     from workbench.heavy_types import Dataset
-
-
-SHOWN_ROUNDS = 15
-"""Number of the last rounds of an iteration in its live table."""
 
 
 def print_json(value: Any) -> None:
@@ -189,47 +180,3 @@ def print_table(
             for i, (cell, width) in enumerate(zip(line, widths, strict=True))
         )
         click.echo("  ".join(cells).rstrip())
-
-
-@contextmanager
-def shown_live(title: str) -> Iterator[tuple[Progress, Watch]]:
-    """A progress bar, and a table of an iteration's last rounds, where somebody watches."""
-    from workbench.executor import silent, unwatched
-
-    if not sys.stderr.isatty():
-        yield silent, unwatched
-        return
-    from rich.console import Console, Group
-    from rich.live import Live
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-
-    bars = Progress(
-        TextColumn(title),
-        BarColumn(),
-        TextColumn("{task.description} {task.completed:.0f}/{task.total:.0f}"),
-        TimeRemainingColumn(),
-    )
-    task = bars.add_task("working", total=1)
-    with Live(bars, console=Console(stderr=True), transient=True) as live:
-
-        def show(description: str, done: int, total: int) -> None:
-            bars.update(task, description=description, completed=done, total=total or 1)
-
-        def watch(rows: Sequence[Row]) -> None:
-            live.update(Group(_rounds(rows), bars))
-
-        yield show, watch
-
-
-def _rounds(rows: Sequence[Row]) -> Table:
-    """The last rounds, a line each."""
-    from rich.table import Table
-
-    from workbench.executor import shown
-
-    table = Table(*rows[-1], box=None)
-    for column in table.columns:
-        column.justify = "right"
-    for row in rows[-SHOWN_ROUNDS:]:
-        table.add_row(*map(shown, row.values()))
-    return table

@@ -32,6 +32,7 @@ from workbench.bench.store import CHECKSUMS
 from workbench.bench.trust.untrusted import own_file, possible_path
 from workbench.errors import ResultError
 from workbench.executor import InProcess, Progress, silent
+from workbench.executor.live import shown_live
 
 __all__ = ["failed_runs", "report", "single_page"]
 
@@ -42,7 +43,7 @@ def report(
     pattern: str = "*",
     *,
     executor: Executor | None = None,
-    progress: Progress = silent,
+    progress: Progress | None = None,
 ) -> Path:
     """Write the runs below a results folder, failures among them, as a folder of pages.
 
@@ -61,7 +62,7 @@ def report(
     executor
         Where the figures are drawn, a run to a task (default: in this process).
     progress
-        Told how many runs are drawn.
+        Told how many runs are drawn. None: a terminal or a notebook shows it.
 
     Returns
     -------
@@ -85,8 +86,9 @@ def report(
     if chosen and not shown and not left_out and not entries(root):
         raise ResultError(f"{root} has no results below it; a results folder is needed")
     place = ReportFolder(output)
-    with FileLock(output / "report" / ".lock"):  # one report at a time in a folder
-        kept = _drawn(place, shown, executor or InProcess(), progress)
+    locked = FileLock(output / "report" / ".lock")  # one report at a time in a folder
+    with locked, shown_live("report") as (bar, _):
+        kept = _drawn(place, shown, executor or InProcess(), progress or bar)
         where = places(shown)
         for entry in shown:
             write_whole(place.page(entry.stem), [_page(place, entry, kept[entry.stem], where)])

@@ -19,8 +19,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import stats
 
+from workbench import figures
 from workbench.errors import InputError
-from workbench.heavy_types import Dataset
+from workbench.heavy_types import Dataset, Figure
 from workbench.identification.experiments.quality import IdentificationWarning
 from workbench.identification.responses.assumptions import Assumptions, assess
 
@@ -57,6 +58,24 @@ class ResponseEstimate:
             f"  |response| from {size.min():.4g} to {size.max():.4g}, standard deviation "
             f"{100 * share:.2g} % of it in the median, {self.degrees:g} degrees of freedom"
         )
+
+    def plot(self, confidence: float = 0.95) -> Figure:
+        """Bode plot of all entries, each with the band in which its magnitude lies."""
+        _, outputs, inputs = self.response.shape
+        named = {
+            f"input {i + 1} to output {o + 1}": (o, i)
+            for o in range(outputs)
+            for i in range(inputs)
+        }
+        curves = {name: self.response[:, o, i] for name, (o, i) in named.items()}
+        figure = figures.bode(self.frequency, curves, "1", f"{len(curves)} entries")
+        top, radius = figure.axes[0], self.radius(confidence)
+        for name, (o, i) in named.items():
+            size, reach = np.abs(curves[name]), radius[:, o, i]
+            low = np.maximum(size - reach, size / 100)  # a band down to 0 has no end to be seen
+            top.fill_between(self.frequency, low, size + reach, alpha=0.25, linewidth=0)
+        top.set_title(f"with {100 * confidence:g} % bands")
+        return figure
 
     @property
     def omega(self) -> np.ndarray:

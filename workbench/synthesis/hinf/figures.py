@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+
 import numpy as np
 
 from workbench import figures
@@ -34,6 +36,24 @@ def controller(K: StateSpace, closed: StateSpace) -> Figure:
     figures.label(panel, y="singular values of $K$")
     figures.legend_below(figure, panel)
     return figure
+
+
+class DrawnController(ABC):
+    """An answer that is a controller and can be drawn."""
+
+    @property
+    @abstractmethod
+    def lti(self) -> StateSpace:
+        """The controller."""
+
+    def plot(self) -> Figure:
+        """Bode plot of the controller, or its singular values where it has several channels."""
+        K = self.lti
+        if not K.issiso():
+            return controller(K, K)
+        omega = grid(K)
+        values = response(K, omega)[:, 0, 0]
+        return figures.bode(omega / (2 * np.pi), {"controller": values}, "1")
 
 
 def grid(closed: StateSpace) -> np.ndarray:

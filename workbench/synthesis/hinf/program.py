@@ -34,7 +34,7 @@ CLAIM_TOLERANCE = 2.0 * NORM_TOLERANCE
 
 
 @dataclass(frozen=True, eq=False)
-class HinfController:
+class HinfController(drawn.DrawnController):
     """A controller u = K y with positive feedback, and the norm of its loop.
 
     ``gamma`` is the level for which K was made; ``norm`` is at most gamma. ``least`` is a level

@@ -11,6 +11,7 @@ import numpy as np
 from workbench.certify.sampled_sets import SetPeak
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
+from workbench.synthesis.hinf.figures import DrawnController
 from workbench.synthesis.implementation.c_fixed_point import fixed_header
 from workbench.synthesis.implementation.export import replace_file
 from workbench.synthesis.implementation.export_c import Limits, header
@@ -38,7 +39,7 @@ class FixedFormat:
 
 
 @dataclass(frozen=True, eq=False)
-class ImplementedController:
+class ImplementedController(DrawnController):
     """A sampled controller with the coefficients that a computer has, and what its loop holds.
 
     ``K`` acts as the given controller does, u = sign K y; ``found`` says how it was discretised.

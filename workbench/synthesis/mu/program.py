@@ -19,7 +19,7 @@ from workbench.mu.frequency.stored_peak import peak_checks, restored_peak, store
 from workbench.program import Claim, Program
 from workbench.second_opinion import loops
 from workbench.structure import Structure
-from workbench.synthesis.hinf.figures import controller
+from workbench.synthesis.hinf.figures import DrawnController, controller
 from workbench.synthesis.mu.families import Family
 from workbench.synthesis.mu.figures import bounds_figure, rounds_figure
 from workbench.synthesis.mu.rounds import Iterate, packed, unpacked
@@ -41,7 +41,7 @@ BOUND_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class MuController:
+class MuController(DrawnController):
     """A controller u = K y with positive feedback, and certified bounds of the peak of mixed mu.
 
     The supremum of mixed mu over frequency lies in [``lower``, ``upper``]; ``omega`` [rad/s] is the

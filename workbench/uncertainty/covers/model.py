@@ -15,16 +15,18 @@ from typing import Any, get_args
 
 import numpy as np
 
+from workbench import figures
 from workbench.arrays import RealArray
 from workbench.errors import InputError
 from workbench.fitting.rational import Rational, from_system
 from workbench.geometry import Stadium
 from workbench.geometry.cover import CONTAINMENT_TOLERANCE
-from workbench.heavy_types import StateSpace
+from workbench.heavy_types import Figure, StateSpace
 from workbench.structure import Complex as ComplexScalar
 from workbench.structure import Real as RealScalar
 from workbench.structure import Structure
 from workbench.systems.connection import generalised_plant
+from workbench.systems.frequency_grid import frequencies_of
 from workbench.systems.joints import UncertainPart
 from workbench.uncertainty.covers.sets import Form
 from workbench.uncertainty.responses.plants import Responses
@@ -128,6 +130,32 @@ class UncertaintyModel(UncertainPart):
         radius = np.abs(size * self.W_c.response(omega))
         segment = np.zeros_like(nominal) if self.W_r is None else size * self.W_r.response(omega)
         return Stadium(nominal, radius, np.abs(segment), np.mod(np.angle(segment), np.pi))
+
+    def plot(self) -> Figure:
+        """The nominal's magnitude with that of all plants of the model, and the weights."""
+        figure, (top, bottom) = figures.axes(2, 1, size=(7.0, 6.0), sharex=True)
+        omega = frequencies_of(self.nominal.state_space())
+        frequency, sets = omega / (2 * np.pi), self.shapes(omega)
+        reach = sets.radius + sets.half_length
+        size = np.abs(sets.center)
+        top.fill_between(
+            frequency,
+            np.maximum(size - reach, size / 100),
+            size + reach,
+            alpha=0.25,
+            linewidth=0,
+            label="plants of the model at most",
+        )
+        top.plot(frequency, size, label="nominal")
+        radius, length = self.sizes(omega)
+        bottom.plot(frequency, radius, color=figures.ORANGE, label="$|W_c|$")
+        if self.W_r is not None:
+            bottom.plot(frequency, length, color=figures.GREEN, label="$|W_r|$")
+        figures.label(top, y="magnitude", log="y")
+        figures.label(bottom, "frequency [Hz]", f"weights, {self.form}", log="xy")
+        for panel in (top, bottom):
+            panel.legend(frameon=False, loc="upper left", bbox_to_anchor=(1.01, 1.0))
+        return figure
 
 
 @dataclass(frozen=True)

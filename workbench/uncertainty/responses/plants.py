@@ -10,10 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from workbench import figures
 from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.fitting.rational import Rational, from_system
-from workbench.heavy_types import DataArray, FrequencyResponseData
+from workbench.heavy_types import DataArray, Figure, FrequencyResponseData
 from workbench.identification.responses.periodic import ResponseEstimate
 from workbench.systems.frequency_grid import starting_grid
 from workbench.uncertainty.responses import measured
@@ -242,6 +243,12 @@ class Responses:
             f"{self.frequency[-1]:.4g} Hz, {noise}",
         ]
         return "\n".join(lines + [f"  {self.read}"] * bool(self.read))
+
+    def plot(self) -> Figure:
+        """Bode plot of the responses of all plants."""
+        values = np.where(self.present, self.values, np.nan)
+        curves = dict(zip(self.plants, values.T, strict=True))
+        return figures.bode(self.frequency, curves, self.unit, f"{len(curves)} plants")
 
     def _checked(self, known: tuple[Any, ...]) -> tuple[Rational | None, ...]:
         """The known plants as functions; raises `InputError` for those that cannot be."""

@@ -1,0 +1,186 @@
+"""How far the work is, shown where somebody watches: at a terminal, or in a notebook.
+
+Nothing is shown of work that ends within `PATIENCE`, and what is shown goes away when it ends.
+"""
+
+from __future__ import annotations
+
+import io
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+from workbench.compiled import watched_by
+from workbench.executor.progress import Progress, Row, Watch, shown, silent, unwatched
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+    from rich.table import Table
+
+SHOWN_ROUNDS = 15
+"""Number of the last rounds of an iteration in its live table."""
+PATIENCE = 0.4
+"""Seconds before anything is shown."""
+INTERVAL = 0.2
+"""Seconds between two pictures of the work."""
+WIDTH = 100
+"""Columns of the text in a notebook."""
+
+Said = tuple[str, int, int]
+"""What is being done, how much of it is done, and of how much."""
+Draw = Callable[["RenderableType | None"], None]
+"""Shows the state of the work in place of the one before; None: takes it away."""
+
+
+class _Display:
+    """The state of a piece of work, drawn by a thread of its own while the work goes on."""
+
+    def __init__(self, title: str, draw: Draw, patience: float) -> None:
+        self._title, self._draw = title, draw
+        self._said: Said | None = None
+        self._rows: Sequence[Row] = ()
+        self.compiling: Said | None = None
+        self._started = time.monotonic()
+        self._ended = threading.Event()
+        self._drawn = False
+        self._thread = threading.Thread(target=self._keep_drawing, args=[patience], daemon=True)
+        self._thread.start()
+
+    def show(self, description: str, done: int, total: int) -> None:
+        self._said = (description, done, total)
+
+    def watch(self, rows: Sequence[Row]) -> None:
+        self._rows = rows
+
+    def end(self) -> None:
+        self._ended.set()
+        self._thread.join()
+        if self._drawn:
+            self._draw(None)
+
+    def _keep_drawing(self, wait: float) -> None:
+        while not self._ended.wait(wait):
+            wait, self._drawn = INTERVAL, True
+            self._draw(self._picture())
+
+    def _picture(self) -> RenderableType:
+        from rich.console import Group
+        from rich.progress_bar import ProgressBar
+        from rich.table import Table
+
+        bars = Table.grid(padding=(0, 1))
+        titled = ((self._title, self._said), ("compiling, once", self.compiling))
+        for title, said in titled:
+            if said is not None:
+                description, done, total = said
+                bar = ProgressBar(total=total or 1, completed=done, width=30)
+                bars.add_row(title, bar, f"{description} {done:.0f}/{total:.0f}")
+        if self._said is None and self.compiling is None:
+            bars.add_row(self._title, f"{time.monotonic() - self._started:.0f} s")
+        return Group(_rounds(self._rows), bars) if self._rows else bars
+
+
+_displays: list[_Display] = []
+
+
+@contextmanager
+def shown_live(title: str) -> Iterator[tuple[Progress, Watch]]:
+    """A progress bar, and a table of an iteration's last rounds, where somebody watches.
+
+    Work within work is not shown apart: the outermost display is the one that people watch.
+    """
+    with _display(title, PATIENCE) as display:
+        yield (silent, unwatched) if display is None else (display.show, display.watch)
+
+
+@contextmanager
+def _display(title: str, patience: float) -> Iterator[_Display | None]:
+    draw = None if _displays else _outlet()
+    if draw is None:
+        yield None
+        return
+    display = _Display(title, draw, patience)
+    _displays.append(display)
+    try:
+        yield display
+    finally:
+        _displays.remove(display)
+        display.end()
+
+
+@contextmanager
+def _while_compiling(name: str, done: int, total: int) -> Iterator[None]:
+    """Say what is compiled, beside the work that waits for it or alone."""
+    with _display("compiling", 0.0):
+        display = _displays[0] if _displays else None
+        if display is None:
+            yield
+            return
+        before, display.compiling = display.compiling, (name, done, total)
+        try:
+            yield
+        finally:
+            display.compiling = before
+
+
+watched_by(_while_compiling)
+
+
+def _outlet() -> Draw | None:
+    """What draws for whoever watches; None where nobody does."""
+    python = sys.modules.get("IPython")
+    shell = python.get_ipython() if python is not None else None
+    if hasattr(shell, "kernel"):
+        return _notebook()
+    return _terminal() if sys.stderr.isatty() else None
+
+
+def _terminal() -> Draw:
+    from rich.console import Console
+    from rich.live import Live
+
+    live = Live(console=Console(stderr=True), auto_refresh=False, transient=True)
+
+    def draw(picture: RenderableType | None) -> None:
+        if picture is None:
+            live.stop()
+            return
+        live.start()  # does nothing where it has started
+        live.update(picture, refresh=True)
+
+    return draw
+
+
+def _notebook() -> Draw:
+    import IPython.display
+    from rich.console import Console
+
+    display: Any = IPython.display.display  # has no annotations
+    handles: list[Any] = []
+
+    def draw(picture: RenderableType | None) -> None:
+        page = Console(file=io.StringIO(), width=WIDTH, color_system=None, force_jupyter=False)
+        if picture is not None:
+            page.print(picture)
+        content = {"text/plain": page.file.getvalue().rstrip()}  # type: ignore[attr-defined]
+        if handles:
+            handles[0].update(content, raw=True)
+        else:
+            handles.append(display(content, raw=True, display_id=True))
+
+    return draw
+
+
+def _rounds(rows: Sequence[Row]) -> Table:
+    """The last rounds, a line each."""
+    from rich.table import Table
+
+    table = Table(*rows[-1], box=None)
+    for column in table.columns:
+        column.justify = "right"
+    for row in rows[-SHOWN_ROUNDS:]:
+        table.add_row(*map(shown, row.values()))
+    return table
