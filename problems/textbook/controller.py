@@ -35,6 +35,7 @@ def earlier(plant: str, after: After = "", **_: Any) -> dict[str, Any]:
     "{plant}/controller",
     plant=("mass-spring", "distillation", "unstable-first-order"),
     needs=earlier,
+    method="dgk",
 )
 def controller(
     plant: Literal["mass-spring", "distillation", "unstable-first-order"],

@@ -5,6 +5,8 @@ import json
 import pytest
 
 import workbench as wb
+from workbench.bench.describe import describe
+from workbench.bench.project import registry
 from workbench.bench.store import damage
 from workbench.errors import (
     InputError,
@@ -33,6 +35,19 @@ def test_a_run_is_certified_and_stored(project):
     assert run.data["x"].values.tolist() == [2.0, 4.0, 8.0**0.5]
     assert run.metrics == {"largest": 4.0, "count": 3}
     assert damage(run.path) == []
+
+
+def test_a_problem_may_have_a_default_method_of_its_own(project):
+    text = project.toy.read_text()
+    edited = text.replace('"toy/root", data=', '"toy/root", method="rough", data=')
+    project.toy.write_text(edited)
+    run = wb.run("toy/root")
+    assert run.method == "rough" and run.holds
+    assert wb.run("toy/root", "exact").method == "exact"
+    assert describe(registry().find("toy/root")).methods["rough"].endswith("(default)")
+    project.toy.write_text(edited.replace('method="rough"', 'method="ruff"'))
+    with pytest.raises(UnknownNameError, match="no method of Root is called 'ruff'"):
+        wb.run("toy/root")
 
 
 @pytest.mark.parametrize(

@@ -49,6 +49,7 @@ Needs = Mapping[str, Ref | list[Ref]]
 class Settings:
     needs: Needs | Callable[..., Needs]
     data: tuple[str, ...]
+    method: str | None
 
 
 def problem(
@@ -57,6 +58,7 @@ def problem(
     needs: Needs | Callable[..., Needs] | None = None,
     data: str | tuple[str, ...] = (),
     slow: bool = False,
+    method: str | None = None,
     **axes: tuple[str, ...] | str | Callable[[], Iterable[str]],
 ) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Register a function as a named problem.
@@ -74,6 +76,8 @@ def problem(
         ``"sdplib/{instance}.dat-s"``.
     slow
         Left out of ``make reproduce``.
+    method
+        The method that answers where none is asked for; None: the default one of its Program.
     axes
         The values that each axis of the name may take; they are passed as parameters. A pattern
         of files with one star, such as ``"sdplib/*.dat-s"``, gives what the star stands for. A
@@ -83,7 +87,7 @@ def problem(
 
     def register(function: Callable[..., Any]) -> Callable[..., Any]:
         files = (data,) if isinstance(data, str) else data
-        setattr(function, PLACEMENT, Settings(needs or {}, files))
+        setattr(function, PLACEMENT, Settings(needs or {}, files, method))
         return function
 
     return register

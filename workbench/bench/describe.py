@@ -50,7 +50,8 @@ def describe(problem: Problem) -> Description:
     if inspect.isclass(kind) and issubclass(kind, Program):
         for name, entry in methods(kind).items():
             claim = " [claims the optimum]" if entry.optimal else ""
-            default = " (default)" if name == kind.default_method else ""
+            own = problem.settings.method or kind.default_method
+            default = " (default)" if name == own else ""
             words = f" [{entry.accuracy.words}]" if entry.accuracy.words else ""
             listed[name] = f"{entry.help}{claim}{words}{default}"
     return Description(

@@ -194,7 +194,8 @@ class Bound:
     def question(self, method: str | None, options: Options) -> Question:
         """The question with the default method filled in."""
         if isinstance(self.task, Program):
-            method = find_method(self.task, method).name
+            own = self.problem.settings.method if self.problem is not None else None
+            method = find_method(self.task, method or own).name
         elif method is not None:
             raise InputError(f"{self.own_question.problem} is a study: it has no method {method!r}")
         tolerance = self.task.judging_tolerance(method, options.accuracy)
