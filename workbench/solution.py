@@ -91,7 +91,8 @@ class Solution:
         """
         drawn = self.figures
         if not drawn:
-            raise InputError(f"there is no figure of this answer: {_cut(self.message) or 'it has none'}")
+            reason = _cut(self.message) or "it has none"
+            raise InputError(f"there is no figure of this answer: {reason}")
         name = name or next(iter(drawn))
         if name not in drawn:
             raise UnknownNameError("figure", name, drawn)
