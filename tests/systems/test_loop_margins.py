@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from workbench.errors import InputError
 from workbench.systems import bands, bandwidths, crossings, margins, modulus_margin, search_grid
+from workbench.systems.margins import highest_crossover
 
 HZ = 2 * np.pi
 
@@ -89,3 +90,43 @@ def test_an_empty_range_is_named():
     slow = control.ss([[0.5]], [[1.0]], [[1.0]], [[0.0]], 10.0)
     with pytest.raises(InputError, match="range is empty"):
         search_grid(slow)
+
+
+# --- the highest crossover of a loop with any number of channels ------------------------------
+
+
+def gain(value, dt=0):
+    return control.ss([], [], [], np.atleast_2d(value), dt)
+
+
+@given(factor=st.floats(1.5, 1e6), corner=st.floats(0.01, 1000.0))
+def test_the_highest_crossover_of_a_triple_lag(factor, corner):
+    at = np.sqrt(factor ** (2 / 3) - 1)
+    unit = gain(1.0)
+    assert highest_crossover(triple_lag(factor, corner), unit) == pytest.approx(
+        at * corner, rel=1e-8
+    )
+    assert highest_crossover(unit, triple_lag(factor, corner)) == pytest.approx(
+        at * corner, rel=1e-8
+    )
+
+
+def test_the_highest_crossover_is_that_of_the_fastest_channel():
+    slow, fast = triple_lag(2.0, 1.0), triple_lag(2.0, 50.0)
+    found = highest_crossover(control.append(slow, fast), gain(np.eye(2)))
+    assert found == pytest.approx(highest_crossover(fast, gain(1.0)), rel=1e-9)
+
+
+def test_a_loop_without_a_crossover():
+    unit = gain(1.0)
+    assert highest_crossover(triple_lag(0.5), unit) == 0.0
+    assert highest_crossover(gain(2.0), unit) == np.inf
+    assert highest_crossover(gain(0.5), unit) == 0.0
+
+
+def test_a_sampled_integrator_crosses_where_it_does():
+    for dt in (True, 1e-3):
+        period = 1.0 if dt is True else dt
+        loop = control.ss([[1.0]], [[0.3]], [[1.0]], [[0.0]], dt)  # 0.3 / (z - 1)
+        exact = 2 * np.arcsin(0.15) / period / HZ
+        assert highest_crossover(loop, gain(1.0, dt)) == pytest.approx(exact)

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
+from workbench.systems.frequency_grid import starting_grid
 from workbench.systems.generalised_plant import response
 
 LOWEST, HIGHEST = 1.0, 1e5
@@ -76,6 +77,39 @@ def bands(curve: Curve, frequency: RealArray) -> list[tuple[float, float]]:
         for low, high, positive in zip(edges[:-1], edges[1:], inside, strict=True)
         if positive
     ]
+
+
+def highest_crossover(plant: StateSpace, K: StateSpace) -> float:
+    """Highest frequency [Hz] at which the largest singular value of the loop gain G K is 1.
+
+    0 where it is less at all frequencies, infinite where it stays larger. It is searched between
+    the frequencies of `starting_grid`, and beyond them as far as the loop gain is larger than 1.
+    """
+    loop = plant * K
+    poles, end = np.concatenate([plant.poles(), K.poles()]).astype(complex), math.inf
+    if loop.dt:
+        period = 1.0 if loop.dt is True else loop.dt
+        poles = np.log(poles[np.abs(poles) > 0]) / period
+        end = np.pi * NYQUIST_SHARE / period
+    elif np.linalg.norm(loop.D, 2) >= 1:
+        return math.inf
+    moving = poles[np.abs(poles) > 0]
+    omega = starting_grid(moving)
+    omega = omega[(omega > 0) & (omega < end)]
+
+    def excess(at: RealArray) -> RealArray:
+        omega = 2 * np.pi * at
+        values = np.linalg.svd(response(plant, omega) @ response(K, omega), compute_uv=False)
+        return np.log(np.maximum(values.max(axis=1, initial=0.0), 1e-300))
+
+    frequency = (omega if omega.size else np.array([min(1.0, end / 2)])) / (2 * np.pi)
+    while excess(frequency[-1:])[0] > 0:
+        if frequency[-1] * 2 * np.pi >= end:
+            return math.inf
+        frequency = np.append(frequency, min(2 * frequency[-1], end / (2 * np.pi)))
+    if len(moving) < len(poles) and excess(frequency).max() < 0:  # an integrator crosses below
+        frequency = np.concatenate([np.geomspace(1e-12, 0.5, 100) * frequency[0], frequency])
+    return float(crossings(excess, frequency).max(initial=0.0))
 
 
 @dataclass(frozen=True)

@@ -24,8 +24,9 @@ from workbench.synthesis.hinf.assumptions import checked
 from workbench.synthesis.hinf.normalised import Scaled
 from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import GeneralisedPlant
+from workbench.systems.margins import highest_crossover
 from workbench.systems.minimal import visible
-from workbench.systems.realisation import in_words
+from workbench.systems.realisation import in_words, pole_sizes
 from workbench.systems.standard_plant import standard_plant
 from workbench.systems.storage import restored, stored
 
@@ -169,7 +170,9 @@ class HinfSynthesis(Program):
             "norm": answer.norm,
             "gamma": answer.gamma,
             "order": float(answer.K.nstates),
-            "fastest_pole": float(np.abs(answer.K.poles()).max(initial=0.0)),
+            "crossover_hz": highest_crossover(self.plant.controlled(), answer.K),
+            "fastest_pole": float(pole_sizes(answer.K).max(initial=0.0)),
+            "stable_controller": float(stability_of(answer.K).holds),
         }
 
     # --- datasets and figures -----------------------------------------------------------------

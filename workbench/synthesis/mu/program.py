@@ -28,6 +28,7 @@ from workbench.synthesis.mu.shippable import Shippable, interlacing_violation
 from workbench.systems.balancing import balanced
 from workbench.systems.conversion import as_system, need_plant
 from workbench.systems.generalised_plant import GeneralisedPlant
+from workbench.systems.margins import highest_crossover
 from workbench.systems.minimal import visible
 from workbench.systems.realisation import in_words, realisation
 from workbench.systems.storage import restored, stored
@@ -267,6 +268,7 @@ class MuSynthesis(Program):
             "peak_lower": answer.lower,
             "order": float(answer.K.nstates),
             "iterations": float(len(answer.history)),
+            "crossover_hz": highest_crossover(self.plant.controlled(), answer.K),
             "fastest_pole": float(np.abs(answer.K.poles()).max(initial=0.0)),
             "stable_controller": float(stability_of(answer.K).holds),
         }
