@@ -68,7 +68,7 @@ MOST_NAMES = 8
 """Curves of a figure that are told apart by colours and names."""
 
 
-def bode(
+def bode_plot(
     frequency: np.ndarray, curves: Mapping[str, np.ndarray], unit: str, many: str = ""
 ) -> Figure:
     """Bode plot of responses (F,) by name over frequencies [Hz]; NaN is left out.

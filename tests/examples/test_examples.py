@@ -1,5 +1,6 @@
 """The examples, as a user runs them: in an empty folder, by the commands of their READMEs."""
 
+import ast
 import re
 import shutil
 import subprocess
@@ -52,6 +53,25 @@ def test_a_study_of_records_runs_to_the_code(name, tmp_path):
     assert list((tmp_path / plant / "results" / plant / "board").glob("*/controller.h"))
     peak = float(re.search(rf"{plant}/controller .*?peak ([\d.]+)", said).group(1))
     assert peak < 1.1  # derived from the records alone, and near what can be had
+
+
+def test_the_way_from_records_to_code_takes_fifteen_lines():
+    tree = ast.parse((EXAMPLES / "two_mass_servo" / "script.py").read_text(encoding="utf-8"))
+    assert ast.get_docstring(tree)
+    code = tree.body[1:]
+    assert all(one.lineno == one.end_lineno for one in code)
+    assert len(code) == 15
+
+
+@pytest.mark.slow
+def test_the_script_reaches_a_small_controller_that_is_proven(tmp_path):
+    """Mu below 1 with four states, stable itself; and below 1 for the sampled set of plants."""
+    run(sys.executable, str(EXAMPLES / "two_mass_servo" / "make_records.py"), cwd=tmp_path)
+    said = run(sys.executable, str(EXAMPLES / "two_mass_servo" / "script.py"), cwd=tmp_path)
+    peaks = [float(peak) for peak in re.findall(r"checks hold; peak ([\d.]+)", said)]
+    assert len(peaks) == 2 and max(peaks) < 1, said
+    assert "order 4, stable itself" in said
+    assert (tmp_path / "controller.h").is_file()
 
 
 @pytest.mark.slow

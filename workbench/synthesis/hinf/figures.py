@@ -53,7 +53,7 @@ class DrawnController(ABC):
             return controller(K, K)
         omega = grid(K)
         values = response(K, omega)[:, 0, 0]
-        return figures.bode(omega / (2 * np.pi), {"controller": values}, "1")
+        return figures.bode_plot(omega / (2 * np.pi), {"controller": values}, "1")
 
 
 def grid(closed: StateSpace) -> np.ndarray:

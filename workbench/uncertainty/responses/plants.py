@@ -248,7 +248,7 @@ class Responses:
         """Bode plot of the responses of all plants."""
         values = np.where(self.present, self.values, np.nan)
         curves = dict(zip(self.plants, values.T, strict=True))
-        return figures.bode(self.frequency, curves, self.unit, f"{len(curves)} plants")
+        return figures.bode_plot(self.frequency, curves, self.unit, f"{len(curves)} plants")
 
     def _checked(self, known: tuple[Any, ...]) -> tuple[Rational | None, ...]:
         """The known plants as functions; raises `InputError` for those that cannot be."""
