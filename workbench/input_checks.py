@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import numbers
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -47,6 +48,13 @@ def need_whole(value: Any, name: str) -> None:
     """Raise InputError for what is no whole number."""
     if isinstance(value, bool) or not isinstance(value, numbers.Integral):
         raise InputError(f"{name} is {value!r}; it must be a whole number")
+
+
+def as_list(values: Any, name: str) -> list[Any]:
+    """Several things as a list; raises InputError where they are none, such as a number."""
+    if isinstance(values, str | Mapping) or not isinstance(values, Iterable):
+        raise InputError(f"{name} must be a list, not {values!r}")
+    return list(values)
 
 
 def is_real(value: Any) -> bool:
@@ -100,8 +108,8 @@ def need_numbers(**values: Any) -> None:
 
 
 def need_places(**values: Any) -> None:
-    """Raise InputError, by its name, for the first that numbers no measurement."""
+    """Raise InputError, by its name, for the first that numbers no channel."""
     for name, value in values.items():
         need_whole(value, name)
         if value < 0:
-            raise InputError(f"{name} is {value}; measurements are numbered from 0 on")
+            raise InputError(f"{name} is {value}; channels are numbered from 0 on")

@@ -129,7 +129,7 @@ def test_bad_records(tmp_path):
         read_record(file, ["u"], ["u"])
     with pytest.raises(InputError, match="is no input"):
         read_record(file, ["c"], ["u"], 1.0)
-    with pytest.raises(InputError, match="name one output"):
+    with pytest.raises(InputError, match=r"outputs is \[\]; names of variables are needed"):
         read_record(file, ["u"], [], 1.0)
     with pytest.raises(InputError, match="differ in shape"):
         read_response(file, "u", ("u", "y"))

@@ -99,7 +99,7 @@ def test_corners_are_added_as_plants():
     present = np.ones(values.shape, bool)
     present[3, 1] = False
     values[3, 1] = np.nan
-    wide = widened(Responses(OMEGA, values, present, "abcde", unit="m"), 0.9)
+    wide = widened(Responses(OMEGA, values, present, list("abcde"), unit="m"), 0.9)
     assert wide.plants[:6] == ("a", "b", "c", "d", "e", "predicted 1")
     assert wide.unit == "m"
     assert wide.present[:, 5:].all()

@@ -83,7 +83,7 @@ def test_shares_are_those_of_the_logarithmic_axis(omega):
 
 
 def test_labels():
-    labelled = Responses(OMEGA, VALUES, plants="abc", unit="m/V").labelled()
+    labelled = Responses(OMEGA, VALUES, plants=list("abc"), unit="m/V").labelled()
     assert labelled.dims == ("frequency", "plant")
     assert labelled.sel(frequency=5.0, plant="b") == -2
     assert labelled.attrs["units"] == "m/V"
@@ -107,7 +107,7 @@ def test_the_same_grid():
 def test_grids_of_their_own():
     grids = [[1.0, 2.0, 4.0], [4.0, 2.0], [1.0, 4.0, 8.0], [8.0, 2.0]]
     systems = [frd(np.sort(grid), k + 1) for k, grid in enumerate(grids)]
-    responses = Responses.from_frd(systems, plants="abcd")
+    responses = Responses.from_frd(systems, plants=list("abcd"))
     assert responses.omega.tolist() == [1, 2, 4, 8]
     for k, grid in enumerate(grids):
         measured = responses.omega[responses.present[:, k]]

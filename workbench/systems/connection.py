@@ -72,6 +72,8 @@ def generalised_plant(
     ...     exogenous="r", control="u", performance="e", measurement="e",
     ... )
     """
+    if not isinstance(sums, Mapping):
+        raise InputError(f'sums must be a mapping such as {{"e": "r - y"}}, not {sums!r}')
     of_blocks, entries = named_parts(blocks, perturbation)
     parts = [*of_blocks, *(sum_of(*item) for item in sums.items())]
     deltas = [block for block, _, _ in entries]

@@ -14,6 +14,7 @@ from scipy.sparse.csgraph import connected_components
 from workbench.arrays import Array
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
+from workbench.input_checks import as_list
 from workbench.structure import Block
 from workbench.systems.balancing import balancing, singular
 from workbench.systems.joints import UncertainPart, part_of
@@ -97,7 +98,9 @@ def _companion(system: Any) -> tuple[Array, int]:
 
 def sum_of(name: str, terms: str) -> NamedRealisation:
     """A summing junction, such as ("e", "r - y"), as a part without states."""
-    if not re.fullmatch(r"\s*[+-]?\s*[^\s+-]+(\s*[+-]\s*[^\s+-]+)*\s*", terms):
+    if not isinstance(terms, str) or not re.fullmatch(
+        r"\s*[+-]?\s*[^\s+-]+(\s*[+-]\s*[^\s+-]+)*\s*", terms
+    ):
         raise InputError(
             f"the sum {name!r} is {terms!r}; write signal names with + and - between them"
         )
@@ -116,9 +119,18 @@ def named_parts(
     InputError where a block of Delta does not fit its signals.
     """
     parts = []
-    entries = [(block, names_of(reads), names_of(drives)) for block, reads, drives in perturbation]
+    entries = []
+    for given in as_list(perturbation, "perturbation"):
+        if not (
+            isinstance(given, tuple | list) and len(given) == 3 and isinstance(given[0], Block)
+        ):
+            raise InputError(
+                f"an entry of perturbation is (block of Delta, what it reads, what it drives), not "
+                f"{given!r}"
+            )
+        entries.append((given[0], names_of(given[1]), names_of(given[2])))
     taken: list[str] = []
-    for number, given in enumerate(blocks, start=1):
+    for number, given in enumerate(as_list(blocks, "blocks"), start=1):
         part = named_realisation(given, f"block {number}")
         model = part_of(given[0] if isinstance(given, tuple) else given, f"block {number}")
         if isinstance(model, UncertainPart):
@@ -200,8 +212,12 @@ def common_dt(parts: Sequence[NamedRealisation]) -> float | None:
 
 
 def names_of(names: Names) -> tuple[str, ...]:
-    """A tuple of names from one name or several."""
-    return (names,) if isinstance(names, str) else tuple(names)
+    """A tuple of names from one name or several; raises InputError for what are none."""
+    found = [names] if isinstance(names, str) else as_list(names, "names of signals")
+    for name in found:
+        if not isinstance(name, str):
+            raise InputError(f"{name!r} is no name of a signal; a text is needed")
+    return tuple(found)
 
 
 def unique(names: Sequence[str]) -> list[str]:

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 from workbench.arrays import ComplexArray, RealArray
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
+from workbench.input_checks import as_array
 from workbench.systems.frequency_grid import starting_grid
 from workbench.systems.generalised_plant import response
 
@@ -216,4 +217,12 @@ def modulus_margin(L: ArrayLike) -> float:
 
 
 def _grid(loop: StateSpace, frequency: ArrayLike | None) -> RealArray:
-    return search_grid(loop) if frequency is None else np.asarray(frequency, float)
+    """The grid of a search; raises InputError for what is no loop or no rising frequencies."""
+    if not hasattr(loop, "issiso") or isinstance(loop, type) or not loop.issiso():
+        raise InputError(f"a system of one input and one output is needed, not {loop!r}")
+    if frequency is None:
+        return search_grid(loop)
+    grid = as_array(frequency, "frequency")
+    if grid.ndim != 1 or grid.size < 2 or not (grid[0] > 0 and (np.diff(grid) > 0).all()):
+        raise InputError(f"frequency is {frequency!r}; two or more rising frequencies are needed")
+    return grid

@@ -14,6 +14,7 @@ from workbench.errors import InputError
 from workbench.heavy_types import Dataset
 from workbench.identification.experiments.text_table import IN_BRACKETS, Columns
 from workbench.identification.experiments.variables import File, read_table
+from workbench.input_checks import as_list, need_positive
 
 
 def read_record(
@@ -53,9 +54,15 @@ def read_record(
 
     if (sample_rate is None) == (time is None):
         raise InputError(f"{file}: give either the sample rate or the name of the time variable")
+    if sample_rate is not None:
+        need_positive(sample_rate, "sample_rate")
     table = read_table(file)
-    asked = {"input": _list(inputs), "output": _list(outputs)}
-    picked = _picked(file, table, [*asked["input"], *asked["output"], *_list(time or ())])
+    asked = {"input": _names(inputs, "inputs"), "output": _names(outputs, "outputs")}
+    picked = _picked(
+        file,
+        table,
+        [*asked["input"], *asked["output"], *([] if time is None else _names(time, "time"))],
+    )
     signals = {channel: _channels(file, picked, names, channel) for channel, names in asked.items()}
     lengths = {values.shape[1] for _, values in signals.values()}
     if len(lengths) > 1:
@@ -112,7 +119,7 @@ def read_response(file: File, frequency: str, response: str | tuple[str, str]) -
     import xarray as xr
 
     table = read_table(file)
-    picked = _picked(file, table, [frequency, *_list(response)])
+    picked = _picked(file, table, [*_names(frequency, "frequency"), *_names(response, "response")])
     frequencies = picked[frequency].ravel() * _factor(file, table, frequency, HERTZ)
     if isinstance(response, str):
         values = np.asarray(picked[response], dtype=complex)
@@ -142,8 +149,12 @@ COLUMN = re.compile(r"(.+)\[(\d+)\]")
 """A column of a matrix, such as ``y[0]``."""
 
 
-def _list(names: str | Sequence[str]) -> list[str]:
-    return [names] if isinstance(names, str) else list(names)
+def _names(names: str | Sequence[str], called: str) -> list[str]:
+    """Names of variables, at least one; raises InputError for what are none."""
+    found = [names] if isinstance(names, str) else as_list(names, called)
+    if not found or not all(isinstance(name, str) for name in found):
+        raise InputError(f"{called} is {names!r}; names of variables are needed")
+    return found
 
 
 def _factor(file: File, table: Columns, name: str, known: Mapping[str, float]) -> float:
@@ -217,8 +228,6 @@ def _channels(
         )
         labels += [name] if len(table) == 1 else [f"{name}[{i}]" for i in range(len(table))]
         rows += list(table.astype(float))
-    if not rows:
-        raise InputError(f"{file}: name one {kind} or more")
     lengths = {label: len(row) for label, row in zip(labels, rows, strict=True)}
     if len(set(lengths.values())) > 1:
         raise InputError(f"{file}: {kind}s differ in length: {lengths}")

@@ -33,11 +33,18 @@ def read_variables(file: File) -> dict[str, np.ndarray]:
 
 def read_table(file: File) -> Columns:
     """The variables of a file, and what was found out to read them; see `read_variables`."""
-    path = Path(file)
+    path = need_path(file)
     reader = _READERS.get(path.suffix.lower(), read_columns)
     if not path.is_file():
         raise InputError(f"{path}: there is no such file")
     return reader(path)
+
+
+def need_path(file: File) -> Path:
+    """The path of a file; raises InputError for what is no path."""
+    if not isinstance(file, str | PathLike):
+        raise InputError(f"the path of a file is needed, not {file!r}")
+    return Path(file)
 
 
 def _read_mat(path: Path) -> Columns:

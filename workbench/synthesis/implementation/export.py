@@ -8,6 +8,7 @@ import os
 import tempfile
 from collections.abc import Callable, Mapping
 from io import BytesIO
+from os import PathLike
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -58,6 +59,8 @@ def export(
         hold the metadata; an option belongs to another format; or the folder is missing or not
         writable.
     """
+    if not isinstance(path, str | PathLike):
+        raise InputError(f"the path of a file is needed, not {path!r}")
     path = Path(path)
     if format not in get_args(Format):
         raise InputError(f"format is {format!r}; it must be one of {', '.join(get_args(Format))}")

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
 from typing import Any, Literal, get_args
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from workbench.arrays import RealArray
 from workbench.errors import InputError
+from workbench.input_checks import as_array, as_list
 from workbench.synthesis.implementation.c_state_space import (
     anti_windup_gain,
     start_code,
@@ -21,8 +22,8 @@ from workbench.systems.conversion import as_system
 
 Precision = Literal["double", "float"]
 """C types of the numbers."""
-Limits = tuple[Sequence[float], Sequence[float]]
-"""Lowest and highest value of each output."""
+Limits = tuple[ArrayLike, ArrayLike]
+"""Lowest and highest value of each output; numbers, where there is one."""
 
 _FRAME = """\
 /* {what}
@@ -119,7 +120,7 @@ def header(
         The controller is continuous; the precision cannot hold a number; or the name or the limits
         are wrong.
     """
-    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name):
+    if not isinstance(name, str) or not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name):
         raise InputError(f"name is {name!r}; it must be a C identifier that starts with a letter")
     if precision not in get_args(Precision):
         raise InputError(f'precision is {precision!r}; it must be "double" or "float"')
@@ -138,7 +139,7 @@ def header(
         "room": max(states, 1),  # C does not allow arrays of length 0
         "time": repr(float(dt)),
     }
-    bounds = {} if limits is None else _limit_tables(limits, K.noutputs)
+    bounds = {} if limits is None else limit_tables(limits, K.noutputs)
     clip = _CLIP if bounds else ""
     if isinstance(K, Sections):
         what, body, start = "second-order sections", _CASCADES.format(**places), ""
@@ -188,9 +189,12 @@ def _cascade_tables(K: Sections) -> dict[str, Any]:
     return {"sections": rows[:, [0, 1, 2, 4, 5]], "counts": counts}
 
 
-def _limit_tables(limits: Limits, outputs: int) -> dict[str, RealArray]:
+def limit_tables(limits: Limits, outputs: int) -> dict[str, RealArray]:
     """Tables of the limits; raises InputError for wrong ones."""
-    low, high = (np.asarray(limit, dtype=float) for limit in limits)
+    pair = as_list(limits, "limits")
+    if len(pair) != 2:
+        raise InputError(f"limits are {limits!r}; lowest and highest values are needed")
+    low, high = (np.atleast_1d(as_array(limit, "limits")) for limit in pair)
     if not (np.isfinite(low).all() and np.isfinite(high).all()):
         raise InputError(f"limits are {limits}; they must be finite")
     if low.shape != (outputs,) or high.shape != (outputs,) or not (low < high).all():

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from workbench.arrays import RealArray
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
+from workbench.input_checks import need_whole
 from workbench.synthesis.implementation.impulse import absolute_sum, squared_sum
 from workbench.synthesis.implementation.sampled_loop import SampledConditions, sampled_conditions
 from workbench.synthesis.implementation.second_order import Sections
@@ -104,15 +105,19 @@ def fixed_point(sections: Sections, bits: int, signal_bits: int) -> FixedPoint:
     InputError
         Numbers of bits that are not between 4 and 62.
     """
-    for name, value in (("bits", bits), ("signal_bits", signal_bits)):
-        if not FEWEST_BITS <= value <= MOST_BITS:
-            raise InputError(
-                f"{name} is {value}; it must lie between {FEWEST_BITS} and {MOST_BITS}"
-            )
+    need_bits(bits, "bits")
+    need_bits(signal_bits, "signal_bits")
     found = [[_cascade(rows, bits, signal_bits) for rows in line] for line in sections.channels]
     cascades = tuple(tuple(cascade for cascade, _ in line) for line in found)
     quantised = tuple(tuple(rows for _, rows in line) for line in found)
     return FixedPoint(cascades, Sections(quantised, sections.dt))
+
+
+def need_bits(value: Any, name: str) -> None:
+    """Raise InputError for what is no number of bits that the arithmetic takes."""
+    need_whole(value, name)
+    if not FEWEST_BITS <= value <= MOST_BITS:
+        raise InputError(f"{name} is {value}; it must lie between {FEWEST_BITS} and {MOST_BITS}")
 
 
 def _cascade(rows: RealArray, bits: int, signal_bits: int) -> tuple[FixedCascade, RealArray]:

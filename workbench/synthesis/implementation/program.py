@@ -19,7 +19,7 @@ from workbench.certify.sampled_sets import SetPeak
 from workbench.certify.stability import stability_of
 from workbench.errors import InputError
 from workbench.heavy_types import Dataset, Figure, StateSpace
-from workbench.input_checks import need_positive, need_whole
+from workbench.input_checks import as_list, need_positive, need_whole
 from workbench.program import Program
 from workbench.second_opinion import loops
 from workbench.second_opinion.sampled_plants import rounded_signals, sampled_plants
@@ -27,8 +27,8 @@ from workbench.synthesis.implementation import implementation_figures as drawn
 from workbench.synthesis.implementation import rounding
 from workbench.synthesis.implementation.board_loop import BoardLoop
 from workbench.synthesis.implementation.discretise import DiscretisationMethod, discretised
-from workbench.synthesis.implementation.export_c import Limits
-from workbench.synthesis.implementation.fixed_point import fixed_point
+from workbench.synthesis.implementation.export_c import Limits, limit_tables
+from workbench.synthesis.implementation.fixed_point import fixed_point, need_bits
 from workbench.synthesis.implementation.implemented import (
     FixedFormat,
     ImplementedController,
@@ -123,9 +123,14 @@ class Implementation(Program):
             raise InputError(
                 "the controls in fixed point end at their full scale: leave out limits"
             )
-        for number, name in enumerate(("of measurements", "of controls")):
-            if self.full_scale is not None:
-                need_positive(self.full_scale[number], f"full scale {name}")
+        if self.full_scale is not None:
+            scales = as_list(self.full_scale, "full_scale")
+            if len(scales) != 2:
+                raise InputError(f"full_scale is {scales}; one of y and one of u are needed")
+            for scale, name in zip(scales, ("measurements", "controls"), strict=True):
+                need_positive(scale, f"full scale of {name}")
+            for name in ("bits", "signal_bits"):
+                need_bits(getattr(self, name), name)
         K = as_system(self.K, "K")
         if K.dt and (K.dt is True or abs(K.dt / self.period - 1) > CLAIM_TOLERANCE):
             raise InputError(
@@ -138,6 +143,8 @@ class Implementation(Program):
                 raise InputError(f"order is {self.order}; K has {K.nstates} states")
             if K.dt:
                 raise InputError("a sampled controller is not reduced: give the continuous one")
+        if self.limits is not None:
+            limit_tables(self.limits, K.noutputs)  # raises for wrong ones
         object.__setattr__(self, "K", K)
         _ = self.loop.loop_of(
             realisation((K.A, K.B, K.C, K.D), self.period)

@@ -132,6 +132,9 @@ class MuSynthesis(Program):
             need_whole(self.order, "order")
             if self.order < 0:
                 raise InputError(f"order is {self.order}; it must be 0 or more")
+        need_whole(self.random, "random")
+        if self.random < 0:
+            raise InputError(f"random is {self.random}; it must be 0 or more")
         if not isinstance(self.stable, bool):
             raise InputError(f"stable is {self.stable!r}; it must be True or False")
         if self.family is not None and not isinstance(self.family, Family):

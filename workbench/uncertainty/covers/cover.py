@@ -108,9 +108,11 @@ class UncertaintyCover(Program):
             raise InputError(f"form is {self.form!r}; it must be one of {get_args(Form)}")
         if self.nominal is not None and not isinstance(self.nominal, Rational):
             object.__setattr__(self, "nominal", from_system(self.nominal))
+        object.__setattr__(self, "order", as_count("order", self.order))
         if self.zeros is None:
             object.__setattr__(self, "zeros", self.order)
-        for name in ("zeros", *self._most):
+        object.__setattr__(self, "zeros", as_count("zeros", self.zeros))
+        for name in self._most:
             object.__setattr__(self, name, as_count(name, getattr(self, name)))
         if self.zeros > self.order:
             raise InputError(f"zeros={self.zeros}: at most the order, {self.order}, can be had")

@@ -58,7 +58,10 @@ class UncertaintyModel(UncertainPart):
             if given is None and name != "W_r":
                 raise InputError(f"{name} is needed; only W_r may be None")
             if given is not None and not isinstance(given, Rational):
-                object.__setattr__(self, name, from_system(given))
+                try:
+                    object.__setattr__(self, name, from_system(given))
+                except InputError as error:
+                    raise InputError(f"{name}: {error}") from None
 
     def __repr__(self) -> str:
         weights = " and ".join(

@@ -17,8 +17,10 @@ from workbench.errors import InputError, UnknownNameError
 from workbench.heavy_types import FrequencyResponseData
 from workbench.identification.experiments.quality import checked_record
 from workbench.identification.experiments.records import read_record, read_response
+from workbench.identification.experiments.variables import need_path
 from workbench.identification.responses.of_records import record_responses
 from workbench.identification.responses.periodic import ResponseEstimate
+from workbench.input_checks import as_list, need_places, need_whole
 
 Channel = str | int | None
 """A channel by name or by number from 0; None where there is only one."""
@@ -39,6 +41,7 @@ def from_frd(
     """As `Responses.from_frd`."""
     if hasattr(systems, "frdata"):
         raise InputError("one plant has no spread to cover: give a list of two or more")
+    systems = as_list(systems, "systems")
     for k, system in enumerate(systems):
         if not hasattr(system, "frdata"):
             kind = type(system).__name__
@@ -68,7 +71,7 @@ def _channel(chosen: Channel, labels: Sequence[str], plant: str, kind: str) -> i
         if chosen not in labels:
             raise UnknownNameError(kind, chosen, list(labels))
         return list(labels).index(chosen)
-    if not 0 <= chosen < len(labels):
+    if not isinstance(chosen, int) or not 0 <= chosen < len(labels):
         raise InputError(f"there is no {kind} {chosen}; {plant} has {len(labels)}, from 0")
     return chosen
 
@@ -94,6 +97,8 @@ def from_estimates(
     """As `Responses.from_estimates`."""
     if isinstance(estimates, ResponseEstimate):
         raise InputError("one plant has no spread to cover: give a list of two estimates or more")
+    estimates = as_list(estimates, "estimates")
+    need_places(input=input, output=output)
     for k, one in enumerate(estimates):
         if not isinstance(one, ResponseEstimate):
             raise InputError(
@@ -153,7 +158,7 @@ def from_files(
 def found_files(files: str | PathLike[str] | Sequence[str | PathLike[str]]) -> list[Path]:
     """Paths in the order of their names; raises InputError where there are none."""
     if not isinstance(files, str | PathLike):
-        return [Path(file) for file in files]
+        return [need_path(file) for file in as_list(files, "files")]
     pattern = Path(files)
     root = Path(pattern.anchor)
     paths = sorted(root.glob(str(pattern.relative_to(root))), key=_natural)
@@ -194,6 +199,7 @@ def _of_records(
     """Responses estimated from a record in each file."""
     if len(paths) < 2:
         raise InputError(f"{paths[0]} is the only file: one plant has no spread to cover")
+    need_whole(most, "most")
     if most < 2:
         raise InputError(f"most is {most}; two frequencies or more are needed")
     read = [read_record(path, [str(input)], [str(output)], sample_rate, time) for path in paths]

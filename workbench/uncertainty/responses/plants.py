@@ -16,6 +16,7 @@ from workbench.errors import InputError
 from workbench.fitting.rational import Rational, from_system
 from workbench.heavy_types import DataArray, Figure, FrequencyResponseData
 from workbench.identification.responses.periodic import ResponseEstimate
+from workbench.input_checks import as_list, need_numbers
 from workbench.systems.frequency_grid import starting_grid
 from workbench.uncertainty.responses import measured
 from workbench.uncertainty.responses.measured import Channel
@@ -111,7 +112,8 @@ class Responses:
         present = np.ones(values.shape, bool) if present is None else np.array(present)
         if present.shape != values.shape or present.dtype != bool:
             raise InputError(f"present must be booleans of shape {values.shape}")
-        names = tuple(map(str, range(1, values.shape[1] + 1) if plants is None else plants))
+        given = range(1, values.shape[1] + 1) if plants is None else as_list(plants, "plants")
+        names = tuple(map(str, given))
         if len(names) != values.shape[1]:
             raise InputError(f"{len(names)} names for {values.shape[1]} plants")
         if len(set(names)) < len(names):
@@ -347,6 +349,7 @@ class Responses:
 
         Raises InputError where fewer than two frequencies are left.
         """
+        need_numbers(low=low, high=high)
         chosen = np.flatnonzero((self.frequency >= low) & (self.frequency <= high))
         if chosen.size < 2:
             raise InputError(
