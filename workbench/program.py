@@ -19,7 +19,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from workbench.accuracy import DEFAULT_TOLERANCE, EVERY_ACCURACY, AccuracyRange
+from workbench.accuracy import (
+    ANY_ACCURACY_ALIKE,
+    DEFAULT_TOLERANCE,
+    EVERY_ACCURACY,
+    AccuracyRange,
+)
 from workbench.certificate import Certificate, Check, Gap, quantified
 from workbench.errors import InputError, RegistryError, UnknownNameError
 from workbench.executor import Context
@@ -156,6 +161,19 @@ class Task(ABC):
                 checks += tuple(replace(check, opinion=True) for check in opinion)
             gap = self.gap(answer)
         return Certificate(checks, gap and Gap(gap[0], gap[1], tolerance, required=optimal))
+
+
+class ProofTask(Task):
+    """A claim of no answer, which its answer proves; there is no method to choose."""
+
+    def claims_optimum(self, method: str | None) -> bool:
+        return False
+
+    def accuracy_range(self, method: str | None) -> AccuracyRange:
+        return ANY_ACCURACY_ALIKE
+
+    def judging_tolerance(self, method: str | None, tolerance: float) -> float:
+        return ANY_ACCURACY_ALIKE.served(tolerance)
 
 
 class Program(Task):

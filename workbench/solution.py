@@ -102,9 +102,10 @@ class Solution:
     def lti(self) -> Any:
         """The answer, where a linear system is wanted.
 
-        Raises InputError where no certificate says that it is valid.
+        Raises InputError where no certificate says that it is valid, or there is proven to be none.
         """
-        return certified_answer(self.answer, self.certificate, self.message)
+        answer = None if self.proof is not None else self.answer
+        return certified_answer(answer, self.certificate, self.message)
 
     @property
     def outcome(self) -> Outcome:

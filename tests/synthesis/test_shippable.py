@@ -1,16 +1,22 @@
 """Method "fixed" finds its own start and leaves any; controllers that one would ship."""
 
+import re
+
 import control
 import numpy as np
 import pytest
 
-from workbench.errors import InputError
+from workbench.certify.interlacing import interlacing as certify_interlacing
+from workbench.errors import InputError, UnknownNameError
+from workbench.executor import Context
 from workbench.solution import solve
 from workbench.solvers import Outcome
 from workbench.structure import Complex
 from workbench.synthesis import MuSynthesis
+from workbench.synthesis.mu import interlacing
 from workbench.synthesis.mu.families import Modal
-from workbench.synthesis.mu.shippable import Shippable, interlacing_violation
+from workbench.synthesis.mu.interlacing import NoStableController
+from workbench.synthesis.mu.shippable import Shippable
 from workbench.uncertainty import UncertaintyModel, generalised_plant
 
 s = control.tf("s")
@@ -143,12 +149,19 @@ def test_halfspaces_are_the_stable_and_the_slow_controllers(seed):
     ],
 )  # fmt: skip
 def test_parity_interlacing(G, violated):
-    assert (interlacing_violation(control.ss(G)) is not None) == violated
+    plant = control.ss(G)
+    assert (interlacing.violated(plant) is not None) == violated
+    claim = NoStableController(plant)
+    evidence, _, _ = claim.respond(None, Context())
+    assert (evidence is not None) == violated
+    if violated:
+        assert claim.certify(evidence, 1e-6).holds
+        again = claim.from_dataset(claim.to_dataset(evidence))
+        assert claim.metrics(again)["poles_between"] % 2 == 1
 
 
-def test_what_no_stable_controller_can_do_is_said_before():
-    G = (s - 1) / ((s - 2) * (s + 1))
-    loop = generalised_plant(
+def unstable_loop(G):
+    return generalised_plant(
         [(control.ss(G), "u", "g"), (0.1, "u", "y_d")],
         {"e": "r - g - u_d"},
         perturbation=[(Complex(1), "y_d", "u_d")],
@@ -157,8 +170,60 @@ def test_what_no_stable_controller_can_do_is_said_before():
         performance="e",
         measurement="e",
     )
-    with pytest.raises(InputError, match=r"between its zeros 1 and infinity.*odd.*2 rad/s"):
-        MuSynthesis(loop, stable=True)
+
+
+@pytest.mark.parametrize("method", ["dk", "fixed"])
+def test_what_no_stable_controller_can_do_is_proven(method):
+    program = MuSynthesis(unstable_loop((s - 1) / ((s - 2) * (s + 1))), stable=True, order=2)
+    found = solve(program, method)
+    assert found.outcome is Outcome.INFEASIBLE and found.certificate.holds
+    assert re.search(r"between its zeros 1 and infinity.*odd.*2 rad/s", found.message)
+    assert "every stable controller of any order" in found.certificate.checks[0].over
+    with pytest.raises(InputError, match="no certified answer"):
+        _ = found.lti
+    with pytest.raises(UnknownNameError):
+        solve(program, "dkk")
+
+
+def test_a_controller_that_is_not_stable_may_do_it():
+    found = solve(MuSynthesis(unstable_loop((s - 1) / ((s - 2) * (s + 1)))))
+    assert found.certificate.valid
+    assert found.answer.K.poles().real.max() > 0
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_the_proof_of_interlacing_knows_the_number_of_poles(seed):
+    """Random zeros and poles: the proof holds if, and only if, an odd number lies between."""
+    rng = np.random.default_rng(seed)
+    poles, zeros = rng.uniform(0.01, 10, int(rng.integers(1, 6))), rng.uniform(0.01, 10, 2)
+    stable = -rng.uniform(0.1, 1e3, 4)
+    plant = control.ss(control.zpk(zeros, [*poles, *stable], 1.0))
+    turn = rng.normal(size=(plant.nstates, plant.nstates))  # of no consequence, but full
+    plant = control.ss(*(np.linalg.solve(turn, plant.A @ turn), np.linalg.solve(turn, plant.B)),
+                       plant.C @ turn, plant.D)  # fmt: skip
+    low, high = np.sort(zeros)
+    odd = ((poles > low) & (poles < high)).sum() % 2 == 1
+    narrow = [(zero * (1 - 1e-6), zero * (1 + 1e-6)) for zero in (low, high)]
+    found = certify_interlacing(plant, *narrow)
+    assert found.low_zero and found.high_zero
+    assert found.opposite == odd
+    assert not certify_interlacing(plant, *reversed(narrow)).holds
+    beside = (low * 1.001, low * 1.002)
+    assert not certify_interlacing(plant, beside, narrow[1]).low_zero or high < low * 1.01
+
+
+def test_what_the_proof_of_interlacing_does_not_take():
+    plant = control.ss((s - 1) / ((s - 2) * (s + 1)))
+    infinity = (np.inf, np.inf)
+    zero = (1.0 - 1e-9, 1.0 + 1e-9)
+    assert certify_interlacing(plant, zero, infinity).holds
+    assert not certify_interlacing(plant, (-1.0, 1.0), infinity).holds  # begins left of 0
+    assert not certify_interlacing(plant, (0.5, 3.0), infinity).holds  # holds a pole
+    assert not certify_interlacing(control.ss((s - 1) / (s - 2)), zero, infinity).holds
+    assert not certify_interlacing(plant.sample(0.1), zero, infinity).holds
+    assert not certify_interlacing(control.append(plant, plant), zero, infinity).holds
+    left = control.ss((s + 1e-9) / ((s - 2) * (s + 1)))
+    assert not NoStableController(left).respond(None, Context())[0]  # its zero is left of 0
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,6 @@ from typing import Any, ClassVar
 
 from flint import fmpq
 
-from workbench.accuracy import ANY_ACCURACY_ALIKE, AccuracyRange
 from workbench.certificate import Certificate, Check
 from workbench.certify.cones.form import ConicForm
 from workbench.certify.cones.membership import Rational, outside
@@ -19,7 +18,7 @@ from workbench.conic.ray_search import dual_ray, falling_ray, feasible_point
 from workbench.errors import InputError
 from workbench.executor import Context
 from workbench.heavy_types import Dataset
-from workbench.program import Claim, Program, Task
+from workbench.program import Claim, Program, ProofTask, Task
 from workbench.solvers import Outcome
 
 Vectors = dict[str, list[Rational]]
@@ -39,7 +38,7 @@ class ConicallyStated(Program):
 
 
 @dataclass(frozen=True, eq=False)
-class _ConicClaim(Task):
+class _ConicClaim(ProofTask):
     """A claim about a conic form, proven by rational vectors."""
 
     form: ConicForm
@@ -49,15 +48,6 @@ class _ConicClaim(Task):
     @property
     def quantifier(self) -> str:
         return "for the doubles of the conic form, taken as exact"
-
-    def claims_optimum(self, method: str | None) -> bool:
-        return False
-
-    def accuracy_range(self, method: str | None) -> AccuracyRange:
-        return ANY_ACCURACY_ALIKE
-
-    def judging_tolerance(self, method: str | None, tolerance: float) -> float:
-        return ANY_ACCURACY_ALIKE.served(tolerance)
 
     def to_dataset(self, answer: Vectors) -> Dataset:
         import xarray as xr

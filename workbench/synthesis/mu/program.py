@@ -16,15 +16,17 @@ from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.input_checks import need_positive, need_whole
 from workbench.mu import Peak, performance_peak
 from workbench.mu.frequency.stored_peak import peak_checks, restored_peak, stored_peak
-from workbench.program import Claim, Program
+from workbench.program import Claim, Program, Task, find_method
 from workbench.second_opinion import loops
+from workbench.solvers import Outcome
 from workbench.structure import Structure
 from workbench.synthesis.hinf.figures import DrawnController, controller
 from workbench.synthesis.mu.families import Family
 from workbench.synthesis.mu.figures import bounds_figure, rounds_figure
+from workbench.synthesis.mu.interlacing import NoStableController, violated, words
 from workbench.synthesis.mu.rounds import Iterate, packed, unpacked
 from workbench.synthesis.mu.scalings import PARAMETERS
-from workbench.synthesis.mu.shippable import Shippable, interlacing_violation
+from workbench.synthesis.mu.shippable import Shippable
 from workbench.systems.balancing import balanced
 from workbench.systems.conversion import as_system, need_plant
 from workbench.systems.generalised_plant import GeneralisedPlant
@@ -102,13 +104,14 @@ class MuSynthesis(Program):
         Largest size of the controller's poles [rad/s].
 
     A method whose controller does not meet these demands hands over to "fixed", which carries them.
+    Where no stable controller stabilises the plant, the answer is the proof of that (parity
+    interlacing), with the outcome "infeasible".
 
     Raises
     ------
     InputError
         The plant has no structure, performance or exogenous signals, or is in discrete time; the
-        start does not fit or does not stabilise; the target is not positive and finite; or no
-        stable controller stabilises the plant, by parity interlacing.
+        start does not fit or does not stabilise; or the target is not positive and finite.
     """
 
     plant: GeneralisedPlant
@@ -157,10 +160,6 @@ class MuSynthesis(Program):
             )
         object.__setattr__(self, "plant", plant)
         object.__setattr__(self, "structure", structure)
-        if self.stable:
-            reason = interlacing_violation(plant.controlled())
-            if reason is not None:
-                raise InputError(f"stable=True, but {reason}: leave it out, or move the sensor")
         if self.start is not None:
             object.__setattr__(self, "start", as_system(self.start, "start"))
             stability = stability_of(plant.close(self.start))
@@ -176,12 +175,21 @@ class MuSynthesis(Program):
         """What the controller must be besides."""
         return Shippable(self.order, self.stable, self.fastest_pole)
 
+    def claim_task(self, claim: Outcome) -> Task | None:
+        if claim is not Outcome.INFEASIBLE or not self.stable:
+            return None
+        return NoStableController(self.plant.controlled())
+
     def without_demands(self) -> MuSynthesis:
         """The same synthesis with nothing asked of the controller, and no start."""
         free: dict[str, Any] = {"order": None, "stable": False, "fastest_pole": None}
         return replace(self, start=None, family=None, random=0, **free)
 
     def respond(self, method: str | None, context: Context) -> Claim:
+        zeros = violated(self.plant.controlled()) if self.stable else None
+        if zeros is not None:
+            find_method(self, method)  # raises for an unknown one
+            return None, Outcome.INFEASIBLE, words(self.plant.controlled(), *zeros)
         answer, outcome, said = super().respond(method, context)
         if answer is None or self.demands.admits(answer.K) or method == "fixed":
             return answer, outcome, said

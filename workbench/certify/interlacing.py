@@ -1,0 +1,95 @@
+"""That no stable controller stabilises a plant, proven from two of its real zeros, in fractions.
+
+Let p(s) = det(s I - A) and n(s) = p(s) G(s) for a scalar plant G, and K = n_K / p_K. With positive
+feedback the closed loop has the characteristic polynomial f = p p_K - n n_K. If K is stable, p_K is
+positive on the real axis from 0 on. At a zero z of n therefore f(z) has the sign of p(z): where p
+has opposite signs at two zeros, f has a root between them, and the loop is unstable. Of a strictly
+proper plant infinity is a zero, and f is positive there: p(z) < 0 at one other zero is enough.
+
+Source: D. C. Youla, J. J. Bongiorno, C. N. Lu, "Single-loop feedback-stabilization of linear
+multivariable dynamical plants", Automatica 10 (1974) 159-173 (parity interlacing).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from flint import fmpq, fmpq_mat, fmpq_poly
+
+from workbench.arrays import RealArray
+from workbench.heavy_types import StateSpace
+
+Range = tuple[float, float]
+"""Ends of a range of the real axis [rad/s]; both infinite: infinity."""
+
+
+@dataclass(frozen=True)
+class Interlacing:
+    """What is proven: each range has a zero of the plant, and p has opposite signs at the two."""
+
+    low_zero: bool
+    high_zero: bool
+    opposite: bool
+
+    @property
+    def holds(self) -> bool:
+        """No stable controller stabilises the plant."""
+        return self.low_zero and self.high_zero and self.opposite
+
+
+def interlacing(plant: StateSpace, low: Range, high: Range) -> Interlacing:
+    """What can be proven of a scalar continuous plant with a zero in each of two ranges.
+
+    Nothing is, where the ranges are not in order, or begin left of 0.
+    """
+    in_order = 0.0 <= low[0] <= low[1] < high[0] <= high[1] and math.isfinite(low[1])
+    if not in_order or plant.dt or (plant.ninputs, plant.noutputs) != (1, 1):
+        return Interlacing(False, False, False)
+    p = _matrix(plant.A).charpoly()
+    opposite = _sign_of(p, low) * _sign_of(p, high) < 0
+    return Interlacing(_has_zero(plant, low), _has_zero(plant, high), opposite)
+
+
+def _has_zero(plant: StateSpace, ends: Range) -> bool:
+    """Whether n vanishes in a range: it is zero at an end, or its signs at the ends differ."""
+    if math.isinf(ends[0]):
+        return not np.any(plant.D)
+    values = [_numerator(plant, end) for end in ends]
+    return values[0] * values[1] <= 0
+
+
+def _numerator(plant: StateSpace, s: float) -> fmpq:
+    """n(s) = det [s I - A, B; -C, D]."""
+    found = _matrix(np.block([[-plant.A, plant.B], [-plant.C, plant.D]]))
+    for k in range(plant.nstates):
+        found[k, k] += _exact(s)
+    return found.det()
+
+
+def _sign_of(p: fmpq_poly, ends: Range) -> int:
+    """Sign that p has everywhere in a range; 0: not proven.
+
+    About the middle m, p(m + t) = q_0 + q_1 t + ... keeps the sign of q_0 for |t| <= r where
+    |q_0| exceeds the sum of the |q_k| r^k.
+    """
+    if math.isinf(ends[0]):
+        return 1
+    low, high = map(_exact, ends)
+    first, *others = p(fmpq_poly([(low + high) / 2, 1])).coeffs()
+    r = (high - low) / 2
+    if abs(first) <= sum((abs(q) * r**k for k, q in enumerate(others, start=1)), fmpq(0)):
+        return 0
+    return 1 if first > 0 else -1
+
+
+def _matrix(values: RealArray) -> fmpq_mat:
+    """Doubles (m, n) as fractions."""
+    rows, columns = values.shape
+    return fmpq_mat(rows, columns, [_exact(value) for value in values.ravel()])
+
+
+def _exact(value: float) -> fmpq:
+    """A double as a fraction."""
+    return fmpq(*float(value).as_integer_ratio())
