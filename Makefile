@@ -54,7 +54,7 @@ reference: $(READY)
 	$(REFERENCE) 'cd/*/integrated-design'
 	$(REFERENCE) 'cd/*/after-defects' 'cd/*/false-detections' --set draws=50
 	$(REFERENCE) mass-spring/analysis bench/covers bench/geometry textbook/fault-detection
-	$(REFERENCE) '*/controller' 'cd/*/mu-pid' 'cd/*/lower-bandwidth' 'cd/*/switching-stability'
+	$(REFERENCE) '*/controller' unstable-first-order/board 'cd/*/mu-pid' 'cd/*/lower-bandwidth' 'cd/*/switching-stability'
 	$(REFERENCE) 'cd/*/closed-loop' 'cd/*/optical-gain' 'cd/*/linearity' --set draws=50
 	$(REFERENCE) 'cd/*/response-methods' 'cd/*/multisine-linearity' --set draws=50
 	$(REFERENCE) 'cd/*/residuals' 'cd/*/diode-plane' 'cd/*/position-estimator' --set draws=50
@@ -73,7 +73,7 @@ reference: $(READY)
 thesis: $(READY)
 	$(BIN)/python docs/thesis.py
 
-# Compare all methods on the small problems (five minutes on two cores), store it, write its page.
+# Compare all methods on all problems that are not slow (half an hour on two cores), store it, write its page.
 # What is stopped goes on where it was. Cells without a certificate are no failure of the study.
 study: $(READY)
 	-$(WORKBENCH) --results results/study compare '*' --all-methods --light --time-limit 10 \
