@@ -316,6 +316,15 @@ def test_bad_input(change, words):
         solve(Implementation(**whole))
 
 
+def test_a_wrong_sign_is_named():
+    """K = 2 stabilises 1 / (s - 1) as u = -K y; turned round it does not, whatever the sampling."""
+    plant, K = control.ss(control.tf(1, [1, -1])), control.ss([], [], [], [[-2.0]])
+    found = solve(Implementation(K, plant, 0.01))
+    assert found.outcome is Outcome.FAILED
+    assert "with the other sign, u = K y, it is stable: give sign=1" in found.message
+    assert solve(Implementation(K, plant, 0.01, sign=1)).certificate.valid
+
+
 def test_an_unstable_loop_says_which_pole():
     found = solve(Implementation(60 * PI, MODEL, PERIOD, DELAY))
     assert found.outcome is Outcome.FAILED

@@ -16,6 +16,7 @@ from workbench.synthesis.implementation.sampled_loop import (
     need_fitting,
     plant_and_sign,
     sampled_conditions,
+    what_stabilises,
 )
 from workbench.systems.balancing import speed, state_units
 from workbench.systems.conversion import as_system
@@ -104,16 +105,10 @@ def discretised(
     if plant is not None:
         found = sampled_conditions(plant, sampled, sample_time, delay, sign=turn)
         if not found.stable:
-            turned = sampled_conditions(plant, sampled, sample_time, delay, sign=-turn)
-            advice = (
-                f"with the other sign, u = {'-' if turn > 0 else ''}K y, it is stable: give sign="
-                f"{-turn}, or turn K's sign"
-                if turned.stable
-                else "sample faster or lower the bandwidth"
-            )
             raise InputError(
                 f"the loop sampled every {sample_time:.6g} s with a delay of {delay:g} samples is "
-                f"unstable, its largest pole {found.pole:.6g}; {advice}"
+                f"unstable, its largest pole {found.pole:.6g}; "
+                f"{what_stabilises(plant, sampled, sample_time, delay, turn)}"
             )
     return sampled
 

@@ -38,6 +38,7 @@ from workbench.synthesis.implementation.reduction import approximated
 from workbench.synthesis.implementation.sampled_loop import (
     need_delay,
     sampled_conditions,
+    what_stabilises,
 )
 from workbench.synthesis.implementation.second_order import Sections, second_order_sections
 from workbench.systems.conversion import as_system
@@ -218,7 +219,10 @@ class Implementation(Program):
         plant, sign = self.loop.nominal
         found = sampled_conditions(plant, K, self.period, self.delay, sign=sign)
         if not found.stable:
-            raise InputError(f"the sampled loop is unstable, its largest pole {found.pole:.6g}")
+            advice = what_stabilises(plant, K, self.period, self.delay, sign)
+            raise InputError(
+                f"the sampled loop is unstable, its largest pole {found.pole:.6g}; {advice}"
+            )
         return replace(
             made,
             sensitivity=certified_norm(self.loop.sensitivity(K)),

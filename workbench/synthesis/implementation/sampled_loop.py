@@ -114,6 +114,16 @@ def sampled_conditions(
     return SampledConditions(True, pole, tuple(_margins(loop, i) for i in range(plant.ninputs)))
 
 
+def what_stabilises(
+    plant: StateSpace, K: StateSpace, sample_time: float, delay: float, sign: int
+) -> str:
+    """Advice on an unstable loop u = sign K y: the other sign, where that is it."""
+    if sampled_conditions(plant, K, sample_time, delay, sign=-sign).stable:
+        turned = "u = -K y" if sign > 0 else "u = K y"
+        return f"with the other sign, {turned}, it is stable: give sign={-sign}, or turn K's sign"
+    return "sample faster or lower the bandwidth"
+
+
 def plant_and_sign(plant: Any, sign: int | None) -> tuple[StateSpace, int]:
     """The plant from controls to measurements, and the sign of the loop, as `sampled_conditions`.
 
