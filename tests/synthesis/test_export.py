@@ -11,8 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from workbench.plants.cd_drive.drive import plants as drives
 
+import workbench as wb
 from workbench.errors import InputError, ResultError
 from workbench.simulation import respond
+from workbench.solution import solve
 from workbench.synthesis import discretised, export, load_controller, second_order_sections
 
 COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
@@ -235,3 +237,30 @@ def test_an_interrupted_write_leaves_the_older_file(tmp_path, monkeypatch, error
     monkeypatch.undo()
     export(system(seed=2), path, "json")
     assert path.read_bytes() != before
+
+
+# --- what is no controller --------------------------------------------------------------------
+
+
+@needs_compiler
+def test_a_kalman_filter(tmp_path):
+    """The estimate of a position and a speed from the force and a noisy position."""
+    A, B, C = np.array([[1.0, 0.01], [-0.01, 0.998]]), np.array([[0.0], [0.01]]), [[1.0, 0.0]]
+    L, _, _ = control.dlqe(A, np.eye(2), C, 0.01 * np.eye(2), [[0.1]])
+    estimator = control.ss(A - L @ C, np.hstack([B, L]), np.eye(2), 0, 0.01)
+    export(estimator, tmp_path / "controller.h", "c")
+    given = np.random.default_rng(3).normal(size=(200, 2))
+    expected = control.forced_response(estimator, None, given.T).outputs
+    np.testing.assert_allclose(computed(tmp_path, given, 2).T, expected, atol=1e-12)
+
+
+@needs_compiler
+def test_a_fault_filter_and_a_cascade(tmp_path):
+    """A certified answer is exported as it is; parts in series are one system."""
+    found = solve(wb.load("quick/lag/fault-filter"))
+    sampled = discretised(found, 1e-3)
+    low_pass = discretised(control.tf(1, [0.01, 1]), 1e-3)
+    export(low_pass * sampled, tmp_path / "controller.h", "c")
+    given = np.random.default_rng(4).normal(size=(300, sampled.ninputs))
+    expected = control.forced_response(low_pass * sampled, None, given.T).outputs.reshape(-1)
+    np.testing.assert_allclose(computed(tmp_path, given, 1).ravel(), expected, atol=1e-9)

@@ -31,9 +31,11 @@ from workbench.mu import Peak, peak
 from workbench.mu.frequency.stored_peak import peak_checks, restored_peak, stored_peak
 from workbench.program import Program
 from workbench.second_opinion import loops
+from workbench.synthesis.hinf.figures import DrawnController
 from workbench.synthesis.mu.program import PEAK_TOLERANCE
 from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import GeneralisedPlant, Signals
+from workbench.systems.realisation import in_words
 from workbench.systems.storage import restored, stored
 
 
@@ -46,7 +48,7 @@ class Channel(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class FaultFilter:
+class FaultFilter(DrawnController):
     """A filter u_f = K y with certified bounds of its errors on the whole set of plants.
 
     Bounds are divided by those required: a peak below 1 meets its requirement. ``peaks``
@@ -68,6 +70,12 @@ class FaultFilter:
     def lti(self) -> StateSpace:
         """The filter."""
         return self.K
+
+    def __repr__(self) -> str:
+        return (
+            f"FaultFilter: {in_words(self.K)}\n"
+            f"  errors over those required from {self.lower:.4g} to {self.upper:.4g}"
+        )
 
     @property
     def upper(self) -> float:

@@ -47,7 +47,7 @@ class DrawnController(ABC):
         """The controller."""
 
     def plot(self) -> Figure:
-        """Bode plot of the controller, or its singular values where it has several channels."""
+        """Bode plot of the controller or filter, or singular values of one of several channels."""
         K = self.lti
         if not K.issiso():
             return controller(K, K)
