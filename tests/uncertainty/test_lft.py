@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from workbench.errors import InputError
-from workbench.uncertainty.parametric.lft import LFT, inverse, left_divide, lift, matrix, scalar
-from workbench.uncertainty.parametric.reduction import grouped, reduced
+from workbench.uncertainty.algebra.lft import LFT, inverse, left_divide, lift, matrix, scalar
+from workbench.uncertainty.algebra.reduction import grouped, reduced
 
 NOMINALS = {"a": (2.0, 0.3), "b": (-0.5, 0.2), "c": (3e-4, 1e-4)}
 SCALARS = {name: scalar(name, *values) for name, values in NOMINALS.items()}

@@ -8,6 +8,12 @@ from workbench.mu.robust.branch import branch_and_bound
 from workbench.mu.robust.conditions import Conditions, conditions
 from workbench.mu.robust.destabilising import destabilising
 from workbench.mu.robust.gain_room import GainRoom, gain_room
+from workbench.mu.robust.margin import (
+    PerformanceMargin,
+    StabilityMargin,
+    robust_performance,
+    robust_stability,
+)
 from workbench.mu.robust.performance import performance_peak, performance_sweep
 from workbench.mu.robust.rank_one import RankOneLoop, rank_one_mu
 from workbench.mu.robust.sensitivity import sensitivity
@@ -30,9 +36,11 @@ __all__ = [
     "MuLowerBound",
     "MuUpperBound",
     "Peak",
+    "PerformanceMargin",
     "RankOneLoop",
     "Real",
     "SkewBounds",
+    "StabilityMargin",
     "Structure",
     "Sweep",
     "UpperBound",
@@ -48,6 +56,8 @@ __all__ = [
     "performance_peak",
     "performance_sweep",
     "rank_one_mu",
+    "robust_performance",
+    "robust_stability",
     "sensitivity",
     "skew_bounds",
     "upper_ab13md",

@@ -2,6 +2,17 @@
 
 from workbench.systems.connection import generalised_plant
 from workbench.systems.generalised_plant import GeneralisedPlant
+from workbench.uncertainty.algebra.functions import (
+    append,
+    complex_scalar,
+    dynamics,
+    feedback,
+    real,
+    ss,
+    tf,
+)
+from workbench.uncertainty.algebra.lft import inverse, left_divide, matrix
+from workbench.uncertainty.algebra.system import UncertainSystem
 from workbench.uncertainty.covers import conic as cover_conic
 from workbench.uncertainty.covers import methods as cover_methods
 from workbench.uncertainty.covers.circle_cover import CircleCover
@@ -15,7 +26,6 @@ from workbench.uncertainty.covers.orientation import (
 )
 from workbench.uncertainty.covers.stadium_cover import StadiumCover
 from workbench.uncertainty.covers.steps import CoverSteps
-from workbench.uncertainty.parametric.lft import inverse, left_divide, matrix
 from workbench.uncertainty.parametric.members import members
 from workbench.uncertainty.parametric.model import ParametricModel, parametric
 from workbench.uncertainty.parametric.parameters import Parameter, levels, samples, vertices
@@ -32,11 +42,16 @@ __all__ = [
     "ParametricModel",
     "Responses",
     "StadiumCover",
+    "UncertainSystem",
     "UncertaintyModel",
+    "append",
     "cheapest",
+    "complex_scalar",
     "contains",
     "cover_conic",
     "cover_methods",
+    "dynamics",
+    "feedback",
     "generalised_plant",
     "inverse",
     "left_divide",
@@ -46,8 +61,11 @@ __all__ = [
     "members",
     "narrowest",
     "parametric",
+    "real",
     "samples",
     "smooth",
+    "ss",
+    "tf",
     "vertices",
     "widened",
 ]

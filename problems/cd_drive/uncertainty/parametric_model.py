@@ -14,7 +14,7 @@ import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.heavy_types import StateSpace
-from workbench.uncertainty.parametric.lft import left_divide, matrix
+from workbench.uncertainty.algebra.lft import left_divide, matrix
 from workbench.uncertainty.parametric.model import ParametricModel, parametric
 from workbench.uncertainty.parametric.parameters import Parameter
 

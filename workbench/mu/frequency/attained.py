@@ -76,21 +76,32 @@ def attained_peak(
             break
     if whole_axis and any(isinstance(block, Real) for block in structure):
         for k in ranked:
-            best = _destabilising(system, structure, Delta[k], best)
+            found_one = destabilised(system, structure, Delta[k], best.value)
+            best = found_one if found_one.value > best.value else best
     return best
 
 
-def _destabilising(
-    system: StableSystem, structure: Structure, Delta: Array, best: Attained
+def destabilised(
+    system: StableSystem,
+    structure: Structure,
+    Delta: Array,
+    above: float = 0.0,
+    reach: float = BEYOND,
 ) -> Attained:
-    """The bound of a multiple of Delta that begins to destabilise the loop, if it is better."""
+    """The bound of a multiple of Delta, up to `reach`, that begins to destabilise the loop.
+
+    Of value 0 where none does, or none proves a bound worth more than `above`.
+    """
     norm = float(np.linalg.norm(Delta, 2))
+    none = Attained(0.0, 0.0, Delta)
+    if not norm > 0:
+        return none
     # The size at which it must destabilise to be worthwhile, where there is a bound already.
-    high = BEYOND
-    if best.value > 0:
-        high = min(high, 1 / (norm * best.value * (1 + WORTHWHILE_GAIN)))
+    high = reach
+    if above > 0:
+        high = min(high, 1 / (norm * above * (1 + WORTHWHILE_GAIN)))
     if not _rightmost(system, high * Delta).real > 0:
-        return best
+        return none
     low = 0.0
     for _ in range(SCALE_BISECTIONS):
         middle = (low + high) / 2
@@ -103,7 +114,7 @@ def _destabilising(
     omega = _rightmost(system, Delta).imag
     # The response at a negative frequency is the conjugate of that at the positive one.
     there = Delta if omega >= 0 else Delta.conj()
-    return Attained(value, abs(omega), there) if value > best.value else best
+    return Attained(value, abs(omega), there)
 
 
 def _rightmost(system: StableSystem, Delta: Array) -> complex:

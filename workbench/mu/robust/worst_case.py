@@ -28,6 +28,7 @@ from workbench.mu.frequency.peak import peak
 from workbench.mu.robust.skew import Skew, upper_values
 from workbench.structure import Structure
 from workbench.systems.frequency_grid import starting_grid
+from workbench.systems.joints import UncertainPart
 
 GRID_REFINEMENTS = 12
 """Number of refinements of the grid around its largest values."""
@@ -68,7 +69,9 @@ class WorstCaseGain:
     proof: PeakProof | None = None
 
 
-def worst_case_gain(system: Any, structure: Structure, tolerance: float = 1e-2) -> WorstCaseGain:
+def worst_case_gain(
+    system: Any, structure: Structure | None = None, tolerance: float = 1e-2
+) -> WorstCaseGain:
     """Certified bounds of the worst-case gain of an uncertain system.
 
     The complex performance block makes mu continuous over frequency, so a structure of real scalars
@@ -78,9 +81,9 @@ def worst_case_gain(system: Any, structure: Structure, tolerance: float = 1e-2) 
     ----------
     system
         N, a stable continuous-time StateSpace or TransferFunction with outputs (perturbation,
-        performance) and inputs (perturbation, exogenous).
+        performance) and inputs (perturbation, exogenous); or an uncertain system.
     structure
-        Blocks of the perturbation alone.
+        Blocks of the perturbation alone; None: those of the uncertain system.
     tolerance
         Relative distance that the proven gain may lie above the largest upper bound at any one
         frequency.
@@ -93,7 +96,10 @@ def worst_case_gain(system: Any, structure: Structure, tolerance: float = 1e-2) 
         The lower bound is above the upper one.
     """
     need_tolerance(tolerance)
+    if isinstance(system, UncertainPart) and structure is None:
+        system, structure = system.system, system.structure
     need_structure(structure)
+    assert structure is not None
     stable = stable_system(system)
     performance = stable.D.shape[0] - structure.columns
     exogenous = stable.D.shape[1] - structure.rows

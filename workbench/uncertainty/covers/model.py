@@ -27,13 +27,13 @@ from workbench.structure import Real as RealScalar
 from workbench.structure import Structure
 from workbench.systems.connection import generalised_plant
 from workbench.systems.frequency_grid import frequencies_of
-from workbench.systems.joints import UncertainPart
+from workbench.uncertainty.algebra.system import Algebraic
 from workbench.uncertainty.covers.sets import Form
 from workbench.uncertainty.responses.plants import Responses
 
 
 @dataclass(frozen=True, eq=False)
-class UncertaintyModel(UncertainPart):
+class UncertaintyModel(Algebraic):
     """An uncertainty model: nominal, complex weight and, if the model is mixed, real weight.
 
     Parameters

@@ -21,8 +21,7 @@ from workbench.errors import InputError, UnknownNameError
 from workbench.heavy_types import StateSpace
 from workbench.structure import Real, Structure
 from workbench.systems.frequency_response import frequency_response
-from workbench.systems.joints import UncertainPart
-from workbench.uncertainty.parametric.lft import (
+from workbench.uncertainty.algebra.lft import (
     INTEGRATOR,
     LFT,
     SINGULAR_DETERMINANT,
@@ -30,8 +29,9 @@ from workbench.uncertainty.parametric.lft import (
     matrix,
     scalar,
 )
+from workbench.uncertainty.algebra.reduction import grouped, reduced
+from workbench.uncertainty.algebra.system import Algebraic
 from workbench.uncertainty.parametric.parameters import Parameter
-from workbench.uncertainty.parametric.reduction import grouped, reduced
 
 Model = Callable[..., tuple[Any, Any, Any, Any]]
 """Function of named parameters that gives A, B, C and D."""
@@ -43,7 +43,7 @@ MAX_PARAMETERS_CHECKED = 12
 
 
 @dataclass(frozen=True, eq=False)
-class ParametricModel(UncertainPart):
+class ParametricModel(Algebraic):
     """State-space model with its real perturbations pulled out, as made by `parametric`.
 
     The value of ``lft`` is [A B; C D]; ``repetitions`` holds for each parameter the number of

@@ -15,7 +15,7 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.systems.balancing import balancing
-from workbench.uncertainty.parametric.lft import INTEGRATOR, LFT
+from workbench.uncertainty.algebra.lft import INTEGRATOR, LFT
 
 Triple = tuple[Array, Array, Array]
 """Matrices A, B and C of a realisation."""

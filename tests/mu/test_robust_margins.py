@@ -1,0 +1,120 @@
+"""Margins of uncertain systems against numbers that the toolbox's documentation prints.
+
+Sources: MathWorks, Robust Control Toolbox, reference pages of robstab, robgain and wcgain, and
+"Robust Stability and Worst-Case Gain of Uncertain System" (the two carts).
+"""
+
+import control
+import numpy as np
+import pytest
+
+from workbench.certify.norms import certified_norm
+from workbench.errors import InputError
+from workbench.mu import robust_performance, robust_stability, worst_case_gain
+from workbench.uncertainty import dynamics, feedback, real, ss, tf
+
+
+@pytest.fixture(scope="module")
+def plant():
+    k = real("k", 10, percent=40)
+    return tf([18], [1, 1.8, k]) * (1 + 0.5 * dynamics("delta", 1, 1))
+
+
+PID = control.ss(control.tf([0.3823, 2.303, 3], [1e-3, 1, 0]))
+
+
+def test_robust_stability_as_documented(plant):
+    """robstab: 1.5960 to 1.5993."""
+    loop = feedback(plant * PID, 1)
+    margin = robust_stability(loop)
+    assert 1.5960 <= margin.lower <= margin.upper <= 1.5993
+    poles = loop.at(**margin.worst).poles()
+    assert np.abs(poles - 1j * margin.omega).min() < 1e-6 * margin.omega
+    k, delta = margin.worst["k"], margin.worst["delta"]
+    size = max(abs(k - 10) / 4, certified_norm(delta))
+    assert size == pytest.approx(margin.upper, rel=1e-4)
+    assert "stable for all of its uncertainty" in repr(margin)
+
+
+def test_robust_performance_as_documented(plant):
+    """robgain(S, 1.5): 0.7821 to 0.7837."""
+    margin = robust_performance(feedback(1, plant * PID), 1.5)
+    assert 0.7821 <= margin.lower <= margin.upper <= 0.7838
+    # The same by the worst-case gain of smaller and of larger uncertainty.
+    for factor, below in ((margin.lower * 0.999, True), (margin.upper * 1.001, False)):
+        k = real("k", 10, percent=40 * factor)
+        G = tf([18], [1, 1.8, k]) * (1 + 0.5 * factor * dynamics("delta", 1, 1))
+        found = worst_case_gain(feedback(1, G * PID), tolerance=1e-4)
+        assert (found.upper < 1.5) if below else (found.lower > 1.5)
+
+
+def test_worst_case_gain_as_documented():
+    """wcgain: 5.1036 to 5.1140."""
+    G = control.tf([1], [1, 0]) + dynamics("delta", 1, 1, bound=0.4)
+    C = control.ss(2 - 0.04 * control.tf([1, 0], [0.02, 1]))
+    found = worst_case_gain(feedback(1, G * C), tolerance=1e-3)
+    assert 5.1036 <= found.lower <= found.upper <= 5.1140
+
+
+def test_two_carts_as_documented():
+    """robstab: 2.8826 to 2.8864 at 575.03 rad/s, worst k = 1.5773; all parameters are real.
+
+    The lower bound is proven with a complex part of 1 %, which costs 1.5 %.
+    """
+    m1, m2, k = (real(name, 1, percent=20) for name in ("m1", "m2", "k"))
+    A = [[0, 0, 1, 0], [0, 0, 0, 1], [-k / m1, k / m1, 0, 0], [k / m2, -k / m2, 0, 0]]
+    carts = ss(A, [[0], [0], [1 / m1], [0]], [[0, 1, 0, 0]], [[0]])
+    lead = control.ss(control.tf([1, 1], [0.001, 1]))
+    loop = feedback(carts * (100 * lead * lead * lead), 1)
+    margin = robust_stability(loop)
+    assert 0.98 * 2.8826 <= margin.lower <= 2.8864
+    assert margin.upper == pytest.approx(2.8864, abs=2e-4)
+    assert margin.omega == pytest.approx(575.03, abs=0.1)
+    assert margin.worst["k"] == pytest.approx(1.5773, abs=2e-4)
+    assert loop.at(**margin.worst).poles().real.max() > -1e-6 * margin.omega
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_margins_of_one_parameter_are_those_of_its_roots(seed):
+    """s^2 + 2 d s + (1 + k) with |k| <= r: unstable from k = -1 on."""
+    rng = np.random.default_rng(seed)
+    d, r = rng.uniform(0.2, 1.0), rng.uniform(0.1, 3.0)
+    k = real("k", 0.0, plus_minus=r)
+    margin = robust_stability(tf([1], [1, 2 * d, 1 + k]))
+    assert margin.lower <= 1 / r <= margin.upper * (1 + 1e-9)
+    assert margin.upper == pytest.approx(1 / r, rel=1e-4)
+    assert margin.lower > 0.97 / r
+    assert margin.worst["k"] == pytest.approx(-1.0, rel=1e-4)
+
+
+def test_what_no_perturbation_destabilises():
+    delta = dynamics("delta", 1, 1)
+    G = control.ss(control.tf([1], [1, 1]))
+    margin = robust_stability(G * delta * 0.5)  # in series, no loop
+    assert margin.lower == np.inf or margin.lower > 1e3
+
+
+def test_a_nominal_gain_above_the_level_leaves_no_margin():
+    G = control.ss(control.tf([3], [1, 1])) * (1 + 0.1 * dynamics("delta", 1, 1))
+    margin = robust_performance(G, 2.0)
+    assert margin.lower == margin.upper == 0.0
+
+
+@pytest.mark.parametrize(
+    ("system", "words"),
+    [
+        (control.ss(control.tf([1], [1, 1])), "no uncertain element"),
+        (tf([1], [1, -1]) * real("k", 1, percent=5), "unstable at its nominal: it has a pole at 1"),
+        (ss([[0.5]], [[1]], [[real("k", 1, percent=5)]], [[0]], 0.1), "the system is sampled"),
+        ("loop", "system must be"),
+    ],
+)
+def test_bad_systems(system, words):
+    for function in (robust_stability, robust_performance):
+        with pytest.raises(InputError, match=words):
+            function(system)
+
+
+def test_a_level_is_positive(plant):
+    with pytest.raises(InputError, match="gain is 0"):
+        robust_performance(feedback(1, plant * PID), 0)

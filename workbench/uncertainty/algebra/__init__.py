@@ -1,0 +1,1 @@
+"""An algebra of uncertain systems."""

@@ -1,0 +1,261 @@
+"""Uncertain elements, systems with uncertain coefficients, and their connections."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from workbench.errors import InputError
+from workbench.input_checks import as_list, is_real, need_count, need_numbers, need_positive
+from workbench.systems.balancing import singular
+from workbench.uncertainty.algebra.elements import (
+    ComplexElement,
+    DynamicElement,
+    RealElement,
+)
+from workbench.uncertainty.algebra.lft import INTEGRATOR, LFT, diagonal, matrix
+from workbench.uncertainty.algebra.reduction import grouped, reduced
+from workbench.uncertainty.algebra.system import (
+    UncertainSystem,
+    combined_elements,
+    common_time,
+    uncertain,
+)
+
+# --- elements -------------------------------------------------------------------------------------
+
+
+def real(
+    name: str,
+    nominal: float,
+    *,
+    percent: float | None = None,
+    plus_minus: float | None = None,
+    low: float | None = None,
+    high: float | None = None,
+) -> UncertainSystem:
+    """An uncertain real parameter.
+
+    Parameters
+    ----------
+    name
+        A name such as "k"; whatever has the same name is the same parameter.
+    nominal
+        Its nominal value, which may be 0.
+    percent, plus_minus
+        Its range: so many percent of the nominal, or so much, to either side.
+    low, high
+        Or its ends, the nominal between them and not necessarily in the middle.
+
+    Raises
+    ------
+    InputError
+        No range or more than one; or the nominal is not inside.
+    """
+    need_numbers(nominal=nominal)
+    if not math.isfinite(nominal):
+        raise InputError(f"nominal is {nominal!r}; it must be finite")
+    ways = [percent is not None, plus_minus is not None, low is not None or high is not None]
+    if sum(ways) != 1:
+        raise InputError(f"{name}: give one of percent=, plus_minus=, or low= with high=")
+    if percent is not None:
+        need_positive(percent, "percent")
+        plus_minus = abs(nominal) * percent / 100.0
+        if not plus_minus:
+            raise InputError(
+                f"{name} has nominal 0, of which no percent is a range: give low, high"
+            )
+    if plus_minus is not None:
+        need_positive(plus_minus, "plus_minus")
+        low, high = nominal - plus_minus, nominal + plus_minus
+    if low is None or high is None:
+        raise InputError(f"{name}: low and high belong together, one of them is missing")
+    need_numbers(low=low, high=high)
+    if not (math.isfinite(low) and math.isfinite(high) and low < nominal < high):
+        raise InputError(f"{name}: nominal {nominal:g} must lie between low {low} and high {high}")
+    element = RealElement(name, float(nominal), float(low), float(high))
+    M = np.array([[element.bend, 1.0], [element.slope, element.nominal]])
+    return UncertainSystem(LFT(M, (name,)), {name: element})
+
+
+def complex_scalar(name: str, nominal: float, radius: float) -> UncertainSystem:
+    """An uncertain complex number within a radius of a real nominal."""
+    need_numbers(nominal=nominal)
+    need_positive(radius, "radius")
+    element = ComplexElement(name, float(nominal), float(radius))
+    M = np.array([[0.0, 1.0], [element.radius, element.nominal]])
+    return UncertainSystem(LFT(M, (name,)), {name: element})
+
+
+def dynamics(name: str, inputs: int, outputs: int, bound: Any = 1.0) -> UncertainSystem:
+    """Unknown stable linear dynamics, of which only a bound of the gain is known.
+
+    Parameters
+    ----------
+    inputs, outputs
+        Its numbers of channels.
+    bound
+        Its largest singular value over frequency: a number, or a stable system W of one input and
+        one output, whose magnitude it is.
+    """
+    need_count("inputs", inputs)
+    need_count("outputs", outputs)
+    element = DynamicElement(name, int(outputs), int(inputs))
+    size = len(element.channels)
+    # Channel k reads input k and drives output k, as far as there are so many.
+    M = np.zeros((size + outputs, size + inputs))
+    M[:inputs, size:] = np.eye(inputs)
+    M[size:, :outputs] = np.eye(outputs)
+    found = UncertainSystem(LFT(M, element.channels), {name: element})
+    if is_real(bound):
+        need_positive(bound, "bound")
+        return found if bound == 1.0 else bound * found
+    weight = uncertain(bound, "bound")
+    if (weight.noutputs, weight.ninputs) != (1, 1):
+        raise InputError(
+            f"bound has {weight.noutputs} outputs and {weight.ninputs} inputs; one of each is "
+            "needed"
+        )
+    if weight.nominal.poles().real.max(initial=-math.inf) >= 0 and not weight.dt:
+        raise InputError(f"bound is unstable, its poles are {weight.nominal.poles()}")
+    if outputs <= inputs:
+        return append(*[weight] * outputs) @ found
+    return found @ append(*[weight] * inputs)
+
+
+# --- systems with uncertain coefficients ----------------------------------------------------------
+
+
+def ss(A: Any, B: Any, C: Any, D: Any, dt: float = 0.0) -> UncertainSystem:
+    """A state-space system whose matrices have uncertain entries.
+
+    Each is an array of numbers, an uncertain matrix, or a list of rows of numbers and uncertain
+    numbers. Repetitions of elements are reduced as far as `UncertainSystem.reduced` does.
+    """
+    parts = [_matrix(given, name) for given, name in ((A, "A"), (B, "B"), (C, "C"), (D, "D"))]
+    states = parts[0].noutputs
+    if parts[0].ninputs != states:
+        raise InputError(f"A has shape {parts[0].value.shape}; it must be square")
+    whole = matrix([[parts[0].value, parts[1].value], [parts[2].value, parts[3].value]])
+    lft = whole if isinstance(whole, LFT) else LFT(whole)
+    elements = combined_elements(parts)
+    channels = [name for one in elements.values() for name in one.channels]
+    lft = grouped(LFT(lft.M, lft.names + (INTEGRATOR,) * states), [INTEGRATOR, *channels])
+    kept = [name for one in elements.values() if len(one.channels) > 1 for name in one.channels]
+    return UncertainSystem(reduced(lft, keep=[INTEGRATOR, *kept]), elements, float(dt))._used()
+
+
+def tf(num: Sequence[Any], den: Sequence[Any], dt: float = 0.0) -> UncertainSystem:
+    """A transfer function whose coefficients, the highest power first, may be uncertain."""
+    above = [_number(one, "num") for one in as_list(num, "num")]
+    below = [_number(one, "den") for one in as_list(den, "den")]
+    while below and _is_zero(below[0]):
+        below = below[1:]
+    while above and _is_zero(above[0]):
+        above = above[1:]
+    if not below:
+        raise InputError("den is zero; a coefficient other than 0 is needed")
+    order = len(below) - 1
+    if len(above) - 1 > order:
+        raise InputError(
+            f"num has degree {len(above) - 1}, above that of den, {order}: the system is improper"
+        )
+    if singular(below[0].nominal.D):
+        raise InputError("the highest coefficient of den is 0 at the nominal")
+    lead = below[0]
+    a = [one / lead for one in below[1:]]
+    b = [uncertain(0.0)] * (order + 1 - len(above)) + above
+    b = [one / lead for one in b]
+    if not order:
+        return b[0]
+    direct = b[0]
+    A = [[float(i + 1 == j) for j in range(order)] for i in range(order - 1)]
+    last = [-a[order - 1 - k] for k in range(order)]
+    C = [b[order - k] - direct * a[order - 1 - k] for k in range(order)]
+    B = [[0.0]] * (order - 1) + [[1.0]]
+    return ss([*A, last], B, [C], [[direct]], dt)
+
+
+def _matrix(given: Any, name: str) -> UncertainSystem:
+    """An uncertain matrix from what people write for one."""
+    if isinstance(given, UncertainSystem):
+        return _constant(given, name)
+    if not isinstance(given, list | tuple):
+        return _constant(uncertain(np.atleast_2d(given) if np.ndim(given) else given, name), name)
+    rows = [as_list(row, f"a row of {name}") for row in given]
+    parts = [[_number(entry, name) for entry in row] for row in rows]
+    if len({len(row) for row in parts}) != 1:
+        raise InputError(f"{name} has rows of lengths {[len(row) for row in parts]}; one is needed")
+    value = matrix([[entry.value for entry in row] for row in parts])
+    flat = [entry for row in parts for entry in row]
+    return UncertainSystem(value, combined_elements(flat))
+
+
+def _number(given: Any, name: str) -> UncertainSystem:
+    found = _constant(uncertain(given, f"an entry of {name}"), name)
+    if found.value.shape != (1, 1):
+        raise InputError(f"an entry of {name} has shape {found.value.shape}; a number is needed")
+    return found
+
+
+def _constant(found: UncertainSystem, name: str) -> UncertainSystem:
+    """An uncertain constant; raises InputError where it has states."""
+    if found.nstates:
+        raise InputError(f"{name} holds a system with {found.nstates} states; constants are needed")
+    return found
+
+
+def _is_zero(found: UncertainSystem) -> bool:
+    return not found.elements and not found.value.M.any()
+
+
+# --- connections ----------------------------------------------------------------------------------
+
+
+def append(*systems: Any) -> UncertainSystem:
+    """Systems beside each other: the inputs and outputs of the first, then of the second, ..."""
+    if not systems:
+        raise InputError("append needs at least one system")
+    parts = [uncertain(one, f"system {k}") for k, one in enumerate(systems, start=1)]
+    value = diagonal(*(part.value for part in parts))
+    return UncertainSystem(value, combined_elements(parts), common_time(parts))
+
+
+def feedback(first: Any, second: Any = 1.0, sign: int = -1) -> UncertainSystem:
+    """The loop y = first (u + sign second y); no element occurs more often than before.
+
+    Raises
+    ------
+    InputError
+        Sizes or sampling times do not fit; the sign is not -1 or 1; or the loop is singular through
+        the direct terms at the nominal.
+    """
+    a, b = uncertain(first, "first"), uncertain(second, "second")
+    if b.value.shape == (1, 1) and not b.nstates and not b.elements and a.noutputs > 1:
+        b = uncertain(float(b.value.M[0, 0]) * np.eye(a.noutputs))
+    if (b.noutputs, b.ninputs) != (a.ninputs, a.noutputs):
+        raise InputError(
+            f"first has {a.ninputs} inputs and {a.noutputs} outputs, second {b.ninputs} and "
+            f"{b.noutputs}; they must fit each other"
+        )
+    if isinstance(sign, bool) or sign not in (-1, 1):
+        raise InputError(f"sign is {sign!r}; it must be -1 or 1")
+    whole = diagonal(a.value, b.value)
+    p, m = a.value.shape
+    # v = [u; 0] + [0, sign I; I, 0] [y; x], x = second y
+    links = np.block([[np.zeros((m, p)), sign * np.eye(m)], [np.eye(p), np.zeros((p, m))]])
+    enters, leaves = np.eye(m + p, m), np.eye(p, p + m)
+    m11, m12, m21, m22 = whole.blocks
+    loop = np.eye(m + p) - links @ m22
+    if singular(loop):
+        raise InputError("the loop is singular through the direct terms of its parts")
+    back = np.linalg.solve(loop, np.hstack([links @ m21, enters]))
+    r = len(whole.names)
+    top = np.hstack([m11, np.zeros((r, m))]) + m12 @ back
+    low = leaves @ (np.hstack([m21, np.zeros((p + m, m))]) + m22 @ back)
+    M = np.vstack([top, low])
+    parts = [a, b]
+    return UncertainSystem(LFT(M, whole.names), combined_elements(parts), common_time(parts))

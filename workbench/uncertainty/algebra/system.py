@@ -1,0 +1,365 @@
+"""Uncertain systems: state-space systems whose coefficients and parts are uncertain.
+
+A system is an LFT in 1/s (sampled: 1/z) and in its normalised perturbations, so sums, products and
+inverses of systems are those of LFTs (`workbench.uncertainty.algebra.lft`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import product
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from workbench.arrays import Array
+from workbench.errors import InputError, UnknownNameError
+from workbench.heavy_types import StateSpace
+from workbench.input_checks import need_count
+from workbench.structure import Structure
+from workbench.systems.generalised_plant import GeneralisedPlant, response
+from workbench.systems.joints import UncertainPart, part_of
+from workbench.systems.realisation import in_words, pole_sizes, realisation
+from workbench.uncertainty.algebra.conversion import pulled_out
+from workbench.uncertainty.algebra.elements import Element, RealElement
+from workbench.uncertainty.algebra.lft import INTEGRATOR, LFT, inverse
+from workbench.uncertainty.algebra.reduction import grouped, reduced
+
+MOST_VERTICES = 4096
+"""Largest number of vertices that are listed."""
+
+
+class Algebraic(UncertainPart):
+    """What can be added, multiplied and divided, with systems, numbers and arrays on either side.
+
+    ``*`` is the product of systems in series; one of a single input and output multiplies each
+    entry.
+    """
+
+    # NumPy's arrays and python-control's systems then leave the arithmetic to this class.
+    __array_ufunc__: ClassVar[None] = None
+    __array_priority__: ClassVar[float] = 100.0
+
+    def __add__(self, other: Any) -> Any:
+        return _combined(self, other, lambda a, b: a + b)
+
+    def __radd__(self, other: Any) -> Any:
+        return _combined(other, self, lambda a, b: a + b)
+
+    def __sub__(self, other: Any) -> Any:
+        return _combined(self, other, lambda a, b: a - b)
+
+    def __rsub__(self, other: Any) -> Any:
+        return _combined(other, self, lambda a, b: a - b)
+
+    def __mul__(self, other: Any) -> Any:
+        return _combined(self, other, _series)
+
+    def __rmul__(self, other: Any) -> Any:
+        return _combined(other, self, _series)
+
+    def __matmul__(self, other: Any) -> Any:
+        return _combined(self, other, lambda a, b: a @ b)
+
+    def __rmatmul__(self, other: Any) -> Any:
+        return _combined(other, self, lambda a, b: a @ b)
+
+    def __truediv__(self, other: Any) -> Any:
+        return _combined(self, other, _over)
+
+    def __rtruediv__(self, other: Any) -> Any:
+        return _combined(other, self, _over)
+
+    def __neg__(self) -> Any:
+        return _combined(-1.0, self, _series)
+
+
+@dataclass(frozen=True, eq=False)
+class UncertainSystem(Algebraic):
+    """A system with uncertain elements; a constant one is an uncertain number or matrix.
+
+    `+ - * / **` and `@` work with other uncertain systems, with python-control's state-space
+    systems and transfer functions, with uncertainty models, numbers and arrays, on either side.
+    `feedback` repeats no element.
+
+    ``value`` is its LFT and ``elements`` are what is uncertain, by name; ``dt`` is the sampling
+    time [s], 0 for continuous time, None for a constant.
+    """
+
+    value: LFT
+    elements: Mapping[str, Element]
+    dt: float | None = None
+
+    # --- what it is -------------------------------------------------------------------------------
+
+    @property
+    def noutputs(self) -> int:
+        """Number of outputs."""
+        return self.value.shape[0]
+
+    @property
+    def ninputs(self) -> int:
+        """Number of inputs."""
+        return self.value.shape[1]
+
+    @property
+    def nstates(self) -> int:
+        """Number of states."""
+        return self.value.names.count(INTEGRATOR)
+
+    def __repr__(self) -> str:
+        lines = [
+            f"UncertainSystem: {self.noutputs} outputs, {self.ninputs} inputs, nominal of "
+            f"{in_words(self.nominal)}"
+        ]
+        counts = self.value.repetitions()
+        for element in self.elements.values():
+            times = counts[element.channels[0]]
+            lines.append(f"  {element}" + (f", {times} times" if times > 1 else ""))
+        return "\n".join(lines)
+
+    @property
+    def nominal(self) -> StateSpace:
+        """The system with every element at its nominal."""
+        return self.at()
+
+    @property
+    def lti(self) -> StateSpace:
+        """The nominal."""
+        return self.nominal
+
+    @cached_property
+    def _grouped(self) -> LFT:
+        """The LFT with the states first and then the channels of each element together."""
+        channels = [name for one in self.elements.values() for name in one.channels]
+        return grouped(self.value, [INTEGRATOR, *channels])
+
+    @cached_property
+    def structure(self) -> Structure:
+        """Blocks of the perturbation, one for each element, in the order of the elements.
+
+        Raises InputError where there is none, or a block of dynamics of several channels occurs
+        more than once.
+        """
+        counts = self.value.repetitions()
+        return Structure(one.block(counts[one.channels[0]]) for one in self.elements.values())
+
+    @cached_property
+    def system(self) -> StateSpace:
+        """System with inputs (perturbation, inputs) and outputs (perturbation, outputs)."""
+        n, lft = self.nstates, self._grouped
+        r = len(lft.names) - n
+        rows, columns = list(range(n)), list(range(n))
+        place = n
+        for block, element in zip(self.structure, self.elements.values(), strict=True):
+            rows += [*range(place, place + block.columns)]
+            columns += [*range(place, place + block.rows)]
+            place += max(block.rows, block.columns, len(element.channels))
+        rows += [*range(n + r, n + r + self.noutputs)]
+        columns += [*range(n + r, n + r + self.ninputs)]
+        M = lft.M[np.ix_(rows, columns)]
+        labels = [f"{b.name}[{i}]" for b in self.structure for i in range(b.columns)]
+        drives = [f"{b.name}[{i}]" for b in self.structure for i in range(b.rows)]
+        return realisation(
+            (M[:n, :n], M[:n, n:], M[n:, :n], M[n:, n:]),
+            self.dt or 0.0,
+            inputs=[*(f"w_{c}" for c in drives), *(f"u[{k}]" for k in range(self.ninputs))],
+            outputs=[*(f"z_{c}" for c in labels), *(f"y[{k}]" for k in range(self.noutputs))],
+        )
+
+    def plant(self, measurements: int, controls: int) -> GeneralisedPlant:
+        """The generalised plant whose last outputs are measured and last inputs are controlled."""
+        return GeneralisedPlant(self.system, self.structure, controls, measurements)
+
+    # --- members of the set -----------------------------------------------------------------------
+
+    def at(self, **values: Any) -> StateSpace:
+        """The system at values of elements by name; those that are not given are nominal.
+
+        A value outside the range of its element is taken too.
+
+        Raises
+        ------
+        UnknownNameError
+            There is no element of that name.
+        InputError
+            A value does not fit its element, or the system is not well posed there.
+        """
+        import control
+
+        for name in values:
+            if name not in self.elements:
+                raise UnknownNameError("uncertain element", name, list(self.elements))
+        n, lft = self.nstates, self._grouped
+        r = len(lft.names) - n
+        M = lft.M
+        whole = realisation((M[:n, :n], M[:n, n:], M[n:, :n], M[n:, n:]), self.dt or 0.0)
+        if not r:
+            return whole
+        parts: list[StateSpace] = []
+        counts = self.value.repetitions()
+        for name, element in self.elements.items():
+            times, size = counts[element.channels[0]], len(element.channels)
+            delta = element.delta(values[name]) if name in values else 0.0
+            if not isinstance(delta, control.StateSpace):
+                parts.append(control.ss([], [], [], delta * np.eye(times * size)))
+                continue
+            parts.append(_repeated(delta, times, size))
+        Delta = control.append(*parts) if len(parts) > 1 else parts[0]
+        if np.linalg.cond(np.eye(r) - whole.D[:r, :r] @ Delta.D) > 1e13:
+            raise InputError(f"the system is not well posed at {values}: it divides by zero there")
+        return _upper(whole, Delta, r)
+
+    def vertices(self) -> list[StateSpace]:
+        """The systems at all ends of the real parameters, the others nominal."""
+        real = [one for one in self.elements.values() if isinstance(one, RealElement)]
+        if 2 ** len(real) > MOST_VERTICES:
+            raise InputError(f"{len(real)} real parameters have more than {MOST_VERTICES} vertices")
+        ends = product(*((one.low, one.high) for one in real))
+        names = [one.name for one in real]
+        return [self.at(**dict(zip(names, values, strict=True))) for values in ends]
+
+    def sample(self, count: int, seed: int = 0) -> list[StateSpace]:
+        """Random members: parameters uniform in their range, dynamics all-pass of random gain."""
+        need_count("count", count)
+        rng = np.random.default_rng(seed)
+        return [self.at(**self._random(rng)) for _ in range(count)]
+
+    def _random(self, rng: np.random.Generator) -> dict[str, Any]:
+        sizes = pole_sizes(self.nominal)
+        moving = sizes[sizes > 0]
+        speed = float(np.exp(np.log(moving).mean())) if moving.size else 1.0
+        return {name: one.sample(rng, speed) for name, one in self.elements.items()}
+
+    def response(self, omega: ArrayLike) -> Array:
+        """Nominal frequency response (F, outputs, inputs) at `omega` [rad/s] (F,)."""
+        return response(self.nominal, omega)
+
+    def reduced(self) -> UncertainSystem:
+        """The same system with fewer repetitions of its elements, and with all its states."""
+        kept = [INTEGRATOR]
+        for one in self.elements.values():
+            kept += one.channels if len(one.channels) > 1 else ()
+        return replace(self, value=reduced(self._grouped, keep=kept))._used()
+
+    def __getitem__(self, key: Any) -> UncertainSystem:
+        """Some outputs and inputs, by number or slice: ``P[0, 1]``, ``P[:2, :]``."""
+        if not isinstance(key, tuple) or len(key) != 2:
+            raise InputError(f"[{key!r}]: give outputs and inputs, such as P[0, :]")
+        rows, columns = (
+            np.atleast_1d(np.arange(size)[part])
+            for part, size in zip(key, self.value.shape, strict=True)
+        )
+        chosen = np.eye(self.noutputs)[rows] @ self.value @ np.eye(self.ninputs)[:, columns]
+        return replace(self, value=chosen)._used()
+
+    # --- arithmetic -------------------------------------------------------------------------------
+
+    def __pow__(self, exponent: Any) -> UncertainSystem:
+        if isinstance(exponent, bool) or not isinstance(exponent, int | np.integer):
+            raise InputError(f"power {exponent!r} of a system; a whole number is needed")
+        if self.noutputs != self.ninputs:
+            raise InputError(f"power of a system of {self.noutputs} x {self.ninputs}")
+        base = self.value if exponent >= 0 else inverse(self.value)
+        value = LFT(np.eye(self.noutputs))
+        for _ in range(abs(int(exponent))):
+            value = value @ base
+        return replace(self, value=value)._used()
+
+    def inverse(self) -> UncertainSystem:
+        """The inverse; raises InputError where its direct term is singular at the nominal."""
+        return replace(self, value=inverse(self.value))
+
+    def _used(self) -> UncertainSystem:
+        """Without elements that no channel is left of."""
+        left = set(self.value.names)
+        used = {name: one for name, one in self.elements.items() if left & set(one.channels)}
+        return replace(self, elements=used)
+
+
+def uncertain(given: Any, name: str = "a term") -> UncertainSystem:
+    """What arithmetic takes, as an uncertain system: of a nominal one without elements.
+
+    Raises InputError for anything else; `name` is what messages call it.
+    """
+    import control
+
+    part = part_of(given, name)
+    if isinstance(part, UncertainSystem):
+        return part
+    if isinstance(part, UncertainPart):
+        return UncertainSystem(*pulled_out(part))
+    system = control.ss(part) if isinstance(part, control.TransferFunction) else part
+    M = np.block([[system.A, system.B], [system.C, system.D]]).astype(float)
+    dt = system.dt if system.nstates or system.dt else None
+    return UncertainSystem(LFT(M, (INTEGRATOR,) * system.nstates), {}, dt)
+
+
+def combined_elements(parts: list[UncertainSystem]) -> dict[str, Element]:
+    """Elements of several systems; raises InputError where two of one name differ."""
+    found: dict[str, Element] = {}
+    for part in parts:
+        for name, element in part.elements.items():
+            if found.setdefault(name, element) != element:
+                raise InputError(
+                    f"two elements are called {name!r}: {found[name]} and {element}; an element is "
+                    "known by its name: give one of them another"
+                )
+    return found
+
+
+def common_time(parts: list[UncertainSystem]) -> float | None:
+    """Sampling time of several systems; raises InputError where they differ."""
+    times = {part.dt for part in parts if part.dt is not None}
+    if len(times) > 1:
+        raise InputError(f"systems with sampling times {sorted(times)} do not go together")
+    return times.pop() if times else None
+
+
+def _combined(first: Any, second: Any, operation: Any) -> UncertainSystem:
+    parts = [uncertain(first), uncertain(second)]
+    elements, dt = combined_elements(parts), common_time(parts)
+    return UncertainSystem(operation(*(part.value for part in parts)), elements, dt)._used()
+
+
+def _series(a: LFT, b: LFT) -> LFT:
+    """The product in series; one of a single input and output multiplies each entry."""
+    scalar = (1, 1) in (a.shape, b.shape) and a.shape[1] != b.shape[0]
+    return a * b if scalar else a @ b
+
+
+def _repeated(delta: StateSpace, times: int, size: int) -> StateSpace:
+    """Dynamics that occur several times, for channels (channel, occurrence) padded to `size`."""
+    one = np.eye(times)
+    B, C = np.zeros((delta.nstates, size)), np.zeros((size, delta.nstates))
+    D = np.zeros((size, size))
+    B[:, : delta.ninputs], C[: delta.noutputs] = delta.B, delta.C
+    D[: delta.noutputs, : delta.ninputs] = delta.D
+    parts = [np.asarray(np.kron(part, one)) for part in (delta.A, B, C, D)]
+    return realisation((parts[0], parts[1], parts[2], parts[3]), 0.0)
+
+
+def _over(a: LFT, b: LFT) -> LFT:
+    """a / b. A scalar's reciprocal stands in front, where the rows of a matrix share it."""
+    return inverse(b) @ a if a.shape == b.shape == (1, 1) else _series(a, inverse(b))
+
+
+def _upper(whole: StateSpace, Delta: StateSpace, r: int) -> StateSpace:
+    """F_u(whole, Delta) with Delta closing the first r channels, all states kept."""
+    n, k = whole.nstates, Delta.nstates
+    A, B, C, D = whole.A, whole.B, whole.C, whole.D
+    # y = D11 w + ..., w = Delta y: w = (I - Dd D11)^-1 (Cd xd + Dd (C1 x + D12 u))
+    left = np.linalg.inv(np.eye(r) - Delta.D @ D[:r, :r])
+    w_x, w_d, w_u = left @ Delta.D @ C[:r], left @ Delta.C, left @ Delta.D @ D[:r, r:]
+    y_x, y_d, y_u = C[:r] + D[:r, :r] @ w_x, D[:r, :r] @ w_d, D[:r, r:] + D[:r, :r] @ w_u
+    joined_A = np.block(
+        [[A + B[:, :r] @ w_x, B[:, :r] @ w_d], [Delta.B @ y_x, Delta.A + Delta.B @ y_d]]
+    )
+    joined_B = np.vstack([B[:, r:] + B[:, :r] @ w_u, Delta.B @ y_u])
+    joined_C = np.hstack([C[r:] + D[r:, :r] @ w_x, D[r:, :r] @ w_d])
+    joined_D = D[r:, r:] + D[r:, :r] @ w_u
+    assert joined_A.shape == (n + k, n + k)
+    return realisation((joined_A, joined_B, joined_C, joined_D), whole.dt)
