@@ -9,6 +9,7 @@ import io
 import sys
 import threading
 import time
+import uuid
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
@@ -134,7 +135,7 @@ def _outlet() -> Draw | None:
     python = sys.modules.get("IPython")
     shell = python.get_ipython() if python is not None else None
     if hasattr(shell, "kernel"):
-        return _notebook()
+        return _notebook(shell)
     return _terminal() if sys.stderr.isatty() else None
 
 
@@ -154,22 +155,21 @@ def _terminal() -> Draw:
     return draw
 
 
-def _notebook() -> Draw:
-    import IPython.display
+def _notebook(shell: Any) -> Draw:
     from rich.console import Console
 
-    display: Any = IPython.display.display  # has no annotations
-    handles: list[Any] = []
+    name = {"display_id": f"workbench-{uuid.uuid4().hex}"}
+    shown_before = False
 
     def draw(picture: RenderableType | None) -> None:
-        page = Console(file=io.StringIO(), width=WIDTH, color_system=None, force_jupyter=False)
+        nonlocal shown_before
+        text = io.StringIO()
         if picture is not None:
+            page = Console(file=text, width=WIDTH, color_system=None, force_jupyter=False)
             page.print(picture)
-        content = {"text/plain": page.file.getvalue().rstrip()}  # type: ignore[attr-defined]
-        if handles:
-            handles[0].update(content, raw=True)
-        else:
-            handles.append(display(content, raw=True, display_id=True))
+        content = {"text/plain": text.getvalue().rstrip()}
+        shell.display_pub.publish(content, transient=name, update=shown_before)
+        shown_before = True
 
     return draw
 
