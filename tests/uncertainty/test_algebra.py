@@ -159,6 +159,16 @@ def test_members_lie_in_the_set():
     np.testing.assert_allclose(G.response(OMEGA), response(G.nominal))
 
 
+def test_a_bundle_of_members():
+    k = real("k", 10, percent=40)
+    figure = tf([18], [1, 1.8, k]).plot(samples=7)
+    (panel,) = figure.axes
+    assert len(panel.lines) == 8
+    assert panel.get_xlabel() == "angular frequency [rad/s]" and panel.get_ylabel() == "gain [1]"
+    peaks = [line.get_ydata().max() for line in panel.lines]
+    assert len(set(peaks)) == 8 and max(peaks) < 18 / (1.8 * np.sqrt(6 - 0.81))
+
+
 def test_slices():
     a = parameters()["a"]
     whole = append(a * LAG, LAG, dynamics("d", 1, 1))

@@ -17,12 +17,13 @@ from numpy.typing import ArrayLike
 
 from workbench.arrays import Array
 from workbench.errors import InputError, UnknownNameError
-from workbench.heavy_types import StateSpace
+from workbench.heavy_types import Figure, StateSpace
 from workbench.input_checks import need_count
 from workbench.structure import Structure
 from workbench.systems.generalised_plant import GeneralisedPlant, response
 from workbench.systems.joints import UncertainPart, part_of
 from workbench.systems.realisation import in_words, pole_sizes, realisation
+from workbench.uncertainty.algebra.bundles import bundle
 from workbench.uncertainty.algebra.conversion import pulled_out
 from workbench.uncertainty.algebra.elements import Element, RealElement
 from workbench.uncertainty.algebra.lft import INTEGRATOR, LFT, inverse
@@ -237,6 +238,13 @@ class UncertainSystem(Algebraic):
     def response(self, omega: ArrayLike) -> Array:
         """Nominal frequency response (F, outputs, inputs) at `omega` [rad/s] (F,)."""
         return response(self.nominal, omega)
+
+    def plot(self, samples: int = 30, seed: int = 0) -> Figure:
+        """Gain over frequency (of several channels the largest) of random members and the nominal.
+
+        Samples prove nothing; `workbench.mu.worst_case_gain` does.
+        """
+        return bundle(self.nominal, self.sample(samples, seed))
 
     def reduced(self) -> UncertainSystem:
         """The same system with fewer repetitions of its elements, and with all its states."""
