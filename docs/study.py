@@ -26,6 +26,7 @@ KINDS = {
     "MuLowerBound": "Lower bounds of mu",
     "HinfSynthesis": "H-infinity synthesis",
     "MuSynthesis": "Mu synthesis",
+    "Implementation": "Controllers on a processor",
     "LoopController": "The CD drive's mu controllers",
     "MuPid": "The CD drive's mu PID controllers",
     "LowerBandwidth": "The CD drive's slower controllers",
