@@ -35,6 +35,7 @@ from workbench.synthesis.limits.loop_functions import LoopFunctions
 from workbench.synthesis.limits.loop_weights import LoopWeights
 from workbench.synthesis.mu import dk
 from workbench.synthesis.mu.control_cover import ControlCover
+from workbench.synthesis.mu.demand_cost import DemandCost
 from workbench.synthesis.mu.equalising_gain import equalising_gain
 from workbench.synthesis.mu.families import Family, Modal
 from workbench.synthesis.mu.multipliers import dgk
@@ -70,6 +71,7 @@ __all__ = [
     "ControlCover",
     "ControllerMode",
     "Decentralised",
+    "DemandCost",
     "DesignTask",
     "Deviations",
     "DualCertificate",

@@ -1,0 +1,25 @@
+"""What demands on a benchmark's controller cost in mu."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from workbench import problem
+from workbench.synthesis import DemandCost
+
+from .controller import PLANTS
+
+
+@problem("{plant}/demands", plant=("mass-spring", "unstable-first-order"), slow=True)
+def demands(
+    plant: Literal["mass-spring", "unstable-first-order"],
+    orders: tuple[Annotated[int, Field(ge=0)], ...] = (1, 2, 4),
+    fastest_pole: Annotated[float, Field(gt=0.0, allow_inf_nan=False)] | None = 20.0,
+) -> DemandCost:
+    """The certified peak of mu of controllers that are small, stable themselves and slow.
+
+    orders: numbers of states. fastest_pole: largest size of a pole [rad/s], None: any.
+    """
+    return DemandCost(PLANTS[plant](), orders, fastest_pole)

@@ -1,0 +1,197 @@
+"""What it costs in mu that a controller is small, stable itself and slow."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from workbench import figures
+from workbench.arrays import RealArray
+from workbench.certificate import EVERY_PERTURBATION
+from workbench.errors import InputError
+from workbench.executor import Context
+from workbench.heavy_types import DataArray, Figure, StateSpace
+from workbench.input_checks import as_list, need_positive
+from workbench.solution import solve
+from workbench.study import Study, array, check, dim, figure, metric, part
+from workbench.synthesis.mu.program import MuController, MuSynthesis
+from workbench.synthesis.mu.shippable import Shippable
+from workbench.systems.generalised_plant import GeneralisedPlant
+from workbench.systems.realisation import realisation
+
+PEAK_SLACK = 1e-3
+"""Relative amount by which a peak proven again may exceed the stored one."""
+
+LOOKS = ("o-", "s--", "^:")
+"""Of the curves of the demands, which often lie on each other."""
+
+
+@dataclass(frozen=True, eq=False)
+class DemandCost(Study):
+    """Certified peaks of mu of controllers under demands, and of one without any.
+
+    Method "fixed" searches for a controller of each order, free otherwise, stable itself and, where
+    a fastest pole is given, stable and no faster than that. It finds local optima, so whatever it
+    finds under one demand counts under every other that it meets.
+
+    Parameters
+    ----------
+    plant
+        As for `MuSynthesis`.
+    orders
+        Numbers of states.
+    fastest_pole
+        Largest size of a pole [rad/s]; None: only stability is asked for.
+    method
+        Of the controller without demands.
+
+    Raises
+    ------
+    InputError
+        As `MuSynthesis`; no order.
+    """
+
+    plant: GeneralisedPlant
+    orders: tuple[int, ...] = (1, 2, 4)
+    fastest_pole: float | None = None
+    method: str = "dk"
+
+    headline: ClassVar[str] = "least_peak"
+
+    def __post_init__(self) -> None:
+        need_positive(self.fastest_pole, "fastest_pole", or_none=True)
+        orders = tuple(as_list(self.orders, "orders"))
+        if not orders:
+            raise InputError("orders is empty; give one number of states or more")
+        for order in orders:
+            MuSynthesis(self.plant, order=order)  # raises for what misfits
+        object.__setattr__(self, "orders", tuple(sorted(set(orders))))
+
+    @property
+    def quantifier(self) -> str:
+        return EVERY_PERTURBATION
+
+    @property
+    def demands(self) -> dict[str, dict[str, Any]]:
+        """What is asked, by the words of it."""
+        found: dict[str, dict[str, Any]] = {"order alone": {}, "stable": {"stable": True}}
+        if self.fastest_pole is not None:
+            words = f"stable, poles up to {self.fastest_pole:g} rad/s"
+            found[words] = {"stable": True, "fastest_pole": self.fastest_pole}
+        return found
+
+    demand = dim(lambda self: list(self.demands), meaning="what is asked of the controller")
+    order = dim(lambda self: list(self.orders), meaning="states of the controller at most")
+    bound = dim("lower", "upper")
+    row = dim(lambda self: np.arange(self.orders[-1] + self.plant.controls))
+    column = dim(lambda self: np.arange(self.orders[-1] + self.plant.measurements))
+
+    @part
+    def designs(self, context: Context) -> dict[tuple[str, int], MuController | None]:
+        """The controller of every demand and order; None where none was found."""
+        cases = [(words, order) for words in self.demands for order in self.orders]
+        answers: list[MuController] = []
+        for words, order in context.track(cases, "demands"):
+            program = MuSynthesis(self.plant, order=order, **self.demands[words])
+            done = solve(program, "fixed", context=Context(context.options))
+            valid = done.certificate is not None and done.certificate.valid and done.proof is None
+            answers += [done.answer] * valid
+        answers.sort(key=lambda one: one.upper)
+        return {
+            (words, order): next(
+                (one for one in answers if self._asked(words, order).admits(one.K)), None
+            )
+            for words, order in cases
+        }
+
+    def _asked(self, words: str, order: int) -> Shippable:
+        """What a controller must be."""
+        asked = self.demands[words]
+        return Shippable(order, asked.get("stable", False), asked.get("fastest_pole"))
+
+    @array((demand, order, bound), "1", "certified bounds of the peak of mu, infinite: none found")
+    def peak(self, designs: Any) -> list[list[list[float]]]:
+        return [[_bounds(designs[words, order]) for order in self.orders] for words in self.demands]
+
+    @array((demand, order, row, column), "1", "[A B; C D] of the controllers, NaN beyond")
+    def controllers(self, designs: Any) -> RealArray:
+        size = self.orders[-1]
+        shape = (size + self.plant.controls, size + self.plant.measurements)
+        found = np.full((len(self.demands), len(self.orders), *shape), np.nan)
+        for i, words in enumerate(self.demands):
+            for j, order in enumerate(self.orders):
+                one = designs[words, order]
+                if one is not None:
+                    K = one.K
+                    M = np.block([[K.A, K.B], [K.C, K.D]])
+                    found[i, j, : M.shape[0], : M.shape[1]] = M
+        return found
+
+    @array((bound,), "1", "certified bounds of the peak without any demand, infinite: none found")
+    def free(self, context: Context) -> list[float]:
+        done = solve(MuSynthesis(self.plant), self.method, context=Context(context.options))
+        valid = done.certificate is not None and done.certificate.valid
+        return _bounds(done.answer if valid else None)
+
+    @check(
+        "peaks",
+        "peak proven again over the stored one, less 1",
+        at_most=PEAK_SLACK,
+        where="{demand}, order {order}",
+    )
+    def proven(self, peak: DataArray, controllers: DataArray) -> DataArray:
+        upper = peak.sel(bound="upper")
+        excess = np.zeros(upper.shape)
+        for place in np.argwhere(np.isfinite(upper.values)):
+            again = MuSynthesis(self.plant).certified(self._stored(controllers, *place))
+            value = math.inf if again is None else again.upper
+            excess[tuple(place)] = value / float(upper.values[tuple(place)]) - 1
+        return upper.copy(data=excess)
+
+    @check(
+        "demands",
+        "demands that a controller does not meet",
+        at_most=0.0,
+        where="{demand}, order {order}",
+    )
+    def met(self, peak: DataArray, controllers: DataArray) -> DataArray:
+        upper = peak.sel(bound="upper")
+        missed = np.zeros(upper.shape)
+        for i, j in np.argwhere(np.isfinite(upper.values)):
+            demands = self._asked(list(self.demands)[i], self.orders[j])
+            K = self._stored(controllers, i, j)
+            missed[i, j] = sum(not one.holds for one in demands.checks(K))
+        return upper.copy(data=missed)
+
+    def _stored(self, controllers: DataArray, i: int, j: int) -> StateSpace:
+        """The controller of a demand and an order, by number."""
+        whole = controllers.values[i, j]
+        rows, columns = (int(np.isfinite(part).sum()) for part in (whole[:, 0], whole[0]))
+        M, n = whole[:rows, :columns], rows - self.plant.controls
+        return realisation((M[:n, :n], M[:n, n:], M[n:, :n], M[n:, n:]), 0.0)
+
+    least_peak = metric(lambda peak: peak.sel(bound="upper").min())
+    free_peak = metric(lambda free: free.sel(bound="upper"))
+
+    @figure
+    def cost(self, peak: DataArray, free: DataArray) -> dict[str, Figure]:
+        drawn, (panel,) = figures.axes(size=(7.2, 4.6))
+        for words, look in zip(peak["demand"].values, LOOKS, strict=False):
+            upper = peak.sel(bound="upper", demand=words)
+            panel.plot(peak["order"], upper.where(np.isfinite(upper)), look, label=str(words))
+        level = float(free.sel(bound="upper"))
+        if math.isfinite(level):
+            words = f"no demand ({self.method})"
+            panel.axhline(level, color=figures.BLACK, linestyle="--", label=words)
+        panel.set_xticks(list(self.orders))
+        figures.label(panel, "order of the controller", r"certified peak of $\mu$")
+        figures.legend_below(drawn, panel, columns=2)
+        return {"cost": drawn}
+
+
+def _bounds(answer: MuController | None) -> list[float]:
+    """Lower and upper bound of a peak; infinite without an answer."""
+    return [math.inf, math.inf] if answer is None else [answer.lower, answer.upper]
