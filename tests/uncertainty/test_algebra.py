@@ -14,6 +14,7 @@ from workbench.uncertainty import (
     complex_scalar,
     dynamics,
     feedback,
+    generalised_plant,
     parametric,
     real,
     ss,
@@ -201,6 +202,19 @@ def test_it_is_a_block_and_a_generalised_plant():
     wide = np.array([[1.0], [1.0]]) @ G @ np.array([[0.1, 1.0]])
     found = conditions(wide.plant(1, 1), control.ss(control.tf([-0.5], [1, 1])))
     assert found.nominal_stability and found.robust_performance.upper > 0
+
+
+def test_it_is_connected_by_names():
+    k = real("k", 10, percent=40)
+    G = tf([18], [1, 1.8, k])
+    loop = {"exogenous": "r", "control": "u", "performance": "e", "measurement": "e"}
+    plant = generalised_plant([(G, "u", "y")], {"e": "r - y"}, **loop)
+    assert plant.structure.blocks == (Real(1, "k"),)
+    other = tf([1], [1, k])
+    with pytest.raises(InputError, match="blocks 1 and 2 both hold the uncertain element 'k'"):
+        generalised_plant([(G, "u", "y"), (other, "y", "x")], {"e": "r - x"}, **loop)
+    both = generalised_plant([(other * G, "u", "x")], {"e": "r - x"}, **loop)
+    assert both.structure.blocks == (Real(2, "k"),)
 
 
 @pytest.mark.parametrize(

@@ -130,10 +130,19 @@ def named_parts(
             )
         entries.append((given[0], names_of(given[1]), names_of(given[2])))
     taken: list[str] = []
+    known: dict[str, int] = {}
     for number, given in enumerate(as_list(blocks, "blocks"), start=1):
         part = named_realisation(given, f"block {number}")
         model = part_of(given[0] if isinstance(given, tuple) else given, f"block {number}")
         if isinstance(model, UncertainPart):
+            for name in model.known_by_name:
+                if name in known:
+                    raise InputError(
+                        f"blocks {known[name]} and {number} both hold the uncertain element "
+                        f"{name!r}; put them together first, by append or feedback, so that it is "
+                        "one perturbation"
+                    )
+                known[name] = number
             rows, columns = model.structure.rows, model.structure.columns
             own = [*part.inputs[:rows], *part.outputs[:columns]]
             names = unique([*taken, *own])[len(taken) :]

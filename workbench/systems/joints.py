@@ -31,6 +31,11 @@ class UncertainPart(ABC):
     def lti(self) -> Any:
         """The nominal system, without the perturbation."""
 
+    @property
+    def known_by_name(self) -> tuple[str, ...]:
+        """Names of perturbations that are the same ones wherever a name occurs."""
+        return ()
+
 
 def part_of(given: Any, name: str) -> Any:
     """The StateSpace, TransferFunction or `UncertainPart` that something stands for.

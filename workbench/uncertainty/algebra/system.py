@@ -123,6 +123,10 @@ class UncertainSystem(Algebraic):
         return "\n".join(lines)
 
     @property
+    def known_by_name(self) -> tuple[str, ...]:
+        return tuple(self.elements)
+
+    @property
     def nominal(self) -> StateSpace:
         """The system with every element at its nominal."""
         return self.at()
