@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 import workbench
 from workbench.bench.project import add_problems, added_problems
 from workbench.errors import ClusterError, WorkbenchError
-from workbench.executor.live import shown_live
 
 if TYPE_CHECKING:
     from workbench.bench.results import Run
@@ -40,6 +39,8 @@ def ended(
 def _one_by_one(
     names: Sequence[str], asked: Mapping[str, Any]
 ) -> Iterator[tuple[str, Run | WorkbenchError]]:
+    from workbench.executor.live import shown_live
+
     for position, name in enumerate(names, start=1):
         done: Run | WorkbenchError
         with shown_live(f"[{position}/{len(names)}] {name}") as (progress, watch):
@@ -53,6 +54,8 @@ def _one_by_one(
 def _several(
     names: Sequence[str], asked: Mapping[str, Any], where: AbstractContextManager[Executor]
 ) -> Iterator[tuple[str, Run | WorkbenchError]]:
+    from workbench.executor.live import shown_live
+
     with where as executor, shown_live("several at once") as (progress, _):
         futures = {
             executor.submit(_run, name, dict(asked), added_problems()): name for name in names

@@ -16,7 +16,6 @@ from workbench.batch import ended, workers
 from workbench.bench.declare import RESERVED_PARAMETERS
 from workbench.bench.project import add_problems, registry, results_root, use_results
 from workbench.errors import WorkbenchError
-from workbench.executor.live import shown_live
 from workbench.solvers import Options
 from workbench.terminal import (
     print_comparison,
@@ -251,6 +250,7 @@ def compare(
     from workbench.bench.compare import asked_for, described, run_comparison
     from workbench.bench.comparison import changes, need_comparison, need_table_file, write_cells
     from workbench.executor import InProcess
+    from workbench.executor.live import shown_live
 
     if (methods is None) == (not all_methods):
         raise click.UsageError("name --methods A,B,C or ask for --all-methods")
