@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from workbench.errors import InputError, UnknownNameError, WorkbenchError
-from workbench.mu import conditions
+from workbench.mu import conditions, robust_stability
 from workbench.structure import Complex, Full, Real
 from workbench.uncertainty import (
     Parameter,
@@ -204,6 +204,24 @@ def test_it_is_a_block_and_a_generalised_plant():
     assert found.nominal_stability and found.robust_performance.upper > 0
 
 
+def test_perturbations_of_two_models_are_two():
+    """Both are called "complex"; as one perturbation they would be a smaller set."""
+    s = control.tf("s")
+    one, other = (UncertaintyModel(10 / (s + pole), 0.1 * (s + 1) / (s + 10)) for pole in (1, 2))
+    for call in (lambda: one * other, lambda: append(one, other), lambda: feedback(one, other)):
+        with pytest.raises(InputError, match="two elements are called 'complex'"):
+            call()
+    assert (one * one).structure.blocks == (Complex(2, "complex"),)
+
+
+def test_the_worst_perturbation_goes_back_into_the_system():
+    z = complex_scalar("z", 2.0, 0.5)
+    loop = feedback(control.ss(control.tf([1], [1, 3, 3, 1])) * z, 1)
+    margin = robust_stability(loop)
+    poles = loop.at(**margin.worst).poles()
+    assert np.abs(poles - 1j * margin.omega).min() < 1e-5 * margin.omega
+
+
 def test_it_is_connected_by_names():
     k = real("k", 10, percent=40)
     G = tf([18], [1, 1.8, k])
@@ -254,6 +272,8 @@ def test_it_is_connected_by_names():
         (lambda: real("k", 2, low=1, high=9).at(k=-90), "lies so far beyond its range"),
         (lambda: dynamics("d", 2, 1).at(d=np.eye(3)), "d has 1 outputs and 2 inputs"),
         (lambda: complex_scalar("z", 1, 1).at(z=1j), "complex coefficient"),
+        (lambda: complex_scalar("z", 1, 1).at(z="two"), "z must be"),
+        (lambda: dynamics("d", 1, 1).at(d="two"), "d must be"),
         (lambda: (1 / real("k", 1, percent=50)).at(k=0.0), "not well posed"),
         (lambda: real("k", 1, percent=5).sample(0), "count is 0"),
         (lambda: append(LAG, real("k", 1, percent=5))[0], "give outputs and inputs"),

@@ -86,13 +86,13 @@ def highest_crossover(plant: StateSpace, K: StateSpace) -> float:
     0 where it is less at all frequencies, infinite where it stays larger. It is searched between
     the frequencies of `starting_grid`, and beyond them as far as the loop gain is larger than 1.
     """
-    loop = plant * K
+    dt = plant.dt or K.dt
     poles, end = np.concatenate([plant.poles(), K.poles()]).astype(complex), math.inf
-    if loop.dt:
-        period = 1.0 if loop.dt is True else loop.dt
+    if dt:
+        period = 1.0 if dt is True else dt
         poles = np.log(poles[np.abs(poles) > 0]) / period
         end = np.pi * NYQUIST_SHARE / period
-    elif np.linalg.norm(loop.D, 2) >= 1:
+    elif np.linalg.norm(plant.D @ K.D, 2) >= 1:
         return math.inf
     moving = poles[np.abs(poles) > 0]
     omega = starting_grid(moving)

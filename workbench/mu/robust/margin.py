@@ -240,5 +240,6 @@ def _values(found: UncertainSystem, Delta: StateSpace) -> dict[str, Any]:
             values[element.name] = element.value(D[0, 0])
             continue
         part = control.ss(Delta.A, Delta.B[:, first[1]], Delta.C[first[0]], D)
-        values[element.name] = control.minreal(part, verbose=False) if part.nstates else part
+        part = control.minreal(part, verbose=False) if part.nstates else part
+        values[element.name] = element.value(part)
     return values

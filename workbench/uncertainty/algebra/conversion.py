@@ -18,7 +18,8 @@ from workbench.uncertainty.algebra.lft import INTEGRATOR, LFT
 def pulled_out(part: UncertainPart) -> tuple[LFT, dict[str, Element], float | None]:
     """The LFT of a model, its blocks as elements of their names, and its sampling time.
 
-    Parameters keep their ranges; the scalars of an `UncertaintyModel` are normalised.
+    Parameters keep their ranges; the scalars of an `UncertaintyModel` are normalised, and are its
+    own: those of two models are two perturbations, though both are called "complex".
     """
     system, structure = part.system, part.structure
     ranges = {one.name: one for one in getattr(part, "parameters", ())}
@@ -31,15 +32,15 @@ def pulled_out(part: UncertainPart) -> tuple[LFT, dict[str, Element], float | No
         element: Element
         if isinstance(block, Real):
             known = ranges.get(name)
-            element = RealElement(name, 0.0, -1.0, 1.0)
+            element = RealElement(name, 0.0, -1.0, 1.0, owner=part)
             if known is not None:
                 ends = sorted(float(known.at(end)) for end in (-1.0, 1.0))
                 element = RealElement(name, known.nominal, *ends)
         elif isinstance(block, Complex):
-            element = ComplexElement(name, 0.0, 1.0)
+            element = ComplexElement(name, 0.0, 1.0, owner=part)
         else:
             assert isinstance(block, Full)
-            element = DynamicElement(name, block.outputs, block.inputs)
+            element = DynamicElement(name, block.outputs, block.inputs, owner=part)
         size = max(block.rows, block.columns)
         once = element.channels
         names += once * block.rows if len(once) == 1 else once

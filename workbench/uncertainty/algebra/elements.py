@@ -7,8 +7,9 @@ of their own: a scalar has one name, a block of dynamics (r, c) one for each of 
 from __future__ import annotations
 
 import math
+import numbers
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -18,13 +19,19 @@ from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import is_real
 from workbench.structure import Block, Complex, Full, Real
+from workbench.systems.conversion import as_system
 
 
 @dataclass(frozen=True)
 class Element(ABC):
-    """An uncertain element; two with one name must be equal."""
+    """An uncertain element; two with one name must be equal.
+
+    ``owner`` is the model that an element belongs to whose name is no name of its own, such as
+    "complex": that of another model is another element.
+    """
 
     name: str
+    owner: Any = field(default=None, kw_only=True, repr=False)
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name.isidentifier():
@@ -117,14 +124,17 @@ class ComplexElement(Element):
         return Complex(occurrences, self.name)
 
     def delta(self, value: Any) -> Any:
-        if np.ndim(value) or not np.isfinite(value):
-            raise InputError(f"{self.name} = {value!r}; a number is needed")
-        if np.imag(value):
+        if not isinstance(value, numbers.Number):  # dynamics that have this value at a frequency
+            return (as_system(value, self.name) - self.nominal) * (1.0 / self.radius)
+        number = complex(value)  # type: ignore[call-overload]
+        if not np.isfinite(number):
+            raise InputError(f"{self.name} = {value!r}; it must be finite")
+        if number.imag:
             raise InputError(
                 f"{self.name} = {value!r}: a system with a complex coefficient has no real "
                 "state space; give a real number, or `dynamics` for a phase"
             )
-        return (float(np.real(value)) - self.nominal) / self.radius
+        return (number.real - self.nominal) / self.radius
 
     def value(self, delta: Any) -> Any:
         return self.nominal + self.radius * delta
@@ -158,15 +168,7 @@ class DynamicElement(Element):
         return Full(self.outputs, self.inputs, self.name)
 
     def delta(self, value: Any) -> Any:
-        import control
-
-        given = value
-        if not isinstance(value, control.StateSpace):
-            if isinstance(value, control.TransferFunction):
-                given = control.ss(value)
-            else:
-                gain = np.atleast_2d(np.asarray(value, dtype=float))
-                given = control.ss([], [], [], gain)
+        given = as_system(value, self.name)
         if (given.noutputs, given.ninputs) != (self.outputs, self.inputs):
             raise InputError(
                 f"{self.name} has {self.outputs} outputs and {self.inputs} inputs, what was given "

@@ -17,7 +17,6 @@ from workbench.uncertainty.algebra.elements import (
     RealElement,
 )
 from workbench.uncertainty.algebra.lft import INTEGRATOR, LFT, diagonal, matrix
-from workbench.uncertainty.algebra.reduction import grouped, reduced
 from workbench.uncertainty.algebra.system import (
     UncertainSystem,
     combined_elements,
@@ -142,10 +141,8 @@ def ss(A: Any, B: Any, C: Any, D: Any, dt: float = 0.0) -> UncertainSystem:
     whole = matrix([[parts[0].value, parts[1].value], [parts[2].value, parts[3].value]])
     lft = whole if isinstance(whole, LFT) else LFT(whole)
     elements = combined_elements(parts)
-    channels = [name for one in elements.values() for name in one.channels]
-    lft = grouped(LFT(lft.M, lft.names + (INTEGRATOR,) * states), [INTEGRATOR, *channels])
-    kept = [name for one in elements.values() if len(one.channels) > 1 for name in one.channels]
-    return UncertainSystem(reduced(lft, keep=[INTEGRATOR, *kept]), elements, float(dt))._used()
+    value = LFT(lft.M, lft.names + (INTEGRATOR,) * states)
+    return UncertainSystem(value, elements, float(dt))._used().reduced()
 
 
 def tf(num: Sequence[Any], den: Sequence[Any], dt: float = 0.0) -> UncertainSystem:

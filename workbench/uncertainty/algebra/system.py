@@ -231,13 +231,13 @@ class UncertainSystem(Algebraic):
         """Random members: parameters uniform in their range, dynamics all-pass of random gain."""
         need_count("count", count)
         rng = np.random.default_rng(seed)
-        return [self.at(**self._random(rng)) for _ in range(count)]
-
-    def _random(self, rng: np.random.Generator) -> dict[str, Any]:
         sizes = pole_sizes(self.nominal)
         moving = sizes[sizes > 0]
         speed = float(np.exp(np.log(moving).mean())) if moving.size else 1.0
-        return {name: one.sample(rng, speed) for name, one in self.elements.items()}
+        return [
+            self.at(**{name: one.sample(rng, speed) for name, one in self.elements.items()})
+            for _ in range(count)
+        ]
 
     def response(self, omega: ArrayLike) -> Array:
         """Nominal frequency response (F, outputs, inputs) at `omega` [rad/s] (F,)."""
