@@ -280,8 +280,8 @@ def integer_outputs(cascade, signal_bits, inputs):
 @pytest.mark.parametrize("seed", range(6))
 def test_nothing_overflows_and_the_noise_is_as_foreseen(seed):
     K = random_system(seed, 0.01)
-    sections = second_order_sections(K[0, 0])
-    fixed = fixed_point(sections, 24, 20)
+    ((own,),) = second_order_sections(K[0, 0]).channels
+    fixed = fixed_point(Sections(((own, own),), 0.01), 24, 20)
     cascade, rows = fixed.cascades[0][0], fixed.quantised.channels[0][0]
     assert fixed.overflow_free
     count = len(rows)
@@ -306,8 +306,11 @@ def test_quantised_controllers_keep_or_lose_the_loop():
     sections = second_order_sections(discretised(K, T))
     fine, coarse = fixed_point(sections, 32, 40), fixed_point(sections, 16, 16)
     assert fine.overflow_free
-    # The integrator's pole is 3e-8 inside the circle, and 16 bits put it beyond.
-    assert not coarse.overflow_free and coarse.cascades[0][0].largest[-1] == math.inf
+    # The integrator's pole is 3e-8 inside the circle, and 16 bits put it beyond: it saturates.
+    assert coarse.overflow_free and coarse.cascades[0][0].largest[-1] == 1.0 - 2.0**-15
+    ((own,),) = sections.channels
+    two = fixed_point(Sections(((own, own),), T), 16, 16)
+    assert not two.overflow_free and two.cascades[0][0].largest[-1] == math.inf
     exact = sampled_conditions(plant, sections.system, T).margins[0].phase
     assert fine.conditions(plant).margins[0].phase == pytest.approx(exact, abs=1e-3)
     assert fine.cascades[0][0].moved < 1e-8 < coarse.cascades[0][0].moved < 1e-4

@@ -1,13 +1,11 @@
 """Controllers as a processor runs them: bounds of the sampled loop, and C code run in it."""
 
-import ctypes
-import shutil
-import subprocess
 from dataclasses import replace
 
 import control
 import numpy as np
 import pytest
+from compiled_code import Compiled, needs_compiler
 
 from workbench.errors import InputError
 from workbench.solution import solve
@@ -18,8 +16,6 @@ from workbench.synthesis.implementation.rounding import absolute_sums
 from workbench.uncertainty import UncertaintyModel, generalised_plant
 
 PERIOD, DELAY = 1e-3, 1.0
-COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
-needs_compiler = pytest.mark.skipif(COMPILER is None, reason="no C compiler (cc, gcc, clang)")
 s = control.tf("s")
 G = control.tf([100.0], [1.0, 3.0, 100.0], inputs="u", outputs="y")
 PI = control.tf([0.2, 2.0], [1.0, 0.01], inputs="y", outputs="u") * 40 / (s + 40)
@@ -34,49 +30,6 @@ def done(request):
     more = {"full_scale": (2.0, 4.0)} if request.param == "fixed" else {}
     task = Implementation(PI, MODEL, PERIOD, DELAY, request.param, **more)
     return task, solve(task)
-
-
-class Compiled:
-    """The exported C code, called sample by sample."""
-
-    def __init__(self, answer, folder, measurement="double", control="double"):
-        header = answer.export(folder / "board.h", "board")
-        state = "board_state"
-        source = folder / "board.c"
-        source.write_text(
-            f'#include "{header.name}"\nstatic {state} s;\n'
-            f"void start(void) {{ board_init(&s); }}\n"
-            f"void step(const {measurement} *y, {control} *u) {{ board_step(&s, y, u); }}\n"
-            + (
-                f"void take(const {measurement} *y, const {control} *u)"
-                " { board_start(&s, y, u); }\n"
-                if answer.precision != "fixed"
-                else ""
-            )
-        )
-        library = folder / "board.so"
-        strict = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-ffp-contract=off"]
-        subprocess.run(
-            [COMPILER, *strict, "-O2", "-shared", "-fPIC", "-o", library, source], check=True
-        )
-        self.library = ctypes.CDLL(str(library))
-        self.types = {"double": np.float64, "float": np.float32, "int32_t": np.int32}
-        self.y, self.u = self.types[measurement], self.types[control]
-        self.outputs = answer.K.noutputs
-        self.library.start()
-
-    def step(self, y):
-        given, found = np.asarray(y, self.y), np.zeros(self.outputs, self.u)
-        self.library.step(
-            given.ctypes.data_as(ctypes.c_void_p), found.ctypes.data_as(ctypes.c_void_p)
-        )
-        return found
-
-    def take(self, y, u):
-        one, other = np.asarray(y, self.y), np.asarray(u, self.u)
-        self.library.take(
-            one.ctypes.data_as(ctypes.c_void_p), other.ctypes.data_as(ctypes.c_void_p)
-        )
 
 
 def in_the_loop(task, step, w):
@@ -124,25 +77,13 @@ def test_the_compiled_code_runs_in_the_loop_as_the_model_does(done, tmp_path):
     answer = found.answer
     w = np.random.default_rng(0).choice([-1.0, 1.0], size=600)
     expected = in_the_loop(task, model_step(answer.K), w)
-    if task.precision == "fixed":
-        board = Compiled(answer, tmp_path, "int32_t", "int32_t")
-        full = 2.0 ** (task.signal_bits - 1)
-        y_scale, u_scale = task.full_scale
-
-        def step(y):
-            return board.step(np.rint(y / y_scale * full)) * (u_scale / full)
-
-        limit = answer.rounding.share * u_scale
-    else:
-        board = Compiled(answer, tmp_path, task.precision, task.precision)
-
-        def step(y):
-            return board.step(y).astype(float)
-
+    board = Compiled(answer, tmp_path)
+    limit = answer.rounding.share * (task.full_scale[1] if task.full_scale else 1.0)
+    if task.precision != "fixed":
         # The claim is over the largest control that any disturbance of 1 brings about.
         closed = task.loop.closed(answer.K)
-        limit = answer.rounding.share * absolute_sums(closed.A, closed.B, closed.C, closed.D)[1, 0]
-    off = np.abs(in_the_loop(task, step, w) - expected).max()
+        limit *= absolute_sums(closed.A, closed.B, closed.C, closed.D)[1, 0]
+    off = np.abs(in_the_loop(task, board.step, w) - expected).max()
     assert off <= limit
     assert task.precision == "double" or off > 0.0
 
@@ -202,11 +143,14 @@ def test_order_filter_and_limits_are_heeded(tmp_path):
 
 
 @needs_compiler
-def test_anti_windup_shortens_what_a_limit_costs(tmp_path):
+@pytest.mark.parametrize("precision", ["double", "float", "fixed"])
+def test_anti_windup_shortens_what_a_limit_costs(precision, tmp_path):
     """A step that saturates: with anti-windup the error is over sooner, with less overshoot."""
     K = control.tf([0.5, 20.0], [1.0, 0.0], inputs="e", outputs="u")
     plant = control.tf([1.0], [1.0, 1.0])
-    answer = solve(Implementation(K, plant, 0.01, limits=([-1.5], [1.5]))).answer
+    fixed = precision == "fixed"
+    ends = {"full_scale": (2.0, 1.5)} if fixed else {"limits": ([-1.5], [1.5])}
+    answer = solve(Implementation(K, plant, 0.01, precision=precision, **ends)).answer
     board = Compiled(answer, tmp_path)
     state, clipped = np.zeros(answer.K.nstates), []
     held = control.sample_system(control.ss(plant), 0.01)
@@ -229,12 +173,13 @@ def test_anti_windup_shortens_what_a_limit_costs(tmp_path):
 
 
 @needs_compiler
-def test_it_takes_over_without_a_bump(tmp_path):
-    answer = solve(Implementation(PI, MODEL, PERIOD, DELAY)).answer
+def test_it_takes_over_without_a_bump(done, tmp_path):
+    answer = done[1].answer
     board = Compiled(answer, tmp_path)
-    for y, u in ((0.3, -2.0), (0.0, 5.0)):
+    accuracy = {"double": 1e-9, "float": 1e-5, "fixed": 1e-6}[answer.precision]
+    for y, u in ((0.3, -2.0), (0.0, 3.0)):
         board.take([y], [u])
-        assert board.step([y])[0] == pytest.approx(u, rel=1e-9)
+        assert board.step([y])[0] == pytest.approx(u, rel=accuracy)
 
 
 def test_the_start_holds_what_an_integrator_holds():

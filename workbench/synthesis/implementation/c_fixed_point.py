@@ -1,8 +1,14 @@
-"""C code of cascades in fixed-point arithmetic: integers in, integers out, no rounding unseen."""
+"""C code of cascades in fixed-point arithmetic: integers in, integers out, no rounding unseen.
+
+Past outputs of last sections are what anti-windup and a start without a bump act on. What a control
+loses at its full scale is taken from them, in equal shares where several channels lead to it.
+"""
 
 from __future__ import annotations
 
-import numpy as np
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
 
 from workbench.errors import InputError
 from workbench.synthesis.implementation.fixed_point import (
@@ -11,15 +17,18 @@ from workbench.synthesis.implementation.fixed_point import (
     FixedPoint,
 )
 
+PLACES = 4
+"""Values in the memory of a section."""
+
 _FRAME = """\
 /* Controller in second-order sections, fixed point.
  *
  * {inputs} inputs, {outputs} outputs, sample time {time} s.
- * Measurements are integers over {scale}, 1 being full scale: y = {name}_FULL_SCALE corresponds to
+ * Measurements are integers over {scale}, 1 being full scale: y = {guard}_FULL_SCALE corresponds to
  * {y_scale} units. Controls are the same over full scales of {u_scale} units, and are limited to
- * them. Coefficients have {bits} bits, signals {signal_bits}; no section overflows.
- * Call {name}_init once, then {name}_step each sample. Right shifts of negative integers must be
- * arithmetic, as they are with every common compiler.
+ * them; the last sections are told of it (anti-windup). Coefficients have {bits} bits, signals
+ * {signal_bits}; no section overflows. Call {name}_init once, then {name}_step each sample. Right
+ * shifts of negative integers must be arithmetic, as they are with every common compiler.
  */
 #ifndef {guard}_H
 #define {guard}_H
@@ -35,6 +44,12 @@ typedef struct {{
     int64_t x[{room}];
 }} {name}_state;
 
+static inline int64_t {name}_limited(int64_t value)
+{{
+    const int64_t most = {guard}_FULL_SCALE;
+    return value > most ? most : value < -most ? -most : value;
+}}
+
 static inline void {name}_init({name}_state *state)
 {{
     for (int i = 0; i < {room}; i++)
@@ -44,8 +59,17 @@ static inline void {name}_init({name}_state *state)
 static inline void {name}_step({name}_state *state, const int32_t y[{inputs}],
                                int32_t u[{outputs}])
 {{
-    int64_t *x = state->x, v, a, sum;
-{body}}}
+    int64_t *x = state->x, v, w, sum;
+{step}}}
+
+/* The state from which a step answers the measurements y with the controls u, but for roundings: no
+ * bump. All other sections stand still then. A memory that would go beyond full scale stops there.
+ */
+static inline void {name}_start({name}_state *state, const int32_t y[{inputs}],
+                                const int32_t u[{outputs}])
+{{
+    int64_t *x = state->x, v, sum;
+{start}}}
 
 #endif
 """
@@ -74,24 +98,26 @@ def fixed_header(
     """
     if not fixed.overflow_free:
         raise InputError(
-            "a section may overflow: take more bits of signals, or remove an integrator"
+            "a section may overflow: take more bits of signals; an integrator overflows where "
+            "several measurements lead to its control"
         )
     if signal_bits > 32:
         raise InputError(f"signals have {signal_bits} bits; C code is for at most 32")
+
+    def limited(value: str) -> str:
+        return f"{name}_limited({value})"
+
     inputs, outputs = fixed.quantised.ninputs, fixed.quantised.noutputs
-    largest = 2 ** (signal_bits - 1) - 1
-    lines, place = [], 0
+    step: list[str] = []
+    start: list[str] = []
+    place = 0
     for i, line in enumerate(fixed.cascades):
-        lines.append("sum = 0;")
-        for j, cascade in enumerate(line):
-            lines.append(f"v = y[{j}];")
-            for k in range(len(cascade.shifts)):
-                lines += _section(cascade, k, place, signal_bits)
-                place += 4
-            shift = int(cascade.shifts[-1])
-            lines.append(f"sum += {_shifted('v', shift)};")
-        limited = f"sum > {largest} ? {largest} : sum < -{largest} ? -{largest} : sum"
-        lines.append(f"u[{i}] = (int32_t)({limited});")
+        channels = []
+        for cascade in line:
+            channels.append(_sections(cascade, place, signal_bits))
+            place += PLACES * len(channels[-1])
+        step += _step(i, channels, limited)
+        start += _start(i, channels, limited)
     return _FRAME.format(
         inputs=inputs,
         outputs=outputs,
@@ -103,32 +129,108 @@ def fixed_header(
         u_scale=f"{scales[1]:.9g}",
         bits=bits,
         signal_bits=signal_bits,
-        largest=largest,
-        room=max(place, 1),
-        body="".join(f"    {line}\n" for line in lines),
+        largest=2 ** (signal_bits - 1) - 1,
+        room=place,
+        step="".join(f"    {line}\n" for line in step),
+        start="".join(f"    {line}\n" for line in start),
     )
 
 
-def _section(cascade: FixedCascade, k: int, place: int, signal_bits: int) -> list[str]:
-    """One section in direct form I; x holds its last two inputs and outputs."""
-    b, a = cascade.numerators[k], cascade.denominators[k]
-    nb, na = int(cascade.numerator_exponents[k]), int(cascade.denominator_exponents[k])
-    exponent = max(nb, na, 0)
-    room = (
-        np.abs(b).sum() * 2.0 ** (exponent - nb) + np.abs(a).sum() * 2.0 ** (exponent - na)
-    ) * 2.0
-    if np.log2(max(room, 1.0)) + signal_bits - 1 >= ACCUMULATOR_BITS:
-        raise InputError(
-            f"section {k + 1} needs sums of more than 64 bits: take fewer bits, or scale signals"
-        )
-    x = [f"x[{place + n}]" for n in range(4)]
-    forward = f"({b[0]} * v + {b[1]} * {x[0]} + {b[2]} * {x[1]})"
-    back = f"({a[0]} * {x[2]} + {a[1]} * {x[3]})"
-    return [
-        f"a = {_shifted(forward, exponent - nb)} - {_shifted(back, exponent - na)};",
-        f"a = (a + {2 ** (exponent - 1)}) >> {exponent};" if exponent else "",
-        f"{x[1]} = {x[0]}; {x[0]} = v; {x[3]} = {x[2]}; {x[2]} = a; v = a;",
-    ]
+@dataclass(frozen=True)
+class _Section:
+    """A section with sums over 2**exponent; from `place` on are two past inputs and outputs.
+
+    What it gives is its output divided by 2**shift.
+    """
+
+    b: tuple[int, ...]
+    a: tuple[int, ...]
+    exponent: int
+    shift: int
+    place: int
+
+    @property
+    def memory(self) -> list[str]:
+        return [f"x[{self.place + n}]" for n in range(PLACES)]
+
+    def output(self) -> str:
+        """The rounded output for the input v."""
+        (b0, b1, b2), (a1, a2), (v1, v2, w1, w2) = self.b, self.a, self.memory
+        terms = f"({b0} * v + {b1} * {v1} + {b2} * {v2} - {a1} * {w1} - {a2} * {w2})"
+        return _shifted(terms, -self.exponent)
+
+    def resting_output(self) -> str:
+        """The output that stays as it is while the input stays v."""
+        return f"{sum(self.b)} * v / {2**self.exponent + sum(self.a)}"
+
+    def past_output(self, wanted: str) -> str:
+        """The past output, for both, after which a resting input v gives the output `wanted`."""
+        return f"({sum(self.b)} * v - {2**self.exponent} * {wanted}) / {sum(self.a)}"
+
+
+def _sections(cascade: FixedCascade, place: int, signal_bits: int) -> list[_Section]:
+    """Sections of a channel; raises InputError where a sum needs more bits than there are."""
+    found = []
+    for k, shift in enumerate(cascade.shifts):
+        nb, na = int(cascade.numerator_exponents[k]), int(cascade.denominator_exponents[k])
+        exponent = max(nb, na, 0)
+        b = tuple(int(value) << (exponent - nb) for value in cascade.numerators[k])
+        a = tuple(int(value) << (exponent - na) for value in cascade.denominators[k])
+        room = 2 * (sum(map(abs, b)) + sum(map(abs, a)) + 2**exponent)
+        if math.log2(room) + signal_bits - 1 >= ACCUMULATOR_BITS:
+            raise InputError(
+                f"section {k + 1} needs sums of more than 64 bits: take fewer bits, or scale "
+                "signals"
+            )
+        found.append(_Section(b, a, exponent, int(shift), place + PLACES * k))
+    return found
+
+
+def _step(i: int, channels: list[list[_Section]], limited: Callable[[str], str]) -> list[str]:
+    """Lines of the step of output i: its sections, their sum, and what the sum loses."""
+    lines = ["sum = 0;"]
+    for j, sections in enumerate(channels):
+        lines.append(f"v = y[{j}];")
+        for section in sections:
+            v1, v2, w1, w2 = section.memory
+            output = section.output()
+            lines += [
+                f"w = {limited(output) if section is sections[-1] else output};",
+                f"{v2} = {v1}; {v1} = v; {w2} = {w1}; {w1} = w; v = w;",
+            ]
+        lines.append(f"sum += {_shifted('v', sections[-1].shift)};")
+    lines.append(f"u[{i}] = (int32_t){limited('sum')};")
+    if len(channels) == 1:  # its last section is within the limits of the control
+        return lines
+    lines.append(f"if (sum != u[{i}]) {{")
+    for sections in channels:
+        w1, shift = sections[-1].memory[2], sections[-1].shift
+        lost = _shifted(f"((sum - u[{i}]) / {len(channels)})", -shift)
+        lines.append(f"    {w1} = {limited(f'{w1} - {lost}')};")
+    return [*lines, "}"]
+
+
+def _start(i: int, channels: list[list[_Section]], limited: Callable[[str], str]) -> list[str]:
+    """Lines of the start of output i: one last section answers for what the others do not give."""
+    lasts = [sections[-1] for sections in channels]
+    chosen = max(lasts, key=lambda last: abs(sum(last.a)) / 2**last.exponent)
+    lines = [f"sum = u[{i}];"]
+    for j in sorted(range(len(channels)), key=lambda j: lasts[j] is chosen):
+        lines.append(f"v = y[{j}];")
+        for section in channels[j]:
+            v1, v2, w1, w2 = section.memory
+            lines.append(f"{v1} = {v2} = v;")
+            if section is not chosen:
+                lines.append(f"v = {w1} = {w2} = {limited(section.resting_output())};")
+        if lasts[j] is not chosen:
+            lines.append(f"sum -= {_shifted('v', lasts[j].shift)};")
+    w1, w2 = chosen.memory[2:]
+    if sum(chosen.a):
+        wanted = limited(_shifted("sum", -chosen.shift))
+        lines.append(f"{w1} = {w2} = {limited(chosen.past_output(wanted))};")
+    else:  # without a memory of outputs nothing can be started
+        lines.append(f"{w1} = {w2} = 0; (void)sum;")
+    return lines
 
 
 def _shifted(text: str, by: int) -> str:

@@ -2,6 +2,12 @@
 
 Sections are in direct form I. The memory of a section holds its past inputs and outputs only. The
 accumulator is wide enough for the exact sum; only its result is rounded and may overflow.
+
+A last section saturates. Where an output has one channel only, full scale of this section is full
+scale of the control, beyond which the control does not go: an integrator there neither overflows
+nor winds up. Saturated sections of second order do not go on to oscillate (P. Ebert, J. Mazo, M.
+Taylor, Overflow oscillations in digital filters, Bell System Technical Journal 48 (1969)
+2999-3020).
 """
 
 from __future__ import annotations
@@ -39,7 +45,8 @@ class FixedCascade:
     numerators      (L, 3) b0 b1 b2, over 2**numerator_exponents (L,), which include the shifts;
     denominators    (L, 2) a1 a2, over 2**denominator_exponents (L,);
     shifts          (L,): section l gives its output divided by 2**shifts[l];
-    largest         (L,): bound of each section's output, with rounding, for inputs up to 1;
+    largest         (L,): bound of each section's output, with rounding, for inputs up to 1; full
+                    scale less a step where the last section saturates;
     noise           standard deviation of the rounding noise at the output of the cascade, in full
                     scales, with the shift undone; the noise of each section counts as white and
                     uniform;
@@ -96,9 +103,10 @@ def fixed_point(sections: Sections, bits: int, signal_bits: int) -> FixedPoint:
     The output of each section is shifted by the least power of two that its worst case needs: the
     sum of the absolute impulse responses from the input, and from all roundings, to this output (L.
     Jackson, On the interaction of roundoff noise and dynamic range in digital filters, Bell System
-    Technical Journal 49 (1970) 159-184). No shift suffices for a pole on the unit circle, or where
-    roundings add up to more than full scale; ``largest`` is then infinite and ``overflow_free``
-    false.
+    Technical Journal 49 (1970) 159-184). The last section of an output with one channel is not
+    shifted beyond full scale of the control. For other sections no shift suffices for a pole on the
+    unit circle, or where roundings add up to more than full scale; ``largest`` is then infinite and
+    ``overflow_free`` false.
 
     Raises
     ------
@@ -107,7 +115,10 @@ def fixed_point(sections: Sections, bits: int, signal_bits: int) -> FixedPoint:
     """
     need_bits(bits, "bits")
     need_bits(signal_bits, "signal_bits")
-    found = [[_cascade(rows, bits, signal_bits) for rows in line] for line in sections.channels]
+    found = [
+        [_cascade(rows, bits, signal_bits, len(line) == 1) for rows in line]
+        for line in sections.channels
+    ]
     cascades = tuple(tuple(cascade for cascade, _ in line) for line in found)
     quantised = tuple(tuple(rows for _, rows in line) for line in found)
     return FixedPoint(cascades, Sections(quantised, sections.dt))
@@ -120,8 +131,13 @@ def need_bits(value: Any, name: str) -> None:
         raise InputError(f"{name} is {value}; it must lie between {FEWEST_BITS} and {MOST_BITS}")
 
 
-def _cascade(rows: RealArray, bits: int, signal_bits: int) -> tuple[FixedCascade, RealArray]:
-    """The cascade in integers, and the sections (L, 6) with the rounded coefficients."""
+def _cascade(
+    rows: RealArray, bits: int, signal_bits: int, alone: bool
+) -> tuple[FixedCascade, RealArray]:
+    """The cascade in integers, and the sections (L, 6) with the rounded coefficients.
+
+    ``alone`` says that no other channel leads to its output.
+    """
     # Poles near zero need no finer steps than the others.
     a, a_exponents = _rounded(rows[:, 4:], bits, np.full(len(rows), bits))
     rounded = rows.copy()
@@ -131,7 +147,7 @@ def _cascade(rows: RealArray, bits: int, signal_bits: int) -> tuple[FixedCascade
     for _ in range(MOST_ROUNDINGS):
         b, b_exponents = _rounded(rows[:, :3], bits, finest)
         rounded[:, :3] = b * np.exp2(-b_exponents)[:, None]
-        shifts, largest = _shifts(rounded, signal_bits)
+        shifts, largest = _shifts(rounded, signal_bits, alone)
         moved_by = np.diff(shifts, prepend=0)
         most = a_exponents + ACCUMULATOR_BITS - SPARE_BITS - bits - signal_bits - moved_by
         if (b_exponents <= most).all() or bits + signal_bits + SPARE_BITS > ACCUMULATOR_BITS:
@@ -160,8 +176,11 @@ def _rounded(
     return np.rint(values * np.exp2(exponents)[:, None]).astype(np.int64), exponents
 
 
-def _shifts(rows: RealArray, signal_bits: int) -> tuple[Integers, RealArray]:
-    """The least shifts with which outputs and their rounding errors stay below full scale."""
+def _shifts(rows: RealArray, signal_bits: int, alone: bool) -> tuple[Integers, RealArray]:
+    """The least shifts with which outputs and their rounding errors stay below full scale.
+
+    Without a shift the last section of a channel ``alone`` stays within full scale of the control.
+    """
     step = 2.0 ** (1 - signal_bits)
     shifts, largest = np.zeros(len(rows), dtype=np.int64), np.zeros(len(rows))
     for k in range(len(rows)):
@@ -174,6 +193,8 @@ def _shifts(rows: RealArray, signal_bits: int) -> tuple[Integers, RealArray]:
             continue
         shifts[k] = math.ceil(math.log2(before / room)) if before > 0.0 else 0
         largest[k] = before * 2.0 ** -int(shifts[k]) + errors[k]
+    if alone and np.isfinite(largest[:-1]).all() and (shifts[-1] > 0 or largest[-1] == math.inf):
+        shifts[-1], largest[-1] = 0, 1.0 - step
     return shifts, largest
 
 

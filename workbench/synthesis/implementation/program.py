@@ -78,7 +78,7 @@ class Implementation(Program):
         Continuous filter of the measurements, of one channel or of all.
     limits
         Lowest and highest values of the controls, which the code keeps to, with anti-windup; not
-        for "fixed", whose controls end at their full scales.
+        for "fixed", whose controls end at their full scales in the same way.
     bits, signal_bits
         Of coefficients and signals in fixed point, signs included.
     full_scale
