@@ -160,6 +160,43 @@ def test_parity_interlacing(G, violated):
         assert claim.metrics(again)["poles_between"] % 2 == 1
 
 
+def with_blocking_zero(zero, poles):
+    """Two inputs through the same factor with a zero, then a full matrix."""
+    factor = control.ss((s - zero) / (s + 1))
+    mixed = control.append(*(control.ss(1 / (s - pole)) for pole in poles))
+    return np.array([[1.0, 2.0], [1.0, -1.0]]) * mixed * control.append(factor, factor)
+
+
+@pytest.mark.parametrize(
+    ("zero", "poles", "violated"),
+    [
+        (1.0, (2.0, -3.0), True),  # 2 between 1 and infinity
+        (1.0, (0.5, -3.0), False),
+        (1.0, (2.0, 3.0), False),  # two between
+        (0.0, (2.0, -3.0), True),  # a washout
+        (0.3, (2.0, -3.0), True),
+    ],
+)
+def test_blocking_zeros_of_a_matrix(zero, poles, violated):
+    plant = with_blocking_zero(zero, poles)
+    claim = NoStableController(plant)
+    evidence, outcome, said = claim.respond(None, Context())
+    assert (outcome is Outcome.SOLVED) == violated
+    if violated:
+        assert claim.certify(evidence, 1e-6).holds
+        assert f"between its zeros {zero:.6g} and infinity" in said
+        moved = evidence.copy(deep=True)
+        moved["zeros"][0] = moved["zeros"][0] * (1 + 1e-3) + 1e-3
+        assert not claim.certify(moved, 1e-6).holds
+
+
+def test_zeros_of_the_entries_at_different_places_block_nothing():
+    plant = control.ss([[-1.0, 0], [0, 2.0]], np.eye(2), [[1.0, 1.0], [1.0, 2.0]], np.zeros((2, 2)))
+    assert interlacing.violated(plant) is None
+    assert not certify_interlacing(plant, (0.5, 0.5), (np.inf, np.inf)).low_zero
+    assert not certify_interlacing(plant, (2.0, 2.0), (np.inf, np.inf)).low_zero  # a pole
+
+
 def unstable_loop(G):
     return generalised_plant(
         [(control.ss(G), "u", "g"), (0.1, "u", "y_d")],

@@ -1,10 +1,14 @@
 """That no stable controller stabilises a plant, proven from two of its real zeros, in fractions.
 
-Let p(s) = det(s I - A) and n(s) = p(s) G(s) for a scalar plant G, and K = n_K / p_K. With positive
-feedback the closed loop has the characteristic polynomial f = p p_K - n n_K. If K is stable, p_K is
-positive on the real axis from 0 on. At a zero z of n therefore f(z) has the sign of p(z): where p
-has opposite signs at two zeros, f has a root between them, and the loop is unstable. Of a strictly
-proper plant infinity is a zero, and f is positive there: p(z) < 0 at one other zero is enough.
+Let p(s) = det(s I - A) and n(s) = p(s) G(s) for a plant G, and p_K(s) the same for K. With positive
+feedback the closed loop has the characteristic polynomial f = p p_K det(I - G K). If K is stable,
+p_K is positive on the real axis from 0 on. Where all of n is zero (a blocking zero z), f(z) has the
+sign of p(z): where p has opposite signs at two of them, f has a root between, and the loop is
+unstable. Of a strictly proper plant infinity is one, and f is positive there: p(z) < 0 at one other
+is enough.
+
+A blocking zero is a root of the greatest common divisor of the entries of n. It is proven to lie in
+a range, by the signs at the ends.
 
 Source: D. C. Youla, J. J. Bongiorno, C. N. Lu, "Single-loop feedback-stabilization of linear
 multivariable dynamical plants", Automatica 10 (1974) 159-173 (parity interlacing).
@@ -40,32 +44,35 @@ class Interlacing:
 
 
 def interlacing(plant: StateSpace, low: Range, high: Range) -> Interlacing:
-    """What can be proven of a scalar continuous plant with a zero in each of two ranges.
+    """What can be proven of a continuous plant with a blocking zero in each of two ranges.
 
     Nothing is, where the ranges are not in order, or begin left of 0.
     """
     in_order = 0.0 <= low[0] <= low[1] < high[0] <= high[1] and math.isfinite(low[1])
-    if not in_order or plant.dt or (plant.ninputs, plant.noutputs) != (1, 1):
+    if not in_order or plant.dt:
         return Interlacing(False, False, False)
     p = _matrix(plant.A).charpoly()
+    common = _common_divisor(plant, p)
     opposite = _sign_of(p, low) * _sign_of(p, high) < 0
-    return Interlacing(_has_zero(plant, low), _has_zero(plant, high), opposite)
+    return Interlacing(*(_has_zero(plant, common, ends) for ends in (low, high)), opposite)
 
 
-def _has_zero(plant: StateSpace, ends: Range) -> bool:
-    """Whether n vanishes in a range: it is zero at an end, or its signs at the ends differ."""
+def _common_divisor(plant: StateSpace, p: fmpq_poly) -> fmpq_poly:
+    """Greatest common divisor of the entries of n: n_ij = det(s I - A + b_j c_i) - p + d_ij p."""
+    A, D = _matrix(plant.A), plant.D
+    found = fmpq_poly([])
+    for i, j in np.ndindex(D.shape):
+        b, c = _matrix(plant.B[:, [j]]), _matrix(plant.C[[i]])
+        found = found.gcd((A - b * c).charpoly() + (_exact(D[i, j]) - 1) * p)
+    return found
+
+
+def _has_zero(plant: StateSpace, common: fmpq_poly, ends: Range) -> bool:
+    """Whether there is a blocking zero in a range: signs at the ends differ, or one is zero."""
     if math.isinf(ends[0]):
         return not np.any(plant.D)
-    values = [_numerator(plant, end) for end in ends]
-    return values[0] * values[1] <= 0
-
-
-def _numerator(plant: StateSpace, s: float) -> fmpq:
-    """n(s) = det [s I - A, B; -C, D]."""
-    found = _matrix(np.block([[-plant.A, plant.B], [-plant.C, plant.D]]))
-    for k in range(plant.nstates):
-        found[k, k] += _exact(s)
-    return found.det()
+    low, high = (common(_exact(end)) for end in ends)
+    return low * high <= 0
 
 
 def _sign_of(p: fmpq_poly, ends: Range) -> int:

@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import RealArray
 from workbench.certificate import Check
 from workbench.certify.interlacing import Interlacing, Range, interlacing
 from workbench.executor import Context
 from workbench.heavy_types import Dataset, StateSpace
 from workbench.program import Claim, ProofTask
 from workbench.solvers import Outcome
+from workbench.systems.generalised_plant import response
 
 ZERO_RESIDUE = 1e-9
 """Size of a response at a zero, over that at other places, from which it counts as zero."""
@@ -26,10 +26,11 @@ WIDTHS = (0.0, *(10.0**k for k in range(-15, -5)))
 
 @dataclass(frozen=True, eq=False)
 class NoStableController(ProofTask):
-    """The claim that no stable controller stabilises a scalar plant (parity interlacing).
+    """The claim that no stable controller stabilises a plant (parity interlacing).
 
-    The answer has two ranges ``zeros`` (2, 2) [rad/s], each of which contains a zero of the plant;
-    between the two lies an odd number of its poles. Infinite ends stand for infinity.
+    The answer has two ranges ``zeros`` (2, 2) [rad/s], each of which contains a blocking zero of
+    the plant: a point at which its whole response is zero. Between the two lies an odd number of
+    its poles. Infinite ends stand for infinity.
     """
 
     plant: StateSpace
@@ -80,7 +81,7 @@ class NoStableController(ProofTask):
 
 
 def violated(plant: StateSpace) -> tuple[float, float] | None:
-    """Two real zeros of a scalar plant, from 0 to infinity, with an odd number of poles between."""
+    """Two real blocking zeros, from 0 to infinity, with an odd number of poles between."""
     zeros = _real_zeros(plant)
     if not np.any(plant.D):
         zeros = [*zeros, math.inf]
@@ -109,22 +110,30 @@ def _between(plant: StateSpace, low: float, high: float) -> list[float]:
 
 
 def _real_zeros(plant: StateSpace) -> list[float]:
-    """Real zeros right of the imaginary axis, or on it at 0, of a scalar plant, ascending."""
-    if (plant.ninputs, plant.noutputs) != (1, 1):
+    """Real blocking zeros right of the imaginary axis, or on it at 0, ascending."""
+    if not plant.nstates:
         return []
-    zeros = plant.zeros()
+    zeros = _entry(plant).zeros()
     zeros = np.asarray(zeros)[np.isfinite(zeros)]
     real = zeros[(np.abs(zeros.imag) <= 1e-8 * np.abs(zeros)) & (zeros.real >= 0)].real
     return [float(zero) for zero in np.sort(real) if _is_zero(plant, float(zero))]
 
 
+def _entry(plant: StateSpace) -> StateSpace:
+    """The first entry that is not zero everywhere: its zeros have the blocking ones among them."""
+    sizes = np.abs(response(plant, [1.0, np.pi])).max(axis=0)
+    i, j = np.unravel_index(np.argmax(sizes > 0), sizes.shape)
+    part: StateSpace = plant[int(i), int(j)]
+    return part
+
+
 def _is_zero(plant: StateSpace, zero: float) -> bool:
     """Whether the response vanishes there: zeros of hidden modes do not count."""
     try:
-        near: RealArray = np.abs(np.array([plant(zero), plant(zero * 1.3 + 1e-3)]))
+        at, near = np.abs(plant(zero)), np.abs(plant(zero * 1.3 + 1e-3))
     except (ZeroDivisionError, np.linalg.LinAlgError):
         return False
-    return bool(near[0] <= ZERO_RESIDUE * near[1])
+    return bool((at <= ZERO_RESIDUE * near).all())
 
 
 def _around(zero: float, width: float) -> Range:
