@@ -54,7 +54,8 @@ def interlacing(plant: StateSpace, low: Range, high: Range) -> Interlacing:
     p = _matrix(plant.A).charpoly()
     common = _common_divisor(plant, p)
     opposite = _sign_of(p, low) * _sign_of(p, high) < 0
-    return Interlacing(*(_has_zero(plant, common, ends) for ends in (low, high)), opposite)
+    has_low, has_high = (_has_zero(plant, common, ends) for ends in (low, high))
+    return Interlacing(has_low, has_high, opposite)
 
 
 def _common_divisor(plant: StateSpace, p: fmpq_poly) -> fmpq_poly:
