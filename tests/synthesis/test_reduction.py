@@ -107,17 +107,26 @@ def test_the_hankel_norm_of_the_error_is_the_next_singular_value(seed):
         assert balanced >= values[order] * (1 - 1e-5)
 
 
+@pytest.mark.parametrize("method", ["balanced", "matchdc"])
 @pytest.mark.parametrize("seed", range(3))
-def test_the_error_of_balanced_truncation_is_below_twice_the_rest(seed):
+def test_the_error_of_balanced_truncation_is_below_twice_the_rest(seed, method):
     K = random_controller(seed)
     values = hankel_values(K)
     for order in range(K.nstates):
-        error = control.linfnorm(K - approximated(K, order, "balanced"))[0]
+        error = control.linfnorm(K - approximated(K, order, method))[0]
         rounding = 1e-7 * values.sum()  # of linfnorm, where almost nothing is left out
         assert error <= 2 * values[order:].sum() * (1 + 1e-6) + rounding
 
 
-@pytest.mark.parametrize("method", ["balanced", "hankel"])
+@pytest.mark.parametrize("order", range(4))
+def test_states_at_rest_keep_the_response_at_zero_frequency(order):
+    K = random_controller(1)
+    small, peer = approximated(K, order, "matchdc"), control.balred(K, order, method="matchdc")
+    np.testing.assert_allclose(small(0), K(0), rtol=1e-8)
+    np.testing.assert_allclose(small(2.0j), peer(2.0j), rtol=1e-5)
+
+
+@pytest.mark.parametrize("method", ["balanced", "matchdc", "hankel"])
 def test_unstable_poles_and_integrators_are_kept(method):
     K = random_controller(3, kept=2)
     unstable = sorted(pole for pole in K.poles().real if pole > -1e-9 * np.abs(K.poles()).max())
@@ -146,7 +155,7 @@ def test_slow_and_lightly_damped_modes_survive():
     notch = control.tf([1.0, 0.2, 40.0], [1.0, 0.004, 40.0])
     extra = control.ss(control.tf([1.0, 95.0, 3e3], [1.0, 100.0, 3e3]))
     K = control.ss(slow) * control.ss(notch) * extra * simple_controller()
-    for method in ("balanced", "hankel"):
+    for method in ("balanced", "matchdc", "hankel"):
         poles = approximated(K, 4, method).poles()
         assert np.abs(poles + 1e-6).min() < 1e-7
         assert np.abs(poles - (-0.002 + 6.3246j)).min() < 1e-3

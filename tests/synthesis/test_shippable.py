@@ -5,6 +5,7 @@ import re
 import control
 import numpy as np
 import pytest
+from workbench.plants.textbook.first_order import unstable_first_order
 
 from workbench.certify.interlacing import interlacing as certify_interlacing
 from workbench.errors import InputError, UnknownNameError
@@ -261,6 +262,13 @@ def test_what_the_proof_of_interlacing_does_not_take():
     assert not certify_interlacing(control.append(plant, plant), zero, infinity).holds
     left = control.ss((s + 1e-9) / ((s - 2) * (s + 1)))
     assert not NoStableController(left).respond(None, Context())[0]  # its zero is left of 0
+
+
+def test_a_slow_state_and_a_gain_are_found_for_order_one():
+    """What fast states of the D-K controller do is left as a gain, else descent ends at 2.5."""
+    plant = unstable_first_order()
+    peaks = [solve(MuSynthesis(plant, order=order), "fixed").answer.upper for order in (1, 2)]
+    assert peaks[0] < 0.73 and peaks[1] < 1.001 * peaks[0]
 
 
 @pytest.mark.parametrize(

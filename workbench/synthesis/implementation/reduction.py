@@ -30,7 +30,7 @@ Reducer = tuple[int, Callable[[int], StateSpace]]
 """The least order that a method reaches, and a function from an order to the controller."""
 DETOUR = 8
 """States above the wanted order from which `approximations` starts again at most."""
-ReductionMethod = Literal["weighted", "balanced", "hankel"]
+ReductionMethod = Literal["weighted", "balanced", "matchdc", "hankel"]
 """Methods of order reduction; see `approximated`."""
 
 
@@ -103,9 +103,10 @@ def approximated(
     K
         StateSpace or TransferFunction, continuous time.
     method
-        ``"weighted"``: balanced truncation by Gramians of the closed loop. ``"balanced"`` and
-        ``"hankel"``: balanced truncation and optimal Hankel-norm approximation of the stable part
-        of K alone; the other poles are kept (see `workbench.synthesis.reduction.truncation`).
+        ``"weighted"``: balanced truncation by Gramians of the closed loop. ``"balanced"``,
+        ``"matchdc"`` and ``"hankel"``: balanced truncation, the same with the response at zero
+        frequency kept, and optimal Hankel-norm approximation of the stable part of K alone; the
+        other poles are kept (see `workbench.synthesis.reduction.truncation`).
     plant
         Plant of the loop u = K y; for ``"weighted"`` only.
 
@@ -243,13 +244,15 @@ def _reducer(
     least = 0
     if method == "balanced":
         least, of = truncation.balanced_truncation(parts)
+    elif method == "matchdc":
+        least, of = truncation.matchdc(parts)
     elif method == "hankel":
         least, of = truncation.hankel(parts)
     elif method == "weighted":
         if plant is None:
             raise InputError(
                 'the method "weighted" weighs with the closed loop; give the plant, or ask '
-                '"balanced" or "hankel"'
+                '"balanced", "matchdc" or "hankel"'
             )
         peak = _peak(found) if found is not None else _only_peak(plant, K)
         loop = plant.close(K)

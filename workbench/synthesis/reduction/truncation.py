@@ -1,4 +1,5 @@
-"""Methods of order reduction: balanced truncation, Glover's approximation, closed-loop weighting.
+"""Methods of order reduction: balanced truncation, with fast states left out or at rest, Glover's
+approximation, closed-loop weighting.
 
 All are square-root methods in scaled time and states (see `workbench.systems.gramians`).
 """
@@ -71,6 +72,27 @@ def balanced_truncation(K: Matrices) -> tuple[int, Reducer]:
     return split.count, of
 
 
+def matchdc(K: Matrices) -> tuple[int, Reducer]:
+    """Balanced truncation whose other states are at rest, of the stable part.
+
+    The response at zero frequency stays the same, and fast states leave their gain in the direct
+    term (K. Fernando, H. Nicholson, Singular perturbational model reduction of balanced systems,
+    IEEE Trans. Automatic Control 27 (1982) 466-468). Returns as `balanced_truncation`.
+    """
+    rate, parts = _scaled(K)
+    split = _split(parts)
+    A, B, C, D = _balanced(split.stable)[0]
+
+    def of(order: int) -> Matrices:
+        k = order - split.count
+        rest = np.linalg.solve(A[k:, k:], np.hstack([A[k:, :k], B[k:]]))
+        A2, B2 = rest[:, :k], rest[:, k:]
+        slow = A[:k, :k] - A[:k, k:] @ A2, B[:k] - A[:k, k:] @ B2
+        return _timed(split.with_stable((*slow, C[:, :k] - C[:, k:] @ A2, D - C[:, k:] @ B2)), rate)
+
+    return split.count, of
+
+
 def hankel(K: Matrices) -> tuple[int, Reducer]:
     """Optimal Hankel-norm approximation of the stable part; the direct term stays the same.
 
@@ -84,17 +106,21 @@ def hankel(K: Matrices) -> tuple[int, Reducer]:
     """
     rate, parts = _scaled(K)
     split = _split(parts)
-    A, B, C, D = split.stable
-    S, R = gramian_factors(A, B, C)
-    left, right, values = balancing_projections(S, R)
-    seen = int((values > NEGLIGIBLE_VALUE * values.max(initial=0.0)).sum())
-    left, right, values = left[:seen], right[:, :seen], values[:seen]
-    minimal = left @ A @ right, left @ B, C @ right, D
+    minimal, values = _balanced(split.stable)
 
     def of(order: int) -> Matrices:
         return _timed(split.with_stable(_glover(minimal, values, order - split.count)), rate)
 
     return split.count, of
+
+
+def _balanced(G: Matrices) -> tuple[Matrices, RealArray]:
+    """A stable system in balanced coordinates, without negligible states, and singular values."""
+    A, B, C, D = G
+    left, right, values = balancing_projections(*gramian_factors(A, B, C))
+    seen = int((values > NEGLIGIBLE_VALUE * values.max(initial=0.0)).sum())
+    left, right = left[:seen], right[:, :seen]
+    return (left @ A @ right, left @ B, C @ right, D), values[:seen]
 
 
 def _glover(G: Matrices, values: RealArray, order: int) -> Matrices:
@@ -163,7 +189,7 @@ def _multipliers(plant: GeneralisedPlant, peak: Peak) -> tuple[RealArray, RealAr
     if of is None:
         raise InputError(
             f"mu of the loop is certified nowhere about its peak ({peak.message}), so that there "
-            'is nothing to weigh with; ask "balanced" or "hankel"'
+            'is nothing to weigh with; ask "balanced", "matchdc" or "hankel"'
         )
     D_left, D_right, _ = of.multipliers(peak.omega)
     rows = plant.system.noutputs - plant.measurements

@@ -21,6 +21,8 @@ from workbench.systems.realisation import Matrices, realisation
 
 DETOUR = 6
 """States above the wanted order from which a reduction starts again at most."""
+REDUCED_STARTS, ALIKE = 2, 0.02
+"""Number of reductions that descent starts from, and the relative distance of their peaks."""
 REAL_POLES_APART = 0.8
 """Ratio of the sizes of real poles that are slowed to what is asked."""
 SEARCHES, SEARCH_STEPS = 12, 200
@@ -30,9 +32,9 @@ SEARCHES, SEARCH_STEPS = 12, 200
 def found_starts(program: MuSynthesis, context: Context) -> tuple[list[StateSpace], str]:
     """Controllers of the wanted order that stabilise and meet the demands, and how they were found.
 
-    They are the best approximation of a D-K controller and, where the plant is stable, one that
-    does nothing; only where neither will do, one from a search for the rightmost pole. Descent ends
-    at other places from each.
+    They are the best approximations of a D-K controller and, where the plant is stable, one that
+    does nothing; only where none of them will do, one from a search for the rightmost pole. Descent
+    ends at other places from each.
 
     Raises SolverError where none was found.
     """
@@ -40,8 +42,7 @@ def found_starts(program: MuSynthesis, context: Context) -> tuple[list[StateSpac
     admitted = [K for K in tried if _holds(program, K)]
     found, said = [], []
     if admitted:
-        peaks = [_peak(program, K) for K in admitted]
-        found.append(admitted[int(np.argmin(peaks))])
+        found += _best(program, admitted)
         said.append("a D-K controller, reduced")
     idle = _idle(program)
     if _holds(program, idle):
@@ -87,6 +88,17 @@ def _holds(program: MuSynthesis, K: StateSpace) -> bool:
     return program.demands.admits(K) and bool(stability_of(program.plant.close(K)).holds)
 
 
+def _best(program: MuSynthesis, controllers: list[StateSpace]) -> list[StateSpace]:
+    """The `REDUCED_STARTS` controllers of least peaks that are not alike."""
+    found: list[StateSpace] = []
+    least = 0.0
+    for peak, place in sorted((_peak(program, K), i) for i, K in enumerate(controllers)):
+        if peak > (1 + ALIKE) * least and len(found) < REDUCED_STARTS:
+            found.append(controllers[place])
+            least = peak
+    return found
+
+
 def _peak(program: MuSynthesis, K: StateSpace) -> float:
     found = program.certified(K, 0.05)
     return np.inf if found is None else found.upper
@@ -113,6 +125,7 @@ def _reduced(program: MuSynthesis, context: Context) -> Iterator[StateSpace]:
     ways: list[tuple[int, Callable[[int], Matrices]]] = [
         (0, truncation.weighted(parts, program.plant, closed, answer.peak)),
         truncation.balanced_truncation(parts),
+        truncation.matchdc(parts),
         truncation.hankel(parts),
     ]
     for least, way in ways:
