@@ -118,7 +118,7 @@ class FiveX(Study):
     def reductions(self, plants: Plants) -> dict[str, tuple[StateSpace, float]]:
         """The designed controller reduced in every way, and its peak, infinite if unstable."""
         plant = synthesis_plant(self.axis, self.loop.model, SPEED)
-        found = {}
+        found: dict[str, tuple[StateSpace, float]] = {}
         for method in REDUCTIONS:
             every = approximations(self.designed.answer.K, ORDER, method, plant)
             direct = next(every)
