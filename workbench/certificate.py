@@ -68,10 +68,14 @@ class Gap:
 
 @dataclass(frozen=True, repr=False)
 class Certificate:
-    """Validity checks, which must hold, and where there is one the optimality gap."""
+    """Validity checks, which must hold, and where there is one the optimality gap.
+
+    ``facts`` say in words what else to know of the answer; nothing is asked of them.
+    """
 
     checks: tuple[Check, ...]
     gap: Gap | None = None
+    facts: tuple[str, ...] = ()
 
     @property
     def valid(self) -> bool:
@@ -113,12 +117,13 @@ class Certificate:
         if self.gap is not None:
             needed = "required" if self.gap.required else "not claimed"
             lines.append(f"  gap {self.gap.value:.3g}, {needed} within {self.gap.tolerance:.3g}")
-        return "\n".join(lines)
+        return "\n".join([*lines, *(f"  {fact}" for fact in self.facts)])
 
     def to_json(self) -> dict[str, Any]:
         checks = [asdict(check) | {"holds": check.holds} for check in self.checks]
         gap = None if self.gap is None else asdict(self.gap) | {"closed": self.gap.closed}
-        return {"holds": self.holds, "valid": self.valid, "checks": checks, "gap": gap}
+        found = {"holds": self.holds, "valid": self.valid, "checks": checks, "gap": gap}
+        return found | ({"facts": list(self.facts)} if self.facts else {})
 
     @classmethod
     def from_json(cls, stored: Mapping[str, Any]) -> Certificate:
@@ -126,6 +131,7 @@ class Certificate:
         return cls(
             tuple(Check(**_read(check, "holds")) for check in stored["checks"]),
             None if gap is None else Gap(**_read(gap, "closed")),
+            tuple(map(str, stored.get("facts", ()))),
         )
 
 

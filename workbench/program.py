@@ -82,6 +82,10 @@ class Task(ABC):
     def metrics(self, answer: Any) -> dict[str, float]:
         """The numbers people quote."""
 
+    def facts(self, answer: Any) -> Sequence[str]:
+        """What the certificate of a valid answer tells besides, such as a controller's order."""
+        return ()
+
     def figures(self, answer: Any) -> dict[str, Figure]:
         """Figures by file stem; returned, never written."""
         return {}
@@ -156,11 +160,13 @@ class Task(ABC):
         """Certificate of an answer; ``optimal`` when whoever gave it claims it is the best."""
         with np.errstate(all="ignore"):  # a wrong answer may make NaN of a check, which fails it
             checks = tuple(quantified(self.quantifier, self.checks(answer, tolerance)))
+            facts: tuple[str, ...] = ()
             if all(check.holds for check in checks):
                 opinion = quantified(self.quantifier, self.second_opinion(answer))
                 checks += tuple(replace(check, opinion=True) for check in opinion)
+                facts = tuple(self.facts(answer))
             gap = self.gap(answer)
-        return Certificate(checks, gap and Gap(gap[0], gap[1], tolerance, required=optimal))
+        return Certificate(checks, gap and Gap(gap[0], gap[1], tolerance, required=optimal), facts)
 
 
 class ProofTask(Task):

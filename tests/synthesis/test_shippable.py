@@ -1,12 +1,14 @@
 """Method "fixed" finds its own start and leaves any; controllers that one would ship."""
 
 import re
+from dataclasses import replace
 
 import control
 import numpy as np
 import pytest
 from workbench.plants.textbook.first_order import unstable_first_order
 
+from workbench.certificate import Certificate
 from workbench.certify.interlacing import interlacing as certify_interlacing
 from workbench.errors import InputError, UnknownNameError
 from workbench.executor import Context
@@ -269,6 +271,17 @@ def test_a_slow_state_and_a_gain_are_found_for_order_one():
     plant = unstable_first_order()
     peaks = [solve(MuSynthesis(plant, order=order), "fixed").answer.upper for order in (1, 2)]
     assert peaks[0] < 0.73 and peaks[1] < 1.001 * peaks[0]
+
+
+def test_certificates_tell_what_a_controller_is():
+    found = solve(MuSynthesis(unstable_first_order(), order=1), "fixed").certificate
+    (told,) = found.facts
+    assert re.fullmatch(
+        r"controller: order 1, stable itself, fastest pole [\d.]+ rad/s, crossover [\d.]+ Hz", told
+    )
+    assert told in repr(found)
+    assert Certificate.from_json(found.to_json()) == found
+    assert "order 1, stable" not in repr(replace(found, facts=()))
 
 
 @pytest.mark.parametrize(

@@ -202,8 +202,11 @@ def _certificates_apart(stored: dict[str, Any], fresh: dict[str, Any]) -> list[s
     The value of a check is what rounding and a search for a proof leave over, and differs between
     machines: it counts as the same within a hundredth of its limit, or 1e-4 of its distance from
     it. What a second opinion measured is not compared, for it samples in plain doubles about poles
-    and peaks that round differently; that its checks hold, and what they say, is.
+    and peaks that round differently; that its checks hold, and what they say, is. Facts in words
+    are not compared: their numbers are among the metrics.
     """
+    for each in (stored, fresh):
+        each.pop("facts", None)
     checks = stored.get("checks")
     if isinstance(checks, list) and len(checks) == len(fresh["checks"]):
         for was, now in zip(checks, fresh["checks"], strict=True):

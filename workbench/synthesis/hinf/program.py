@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar
@@ -164,6 +165,10 @@ class HinfSynthesis(Program):
             replace(sampled, name="sampled plants under the certified norm", value=over_proven),
             *loops.in_time(loop, None, claimed),
         ]
+
+    def facts(self, answer: HinfController) -> Sequence[str]:
+        crossover = highest_crossover(self.plant.controlled(), answer.K)
+        return [f"controller: {in_words(answer.K)}, crossover {crossover:.4g} Hz"]
 
     def metrics(self, answer: HinfController) -> dict[str, float]:
         return {

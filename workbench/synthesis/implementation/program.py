@@ -43,7 +43,7 @@ from workbench.synthesis.implementation.sampled_loop import (
 from workbench.synthesis.implementation.second_order import Sections, second_order_sections
 from workbench.systems.conversion import as_system
 from workbench.systems.generalised_plant import GeneralisedPlant
-from workbench.systems.realisation import pole_sizes, realisation
+from workbench.systems.realisation import in_words, pole_sizes, realisation
 from workbench.systems.storage import restored, stored
 
 CLAIM_TOLERANCE = 1e-6
@@ -322,6 +322,9 @@ class Implementation(Program):
         return found
 
     # --- results ----------------------------------------------------------------------------------
+
+    def facts(self, answer: ImplementedController) -> Sequence[str]:
+        return [f"controller: {in_words(answer.K)}"]
 
     def metrics(self, answer: ImplementedController) -> dict[str, float]:
         rows = answer.margins

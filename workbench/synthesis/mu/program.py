@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar
@@ -272,6 +273,10 @@ class MuSynthesis(Program):
             loops.gain(self.plant.system, answer.K, *claim, poles=loop.poles()),
             *loops.in_time(loop, *claim),
         ]
+
+    def facts(self, answer: MuController) -> Sequence[str]:
+        crossover = highest_crossover(self.plant.controlled(), answer.K)
+        return [f"controller: {in_words(answer.K)}, crossover {crossover:.4g} Hz"]
 
     def metrics(self, answer: MuController) -> dict[str, float]:
         return {
