@@ -14,7 +14,7 @@ from flint import arb, ctx
 from numpy.typing import NDArray
 
 from workbench.arrays import Array
-from workbench.certify.balls import balls, below, identity, submatrix
+from workbench.certify.balls import Matrix, balls, below, identity, submatrix
 from workbench.certify.modal_form import PRECISIONS
 from workbench.certify.singularity import (
     proven_bound,
@@ -26,6 +26,13 @@ from workbench.structure import Structure
 
 
 def proven_skew(M: Array, structure: Structure, varies: NDArray[np.bool_], Delta: Array) -> float:
+    """As `proven_skew_of`, for a matrix M (c, r) of exact doubles."""
+    return proven_skew_of(balls(M), structure, varies, Delta)
+
+
+def proven_skew_of(
+    M: Matrix, structure: Structure, varies: NDArray[np.bool_], Delta: Array
+) -> float:
     """The lower bound of the skewed mu of M (c, r) that Delta (r, c) proves; 0: not proven.
 
     Infinite where the fixed blocks alone make I - M Delta singular. `varies` (blocks,) marks the
@@ -39,13 +46,12 @@ def proven_skew(M: Array, structure: Structure, varies: NDArray[np.bool_], Delta
     moving = Structure(b for b, one in zip(structure, varies, strict=True) if one)
     held = np.where(rows[:, None], 0.0, Delta)
     if not Delta[rows].any():
-        alone = proven_bound(balls(M), structure, held)
+        alone = proven_bound(M, structure, held)
         return math.inf if alone >= 1 else 0.0
     if size_of(structure, held) <= 1:
         with ctx.workprec(PRECISIONS[1]):
-            exact = balls(M)
             try:
-                N = (identity(len(M)) - exact * balls(held)).solve(exact)
+                N = (identity(M.nrows()) - M * balls(held)).solve(M)
                 seen = submatrix(N, np.flatnonzero(columns), np.flatnonzero(rows))
             except ZeroDivisionError:
                 seen = None
@@ -53,7 +59,7 @@ def proven_skew(M: Array, structure: Structure, varies: NDArray[np.bool_], Delta
             value = proven_bound(seen, moving, Delta[np.ix_(rows, columns)])
             if value > 0:
                 return value
-    sizes = singular_sizes(balls(M), structure, Delta)
+    sizes = singular_sizes(M, structure, Delta)
     if sizes is None or (sizes[~varies] > 1).any() or not sizes[varies].max() > 0:
         return 0.0
     return max(below(arb(1) / arb(float(sizes[varies].max()))), 0.0)

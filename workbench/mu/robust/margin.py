@@ -112,7 +112,7 @@ def robust_stability(
 
     found = _analysed(system)
     structure = found.structure
-    N = _channels(found.system, structure.columns, structure.rows)
+    N = seen_channels(found.system, structure.columns, structure.rows)
     real = all(isinstance(block, Real) for block in structure)
     bounds = peak(N, structure, tolerance, complex_part=complex_part if real else 0.0)
     lower = 1 / bounds.upper if bounds.upper > 0 else math.inf
@@ -123,9 +123,9 @@ def robust_stability(
         if not best.value > 0:
             return StabilityMargin(lower, math.inf, bounds.omega, None, bounds)
         Delta = control.ss([], [], [], best.Delta.real)
-        worst = _values(found, Delta)
+        worst = values_of(found, Delta)
         return StabilityMargin(lower, 1 / best.value, best.omega, worst, bounds)
-    worst = _values(found, destabilising(bounds, N, structure))
+    worst = values_of(found, destabilising(bounds, N, structure))
     return StabilityMargin(lower, 1 / bounds.lower, bounds.omega, worst, bounds)
 
 
@@ -156,7 +156,7 @@ def robust_performance(
     need_tolerance(tolerance)
     found = _analysed(system)
     structure, given = found.structure, found.system
-    whole = _channels(given, given.noutputs, given.ninputs)
+    whole = seen_channels(given, given.noutputs, given.ninputs)
     closed = structure.with_performance(found.noutputs, found.ninputs)
 
     def bounded(t: float) -> Peak:
@@ -206,7 +206,7 @@ def _analysed(system: Any) -> UncertainSystem:
     return found
 
 
-def _channels(whole: StateSpace, rows: int, columns: int) -> StateSpace:
+def seen_channels(whole: StateSpace, rows: int, columns: int) -> StateSpace:
     """The first outputs and inputs of a stable system, in balanced coordinates.
 
     Proofs on intervals of frequency need eigenvectors that are far from dependent, which those of
@@ -219,7 +219,7 @@ def _channels(whole: StateSpace, rows: int, columns: int) -> StateSpace:
     return realisation((*parts, whole.D[:rows, :columns]), 0.0)
 
 
-def _values(found: UncertainSystem, Delta: StateSpace) -> dict[str, Any]:
+def values_of(found: UncertainSystem, Delta: StateSpace) -> dict[str, Any]:
     """A perturbation as values of the elements, by name."""
     import control
 

@@ -89,7 +89,7 @@ def skew_bounds(M: Any, structure: Structure, fixed: Sequence[str | int] | str |
         A lower bound is above the upper one.
     """
     M = as_matrices(M, structure)
-    varies = np.array([k not in _numbers(structure, fixed) for k in range(len(structure))])
+    varies = np.array([k not in numbers_of(structure, fixed) for k in range(len(structure))])
     if not varies.any():
         raise InputError("all blocks are fixed; leave at least one to vary, or use `upper_bound`")
     skew = Skew(M.reshape(-1, *M.shape[-2:]), structure, varies)
@@ -104,7 +104,7 @@ def skew_bounds(M: Any, structure: Structure, fixed: Sequence[str | int] | str |
     )
 
 
-def _numbers(structure: Structure, fixed: Sequence[str | int] | str | int) -> set[int]:
+def numbers_of(structure: Structure, fixed: Sequence[str | int] | str | int) -> set[int]:
     """Numbers of the blocks that `fixed` names."""
     names = [block.name for block in structure]
     numbers = set()

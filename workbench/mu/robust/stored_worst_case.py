@@ -13,12 +13,8 @@ from workbench.certify.proofs.storage import restored_proof, stored_proof
 from workbench.certify.stable_system import stable_system
 from workbench.heavy_types import Dataset
 from workbench.mu.frequency.stored_peak import REPROVEN_LOWER
-from workbench.mu.robust.worst_case import (
-    LEVEL_ROUNDING,
-    WorstCaseGain,
-    attained_gain,
-    divided,
-)
+from workbench.mu.robust.skewed_peak import LEVEL_ROUNDING, divided
+from workbench.mu.robust.worst_case import WorstCaseGain, attained_gain
 from workbench.structure import Structure
 
 
@@ -80,7 +76,8 @@ def _fault(stable: Any, structure: Structure, found: WorstCaseGain) -> str:
         return f"the proof is one of the gain {found.level * beta:.9g}"
     if found.level == 0:
         return proves(stable, whole, found.proof, beta)
-    return proves(divided(stable, structure, found.level), whole, found.proof, beta)
+    exogenous = np.arange(inputs) >= structure.rows
+    return proves(divided(stable, exogenous, found.level), whole, found.proof, beta)
 
 
 def stored_worst_case(name: str, found: WorstCaseGain) -> dict[str, Any]:

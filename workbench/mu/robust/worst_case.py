@@ -17,35 +17,16 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import Array, RealArray
+from workbench.arrays import Array
 from workbench.certify.agreement import need_agreement
 from workbench.certify.perturbed_loop import proven_at, proven_gain, proven_over_frequency
 from workbench.certify.proofs.peak_proof import PeakProof
 from workbench.certify.stable_system import StableSystem, stable_system
 from workbench.errors import InputError
 from workbench.input_checks import need_structure, need_tolerance
-from workbench.mu.frequency.peak import peak
-from workbench.mu.robust.skew import Skew, upper_values
+from workbench.mu.robust.skewed_peak import LEVEL_ROUNDING, SkewSearch
 from workbench.structure import Structure
-from workbench.systems.frequency_grid import starting_grid
 from workbench.systems.joints import UncertainPart
-
-GRID_REFINEMENTS = 12
-"""Number of refinements of the grid around its largest values."""
-MAXIMUM_SHARE = 0.7
-"""Local maxima above this share of the largest value are refined."""
-CLOSEST_SPACING = 1e-6
-"""Intervals between neighbours of a smaller relative width are not halved."""
-POINTS_PER_REFINEMENT = 24
-"""Most intervals halved in one refinement."""
-PROOF_LEVELS = 20
-"""Most levels for which a proof is tried."""
-NEGLIGIBLE_GAIN = 1e-9
-"""Gains below this share of the largest entry of the system's response are not resolved."""
-LEVEL_ROUNDING = 1 + 1e-12
-"""Factor on the product of level and mu that rounds it, and the division by the level, outward."""
-PERTURBED_FREQUENCIES = 8
-"""Frequencies at which a worst perturbation is searched for."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,10 +90,11 @@ def worst_case_gain(
             f"the perturbation takes {structure.columns} and {structure.rows}; at least one of "
             "each must be left for performance"
         )
-    search = _Search(stable, structure, structure.with_performance(performance, exogenous))
+    whole = structure.with_performance(performance, exogenous)
+    search = SkewSearch(stable, whole, np.arange(len(whole)) == len(structure))
     level, proof, message = search.proven(tolerance)
     upper = math.inf if proof is None else level * proof.beta * LEVEL_ROUNDING
-    lower, omega, Delta = search.attained()
+    lower, omega, Delta = _attained(search, structure)
     need_agreement(
         lower,
         upper,
@@ -123,94 +105,16 @@ def worst_case_gain(
     return WorstCaseGain(lower, upper, omega, Delta, message, level, proof)
 
 
-class _Search:
-    """The frequencies (F,) [rad/s] bounded so far and their upper bounds (F,) of the gain."""
-
-    def __init__(self, system: StableSystem, structure: Structure, whole: Structure) -> None:
-        self.system, self.structure, self.whole = system, structure, whole
-        self.omega, self.upper = np.empty(0), np.empty(0)
-        self.add(starting_grid(system.poles))
-        for _ in range(GRID_REFINEMENTS):
-            self.add(self._wanted())
-
-    def skew(self, omega: RealArray) -> Skew:
-        """The skewed problem at frequencies (F,) [rad/s]: the performance block varies."""
-        varies = np.arange(len(self.whole)) == len(self.structure)
-        return Skew(self.system.response(omega), self.whole, varies)
-
-    def add(self, omega: RealArray) -> None:
-        """Bound the gain at further frequencies (K,) [rad/s]."""
-        omega = np.setdiff1d(omega, self.omega)
-        if omega.size:
-            order = np.argsort(together := np.concatenate([self.omega, omega]))
-            upper = np.concatenate([self.upper, self.skew(omega).upper()])
-            self.omega, self.upper = together[order], upper[order]
-
-    def _wanted(self) -> RealArray:
-        """Frequencies [rad/s] halfway between the highest local maxima and their neighbours."""
-        if not 0 < self.upper.max() < math.inf:
-            return np.empty(0)
-        padded = np.concatenate([[-np.inf], self.upper, [-np.inf]])
-        high = self.upper >= MAXIMUM_SHARE * self.upper.max()
-        top = high & (self.upper >= padded[:-2]) & (self.upper >= padded[2:])
-        inner = (self.omega[:-1] > 0) & (self.omega[1:] > self.omega[:-1] * (1 + CLOSEST_SPACING))
-        split = np.flatnonzero((top[1:] | top[:-1]) & inner & np.isfinite(self.omega[1:]))
-        height = np.maximum(self.upper[1:], self.upper[:-1])[split]
-        split = split[np.argsort(-height)[:POINTS_PER_REFINEMENT]]
-        return np.sqrt(self.omega[split] * self.omega[split + 1])
-
-    def proven(self, tolerance: float) -> tuple[float, PeakProof | None, str]:
-        """A level, the proof that mu is below 1 with inputs divided by it, and a message.
-
-        The zero response has the level 0 and needs no multipliers.
-        """
-        least = NEGLIGIBLE_GAIN * float(np.abs(self.system.response(self.omega)).max())
-        if least == 0.0:  # a rational function with this many zeros is the zero function
-            return 0.0, PeakProof(0.0, ()), "the response is zero"
-        level, precision = max(float(self.upper.max()), least), math.inf
-        for _ in range(PROOF_LEVELS):
-            place = float(self.omega[np.argmax(self.upper)])
-            if math.isinf(level):
-                message = (
-                    "robust stability is not proven: mu of the perturbation is not below 1 at "
-                    f"{place:.6g} rad/s"
-                )
-                return 0.0, None, message
-            level *= 1 + tolerance / 2
-            scaled = divided(self.system, self.structure, level)
-            # The tolerance of the peak may use half of the distance of mu from 1 at this place.
-            here = float(upper_values(scaled.response([place]), self.whole)[0])
-            precision = min(precision, max((1 - here) / 2, 1e-6), 1e-2)
-            found = peak(scaled, self.whole, precision)
-            if found.upper < 1:
-                return level, found.proof, found.message
-            self.add(np.array([found.omega]))
-            self.add(self._wanted())
-            level = max(level, float(self.upper.max()))
-            precision /= 2
-        return 0.0, None, f"robust stability is not proven: no gain below {level:.6g} is"
-
-    def attained(self) -> tuple[float, float, Array]:
-        """The largest gain proven, its frequency and its perturbation."""
-        best = np.argsort(-self.upper)[:PERTURBED_FREQUENCIES]
-        omega = self.omega[best]
-        lower, Delta = self.skew(omega).lower(self.upper[best])
-        r, c = self.structure.rows, self.structure.columns
-        Delta = np.where((lower > 0)[:, None, None], Delta[:, :r, :c], 0.0)
-        gains = [
-            attained_gain(self.system, self.structure, *one)
-            for one in zip(Delta, omega, strict=True)
-        ]
-        index = int(np.argmax(gains))
-        return gains[index], float(omega[index]), Delta[index]
-
-
-def divided(system: StableSystem, structure: Structure, level: float) -> StableSystem:
-    """The system with its exogenous inputs divided by a level."""
-    scale = np.ones(system.D.shape[1])
-    scale[structure.rows :] /= level
-    outputs, inputs = (np.arange(count) for count in system.D.shape)
-    return system.channels(outputs, inputs, input_gains=scale)
+def _attained(search: SkewSearch, structure: Structure) -> tuple[float, float, Array]:
+    """The largest gain proven, its frequency and its perturbation."""
+    lower, Delta, omega = search.candidates()
+    r, c = structure.rows, structure.columns
+    Delta = np.where((lower > 0)[:, None, None], Delta[:, :r, :c], 0.0)
+    gains = [
+        attained_gain(search.system, structure, *one) for one in zip(Delta, omega, strict=True)
+    ]
+    index = int(np.argmax(gains))
+    return gains[index], float(omega[index]), Delta[index]
 
 
 def attained_gain(system: StableSystem, structure: Structure, Delta: Array, omega: float) -> float:

@@ -1,0 +1,182 @@
+"""Disk margins: the set of gains and phases, a disk, that a loop bears in each of its channels.
+
+With the skew e, a channel's factor is f = (1 + (1 - e) delta / 2) / (1 - (1 + e) delta / 2) for
+|delta| < alpha, delta complex and different in each channel: for e = 0 gain may rise and fall by
+the same factor. For delta in all channels alpha is 1 / mu of S + (e - 1) / 2, S the sensitivity;
+over a set of plants it is 1 / the skewed mu with their uncertainty held at its size.
+
+Source: P. Seiler, A. Packard, P. Gahinet, "An introduction to disk margins", IEEE Control Systems
+Magazine 40 (2020) 78-95.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from workbench.heavy_types import StateSpace
+from workbench.mu.frequency.peak import Peak, peak
+from workbench.mu.robust.destabilising import destabilising
+from workbench.mu.robust.margin import seen_channels, values_of
+from workbench.mu.robust.skewed_peak import SkewedPeak, skewed_peak
+from workbench.structure import Complex, Structure
+from workbench.systems.bilinear import bilinear_continuous, bilinear_sampled
+from workbench.systems.realisation import realisation
+from workbench.uncertainty.algebra.system import UncertainSystem
+
+INFINITE_FACTOR = 1e-6
+"""Denominator of a factor's direct term up to which the factor counts as infinite."""
+
+
+@dataclass(frozen=True, eq=False)
+class DiskMargin:
+    """What the loop bears in all of ``channels`` at once, each with a factor of its own.
+
+    It is proven stable for every |delta| below ``lower``; at ``upper`` there are factors, ``worst``
+    by channel, with which it has a pole at ``omega`` [rad/s]. ``worst`` is None where one of them
+    is an infinite gain, or where none is known and upper is infinite. Over a set of plants
+    stability is proven for every one of them, and ``plant`` has the values of uncertain elements
+    that belong to the worst factors.
+    """
+
+    channels: tuple[str, ...]
+    skew: float
+    lower: float
+    upper: float
+    omega: float
+    worst: Mapping[str, StateSpace] | None
+    plant: Mapping[str, Any] | None
+    proof: Peak | SkewedPeak
+
+    @property
+    def gain(self) -> tuple[float, float]:
+        """Least and largest real factor of the proven disk, in every channel at once."""
+        return disk_gain(self.lower, self.skew)
+
+    @property
+    def gain_db(self) -> float:
+        """The least change of the gain, up or down [dB]."""
+        low, high = self.gain
+        down = math.inf if low <= 0 else -math.log10(low)
+        return 20 * min(math.log10(high) if math.isfinite(high) else math.inf, down)
+
+    @property
+    def phase(self) -> float:
+        """Largest phase [deg] of the proven disk at gain 1, in every channel at once."""
+        return disk_phase(self.lower, self.skew)
+
+    def __repr__(self) -> str:
+        low, high = self.gain
+        over = "" if self.plant is None else ", every plant of the set"
+        return (
+            f"DiskMargin of {', '.join(self.channels)}{over}: {self.lower:.5g} to {self.upper:.5g} "
+            f"at {self.omega:.5g} rad/s; gain {low:.4g} to {high:.4g}, phase {self.phase:.4g} "
+            "degrees"
+        )
+
+
+def disk_gain(alpha: float, skew: float = 0.0) -> tuple[float, float]:
+    """Least and largest real factor of a disk; the largest is infinite for a half plane or more."""
+    up, down = (1.0 - skew) / 2.0, (1.0 + skew) / 2.0
+    if math.isinf(alpha):
+        return (-up / down if down else -math.inf), math.inf
+    low = (1.0 - up * alpha) / (1.0 + down * alpha)
+    room = 1.0 - down * alpha
+    return low, (1.0 + up * alpha) / room if room > 0 else math.inf
+
+
+def disk_phase(alpha: float, skew: float = 0.0) -> float:
+    """Largest phase [deg] of the factors of gain 1 in a disk."""
+    if math.isinf(alpha):
+        return 180.0
+    # |f| = 1 with f = exp(j phi): |delta| = |f - 1| / |(1 - e) / 2 + (1 + e) f / 2|
+    # = 2 |sin(phi / 2)| / |cos(phi / 2) + j e sin(phi / 2)|.
+    room = 1.0 - (skew * alpha / 2.0) ** 2
+    if room <= 0.0:
+        return 180.0
+    return math.degrees(2.0 * math.atan(alpha / 2.0 / math.sqrt(room)))
+
+
+def disk_of(
+    returned: UncertainSystem, channels: Mapping[int, str], skew: float, tolerance: float
+) -> DiskMargin:
+    """The disk margin of some channels of a loop.
+
+    Parameters
+    ----------
+    returned
+        The closed loop, stable at its nominal, from what is added to the signals of its channels to
+        the signals without it: S - 1 for each channel by itself.
+    channels
+        Number and name of each channel that has a factor.
+    """
+    part = returned[list(channels), list(channels)]
+    shifted = part + (1.0 + skew) / 2.0 * np.eye(len(channels))
+    factors = Structure(Complex(1, name) for name in channels.values())
+    uncertain = list(shifted.structure) if shifted.elements else []
+    structure = Structure([*uncertain, *factors])
+    N = shifted.system if uncertain else shifted.nominal
+    period = float(N.dt or 0.0)
+    plane = bilinear_continuous(N) if period else N
+    plane = seen_channels(plane, plane.noutputs, plane.ninputs)
+    found: Peak | SkewedPeak
+    if uncertain:
+        found = skewed_peak(plane, structure, list(range(len(uncertain))), tolerance)
+    else:
+        found = peak(plane, structure, tolerance)
+    lower = 1.0 / found.upper if found.upper > 0 else math.inf
+    upper = 1.0 / found.lower if found.lower > 0 else math.inf
+    omega = found.omega
+    worst: dict[str, StateSpace] | None = None
+    plant: dict[str, Any] | None = None
+    if 0 < upper < math.inf:
+        Delta = _destabilising(plane, structure, found, len(uncertain))
+        Delta = bilinear_sampled(Delta, period) if period else Delta
+        places = zip(structure.row_slices, structure.column_slices, strict=True)
+        at = [(rows.start, columns.start) for rows, columns in places][len(uncertain) :]
+        factors_found = [_factor(Delta, *place, skew) for place in at]
+        if all(f is not None for f in factors_found):
+            worst = dict(zip(channels.values(), factors_found, strict=True))
+        plant = values_of(shifted, Delta) if uncertain else None
+    elif uncertain:
+        plant = {}
+    if period:  # half the sampling rate where the other frequency is infinite
+        omega = 2.0 / period * math.atan(omega * period / 2.0)
+    return DiskMargin(tuple(channels.values()), skew, lower, upper, omega, worst, plant, found)
+
+
+def _destabilising(
+    N: StateSpace, structure: Structure, found: Peak | SkewedPeak, fixed: int
+) -> StateSpace:
+    """The worst perturbation as a stable system: uncertain blocks of at most 1, then deltas."""
+    if isinstance(found, Peak):
+        return destabilising(found, N, structure)
+    # With the varying blocks over their size, all are of at most 1.
+    rows = structure.row_slices[fixed].start
+    columns = structure.column_slices[fixed].start
+    gains = np.where(np.arange(N.noutputs) < columns, 1.0, 1.0 / found.lower)
+    scaled = realisation((N.A, N.B, gains[:, None] * N.C, gains[:, None] * N.D), 0.0)
+    Delta = found.Delta.copy()
+    Delta[rows:] *= found.lower
+    size = float(np.linalg.norm(Delta, 2))
+    claim = Peak(1.0 / size, math.inf, found.omega, Delta, (), "")
+    made = destabilising(claim, scaled, structure)
+    back = np.where(np.arange(made.noutputs) < rows, 1.0, 1.0 / found.lower)
+    return realisation((made.A, made.B, back[:, None] * made.C, back[:, None] * made.D), 0.0)
+
+
+def _factor(Delta: StateSpace, row: int, column: int, skew: float) -> StateSpace | None:
+    """f = 1 + delta / (1 - (1 + e) delta / 2) of one channel; None where it is infinite."""
+    import control
+
+    D = Delta.D[[row], [column]]
+    delta = control.ss(Delta.A, Delta.B[:, [column]], Delta.C[[row]], D, Delta.dt)
+    delta = control.minreal(delta, verbose=False) if delta.nstates else delta
+    share = (1.0 + skew) / 2.0
+    if abs(1.0 - share * delta.D.item()) <= INFINITE_FACTOR:
+        return None
+    return 1.0 + control.feedback(delta, share, sign=1)

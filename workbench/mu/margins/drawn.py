@@ -1,0 +1,81 @@
+"""Figures of margins: Nyquist curves with the disks that they avoid, gains with phases."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from workbench import figures
+from workbench.arrays import ComplexArray
+from workbench.heavy_types import Figure, StateSpace
+from workbench.systems.frequency_grid import frequencies_of
+from workbench.systems.generalised_plant import response
+
+if TYPE_CHECKING:
+    from workbench.mu.margins.loop import LoopMargins
+
+POINTS = 400
+"""Points of a curve."""
+SHOWN = 3.0
+"""Half-width of the Nyquist figure."""
+MOST_DB = 40.0
+"""Largest gain [dB] of the region of gains and phases."""
+
+
+def figure_of(found: LoopMargins) -> Figure:
+    """Nyquist curves of each channel with its disk; gains and phases that it bears."""
+    figure, (plane, region) = figures.axes(1, 2)
+    angles = np.linspace(0.0, 2 * math.pi, POINTS)
+    for name, loop in found.loops.items():
+        curve = _curve(loop)
+        (line,) = plane.plot(curve.real, curve.imag, label=name)
+        colour = line.get_color()
+        alpha = found.disks[name].lower
+        if 0 < alpha < math.inf:
+            f = _boundary(alpha, found.skew, angles)
+            avoided = -1.0 / f
+            plane.plot(avoided.real, avoided.imag, "--", color=colour, linewidth=1.0)
+            _gains_and_phases(region, f, color=colour)
+    for name, one in found.together.items():
+        if name == "all" and 0 < one.lower < math.inf:
+            f = _boundary(one.lower, found.skew, angles)
+            _gains_and_phases(region, f, color=figures.BLACK)
+            plane.plot([], [], color=figures.BLACK, label="all channels at once")
+    plane.plot([-1.0], [0.0], "+", color=figures.BLACK)
+    plane.set_xlim(-SHOWN, SHOWN)
+    plane.set_ylim(-SHOWN, SHOWN)
+    plane.set_aspect("equal")
+    figures.label(plane, "real part of L [1]", "imaginary part of L [1]", "L, and disks it avoids")
+    figures.label(region, "phase [deg]", "gain [dB]", "what a channel bears")
+    figures.legend_below(figure, plane)
+    return figure
+
+
+def _curve(loop: StateSpace) -> ComplexArray:
+    """The response over frequency, without what lies far outside the figure."""
+    omega = frequencies_of(loop)
+    omega = omega[(omega > 0) & np.isfinite(omega)]
+    low, high = (omega[0] / 10, omega[-1] * 10) if omega.size else (1e-3, 1e3)
+    if loop.dt:
+        high = math.pi / loop.dt
+    omega = np.union1d(omega[omega <= high], np.geomspace(low, high, 4 * POINTS))
+    with np.errstate(all="ignore"):
+        values = response(loop, omega)[:, 0, 0]
+    return np.where(np.abs(values) < 1e3 * SHOWN, values, np.nan)
+
+
+def _boundary(alpha: float, skew: float, angles: Any) -> ComplexArray:
+    """Factors on the boundary of a disk."""
+    delta = alpha * np.exp(1j * angles)
+    with np.errstate(all="ignore"):
+        f: ComplexArray = (1 + (1 - skew) / 2 * delta) / (1 - (1 + skew) / 2 * delta)
+    return f
+
+
+def _gains_and_phases(region: Any, f: ComplexArray, **style: Any) -> None:
+    """The boundary of a disk as gain [dB] over phase [deg]."""
+    gain, phase = 20 * np.log10(np.abs(f)), np.degrees(np.angle(f))
+    shown = np.isfinite(gain) & (np.abs(gain) <= MOST_DB)
+    region.plot(np.where(shown, phase, np.nan), np.where(shown, gain, np.nan), **style)

@@ -1,0 +1,195 @@
+"""All margins of a loop in one call: each channel at a time, all at once, over a set of plants."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from workbench.errors import InputError
+from workbench.heavy_types import Figure, StateSpace
+from workbench.input_checks import is_real, need_tolerance
+from workbench.mu.margins import drawn
+from workbench.mu.margins.classical import ClassicalMargins, classical_margins
+from workbench.mu.margins.disk import DiskMargin, disk_of
+from workbench.tables import markdown
+from workbench.uncertainty.algebra.functions import append, feedback
+from workbench.uncertainty.algebra.system import UncertainSystem, uncertain
+
+
+@dataclass(frozen=True, eq=False)
+class LoopMargins:
+    """Margins of the loop of a plant and a controller with negative feedback, u = -K y.
+
+    ``loops`` has the response L of each channel by name, opened there and closed elsewhere, at the
+    nominal. ``classical`` are its margins and ``disks`` its disk margin. ``together`` has disk
+    margins of "inputs", "outputs" and "all" channels at once. Where the plant is uncertain, all
+    disks hold for every plant of the set, and ``nominal`` has those of the nominal plant.
+    """
+
+    loops: Mapping[str, StateSpace]
+    classical: Mapping[str, ClassicalMargins]
+    disks: Mapping[str, DiskMargin]
+    together: Mapping[str, DiskMargin]
+    nominal: Mapping[str, DiskMargin]
+    skew: float
+
+    @cached_property
+    def first(self) -> DiskMargin:
+        """The least disk margin: what breaks first."""
+        return min([*self.disks.values(), *self.together.values()], key=lambda one: one.lower)
+
+    def table(self) -> str:
+        """All margins as a table in Markdown."""
+        rows: list[list[Any]] = []
+        for name, one in self.classical.items():
+            low, high = one.gain
+            disk = self.disks[name]
+            rows.append([name, _range(low, high), f"{one.phase:.4g}", f"{one.delay:.4g}",
+                         f"{one.modulus:.4g}", *_disk_cells(disk)])  # fmt: skip
+        rows += [[name, "", "", "", "", *_disk_cells(one)] for name, one in self.together.items()]
+        heads = ["channel", "gain", "phase [deg]", "delay [s]", "modulus", "disk", "disk gain",
+                 "disk phase [deg]", "at [Hz]"]  # fmt: skip
+        return markdown(heads, rows)
+
+    def __repr__(self) -> str:
+        first = self.first
+        over = ", for every plant of the set" if first.plant is not None else ""
+        lines = [
+            f"LoopMargins, skew {self.skew:g}: least in {' and '.join(first.channels)}{over}",
+            self.table().rstrip(),
+        ]
+        if first.worst is not None:
+            s = 1j * first.omega
+            for name, f in first.worst.items():
+                z = np.exp(s * f.dt) if f.dt else s
+                value = complex(f(z))
+                lines.append(
+                    f"breaks first: {name} times {abs(value):.4g} at "
+                    f"{math.degrees(np.angle(value)):.4g} degrees, {first.omega:.4g} rad/s"
+                )
+        return "\n".join(lines)
+
+    def plot(self) -> Figure:
+        """Nyquist curves with the disks that they avoid, and gains with phases that all bear."""
+        return drawn.figure_of(self)
+
+
+def loop_margins(
+    plant: Any, controller: Any = 1.0, *, skew: float = 0.0, tolerance: float = 1e-4
+) -> LoopMargins:
+    """Gain, phase, delay, modulus and disk margins of a loop, proven between grid points.
+
+    Parameters
+    ----------
+    plant
+        A system, or an uncertain one; of any number of channels, in continuous or sampled time.
+    controller
+        K of u = -K y; for a loop L alone, 1.
+    skew
+        0: gain may rise and fall by the same factor; positive: more room to rise, negative: to
+        fall. 1 is the disk of the sensitivity, -1 that of the complementary sensitivity.
+    tolerance
+        Relative distance between the bounds of a disk margin.
+
+    Raises
+    ------
+    InputError
+        Plant and controller do not fit each other, the loop is singular, or unstable at the
+        nominal.
+    """
+    need_tolerance(tolerance)
+    if not is_real(skew) or not math.isfinite(skew):
+        raise InputError(f"skew is {skew!r}; a number is needed")
+    G, K = uncertain(plant, "plant"), uncertain(controller, "controller")
+    if K.value.shape == (1, 1) and G.value.shape != (1, 1) and G.ninputs == G.noutputs:
+        K = K * np.eye(G.ninputs)
+    if (K.noutputs, K.ninputs) != (G.ninputs, G.noutputs):
+        raise InputError(
+            f"plant has {G.noutputs} outputs and {G.ninputs} inputs, controller {K.noutputs} and "
+            f"{K.ninputs}; they must fit each other"
+        )
+    m, p = G.ninputs, G.noutputs
+    returned = _returned(G, K)
+    nominal = uncertain(returned.nominal)
+    _need_stable(nominal.nominal)
+    names = _names(m, p)
+    only = m == p == 1 and not K.nstates and not K.elements  # L alone: one place to open it
+    channels = {m: "loop"} if only else dict(enumerate(names))
+    if only:
+        names = ["loop"]
+    groups: dict[str, dict[int, str]] = {}
+    if m > 1:
+        groups["inputs"] = {k: names[k] for k in range(m)}
+    if p > 1:
+        groups["outputs"] = {k: names[k] for k in range(m, m + p)}
+    if not only:
+        groups["all"] = dict(enumerate(names))
+    scalar = (G * K).nominal if m == p == 1 else None
+    loops = {name: scalar or _opened(nominal, k) for k, name in channels.items()}
+
+    def every(system: UncertainSystem, wanted: Mapping[str, dict[int, str]]) -> dict[str, Any]:
+        return {name: disk_of(system, part, skew, tolerance) for name, part in wanted.items()}
+
+    single = {name: {k: name} for k, name in channels.items()}
+    return LoopMargins(
+        loops,
+        {name: classical_margins(loop) for name, loop in loops.items()},
+        every(returned, single),
+        every(returned, groups),
+        every(nominal, single | groups) if returned.elements else {},
+        float(skew),
+    )
+
+
+def _returned(G: UncertainSystem, K: UncertainSystem) -> UncertainSystem:
+    """From what is added to (u, y) to (u, y) without it, the loop u = -K y closed."""
+    m, p = G.ninputs, G.noutputs
+    # (u, y) before = append(-K, G) times (y, u) after.
+    swap = np.block([[np.zeros((p, m)), np.eye(p)], [np.eye(m), np.zeros((m, p))]])
+    closed = feedback(append(-K, G), swap, sign=1)
+    return closed @ swap
+
+
+def _need_stable(loop: StateSpace) -> None:
+    """Raise InputError unless the nominal closed loop is stable."""
+    poles = loop.poles()
+    bad = poles[np.abs(poles) >= 1] if loop.dt else poles[poles.real >= 0]
+    if bad.size:
+        worst = complex(bad[np.argmax(np.abs(bad) if loop.dt else bad.real)])
+        raise InputError(
+            f"the closed loop is unstable at the nominal: it has a pole at {worst:.6g}; the loop "
+            "is closed with negative feedback, u = -K y"
+        )
+
+
+def _names(inputs: int, outputs: int) -> list[str]:
+    return [
+        *(f"input {k + 1}" if inputs > 1 else "input" for k in range(inputs)),
+        *(f"output {k + 1}" if outputs > 1 else "output" for k in range(outputs)),
+    ]
+
+
+def _opened(returned: UncertainSystem, channel: int) -> StateSpace:
+    """L of a channel, from S - 1: the other channels stay closed."""
+    closed = returned[[channel], [channel]].nominal
+    # v = (S - 1) q = -L (v + q), so L = -(S - 1) / S, by positive feedback of what is returned.
+    opened = feedback(closed, 1.0, sign=-1)
+    return (-1.0 * opened).nominal
+
+
+def _range(low: float, high: float) -> str:
+    return f"{low:.4g} to {high:.4g}"
+
+
+def _disk_cells(one: DiskMargin) -> list[str]:
+    return [
+        f"{one.lower:.4g}",
+        _range(*one.gain),
+        f"{one.phase:.4g}",
+        f"{one.omega / (2 * math.pi):.4g}",
+    ]

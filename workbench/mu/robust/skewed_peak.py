@@ -1,0 +1,205 @@
+"""The peak over frequency of the skewed mu: some blocks are at most 1, the others are bounded.
+
+At a level b, divide the inputs of the varying blocks by b. The skewed mu is below b at every
+frequency where mu of what results is below 1 at every frequency.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from flint import ctx
+
+from workbench.arrays import Array, BoolArray, RealArray
+from workbench.certify.agreement import need_agreement
+from workbench.certify.balls import response_of
+from workbench.certify.modal_form import PRECISIONS
+from workbench.certify.proofs.peak_proof import PeakProof
+from workbench.certify.singularity import said
+from workbench.certify.skewed import proven_skew_of
+from workbench.certify.stable_system import StableSystem
+from workbench.errors import InputError
+from workbench.input_checks import need_tolerance
+from workbench.mu.frequency.peak import peak
+from workbench.mu.frequency.sweep import fitting
+from workbench.mu.robust.skew import Skew, numbers_of, upper_values
+from workbench.structure import Structure
+from workbench.systems.frequency_grid import starting_grid
+
+GRID_REFINEMENTS = 12
+"""Number of refinements of the grid around its largest values."""
+MAXIMUM_SHARE = 0.7
+"""Local maxima above this share of the largest value are refined."""
+CLOSEST_SPACING = 1e-6
+"""Intervals between neighbours of a smaller relative width are not halved."""
+POINTS_PER_REFINEMENT = 24
+"""Most intervals halved in one refinement."""
+PROOF_LEVELS = 20
+"""Most levels for which a proof is tried."""
+NEGLIGIBLE_GAIN = 1e-9
+"""Gains below this share of the largest entry of the system's response are not resolved."""
+LEVEL_ROUNDING = 1 + 1e-12
+"""Factor on the product of level and mu that rounds it, and the division by the level, outward."""
+PERTURBED_FREQUENCIES = 8
+"""Frequencies at which a worst perturbation is searched for."""
+
+
+@dataclass(frozen=True, eq=False)
+class SkewedPeak:
+    """Bounds of the supremum of the skewed mu over all frequencies.
+
+    ``Delta`` (r, c) makes I - M(j omega) Delta singular at ``omega`` [rad/s], up to rounding, and
+    proves the lower bound: its fixed blocks are at most 1, the others at most 1 / lower. Where
+    lower is infinite the fixed blocks alone do so. Delta is NaN where lower is 0. ``upper`` is
+    infinite where no bound was proven; the message says why.
+    ``proof`` proves that mu is below 1 once the inputs of the varying blocks are divided by
+    ``level``; it is None, and the level 0, for an infinite bound.
+    """
+
+    lower: float
+    upper: float
+    omega: float
+    Delta: Array
+    message: str
+    level: float = 0.0
+    proof: PeakProof | None = None
+
+
+def skewed_peak(
+    system: Any,
+    structure: Structure,
+    fixed: Sequence[str | int] | str | int,
+    tolerance: float = 1e-3,
+) -> SkewedPeak:
+    """Certified bounds of the supremum of the skewed mu over all frequencies.
+
+    Parameters
+    ----------
+    system
+        The stable continuous-time system that Delta closes.
+    structure
+        Blocks of Delta, not all of them real scalars.
+    fixed
+        Names or numbers of the blocks of at most 1. The others, at least one, are bounded.
+    tolerance
+        Relative distance that the bound may lie above the largest upper bound at any one frequency.
+
+    Raises
+    ------
+    InputError, UnknownNameError
+        As `peak` and `skew_bounds`.
+    ContradictionError
+        The lower bound is above the upper one.
+    """
+    need_tolerance(tolerance)
+    stable = fitting(system, structure)
+    varies = np.array([k not in numbers_of(structure, fixed) for k in range(len(structure))])
+    if not varies.any():
+        raise InputError("all blocks are fixed; leave at least one to vary, or use `peak`")
+    search = SkewSearch(stable, structure, varies)
+    level, proof, message = search.proven(tolerance)
+    upper = math.inf if proof is None else level * proof.beta * LEVEL_ROUNDING
+    lower, omega, Delta = search.attained()
+    need_agreement(lower, upper, "the peak of the skewed mu")
+    return SkewedPeak(lower, upper, omega, Delta, message, level, proof)
+
+
+class SkewSearch:
+    """The frequencies (F,) [rad/s] bounded so far and their upper bounds (F,).
+
+    ``varies`` (blocks,) marks the varying blocks of the structure.
+    """
+
+    def __init__(self, system: StableSystem, structure: Structure, varies: BoolArray) -> None:
+        self.system, self.structure, self.varies = system, structure, varies
+        self.inputs = np.repeat(varies, [block.rows for block in structure])
+        self.omega, self.upper = np.empty(0), np.empty(0)
+        self.add(starting_grid(system.poles))
+        for _ in range(GRID_REFINEMENTS):
+            self.add(self._wanted())
+
+    def skew(self, omega: RealArray) -> Skew:
+        """The skewed problem at frequencies (F,) [rad/s]."""
+        return Skew(self.system.response(omega), self.structure, self.varies)
+
+    def add(self, omega: RealArray) -> None:
+        """Bound the skewed mu at further frequencies (K,) [rad/s]."""
+        omega = np.setdiff1d(omega, self.omega)
+        if omega.size:
+            order = np.argsort(together := np.concatenate([self.omega, omega]))
+            upper = np.concatenate([self.upper, self.skew(omega).upper()])
+            self.omega, self.upper = together[order], upper[order]
+
+    def _wanted(self) -> RealArray:
+        """Frequencies [rad/s] halfway between the highest local maxima and their neighbours."""
+        if not 0 < self.upper.max() < math.inf:
+            return np.empty(0)
+        padded = np.concatenate([[-np.inf], self.upper, [-np.inf]])
+        high = self.upper >= MAXIMUM_SHARE * self.upper.max()
+        top = high & (self.upper >= padded[:-2]) & (self.upper >= padded[2:])
+        inner = (self.omega[:-1] > 0) & (self.omega[1:] > self.omega[:-1] * (1 + CLOSEST_SPACING))
+        split = np.flatnonzero((top[1:] | top[:-1]) & inner & np.isfinite(self.omega[1:]))
+        height = np.maximum(self.upper[1:], self.upper[:-1])[split]
+        split = split[np.argsort(-height)[:POINTS_PER_REFINEMENT]]
+        return np.sqrt(self.omega[split] * self.omega[split + 1])
+
+    def proven(self, tolerance: float) -> tuple[float, PeakProof | None, str]:
+        """A level, the proof that mu is below 1 with inputs divided by it, and a message.
+
+        The zero response has the level 0 and needs no multipliers.
+        """
+        least = NEGLIGIBLE_GAIN * float(np.abs(self.system.response(self.omega)).max())
+        if least == 0.0:  # a rational function with this many zeros is the zero function
+            return 0.0, PeakProof(0.0, ()), "the response is zero"
+        level, precision = max(float(self.upper.max()), least), math.inf
+        for _ in range(PROOF_LEVELS):
+            place = float(self.omega[np.argmax(self.upper)])
+            if math.isinf(level):
+                message = (
+                    "robust stability is not proven: mu of the perturbation is not below 1 at "
+                    f"{place:.6g} rad/s"
+                )
+                return 0.0, None, message
+            level *= 1 + tolerance / 2
+            scaled = divided(self.system, self.inputs, level)
+            # The tolerance of the peak may use half of the distance of mu from 1 at this place.
+            here = float(upper_values(scaled.response([place]), self.structure)[0])
+            precision = min(precision, max((1 - here) / 2, 1e-6), 1e-2)
+            found = peak(scaled, self.structure, precision)
+            if found.upper < 1:
+                return level, found.proof, found.message
+            self.add(np.array([found.omega]))
+            self.add(self._wanted())
+            level = max(level, float(self.upper.max()))
+            precision /= 2
+        return 0.0, None, f"robust stability is not proven: no gain below {level:.6g} is"
+
+    def candidates(self) -> tuple[RealArray, Array, RealArray]:
+        """Lower bounds (K,), perturbations and frequencies where the upper bounds are largest."""
+        best = np.argsort(-self.upper)[:PERTURBED_FREQUENCIES]
+        lower, Delta = self.skew(self.omega[best]).lower(self.upper[best])
+        return lower, Delta, self.omega[best]
+
+    def attained(self) -> tuple[float, float, Array]:
+        """The largest lower bound proven of the system itself, its frequency and perturbation."""
+        lower, Delta, omega = self.candidates()
+        values = np.zeros(len(omega))
+        for k in np.flatnonzero(lower > 0):
+            with ctx.workprec(PRECISIONS[1]):
+                M = response_of(self.system, float(omega[k]))
+            if M is not None:
+                proven = said(proven_skew_of(M, self.structure, self.varies, Delta[k]))
+                values[k] = min(proven, lower[k])
+        index = int(np.argmax(values))
+        found = Delta[index] if values[index] > 0 else np.full_like(Delta[index], np.nan)
+        return float(values[index]), float(omega[index]), found
+
+
+def divided(system: StableSystem, inputs: BoolArray, level: float) -> StableSystem:
+    """The system with some of its inputs (r,) divided by a level."""
+    outputs, every = (np.arange(count) for count in system.D.shape)
+    return system.channels(outputs, every, input_gains=np.where(inputs, 1.0 / level, 1.0))
