@@ -20,7 +20,7 @@ from workbench.mu import (
     worst_case_gain,
 )
 from workbench.mu.robust.skew import Skew
-from workbench.mu.robust.worst_case import _Search as Search
+from workbench.mu.robust.skewed_peak import SkewSearch
 from workbench.structure import Complex, Full, Real, Structure
 
 STRUCTURES = [
@@ -109,10 +109,10 @@ def test_a_false_bound_over_frequency_or_of_a_skewed_mu_is_found_out(monkeypatch
         patch.setattr(BandCover, "proven", 1.0)
         with pytest.raises(ContradictionError, match="the peak of mu"):
             peak(system, structure)
-    proven = Search.proven
+    proven = SkewSearch.proven
     with monkeypatch.context() as patch:
         patch.setattr(
-            Search, "proven", lambda self, t: (proven(self, t)[0] / 2, *proven(self, t)[1:])
+            SkewSearch, "proven", lambda self, t: (proven(self, t)[0] / 2, *proven(self, t)[1:])
         )
         with pytest.raises(ContradictionError, match="the worst-case gain"):
             worst_case_gain(N, structure)

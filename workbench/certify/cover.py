@@ -123,6 +123,9 @@ NARROW_GAP_RATIO = 1 + 1e-7
 SMALLEST_POSITIVE = float(np.finfo(float).tiny)
 """Smallest normal floating-point number; avoids division by a frequency of 0."""
 
+WIDE_INTERVAL = 0.3
+"""Width on a logarithmic scale from which an interval is not improved by other multipliers."""
+
 GAPS_AT_ONCE = 32
 """Number of gaps whose middles are bounded in one call."""
 
@@ -156,13 +159,20 @@ class BandCover:
     """The band of frequencies, the intervals that cover it at the present beta, and open gaps.
 
     ``found`` are the bounds known so far, ``intervals`` the certified intervals and ``open`` the
-    gaps (low, high) [rad/s] not yet covered.
+    gaps (low, high) [rad/s] not yet covered. ``plain_at`` gives bounds with multipliers that change
+    less over frequency, which may be larger: G of real scalars grows as 1 / omega where their
+    response falls as omega.
     """
 
     def __init__(
-        self, system: StableSystem, bounds_at: BoundsAt, tolerance: float, found: FrequencyBounds
+        self,
+        system: StableSystem,
+        bounds_at: BoundsAt,
+        tolerance: float,
+        found: FrequencyBounds,
+        plain_at: BoundsAt | None = None,
     ) -> None:
-        self.system, self.bounds_at = system, bounds_at
+        self.system, self.bounds_at, self.plain_at = system, bounds_at, plain_at
         self.tolerance, self.found = tolerance, found
         size = float(np.abs(found.M).max())
         self.beta = max(
@@ -228,8 +238,33 @@ class BandCover:
         ends, doubt = proven_in_doubles(self.system, multipliers, self.beta, omega)
         if ends is None and doubt:
             ends = self._in_balls(multipliers, omega)
+        if ends is None or _log_width(*ends) < WIDE_INTERVAL:
+            beside = self._beside(omega)
+            plain = self._plain(beside)
+            if plain is not None and (ends is None or _log_width(*plain[0]) > _log_width(*ends)):
+                omega, (ends, multipliers) = beside, plain
         if not self._covered(ends, omega, multipliers):
             self.beta *= 1 + self.tolerance
+
+    def _beside(self, omega: float) -> float:
+        """A frequency; of 0 and infinity, where scalings may grow without limit, one in its gap."""
+        for low, high in self.open:
+            if low == omega == 0.0 and high < math.inf:
+                return high / 2
+            if high == omega == math.inf and low > 0.0:
+                return 2 * low
+        return omega
+
+    def _plain(self, omega: float) -> tuple[tuple[float, float], Multipliers] | None:
+        """The interval about a frequency that its plain multipliers prove; None for none."""
+        if self.plain_at is None:
+            return None
+        found = self.plain_at(np.array([omega]))
+        if found.upper[0] * (1 + 0.5 * self.tolerance) > self.beta:
+            return None
+        multipliers = found.D_left[0], found.D_right[0], found.G[0]
+        ends, _ = proven_in_doubles(self.system, multipliers, self.beta, omega)
+        return None if ends is None else (ends, multipliers)
 
     def _multipliers(self, index: int) -> Multipliers:
         """D_left, D_right and G of a known frequency."""
@@ -288,6 +323,9 @@ class BandCover:
             fixed = self._multipliers(index)
             if self._covered(self._in_balls(fixed, omega), omega, fixed):
                 return
+        plain = self._plain(omega)
+        if plain is not None and self._covered(plain[0], omega, plain[1]):
+            return
         self.open.remove(gap)
         between = _middle(low, high) if low > 0 else omega
         self.open += [(low, between), (between, high)]
@@ -333,6 +371,11 @@ def _without(gap: tuple[float, float], ends: tuple[float, float]) -> list[tuple[
 def _middle(low: float, high: float) -> float:
     """Geometric mean of two frequencies. 0 and infinity are on the grid and covered first."""
     return math.sqrt(low) * math.sqrt(high)
+
+
+def _log_width(low: float, high: float) -> float:
+    """Width of an interval on a logarithmic scale, of one from 0 or to infinity also finite."""
+    return math.log(min(high, 1 / SMALLEST_POSITIVE)) - math.log(max(low, SMALLEST_POSITIVE))
 
 
 def _width(gap: tuple[float, float]) -> float:

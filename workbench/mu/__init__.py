@@ -4,6 +4,9 @@ from workbench.mu.frequency.peak import Peak, peak, with_complex_part
 from workbench.mu.frequency.sweep import Sweep, frequency_sweep
 from workbench.mu.lower.bound import lower_bound
 from workbench.mu.lower.program import LowerBound, MuLowerBound
+from workbench.mu.margins.classical import ClassicalMargins, classical_margins
+from workbench.mu.margins.disk import DiskMargin, disk_gain, disk_phase
+from workbench.mu.margins.loop import LoopMargins, loop_margins
 from workbench.mu.robust.branch import branch_and_bound
 from workbench.mu.robust.conditions import Conditions, conditions
 from workbench.mu.robust.destabilising import destabilising
@@ -18,6 +21,7 @@ from workbench.mu.robust.performance import performance_peak, performance_sweep
 from workbench.mu.robust.rank_one import RankOneLoop, rank_one_mu
 from workbench.mu.robust.sensitivity import sensitivity
 from workbench.mu.robust.skew import SkewBounds, skew_bounds
+from workbench.mu.robust.skewed_peak import SkewedPeak, skewed_peak
 from workbench.mu.robust.worst_case import WorstCaseGain, worst_case_gain
 from workbench.mu.upper import ab13md as upper_ab13md
 from workbench.mu.upper import conic as upper_conic
@@ -28,10 +32,13 @@ from workbench.mu.upper.program import MuUpperBound, UpperBound
 from workbench.structure import Complex, Full, Real, Structure
 
 __all__ = [
+    "ClassicalMargins",
     "Complex",
     "Conditions",
+    "DiskMargin",
     "Full",
     "GainRoom",
+    "LoopMargins",
     "LowerBound",
     "MuLowerBound",
     "MuUpperBound",
@@ -40,17 +47,22 @@ __all__ = [
     "RankOneLoop",
     "Real",
     "SkewBounds",
+    "SkewedPeak",
     "StabilityMargin",
     "Structure",
     "Sweep",
     "UpperBound",
     "WorstCaseGain",
     "branch_and_bound",
+    "classical_margins",
     "conditions",
     "destabilising",
+    "disk_gain",
+    "disk_phase",
     "frequency_sweep",
     "gain_room",
     "gradient",
+    "loop_margins",
     "lower_bound",
     "peak",
     "performance_peak",
@@ -60,6 +72,7 @@ __all__ = [
     "robust_stability",
     "sensitivity",
     "skew_bounds",
+    "skewed_peak",
     "upper_ab13md",
     "upper_bound",
     "upper_conic",

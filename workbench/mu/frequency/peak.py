@@ -118,7 +118,10 @@ def peak(
         stable, larger = original, structure
     at = partial(bounds_at, stable, larger)
     found = refined_bounds(at, stable.poles).joined(at(np.array(band))).within(*band)
-    cover = BandCover(stable, at, tolerance, found)
+    # Without G: over frequency these multipliers of real scalars change less.
+    real = any(isinstance(block, Real) for block in larger)
+    plain = partial(bounds_at, stable, larger.complexified()) if real else None
+    cover = BandCover(stable, at, tolerance, found, plain)
     message = cover.complete(steps)
     below = attained_peak(stable, larger, cover.found, whole_axis=(low, high) == (0.0, math.inf))
     lower, omega, Delta = below.value, below.omega, below.Delta

@@ -28,6 +28,10 @@ def figure_of(found: LoopMargins) -> Figure:
     """Nyquist curves of each channel with its disk; gains and phases that it bears."""
     figure, (plane, region) = figures.axes(1, 2)
     angles = np.linspace(0.0, 2 * math.pi, POINTS)
+    for number, loop in enumerate(found.members):
+        curve = _curve(loop)
+        words = f"{len(found.members)} random plants" if number == 0 else None
+        plane.plot(curve.real, curve.imag, color="0.7", linewidth=0.6, label=words)
     for name, loop in found.loops.items():
         curve = _curve(loop)
         (line,) = plane.plot(curve.real, curve.imag, label=name)

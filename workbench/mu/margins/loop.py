@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -20,6 +20,9 @@ from workbench.tables import markdown
 from workbench.uncertainty.algebra.functions import append, feedback
 from workbench.uncertainty.algebra.system import UncertainSystem, uncertain
 
+MEMBERS = 20
+"""Random plants of a set whose loops are drawn."""
+
 
 @dataclass(frozen=True, eq=False)
 class LoopMargins:
@@ -28,7 +31,8 @@ class LoopMargins:
     ``loops`` has the response L of each channel by name, opened there and closed elsewhere, at the
     nominal. ``classical`` are its margins and ``disks`` its disk margin. ``together`` has disk
     margins of "inputs", "outputs" and "all" channels at once. Where the plant is uncertain, all
-    disks hold for every plant of the set, and ``nominal`` has those of the nominal plant.
+    disks hold for every plant of the set, and ``nominal`` has those of the nominal plant;
+    ``members`` are the loops of random plants, of a plant of one channel.
     """
 
     loops: Mapping[str, StateSpace]
@@ -36,6 +40,7 @@ class LoopMargins:
     disks: Mapping[str, DiskMargin]
     together: Mapping[str, DiskMargin]
     nominal: Mapping[str, DiskMargin]
+    members: Sequence[StateSpace]
     skew: float
 
     @cached_property
@@ -106,7 +111,8 @@ def loop_margins(
     if not is_real(skew) or not math.isfinite(skew):
         raise InputError(f"skew is {skew!r}; a number is needed")
     G, K = uncertain(plant, "plant"), uncertain(controller, "controller")
-    if K.value.shape == (1, 1) and G.value.shape != (1, 1) and G.ninputs == G.noutputs:
+    constant = not K.nstates and not K.elements
+    if K.value.shape == (1, 1) and constant and G.ninputs == G.noutputs:
         K = K * np.eye(G.ninputs)
     if (K.noutputs, K.ninputs) != (G.ninputs, G.noutputs):
         raise InputError(
@@ -118,7 +124,7 @@ def loop_margins(
     nominal = uncertain(returned.nominal)
     _need_stable(nominal.nominal)
     names = _names(m, p)
-    only = m == p == 1 and not K.nstates and not K.elements  # L alone: one place to open it
+    only = m == p == 1 and constant  # L alone: one place to open it
     channels = {m: "loop"} if only else dict(enumerate(names))
     if only:
         names = ["loop"]
@@ -129,8 +135,11 @@ def loop_margins(
         groups["outputs"] = {k: names[k] for k in range(m, m + p)}
     if not only:
         groups["all"] = dict(enumerate(names))
-    scalar = (G * K).nominal if m == p == 1 else None
-    loops = {name: scalar or _opened(nominal, k) for k, name in channels.items()}
+    scalar = G * K if m == p == 1 else None
+    loops = {
+        name: scalar.nominal if scalar is not None else _opened(nominal, k)
+        for k, name in channels.items()
+    }
 
     def every(system: UncertainSystem, wanted: Mapping[str, dict[int, str]]) -> dict[str, Any]:
         return {name: disk_of(system, part, skew, tolerance) for name, part in wanted.items()}
@@ -142,6 +151,7 @@ def loop_margins(
         every(returned, single),
         every(returned, groups),
         every(nominal, single | groups) if returned.elements else {},
+        scalar.sample(MEMBERS) if scalar is not None and scalar.elements else [],
         float(skew),
     )
 
