@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from workbench import figures
 from workbench.arrays import ComplexArray
 from workbench.heavy_types import Figure, StateSpace
+from workbench.mu.margins.disk import DiskMargin
 from workbench.systems.frequency_grid import frequencies_of
 from workbench.systems.generalised_plant import response
-
-if TYPE_CHECKING:
-    from workbench.mu.margins.loop import LoopMargins
 
 POINTS = 400
 """Points of a curve."""
@@ -24,29 +23,36 @@ MOST_DB = 40.0
 """Largest gain [dB] of the region of gains and phases."""
 
 
-def figure_of(found: LoopMargins) -> Figure:
-    """Nyquist curves of each channel with its disk; gains and phases that it bears."""
+def figure_of(
+    loops: Mapping[str, StateSpace],
+    disks: Mapping[str, DiskMargin],
+    together: DiskMargin | None,
+    members: Sequence[StateSpace],
+) -> Figure:
+    """Nyquist curves of each channel with its disk; gains and phases that it bears.
+
+    ``together`` is the disk of all channels at once, and ``members`` are loops of random plants.
+    """
     figure, (plane, region) = figures.axes(1, 2)
     angles = np.linspace(0.0, 2 * math.pi, POINTS)
-    for number, loop in enumerate(found.members):
+    for number, loop in enumerate(members):
         curve = _curve(loop)
-        words = f"{len(found.members)} random plants" if number == 0 else None
+        words = f"{len(members)} random plants" if number == 0 else None
         plane.plot(curve.real, curve.imag, color="0.7", linewidth=0.6, label=words)
-    for name, loop in found.loops.items():
+    for name, loop in loops.items():
         curve = _curve(loop)
         (line,) = plane.plot(curve.real, curve.imag, label=name)
         colour = line.get_color()
-        alpha = found.disks[name].lower
-        if 0 < alpha < math.inf:
-            f = _boundary(alpha, found.skew, angles)
+        disk = disks[name]
+        if 0 < disk.lower < math.inf:
+            f = _boundary(disk.lower, disk.skew, angles)
             avoided = -1.0 / f
             plane.plot(avoided.real, avoided.imag, "--", color=colour, linewidth=1.0)
             _gains_and_phases(region, f, color=colour)
-    for name, one in found.together.items():
-        if name == "all" and 0 < one.lower < math.inf:
-            f = _boundary(one.lower, found.skew, angles)
-            _gains_and_phases(region, f, color=figures.BLACK)
-            plane.plot([], [], color=figures.BLACK, label="all channels at once")
+    if together is not None and 0 < together.lower < math.inf:
+        f = _boundary(together.lower, together.skew, angles)
+        _gains_and_phases(region, f, color=figures.BLACK)
+        plane.plot([], [], color=figures.BLACK, label="all channels at once")
     plane.plot([-1.0], [0.0], "+", color=figures.BLACK)
     plane.set_xlim(-SHOWN, SHOWN)
     plane.set_ylim(-SHOWN, SHOWN)

@@ -81,7 +81,7 @@ class LoopMargins:
 
     def plot(self) -> Figure:
         """Nyquist curves with the disks that they avoid, and gains with phases that all bear."""
-        return drawn.figure_of(self)
+        return drawn.figure_of(self.loops, self.disks, self.together.get("all"), self.members)
 
 
 def loop_margins(

@@ -32,7 +32,7 @@ MU_TOLERANCE = 1e-2
 """Relative width of the intervals of mu."""
 
 
-class LoopMargins(NamedTuple):
+class MarginsOfPlants(NamedTuple):
     """Gain margins [dB], phase margins [deg] and growth rates [1/s] of loops.
 
     Each is (controllers, SAMPLINGS, plants). Margins are NaN where the loop is unstable, that is,
@@ -93,7 +93,7 @@ class SingleLoops:
         A = closed_transition(G, K, self.delay if sampling == "delayed" else 0.0)
         return math.log(abs(np.linalg.eigvals(A)).max()) / K.dt
 
-    def margins(self) -> LoopMargins:
+    def margins(self) -> MarginsOfPlants:
         """Margins and growth rates of every loop."""
         shape = (len(self.controllers), len(SAMPLINGS), len(self.plants))
         gains, phases, growths = (np.full(shape, np.nan) for _ in range(3))
@@ -104,7 +104,7 @@ class SingleLoops:
                     if growths[i, j, k] < 0.0:
                         found = margins(self.open_loop(K, G, sampling))
                         gains[i, j, k], phases[i, j, k] = found.gain_db, found.phase
-        return LoopMargins(gains, phases, growths)
+        return MarginsOfPlants(gains, phases, growths)
 
     def robust(self, uncertain: GeneralisedPlant, context: Context) -> RealArray:
         """Certified mu of robust stability (controllers, 2, 2): without and with delay; its bounds.

@@ -16,7 +16,7 @@ from workbench.diagnosis import FaultLoop
 from workbench.diagnosis.estimation.front_filters import estimation, removal_conditions
 from workbench.heavy_types import StateSpace
 from workbench.synthesis import discretised
-from workbench.synthesis.switching.single_loops import LoopMargins, SingleLoops
+from workbench.synthesis.switching.single_loops import MarginsOfPlants, SingleLoops
 from workbench.systems.bilinear import bilinear_continuous
 
 from ...control.loops import plants
@@ -30,7 +30,7 @@ PEAK_WIDTH = 1e-2
 """Relative width of the intervals that show these for filters which may not meet them."""
 
 
-def loop_margins(axis: Axis, filters: Mapping[str, StateSpace], delay: float) -> LoopMargins:
+def delayed_margins(axis: Axis, filters: Mapping[str, StateSpace], delay: float) -> MarginsOfPlants:
     """Margins and growth of the loops of K (1 - F) with the nominal drive and all twelve.
 
     filters: discrete F by name. delay: turn-around of the computer [samples].
@@ -89,7 +89,7 @@ def filter_checks(
 
 def drive_checks(axis: Axis, F: StateSpace, delay: float, peak: float) -> list[Check]:
     """Checks that the sampled loops of the drives have the margins that the peak implies."""
-    found = loop_margins(axis, {"F": F}, delay)
+    found = delayed_margins(axis, {"F": F}, delay)
     gain, phase, growth = (one[0, -1] for one in found)
     over = "for these 13 drives"
     implied = 20 * np.log10(peak / (peak - 1)) if peak > 1 else np.inf

@@ -54,7 +54,7 @@ from ...laboratory.bench_setup import PERIOD
 from ..strategies.runs import Experiment, StrategyOutcome
 from ..tactics import stand_in_filter
 from . import report
-from .loops import CONDITIONS, certified, drive_checks, filter_checks, loop_margins
+from .loops import CONDITIONS, certified, delayed_margins, drive_checks, filter_checks
 
 FILTERS = ("high-pass", "estimation", "with margins")
 """Fault filters of strategy C: the stand-in of 450 Hz, that of `cd/<axis>/fault-filter`, and the
@@ -220,7 +220,7 @@ class DesignedFilter(Study):
     @arrays((filter, sampling, plant), gain_margin="dB", phase_margin="deg", growth="1/s")
     def margins(self, filters: dict[str, StateSpace]) -> dict[str, RealArray]:
         """Margins, NaN where the loop is unstable, and the rate of the slowest motion."""
-        found = loop_margins(self.axis, filters, self.delay)
+        found = delayed_margins(self.axis, filters, self.delay)
         return {"gain_margin": found.gain_db, "phase_margin": found.phase, "growth": found.growth}
 
     @array((filter, condition, bound), "1", "certified; infinite where the nominal is unstable")

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from workbench.plants.cd_drive.laboratory.bench_setup import PERIOD
 from workbench.plants.cd_drive.tolerance.designed_filter.loops import (
+    delayed_margins,
     drive_checks,
     filter_checks,
-    loop_margins,
 )
 from workbench.plants.cd_drive.tolerance.designed_filter.problem import (
     CASES,
@@ -35,7 +35,7 @@ def stored(reference):
 
 
 def test_the_stand_ins_margins_are_those_of_another_study(reference):
-    found = loop_margins("focus", {"F": stand_in_filter()}, 1.0)
+    found = delayed_margins("focus", {"F": stand_in_filter()}, 1.0)
     known = reference("cd/focus/switching-stability").data.sel(controller="K (1 - F)")
     for name, values in (("growth", found.growth), ("phase_margin", found.phase)):
         expected = known[name].transpose("sampling", "plant").values
