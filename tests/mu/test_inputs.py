@@ -51,7 +51,7 @@ def test_pairs_in_place_of_a_structure(ask):
         (control.tf(1, [1, 0]), "imaginary axis"),
         (control.tf(1, [1, 0, 4]), "imaginary axis"),
         (control.tf([1, 0, 0], [1, 1]), "improper"),
-        (control.tf(1, [1, 0.5], 0.1), "sampled"),
+        (control.tf(1, [1, 1.5], 0.1), "unstable: it has the pole z = -1.5"),
         (control.ss(-1, 1, [[1], [1]], [[0], [0]]), "structure"),
         (np.eye(1), "StateSpace"),
     ],

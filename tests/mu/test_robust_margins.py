@@ -105,7 +105,7 @@ def test_a_nominal_gain_above_the_level_leaves_no_margin():
     [
         (control.ss(control.tf([1], [1, 1])), "no uncertain element"),
         (tf([1], [1, -1]) * real("k", 1, percent=5), "unstable at its nominal: it has a pole at 1"),
-        (ss([[0.5]], [[1]], [[real("k", 1, percent=5)]], [[0]], 0.1), "the system is sampled"),
+        (ss([[1.5]], [[1]], [[real("k", 1, percent=5)]], [[0]], 0.1), "has a pole at 1.5"),
         ("loop", "system must be"),
     ],
 )

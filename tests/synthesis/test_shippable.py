@@ -20,7 +20,8 @@ from workbench.synthesis.mu import interlacing
 from workbench.synthesis.mu.families import Modal
 from workbench.synthesis.mu.interlacing import NoStableController
 from workbench.synthesis.mu.shippable import Shippable
-from workbench.uncertainty import UncertaintyModel, generalised_plant
+from workbench.systems.bilinear import bilinear_sampled
+from workbench.uncertainty import GeneralisedPlant, UncertaintyModel, generalised_plant
 
 s = control.tf("s")
 
@@ -310,3 +311,35 @@ def test_nothing_asked_is_nothing_checked():
     K = control.ss([[5.0]], [[1.0]], [[1.0]], [[0.0]])
     assert not Shippable().asked and Shippable().checks(K) == [] and Shippable().admits(K)
     assert not Shippable(stable=True).admits(K)
+
+
+@pytest.mark.parametrize("method", ["dk", "mu-dk", "dgk", "fixed"])
+def test_sampled_plants_as_they_are(method):
+    """The plant by the bilinear transformation: the least peaks of both are the same."""
+    plant = unstable_first_order()
+    sampled = GeneralisedPlant(
+        bilinear_sampled(plant.system, 0.01), plant.structure, plant.controls, plant.measurements
+    )
+    order = 2 if method == "fixed" else None
+    program = MuSynthesis(sampled, order=order)
+    found = solve(program, method)
+    assert found.certificate.holds, found.certificate
+    assert found.answer.K.dt == 0.01
+    limit = 0.73 if method == "fixed" else 0.685
+    assert found.answer.upper < limit
+    back = program.from_dataset(program.to_dataset(found.answer))
+    assert program.certify(back, 1e-6).holds
+    worse = replace(found.answer, upper=found.answer.upper / 1.01)
+    assert not program.certify(worse, 1e-6).holds
+    again = MuSynthesis(sampled, start=found.answer.K, stable=True)
+    assert solve(again, "fixed").answer.upper <= found.answer.upper * (1 + 1e-6)
+
+
+@pytest.mark.parametrize("demand", [{"fastest_pole": 10.0}, {"family": Modal((1.0,), 1, 1, 1)}])
+def test_what_sampled_plants_do_not_take(demand):
+    plant = unstable_first_order()
+    sampled = GeneralisedPlant(
+        bilinear_sampled(plant.system, 0.01), plant.structure, plant.controls, plant.measurements
+    )
+    with pytest.raises(InputError, match="for continuous controllers"):
+        MuSynthesis(sampled, **demand)

@@ -9,6 +9,7 @@ Trans. Computers 66 (2017) 1281-1292), then rounded outward to doubles.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -35,21 +36,31 @@ def enclosed_modal_form(A: RealArray, B: RealArray, C: RealArray, bits: int) -> 
 
     The midpoint of A is diagonal up to blocks of two real numbers for a pair of complex poles.
     """
+    return modal_form_of([real_balls(part) for part in (A, B, C)], bits)
+
+
+def real_balls(matrix: RealArray) -> Any:
+    """The matrix of real numbers as balls of radius 0."""
     import flint
 
+    return flint.arb_mat(matrix.shape[0], matrix.shape[1], matrix.ravel().tolist())
+
+
+def modal_form_of(realised: Sequence[Any], bits: int) -> Enclosures | None:
+    """As `enclosed_modal_form`, of A, B and C in balls of at least as many bits."""
+    import flint
+
+    A, B, C = realised
     with flint.ctx.workprec(bits):
-        exact = [
-            flint.arb_mat(part.shape[0], part.shape[1], part.ravel().tolist()) for part in (A, B, C)
-        ]
-        found = _modes(exact[0], bits)
+        found = _modes(A, bits)
         if found is None:
             return None
         T, mode = found
         try:
-            parts = T.solve(exact[0] * T), T.solve(exact[1]), exact[2] * T
+            parts = T.solve(A * T), T.solve(B), C * T
         except ZeroDivisionError:  # T may be singular
             return None
-        enclosures = [_doubles(part) for part in parts]
+        enclosures = [real_doubles(part) for part in parts]
     if any(not (np.abs(part.mid) + part.rad <= LARGEST_ENTRY).all() for part in enclosures):
         return None
     return _normalised(enclosures[0], enclosures[1], enclosures[2], mode)
@@ -129,7 +140,7 @@ def _inner(one: list[Any], two: list[Any]) -> Any:
     return sum(a * b for a, b in zip(one, two, strict=True)).mid()
 
 
-def _doubles(matrix: Any) -> Enclosure:
+def real_doubles(matrix: Any) -> Enclosure:
     """The matrix of balls, rounded outward to doubles."""
     shape = matrix.nrows(), matrix.ncols()
     balls = matrix.entries()

@@ -12,7 +12,13 @@ from numpy.typing import ArrayLike
 
 from workbench.arrays import Array, BoolArray, RealArray
 from workbench.certify.eigenvalues import Discs, pole_discs, separate_pole_discs
-from workbench.certify.modal_form import PRECISIONS, Enclosures, enclosed_modal_form
+from workbench.certify.modal_form import (
+    PRECISIONS,
+    Enclosures,
+    modal_form_of,
+    real_balls,
+    real_doubles,
+)
 from workbench.certify.rounding import Enclosure, exact
 from workbench.errors import InputError
 from workbench.systems.balancing import balancing
@@ -25,6 +31,8 @@ realisation is taken as it is. Bounds 0.1 % above a resonance need discs smaller
 than its damping. Other realisations are brought to modal coordinates by ball arithmetic."""
 WELL_DAMPED = 0.1
 """Damping ratio from which discs up to a tenth of the distance from the axis are taken."""
+HALF_PI = np.pi / 2 * (1 - 1e-15)
+"""Half an angle from which a frequency counts as half the sampling rate."""
 LARGEST_BLUR = 1e-8
 """Largest error of an entry of modal coordinates, relative to the largest entry of its matrix. The
 basis of a cluster of many poles, as of a Laguerre filter, proves where they are, and no more."""
@@ -33,6 +41,9 @@ basis of a cluster of many poles, as of a Laguerre filter, proves where they are
 @dataclass(frozen=True, eq=False)
 class StableSystem:
     """A stable continuous-time system; ``poles`` (n,) [rad/s] are its computed poles.
+
+    That of a sampled system with ``period`` T [s] has its response at v = 2 / T tan(omega T / 2)
+    (bilinear transformation, in balls); frequencies of all methods but two are v.
 
     ``A``, ``B``, ``C`` and ``D`` lie within ``errors`` of a realisation of the system, entry by
     entry. The errors are 0 where these are the given matrices with scaled states.
@@ -49,6 +60,16 @@ class StableSystem:
     source: StableSystem | None = None
     """The given realisation, from which these modal coordinates come; None: these are the given
     ones."""
+    period: float = 0.0
+    """Sampling time [s] of the given system; 0: it is continuous."""
+
+    def plane(self, omega: Any) -> Any:
+        """v of frequencies omega [rad/s] of the given system."""
+        return bilinear_frequency(omega, self.period)
+
+    def angular(self, v: Any) -> Any:
+        """Frequencies [rad/s] of the given system for v."""
+        return angular_frequency(v, self.period)
 
     @property
     def enclosures(self) -> tuple[Enclosure, Enclosure, Enclosure, Enclosure]:
@@ -89,7 +110,7 @@ class StableSystem:
             return found and found.channels(outputs, inputs, output_gains, input_gains)
 
         source = self.source and self.source.channels(outputs, inputs, output_gains, input_gains)
-        return _system((A, B, C), D, self.poles, cache(modal), source)
+        return _system((A, B, C), D, self.poles, cache(modal), source, self.period)
 
     @property
     def scale(self) -> float:
@@ -114,8 +135,28 @@ def _picked(matrix: Enclosure, rows: Any, columns: Any) -> Enclosure:
     return Enclosure(matrix.mid[rows, columns], matrix.rad[rows, columns])
 
 
-def stable_system(system: Any) -> StableSystem:
+def bilinear_frequency(omega: Any, period: float) -> Any:
+    """v of frequencies omega [rad/s] of a system sampled every `period` [s]; 0: v is omega."""
+    if not period:
+        return omega
+    half = np.asarray(omega, dtype=float) * period / 2.0
+    with np.errstate(all="ignore"):
+        v = np.where(half < HALF_PI, 2.0 / period * np.tan(half), np.inf)
+    return v if v.ndim else float(v)
+
+
+def angular_frequency(v: Any, period: float) -> Any:
+    """Frequencies [rad/s] whose `bilinear_frequency` is v."""
+    if not period:
+        return v
+    omega = 2.0 / period * np.arctan(np.asarray(v, dtype=float) * period / 2.0)
+    return omega if omega.ndim else float(omega)
+
+
+def stable_system(system: Any, *, sampled: bool = False) -> StableSystem:
     """The realisation of a StateSpace or TransferFunction that is proven to be stable.
+
+    ``sampled`` says that the caller also takes sampled systems, and so knows of v.
 
     Its states are scaled; where doubles prove too little of its poles, they are modal. States that
     no input reaches, or that reach no output, by the zeros of the matrices, are proven stable too
@@ -137,7 +178,9 @@ def stable_system(system: Any) -> StableSystem:
             "measured responses first"
         )
     part = named_realisation(system)
-    if part.dt:
+    if part.dt is True:
+        raise InputError("the system is sampled, but its sampling time is not given: set its dt")
+    if part.dt and not sampled:
         raise InputError(
             f"the system is sampled every {part.dt} s, and a continuous-time one is needed; the "
             "bilinear transformation keeps its values, only not their frequencies"
@@ -148,14 +191,22 @@ def stable_system(system: Any) -> StableSystem:
     seen = _seen(M, n)
     scale = balancing(M, n)[0][:n]
     A, B, C = M[:n, :n] * scale[:, None] / scale, M[:n, n:] * scale[:, None], M[n:, :n] / scale
-    parts: Enclosures = exact(A), exact(B), exact(C)
-    discs = pole_discs(parts[0])
-    D = exact(M[n:, n:])
+    period = float(part.dt or 0.0)
+    given = (A, B, C, M[n:, n:])
+    plain, D = _realised(given, period)
+    parts, discs = plain, pole_discs(plain[0])
     best, unstable = _spread(discs), _unstable(discs)
+
+    def in_modes(bits: int) -> Enclosures | None:
+        try:
+            return _scaled(modal_form_of(realised_balls(given, period, bits)[:3], bits))
+        except ZeroDivisionError:
+            return None
+
     for bits in PRECISIONS:
         if unstable or best <= (SHARPNESS if seen.all() else 1.0):
             break
-        form = _scaled(enclosed_modal_form(A, B, C, bits))
+        form = in_modes(bits)
         if form is not None:
             found = pole_discs(form[0])
             unstable = _unstable(found)
@@ -163,25 +214,64 @@ def stable_system(system: Any) -> StableSystem:
                 best, discs = _spread(found), found
                 parts = form if _sharp(form) else parts
     if not (unstable or discs.rightmost < 0):
-        discs = separate_pole_discs(exact(A))
+        discs = separate_pole_discs(plain[0])
         unstable = _unstable(discs)
     if unstable or not discs.rightmost < 0:
-        raise _refusal(discs, A, unstable)
+        raise _refusal(discs, plain[0].mid, unstable, period)
     if not seen.all():
         A, B, C = M[:n, :n][np.ix_(seen, seen)], M[:n, n:][seen], M[n:, :n][:, seen]
-        return stable_system(control.StateSpace(A, B, C, M[n:, n:], 0, remove_useless_states=False))
+        rest = control.StateSpace(A, B, C, M[n:, n:], period, remove_useless_states=False)
+        return stable_system(rest, sampled=sampled)
     poles = discs.centre.astype(complex)
 
     def modal() -> StableSystem | None:
-        form = _scaled(enclosed_modal_form(A, B, C, PRECISIONS[0]))
+        form = in_modes(PRECISIONS[0])
         if form is None or not (_sharp(form) and _spread(pole_discs(form[0])) < 1.0):
             return None
-        return _system(form, D, poles)
+        return _system(form, D, poles, period=period)
 
-    if all(not part.rad.any() for part in parts):
-        return _system(parts, D, poles, cache(modal) if n else lambda: None)
-    source = _system((exact(A), exact(B), exact(C)), D, poles)
-    return _system(parts, D, poles, source=source)
+    if parts is plain:
+        return _system(parts, D, poles, cache(modal) if n else lambda: None, period=period)
+    return _system(parts, D, poles, source=_system(plain, D, poles, period=period), period=period)
+
+
+Realised = tuple[RealArray, RealArray, RealArray, RealArray]
+"""A, B, C and D."""
+
+
+def realised_balls(given: Realised, period: float, bits: int) -> tuple[Any, Any, Any, Any]:
+    """A realisation in balls, of a sampled system that of s = 2 / T (z - 1) / (z + 1).
+
+    Raises ZeroDivisionError for a pole that cannot be told from z = -1.
+    """
+    import flint
+
+    A, B, C, D = (real_balls(part) for part in given)
+    n = len(given[0])
+    if not (period and n):
+        return A, B, C, D
+    with flint.ctx.workprec(bits):
+        one, rate = real_balls(np.eye(n)), flint.arb(2) / flint.arb(period)
+        shifted = A + one
+        back, moved = shifted.solve(B), shifted.solve(A - one)
+        return moved * rate, back * (2 * rate), C * shifted.inv(), D - C * back
+
+
+def _realised(given: Realised, period: float) -> tuple[Enclosures, Enclosure]:
+    """A, B and C, and D, in doubles."""
+    if not period:
+        A, B, C, D = map(exact, given)
+        return (A, B, C), D
+    try:
+        A, B, C, D = map(real_doubles, realised_balls(given, period, PRECISIONS[-1]))
+    except ZeroDivisionError:
+        raise InputError(
+            "the system has a pole that cannot be told from z = -1, half the sampling rate: filter "
+            "it or sample at another rate"
+        ) from None
+    scaled = _scaled((A, B, C))
+    assert scaled is not None
+    return scaled, D
 
 
 def _seen(M: RealArray, n: int) -> BoolArray:
@@ -226,11 +316,13 @@ def _system(
     poles: Array,
     modal: Callable[[], StableSystem | None] = lambda: None,
     source: StableSystem | None = None,
+    period: float = 0.0,
 ) -> StableSystem:
     """The system of enclosed matrices."""
     every = (*parts, D)
     A, B, C, direct = (part.mid for part in every)
-    return StableSystem(A, B, C, direct, poles, tuple(part.rad for part in every), modal, source)
+    errors = tuple(part.rad for part in every)
+    return StableSystem(A, B, C, direct, poles, errors, modal, source, period)
 
 
 def _spread(discs: Discs) -> float:
@@ -255,7 +347,7 @@ def _condition(A: RealArray) -> float:
     return float(np.linalg.cond(np.linalg.eig(A)[1])) if len(A) else 1.0
 
 
-def _refusal(discs: Discs, A: RealArray, unstable: bool) -> InputError:
+def _refusal(discs: Discs, A: RealArray, unstable: bool, period: float) -> InputError:
     """The error that says which pole is not stable, or why that cannot be decided."""
     place = int(np.argmax(discs.centre.real + np.where(np.isinf(discs.radius), 0, discs.radius)))
     pole = discs.centre[place]
@@ -267,10 +359,15 @@ def _refusal(discs: Discs, A: RealArray, unstable: bool) -> InputError:
         if unstable
         else ("has a pole that cannot be told from the imaginary axis:")
     )
+    place_said = f"{pole:.6g} rad/s"
+    if period:
+        with np.errstate(all="ignore"):
+            z = complex((2 / period + pole) / (2 / period - pole))
+        place_said, said = f"z = {z:.9g}", said.replace("imaginary axis", "unit circle")
     return InputError(
-        f"the system {said} {pole:.6g} rad/s, and bounds over frequency say "
+        f"the system {said} {place_said}, and bounds over frequency say "
         "nothing of it then; close the loop with a stabilising controller, or move an "
-        "integrator a little to the left"
+        f"integrator a little {'into the circle' if period else 'to the left'}"
         + (
             ""
             if unstable

@@ -43,7 +43,7 @@ def proves(system: Any, structure: Structure, proof: PeakProof, bound: float) ->
     Parameters
     ----------
     system
-        Stable continuous-time system with c outputs and r inputs.
+        Stable system with c outputs and r inputs.
     structure
         Blocks of Delta; of the multipliers only the part that they allow is used.
     bound
@@ -54,7 +54,7 @@ def proves(system: Any, structure: Structure, proof: PeakProof, bound: float) ->
     InputError
         As `stable_system`; the system does not fit the structure.
     """
-    stable = stable_system(system)
+    stable = stable_system(system, sampled=True)
     structure.check(stable.D)
     if not proof.beta <= bound:
         return f"the proof is one of {proof.beta:.9g}, which is above {bound:.9g}"

@@ -14,7 +14,7 @@ from workbench.arrays import Array
 from workbench.certify.agreement import need_agreement
 from workbench.certify.cover import BandCover, CertifiedInterval, refined_bounds
 from workbench.certify.proofs.peak_proof import PeakProof
-from workbench.certify.stable_system import StableSystem, stable_system
+from workbench.certify.stable_system import StableSystem, bilinear_frequency, stable_system
 from workbench.errors import InputError
 from workbench.input_checks import need_count, need_tolerance
 from workbench.mu.frequency.attained import attained_peak
@@ -35,6 +35,8 @@ class Peak:
     band unless upper is infinite.
     ``complex_part`` is the complex uncertainty added to real scalars, as a share of them; the peak
     holds for this larger set of perturbations.
+    Of a system with sampling time ``period`` [s] the band ends at half the sampling rate, and
+    intervals are over v = 2 / period tan(omega period / 2).
     """
 
     lower: float
@@ -45,6 +47,7 @@ class Peak:
     message: str
     complex_part: float = 0.0
     band: tuple[float, float] = (0.0, math.inf)
+    period: float = 0.0
 
     @property
     def proof(self) -> PeakProof | None:
@@ -54,7 +57,13 @@ class Peak:
         """
         if math.isinf(self.upper):
             return None
-        return PeakProof(self.upper, self.intervals, self.band)
+        return PeakProof(self.upper, self.intervals, self.intervals_band)
+
+    @property
+    def intervals_band(self) -> tuple[float, float]:
+        """The band in the frequency of the intervals."""
+        low, high = (bilinear_frequency(omega, self.period) for omega in self.band)
+        return low, high
 
     def __repr__(self) -> str:
         return f"Peak(lower={self.lower:.6g}, upper={self.upper:.6g}, omega={self.omega:.6g} rad/s)"
@@ -74,8 +83,8 @@ def peak(
     Parameters
     ----------
     system
-        The stable continuous-time system that Delta closes: a StateSpace or TransferFunction with c
-        outputs and r inputs.
+        The stable system that Delta closes: a StateSpace or TransferFunction with c outputs and r
+        inputs, in continuous or sampled time.
     structure
         Blocks of Delta.
     tolerance
@@ -95,7 +104,7 @@ def peak(
     Raises
     ------
     InputError
-        The system does not fit the structure, or is unstable, improper or sampled; all blocks are
+        The system does not fit the structure, or is unstable or improper; all blocks are
         real scalars and there is no complex part; or an argument is out of its range.
     ContradictionError
         The lower bound is above the upper one.
@@ -105,7 +114,10 @@ def peak(
     low, high = band
     if not 0.0 <= low < high:
         raise InputError(f"band is {band}; it must be two frequencies [rad/s], the lower one first")
-    original = fitting(system, structure)
+    original = fitting(system, structure, sampled=True)
+    low, high = original.plane(low), original.plane(high)
+    if not low < high:
+        raise InputError(f"band is {band}; it lies beyond half the sampling rate")
     if complex_part:
         stable, larger = with_complex_part(original, structure, complex_part)
     elif all(isinstance(block, Real) for block in structure):
@@ -117,7 +129,7 @@ def peak(
     else:
         stable, larger = original, structure
     at = partial(bounds_at, stable, larger)
-    found = refined_bounds(at, stable.poles).joined(at(np.array(band))).within(*band)
+    found = refined_bounds(at, stable.poles).joined(at(np.array([low, high]))).within(low, high)
     # Without G: over frequency these multipliers of real scalars change less.
     real = any(isinstance(block, Real) for block in larger)
     plain = partial(bounds_at, stable, larger.complexified()) if real else None
@@ -129,7 +141,10 @@ def peak(
     intervals = tuple(sorted(cover.intervals, key=lambda interval: interval.low))
     if complex_part:
         Delta = _summed(Delta, structure, complex_part)
-    return Peak(lower, cover.proven, omega, Delta, intervals, message, complex_part, band)
+    ends = float(original.angular(low)), float(original.angular(high))
+    band = ends if original.period else band
+    omega, period = float(original.angular(omega)), original.period
+    return Peak(lower, cover.proven, omega, Delta, intervals, message, complex_part, band, period)
 
 
 def with_complex_part(
@@ -160,7 +175,7 @@ def with_complex_part(
         raise InputError(
             f"the structure {structure.to_pairs()} has no real scalar; leave complex_part out"
         )
-    stable = stable_system(system)
+    stable = stable_system(system, sampled=True)
     outputs = np.concatenate([np.arange(stable.D.shape[0])[column] for _, column, _ in real])
     inputs = np.concatenate([np.arange(stable.D.shape[1])[row] for _, _, row in real])
     c, r = stable.D.shape

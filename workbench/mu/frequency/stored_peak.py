@@ -11,7 +11,7 @@ from workbench.certificate import Check
 from workbench.certify.perturbed_loop import proven_at, proven_over_frequency
 from workbench.certify.proofs.peak_proof import proves
 from workbench.certify.proofs.storage import restored_proof, stored_proof
-from workbench.certify.stable_system import stable_system
+from workbench.certify.stable_system import angular_frequency, stable_system
 from workbench.heavy_types import Dataset
 from workbench.mu.frequency.peak import Peak
 from workbench.structure import Structure
@@ -29,7 +29,7 @@ def peak_checks(
     Parameters
     ----------
     system
-        The stable continuous-time system that Delta closes.
+        The stable system that Delta closes.
     structure
         Blocks of Delta.
     lower, upper
@@ -39,11 +39,11 @@ def peak_checks(
     """
     fault, proven = "no proof is stored", 0.0
     if found is not None:
-        stable = stable_system(system)
+        stable = stable_system(system, sampled=True)
         if found.proof is not None:
             fault = proves(stable, structure, found.proof, upper)
         if lower > 0 and np.isfinite(found.Delta).all():
-            proven = proven_at(stable, structure, found.Delta, found.omega)
+            proven = proven_at(stable, structure, found.Delta, stable.plane(found.omega))
             if proven < lower:
                 proven = max(proven, proven_over_frequency(stable, structure, found.Delta))
     short = 0.0 if lower <= proven else lower / proven - 1 if proven > 0 else math.inf
@@ -70,6 +70,7 @@ def stored_peak(name: str, found: Peak) -> dict[str, Any]:
         f"{name}_Delta": ((f"{name}_input", f"{name}_output", "complex"), parts, delta),
         **({} if found.proof is None else stored_proof(f"{name}_proof", found.proof)),
         f"{name}_complex_part": ((), found.complex_part, one),
+        **({f"{name}_period": ((), found.period, {"units": "s"})} if found.period else {}),
     }
 
 
@@ -80,6 +81,8 @@ def restored_peak(data: Dataset, name: str) -> Peak | None:
     lower, upper = data[f"{name}_bounds"].values.tolist()
     parts = data[f"{name}_Delta"].values
     proof = restored_proof(data, f"{name}_proof") if f"{name}_proof_band" in data else None
+    period = float(data[f"{name}_period"]) if f"{name}_period" in data else 0.0
+    low, high = proof.band if proof else (0.0, math.inf)
     return Peak(
         lower,
         upper,
@@ -88,5 +91,6 @@ def restored_peak(data: Dataset, name: str) -> Peak | None:
         proof.intervals if proof else (),
         "",
         float(data[f"{name}_complex_part"]),
-        proof.band if proof else (0.0, math.inf),
+        (angular_frequency(low, period), angular_frequency(high, period)),
+        period,
     )

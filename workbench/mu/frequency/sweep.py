@@ -45,10 +45,11 @@ def frequency_sweep(
     Parameters
     ----------
     system
-        The continuous-time StateSpace or TransferFunction that Delta closes.
+        The StateSpace or TransferFunction that Delta closes, in continuous or sampled time.
     omega
-        Frequencies [rad/s], not negative, infinity allowed. None: a grid chosen from the poles,
-        refined where the bound changes, with 0 and infinity.
+        Frequencies [rad/s], not negative; infinity is allowed, for a sampled system half its
+        sampling rate. None: a grid chosen from the poles, refined where the bound changes, with 0
+        and infinity.
     lower
         Method of `lower_bound` for the frequencies at which ``"power"`` stays below the upper one.
     executor
@@ -67,7 +68,7 @@ def frequency_sweep(
     ContradictionError
         A lower bound is above the upper one.
     """
-    stable = fitting(system, structure)
+    stable = fitting(system, structure, sampled=True)
     if omega is None:
         found = refined_bounds(
             partial(bounds_at, stable, structure, executor=executor), stable.poles
@@ -79,10 +80,17 @@ def frequency_sweep(
             raise InputError(f"omega must be real frequencies [rad/s], not {omega!r}") from None
         if not points.size or np.isnan(points).any() or points[0] < 0:
             raise InputError("omega must have frequencies [rad/s], none of them negative or NaN")
-        found = bounds_at(stable, structure, points, executor)
+        found = bounds_at(stable, structure, np.unique(stable.plane(points)), executor)
     value, Delta = _below(found, structure, lower)
     need_agreement(value, found.upper, place=lambda index: f"at {found.omega[index]:.6g} rad/s")
-    parts = (found.omega, found.M, found.upper, found.D_left, found.D_right, found.G)
+    parts = (
+        stable.angular(found.omega),
+        found.M,
+        found.upper,
+        found.D_left,
+        found.D_right,
+        found.G,
+    )
     return Sweep(*parts, value, Delta)
 
 
@@ -101,10 +109,10 @@ def _below(
     return value, Delta
 
 
-def fitting(system: Any, structure: Structure) -> StableSystem:
+def fitting(system: Any, structure: Structure, *, sampled: bool = False) -> StableSystem:
     """The realisation of a stable system that fits the structure; InputError for any other."""
     need_structure(structure)
-    stable = stable_system(system)
+    stable = stable_system(system, sampled=sampled)
     structure.check(stable.D)
     return stable
 

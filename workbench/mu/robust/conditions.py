@@ -33,19 +33,23 @@ without it mu is not continuous over frequency."""
 class Conditions:
     """The four conditions of a loop; each peak is certified between grid points.
 
-    ``pole`` is the rightmost pole of the nominal loop [rad/s] (None: the loop has no states). Where
-    it is unstable all peaks are None. Without a perturbation ``robust_stability`` is None; without
-    performance channels both performances are None.
+    ``pole`` is the rightmost pole of the nominal loop [rad/s], of a sampled loop the largest (None:
+    the loop has no states). Where it is unstable all peaks are None. Without a perturbation
+    ``robust_stability`` is None; without performance channels both performances are None. ``dt`` is
+    the sampling time [s], 0 for continuous time.
     """
 
     pole: complex | None
     nominal_performance: Peak | None
     robust_stability: Peak | None
     robust_performance: Peak | None
+    dt: float = 0.0
 
     @property
     def nominal_stability(self) -> bool:
-        return self.pole is None or self.pole.real < 0
+        if self.pole is None:
+            return True
+        return abs(self.pole) < 1.0 if self.dt else self.pole.real < 0.0
 
     @property
     def hold(self) -> bool:
@@ -109,9 +113,11 @@ def conditions(
     chosen = plant.channel(performance, exogenous)
     N = chosen.close(K)
     poles = N.poles()
-    pole = complex(poles[np.argmax(poles.real)]) if len(poles) else None
-    if pole is not None and pole.real >= 0:
-        return Conditions(pole, None, None, None)
+    dt = float(N.dt or 0.0)
+    out = np.abs(poles) - 1.0 if dt else poles.real
+    pole = complex(poles[np.argmax(out)]) if len(poles) else None
+    if pole is not None and out.max() >= 0:
+        return Conditions(pole, None, None, None, dt)
 
     structure = plant.structure
     rows, columns = (structure.columns, structure.rows) if structure else (0, 0)
@@ -119,13 +125,13 @@ def conditions(
     u, w = np.split(np.arange(N.ninputs), [columns])
 
     def of(outputs: Array, inputs: Array, structure: Structure, added: float = 0.0) -> Peak:
-        part = control.ss(N.A, N.B[:, inputs], N.C[outputs], N.D[np.ix_(outputs, inputs)])
+        part = control.ss(N.A, N.B[:, inputs], N.C[outputs], N.D[np.ix_(outputs, inputs)], dt)
         return peak(part, structure, tolerance, complex_part=added)
 
     performs = min(len(z), len(w)) > 0
     nominal = of(z, w, Structure([Full(len(w), len(z), "performance")])) if performs else None
     if structure is None:
-        return Conditions(pole, nominal, None, nominal)
+        return Conditions(pole, nominal, None, nominal, dt)
     real = all(isinstance(block, Real) for block in structure)
     stability = of(y, u, structure, complex_part if real else 0.0)
     robust = None
@@ -142,7 +148,7 @@ def conditions(
                     f"the peak of its part, {name}, is at least that: {SINGULAR_PROVEN}",
                     INTERVALS_COVER,
                 )
-    return Conditions(pole, nominal, stability, robust)
+    return Conditions(pole, nominal, stability, robust, dt)
 
 
 def _margin(found: Peak | None) -> tuple[float, float] | None:

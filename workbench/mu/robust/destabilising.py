@@ -23,6 +23,7 @@ from workbench.errors import InputError
 from workbench.mu.frequency.peak import Peak
 from workbench.mu.frequency.sweep import fitting
 from workbench.structure import Full, Real, Structure
+from workbench.systems.bilinear import bilinear_sampled
 
 END_OFFSET = 1e-6
 """Instead of 0 a complex Delta is interpolated at this multiple of the slowest pole, instead of
@@ -47,8 +48,8 @@ infinity."""
 def destabilising(peak: Peak, system: Any, structure: Structure) -> Any:
     """The perturbation of a peak's lower bound as a stable system with real coefficients.
 
-    With this perturbation in positive feedback, the system has poles at +-j peak.omega; where
-    peak.omega is infinite, the loop is not well posed.
+    With this perturbation in positive feedback, the system has poles at +-j peak.omega, a sampled
+    one at exp(+-j peak.omega T); where peak.omega is infinite, the loop is not well posed.
 
     Parameters
     ----------
@@ -89,7 +90,7 @@ def destabilising(peak: Peak, system: Any, structure: Structure) -> Any:
         )
     if not peak.lower > 0:
         raise InputError("the peak's lower bound is 0: no destabilising perturbation is known")
-    stable = fitting(system, structure)
+    stable = fitting(system, structure, sampled=True)
     Delta = np.asarray(peak.Delta)
     if Delta.shape != (structure.rows, structure.columns):
         raise InputError(
@@ -99,15 +100,15 @@ def destabilising(peak: Peak, system: Any, structure: Structure) -> Any:
     allowed = structure.complexified() if peak.complex_part else structure
     if not allowed.contains(Delta):
         raise InputError(f"the peak's Delta has not the structure {structure.to_pairs()}")
-    omega = peak.omega
+    omega = stable.plane(peak.omega)
     constant = _constants(Delta, structure, 1 / peak.lower)
     proven = proven_at(stable, allowed, Delta, omega)
     if not proven >= (wanted := PROVEN_SHARE / float(np.linalg.norm(Delta, 2))):
         proven = max(proven, proven_over_frequency(stable, allowed, Delta))
     if not proven >= wanted:
         raise InputError(
-            f"the Delta of the peak, at {omega:.6g} rad/s, is not proven to destabilise the loop "
-            f"of this system: it proves mu to be at least {proven:.6g}, and {wanted:.6g} is "
+            f"the Delta of the peak, at {peak.omega:.6g} rad/s, is not proven to destabilise the "
+            f"loop of this system: it proves mu to be at least {proven:.6g}, and {wanted:.6g} is "
             "needed; the peak must be that of this system and this structure"
         )
     M = stable.response([omega])[0]
@@ -129,7 +130,8 @@ def destabilising(peak: Peak, system: Any, structure: Structure) -> Any:
         else:
             fixed = constant[row, column]
             parts.append(_turns(np.diagonal(Delta[row, column] - fixed), omega) + fixed)
-    return control.append(*parts)
+    made = control.append(*parts)
+    return bilinear_sampled(made, stable.period) if stable.period else made
 
 
 def _constants(Delta: Array, structure: Structure, radius: float) -> Array:

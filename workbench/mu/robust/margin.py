@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.certify.stable_system import stable_system
+from workbench.certify.stable_system import angular_frequency, stable_system
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_positive, need_tolerance
@@ -19,6 +19,7 @@ from workbench.mu.robust.conditions import COMPLEX_PART
 from workbench.mu.robust.destabilising import destabilising
 from workbench.structure import Full, Real
 from workbench.systems.balancing import balanced
+from workbench.systems.bilinear import bilinear_continuous, bilinear_sampled
 from workbench.systems.gramians import balancing_projections, gramian_factors
 from workbench.systems.realisation import realisation
 from workbench.uncertainty.algebra.system import UncertainSystem, uncertain
@@ -97,7 +98,7 @@ def robust_stability(
     Parameters
     ----------
     system
-        An `UncertainSystem` in continuous time, stable at its nominal; or what stands for one.
+        An `UncertainSystem`, stable at its nominal; or what stands for one.
     tolerance
         As in `peak`.
     complex_part
@@ -106,27 +107,29 @@ def robust_stability(
     Raises
     ------
     InputError
-        The system has no uncertain element, is sampled, or is unstable at its nominal.
+        The system has no uncertain element, or is unstable at its nominal.
     """
     import control
 
     found = _analysed(system)
     structure = found.structure
-    N = seen_channels(found.system, structure.columns, structure.rows)
+    N, period = _in_plane(found.system, structure.columns, structure.rows)
     real = all(isinstance(block, Real) for block in structure)
     bounds = peak(N, structure, tolerance, complex_part=complex_part if real else 0.0)
     lower = 1 / bounds.upper if bounds.upper > 0 else math.inf
+    omega = angular_frequency(bounds.omega, period)
     if not bounds.lower > 0:
-        return StabilityMargin(lower, math.inf, bounds.omega, None, bounds)
+        return StabilityMargin(lower, math.inf, omega, None, bounds)
     if real:  # what has a complex part is none of the set's perturbations
         best = destabilised(stable_system(N), structure, np.real(bounds.Delta), reach=REACH)
         if not best.value > 0:
-            return StabilityMargin(lower, math.inf, bounds.omega, None, bounds)
+            return StabilityMargin(lower, math.inf, omega, None, bounds)
         Delta = control.ss([], [], [], best.Delta.real)
-        worst = values_of(found, Delta)
-        return StabilityMargin(lower, 1 / best.value, best.omega, worst, bounds)
-    worst = values_of(found, destabilising(bounds, N, structure))
-    return StabilityMargin(lower, 1 / bounds.lower, bounds.omega, worst, bounds)
+        worst, omega = values_of(found, Delta), angular_frequency(best.omega, period)
+        return StabilityMargin(lower, 1 / best.value, omega, worst, bounds)
+    Delta = destabilising(bounds, N, structure)
+    worst = values_of(found, bilinear_sampled(Delta, period) if period else Delta)
+    return StabilityMargin(lower, 1 / bounds.lower, omega, worst, bounds)
 
 
 def robust_performance(
@@ -141,7 +144,7 @@ def robust_performance(
     Parameters
     ----------
     system
-        An `UncertainSystem` in continuous time, stable at its nominal; or what stands for one.
+        An `UncertainSystem`, stable at its nominal; or what stands for one.
     gain
         The level.
     tolerance
@@ -156,7 +159,7 @@ def robust_performance(
     need_tolerance(tolerance)
     found = _analysed(system)
     structure, given = found.structure, found.system
-    whole = seen_channels(given, given.noutputs, given.ninputs)
+    whole, period = _in_plane(given, given.noutputs, given.ninputs)
     closed = structure.with_performance(found.noutputs, found.ninputs)
 
     def bounded(t: float) -> Peak:
@@ -167,7 +170,8 @@ def robust_performance(
 
     low, high, omega = 0.0, math.inf, math.nan
     if (nominal := bounded(0.0)).upper >= 1.0:
-        return PerformanceMargin(0.0, 0.0 if nominal.lower >= 1 else math.inf, nominal.omega, gain)
+        omega = angular_frequency(nominal.omega, period)
+        return PerformanceMargin(0.0, 0.0 if nominal.lower >= 1 else math.inf, omega, gain)
     t = 1.0
     for _ in range(BISECTIONS):
         at = bounded(t)
@@ -189,7 +193,7 @@ def robust_performance(
             t = high / 2.0
         else:
             t = math.sqrt(low * high)
-    return PerformanceMargin(low, high, omega, gain)
+    return PerformanceMargin(low, high, angular_frequency(omega, period), gain)
 
 
 def _analysed(system: Any) -> UncertainSystem:
@@ -197,13 +201,18 @@ def _analysed(system: Any) -> UncertainSystem:
     found = uncertain(system, "system")
     if not found.elements:
         raise InputError("the system has no uncertain element; there is nothing to be robust to")
-    if found.dt:
-        raise InputError(f"the system is sampled (dt = {found.dt}); give it in continuous time")
     poles = found.nominal.poles()
-    if poles.size and poles.real.max() >= 0:
-        worst = complex(poles[np.argmax(poles.real)])
+    out = np.abs(poles) - 1.0 if found.dt else poles.real
+    if poles.size and out.max() >= 0:
+        worst = complex(poles[np.argmax(out)])
         raise InputError(f"the system is unstable at its nominal: it has a pole at {worst:.6g}")
     return found
+
+
+def _in_plane(system: StateSpace, rows: int, columns: int) -> tuple[StateSpace, float]:
+    """`seen_channels` of the system, or of the continuous one of a sampled, and its period [s]."""
+    period = float(system.dt or 0.0)
+    return seen_channels(bilinear_continuous(system) if period else system, rows, columns), period
 
 
 def seen_channels(whole: StateSpace, rows: int, columns: int) -> StateSpace:

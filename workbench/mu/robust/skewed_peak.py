@@ -80,7 +80,7 @@ def skewed_peak(
     Parameters
     ----------
     system
-        The stable continuous-time system that Delta closes.
+        The stable system that Delta closes, in continuous or sampled time.
     structure
         Blocks of Delta, not all of them real scalars.
     fixed
@@ -96,7 +96,7 @@ def skewed_peak(
         The lower bound is above the upper one.
     """
     need_tolerance(tolerance)
-    stable = fitting(system, structure)
+    stable = fitting(system, structure, sampled=True)
     varies = np.array([k not in numbers_of(structure, fixed) for k in range(len(structure))])
     if not varies.any():
         raise InputError("all blocks are fixed; leave at least one to vary, or use `peak`")
@@ -105,6 +105,7 @@ def skewed_peak(
     upper = math.inf if proof is None else level * proof.beta * LEVEL_ROUNDING
     lower, omega, Delta = search.attained()
     need_agreement(lower, upper, "the peak of the skewed mu")
+    omega = float(stable.angular(omega))
     return SkewedPeak(lower, upper, omega, Delta, message, level, proof)
 
 

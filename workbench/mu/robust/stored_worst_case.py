@@ -33,11 +33,11 @@ def worst_case_checks(system: Any, structure: Structure, found: WorstCaseGain) -
     InputError
         As `worst_case_gain`.
     """
-    stable = stable_system(system)
+    stable = stable_system(system, sampled=True)
     fault = ""
     if math.isfinite(found.upper):
         fault = _fault(stable, structure, found)
-    attained = attained_gain(stable, structure, found.Delta, found.omega)
+    attained = attained_gain(stable, structure, found.Delta, stable.plane(found.omega))
     lower, excess = found.lower, 0.0
     if lower > 0 and attained < lower:
         excess = lower / attained - 1 if attained > 0 and math.isfinite(lower) else math.inf

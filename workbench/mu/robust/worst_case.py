@@ -61,7 +61,7 @@ def worst_case_gain(
     Parameters
     ----------
     system
-        N, a stable continuous-time StateSpace or TransferFunction with outputs (perturbation,
+        N, a stable StateSpace or TransferFunction with outputs (perturbation,
         performance) and inputs (perturbation, exogenous); or an uncertain system.
     structure
         Blocks of the perturbation alone; None: those of the uncertain system.
@@ -81,7 +81,7 @@ def worst_case_gain(
         system, structure = system.system, system.structure
     need_structure(structure)
     assert structure is not None
-    stable = stable_system(system)
+    stable = stable_system(system, sampled=True)
     performance = stable.D.shape[0] - structure.columns
     exogenous = stable.D.shape[1] - structure.rows
     if performance < 1 or exogenous < 1:
@@ -102,6 +102,7 @@ def worst_case_gain(
         "ball arithmetic proves that a perturbation of size 1 has this gain",
         "multipliers prove it on intervals that cover all frequencies",
     )
+    omega = float(stable.angular(omega))
     return WorstCaseGain(lower, upper, omega, Delta, message, level, proof)
 
 

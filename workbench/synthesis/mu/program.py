@@ -29,11 +29,12 @@ from workbench.synthesis.mu.rounds import Iterate, packed, unpacked
 from workbench.synthesis.mu.scalings import PARAMETERS
 from workbench.synthesis.mu.shippable import Shippable
 from workbench.systems.balancing import balanced
+from workbench.systems.bilinear import bilinear_continuous, bilinear_sampled
 from workbench.systems.conversion import as_system, need_plant
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.systems.margins import highest_crossover
 from workbench.systems.minimal import visible
-from workbench.systems.realisation import in_words, realisation
+from workbench.systems.realisation import in_words, pole_sizes, realisation
 from workbench.systems.storage import restored, stored
 
 PEAK_TOLERANCE = 1e-3
@@ -111,8 +112,9 @@ class MuSynthesis(Program):
     Raises
     ------
     InputError
-        The plant has no structure, performance or exogenous signals, or is in discrete time; the
-        start does not fit or does not stabilise; or the target is not positive and finite.
+        The plant has no structure, performance or exogenous signals; it is sampled and a family or
+        a fastest pole is asked for; the start does not fit or does not stabilise; or the target is
+        not positive and finite.
     """
 
     plant: GeneralisedPlant
@@ -155,10 +157,13 @@ class MuSynthesis(Program):
                 f"the plant has {plant.exogenous} exogenous inputs and {plant.performance} "
                 "performance outputs; mu synthesis needs one of each at least"
             )
-        if system.dt:
+        if system.dt and (self.family is not None or self.fastest_pole is not None):
             raise InputError(
-                f"the plant is sampled (dt = {system.dt} s); give it in continuous time"
+                f"the plant is sampled (dt = {system.dt} s): family and fastest_pole are for "
+                "continuous controllers"
             )
+        if system.dt is True:
+            raise InputError("the plant is sampled, but its sampling time is not given: set its dt")
         object.__setattr__(self, "plant", plant)
         object.__setattr__(self, "structure", structure)
         if self.start is not None:
@@ -177,7 +182,7 @@ class MuSynthesis(Program):
         return Shippable(self.order, self.stable, self.fastest_pole)
 
     def claim_task(self, claim: Outcome) -> Task | None:
-        if claim is not Outcome.INFEASIBLE or not self.stable:
+        if claim is not Outcome.INFEASIBLE or not self.stable or self.plant.system.dt:
             return None
         return NoStableController(self.plant.controlled())
 
@@ -186,7 +191,29 @@ class MuSynthesis(Program):
         free: dict[str, Any] = {"order": None, "stable": False, "fastest_pole": None}
         return replace(self, start=None, family=None, random=0, **free)
 
+    @cached_property
+    def plane(self) -> MuSynthesis:
+        """The same synthesis in continuous time, by s = (2 / T) (z - 1) / (z + 1)."""
+        given = self.plant
+        plant = GeneralisedPlant(
+            bilinear_continuous(given.system), self.structure, given.controls, given.measurements
+        )
+        start = None if self.start is None else bilinear_continuous(self.start)
+        return replace(self, plant=plant, start=start)
+
+    def _respond_sampled(self, method: str | None, context: Context) -> Claim:
+        """The answer in the plane of the bilinear transformation, certified in sampled time."""
+        answer, outcome, said = self.plane.respond(method, context)
+        if answer is None:
+            return None, Outcome.FAILED if outcome is Outcome.INFEASIBLE else outcome, said
+        period = float(self.plant.system.dt)
+        history = tuple(replace(one, K=bilinear_sampled(one.K, period)) for one in answer.history)
+        found = self.answer(bilinear_sampled(answer.K, period), history)
+        return found, outcome, said if found is not None else f"{said}; rounding made it unstable"
+
     def respond(self, method: str | None, context: Context) -> Claim:
+        if self.plant.system.dt:
+            return self._respond_sampled(method, context)
         zeros = violated(self.plant.controlled()) if self.stable else None
         if zeros is not None:
             find_method(self, method)  # raises for an unknown one
@@ -215,7 +242,7 @@ class MuSynthesis(Program):
         None where the loop is unstable. The states are balanced because tools that do not balance
         give responses with errors of 1e-3 for fifty badly scaled states.
         """
-        K = self.plant.named(realisation((*balanced(K.A, K.B, K.C), K.D), 0.0))
+        K = self.plant.named(realisation((*balanced(K.A, K.B, K.C), K.D), K.dt or 0.0))
         found = self.certified(K, tolerance)
         if found is None:
             return None
@@ -285,7 +312,7 @@ class MuSynthesis(Program):
             "order": float(answer.K.nstates),
             "iterations": float(len(answer.history)),
             "crossover_hz": highest_crossover(self.plant.controlled(), answer.K),
-            "fastest_pole": float(np.abs(answer.K.poles()).max(initial=0.0)),
+            "fastest_pole": float(pole_sizes(answer.K).max(initial=0.0)),
             "stable_controller": float(stability_of(answer.K).holds),
         }
 
