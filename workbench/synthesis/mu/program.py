@@ -162,8 +162,6 @@ class MuSynthesis(Program):
                 f"the plant is sampled (dt = {system.dt} s): family and fastest_pole are for "
                 "continuous controllers"
             )
-        if system.dt is True:
-            raise InputError("the plant is sampled, but its sampling time is not given: set its dt")
         object.__setattr__(self, "plant", plant)
         object.__setattr__(self, "structure", structure)
         if self.start is not None:
