@@ -7,6 +7,8 @@ from workbench.mu.lower.program import LowerBound, MuLowerBound
 from workbench.mu.margins.classical import ClassicalMargins, classical_margins
 from workbench.mu.margins.disk import DiskMargin, disk_gain, disk_phase
 from workbench.mu.margins.loop import LoopMargins, loop_margins
+from workbench.mu.members.bundle import bundle_plot
+from workbench.mu.members.monte_carlo import MonteCarlo, monte_carlo
 from workbench.mu.robust.branch import branch_and_bound
 from workbench.mu.robust.conditions import Conditions, conditions
 from workbench.mu.robust.destabilising import destabilising
@@ -40,6 +42,7 @@ __all__ = [
     "GainRoom",
     "LoopMargins",
     "LowerBound",
+    "MonteCarlo",
     "MuLowerBound",
     "MuUpperBound",
     "Peak",
@@ -54,6 +57,7 @@ __all__ = [
     "UpperBound",
     "WorstCaseGain",
     "branch_and_bound",
+    "bundle_plot",
     "classical_margins",
     "conditions",
     "destabilising",
@@ -64,6 +68,7 @@ __all__ = [
     "gradient",
     "loop_margins",
     "lower_bound",
+    "monte_carlo",
     "peak",
     "performance_peak",
     "performance_sweep",

@@ -5,12 +5,14 @@ from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.uncertainty.algebra.functions import (
     append,
     complex_scalar,
+    delay,
     dynamics,
     feedback,
     real,
     ss,
     tf,
 )
+from workbench.uncertainty.algebra.interconnect import interconnect
 from workbench.uncertainty.algebra.lft import inverse, left_divide, matrix
 from workbench.uncertainty.algebra.system import UncertainSystem
 from workbench.uncertainty.covers import conic as cover_conic
@@ -50,9 +52,11 @@ __all__ = [
     "contains",
     "cover_conic",
     "cover_methods",
+    "delay",
     "dynamics",
     "feedback",
     "generalised_plant",
+    "interconnect",
     "inverse",
     "left_divide",
     "levels",

@@ -25,15 +25,15 @@ def bundle(nominal: StateSpace, members: Sequence[StateSpace]) -> Figure:
     figure, (panel,) = figures.axes()
     for k, member in enumerate(members):
         words = f"{len(members)} random members" if k == 0 else None
-        panel.plot(omega, _gain(member, omega), color="0.6", linewidth=0.7, label=words)
-    panel.plot(omega, _gain(nominal, omega), color=figures.BLUE, label="nominal")
+        panel.plot(omega, largest_gains(member, omega), color="0.6", linewidth=0.7, label=words)
+    panel.plot(omega, largest_gains(nominal, omega), color=figures.BLUE, label="nominal")
     y = "gain" if nominal.issiso() else "largest singular value"
     figures.label(panel, "angular frequency [rad/s]", f"{y} [1]", log="xy")
     figures.legend_below(figure, panel)
     return figure
 
 
-def _gain(system: StateSpace, omega: RealArray) -> RealArray:
+def largest_gains(system: StateSpace, omega: RealArray) -> RealArray:
     """Largest singular value over frequency."""
     values: RealArray = np.linalg.norm(response(system, omega), 2, axis=(1, 2))
     return np.maximum(values, 1e-300)

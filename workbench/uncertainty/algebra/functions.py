@@ -11,12 +11,13 @@ import numpy as np
 from workbench.errors import InputError
 from workbench.input_checks import as_list, is_real, need_count, need_numbers, need_positive
 from workbench.systems.balancing import singular
+from workbench.uncertainty.algebra.delays import DelayElement
 from workbench.uncertainty.algebra.elements import (
     ComplexElement,
     DynamicElement,
     RealElement,
 )
-from workbench.uncertainty.algebra.lft import INTEGRATOR, LFT, diagonal, matrix
+from workbench.uncertainty.algebra.lft import INTEGRATOR, LFT, diagonal, linked, matrix
 from workbench.uncertainty.algebra.system import (
     UncertainSystem,
     combined_elements,
@@ -123,6 +124,27 @@ def dynamics(name: str, inputs: int, outputs: int, bound: Any = 1.0) -> Uncertai
     if outputs <= inputs:
         return append(*[weight] * outputs) @ found
     return found @ append(*[weight] * inputs)
+
+
+def delay(name: str, low: float, high: float) -> UncertainSystem:
+    """An uncertain delay exp(-s tau), tau from low to high [s], in continuous time.
+
+    A delay is no fraction of polynomials. In analysis it is 1 + W delta with a W that covers
+    |exp(-j omega tau) - 1| up to `high`, and any delta of gain at most 1: the set has every delay
+    from 0 to high and more, as any phase of delta counts, so a margin may be smaller than that of
+    the delays. ``at(tau=...)`` and ``sample`` have the delays themselves (Pade approximations).
+
+    Raises
+    ------
+    InputError
+        The delays are negative, or not in order.
+    """
+    need_numbers(low=low, high=high)
+    if not 0.0 <= low < high < math.inf:
+        raise InputError(f"{name}: delays from {low!r} to {high!r}; 0 <= low < high is needed")
+    element = DelayElement(name, float(low), float(high))
+    delta = UncertainSystem(LFT(np.array([[0.0, 1.0], [1.0, 0.0]]), (name,)), {name: element})
+    return 1.0 + element.cover * delta
 
 
 # --- systems with uncertain coefficients ----------------------------------------------------------
@@ -244,15 +266,8 @@ def feedback(first: Any, second: Any = 1.0, sign: int = -1) -> UncertainSystem:
     p, m = a.value.shape
     # v = [u; 0] + [0, sign I; I, 0] [y; x], x = second y
     links = np.block([[np.zeros((m, p)), sign * np.eye(m)], [np.eye(p), np.zeros((p, m))]])
-    enters, leaves = np.eye(m + p, m), np.eye(p, p + m)
-    m11, m12, m21, m22 = whole.blocks
-    loop = np.eye(m + p) - links @ m22
-    if singular(loop):
+    if singular(np.eye(m + p) - links @ whole.blocks[3]):
         raise InputError("the loop is singular through the direct terms of its parts")
-    back = np.linalg.solve(loop, np.hstack([links @ m21, enters]))
-    r = len(whole.names)
-    top = np.hstack([m11, np.zeros((r, m))]) + m12 @ back
-    low = leaves @ (np.hstack([m21, np.zeros((p + m, m))]) + m22 @ back)
-    M = np.vstack([top, low])
+    value = linked(whole, links, np.eye(m + p, m), np.eye(p, p + m))
     parts = [a, b]
-    return UncertainSystem(LFT(M, whole.names), combined_elements(parts), common_time(parts))
+    return UncertainSystem(value, combined_elements(parts), common_time(parts))

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import block_diag
 
-from workbench.arrays import Array
+from workbench.arrays import Array, RealArray
 from workbench.errors import InputError
 from workbench.systems.balancing import singular
 
@@ -261,3 +261,19 @@ def _is_zero(value: LFT) -> bool:
 def _any_lft(values: Iterable[Any]) -> bool:
     """Whether one of the values is an LFT or contains one."""
     return any(np.asarray(value).dtype == object for value in values)
+
+
+def linked(whole: LFT, links: RealArray, enters: RealArray, leaves: RealArray) -> LFT:
+    """Outputs y of an LFT led back to its inputs, v = links y + enters w; gives leaves y.
+
+    I - links M22 must be regular. No name is repeated.
+    """
+    m11, m12, m21, m22 = whole.blocks
+    loop = np.eye(len(links)) - links @ m22
+    back = np.linalg.solve(loop, np.hstack([links @ m21, enters]))
+    r = len(whole.names)
+    top = m12 @ back
+    top[:, :r] += m11
+    low = m22 @ back
+    low[:, :r] += m21
+    return LFT(np.vstack([top, leaves @ low]), whole.names)

@@ -6,7 +6,7 @@ inverses of systems are those of LFTs (`workbench.uncertainty.algebra.lft`).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
@@ -227,7 +227,7 @@ class UncertainSystem(Algebraic):
         names = [one.name for one in real]
         return [self.at(**dict(zip(names, values, strict=True))) for values in ends]
 
-    def sample(self, count: int, seed: int = 0) -> list[StateSpace]:
+    def sample(self, count: int, seed: int | Sequence[int] = 0) -> list[StateSpace]:
         """Random members: parameters uniform in their range, dynamics all-pass of random gain."""
         need_count("count", count)
         rng = np.random.default_rng(seed)

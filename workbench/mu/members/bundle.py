@@ -1,0 +1,173 @@
+"""Bode, Nyquist, step and pole figures of random members, with what is proven of all."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from workbench import figures
+from workbench.arrays import RealArray
+from workbench.errors import InputError
+from workbench.heavy_types import Figure, StateSpace
+from workbench.input_checks import as_list, need_count
+from workbench.mu.robust.margin import robust_stability
+from workbench.mu.robust.worst_case import worst_case_gain
+from workbench.systems.frequency_grid import frequencies_of
+from workbench.systems.generalised_plant import response
+from workbench.systems.realisation import pole_sizes
+from workbench.uncertainty.algebra.bundles import largest_gains
+from workbench.uncertainty.algebra.system import UncertainSystem, uncertain
+
+Kind = Literal["bode", "nyquist", "step", "poles"]
+"""Kinds of panels."""
+POINTS = 300
+"""Points of a curve."""
+SETTLING = 8.0
+"""Time constants of the slowest nominal pole that a step response is drawn for."""
+BOUND_TOLERANCE, MARGIN_TOLERANCE = 1e-2, 1e-3
+"""Tolerances of the worst-case gain and of the margin."""
+GREY: dict[str, Any] = {"color": "0.65", "linewidth": 0.6}
+"""Style of members."""
+
+
+def bundle_plot(
+    system: Any, kinds: Sequence[Kind] = get_args(Kind), samples: int = 40, seed: int = 0
+) -> Figure:
+    """Panels of the nominal and of random members of an uncertain system, and what is proven.
+
+    The Bode panel has the proven worst-case gain, and the panel of poles the proven margin of
+    robust stability, both of a system that is stable at its nominal.
+
+    Parameters
+    ----------
+    system
+        An `UncertainSystem`, or what stands for one; of several channels the Bode panel has the
+        largest singular value, the others the first channel.
+    kinds
+        Any of "bode", "nyquist", "step", "poles".
+
+    Raises
+    ------
+    InputError
+        The system has no uncertain element, or a kind is not known.
+    """
+    found = uncertain(system, "system")
+    if not found.elements:
+        raise InputError("the system has no uncertain element; all its members are the same")
+    wanted = [kinds] if isinstance(kinds, str) else as_list(kinds, "kinds")
+    if not wanted or any(kind not in get_args(Kind) for kind in wanted):
+        raise InputError(f"kinds are {kinds!r}; any of {get_args(Kind)} are needed")
+    need_count("samples", samples)
+    members = found.sample(samples, seed)
+    columns = 1 if len(wanted) == 1 else 2
+    rows = math.ceil(len(wanted) / columns)
+    figure, panels = figures.axes(rows, columns, size=(3.8 * columns + 0.4, 3.2 * rows + 0.6))
+    for kind, panel in zip(wanted, panels, strict=False):
+        _PANELS[kind](panel, found, members)
+    for panel in panels[len(wanted) :]:
+        panel.set_visible(False)
+    panels[0].plot([], [], **GREY, label=f"{samples} random members")
+    panels[0].plot([], [], color=figures.BLUE, label="nominal")
+    figures.legend_below(figure, panels[0])
+    return figure
+
+
+def _bode(panel: Any, system: UncertainSystem, members: Sequence[StateSpace]) -> None:
+    omega = _frequencies(system.nominal)
+    hertz = omega / (2 * np.pi)
+    for member in members:
+        panel.plot(hertz, largest_gains(member, omega), **GREY)
+    panel.plot(hertz, largest_gains(system.nominal, omega), color=figures.BLUE)
+    if _stable(system.nominal):
+        bound = worst_case_gain(system, tolerance=BOUND_TOLERANCE).upper
+        if math.isfinite(bound):
+            words = f"proven for all: at most {bound:.3g}"
+            panel.axhline(bound, color=figures.BLACK, linestyle="--", label=words)
+    figures.label(panel, "frequency [Hz]", "gain [1]", log="xy")
+
+
+def _nyquist(panel: Any, system: UncertainSystem, members: Sequence[StateSpace]) -> None:
+    omega = _frequencies(system.nominal)
+    far = []
+    for member in members:
+        value = response(member, omega)[:, 0, 0]
+        panel.plot(value.real, value.imag, **GREY)
+        far.append(float(np.abs(value).max()))
+    value = response(system.nominal, omega)[:, 0, 0]
+    panel.plot(value.real, value.imag, color=figures.BLUE)
+    panel.plot([-1.0], [0.0], "+", color=figures.BLACK)
+    # Members near instability do not set the scale.
+    end = max(1.2, 1.1 * float(np.quantile(far, 0.9)), 1.1 * float(np.abs(value).max()))
+    panel.set_xlim(-end, end)
+    panel.set_ylim(-end, end)
+    figures.label(panel, "real part [1]", "imaginary part [1]")
+
+
+def _step(panel: Any, system: UncertainSystem, members: Sequence[StateSpace]) -> None:
+    import control
+
+    nominal = system.nominal
+    poles = nominal.poles()
+    if nominal.dt:
+        poles = np.log(poles[np.abs(poles) > 0].astype(complex)) / nominal.dt
+    slow = np.abs(poles.real)
+    slow = slow[slow > 1e-9 * np.abs(poles).max(initial=0.0)]
+    end = SETTLING / float(slow.min()) if slow.size else 1.0
+    time = np.linspace(0.0, end, POINTS)
+    if nominal.dt:
+        time = nominal.dt * np.arange(max(int(end / nominal.dt), 2))
+    for k, one in enumerate([*members, nominal]):
+        found = control.step_response(one[0, 0], time)
+        style: dict[str, Any] = GREY if k < len(members) else {"color": figures.BLUE}
+        panel.plot(found.time, np.ravel(found.outputs), **style)
+    figures.label(panel, "time [s]", "output after a unit step [1]")
+
+
+def _poles(panel: Any, system: UncertainSystem, members: Sequence[StateSpace]) -> None:
+    for one in members:
+        poles = one.poles()
+        panel.plot(poles.real, poles.imag, ".", color="0.65", markersize=2.5)
+    poles = system.nominal.poles()
+    panel.plot(poles.real, poles.imag, "x", color=figures.BLUE)
+    unit = "1" if system.dt else "rad/s"
+    if system.dt:
+        turn = np.exp(1j * np.linspace(0, 2 * np.pi, POINTS))
+        panel.plot(turn.real, turn.imag, color=figures.BLACK, linewidth=0.8)
+    else:
+        panel.axvline(0.0, color=figures.BLACK, linewidth=0.8)
+        sizes = np.abs(poles.real)[np.abs(poles.real) > 0]
+        if sizes.size:
+            panel.set_xscale("symlog", linthresh=float(sizes.min()))
+    title = "nominal unstable"
+    if _stable(system.nominal):
+        margin = robust_stability(system, MARGIN_TOLERANCE)
+        title = f"proven stable to {margin.lower:.3g} x size"
+    figures.label(panel, f"real part [{unit}]", f"imaginary part [{unit}]", title)
+
+
+_PANELS: dict[str, Callable[[Any, UncertainSystem, Sequence[StateSpace]], None]] = {
+    "bode": _bode,
+    "nyquist": _nyquist,
+    "step": _step,
+    "poles": _poles,
+}
+
+
+def _frequencies(nominal: StateSpace) -> RealArray:
+    sizes = pole_sizes(nominal)
+    sizes = sizes[sizes > 0]
+    low, high = (sizes.min() / 30, sizes.max() * 30) if sizes.size else (1e-2, 1e2)
+    if nominal.dt:
+        high = math.pi / nominal.dt
+    omega = frequencies_of(nominal) if not nominal.dt else np.empty(0)
+    near = omega[(omega >= low) & (omega <= high)]
+    found: RealArray = np.union1d(near, np.geomspace(min(low, high / 10), high, POINTS))
+    return found
+
+
+def _stable(system: StateSpace) -> bool:
+    poles = system.poles()
+    return bool((np.abs(poles) < 1.0).all() if system.dt else (poles.real < 0.0).all())

@@ -1,0 +1,178 @@
+"""Monte Carlo: a number of many random members, with quantiles and their confidence.
+
+Samples say how often; what holds for every member is proven elsewhere, and stands beside them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from scipy import stats
+
+from workbench import figures
+from workbench.arrays import RealArray
+from workbench.errors import InputError
+from workbench.executor import InProcess, spread
+from workbench.heavy_types import Figure, StateSpace
+from workbench.input_checks import is_real, need_count, need_whole
+from workbench.mu.robust.worst_case import worst_case_gain
+from workbench.uncertainty.algebra.system import UncertainSystem, uncertain
+
+SHOWN = (0.5, 0.9, 0.99)
+"""Quantiles that are printed."""
+BATCH = 25
+"""Members of a task."""
+BOUND_TOLERANCE = 1e-2
+"""Tolerance of the proven bound."""
+
+
+@dataclass(frozen=True, eq=False)
+class MonteCarlo:
+    """A quantity of random members, ``values`` (N,), infinite where a member has none.
+
+    ``bound`` is proven for every member, NaN where nothing is. ``confidence`` is that of the
+    intervals.
+    """
+
+    values: RealArray
+    name: str
+    confidence: float
+    bound: float
+
+    def quantile(self, share: float) -> tuple[float, float, float]:
+        """The quantile of a share, and ends between which that of all members lies.
+
+        They are order statistics, and hold for any distribution; an end is infinite where there are
+        too few members.
+        """
+        _need_share(share, "share")
+        ordered, n = np.sort(self.values), len(self.values)
+        rest = (1.0 - self.confidence) / 2.0
+        low = int(stats.binom.ppf(rest, n, share)) - 1
+        high = int(stats.binom.ppf(1.0 - rest, n, share))
+        place = min(math.ceil(share * n), n) - 1
+        return (
+            float(ordered[max(place, 0)]),
+            float(ordered[low]) if low >= 0 else -math.inf,
+            float(ordered[high]) if high < n else math.inf,
+        )
+
+    def probability(self, level: float) -> tuple[float, float, float]:
+        """The share of members up to a level, and ends of that of all (Clopper and Pearson)."""
+        if not is_real(level) or math.isnan(level):
+            raise InputError(f"level is {level!r}; a number is needed")
+        n = len(self.values)
+        below = int((self.values <= level).sum())
+        found = stats.binomtest(below, n).proportion_ci(self.confidence, "exact")
+        return below / n, float(found.low), float(found.high)
+
+    def __repr__(self) -> str:
+        lines = [f"MonteCarlo: {self.name} of {len(self.values)} members"]
+        for share in SHOWN:
+            middle, low, high = self.quantile(share)
+            lines.append(
+                f"  {share:.0%} of them up to {middle:.5g}; with confidence {self.confidence:.0%} "
+                f"between {low:.5g} and {high:.5g}"
+            )
+        lines.append(f"  largest seen {self.values.max():.5g}")
+        if not math.isnan(self.bound):
+            lines.append(f"  proven for every member: at most {self.bound:.5g}")
+        return "\n".join(lines)
+
+    def plot(self) -> Figure:
+        """The share of members up to each value, with the proven bound."""
+        figure, (panel,) = figures.axes()
+        ordered = np.sort(self.values)
+        share = np.arange(1, len(ordered) + 1) / len(ordered)
+        finite = np.isfinite(ordered)
+        panel.step(ordered[finite], share[finite], where="post", label="random members")
+        if math.isfinite(self.bound):
+            panel.axvline(self.bound, color=figures.BLACK, linestyle="--", label="proven bound")
+        panel.set_ylim(0.0, 1.02)
+        figures.label(panel, f"{self.name} [1]", "share of members [1]")
+        figures.legend_below(figure, panel)
+        return figure
+
+
+def monte_carlo(
+    system: Any,
+    quantity: Callable[[StateSpace], float] | None = None,
+    count: int = 1000,
+    seed: int = 0,
+    *,
+    confidence: float = 0.95,
+    executor: Executor | None = None,
+) -> MonteCarlo:
+    """A quantity of random members of an uncertain system.
+
+    Parameters
+    ----------
+    system
+        An `UncertainSystem`, or what stands for one.
+    quantity
+        A function from a member, a StateSpace, to a number; None: its largest gain over frequency,
+        infinite for an unstable member, beside which the proven worst-case gain is given.
+    count, seed
+        Members number 0 to count - 1 of this seed; the same in any number of processes.
+    confidence
+        Of the intervals of quantiles and shares.
+    executor
+        Where members are computed, such as that of `workbench.connect`; None: here.
+
+    Raises
+    ------
+    InputError
+        The system has no uncertain element, an argument is out of its range, or the quantity of a
+        member is no number.
+    """
+    found = uncertain(system, "system")
+    if not found.elements:
+        raise InputError("the system has no uncertain element; all its members are the same")
+    need_count("count", count)
+    need_whole(seed, "seed")
+    _need_share(confidence, "confidence")
+    if quantity is not None and not callable(quantity):
+        raise InputError(f"quantity is {quantity!r}; a function of a system is needed")
+    of = partial(_value, found, quantity or largest_gain, int(seed))
+    where = executor or InProcess()
+    values = np.array(spread(of, range(count), where, description="random members", batch=BATCH))
+    bound = math.nan
+    if quantity is None and not _is_unstable(found.nominal):
+        bound = worst_case_gain(found, tolerance=BOUND_TOLERANCE).upper
+    name = "largest gain" if quantity is None else getattr(quantity, "__name__", "quantity")
+    return MonteCarlo(values, name.strip("<>"), float(confidence), bound)
+
+
+def largest_gain(member: StateSpace) -> float:
+    """The H-infinity norm; infinite for an unstable system."""
+    import control
+
+    return math.inf if _is_unstable(member) else float(control.linfnorm(member)[0])
+
+
+def _value(
+    system: UncertainSystem, quantity: Callable[[StateSpace], float], seed: int, number: int
+) -> float:
+    (member,) = system.sample(1, (seed, number))
+    found = quantity(member)
+    if not is_real(found) or math.isnan(found):
+        raise InputError(f"the quantity of member {number} is {found!r}; a number is needed")
+    return float(found)
+
+
+def _is_unstable(system: StateSpace) -> bool:
+    poles = system.poles()
+    if not poles.size:
+        return False
+    return bool(np.abs(poles).max() >= 1.0 if system.dt else poles.real.max() >= 0.0)
+
+
+def _need_share(value: Any, name: str) -> None:
+    if not is_real(value) or not 0.0 < value < 1.0:
+        raise InputError(f"{name} is {value!r}; a number between 0 and 1 is needed")

@@ -1,0 +1,101 @@
+"""Uncertain delays: in analysis a disk that covers them, in samples the delays themselves."""
+
+from __future__ import annotations
+
+import math
+import numbers
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.polynomial import polynomial
+
+from workbench.arrays import RealArray
+from workbench.errors import InputError
+from workbench.heavy_types import StateSpace
+from workbench.input_checks import is_real
+from workbench.structure import Block, Complex
+from workbench.systems.conversion import as_system
+from workbench.uncertainty.algebra.elements import Element
+
+PADE_ORDER = 8
+"""Order of the rational delays in samples: their phase errs by less than 0.01 rad up to omega tau =
+7."""
+COVER_ZEROS = (1 / 2.363, 2 * 0.838)
+"""Time over the delay, and twice the damping, of the numerator of the cover."""
+COVER_POLES = (1 / 2.363, 2 * 0.685)
+"""The same of its denominator."""
+
+
+@dataclass(frozen=True)
+class DelayElement(Element):
+    """exp(-s tau) as 1 + W delta, for tau from low to high [s].
+
+    |W| is at least |exp(-j omega tau) - 1| and at most 2.1 % above the largest of them for tau up
+    to high (Z.-Q. Wang, P. Lundstrom, S. Skogestad, Representation of uncertain time delays in the
+    H-infinity framework, Int. J. Control 59 (1994) 627-638). Delta may have any phase, so the set
+    is larger than that of the delays.
+    """
+
+    low: float
+    high: float
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        return (self.name,)
+
+    def block(self, occurrences: int) -> Block:
+        return Complex(occurrences, self.name)
+
+    @property
+    def cover(self) -> StateSpace:
+        """W."""
+        import control
+
+        above, below = _polynomials()
+        scale = self.high ** np.arange(4)
+        return control.ss(control.tf((above * scale)[::-1], (below * scale)[::-1]))
+
+    def delta(self, value: Any) -> Any:
+        """(exp(-s tau) - 1) / W for a delay tau, made rational; a system as it is."""
+        import control
+
+        if not isinstance(value, numbers.Number):
+            return as_system(value, self.name)
+        if not is_real(value) or not 0.0 <= float(value) < math.inf:  # type: ignore[arg-type]
+            raise InputError(f"{self.name} = {value!r}; a delay of 0 or more [s] is needed")
+        tau = float(value)  # type: ignore[arg-type]
+        if tau == 0.0:
+            return 0.0
+        # In time over tau: (num - den) / s / den of the delay, times s / W.
+        den = _pade()
+        k = np.arange(len(den))
+        odd = np.where(k % 2 == 1, -2.0 * den, 0.0)[1:]
+        above, below = (part * (self.high / tau) ** np.arange(4) for part in _polynomials())
+        num: RealArray = np.asarray(polynomial.polymul(odd, below))
+        whole: RealArray = np.asarray(polynomial.polymul(den, above[1:]))
+        scaled = control.ss(control.tf(np.trim_zeros(num[::-1], "f"), whole[::-1]))
+        return control.ss(scaled.A / tau, scaled.B / tau, scaled.C, scaled.D)
+
+    def value(self, delta: Any) -> Any:
+        return delta
+
+    def sample(self, rng: np.random.Generator, speed: float) -> float:
+        return float(rng.uniform(self.low, self.high))
+
+
+def _polynomials() -> tuple[RealArray, RealArray]:
+    """Numerator and denominator of W in s times the largest delay, lowest power first."""
+    (a, b), (c, d) = COVER_ZEROS, COVER_POLES
+    above = polynomial.polymul([0.0, 1.0], [1.0, b * a, a * a])
+    below = polynomial.polymul([1.0, 0.5], [1.0, d * c, c * c])
+    return np.asarray(above), np.asarray(below)
+
+
+def _pade() -> RealArray:
+    """Denominator of the diagonal Pade approximation of exp(-s), lowest power first."""
+    n = PADE_ORDER
+    powers = range(n + 1)
+    return np.array(
+        [math.comb(n, k) * math.factorial(2 * n - k) / math.factorial(2 * n) for k in powers]
+    )
