@@ -24,7 +24,7 @@ from workbench.mu import (
     skewed_peak,
     worst_case_gain,
 )
-from workbench.uncertainty import dynamics, real, tf
+from workbench.uncertainty import append, dynamics, real, ss, tf
 
 DOCUMENTED = control.tf([25.0], [1.0, 10.0, 10.0, 10.0])
 
@@ -188,6 +188,19 @@ def test_the_margin_of_a_set_is_attained_and_no_member_has_less():
     assert abs(disk.plant["k"] - 10) <= 4 * (1 + 1e-9)
     for member in G.sample(12, seed=1):
         assert loop_margins(member, CONTROLLER).disks["input"].upper >= disk.lower
+
+
+def test_the_worst_case_disks_as_documented():
+    """wcdiskmargin: 0.6147 to 0.6160 in the first output, phase 34.1696 degrees."""
+    p = real("p", 10, percent=10)
+    P = ss([[-0.2, p], [-1 * p, -0.2]], np.eye(2), [[1, p], [-1 * p, 1]], np.zeros((2, 2)))
+    plant = P * (append(1, 1) + dynamics("DEL", 2, 2, bound=0.1))
+    assert plant.value.repetitions()["p"] == 2
+    found = loop_margins(plant, [[1.0, -2.0], [0.0, 1.0]], tolerance=1e-3)
+    first = found.disks["output 1"]
+    assert 0.6147 <= first.lower <= first.upper <= 0.6160
+    assert first.phase == pytest.approx(34.1696, abs=0.1)
+    assert found.together["outputs"].upper < first.lower
 
 
 def test_a_real_parameter_at_the_worst_end():

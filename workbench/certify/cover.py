@@ -187,16 +187,17 @@ class BandCover:
         """The bound proven on the whole band; infinite while a gap is open."""
         return math.inf if self.open else self.beta
 
-    def complete(self, steps: int) -> str:
+    def complete(self, steps: int, most: float = math.inf) -> str:
         """Cover the band and return a message about how it ended.
 
-        After every `steps` steps the tolerance grows by `COARSENING_FACTOR`.
+        After every `steps` steps the tolerance grows by `COARSENING_FACTOR`. It ends where no bound
+        up to `most` is left to prove.
         """
         if self.beta == 0.0:  # a rational function with this many zeros is the zero function
             self.open = []
             return "the response is zero"
         asked, largest = self.tolerance, COARSENINGS * steps
-        hopeless, step = HOPELESS_RATIO * self.beta, 0
+        hopeless, step = min(HOPELESS_RATIO * self.beta, most), 0
         for step in range(largest):
             if not self.open or self.beta > hopeless:
                 break

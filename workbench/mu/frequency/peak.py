@@ -128,13 +128,7 @@ def peak(
         )
     else:
         stable, larger = original, structure
-    at = partial(bounds_at, stable, larger)
-    found = refined_bounds(at, stable.poles).joined(at(np.array([low, high]))).within(low, high)
-    # Without G: over frequency these multipliers of real scalars change less.
-    real = any(isinstance(block, Real) for block in larger)
-    plain = partial(bounds_at, stable, larger.complexified()) if real else None
-    cover = BandCover(stable, at, tolerance, found, plain)
-    message = cover.complete(steps)
+    cover, message = covered(stable, larger, tolerance, (low, high), steps)
     below = attained_peak(stable, larger, cover.found, whole_axis=(low, high) == (0.0, math.inf))
     lower, omega, Delta = below.value, below.omega, below.Delta
     need_agreement(lower, cover.proven, "the peak of mu", upper_claim=INTERVALS_COVER)
@@ -145,6 +139,24 @@ def peak(
     band = ends if original.period else band
     omega, period = float(original.angular(omega)), original.period
     return Peak(lower, cover.proven, omega, Delta, intervals, message, complex_part, band, period)
+
+
+def covered(
+    stable: StableSystem,
+    structure: Structure,
+    tolerance: float,
+    band: tuple[float, float],
+    steps: int,
+    most: float = math.inf,
+) -> tuple[BandCover, str]:
+    """The band covered by intervals with multipliers, and how that ended; see `BandCover`."""
+    at = partial(bounds_at, stable, structure)
+    found = refined_bounds(at, stable.poles).joined(at(np.array(band))).within(*band)
+    # Without G: over frequency these multipliers of real scalars change less.
+    real = any(isinstance(block, Real) for block in structure)
+    plain = partial(bounds_at, stable, structure.complexified()) if real else None
+    cover = BandCover(stable, at, tolerance, found, plain)
+    return cover, cover.complete(steps, most)
 
 
 def with_complex_part(

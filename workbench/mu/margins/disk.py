@@ -20,11 +20,12 @@ import numpy as np
 
 from workbench.heavy_types import StateSpace
 from workbench.mu.frequency.peak import Peak, peak
+from workbench.mu.robust.channels import even_channels
 from workbench.mu.robust.destabilising import destabilising
-from workbench.mu.robust.margin import seen_channels, values_of
+from workbench.mu.robust.margin import values_of
 from workbench.mu.robust.skewed_peak import SkewedPeak, skewed_peak
 from workbench.structure import Complex, Structure
-from workbench.systems.bilinear import bilinear_continuous, bilinear_sampled
+from workbench.systems.bilinear import bilinear_sampled
 from workbench.systems.realisation import realisation
 from workbench.uncertainty.algebra.system import UncertainSystem
 
@@ -120,9 +121,7 @@ def disk_of(
     uncertain = list(shifted.structure) if shifted.elements else []
     structure = Structure([*uncertain, *factors])
     N = shifted.system if uncertain else shifted.nominal
-    period = float(N.dt or 0.0)
-    plane = bilinear_continuous(N) if period else N
-    plane = seen_channels(plane, plane.noutputs, plane.ninputs)
+    plane, period = even_channels(N, structure)
     found: Peak | SkewedPeak
     if uncertain:
         found = skewed_peak(plane, structure, list(range(len(uncertain))), tolerance)

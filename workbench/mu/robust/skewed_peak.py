@@ -24,7 +24,7 @@ from workbench.certify.skewed import proven_skew_of
 from workbench.certify.stable_system import StableSystem
 from workbench.errors import InputError
 from workbench.input_checks import need_tolerance
-from workbench.mu.frequency.peak import peak
+from workbench.mu.frequency.peak import covered
 from workbench.mu.frequency.sweep import fitting
 from workbench.mu.robust.skew import Skew, numbers_of, upper_values
 from workbench.structure import Structure
@@ -38,10 +38,12 @@ CLOSEST_SPACING = 1e-6
 """Intervals between neighbours of a smaller relative width are not halved."""
 POINTS_PER_REFINEMENT = 24
 """Most intervals halved in one refinement."""
-PROOF_LEVELS = 20
-"""Most levels for which a proof is tried."""
+PROOF_LEVELS, STEPS = 12, 300
+"""Most levels for which a proof is tried, and steps of each; the distance of a level from the
+largest upper bound at one frequency doubles from one to the next."""
 NEGLIGIBLE_GAIN = 1e-9
-"""Gains below this share of the largest entry of the system's response are not resolved."""
+"""Gains below this share of what varying blocks see directly and through one other block are not
+resolved."""
 LEVEL_ROUNDING = 1 + 1e-12
 """Factor on the product of level and mu that rounds it, and the division by the level, outward."""
 PERTURBED_FREQUENCIES = 8
@@ -153,31 +155,52 @@ class SkewSearch:
 
         The zero response has the level 0 and needs no multipliers.
         """
-        least = NEGLIGIBLE_GAIN * float(np.abs(self.system.response(self.omega)).max())
+        least = NEGLIGIBLE_GAIN * self._size()
         if least == 0.0:  # a rational function with this many zeros is the zero function
             return 0.0, PeakProof(0.0, ()), "the response is zero"
-        level, precision = max(float(self.upper.max()), least), math.inf
+        growth, level = tolerance / 2, least
         for _ in range(PROOF_LEVELS):
             place = float(self.omega[np.argmax(self.upper)])
-            if math.isinf(level):
+            top = max(float(self.upper.max()), least)
+            if math.isinf(top):
                 message = (
                     "robust stability is not proven: mu of the perturbation is not below 1 at "
                     f"{place:.6g} rad/s"
                 )
                 return 0.0, None, message
-            level *= 1 + tolerance / 2
+            level = top * (1 + growth)
             scaled = divided(self.system, self.inputs, level)
-            # The tolerance of the peak may use half of the distance of mu from 1 at this place.
+            # The tolerance may use half of the distance of mu from 1 at this place.
             here = float(upper_values(scaled.response([place]), self.structure)[0])
-            precision = min(precision, max((1 - here) / 2, 1e-6), 1e-2)
-            found = peak(scaled, self.structure, precision)
-            if found.upper < 1:
-                return level, found.proof, found.message
-            self.add(np.array([found.omega]))
+            precision = min(max((1 - here) / 2, 1e-6), 1e-2)
+            cover, message = covered(
+                scaled, self.structure, precision, (0.0, math.inf), STEPS, most=1.0
+            )
+            if cover.proven < 1:
+                intervals = tuple(sorted(cover.intervals, key=lambda one: one.low))
+                return level, PeakProof(cover.proven, intervals), message
+            self.add(cover.found.omega[[int(np.argmax(cover.found.upper))]])
             self.add(self._wanted())
-            level = max(level, float(self.upper.max()))
-            precision /= 2
+            growth *= 2
         return 0.0, None, f"robust stability is not proven: no gain below {level:.6g} is"
+
+    def _size(self) -> float:
+        """How large varying blocks see the response, directly and through each fixed block once.
+
+        Units of the signals of fixed blocks do not count.
+        """
+        M = self.system.response(self.omega)
+        outputs = np.repeat(self.varies, [block.columns for block in self.structure])
+
+        def largest(part: Array) -> RealArray:
+            return np.abs(part).max(axis=(1, 2), initial=0.0)
+
+        size = largest(M[:, outputs][:, :, self.inputs])
+        places = zip(self.structure.column_slices, self.structure.row_slices, strict=True)
+        for (out, into), varies in zip(places, self.varies, strict=True):
+            if not varies:
+                size = size + largest(M[:, outputs, into]) * largest(M[:, out, self.inputs])
+        return float(size.max())
 
     def candidates(self) -> tuple[RealArray, Array, RealArray]:
         """Lower bounds (K,), perturbations and frequencies where the upper bounds are largest."""

@@ -21,12 +21,14 @@ from workbench.arrays import Array
 from workbench.certify.agreement import need_agreement
 from workbench.certify.perturbed_loop import proven_at, proven_gain, proven_over_frequency
 from workbench.certify.proofs.peak_proof import PeakProof
-from workbench.certify.stable_system import StableSystem, stable_system
+from workbench.certify.stable_system import StableSystem, angular_frequency, stable_system
 from workbench.errors import InputError
 from workbench.input_checks import need_structure, need_tolerance
+from workbench.mu.robust.channels import even_channels
 from workbench.mu.robust.skewed_peak import LEVEL_ROUNDING, SkewSearch
 from workbench.structure import Structure
 from workbench.systems.joints import UncertainPart
+from workbench.uncertainty.algebra.system import UncertainSystem
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +64,8 @@ def worst_case_gain(
     ----------
     system
         N, a stable StateSpace or TransferFunction with outputs (perturbation,
-        performance) and inputs (perturbation, exogenous); or an uncertain system.
+        performance) and inputs (perturbation, exogenous); or an uncertain system, whose proof is
+        one for `even_channels` of it.
     structure
         Blocks of the perturbation alone; None: those of the uncertain system.
     tolerance
@@ -77,20 +80,24 @@ def worst_case_gain(
         The lower bound is above the upper one.
     """
     need_tolerance(tolerance)
+    prepared = isinstance(system, UncertainSystem) and structure is None
     if isinstance(system, UncertainPart) and structure is None:
         system, structure = system.system, system.structure
     need_structure(structure)
     assert structure is not None
-    stable = stable_system(system, sampled=True)
-    performance = stable.D.shape[0] - structure.columns
-    exogenous = stable.D.shape[1] - structure.rows
+    D = stable_system(system, sampled=True).D
+    performance, exogenous = D.shape[0] - structure.columns, D.shape[1] - structure.rows
     if performance < 1 or exogenous < 1:
         raise InputError(
-            f"the system has {stable.D.shape[0]} outputs and {stable.D.shape[1]} inputs, of which "
-            f"the perturbation takes {structure.columns} and {structure.rows}; at least one of "
-            "each must be left for performance"
+            f"the system has {D.shape[0]} outputs and {D.shape[1]} inputs, of which the "
+            f"perturbation takes {structure.columns} and {structure.rows}; at least one of each "
+            "must be left for performance"
         )
     whole = structure.with_performance(performance, exogenous)
+    period = 0.0
+    if prepared:
+        system, period = even_channels(system, whole)
+    stable = stable_system(system, sampled=True)
     search = SkewSearch(stable, whole, np.arange(len(whole)) == len(structure))
     level, proof, message = search.proven(tolerance)
     upper = math.inf if proof is None else level * proof.beta * LEVEL_ROUNDING
@@ -102,7 +109,7 @@ def worst_case_gain(
         "ball arithmetic proves that a perturbation of size 1 has this gain",
         "multipliers prove it on intervals that cover all frequencies",
     )
-    omega = float(stable.angular(omega))
+    omega = float(angular_frequency(stable.angular(omega), period))
     return WorstCaseGain(lower, upper, omega, Delta, message, level, proof)
 
 

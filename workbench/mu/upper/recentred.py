@@ -100,14 +100,18 @@ def _proper(
     D, G = given
     own = np.diagonal(D).real
     balancing, _ = _balanced(M, pattern)
+    with np.errstate(invalid="ignore"):  # what is not finite proves nothing and is left out
+        shared = D + DIAGONAL_SHARES[:, None, None] * np.diag(own)
     trials_D = np.concatenate(
         [
-            D + DIAGONAL_SHARES[:, None, None] * np.diag(own),
+            shared,
             [np.diag(balancing**2)],
             [np.eye(pattern.size)],
         ]
     )
-    trials_G = np.concatenate([np.tile(G, (len(DIAGONAL_SHARES), 1, 1)), 0.0 * np.array([G, G])])
+    trials_G = np.concatenate(
+        [np.tile(G, (len(DIAGONAL_SHARES), 1, 1)), np.zeros((2, *G.shape), complex)]
+    )
     trials_D[~np.isfinite(trials_D)] = 0.0
     trials_G[~np.isfinite(trials_G)] = 0.0
     tiled = np.broadcast_to(M, (len(trials_D), *M.shape))

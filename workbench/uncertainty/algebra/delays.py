@@ -21,6 +21,8 @@ from workbench.uncertainty.algebra.elements import Element
 PADE_ORDER = 8
 """Order of the rational delays in samples: their phase errs by less than 0.01 rad up to omega tau =
 7."""
+NO_DELAY = 1e-9
+"""Share of the largest delay up to which a delay counts as none."""
 COVER_ZEROS = (1 / 2.363, 2 * 0.838)
 """Time over the delay, and twice the damping, of the numerator of the cover."""
 COVER_POLES = (1 / 2.363, 2 * 0.685)
@@ -65,7 +67,7 @@ class DelayElement(Element):
         if not is_real(value) or not 0.0 <= float(value) < math.inf:  # type: ignore[arg-type]
             raise InputError(f"{self.name} = {value!r}; a delay of 0 or more [s] is needed")
         tau = float(value)  # type: ignore[arg-type]
-        if tau == 0.0:
+        if tau <= NO_DELAY * self.high:
             return 0.0
         # In time over tau: (num - den) / s / den of the delay, times s / W.
         den = _pade()

@@ -1,0 +1,63 @@
+"""Systems as bounds are easy to prove of: channels of like sizes, balanced states, continuous."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workbench.heavy_types import StateSpace
+from workbench.mu.upper.bound import upper_bound
+from workbench.structure import Structure
+from workbench.systems.balancing import balanced
+from workbench.systems.bilinear import bilinear_continuous
+from workbench.systems.frequency_grid import frequencies_of
+from workbench.systems.generalised_plant import response
+from workbench.systems.gramians import balancing_projections, gramian_factors
+from workbench.systems.realisation import realisation
+
+FREQUENCIES = 12
+"""Frequencies at which the scalings of the channels are compared."""
+
+
+def seen_channels(whole: StateSpace, rows: int, columns: int) -> StateSpace:
+    """The first outputs and inputs of a stable system, in balanced coordinates.
+
+    Proofs on intervals of frequency need eigenvectors that are far from dependent, which those of
+    chains of equal lags are not. Coordinates in which the Gramians are equal are better; states
+    that no channel sees are left out, whose stability is known.
+    """
+    A, B, C = balanced(whole.A, whole.B[:, :columns], whole.C[:rows])
+    left, right, _ = balancing_projections(*gramian_factors(A, B, C))
+    parts = balanced(left @ A @ right, left @ B, C @ right)
+    return realisation((*parts, whole.D[:rows, :columns]), 0.0)
+
+
+def even_channels(system: StateSpace, structure: Structure) -> tuple[StateSpace, float]:
+    """A stable system in continuous time with channels of like sizes, and its period [s].
+
+    The first channels belong to the structure; the signals of each block are multiplied by a power
+    of two and divided by it, which changes no bound of mu and no perturbation. A sampled system is
+    transformed by s = (2 / T) (z - 1) / (z + 1); the period of another is 0.
+    """
+    period = float(system.dt or 0.0)
+    plane = bilinear_continuous(system) if period else system
+    rows, columns = structure.columns, structure.rows
+    plane = seen_channels(plane, rows, columns)
+    out, into = _powers(plane, structure)
+    B, C = plane.B / into, out[:, None] * plane.C
+    D = out[:, None] * plane.D / into
+    return seen_channels(realisation((plane.A, B, C, D), 0.0), rows, columns), period
+
+
+def _powers(plane: StateSpace, structure: Structure) -> tuple[np.ndarray, np.ndarray]:
+    """Powers of two for outputs (c,) and inputs (r,): means over frequency of what D does."""
+    omega = frequencies_of(plane)
+    omega = omega[:: max(len(omega) // FREQUENCIES, 1)]
+    D = upper_bound(response(plane, omega), structure.complexified()).D_left
+    size = np.log2(np.maximum(np.diagonal(D, axis1=1, axis2=2).real, np.finfo(float).tiny)) / 2
+    size -= size.mean(axis=1)[:, None]
+    mean = np.median(size, axis=0)
+    places = zip(structure, structure.column_slices, strict=True)
+    steps = [float(np.round(mean[at].mean())) for _, at in places]
+    out = np.repeat(steps, [block.columns for block in structure])
+    into = np.repeat(steps, [block.rows for block in structure])
+    return 2.0**out, 2.0**into
