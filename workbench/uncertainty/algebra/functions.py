@@ -84,6 +84,8 @@ def real(
 def complex_scalar(name: str, nominal: float, radius: float) -> UncertainSystem:
     """An uncertain complex number within a radius of a real nominal."""
     need_numbers(nominal=nominal)
+    if not math.isfinite(nominal):
+        raise InputError(f"nominal is {nominal!r}; it must be finite")
     need_positive(radius, "radius")
     element = ComplexElement(name, float(nominal), float(radius))
     M = np.array([[0.0, 1.0], [element.radius, element.nominal]])
