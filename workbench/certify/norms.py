@@ -10,8 +10,6 @@ from workbench.certify.mu_bound import certified_bound
 from workbench.certify.stable_system import stable_system
 from workbench.heavy_types import StateSpace
 from workbench.structure import Full, Structure
-from workbench.systems.bilinear import to_continuous
-from workbench.systems.realisation import realisation
 
 NORM_TOLERANCE = 1e-4
 """Relative tolerance of a certified norm: the bound lies at most this far above the norm."""
@@ -25,13 +23,11 @@ def certified_norm(loop: StateSpace) -> float:
     """Upper bound of the H-infinity norm of a stable loop, certified on every frequency.
 
     The norm is the peak of mu for one full block, whose multipliers are D = 1. Intervals on which
-    these multipliers prove the bound cover the band from 0 to infinity. The bilinear transform,
-    which keeps norms, converts a sampled loop to continuous time.
+    these multipliers prove the bound cover the band from 0 to infinity, or to half the sampling
+    rate.
     """
-    if loop.dt:
-        loop = realisation(to_continuous((loop.A, loop.B, loop.C, loop.D)), 0.0)
     block = Structure([Full(loop.ninputs, loop.noutputs)])
-    system = stable_system(loop)
+    system = stable_system(loop, sampled=True)
     c, r = system.D.shape
 
     def bounds_at(omega: RealArray) -> FrequencyBounds:

@@ -6,6 +6,7 @@ from workbench.mu.lower.bound import lower_bound
 from workbench.mu.lower.program import LowerBound, MuLowerBound
 from workbench.mu.margins.classical import ClassicalMargins, classical_margins
 from workbench.mu.margins.disk import DiskMargin, disk_gain, disk_phase
+from workbench.mu.margins.gap import CoprimeMargin, NuGap, coprime_margin, nu_gap
 from workbench.mu.margins.loop import LoopMargins, loop_margins
 from workbench.mu.members.bundle import bundle_plot
 from workbench.mu.members.monte_carlo import MonteCarlo, monte_carlo
@@ -37,6 +38,7 @@ __all__ = [
     "ClassicalMargins",
     "Complex",
     "Conditions",
+    "CoprimeMargin",
     "DiskMargin",
     "Full",
     "GainRoom",
@@ -45,6 +47,7 @@ __all__ = [
     "MonteCarlo",
     "MuLowerBound",
     "MuUpperBound",
+    "NuGap",
     "Peak",
     "PerformanceMargin",
     "RankOneLoop",
@@ -60,6 +63,7 @@ __all__ = [
     "bundle_plot",
     "classical_margins",
     "conditions",
+    "coprime_margin",
     "destabilising",
     "disk_gain",
     "disk_phase",
@@ -69,6 +73,7 @@ __all__ = [
     "loop_margins",
     "lower_bound",
     "monte_carlo",
+    "nu_gap",
     "peak",
     "performance_peak",
     "performance_sweep",

@@ -120,9 +120,9 @@ def loop_margins(
             f"{K.ninputs}; they must fit each other"
         )
     m, p = G.ninputs, G.noutputs
-    returned = _returned(G, K)
+    returned = returned_loop(G, K)
     nominal = uncertain(returned.nominal)
-    _need_stable(nominal.nominal)
+    need_stable_loop(nominal.nominal)
     names = _names(m, p)
     only = m == p == 1 and constant  # L alone: one place to open it
     channels = {m: "loop"} if only else dict(enumerate(names))
@@ -156,7 +156,7 @@ def loop_margins(
     )
 
 
-def _returned(G: UncertainSystem, K: UncertainSystem) -> UncertainSystem:
+def returned_loop(G: UncertainSystem, K: UncertainSystem) -> UncertainSystem:
     """From what is added to (u, y) to (u, y) without it, the loop u = -K y closed."""
     m, p = G.ninputs, G.noutputs
     # (u, y) before = append(-K, G) times (y, u) after.
@@ -165,7 +165,7 @@ def _returned(G: UncertainSystem, K: UncertainSystem) -> UncertainSystem:
     return closed @ swap
 
 
-def _need_stable(loop: StateSpace) -> None:
+def need_stable_loop(loop: StateSpace) -> None:
     """Raise InputError unless the nominal closed loop is stable."""
     poles = loop.poles()
     bad = poles[np.abs(poles) >= 1] if loop.dt else poles[poles.real >= 0]

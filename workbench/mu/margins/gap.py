@@ -1,0 +1,186 @@
+"""Distances of plants as feedback sees them: the nu-gap, and the margin that it is measured by.
+
+With the coprime margin b of a loop (P1, K), K stabilises every P2 with a nu-gap below b, and
+arcsin b(P2, K) >= arcsin b(P1, K) - arcsin nu-gap(P1, P2).
+
+Source: G. Vinnicombe, Uncertainty and feedback: H-infinity loop-shaping and the nu-gap metric,
+Imperial College Press (2001).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.linalg import solve_continuous_are
+
+from workbench.certify.eigenvalues import pole_discs
+from workbench.certify.rounding import exact
+from workbench.errors import InputError, SolverError
+from workbench.heavy_types import StateSpace
+from workbench.input_checks import need_tolerance
+from workbench.mu.frequency.peak import peak
+from workbench.mu.margins.loop import need_stable_loop, returned_loop
+from workbench.structure import Full, Structure
+from workbench.systems.balancing import balanced, singular
+from workbench.systems.bilinear import bilinear_continuous
+from workbench.systems.conversion import as_system
+from workbench.systems.realisation import realisation
+from workbench.uncertainty.algebra.system import uncertain
+
+
+@dataclass(frozen=True)
+class NuGap:
+    """Bounds of the nu-gap of two plants, from 0 to 1.
+
+    ``omega`` [rad/s] is where their chordal distance is largest. Where ``winding`` is False the
+    plants have no homotopy by which feedback could tell them alike, and the nu-gap is 1; None: that
+    is not decided, and ``upper`` is 1.
+    """
+
+    lower: float
+    upper: float
+    omega: float
+    winding: bool | None
+
+
+@dataclass(frozen=True)
+class CoprimeMargin:
+    """Bounds of b(P, K): the nu-gap below which every plant is stabilised by the controller."""
+
+    lower: float
+    upper: float
+    omega: float
+
+
+def nu_gap(first: Any, second: Any, tolerance: float = 1e-4) -> NuGap:
+    """The nu-gap of two plants, proven between grid points for their computed coprime factors.
+
+    The supremum of the chordal distance counts only where det(N2~ N1 + M2~ M1) does not wind about
+    0: where it has as many zeros right of the axis as G2~ has poles. They are counted in discs that
+    are proven to hold them.
+
+    Parameters
+    ----------
+    first, second
+        Systems of the same numbers of inputs and outputs, in continuous or sampled time.
+    tolerance
+        Relative distance of the bounds.
+
+    Raises
+    ------
+    InputError
+        Sizes or sampling times differ.
+    SolverError
+        A plant has no normalised coprime factors: a mode on the axis is hidden.
+    """
+    need_tolerance(tolerance)
+    P1, P2 = as_system(first, "first"), as_system(second, "second")
+    if (P1.noutputs, P1.ninputs) != (P2.noutputs, P2.ninputs):
+        raise InputError(
+            f"first has {P1.noutputs} outputs and {P1.ninputs} inputs, second {P2.noutputs} and "
+            f"{P2.ninputs}; they must be the same"
+        )
+    if (P1.dt or 0.0) != (P2.dt or 0.0):
+        raise InputError(f"first has dt = {P1.dt}, second {P2.dt}; they must be the same")
+    period = float(P1.dt or 0.0)
+    if period:
+        P1, P2 = bilinear_continuous(P1), bilinear_continuous(P2)
+    G1, G2 = right_factors(P1, "first"), right_factors(P2, "second")
+    left = _transposed(right_factors(_transposed(P2), "second"))  # [N2 M2] from the left
+    p, m = P1.noutputs, P1.ninputs
+    # N2 M1 - M2 N1, the first from the left
+    turn = np.block([[np.zeros((m, p)), np.eye(m)], [-np.eye(p), np.zeros((p, m))]])
+    chord = _series(left, realisation((G1.A, G1.B, turn @ G1.C, turn @ G1.D), 0.0))
+    found = peak(chord, Structure([Full(m, p)]), tolerance)
+    omega = found.omega
+    if period:
+        omega = 2.0 / period * math.atan(omega * period / 2.0)
+    winding = _winds_not(G1, G2)
+    if winding is False:
+        return NuGap(1.0, 1.0, omega, False)
+    upper = min(found.upper, 1.0) if winding else 1.0
+    return NuGap(min(found.lower, upper), upper, omega, winding)
+
+
+def coprime_margin(plant: Any, controller: Any, tolerance: float = 1e-4) -> CoprimeMargin:
+    """The normalised coprime margin b(P, K) of a loop u = -K y, proven between grid points.
+
+    Raises
+    ------
+    InputError
+        Plant and controller do not fit each other, or their loop is unstable.
+    """
+    need_tolerance(tolerance)
+    P, K = as_system(plant, "plant"), as_system(controller, "controller")
+    if (K.noutputs, K.ninputs) != (P.ninputs, P.noutputs):
+        raise InputError(
+            f"plant has {P.noutputs} outputs and {P.ninputs} inputs, controller {K.noutputs} and "
+            f"{K.ninputs}; they must fit each other"
+        )
+    m, p = P.ninputs, P.noutputs
+    loop = returned_loop(uncertain(P), uncertain(K)).nominal
+    need_stable_loop(loop)
+    # K y = -(u without what is added to it), and y with what is added.
+    through = np.block([[np.zeros((m, m + p))], [np.zeros((p, m)), np.eye(p)]])
+    signs = np.diag([-1.0] * m + [1.0] * p)
+    whole = realisation((loop.A, loop.B, signs @ loop.C, signs @ loop.D + through), loop.dt or 0.0)
+    found = peak(whole, Structure([Full(m + p, m + p)]), tolerance)
+    return CoprimeMargin(1.0 / found.upper, 1.0 / found.lower, found.omega)
+
+
+def right_factors(P: StateSpace, name: str) -> StateSpace:
+    """[N; M] with P = N M^-1 and N~ N + M~ M = 1, both stable; P in continuous time.
+
+    Raises SolverError where there are none.
+    """
+    A, B, C = balanced(P.A, P.B, P.C)
+    D = P.D
+    R = np.eye(P.ninputs) + D.T @ D
+    try:
+        X = solve_continuous_are(A, B, C.T @ C, R, s=C.T @ D) if len(A) else np.zeros((0, 0))
+    except (np.linalg.LinAlgError, ValueError) as error:
+        raise SolverError(
+            f"{name} has no normalised coprime factors ({error}): is a mode on the imaginary axis "
+            "hidden, or moved by no input?"
+        ) from None
+    F = -np.linalg.solve(R, B.T @ X + D.T @ C)
+    values, V = np.linalg.eigh(R)
+    root = (V / np.sqrt(values)) @ V.T
+    both = np.vstack([C + D @ F, F]), np.vstack([D, np.eye(P.ninputs)]) @ root
+    found = realisation((A + B @ F, B @ root, *both), 0.0)
+    if len(A) and not found.poles().real.max() < 0:
+        raise SolverError(f"{name} has no normalised coprime factors: a pole is on the axis")
+    return found
+
+
+def _winds_not(G1: StateSpace, G2: StateSpace) -> bool | None:
+    """Whether det(G2~ G1) has as many zeros right of the axis as poles; None: not decided."""
+    adjoint = realisation((-G2.A.T, G2.C.T, -G2.B.T, G2.D.T), 0.0)
+    whole = _series(adjoint, G1)
+    if singular(whole.D):  # the determinant is 0 at infinity
+        return False
+    if not whole.nstates:
+        return True
+    zeros = whole.A - whole.B @ np.linalg.solve(whole.D, whole.C)
+    scaled, _, _ = balanced(zeros, np.zeros((len(zeros), 0)), np.zeros((0, len(zeros))))
+    discs = pole_discs(exact(scaled))
+    right = discs.centre.real > discs.radius
+    left = discs.centre.real < -discs.radius
+    if not (right | left).all():
+        return None
+    return int(right.sum()) == G2.nstates
+
+
+def _series(last: StateSpace, first: StateSpace) -> StateSpace:
+    """last * first, every state kept."""
+    n, k = last.nstates, first.nstates
+    A = np.block([[last.A, last.B @ first.C], [np.zeros((k, n)), first.A]])
+    B = np.vstack([last.B @ first.D, first.B])
+    return realisation((A, B, np.hstack([last.C, last.D @ first.C]), last.D @ first.D), 0.0)
+
+
+def _transposed(G: StateSpace) -> StateSpace:
+    return realisation((G.A.T, G.C.T, G.B.T, G.D.T), 0.0)
