@@ -20,6 +20,7 @@ from workbench.mu import (
     bundle_plot,
     classical_margins,
     loop_margins,
+    margin_sensitivity,
     monte_carlo,
     robust_performance,
     robust_stability,
@@ -144,6 +145,16 @@ CALLS = {
         worst_case_gain,
         {"system": G},
         {"system": ("loop", None, object(), LAG, UNSTABLE), "tolerance": NOT_POSITIVE},
+    ),
+    "margin_sensitivity": (
+        margin_sensitivity,
+        {"system": G},
+        {
+            "system": (*NOT_A_SET, UNSTABLE),
+            "gain": (*NOT_A_NUMBER, 0.0, -1.0),
+            "growth": NOT_POSITIVE,
+            "tolerance": NOT_POSITIVE,
+        },
     ),
     "skewed_peak": (
         skewed_peak,

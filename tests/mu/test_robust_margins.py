@@ -10,7 +10,7 @@ import pytest
 
 from workbench.certify.norms import certified_norm
 from workbench.errors import InputError
-from workbench.mu import robust_performance, robust_stability, worst_case_gain
+from workbench.mu import margin_sensitivity, robust_performance, robust_stability, worst_case_gain
 from workbench.uncertainty import dynamics, feedback, interconnect, real, ss, tf
 
 
@@ -73,6 +73,29 @@ def test_two_carts_as_documented():
     assert margin.omega == pytest.approx(575.03, abs=0.1)
     assert margin.worst["k"] == pytest.approx(1.5773, abs=2e-4)
     assert loop.at(**margin.worst).poles().real.max() > -1e-6 * margin.omega
+
+
+def test_the_sensitivity_of_a_margin_as_documented():
+    """robgain, Sensitivity: delta 75 %, k 28 %, for k within 50 % and delta within 0.15."""
+    k = real("k", 10, percent=50)
+    P = tf([18], [1, 1.8, k]) * (1 + 0.15 * dynamics("delta", 1, 1))
+    found = margin_sensitivity(feedback(1, P * PID), 1.5)
+    for name, documented in (("delta", 0.75), ("k", 0.28)):
+        low, high = found[name]
+        assert low - 0.005 <= documented <= high + 0.005
+        assert high - low < 0.01
+
+
+def test_a_margin_at_a_single_frequency():
+    """A damper c from 0 to 2: the only frequency at which it can become unstable is 1 rad/s.
+
+    An example of the toolbox's documentation, in which grids of frequencies see nothing.
+    """
+    c = real("c", 1, plus_minus=1)
+    margin = robust_stability(tf([1], [1, c, 1]))
+    assert 0.99 < margin.lower <= 1.0 <= margin.upper * (1 + 1e-9) and margin.upper < 1.0001
+    assert margin.omega == pytest.approx(1.0, abs=1e-6)
+    assert margin.worst["c"] == pytest.approx(0.0, abs=1e-6)
 
 
 @pytest.mark.slow

@@ -13,6 +13,7 @@ from workbench.mu.members.monte_carlo import MonteCarlo, monte_carlo
 from workbench.mu.robust.branch import branch_and_bound
 from workbench.mu.robust.conditions import Conditions, conditions
 from workbench.mu.robust.destabilising import destabilising
+from workbench.mu.robust.element_sensitivity import margin_sensitivity
 from workbench.mu.robust.gain_room import GainRoom, gain_room
 from workbench.mu.robust.margin import (
     PerformanceMargin,
@@ -72,6 +73,7 @@ __all__ = [
     "gradient",
     "loop_margins",
     "lower_bound",
+    "margin_sensitivity",
     "monte_carlo",
     "nu_gap",
     "peak",
