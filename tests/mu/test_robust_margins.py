@@ -86,6 +86,33 @@ def test_the_sensitivity_of_a_margin_as_documented():
         assert high - low < 0.01
 
 
+@pytest.mark.parametrize("dt", [0.0, 0.1])
+@pytest.mark.parametrize("decay", [0.2, 0.6])
+def test_a_rate_of_decay(dt, decay):
+    """Poles at -1 - k, sampled at exp(-(1 + k) T): within the rate until k = decay - 1."""
+    k = real("k", 0.0, plus_minus=0.5)
+    pole = -1 - k if not dt else 0.9 - 0.09 * k
+    system = ss([[pole]], [[1]], [[1]], [[0]], dt)
+    margin = robust_stability(system, decay=decay)
+    limit = decay - 1 if not dt else (0.9 - np.exp(-decay * dt)) / 0.09
+    assert margin.worst["k"] == pytest.approx(limit, rel=1e-3)
+    assert margin.lower <= abs(limit) / 0.5 <= margin.upper * (1 + 1e-3)
+    assert margin.lower > 0.98 * margin.upper
+    assert robust_stability(system).lower > margin.upper
+    moved = system.at(**margin.worst).poles()
+    assert (np.log(moved) / dt if dt else moved).real.max() == pytest.approx(-decay, rel=1e-3)
+
+
+def test_decay_is_not_for_dynamics():
+    system = feedback(tf([1], [1, 1]) * (1 + dynamics("d", 1, 1, bound=0.1)), 1)
+    with pytest.raises(InputError, match="d is dynamics"):
+        robust_stability(system, decay=0.5)
+    with pytest.raises(InputError, match="decay is -1"):
+        robust_stability(system, decay=-1)
+    with pytest.raises(InputError, match="unstable at its nominal"):
+        robust_stability(tf([1], [1, real("a", 1, percent=10)]), decay=2.0)
+
+
 def test_a_margin_at_a_single_frequency():
     """A damper c from 0 to 2: the only frequency at which it can become unstable is 1 rad/s.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ import numpy as np
 from workbench.certify.stable_system import angular_frequency, stable_system
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
-from workbench.input_checks import need_positive, need_tolerance
+from workbench.input_checks import is_real, need_positive, need_tolerance
 from workbench.mu.frequency.attained import destabilised
 from workbench.mu.frequency.peak import Peak, peak
 from workbench.mu.robust.channels import even_channels
@@ -20,6 +20,9 @@ from workbench.mu.robust.destabilising import destabilising
 from workbench.structure import Full, Real
 from workbench.systems.bilinear import bilinear_sampled
 from workbench.systems.realisation import realisation
+from workbench.uncertainty.algebra.delays import DelayElement
+from workbench.uncertainty.algebra.elements import DynamicElement
+from workbench.uncertainty.algebra.lft import INTEGRATOR, LFT
 from workbench.uncertainty.algebra.system import UncertainSystem, uncertain
 
 COMPLEX_SHARE = 1e-3
@@ -87,7 +90,11 @@ class PerformanceMargin:
 
 
 def robust_stability(
-    system: Any, tolerance: float = 1e-4, *, complex_part: float = COMPLEX_SHARE
+    system: Any,
+    tolerance: float = 1e-4,
+    *,
+    decay: float = 0.0,
+    complex_part: float = COMPLEX_SHARE,
 ) -> StabilityMargin:
     """Certified margin of robust stability of an uncertain system, such as a closed loop.
 
@@ -101,6 +108,10 @@ def robust_stability(
         An `UncertainSystem`, stable at its nominal; or what stands for one.
     tolerance
         As in `peak`.
+    decay
+        A rate [1/s]: poles must lie left of -decay (sampled: within exp(-decay T)) and not only
+        left of the axis, so that whatever moves falls as fast. For systems without dynamics, whose
+        gain is known on the axis only.
     complex_part
         Complex part, as a share of every parameter, where all elements are real. Where nothing is
         proven with it, ten times as much is tried.
@@ -112,7 +123,7 @@ def robust_stability(
     """
     import control
 
-    found = _analysed(system)
+    found = _analysed(_slowed(uncertain(system, "system"), decay))
     structure = found.structure
     N, period = even_channels(found.system, structure)
     real = all(isinstance(block, Real) for block in structure)
@@ -197,6 +208,27 @@ def robust_performance(
         else:
             t = math.sqrt(low * high)
     return PerformanceMargin(low, high, angular_frequency(omega, period), gain)
+
+
+def _slowed(found: UncertainSystem, decay: float) -> UncertainSystem:
+    """The system with its poles moved to the right by a rate [1/s]."""
+    if not is_real(decay) or not 0.0 <= decay < math.inf:
+        raise InputError(f"decay is {decay!r}; a rate of 0 or more [1/s] is needed")
+    if not decay:
+        return found
+    for one in found.elements.values():
+        if isinstance(one, DynamicElement | DelayElement):
+            raise InputError(
+                f"{one.name} is dynamics, of which nothing is known left of the axis; decay is for "
+                "systems with uncertain numbers only"
+            )
+    M, states = found.value.M.copy(), np.array([name == INTEGRATOR for name in found.value.names])
+    place = np.flatnonzero(states)
+    if found.dt:
+        M[place] *= math.exp(decay * found.dt)
+    else:
+        M[place, place] += decay
+    return replace(found, value=LFT(M, found.value.names))
 
 
 def _analysed(system: Any) -> UncertainSystem:
