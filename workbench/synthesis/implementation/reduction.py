@@ -24,7 +24,7 @@ from workbench.synthesis.mu.program import MuSynthesis
 from workbench.synthesis.reduction import truncation
 from workbench.systems.conversion import as_system, need_plant
 from workbench.systems.generalised_plant import GeneralisedPlant
-from workbench.systems.realisation import realisation
+from workbench.systems.realisation import in_words, realisation
 
 Reducer = tuple[int, Callable[[int], StateSpace]]
 """The least order that a method reaches, and a function from an order to the controller."""
@@ -58,6 +58,10 @@ class ReducedController:
         """Number of states."""
         return int(self.K.nstates)
 
+    def __repr__(self) -> str:
+        loop = f"peak {self.lower:.4g} to {self.upper:.4g}" if self.stable else "loop UNSTABLE"
+        return f"ReducedController: {in_words(self.K)}; {loop}"
+
 
 @dataclass(frozen=True, eq=False)
 class ReducedControllers:
@@ -69,6 +73,11 @@ class ReducedControllers:
 
     tried: tuple[ReducedController, ...]
     target: float
+
+    def __repr__(self) -> str:
+        lines = [f"ReducedControllers, target {self.target:.4g}:"]
+        lines += [f"  {in_words(one.K)}; " + repr(one).split("; ")[-1] for one in self.tried]
+        return "\n".join(lines)
 
     @property
     def smallest(self) -> ReducedController | None:
