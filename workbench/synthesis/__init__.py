@@ -4,6 +4,7 @@ from workbench.synthesis.designs import DESIGNS, DesignTask
 from workbench.synthesis.hinf import conic as hinf_conic
 from workbench.synthesis.hinf import methods as hinf_methods
 from workbench.synthesis.hinf.assumptions import regularised
+from workbench.synthesis.hinf.gap_metric import gap_metric
 from workbench.synthesis.hinf.known_disturbance import known_disturbance_bound
 from workbench.synthesis.hinf.loop_shaping import LoopShaping
 from workbench.synthesis.hinf.mixed_sensitivity import MixedSensitivity
@@ -115,6 +116,7 @@ __all__ = [
     "export",
     "fixed",
     "fixed_point",
+    "gap_metric",
     "highest_proven",
     "hinf",
     "hinf_conic",

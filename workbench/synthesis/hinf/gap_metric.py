@@ -1,0 +1,94 @@
+"""The gap between the graphs of two plants, as a model-matching problem.
+
+The directed gap is the least norm of G1 - G2 Q over stable Q, G1 and G2 the normalised right
+coprime factors [N; M] (T. Georgiou, On the computation of the gap metric, Systems & Control Letters
+11 (1988) 253-257).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from workbench.certify.norms import certified_norm
+from workbench.errors import SolverError
+from workbench.heavy_types import StateSpace
+from workbench.input_checks import need_tolerance
+from workbench.mu import nu_gap
+from workbench.mu.margins.gap import right_factors
+from workbench.synthesis.hinf.riccati import central
+from workbench.systems.bilinear import bilinear_continuous
+from workbench.systems.conversion import as_system
+from workbench.systems.realisation import Matrices, realisation
+
+
+@dataclass(frozen=True)
+class PlantGap:
+    """Bounds of the gap of two plants, from 0 to 1: above by a Q, below by the nu-gap."""
+
+    lower: float
+    upper: float
+
+
+def gap_metric(first: Any, second: Any, tolerance: float = 1e-3) -> PlantGap:
+    """The gap of two plants: the larger of both directed gaps, with certified norms.
+
+    Parameters
+    ----------
+    first, second
+        As in `nu_gap`, which is never above it.
+    tolerance
+        Relative accuracy of the least norm.
+
+    Raises
+    ------
+    InputError, SolverError
+        As `nu_gap`.
+    """
+    need_tolerance(tolerance)
+    below = nu_gap(first, second)
+    systems = [as_system(one, name) for one, name in ((first, "first"), (second, "second"))]
+    plane = [bilinear_continuous(one) if one.dt else one for one in systems]
+    factors = right_factors(plane[0], "first"), right_factors(plane[1], "second")
+    upper = max(_directed(*factors, tolerance), _directed(*factors[::-1], tolerance))
+    return PlantGap(below.lower, max(min(upper, 1.0), below.lower))
+
+
+def _directed(G1: StateSpace, G2: StateSpace, tolerance: float) -> float:
+    """The least certified norm of G1 - G2 Q for three Q: 0, 1, and one near the best."""
+    m = G1.ninputs
+    A = block_diag(G1.A, G2.A)
+    n, k = G1.nstates, G2.nstates
+    B = np.block([[G1.B, np.zeros((n, m))], [np.zeros((k, m)), -G2.B]])
+    C = np.vstack([np.hstack([G1.C, G2.C]), np.zeros((m, n + k))])
+    D = np.block([[G1.D, -G2.D], [np.eye(m), np.zeros((m, m))]])
+    simple = min(1.0, _norm(G1, G2, realisation(_gain(m), 0.0)))
+    try:
+        Q = realisation(central(A, B, C, D, m, m, tolerance).K, 0.0)
+    except SolverError:  # also where the least norm is 0, which 1 has then
+        return simple
+    stable = not Q.nstates or Q.poles().real.max() < 0
+    return min(simple, _norm(G1, G2, Q)) if stable else simple
+
+
+def _gain(m: int) -> Matrices:
+    """The identity, without states."""
+    return np.zeros((0, 0)), np.zeros((0, m)), np.zeros((m, 0)), np.eye(m)
+
+
+def _norm(G1: StateSpace, G2: StateSpace, Q: StateSpace) -> float:
+    """The certified norm of G1 - G2 Q."""
+    n, k, q = G1.nstates, G2.nstates, Q.nstates
+    A = np.block(
+        [
+            [G1.A, np.zeros((n, k + q))],
+            [np.zeros((k, n)), G2.A, G2.B @ Q.C],
+            [np.zeros((q, n + k)), Q.A],
+        ]
+    )
+    B = np.vstack([G1.B, G2.B @ Q.D, Q.B])
+    C = np.hstack([G1.C, -G2.C, -G2.D @ Q.C])
+    return certified_norm(realisation((A, B, C, G1.D - G2.D @ Q.D), 0.0))
