@@ -127,6 +127,17 @@ def test_states_at_rest_keep_the_response_at_zero_frequency(order):
 
 
 @pytest.mark.parametrize("method", ["balanced", "matchdc", "hankel"])
+@pytest.mark.parametrize("order", range(1, 5))
+def test_states_that_nothing_sees_are_no_obstacle(method, order):
+    K = control.ss(np.diag([-1.0, -2.0, -3.0, -4.0]), [[1.0], [1.0], [0.0], [0.0]],
+                   [[1.0, 2.0, 1.0, 1.0]], 0.5)  # fmt: skip
+    small = approximated(K, order, method)
+    assert small.nstates <= order
+    if order >= 2:
+        np.testing.assert_allclose(small(1.0j), K(1.0j), rtol=1e-6)
+
+
+@pytest.mark.parametrize("method", ["balanced", "matchdc", "hankel"])
 def test_unstable_poles_and_integrators_are_kept(method):
     K = random_controller(3, kept=2)
     unstable = sorted(pole for pole in K.poles().real if pole > -1e-9 * np.abs(K.poles()).max())

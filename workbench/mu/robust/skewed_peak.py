@@ -70,6 +70,12 @@ class SkewedPeak:
     level: float = 0.0
     proof: PeakProof | None = None
 
+    def __repr__(self) -> str:
+        return (
+            f"SkewedPeak: from {self.lower:.5g} to {self.upper:.5g}, at {self.omega:.5g} rad/s; "
+            f"{self.message}"
+        )
+
 
 def skewed_peak(
     system: Any,

@@ -51,6 +51,12 @@ class WorstCaseGain:
     level: float = 0.0
     proof: PeakProof | None = None
 
+    def __repr__(self) -> str:
+        return (
+            f"WorstCaseGain: from {self.lower:.5g} to {self.upper:.5g}, at {self.omega:.5g} rad/s; "
+            f"{self.message}"
+        )
+
 
 def worst_case_gain(
     system: Any, structure: Structure | None = None, tolerance: float = 1e-2

@@ -84,7 +84,7 @@ def matchdc(K: Matrices) -> tuple[int, Reducer]:
     A, B, C, D = _balanced(split.stable)[0]
 
     def of(order: int) -> Matrices:
-        k = order - split.count
+        k = min(order - split.count, len(A))
         rest = np.linalg.solve(A[k:, k:], np.hstack([A[k:, :k], B[k:]]))
         A2, B2 = rest[:, :k], rest[:, k:]
         slow = A[:k, :k] - A[:k, k:] @ A2, B[:k] - A[:k, k:] @ B2
