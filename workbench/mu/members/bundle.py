@@ -29,6 +29,8 @@ SETTLING = 8.0
 """Time constants of the slowest nominal pole that a step response is drawn for."""
 BOUND_TOLERANCE, MARGIN_TOLERANCE = 1e-2, 1e-3
 """Tolerances of the worst-case gain and of the margin."""
+FAR = 10.0
+"""Ratio of sizes of poles up to which they are shown on a common linear scale."""
 GREY: dict[str, Any] = {"color": "0.65", "linewidth": 0.6}
 """Style of members."""
 
@@ -127,20 +129,22 @@ def _step(panel: Any, system: UncertainSystem, members: Sequence[StateSpace]) ->
 
 
 def _poles(panel: Any, system: UncertainSystem, members: Sequence[StateSpace]) -> None:
-    for one in members:
-        poles = one.poles()
-        panel.plot(poles.real, poles.imag, ".", color="0.65", markersize=2.5)
-    poles = system.nominal.poles()
-    panel.plot(poles.real, poles.imag, "x", color=figures.BLUE)
-    unit = "1" if system.dt else "rad/s"
+    nominal = system.nominal.poles()
+    every = np.concatenate([one.poles() for one in members])
     if system.dt:
         turn = np.exp(1j * np.linspace(0, 2 * np.pi, POINTS))
         panel.plot(turn.real, turn.imag, color=figures.BLACK, linewidth=0.8)
     else:
         panel.axvline(0.0, color=figures.BLACK, linewidth=0.8)
-        sizes = np.abs(poles.real)[np.abs(poles.real) > 0]
-        if sizes.size:
+        # Poles far beyond the nominal ones, such as those of short delays, set no scale.
+        every = every[np.abs(every) <= FAR * np.abs(nominal).max(initial=1.0)]
+        sizes = np.abs(nominal.real)[np.abs(nominal.real) > 0]
+        if sizes.size and sizes.max() > FAR * sizes.min():
             panel.set_xscale("symlog", linthresh=float(sizes.min()))
+            panel.xaxis.get_major_locator().set_params(numticks=5)
+    panel.plot(every.real, every.imag, ".", color="0.65", markersize=2.5)
+    panel.plot(nominal.real, nominal.imag, "x", color=figures.BLUE)
+    unit = "1" if system.dt else "rad/s"
     title = "nominal unstable"
     if _stable(system.nominal):
         margin = robust_stability(system, MARGIN_TOLERANCE)
