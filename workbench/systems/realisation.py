@@ -23,10 +23,22 @@ def pole_sizes(system: StateSpace) -> RealArray:
     return sizes
 
 
+def worst_pole(system: StateSpace) -> tuple[complex, float]:
+    """The pole farthest right, of a sampled system farthest out, and how far beyond the boundary.
+
+    Not negative where the system is unstable; minus infinity for one without states.
+    """
+    poles = system.poles()
+    if not poles.size:
+        return complex(-np.inf), -np.inf
+    beyond = np.abs(poles) - 1.0 if system.dt else poles.real
+    place = int(np.argmax(beyond))
+    return complex(poles[place]), float(beyond[place])
+
+
 def in_words(system: StateSpace) -> str:
     """Order of a system, whether it is stable itself, and its fastest pole, for people."""
-    poles, size = system.poles(), pole_sizes(system)
-    stable = bool(((np.abs(poles) < 1.0) if system.dt else (poles.real < 0)).all())
+    stable, size = worst_pole(system)[1] < 0, pole_sizes(system)
     fastest = f", fastest pole {size.max():.4g} rad/s" if size.size else ""
     return f"order {system.nstates}, {'stable' if stable else 'UNSTABLE'} itself{fastest}"
 

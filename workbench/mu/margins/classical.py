@@ -19,6 +19,7 @@ from scipy.optimize import brentq
 from workbench.arrays import RealArray
 from workbench.certify.norms import certified_norm
 from workbench.certify.stability import stability_of
+from workbench.certify.stable_system import angular_frequency
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.systems.balancing import balanced, speed
@@ -123,8 +124,8 @@ def classical_margins(loop: Any) -> ClassicalMargins:
 
     def angular(omega: RealArray) -> RealArray:
         """Frequencies [rad/s] of the loop itself."""
-        unscaled = rate * omega
-        return 2.0 / period * np.arctan(unscaled * period / 2.0) if period else unscaled
+        found: RealArray = angular_frequency(rate * omega, period)
+        return found
 
     grid = frequencies_of(scaled)
     real = _crossings(lambda w: value(w).imag, _zeros(*_odd_part(A, B, C)), grid)

@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from workbench.certify.stable_system import angular_frequency
 from workbench.heavy_types import StateSpace
 from workbench.mu.frequency.peak import Peak, peak
 from workbench.mu.robust.channels import even_channels
@@ -143,8 +144,7 @@ def disk_of(
         plant = values_of(shifted, Delta) if uncertain else None
     elif uncertain:
         plant = {}
-    if period:  # half the sampling rate where the other frequency is infinite
-        omega = 2.0 / period * math.atan(omega * period / 2.0)
+    omega = float(angular_frequency(omega, period))  # half the sampling rate of infinity
     return DiskMargin(tuple(channels.values()), skew, lower, upper, omega, worst, plant, found)
 
 

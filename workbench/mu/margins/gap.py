@@ -9,7 +9,6 @@ Imperial College Press (2001).
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,11 +17,12 @@ from scipy.linalg import solve_continuous_are
 
 from workbench.certify.eigenvalues import pole_discs
 from workbench.certify.rounding import exact
+from workbench.certify.stable_system import angular_frequency
 from workbench.errors import InputError, SolverError
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_tolerance
 from workbench.mu.frequency.peak import peak
-from workbench.mu.margins.loop import need_stable_loop, returned_loop
+from workbench.mu.margins.loop import need_matching, need_stable_loop, returned_loop
 from workbench.structure import Full, Structure
 from workbench.systems.balancing import balanced, singular
 from workbench.systems.bilinear import bilinear_continuous
@@ -93,11 +93,9 @@ def nu_gap(first: Any, second: Any, tolerance: float = 1e-4) -> NuGap:
     p, m = P1.noutputs, P1.ninputs
     # N2 M1 - M2 N1, the first from the left
     turn = np.block([[np.zeros((m, p)), np.eye(m)], [-np.eye(p), np.zeros((p, m))]])
-    chord = _series(left, realisation((G1.A, G1.B, turn @ G1.C, turn @ G1.D), 0.0))
+    chord = left * realisation((G1.A, G1.B, turn @ G1.C, turn @ G1.D), 0.0)
     found = peak(chord, Structure([Full(m, p)]), tolerance)
-    omega = found.omega
-    if period:
-        omega = 2.0 / period * math.atan(omega * period / 2.0)
+    omega = float(angular_frequency(found.omega, period))
     winding = _winds_not(G1, G2)
     if winding is False:
         return NuGap(1.0, 1.0, omega, False)
@@ -115,11 +113,7 @@ def coprime_margin(plant: Any, controller: Any, tolerance: float = 1e-4) -> Copr
     """
     need_tolerance(tolerance)
     P, K = as_system(plant, "plant"), as_system(controller, "controller")
-    if (K.noutputs, K.ninputs) != (P.ninputs, P.noutputs):
-        raise InputError(
-            f"plant has {P.noutputs} outputs and {P.ninputs} inputs, controller {K.noutputs} and "
-            f"{K.ninputs}; they must fit each other"
-        )
+    need_matching(P, K)
     m, p = P.ninputs, P.noutputs
     loop = returned_loop(uncertain(P), uncertain(K)).nominal
     need_stable_loop(loop)
@@ -159,7 +153,7 @@ def right_factors(P: StateSpace, name: str) -> StateSpace:
 def _winds_not(G1: StateSpace, G2: StateSpace) -> bool | None:
     """Whether det(G2~ G1) has as many zeros right of the axis as poles; None: not decided."""
     adjoint = realisation((-G2.A.T, G2.C.T, -G2.B.T, G2.D.T), 0.0)
-    whole = _series(adjoint, G1)
+    whole = adjoint * G1
     if singular(whole.D):  # the determinant is 0 at infinity
         return False
     if not whole.nstates:
@@ -172,14 +166,6 @@ def _winds_not(G1: StateSpace, G2: StateSpace) -> bool | None:
     if not (right | left).all():
         return None
     return int(right.sum()) == G2.nstates
-
-
-def _series(last: StateSpace, first: StateSpace) -> StateSpace:
-    """last * first, every state kept."""
-    n, k = last.nstates, first.nstates
-    A = np.block([[last.A, last.B @ first.C], [np.zeros((k, n)), first.A]])
-    B = np.vstack([last.B @ first.D, first.B])
-    return realisation((A, B, np.hstack([last.C, last.D @ first.C]), last.D @ first.D), 0.0)
 
 
 def _transposed(G: StateSpace) -> StateSpace:

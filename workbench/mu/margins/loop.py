@@ -16,6 +16,7 @@ from workbench.input_checks import is_real, need_tolerance
 from workbench.mu.margins import drawn
 from workbench.mu.margins.classical import ClassicalMargins, classical_margins
 from workbench.mu.margins.disk import DiskMargin, disk_of
+from workbench.systems.realisation import worst_pole
 from workbench.tables import markdown
 from workbench.uncertainty.algebra.functions import append, feedback
 from workbench.uncertainty.algebra.system import UncertainSystem, uncertain
@@ -114,11 +115,7 @@ def loop_margins(
     constant = not K.nstates and not K.elements
     if K.value.shape == (1, 1) and constant and G.ninputs == G.noutputs:
         K = K * np.eye(G.ninputs)
-    if (K.noutputs, K.ninputs) != (G.ninputs, G.noutputs):
-        raise InputError(
-            f"plant has {G.noutputs} outputs and {G.ninputs} inputs, controller {K.noutputs} and "
-            f"{K.ninputs}; they must fit each other"
-        )
+    need_matching(G, K)
     m, p = G.ninputs, G.noutputs
     returned = returned_loop(G, K)
     nominal = uncertain(returned.nominal)
@@ -156,6 +153,15 @@ def loop_margins(
     )
 
 
+def need_matching(plant: Any, controller: Any) -> None:
+    """Raise InputError unless the controller has the plant's channels, the other way round."""
+    if (controller.noutputs, controller.ninputs) != (plant.ninputs, plant.noutputs):
+        raise InputError(
+            f"plant has {plant.noutputs} outputs and {plant.ninputs} inputs, controller "
+            f"{controller.noutputs} and {controller.ninputs}; they must fit each other"
+        )
+
+
 def returned_loop(G: UncertainSystem, K: UncertainSystem) -> UncertainSystem:
     """From what is added to (u, y) to (u, y) without it, the loop u = -K y closed."""
     m, p = G.ninputs, G.noutputs
@@ -167,10 +173,8 @@ def returned_loop(G: UncertainSystem, K: UncertainSystem) -> UncertainSystem:
 
 def need_stable_loop(loop: StateSpace) -> None:
     """Raise InputError unless the nominal closed loop is stable."""
-    poles = loop.poles()
-    bad = poles[np.abs(poles) >= 1] if loop.dt else poles[poles.real >= 0]
-    if bad.size:
-        worst = complex(bad[np.argmax(np.abs(bad) if loop.dt else bad.real)])
+    worst, beyond = worst_pole(loop)
+    if beyond >= 0:
         raise InputError(
             f"the closed loop is unstable at the nominal: it has a pole at {worst:.6g}; the loop "
             "is closed with negative feedback, u = -K y"

@@ -17,7 +17,7 @@ from workbench.mu.robust.margin import robust_stability
 from workbench.mu.robust.worst_case import worst_case_gain
 from workbench.systems.frequency_grid import frequencies_of
 from workbench.systems.generalised_plant import response
-from workbench.systems.realisation import pole_sizes
+from workbench.systems.realisation import pole_sizes, worst_pole
 from workbench.uncertainty.algebra.bundles import largest_gains
 from workbench.uncertainty.algebra.system import UncertainSystem, uncertain
 
@@ -83,7 +83,7 @@ def _bode(panel: Any, system: UncertainSystem, members: Sequence[StateSpace]) ->
     for member in members:
         panel.plot(hertz, largest_gains(member, omega), **GREY)
     panel.plot(hertz, largest_gains(system.nominal, omega), color=figures.BLUE)
-    if _stable(system.nominal):
+    if worst_pole(system.nominal)[1] < 0:
         bound = worst_case_gain(system, tolerance=BOUND_TOLERANCE).upper
         if math.isfinite(bound):
             words = f"proven for all: at most {bound:.3g}"
@@ -146,7 +146,7 @@ def _poles(panel: Any, system: UncertainSystem, members: Sequence[StateSpace]) -
     panel.plot(nominal.real, nominal.imag, "x", color=figures.BLUE)
     unit = "1" if system.dt else "rad/s"
     title = "nominal unstable"
-    if _stable(system.nominal):
+    if worst_pole(system.nominal)[1] < 0:
         margin = robust_stability(system, MARGIN_TOLERANCE)
         title = f"proven stable to {margin.lower:.3g} x size"
     figures.label(panel, f"real part [{unit}]", f"imaginary part [{unit}]", title)
@@ -170,8 +170,3 @@ def _frequencies(nominal: StateSpace) -> RealArray:
     near = omega[(omega >= low) & (omega <= high)]
     found: RealArray = np.union1d(near, np.geomspace(min(low, high / 10), high, POINTS))
     return found
-
-
-def _stable(system: StateSpace) -> bool:
-    poles = system.poles()
-    return bool((np.abs(poles) < 1.0).all() if system.dt else (poles.real < 0.0).all())

@@ -22,6 +22,7 @@ from workbench.executor import InProcess, spread
 from workbench.heavy_types import Figure, StateSpace
 from workbench.input_checks import is_real, need_count, need_whole
 from workbench.mu.robust.worst_case import worst_case_gain
+from workbench.systems.realisation import worst_pole
 from workbench.uncertainty.algebra.system import UncertainSystem, uncertain
 
 SHOWN = (0.5, 0.9, 0.99)
@@ -143,7 +144,7 @@ def monte_carlo(
     where = executor or InProcess()
     values = np.array(spread(of, range(count), where, description="random members", batch=BATCH))
     bound = math.nan
-    if quantity is None and not _is_unstable(found.nominal):
+    if quantity is None and worst_pole(found.nominal)[1] < 0:
         bound = worst_case_gain(found, tolerance=BOUND_TOLERANCE).upper
     name = "largest gain" if quantity is None else getattr(quantity, "__name__", "quantity")
     return MonteCarlo(values, name.strip("<>"), float(confidence), bound)
@@ -153,7 +154,7 @@ def largest_gain(member: StateSpace) -> float:
     """The H-infinity norm; infinite for an unstable system."""
     import control
 
-    return math.inf if _is_unstable(member) else float(control.linfnorm(member)[0])
+    return math.inf if worst_pole(member)[1] >= 0 else float(control.linfnorm(member)[0])
 
 
 def _value(
@@ -164,13 +165,6 @@ def _value(
     if not is_real(found) or math.isnan(found):
         raise InputError(f"the quantity of member {number} is {found!r}; a number is needed")
     return float(found)
-
-
-def _is_unstable(system: StateSpace) -> bool:
-    poles = system.poles()
-    if not poles.size:
-        return False
-    return bool(np.abs(poles).max() >= 1.0 if system.dt else poles.real.max() >= 0.0)
 
 
 def _need_share(value: Any, name: str) -> None:

@@ -19,7 +19,7 @@ from workbench.mu.robust.channels import even_channels
 from workbench.mu.robust.destabilising import destabilising
 from workbench.structure import Full, Real
 from workbench.systems.bilinear import bilinear_sampled
-from workbench.systems.realisation import realisation
+from workbench.systems.realisation import realisation, worst_pole
 from workbench.uncertainty.algebra.delays import DelayElement
 from workbench.uncertainty.algebra.elements import DynamicElement
 from workbench.uncertainty.algebra.lft import INTEGRATOR, LFT
@@ -236,10 +236,8 @@ def _analysed(system: Any) -> UncertainSystem:
     found = uncertain(system, "system")
     if not found.elements:
         raise InputError("the system has no uncertain element; there is nothing to be robust to")
-    poles = found.nominal.poles()
-    out = np.abs(poles) - 1.0 if found.dt else poles.real
-    if poles.size and out.max() >= 0:
-        worst = complex(poles[np.argmax(out)])
+    worst, beyond = worst_pole(found.nominal)
+    if beyond >= 0:
         raise InputError(f"the system is unstable at its nominal: it has a pole at {worst:.6g}")
     return found
 

@@ -72,8 +72,8 @@ class SkewedPeak:
 
     def __repr__(self) -> str:
         return (
-            f"SkewedPeak: from {self.lower:.5g} to {self.upper:.5g}, at {self.omega:.5g} rad/s; "
-            f"{self.message}"
+            f"{type(self).__name__}: from {self.lower:.5g} to {self.upper:.5g}, at "
+            f"{self.omega:.5g} rad/s; {self.message}"
         )
 
 

@@ -12,7 +12,6 @@ G. Balas, R. Liu, J.-Y. Shin, "Results on worst-case performance assessment", AC
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -20,19 +19,17 @@ import numpy as np
 from workbench.arrays import Array
 from workbench.certify.agreement import need_agreement
 from workbench.certify.perturbed_loop import proven_at, proven_gain, proven_over_frequency
-from workbench.certify.proofs.peak_proof import PeakProof
 from workbench.certify.stable_system import StableSystem, angular_frequency, stable_system
 from workbench.errors import InputError
 from workbench.input_checks import need_structure, need_tolerance
 from workbench.mu.robust.channels import even_channels
-from workbench.mu.robust.skewed_peak import LEVEL_ROUNDING, SkewSearch
+from workbench.mu.robust.skewed_peak import LEVEL_ROUNDING, SkewedPeak, SkewSearch
 from workbench.structure import Structure
 from workbench.systems.joints import UncertainPart
 from workbench.uncertainty.algebra.system import UncertainSystem
 
 
-@dataclass(frozen=True, eq=False)
-class WorstCaseGain:
+class WorstCaseGain(SkewedPeak):
     """Bounds of the largest gain over all frequencies and perturbations.
 
     ``lower`` is proven to be at most the largest singular value of F_u(N(j omega), Delta) for the
@@ -42,20 +39,6 @@ class WorstCaseGain:
     ``proof`` proves that mu is below 1 once the exogenous inputs are divided by ``level``; it is
     None, and the level 0, for an infinite bound. `worst_case_checks` proves it again.
     """
-
-    lower: float
-    upper: float
-    omega: float
-    Delta: Array
-    message: str
-    level: float = 0.0
-    proof: PeakProof | None = None
-
-    def __repr__(self) -> str:
-        return (
-            f"WorstCaseGain: from {self.lower:.5g} to {self.upper:.5g}, at {self.omega:.5g} rad/s; "
-            f"{self.message}"
-        )
 
 
 def worst_case_gain(
@@ -91,7 +74,8 @@ def worst_case_gain(
         system, structure = system.system, system.structure
     need_structure(structure)
     assert structure is not None
-    D = stable_system(system, sampled=True).D
+    stable, period = stable_system(system, sampled=True), 0.0
+    D = stable.D
     performance, exogenous = D.shape[0] - structure.columns, D.shape[1] - structure.rows
     if performance < 1 or exogenous < 1:
         raise InputError(
@@ -100,10 +84,9 @@ def worst_case_gain(
             "must be left for performance"
         )
     whole = structure.with_performance(performance, exogenous)
-    period = 0.0
     if prepared:
         system, period = even_channels(system, whole)
-    stable = stable_system(system, sampled=True)
+        stable = stable_system(system)
     search = SkewSearch(stable, whole, np.arange(len(whole)) == len(structure))
     level, proof, message = search.proven(tolerance)
     upper = math.inf if proof is None else level * proof.beta * LEVEL_ROUNDING

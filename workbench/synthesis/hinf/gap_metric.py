@@ -22,7 +22,7 @@ from workbench.mu.margins.gap import right_factors
 from workbench.synthesis.hinf.riccati import central
 from workbench.systems.bilinear import bilinear_continuous
 from workbench.systems.conversion import as_system
-from workbench.systems.realisation import Matrices, realisation
+from workbench.systems.realisation import realisation, worst_pole
 
 
 @dataclass(frozen=True)
@@ -65,30 +65,9 @@ def _directed(G1: StateSpace, G2: StateSpace, tolerance: float) -> float:
     B = np.block([[G1.B, np.zeros((n, m))], [np.zeros((k, m)), -G2.B]])
     C = np.vstack([np.hstack([G1.C, G2.C]), np.zeros((m, n + k))])
     D = np.block([[G1.D, -G2.D], [np.eye(m), np.zeros((m, m))]])
-    simple = min(1.0, _norm(G1, G2, realisation(_gain(m), 0.0)))
+    simple = min(1.0, certified_norm(G1 - G2))
     try:
         Q = realisation(central(A, B, C, D, m, m, tolerance).K, 0.0)
     except SolverError:  # also where the least norm is 0, which 1 has then
         return simple
-    stable = not Q.nstates or Q.poles().real.max() < 0
-    return min(simple, _norm(G1, G2, Q)) if stable else simple
-
-
-def _gain(m: int) -> Matrices:
-    """The identity, without states."""
-    return np.zeros((0, 0)), np.zeros((0, m)), np.zeros((m, 0)), np.eye(m)
-
-
-def _norm(G1: StateSpace, G2: StateSpace, Q: StateSpace) -> float:
-    """The certified norm of G1 - G2 Q."""
-    n, k, q = G1.nstates, G2.nstates, Q.nstates
-    A = np.block(
-        [
-            [G1.A, np.zeros((n, k + q))],
-            [np.zeros((k, n)), G2.A, G2.B @ Q.C],
-            [np.zeros((q, n + k)), Q.A],
-        ]
-    )
-    B = np.vstack([G1.B, G2.B @ Q.D, Q.B])
-    C = np.hstack([G1.C, -G2.C, -G2.D @ Q.C])
-    return certified_norm(realisation((A, B, C, G1.D - G2.D @ Q.D), 0.0))
+    return min(simple, certified_norm(G1 - G2 * Q)) if worst_pole(Q)[1] < 0 else simple
