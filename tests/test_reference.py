@@ -1,5 +1,6 @@
 """The committed reference results: one of each problem, each verified from its arrays alone."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -51,3 +52,18 @@ def test_reference_results_are_what_proves_them_and_small():
     sizes = {file: file.stat().st_size for folder in FOLDERS for file in folder.iterdir()}
     assert max(sizes.values()) < 1_000_000
     assert sum(sizes.values()) < 20_000_000
+
+
+FREQUENCIES = re.compile(
+    r"^(\w*_)?(frequency|pole|zero|crossover|bandwidth|resonance|corner|roll_off)(_\w+)?$"
+)
+NO_FREQUENCIES = re.compile(
+    r"_(off|db|um|samples|index)$|^zero_damping$|_spread_|deviation|^poles_|reference_strategy"
+)
+
+
+def test_numbers_that_are_frequencies_name_their_unit():
+    told = {name for folder in FOLDERS for name in wb.open_run(folder).metrics}
+    found = {n for n in told if FREQUENCIES.match(n) and not NO_FREQUENCIES.search(n)}
+    assert len(found) > 50
+    assert {name for name in found if not name.endswith(("_hz", "_rad_s"))} == set()

@@ -265,11 +265,11 @@ class Analysis(Study):
                 one = answer.sel(question=question, kind=kind)
                 for name, bound in (("peak", "upper"), ("peak_lower", "lower")):
                     numbers[f"{name}_{kind}{after}"] = float(one["peak"].sel(bound=bound))
-                numbers[f"frequency_{kind}{after}"] = float(one["peak_omega"])
+                numbers[f"frequency_{kind}{after}_rad_s"] = float(one["peak_omega"])
         return numbers
 
     nominal = metric("nominal_performance", lambda nominal_performance: nominal_performance)
-    rightmost_pole = metric(lambda pole: pole.real)
+    rightmost_pole = metric("rightmost_pole_rad_s", lambda pole: pole.real)
 
     @figure
     def mu(self, answer: Dataset) -> Figure:

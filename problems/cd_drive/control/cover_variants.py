@@ -135,7 +135,7 @@ class CoverVariants(Study):
             name = variant.replace(" ", "_")
             low, high = peak.sel(variant=variant).values
             found |= {f"peak_{name}": float(high), f"peak_lower_{name}": float(low)}
-            found[f"rightmost_zero_{name}"] = float(rightmost_zero.sel(variant=variant))
+            found[f"rightmost_zero_{name}_rad_s"] = float(rightmost_zero.sel(variant=variant))
             for quantity in QUANTITIES:
                 one = size.sel(variant=variant, quantity=quantity)
                 over = one / size.sel(variant="default", quantity=quantity)

@@ -6,7 +6,7 @@ CD-players (2003).
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, Any, ClassVar
 
@@ -80,8 +80,12 @@ class MuPid(MuSynthesis):
         return [*super().checks(answer, tolerance), beside]
 
     def metrics(self, answer: MuController) -> dict[str, float]:
-        reference = {"peak_reference": self.reference_peak}
-        return super().metrics(answer) | asdict(LeadLagGains.of(answer.K)) | reference
+        gains = LeadLagGains.of(answer.K)
+        numbers = {
+            f"{name}_hz" if unit == "Hz" else name: float(getattr(gains, name))
+            for name, unit in UNITS.items()
+        }
+        return super().metrics(answer) | numbers | {"peak_reference": self.reference_peak}
 
     def tables(self, answer: MuController) -> dict[str, str]:
         assert self.start is not None

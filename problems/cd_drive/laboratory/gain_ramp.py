@@ -199,12 +199,12 @@ class GainRamp(Study):
         "change_{direction}_{summary}", lambda change: over_draws(abs(change), "drive")
     )
     frequencies = metric(
-        "frequency_{direction}_{summary}", lambda frequency: over_draws(frequency, "drive")
+        "frequency_{direction}_{summary}_hz", lambda frequency: over_draws(frequency, "drive")
     )
     share_full = metric("full_{direction}", lambda full: full.mean(["drive", "draw"]))
     models = metric("model_{direction}_mean", lambda model: abs(model).mean("drive"))
     model_frequencies = metric(
-        "model_frequency_{direction}_mean", lambda model_frequency: model_frequency.mean("drive")
+        "model_frequency_{direction}_mean_hz", lambda model_frequency: model_frequency.mean("drive")
     )
 
     @table

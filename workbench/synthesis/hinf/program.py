@@ -176,7 +176,7 @@ class HinfSynthesis(Program):
             "gamma": answer.gamma,
             "order": float(answer.K.nstates),
             "crossover_hz": highest_crossover(self.plant.controlled(), answer.K),
-            "fastest_pole": float(pole_sizes(answer.K).max(initial=0.0)),
+            "fastest_pole_rad_s": float(pole_sizes(answer.K).max(initial=0.0)),
             "stable_controller": float(stability_of(answer.K).holds),
         }
 

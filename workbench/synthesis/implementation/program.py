@@ -337,7 +337,7 @@ class Implementation(Program):
             "delay_margin_samples": min(row.delay for row in rows),
             "rounding_share": answer.rounding.share,
             "order": float(answer.K.nstates),
-            "fastest_pole": float(pole_sizes(answer.K).max(initial=0.0)),
+            "fastest_pole_rad_s": float(pole_sizes(answer.K).max(initial=0.0)),
             "stable_controller": float((np.abs(answer.K.poles()) < 1.0).all()),
             "operations": float(answer.operations),
             "memory_bytes": float(answer.memory),

@@ -74,8 +74,8 @@ class NoStableController(ProofTask):
     def metrics(self, answer: Dataset) -> dict[str, float]:
         (_, low), (high, _) = answer["zeros"].values.tolist()
         return {
-            "lower_zero": float(low),
-            "upper_zero": float(high),
+            "lower_zero_rad_s": float(low),
+            "upper_zero_rad_s": float(high),
             "poles_between": float(len(_between(self.plant, low, high))),
         }
 

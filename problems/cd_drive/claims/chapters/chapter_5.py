@@ -356,7 +356,7 @@ ITEMS = (
                 at_most,
                 "largest real part of a zero of W_r [rad/s]",
                 VARIANTS,
-                "rightmost_zero_minimum_phase",
+                "rightmost_zero_minimum_phase_rad_s",
                 0.0,
             ),
             *both(

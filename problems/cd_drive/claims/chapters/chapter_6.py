@@ -269,8 +269,8 @@ ITEMS = (
         "Measured oscillations had 100 Hz at low gain, and 2000 Hz by saturation at high gain",
         Verdict.REPRODUCED,
         (
-            near("before the focus is lost, down [Hz]", RAMP, "frequency_down_mean", 100, 0.25),
-            near("before the signal is full, up [Hz]", RAMP, "frequency_up_mean", 2000, 0.25),
+            near("before the focus is lost, down [Hz]", RAMP, "frequency_down_mean_hz", 100, 0.25),
+            near("before the signal is full, up [Hz]", RAMP, "frequency_up_mean_hz", 2000, 0.25),
         ),
         "On twelve drives, over draws. The model without a limit would oscillate at 2619 Hz",
         "gain-ramp",

@@ -107,7 +107,7 @@ ITEMS = (
         Verdict.REPRODUCED,
         (
             at_least("peak of mu", ANALYSIS, "peak_circle", 1.2),
-            near("its frequency [Hz]", ANALYSIS, "frequency_circle", 30.0, 0.15),
+            near("its frequency [Hz]", ANALYSIS, "frequency_circle_hz", 30.0, 0.15),
             at_least(
                 "frequencies of 400 above 100 Hz at which it fails as well",
                 ANALYSIS,
@@ -166,7 +166,9 @@ ITEMS = (
                 quotient("peak_circle", "peak_stadium"),
                 1.2,
             ),
-            near("frequency of the stadiums' peak [Hz]", ANALYSIS, "frequency_stadium", 30.0, 0.15),
+            near(
+                "frequency of the stadiums' peak [Hz]", ANALYSIS, "frequency_stadium_hz", 30.0, 0.15
+            ),
         ),
         shown="one-x",
     ),

@@ -86,7 +86,7 @@ def conclusions_table(axis: Axis, numbers: Mapping[str, float]) -> str:
 
     gain, norm, least = (numbers[n] for n in ("adjusted_gain", "nominal_norm", "pointwise_bound"))
     fit, slow = numbers["pointwise_bound_sets"], numbers["pointwise_bound_1X"]
-    at, possible = numbers["pointwise_frequency"], numbers["least_possible"]
+    at, possible = numbers["pointwise_frequency_hz"], numbers["least_possible"]
     asked = [
         ("mu-PID, w_p to z_p", "20", three("peak_mu_pid_disturbance")),
         ("mu-PID, w_u to z_u", "below 1", three("peak_mu_pid_control")),
@@ -125,7 +125,7 @@ def _verdict(numbers: Mapping[str, float]) -> str:
     if numbers["least_possible"] > 1.0:
         return (
             "confirmed for the fitted stadiums, which no linear controller can master at "
-            f"{numbers['pointwise_frequency']:.3g} Hz; the nominal drive would allow it"
+            f"{numbers['pointwise_frequency_hz']:.3g} Hz; the nominal drive would allow it"
         )
     if numbers["least_reached"] < 1.0:
         return "refuted: a controller has a peak below 1"

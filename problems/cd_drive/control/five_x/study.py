@@ -231,7 +231,7 @@ class FiveX(Study):
             "nominal_norm": answer["nominal_norm"],
             "pointwise_bound": pointwise["pointwise_bound"],
             "pointwise_bound_disturbance": disturbance,
-            "pointwise_frequency": pointwise["pointwise_frequency"],
+            "pointwise_frequency_hz": pointwise["pointwise_frequency"],
             "pointwise_bound_1X": answer["pointwise_bound_1X"],
             "pointwise_bound_sets": answer["sets_least_mu"].max(),
             "dynamic_bound": dynamic,

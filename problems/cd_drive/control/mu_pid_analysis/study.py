@@ -186,7 +186,7 @@ class MuPidAnalysis(Study):
             name = "_".join(parts)
             numbers[f"peak_{name}"] = float(peak.sel(at).sel(bound="upper"))
             numbers[f"peak_lower_{name}"] = float(peak.sel(at).sel(bound="lower"))
-            numbers[f"frequency_{name}"] = float(peak_frequency.sel(at))
+            numbers[f"frequency_{name}_hz"] = float(peak_frequency.sel(at))
         return numbers
 
     adjusted_gain_5x = metric("adjusted_gain_5X", lambda adjusted_gain: adjusted_gain)

@@ -47,7 +47,7 @@ def test_no_controller_reaches_1_and_the_nominal_plant_tells(numbers):
 
 def test_the_pointwise_bound_is_that_of_the_resonance_at_any_speed(numbers):
     assert numbers["pointwise_bound"] > 1
-    assert numbers["pointwise_frequency"] == pytest.approx(31, abs=4)
+    assert numbers["pointwise_frequency_hz"] == pytest.approx(31, abs=4)
     assert numbers["pointwise_bound_1X"] == pytest.approx(numbers["pointwise_bound"], rel=1e-3)
     assert numbers["pointwise_bound_disturbance"] <= numbers["pointwise_bound"] * (1 + 1e-3)
 
