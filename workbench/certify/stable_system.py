@@ -110,7 +110,7 @@ class StableSystem:
             return found and found.channels(outputs, inputs, output_gains, input_gains)
 
         source = self.source and self.source.channels(outputs, inputs, output_gains, input_gains)
-        return _system((A, B, C), D, self.poles, cache(modal), source, self.period)
+        return enclosed_system((A, B, C), D, self.poles, cache(modal), source, self.period)
 
     @property
     def scale(self) -> float:
@@ -228,11 +228,12 @@ def stable_system(system: Any, *, sampled: bool = False) -> StableSystem:
         form = in_modes(PRECISIONS[0])
         if form is None or not (_sharp(form) and _spread(pole_discs(form[0])) < 1.0):
             return None
-        return _system(form, D, poles, period=period)
+        return enclosed_system(form, D, poles, period=period)
 
     if parts is plain:
-        return _system(parts, D, poles, cache(modal) if n else lambda: None, period=period)
-    return _system(parts, D, poles, source=_system(plain, D, poles, period=period), period=period)
+        return enclosed_system(parts, D, poles, cache(modal) if n else lambda: None, period=period)
+    source = enclosed_system(plain, D, poles, period=period)
+    return enclosed_system(parts, D, poles, source=source, period=period)
 
 
 Realised = tuple[RealArray, RealArray, RealArray, RealArray]
@@ -310,7 +311,7 @@ def _sharp(parts: Enclosures) -> bool:
     )
 
 
-def _system(
+def enclosed_system(
     parts: Enclosures,
     D: Enclosure,
     poles: Array,

@@ -1,5 +1,6 @@
 """The structured singular value: certified bounds at frequencies and over all of them."""
 
+from workbench.mu.boxes.probability import GuaranteedProbability, guaranteed_probability
 from workbench.mu.frequency.peak import Peak, peak, with_complex_part
 from workbench.mu.frequency.sweep import Sweep, frequency_sweep
 from workbench.mu.lower.bound import lower_bound
@@ -43,6 +44,7 @@ __all__ = [
     "DiskMargin",
     "Full",
     "GainRoom",
+    "GuaranteedProbability",
     "LoopMargins",
     "LowerBound",
     "MonteCarlo",
@@ -71,6 +73,7 @@ __all__ = [
     "frequency_sweep",
     "gain_room",
     "gradient",
+    "guaranteed_probability",
     "loop_margins",
     "lower_bound",
     "margin_sensitivity",

@@ -9,26 +9,24 @@ from typing import Any
 
 import numpy as np
 
-from workbench.certify.stable_system import angular_frequency, stable_system
+from workbench.certify.stable_system import StableSystem, angular_frequency, stable_system
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
-from workbench.input_checks import is_real, need_positive, need_tolerance
+from workbench.input_checks import need_count, need_positive, need_tolerance
+from workbench.mu.boxes.margin import box_margin
+from workbench.mu.boxes.recentred import RealParameters
 from workbench.mu.frequency.attained import destabilised
 from workbench.mu.frequency.peak import Peak, peak
-from workbench.mu.robust.channels import even_channels
+from workbench.mu.frequency.channels import analysed, even_channels
 from workbench.mu.robust.destabilising import destabilising
+from workbench.mu.robust.regions import slowed, turned
 from workbench.structure import Full, Real
 from workbench.systems.bilinear import bilinear_sampled
-from workbench.systems.realisation import realisation, worst_pole
-from workbench.uncertainty.algebra.delays import DelayElement
-from workbench.uncertainty.algebra.elements import DynamicElement
-from workbench.uncertainty.algebra.lft import INTEGRATOR, LFT
+from workbench.systems.realisation import realisation
 from workbench.uncertainty.algebra.system import UncertainSystem, uncertain
 
-COMPLEX_SHARE = 1e-3
-"""Complex part of the parameters in the proof, where all elements are real."""
-REACH = 2.0
-"""Multiple of the real part of a worst perturbation up to which an unstable one is looked for."""
+PARTS = 4000
+"""Most parts of a box of real parameters that are examined."""
 BISECTIONS = 40
 """Most sizes of uncertainty that are tried for a margin of performance."""
 MOST_GROWTH = 1e6
@@ -42,14 +40,17 @@ class StabilityMargin:
     Stability is proven for every perturbation smaller than ``lower``. ``worst`` is a perturbation
     of size ``upper``, by name, that makes the system unstable at ``omega`` [rad/s]: values of
     parameters, and dynamics as systems (None where no perturbation was found, and ``upper`` is
-    infinite). Above 1 the system is stable for all of its uncertainty.
+    infinite). Above 1 the system is stable for all of its uncertainty. ``peak`` is the peak of mu
+    that this rests on; where all elements are real there is none, but a number of ``parts`` of
+    their box (see `workbench.mu.boxes`).
     """
 
     lower: float
     upper: float
     omega: float
     worst: Mapping[str, Any] | None
-    peak: Peak
+    peak: Peak | None
+    parts: int = 0
 
     def __repr__(self) -> str:
         verdict = "not decided for all of its uncertainty"
@@ -94,56 +95,79 @@ def robust_stability(
     tolerance: float = 1e-4,
     *,
     decay: float = 0.0,
-    complex_part: float = COMPLEX_SHARE,
+    damping: float = 0.0,
+    parts: int = PARTS,
 ) -> StabilityMargin:
     """Certified margin of robust stability of an uncertain system, such as a closed loop.
 
-    Where all elements are real, mu is not continuous over frequency. Then each parameter gets a
-    small complex part in the proof of the lower bound, which holds without it too and is smaller
-    for it; the worst perturbation is real.
+    Where all elements are real, mu is not continuous over frequency. Then the box of parameters is
+    cut into parts and frequencies into bands until each is excluded, so that the bounds meet.
 
     Parameters
     ----------
     system
         An `UncertainSystem`, stable at its nominal; or what stands for one.
     tolerance
-        As in `peak`.
+        As in `peak`; where all elements are real, relative distance of the bounds.
     decay
         A rate [1/s]: poles must lie left of -decay (sampled: within exp(-decay T)) and not only
         left of the axis, so that whatever moves falls as fast. For systems without dynamics, whose
         gain is known on the axis only.
-    complex_part
-        Complex part, as a share of every parameter, where all elements are real. Where nothing is
-        proven with it, ten times as much is tried.
+    damping
+        A ratio below 1: all poles must be damped as much, in continuous time. For systems without
+        dynamics, too.
+    parts
+        Where all elements are real, most parts of their box that are examined.
 
     Raises
     ------
     InputError
-        The system has no uncertain element, or is unstable at its nominal.
+        The system has no uncertain element, or is unstable at its nominal, or has a nominal pole
+        outside the region asked for.
     """
-    import control
+    given = uncertain(system, "system")
+    need_count("parts", parts)
+    need_tolerance(tolerance)
+    asked = [slowed(given, decay)] if decay or not damping else []
+    if damping:
+        asked.append(turned(given, damping))
+    margins = [_margin(analysed(one), tolerance, parts) for one in asked]
+    first = min(margins, key=lambda one: one.upper)
+    return replace(first, lower=min(one.lower for one in margins))
 
-    found = _analysed(_slowed(uncertain(system, "system"), decay))
+
+def _margin(found: UncertainSystem, tolerance: float, parts: int) -> StabilityMargin:
+    """The margin of a system whose poles must lie left of the axis, or in the circle."""
     structure = found.structure
     N, period = even_channels(found.system, structure)
-    real = all(isinstance(block, Real) for block in structure)
-    bounds = peak(N, structure, tolerance, complex_part=complex_part if real else 0.0)
-    if real and math.isinf(bounds.upper):
-        bounds = peak(N, structure, tolerance, complex_part=10 * complex_part)
+    if all(isinstance(block, Real) for block in structure):
+        return _margin_of_parameters(found, stable_system(N), period, tolerance, parts)
+    bounds = peak(N, structure, tolerance)
     lower = 1 / bounds.upper if bounds.upper > 0 else math.inf
     omega = angular_frequency(bounds.omega, period)
     if not bounds.lower > 0:
         return StabilityMargin(lower, math.inf, omega, None, bounds)
-    if real:  # what has a complex part is none of the set's perturbations
-        best = destabilised(stable_system(N), structure, np.real(bounds.Delta), reach=REACH)
-        if not best.value > 0:
-            return StabilityMargin(lower, math.inf, omega, None, bounds)
-        Delta = control.ss([], [], [], best.Delta.real)
-        worst, omega = values_of(found, Delta), angular_frequency(best.omega, period)
-        return StabilityMargin(lower, 1 / best.value, omega, worst, bounds)
     Delta = destabilising(bounds, N, structure)
     worst = values_of(found, bilinear_sampled(Delta, period) if period else Delta)
     return StabilityMargin(lower, 1 / bounds.lower, omega, worst, bounds)
+
+
+def _margin_of_parameters(
+    found: UncertainSystem, stable: StableSystem, period: float, tolerance: float, parts: int
+) -> StabilityMargin:
+    """As `_margin` where all elements are real."""
+    import control
+
+    given = RealParameters(stable, found.structure)
+    box = box_margin(given, tolerance, parts)
+    if box.values is None:
+        return StabilityMargin(box.lower, math.inf, math.nan, None, None, box.parts)
+    best = destabilised(stable, found.structure, given.perturbation(box.values))
+    if not best.value > 0:
+        return StabilityMargin(box.lower, math.inf, math.nan, None, None, box.parts)
+    worst = values_of(found, control.ss([], [], [], best.Delta.real))
+    omega = angular_frequency(best.omega, period)
+    return StabilityMargin(box.lower, 1 / best.value, omega, worst, None, box.parts)
 
 
 def robust_performance(
@@ -171,7 +195,7 @@ def robust_performance(
     """
     need_positive(gain, "gain")
     need_tolerance(tolerance)
-    found = _analysed(system)
+    found = analysed(system)
     structure, given = found.structure, found.system
     closed = structure.with_performance(found.noutputs, found.ninputs)
     whole, period = even_channels(given, closed)
@@ -208,38 +232,6 @@ def robust_performance(
         else:
             t = math.sqrt(low * high)
     return PerformanceMargin(low, high, angular_frequency(omega, period), gain)
-
-
-def _slowed(found: UncertainSystem, decay: float) -> UncertainSystem:
-    """The system with its poles moved to the right by a rate [1/s]."""
-    if not is_real(decay) or not 0.0 <= decay < math.inf:
-        raise InputError(f"decay is {decay!r}; a rate of 0 or more [1/s] is needed")
-    if not decay:
-        return found
-    for one in found.elements.values():
-        if isinstance(one, DynamicElement | DelayElement):
-            raise InputError(
-                f"{one.name} is dynamics, of which nothing is known left of the axis; decay is for "
-                "systems with uncertain numbers only"
-            )
-    M, states = found.value.M.copy(), np.array([name == INTEGRATOR for name in found.value.names])
-    place = np.flatnonzero(states)
-    if found.dt:
-        M[place] *= math.exp(decay * found.dt)
-    else:
-        M[place, place] += decay
-    return replace(found, value=LFT(M, found.value.names))
-
-
-def _analysed(system: Any) -> UncertainSystem:
-    """The uncertain system; raises InputError for one whose robustness has no meaning."""
-    found = uncertain(system, "system")
-    if not found.elements:
-        raise InputError("the system has no uncertain element; there is nothing to be robust to")
-    worst, beyond = worst_pole(found.nominal)
-    if beyond >= 0:
-        raise InputError(f"the system is unstable at its nominal: it has a pole at {worst:.6g}")
-    return found
 
 
 def values_of(found: UncertainSystem, Delta: StateSpace) -> dict[str, Any]:

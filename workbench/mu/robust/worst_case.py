@@ -22,7 +22,7 @@ from workbench.certify.perturbed_loop import proven_at, proven_gain, proven_over
 from workbench.certify.stable_system import StableSystem, angular_frequency, stable_system
 from workbench.errors import InputError
 from workbench.input_checks import need_structure, need_tolerance
-from workbench.mu.robust.channels import even_channels
+from workbench.mu.frequency.channels import even_channels
 from workbench.mu.robust.skewed_peak import LEVEL_ROUNDING, SkewedPeak, SkewSearch
 from workbench.structure import Structure
 from workbench.systems.joints import UncertainPart

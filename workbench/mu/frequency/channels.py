@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
+from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.mu.upper.bound import upper_bound
 from workbench.structure import Structure
-from workbench.systems.balancing import balanced
+from workbench.systems.balancing import balanced, speed
 from workbench.systems.bilinear import bilinear_continuous
 from workbench.systems.frequency_grid import frequencies_of
 from workbench.systems.generalised_plant import response
 from workbench.systems.gramians import balancing_projections, gramian_factors
-from workbench.systems.realisation import realisation
+from workbench.systems.realisation import realisation, worst_pole
+from workbench.uncertainty.algebra.system import UncertainSystem, uncertain
 
 FREQUENCIES = 12
 """Frequencies at which the scalings of the channels are compared."""
@@ -25,9 +29,10 @@ def seen_channels(whole: StateSpace, rows: int, columns: int) -> StateSpace:
     chains of equal lags are not. Coordinates in which the Gramians are equal are better; states
     that no channel sees are left out, whose stability is known.
     """
-    A, B, C = balanced(whole.A, whole.B[:, :columns], whole.C[:rows])
+    rate = speed(whole.A)
+    A, B, C = balanced(whole.A / rate, whole.B[:, :columns] / rate, whole.C[:rows])
     left, right, _ = balancing_projections(*gramian_factors(A, B, C))
-    parts = balanced(left @ A @ right, left @ B, C @ right)
+    parts = balanced(rate * (left @ A @ right), rate * (left @ B), C @ right)
     return realisation((*parts, whole.D[:rows, :columns]), 0.0)
 
 
@@ -46,6 +51,17 @@ def even_channels(system: StateSpace, structure: Structure) -> tuple[StateSpace,
     B, C = plane.B / into, out[:, None] * plane.C
     D = out[:, None] * plane.D / into
     return seen_channels(realisation((plane.A, B, C, D), 0.0), rows, columns), period
+
+
+def analysed(system: Any) -> UncertainSystem:
+    """The uncertain system; raises InputError for one whose robustness has no meaning."""
+    found = uncertain(system, "system")
+    if not found.elements:
+        raise InputError("the system has no uncertain element; there is nothing to be robust to")
+    worst, beyond = worst_pole(found.nominal)
+    if beyond >= 0:
+        raise InputError(f"the system is unstable at its nominal: it has a pole at {worst:.6g}")
+    return found
 
 
 def _powers(plane: StateSpace, structure: Structure) -> tuple[np.ndarray, np.ndarray]:

@@ -1,0 +1,95 @@
+"""Guaranteed probabilities, against areas known in closed form and against samples."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from workbench.errors import InputError, UnknownNameError
+from workbench.mu import guaranteed_probability
+from workbench.uncertainty import complex_scalar, dynamics, real, ss, tf
+
+RNG = np.random.default_rng(0)
+
+
+def holds(found, exact, tolerance):
+    assert found.lower <= exact <= found.upper
+    assert found.upper - found.lower <= tolerance
+
+
+def test_a_probability_known_in_closed_form():
+    """s^2 + a s + b is stable where both are positive."""
+    a, b = (real(name, 0.5, plus_minus=1) for name in "ab")
+    found = guaranteed_probability(tf([1], [1, a, b]), tolerance=0.03)
+    holds(found, 0.75**2, 0.03)
+    assert "stable; " in repr(found)
+
+
+def test_a_curved_boundary():
+    """s^3 + x s^2 + y s + z of positive coefficients is stable where x y > z: an integral."""
+    x, y = real("x", 1, plus_minus=1), real("y", 1, plus_minus=1)
+    found = guaranteed_probability(tf([1], [1, x, y, 0.5]), tolerance=0.05)
+    holds(found, 1 - (0.5 + 0.5 * np.log(8)) / 4, 0.05)
+
+
+def gains(x, y):
+    """Largest gains of 1 / (s^2 + x s + y)."""
+    inner = np.maximum(y - x * x / 4, 1e-9)
+    return np.where(x * x < 2 * y, 1 / (x * np.sqrt(inner)), 1 / y)
+
+
+@pytest.mark.parametrize("named", [{}, {"x": stats.norm(0.5, 0.2)}])
+def test_the_probability_of_a_gain(named):
+    x, y = real("x", 0.6, plus_minus=0.4), real("y", 1, plus_minus=0.5)
+    found = guaranteed_probability(tf([1], [1, x, y]), 2.0, distributions=named, tolerance=0.08)
+    draws = named["x"].rvs(10**6, random_state=1) if named else RNG.uniform(0.2, 1, 10**6)
+    draws = draws[(draws > 0.2) & (draws < 1)]
+    share = (gains(draws, RNG.uniform(0.5, 1.5, len(draws))) < 2).mean()
+    assert found.lower - 0.002 <= share <= found.upper + 0.002
+    assert found.upper - found.lower <= 0.08
+
+
+def test_all_and_none():
+    c = real("c", 1, plus_minus=0.5)
+    sure = guaranteed_probability(tf([1], [1, c, 1]))
+    assert sure.lower == pytest.approx(1.0, abs=1e-9)
+    assert sure.parts == 1
+    never = guaranteed_probability(tf([5], [1, c, 1]), 1.0, tolerance=1e-3)
+    assert never.upper == pytest.approx(0.0, abs=1e-3)
+
+
+def test_an_uneven_range_counts_values_and_not_perturbations():
+    c = real("c", 1, low=-1, high=9)
+    found = guaranteed_probability(tf([1], [1, c, 1]), tolerance=1e-3)
+    holds(found, 0.9, 1e-3)
+
+
+def test_sampled_systems_too():
+    a = real("a", 0.5, plus_minus=1)
+    holds(guaranteed_probability(ss([[a]], [[1]], [[1]], 0, 0.1), tolerance=1e-3), 0.75, 1e-3)
+
+
+PLANT = tf([1], [1, real("c", 1, plus_minus=0.5), 1])
+
+
+@pytest.mark.parametrize(
+    ("given", "asked", "words"),
+    [
+        (PLANT + complex_scalar("d", 0, 0.1), {}, "d is no real parameter"),
+        (PLANT * (1 + dynamics("w", 1, 1)), {}, "w is no real parameter"),
+        (PLANT, {"gain": -1.0}, "gain is -1.0"),
+        (PLANT, {"tolerance": 0}, "tolerance is 0"),
+        (PLANT, {"parts": 0.5}, "parts is 0.5"),
+        (PLANT, {"distributions": {"c": 3}}, "one with a cdf"),
+        (PLANT, {"distributions": {"c": stats.uniform(5, 6)}}, "nothing in its range"),
+        (tf([1], [1, 1]), {}, "no uncertain element"),
+        (tf([1], [1, real("c", -1, plus_minus=0.5), 1]), {}, "unstable at its nominal"),
+    ],
+)
+def test_wrong_questions_are_refused(given, asked, words):
+    with pytest.raises(InputError, match=words):
+        guaranteed_probability(given, **asked)
+
+
+def test_an_unknown_parameter_is_named():
+    with pytest.raises(UnknownNameError, match="k"):
+        guaranteed_probability(PLANT, distributions={"k": stats.norm(0, 1)})

@@ -1,0 +1,1 @@
+"""Branch and bound over real parameters and frequency together."""

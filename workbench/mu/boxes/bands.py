@@ -1,0 +1,100 @@
+"""The frequencies at which a perturbation of size 1 is not excluded yet."""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+
+import numpy as np
+
+from workbench.arrays import ComplexArray, RealArray
+from workbench.certify.cover import BoundsAt, FrequencyBounds, without
+from workbench.certify.interval import proven_in_doubles
+from workbench.certify.stable_system import StableSystem
+from workbench.mu.frequency.peak import with_complex_part
+from workbench.mu.frequency.sweep import bounds_at
+from workbench.structure import Structure
+from workbench.systems.frequency_grid import starting_grid
+
+Band = tuple[float, float]
+"""Lowest and highest frequency [rad/s], those of the bilinear plane for a sampled system."""
+
+WHOLE: tuple[Band, ...] = ((0.0, math.inf),)
+"""All frequencies."""
+PROMISING = 0.98
+"""Bounds below this are worth a proof on an interval."""
+COMPLEX_SHARE = 0.1
+"""Complex part of the parameters for which multipliers are chosen. Those of real parameters alone
+hold on far narrower intervals."""
+ROUNDS = 3
+"""Rounds in which the middles of what is open are bounded too."""
+MOST_GAPS = 12
+"""Gaps from which a part is cut rather than covered further."""
+
+
+def open_bands(
+    system: StableSystem, structure: Structure, bands: tuple[Band, ...]
+) -> tuple[tuple[Band, ...], ComplexArray]:
+    """What multipliers leave open of the bands, and the response where the bound is largest.
+
+    At all other frequencies I - M Delta is proven to be regular for every Delta of size up to 1.
+    First multipliers without G are tried, since they hold on wide intervals.
+    """
+    plain = partial(bounds_at, system, structure.complexified())
+    points = _points(starting_grid(system.poles), bands)
+    first = plain(points)
+    worst = first.M[int(np.argmax(first.upper))]
+    bands = _covered(system, first, bands)
+    mixed = _with_real_blocks(system, structure)
+    for _ in range(ROUNDS):
+        if not bands or len(bands) > MOST_GAPS:
+            break
+        before = bands
+        for at in (plain, mixed):
+            if bands:
+                bands = _covered(system, at(np.unique([_middle(*one) for one in bands])), bands)
+        if bands == before:
+            break
+    return bands, worst
+
+
+def _covered(
+    system: StableSystem, found: FrequencyBounds, bands: tuple[Band, ...]
+) -> tuple[Band, ...]:
+    """What known multipliers leave open, those of the largest bounds below 1 first."""
+    for k in np.argsort(-found.upper):
+        omega = float(found.omega[k])
+        if found.upper[k] >= PROMISING or not any(low <= omega <= high for low, high in bands):
+            continue
+        multipliers = found.D_left[k], found.D_right[k], found.G[k]
+        ends, _ = proven_in_doubles(system, multipliers, 1.0, omega)
+        if ends is not None:
+            bands = tuple(rest for gap in bands for rest in without(gap, ends))
+    return bands
+
+
+def _with_real_blocks(system: StableSystem, structure: Structure) -> BoundsAt:
+    """Bounds whose multipliers hold for parameters with a complex part as well."""
+    larger, blocks = with_complex_part(system, structure, COMPLEX_SHARE)
+    c, r = structure.columns, structure.rows
+
+    def at(omega: RealArray) -> FrequencyBounds:
+        found = bounds_at(larger, blocks, omega)
+        left, right, G = found.D_left[:, :c, :c], found.D_right[:, :r, :r], found.G[:, :r, :c]
+        return FrequencyBounds(omega, found.M[:, :c, :r], found.upper, left, right, G)
+
+    return at
+
+
+def _points(grid: RealArray, bands: tuple[Band, ...]) -> RealArray:
+    """Those of a grid in the bands, their ends and their middles."""
+    inside = [grid[(grid >= low) & (grid <= high)] for low, high in bands]
+    middles = [_middle(*band) for band in bands]
+    return np.unique(np.concatenate([*inside, np.ravel(bands), middles]))
+
+
+def _middle(low: float, high: float) -> float:
+    """A frequency between two, in the middle of their logarithms where both are finite."""
+    if math.isinf(high):
+        return 2.0 * low if low > 0 else 1.0
+    return math.sqrt(low) * math.sqrt(high) if low > 0 else high / 2

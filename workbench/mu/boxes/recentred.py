@@ -1,0 +1,127 @@
+"""An uncertain system about other values of its real parameters, with rounding enclosed.
+
+In a box of real parameters with centre c and half-widths w, delta = c + w e with |e| <= 1. The
+system M that delta closes is then N = (I - M K)^-1 M W closed by e, where K has the centre in the
+blocks of real scalars and W scales the inputs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.arrays import ComplexArray, RealArray
+from workbench.certify.eigenvalues import Discs, pole_discs, separate_pole_discs
+from workbench.certify.rounding import Enclosure, enclosed_inverse, exact
+from workbench.certify.stable_system import StableSystem, enclosed_system
+from workbench.mu.boxes.bands import Band, open_bands
+from workbench.mu.boxes.partition import Part
+from workbench.structure import Real, Structure
+
+
+@dataclass(frozen=True, eq=False)
+class Recentred:
+    """An uncertain system about other values of its parameters; ``stable`` tells of its centre.
+
+    Of poles right of the axis the proofs on intervals of frequency ask only that they are not on
+    it, so that ``system`` may have them.
+    """
+
+    system: StableSystem
+    structure: Structure
+    stable: bool
+
+    def open_bands(self, bands: tuple[Band, ...]) -> tuple[tuple[Band, ...], ComplexArray]:
+        """As `workbench.mu.boxes.bands.open_bands`."""
+        return open_bands(self.system, self.structure, bands)
+
+
+@dataclass(frozen=True, eq=False)
+class RealParameters:
+    """A stable system with a structure, and which of its blocks are real parameters."""
+
+    system: StableSystem
+    structure: Structure
+
+    @property
+    def places(self) -> list[int]:
+        """Numbers of the blocks that are real scalars."""
+        return [k for k, block in enumerate(self.structure) if isinstance(block, Real)]
+
+    def perturbation(self, values: RealArray) -> RealArray:
+        """The perturbation (r, c) of normalised values (p,), with all other blocks 0."""
+        Delta = np.zeros((self.structure.rows, self.structure.columns))
+        for value, k in zip(values, self.places, strict=True):
+            into, out = self.structure.row_slices[k], self.structure.column_slices[k]
+            Delta[into, out] = value * np.eye(into.stop - into.start)
+        return Delta
+
+    def state_matrices(self, values: RealArray) -> RealArray:
+        """The state matrices (..., n, n) at values (..., p); not finite where ill-posed."""
+        A, B, C, D = self.system.A, self.system.B, self.system.C, self.system.D
+        flat = values.reshape(-1, values.shape[-1])
+        Delta = np.array([self.perturbation(one) for one in flat])
+        loop = np.eye(len(D)) - D @ Delta
+        regular = np.linalg.cond(loop) < 1 / np.finfo(float).eps
+        loop[~regular] = np.eye(len(D))
+        found = A + B @ Delta @ np.linalg.solve(loop, np.broadcast_to(C, (len(flat), *C.shape)))
+        found[~regular] = np.nan
+        result: RealArray = found.reshape(*values.shape[:-1], *A.shape)
+        return result
+
+    def recentred(self, part: Part, others: float = 1.0) -> Recentred | None:
+        """N about the centre of a part, the blocks that are no real scalars times `others`.
+
+        None where a pole at the centre cannot be told from the axis, or it is ill-posed there.
+        """
+        loop = self._closed(exact(self.perturbation(part.centre)))
+        if loop is None:
+            return None
+        moved, closed, direct, dynamics = loop
+        discs = _discs(dynamics)
+        if _undecided(discs):
+            return None
+        scale = np.full(self.structure.rows, others)
+        for value, k in zip(part.reach, self.places, strict=True):
+            scale[self.structure.row_slices[k]] = value
+        B, D = self.system.enclosures[1], direct
+        system = enclosed_system(
+            (dynamics, (B + moved @ D).times(scale), closed),
+            D.times(scale),
+            discs.centre.astype(complex),
+            period=self.system.period,
+        )
+        return Recentred(system, self.structure, discs.rightmost < 0)
+
+    def all_stable(self, part: Part) -> bool | None:
+        """Whether all members of a part are stable, or none is, by discs of their poles at once.
+
+        None where the discs do not tell; they do for narrow parts.
+        """
+        centre, width = self.perturbation(part.centre), self.perturbation(part.reach)
+        loop = self._closed(Enclosure(centre, np.abs(width)))
+        if loop is None:
+            return None
+        discs = _discs(loop[3])
+        return None if _undecided(discs) else discs.rightmost < 0
+
+    def _closed(self, K: Enclosure) -> tuple[Enclosure, ...] | None:
+        """B K, (I - D K)^-1 C, (I - D K)^-1 D and the state matrix; None where ill-posed."""
+        A, B, C, D = self.system.enclosures
+        back = enclosed_inverse(exact(np.eye(len(self.system.D))) - D @ K)
+        if back is None:
+            return None
+        moved, closed = B @ K, back @ C
+        return moved, closed, back @ D, A + moved @ closed
+
+
+def _discs(dynamics: Enclosure) -> Discs:
+    """Discs of the poles, none across the axis where that can be proven."""
+    discs = pole_discs(dynamics)
+    return separate_pole_discs(dynamics) if _undecided(discs) else discs
+
+
+def _undecided(discs: Discs) -> bool:
+    """Whether a disc meets the imaginary axis."""
+    return not bool((np.abs(discs.centre.real) > discs.radius).all())

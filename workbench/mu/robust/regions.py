@@ -1,0 +1,69 @@
+"""Systems that are stable exactly where the poles of given ones lie in a region of the plane."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from workbench.errors import InputError
+from workbench.input_checks import is_real
+from workbench.uncertainty.algebra.delays import DelayElement
+from workbench.uncertainty.algebra.elements import DynamicElement
+from workbench.uncertainty.algebra.lft import INTEGRATOR, LFT
+from workbench.uncertainty.algebra.system import UncertainSystem
+
+
+def slowed(found: UncertainSystem, decay: float) -> UncertainSystem:
+    """The system with its poles moved to the right by a rate [1/s]."""
+    if not is_real(decay) or not 0.0 <= decay < math.inf:
+        raise InputError(f"decay is {decay!r}; a rate of 0 or more [1/s] is needed")
+    if not decay:
+        return found
+    _need_numbers(found, "decay")
+    M, place = found.value.M.copy(), _states(found)
+    if found.dt:
+        M[place] *= math.exp(decay * found.dt)
+    else:
+        M[place, place] += decay
+    return replace(found, value=LFT(M, found.value.names))
+
+
+def turned(found: UncertainSystem, damping: float) -> UncertainSystem:
+    """The system with its poles turned by asin(damping) towards the axis, in real coordinates.
+
+    x' = exp(-j phi) (A x + B w) is stable exactly where the poles above the real axis have a
+    damping ratio above sin(phi); the others are their conjugates. Each channel becomes two, its
+    real and its imaginary part.
+    """
+    if not is_real(damping) or not 0.0 <= damping < 1.0:
+        raise InputError(f"damping is {damping!r}; a ratio from 0 to below 1 is needed")
+    _need_numbers(found, "damping")
+    if found.dt:
+        raise InputError(
+            f"damping is for continuous time and the system has dt = {found.dt} s: its poles of "
+            "one damping ratio lie on a spiral; give `decay`"
+        )
+    phi = math.asin(damping)
+    turn = np.array([[math.cos(phi), math.sin(phi)], [-math.sin(phi), math.cos(phi)]])
+    M, place = np.kron(found.value.M, np.eye(2)), _states(found)
+    for k in place:
+        M[2 * k : 2 * k + 2] = turn @ M[2 * k : 2 * k + 2]
+    names = tuple(name for name in found.value.names for _ in range(2))
+    return replace(found, value=LFT(M, names))
+
+
+def _states(found: UncertainSystem) -> np.ndarray:
+    """Numbers of the channels that are states."""
+    return np.flatnonzero([name == INTEGRATOR for name in found.value.names])
+
+
+def _need_numbers(found: UncertainSystem, asked: str) -> None:
+    """Refuse a system with dynamics."""
+    for one in found.elements.values():
+        if isinstance(one, DynamicElement | DelayElement):
+            raise InputError(
+                f"{one.name} is dynamics, of which nothing is known left of the axis; {asked} is "
+                "for systems with uncertain numbers only"
+            )
