@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from workbench.arrays import BoolArray, RealArray
-from workbench.mu.boxes.partition import Part, Partition, corners, effects_in
+from workbench.arrays import RealArray
+from workbench.mu.boxes.partition import BoxPart, Partition, corner_signs, effects_in
 from workbench.mu.boxes.recentred import RealParameters
 
 BISECTIONS = 60
@@ -64,9 +64,9 @@ class _Search:
 
     def _started(self) -> None:
         """An upper bound from the directions of the corners, over all sizes."""
-        signs = corners(self.count)
+        signs = corner_signs(self.count)
         for size in np.geomspace(1 / LARGEST, LARGEST, SIZES):
-            for values in (size * signs)[self._unstable(size * signs)]:
+            for values in (size * signs)[self.given.unstable(size * signs)]:
                 self._shrunk(values)
             if self.upper < math.inf:
                 return
@@ -91,32 +91,23 @@ class _Search:
         self.lower = level
         return True
 
-    def _tried(self, part: Part) -> None:
+    def _tried(self, part: BoxPart) -> None:
         """Look for unstable members at the centre and at the corners of a part."""
-        tried = np.vstack([part.centre, part.centre + corners(self.count) * part.width])
+        tried = np.vstack([part.centre, part.centre + corner_signs(self.count) * part.width])
         tried = tried[np.abs(tried).max(axis=1) > 0]
-        unstable = tried[self._unstable(tried)]
+        unstable = tried[self.given.unstable(tried)]
         for values in unstable[np.argsort(np.abs(unstable).max(axis=1))][:2]:
             self._shrunk(values)
-
-    def _unstable(self, values: RealArray) -> BoolArray:
-        """Which of the values (k, p) have a pole right of the axis or are ill-posed."""
-        A = self.given.state_matrices(values)
-        regular = np.isfinite(A).all(axis=(1, 2))
-        found: BoolArray = np.logical_not(regular)
-        poles = np.linalg.eigvals(A[regular])
-        found[regular] = (poles.real > 0).any(axis=1)
-        return found
 
     def _shrunk(self, values: RealArray) -> None:
         """The least multiple of unstable values that is unstable still."""
         size = float(np.abs(values).max())
         low, high = 0.0, min(1.0, self.upper / size)
-        if not self._unstable(high * values[None])[0]:
+        if not self.given.unstable(high * values[None])[0]:
             return
         for _ in range(BISECTIONS):
             middle = (low + high) / 2
-            if self._unstable(middle * values[None])[0]:
+            if self.given.unstable(middle * values[None])[0]:
                 high = middle
             else:
                 low = middle

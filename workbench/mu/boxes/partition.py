@@ -2,8 +2,9 @@
 
 A part whose bands are all closed is proven: no perturbation in it puts a pole on the axis, so that
 all of its members have as many poles right of it as its centre. Frequencies that a part closes are
-closed for both of its pieces, so that each piece looks at what is left only. As parts shrink, bounds
-of their recentred systems fall to 0, and so every set is decided whose members are all stable.
+closed for both of its pieces, so that each piece looks at what is left only. As parts shrink,
+bounds of their recentred systems fall to 0, and so every set is decided whose members are all
+stable.
 
 Sources: R. de Gaston and M. Safonov, "Exact calculation of the multiloop stability margin", IEEE
 TAC 33 (1988); M. Newlin and P. Young, "Mixed mu problems and branch and bound techniques", CDC
@@ -38,7 +39,7 @@ Weight = Callable[[RealArray, RealArray], float]
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class BoxPart:
     """Normalised parameters within ``width`` of ``centre``, both (p,), and its open bands."""
 
     centre: RealArray
@@ -57,23 +58,23 @@ class Partition:
     def __init__(self, widths: RealArray, weight: Weight | None = None) -> None:
         self.widths = widths
         self.weight = weight or (lambda centre, width: float(np.prod(width / widths)))
-        self._open: list[tuple[float, int, Part]] = []
+        self._open: list[tuple[float, int, BoxPart]] = []
         self._count = 0
-        self.put(Part(np.zeros(len(widths)), widths))
+        self.put(BoxPart(np.zeros(len(widths)), widths))
 
     def __bool__(self) -> bool:
         return bool(self._open)
 
-    def put(self, part: Part) -> None:
+    def put(self, part: BoxPart) -> None:
         """Add an open part."""
         heapq.heappush(self._open, (-self.weight(part.centre, part.width), self._count, part))
         self._count += 1
 
-    def pop(self) -> Part:
+    def pop(self) -> BoxPart:
         """Take the open part that counts most."""
         return heapq.heappop(self._open)[2]
 
-    def cut(self, part: Part, effects: RealArray) -> bool:
+    def cut(self, part: BoxPart, effects: RealArray) -> bool:
         """Put both pieces of a part back, cut where it matters most; False if it is too narrow.
 
         ``effects`` (p,) tell how much each parameter matters; of equal ones the widest is cut.
@@ -83,11 +84,11 @@ class Partition:
         j = int(np.argmax(effects))
         if effects[j] < 0:
             return False
-        for share, side in ((CUT, -1.0), (1.0 - CUT, 1.0)):
+        for rest, side in ((CUT, -1.0), (1.0 - CUT, 1.0)):
             centre, width = part.centre.copy(), part.width.copy()
-            width[j] *= share
+            width[j] *= rest
             centre[j] += side * (part.width[j] - width[j])
-            self.put(Part(centre, width, part.bands))
+            self.put(BoxPart(centre, width, part.bands))
         return True
 
 
@@ -107,7 +108,7 @@ def effects_in(response: ComplexArray, structure: Structure) -> RealArray:
     return found / (found.max() or 1.0)
 
 
-def corners(count: int) -> RealArray:
+def corner_signs(count: int) -> RealArray:
     """Signs of the corners of a box of so many parameters (k, p)."""
     free = min(count, int(np.log2(MOST_CORNERS)))
     signs = np.ones((2**free, count))

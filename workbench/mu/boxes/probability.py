@@ -17,7 +17,7 @@ from workbench.certify.stable_system import StableSystem, stable_system
 from workbench.errors import InputError, UnknownNameError
 from workbench.input_checks import need_count, need_positive
 from workbench.mu.boxes.bands import WHOLE
-from workbench.mu.boxes.partition import Part, Partition, Weight, corners, effects_in
+from workbench.mu.boxes.partition import BoxPart, Partition, Weight, corner_signs, effects_in
 from workbench.mu.boxes.recentred import RealParameters
 from workbench.mu.frequency.channels import analysed, even_channels
 from workbench.mu.upper.bound import upper_bound
@@ -131,7 +131,7 @@ class _Question:
             stable.channels(np.arange(c), np.arange(r)), found.structure
         )
 
-    def asked_of(self, part: Part) -> tuple[bool | None, Part, RealArray]:
+    def asked_of(self, part: BoxPart) -> tuple[bool | None, BoxPart, RealArray]:
         """The verdict, None for none; what is left of the part; how much each parameter matters."""
         effects = self._changes(part)
         if effects.any():
@@ -156,16 +156,13 @@ class _Question:
         effects = effects_in(response, self.parameters.structure)
         return (None if bands else False), part, effects
 
-    def _changes(self, part: Part) -> RealArray:
+    def _changes(self, part: BoxPart) -> RealArray:
         """Along how many edges of a part stability changes, for each parameter, by eigenvalues."""
-        signs = corners(len(part.width))
-        A = self.parameters.state_matrices(part.centre + signs * part.width)
-        regular = np.isfinite(A).all(axis=(1, 2))
-        good = regular.copy()
-        good[regular] = (np.linalg.eigvals(A[regular]).real < 0).all(axis=1)
+        signs = corner_signs(len(part.width))
+        bad = self.parameters.unstable(part.centre + signs * part.width)
         changes = np.zeros(len(part.width))
         for j in range(min(len(part.width), int(np.log2(len(signs))))):
-            changes[j] = np.count_nonzero(good[signs[:, j] > 0] != good[signs[:, j] < 0])
+            changes[j] = np.count_nonzero(bad[signs[:, j] > 0] != bad[signs[:, j] < 0])
         return changes
 
     def _above(self, system: StableSystem) -> bool:
@@ -193,11 +190,13 @@ class _Question:
 
 def _weight(found: UncertainSystem, distributions: Mapping[str, Any]) -> Weight:
     """The probability of a part."""
+    elements: list[RealElement] = []
     for name, one in found.elements.items():
         if not isinstance(one, RealElement):
             raise InputError(
                 f"{name} is no real parameter; a probability is of numbers with a distribution"
             )
+        elements.append(one)
     for name, given in distributions.items():
         if name not in found.elements:
             raise UnknownNameError("parameter", name, list(found.elements))
@@ -206,7 +205,6 @@ def _weight(found: UncertainSystem, distributions: Mapping[str, Any]) -> Weight:
                 f"the distribution of {name} is {given!r}; one with a cdf is needed, such as "
                 "scipy.stats.norm(10, 1)"
             )
-    elements = list(found.elements.values())
     functions = [_share_below(one, distributions.get(one.name)) for one in elements]
 
     def weight(centre: RealArray, width: RealArray) -> float:

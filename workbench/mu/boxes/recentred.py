@@ -11,12 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench.arrays import EPS, BoolArray, ComplexArray, RealArray
 from workbench.certify.eigenvalues import Discs, pole_discs, separate_pole_discs
 from workbench.certify.rounding import Enclosure, enclosed_inverse, exact
 from workbench.certify.stable_system import StableSystem, enclosed_system
 from workbench.mu.boxes.bands import Band, open_bands
-from workbench.mu.boxes.partition import Part
+from workbench.mu.boxes.partition import BoxPart
 from workbench.structure import Real, Structure
 
 
@@ -58,19 +58,26 @@ class RealParameters:
         return Delta
 
     def state_matrices(self, values: RealArray) -> RealArray:
-        """The state matrices (..., n, n) at values (..., p); not finite where ill-posed."""
+        """The state matrices (k, n, n) at values (k, p); not finite where ill-posed."""
         A, B, C, D = self.system.A, self.system.B, self.system.C, self.system.D
-        flat = values.reshape(-1, values.shape[-1])
-        Delta = np.array([self.perturbation(one) for one in flat])
+        Delta = np.array([self.perturbation(one) for one in values])
         loop = np.eye(len(D)) - D @ Delta
-        regular = np.linalg.cond(loop) < 1 / np.finfo(float).eps
+        regular = np.linalg.cond(loop) < 1 / EPS
         loop[~regular] = np.eye(len(D))
-        found = A + B @ Delta @ np.linalg.solve(loop, np.broadcast_to(C, (len(flat), *C.shape)))
+        found = A + B @ Delta @ np.linalg.solve(loop, np.broadcast_to(C, (len(values), *C.shape)))
         found[~regular] = np.nan
-        result: RealArray = found.reshape(*values.shape[:-1], *A.shape)
+        result: RealArray = found
         return result
 
-    def recentred(self, part: Part, others: float = 1.0) -> Recentred | None:
+    def unstable(self, values: RealArray) -> BoolArray:
+        """Which of the values (k, p) have a pole right of the axis or are ill-posed, in doubles."""
+        A = self.state_matrices(values)
+        found: BoolArray = np.array(~np.isfinite(A).all(axis=(1, 2)))
+        poles = np.linalg.eigvals(A[~found])
+        found[~found] = (poles.real > 0).any(axis=1)
+        return found
+
+    def recentred(self, part: BoxPart, others: float = 1.0) -> Recentred | None:
         """N about the centre of a part, the blocks that are no real scalars times `others`.
 
         None where a pole at the centre cannot be told from the axis, or it is ill-posed there.
@@ -94,7 +101,7 @@ class RealParameters:
         )
         return Recentred(system, self.structure, discs.rightmost < 0)
 
-    def all_stable(self, part: Part) -> bool | None:
+    def all_stable(self, part: BoxPart) -> bool | None:
         """Whether all members of a part are stable, or none is, by discs of their poles at once.
 
         None where the discs do not tell; they do for narrow parts.

@@ -20,8 +20,8 @@ import numpy as np
 
 from workbench.certify.stable_system import angular_frequency
 from workbench.heavy_types import StateSpace
-from workbench.mu.frequency.peak import Peak, peak
 from workbench.mu.frequency.channels import even_channels
+from workbench.mu.frequency.peak import Peak, peak
 from workbench.mu.robust.destabilising import destabilising
 from workbench.mu.robust.margin import values_of
 from workbench.mu.robust.skewed_peak import SkewedPeak, skewed_peak

@@ -10,16 +10,15 @@ from typing import Any
 import numpy as np
 
 from workbench.certify.stable_system import StableSystem, angular_frequency, stable_system
-from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_count, need_positive, need_tolerance
 from workbench.mu.boxes.margin import box_margin
 from workbench.mu.boxes.recentred import RealParameters
 from workbench.mu.frequency.attained import destabilised
-from workbench.mu.frequency.peak import Peak, peak
 from workbench.mu.frequency.channels import analysed, even_channels
+from workbench.mu.frequency.peak import Peak, peak
 from workbench.mu.robust.destabilising import destabilising
-from workbench.mu.robust.regions import slowed, turned
+from workbench.mu.robust.regions import with_damping, with_decay
 from workbench.structure import Full, Real
 from workbench.systems.bilinear import bilinear_sampled
 from workbench.systems.realisation import realisation
@@ -128,9 +127,9 @@ def robust_stability(
     given = uncertain(system, "system")
     need_count("parts", parts)
     need_tolerance(tolerance)
-    asked = [slowed(given, decay)] if decay or not damping else []
+    asked = [with_decay(given, decay)] if decay or not damping else []
     if damping:
-        asked.append(turned(given, damping))
+        asked.append(with_damping(given, damping))
     margins = [_margin(analysed(one), tolerance, parts) for one in asked]
     first = min(margins, key=lambda one: one.upper)
     return replace(first, lower=min(one.lower for one in margins))

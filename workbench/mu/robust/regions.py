@@ -15,7 +15,7 @@ from workbench.uncertainty.algebra.lft import INTEGRATOR, LFT
 from workbench.uncertainty.algebra.system import UncertainSystem
 
 
-def slowed(found: UncertainSystem, decay: float) -> UncertainSystem:
+def with_decay(found: UncertainSystem, decay: float) -> UncertainSystem:
     """The system with its poles moved to the right by a rate [1/s]."""
     if not is_real(decay) or not 0.0 <= decay < math.inf:
         raise InputError(f"decay is {decay!r}; a rate of 0 or more [1/s] is needed")
@@ -30,7 +30,7 @@ def slowed(found: UncertainSystem, decay: float) -> UncertainSystem:
     return replace(found, value=LFT(M, found.value.names))
 
 
-def turned(found: UncertainSystem, damping: float) -> UncertainSystem:
+def with_damping(found: UncertainSystem, damping: float) -> UncertainSystem:
     """The system with its poles turned by asin(damping) towards the axis, in real coordinates.
 
     x' = exp(-j phi) (A x + B w) is stable exactly where the poles above the real axis have a
