@@ -9,6 +9,7 @@ from workbench.mu.margins.classical import ClassicalMargins, classical_margins
 from workbench.mu.margins.disk import DiskMargin, disk_gain, disk_phase
 from workbench.mu.margins.gap import CoprimeMargin, NuGap, coprime_margin, nu_gap
 from workbench.mu.margins.loop import LoopMargins, loop_margins
+from workbench.mu.margins.of_sets import SetMargins, set_margins
 from workbench.mu.members.bundle import bundle_plot
 from workbench.mu.members.monte_carlo import MonteCarlo, monte_carlo
 from workbench.mu.robust.branch import branch_and_bound
@@ -55,6 +56,7 @@ __all__ = [
     "PerformanceMargin",
     "RankOneLoop",
     "Real",
+    "SetMargins",
     "SkewBounds",
     "SkewedPeak",
     "StabilityMargin",
@@ -86,6 +88,7 @@ __all__ = [
     "robust_performance",
     "robust_stability",
     "sensitivity",
+    "set_margins",
     "skew_bounds",
     "skewed_peak",
     "upper_ab13md",

@@ -17,8 +17,13 @@ WITHIN = 0.999
 """Share of the wanted gap that a level is set for, so that rounding does not exceed it."""
 LARGEST = 1e6
 """A margin beyond this is looked for no further."""
-SIZES = 121
-"""Sizes at which the directions of the corners are tried first."""
+SMALLEST, SIZES = 1e-12, 121
+"""Least size, as a share of the largest, at which the directions of the corners are tried first,
+and how many sizes."""
+DECISIONS = 4
+"""Share of the parts that one size may take is one over this."""
+TRIED = 4
+"""Unstable members of a part whose least sizes are looked for."""
 COARSE = 1.5
 """Ratio of the bounds above which a level between them is decided first."""
 
@@ -36,80 +41,130 @@ class BoxMargin:
     parts: int
 
 
-def box_margin(given: RealParameters, gap: float, parts: int) -> BoxMargin:
-    """Bounds with upper / lower - 1 <= gap, or as close as the number of parts allows."""
-    search = _Search(given, parts)
-    while search.upper > (1 + gap) * search.lower and search.left > 0:
-        if search.lower > LARGEST:
+class Growing:
+    """Boxes of p parameters that grow with their size: all of them about 0."""
+
+    def __init__(self, count: int) -> None:
+        self.count = count
+
+    def box(self, size: float) -> BoxPart:
+        """The box of a size."""
+        return BoxPart(np.zeros(self.count), np.full(self.count, size))
+
+    def others(self, size: float) -> float:
+        """The size of what is no real parameter."""
+        return size
+
+    def size(self, values: RealArray) -> RealArray:
+        """Size of the least box with the values (k, p)."""
+        found: RealArray = np.abs(values).max(axis=1)
+        return found
+
+    def at(self, size: float, values: RealArray) -> RealArray:
+        """Values (k, p) moved to the border of the box of a size."""
+        return values * (size / self.size(values)[:, None])
+
+
+class LastGrowing(Growing):
+    """Boxes in which the last parameter grows from 0 and the others have size 1."""
+
+    def box(self, size: float) -> BoxPart:
+        last = np.zeros(self.count)
+        last[-1] = size / 2
+        width = np.ones(self.count)
+        width[-1] = size / 2
+        return BoxPart(last, width)
+
+    def others(self, size: float) -> float:
+        return 1.0
+
+    def size(self, values: RealArray) -> RealArray:
+        return values[:, -1]
+
+    def at(self, size: float, values: RealArray) -> RealArray:
+        moved = values.copy()
+        moved[:, -1] = size
+        return moved
+
+
+def box_margin(
+    given: RealParameters, boxes: Growing, gap: float, parts: int, largest: float = LARGEST
+) -> BoxMargin:
+    """Bounds with upper / lower - 1 <= gap, or as close as the number of parts allows.
+
+    No size above ``largest`` is looked at; the upper bound is infinite where that is reached.
+    """
+    search = _Search(given, boxes, parts, largest)
+    undecided = math.inf  # the least size at which the parts did not suffice
+    while search.left > 0:
+        highest = min(search.upper, undecided)
+        if highest <= (1 + gap) * search.lower:
             break
-        level = search.upper / (1 + WITHIN * gap)
-        if search.lower > 0 and search.upper > COARSE * search.lower:
-            level = math.sqrt(search.lower * search.upper)
-        if not math.isfinite(level):
-            level = 2.0 * (search.lower or 0.5)
-        if not search.decide(level):
+        level = highest / (1 + WITHIN * gap)
+        if search.lower > 0 and highest > COARSE * search.lower:
+            level = math.sqrt(search.lower * highest)
+        elif undecided <= search.upper:
+            level = (search.lower + highest) / 2
+        if level < largest * SMALLEST:
             break
-    return BoxMargin(search.lower, search.upper, search.values, parts - search.left)
+        if not search.decide(level, parts // DECISIONS + 1):
+            undecided = level
+    upper = math.inf if search.values is None else search.upper
+    return BoxMargin(search.lower, upper, search.values, parts - search.left)
 
 
 class _Search:
     """The bounds so far."""
 
-    def __init__(self, given: RealParameters, budget: int) -> None:
-        self.given, self.left = given, budget
-        self.lower, self.upper = 0.0, math.inf
+    def __init__(self, given: RealParameters, boxes: Growing, budget: int, largest: float) -> None:
+        self.given, self.boxes, self.left = given, boxes, budget
+        self.lower, self.upper = 0.0, largest
         self.values: RealArray | None = None
-        self.count = len(given.places)
-        self._started()
+        signs = corner_signs(boxes.count)
+        for size in np.geomspace(largest * SMALLEST, largest, SIZES):
+            self._shrunk(boxes.at(size, signs))
+            if self.values is not None:
+                break
 
-    def _started(self) -> None:
-        """An upper bound from the directions of the corners, over all sizes."""
-        signs = corner_signs(self.count)
-        for size in np.geomspace(1 / LARGEST, LARGEST, SIZES):
-            for values in (size * signs)[self.given.unstable(size * signs)]:
-                self._shrunk(values)
-            if self.upper < math.inf:
-                return
-
-    def decide(self, level: float) -> bool:
-        """Raise the lower bound to a level, or lower the upper one to it; False if neither."""
-        before = self.upper
-        partition = Partition(np.full(self.count, level))
+    def decide(self, size: float, parts: int) -> bool:
+        """Raise the lower bound to a size, or lower the upper one to it; False if neither."""
+        box, last = self.boxes.box(size), max(self.left - parts, 0)
+        partition = Partition(box)
         while partition:
-            part, effects = partition.pop(), np.zeros(self.count)
+            part, effects = partition.pop(), np.zeros(self.boxes.count)
             self.left -= 1
-            self._tried(part)
-            if self.upper <= level:
+            corners = part.centre + corner_signs(self.boxes.count) * part.width
+            self._shrunk(np.vstack([part.centre, corners]))
+            if self.upper <= size:
                 return True
-            about = self.given.recentred(part, level)
+            about = self.given.recentred(part, self.boxes.others(size))
             if about is not None and about.stable:
                 bands, response = about.open_bands(part.bands)
                 part = replace(part, bands=bands)
                 effects = effects_in(response, self.given.structure)
-            if part.bands and (self.left <= 0 or not partition.cut(part, effects)):
-                return self.upper < before
-        self.lower = level
+            if part.bands and (self.left <= last or not partition.cut(part, effects)):
+                return False
+        self.lower = size
         return True
 
-    def _tried(self, part: BoxPart) -> None:
-        """Look for unstable members at the centre and at the corners of a part."""
-        tried = np.vstack([part.centre, part.centre + corner_signs(self.count) * part.width])
-        tried = tried[np.abs(tried).max(axis=1) > 0]
-        unstable = tried[self.given.unstable(tried)]
-        for values in unstable[np.argsort(np.abs(unstable).max(axis=1))][:2]:
-            self._shrunk(values)
-
     def _shrunk(self, values: RealArray) -> None:
-        """The least multiple of unstable values that is unstable still."""
-        size = float(np.abs(values).max())
-        low, high = 0.0, min(1.0, self.upper / size)
-        if not self.given.unstable(high * values[None])[0]:
+        """Lower the upper bound to the least sizes at which the first of values are unstable."""
+        sizes = self.boxes.size(values)
+        values = values[(sizes > 0) & (sizes <= self.upper)]
+        unstable = values[self.given.unstable(values)] if len(values) else values
+        for one in unstable[np.argsort(self.boxes.size(unstable))][:TRIED]:
+            self._bisected(one[None])
+
+    def _bisected(self, values: RealArray) -> None:
+        """Lower the upper bound to the least size at which values (1, p) are unstable."""
+        low, high = 0.0, min(self.upper, float(self.boxes.size(values)[0]))
+        if not self.given.unstable(self.boxes.at(high, values))[0]:
             return
         for _ in range(BISECTIONS):
             middle = (low + high) / 2
-            if self.given.unstable(middle * values[None])[0]:
+            if self.given.unstable(self.boxes.at(middle, values))[0]:
                 high = middle
             else:
                 low = middle
-        if high * size < self.upper:
-            self.upper, self.values = high * size, high * values
+        if high < self.upper or self.values is None:
+            self.upper, self.values = high, self.boxes.at(high, values)[0]

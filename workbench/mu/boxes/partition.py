@@ -53,14 +53,14 @@ class BoxPart:
 
 
 class Partition:
-    """The open parts of a box of parameters (p,) about 0, those that count most first."""
+    """The open parts of a box of parameters, those that count most first."""
 
-    def __init__(self, widths: RealArray, weight: Weight | None = None) -> None:
-        self.widths = widths
-        self.weight = weight or (lambda centre, width: float(np.prod(width / widths)))
+    def __init__(self, whole: BoxPart, weight: Weight | None = None) -> None:
+        self.whole = whole
+        self.weight = weight or (lambda centre, width: float(np.prod(width / whole.width)))
         self._open: list[tuple[float, int, BoxPart]] = []
         self._count = 0
-        self.put(BoxPart(np.zeros(len(widths)), widths))
+        self.put(whole)
 
     def __bool__(self) -> bool:
         return bool(self._open)
@@ -79,7 +79,7 @@ class Partition:
 
         ``effects`` (p,) tell how much each parameter matters; of equal ones the widest is cut.
         """
-        share = part.width / self.widths
+        share = part.width / self.whole.width
         effects = np.where(share > NARROWEST_WIDTH, effects + np.finfo(float).eps * share, -1.0)
         j = int(np.argmax(effects))
         if effects[j] < 0:

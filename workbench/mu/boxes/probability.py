@@ -17,6 +17,7 @@ from workbench.certify.stable_system import StableSystem, stable_system
 from workbench.errors import InputError, UnknownNameError
 from workbench.input_checks import need_count, need_positive
 from workbench.mu.boxes.bands import WHOLE
+from workbench.mu.boxes.margin import Growing
 from workbench.mu.boxes.partition import BoxPart, Partition, Weight, corner_signs, effects_in
 from workbench.mu.boxes.recentred import RealParameters
 from workbench.mu.frequency.channels import analysed, even_channels
@@ -96,7 +97,7 @@ def guaranteed_probability(
         need_positive(gain, "gain")
     weight = _weight(found, distributions or {})
     question = _Question(found, gain)
-    partition = Partition(np.ones(len(found.elements)), weight)
+    partition = Partition(Growing(len(found.elements)).box(1.0), weight)
     good, bad, count = 0.0, 0.0, 0
     while partition and count < parts and 1.0 - good - bad > tolerance:
         part = partition.pop()

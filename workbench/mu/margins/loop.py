@@ -111,20 +111,12 @@ def loop_margins(
     need_tolerance(tolerance)
     if not is_real(skew) or not math.isfinite(skew):
         raise InputError(f"skew is {skew!r}; a number is needed")
-    G, K = uncertain(plant, "plant"), uncertain(controller, "controller")
-    constant = not K.nstates and not K.elements
-    if K.value.shape == (1, 1) and constant and G.ninputs == G.noutputs:
-        K = K * np.eye(G.ninputs)
-    need_matching(G, K)
-    m, p = G.ninputs, G.noutputs
-    returned = returned_loop(G, K)
+    G, K = _matched(plant, controller)
+    returned, channels = matched_loop(G, K)
     nominal = uncertain(returned.nominal)
-    need_stable_loop(nominal.nominal)
+    m, p = G.ninputs, G.noutputs
     names = _names(m, p)
-    only = m == p == 1 and constant  # L alone: one place to open it
-    channels = {m: "loop"} if only else dict(enumerate(names))
-    if only:
-        names = ["loop"]
+    only = len(channels) == 1
     groups: dict[str, dict[int, str]] = {}
     if m > 1:
         groups["inputs"] = {k: names[k] for k in range(m)}
@@ -151,6 +143,30 @@ def loop_margins(
         scalar.sample(MEMBERS) if scalar is not None and scalar.elements else [],
         float(skew),
     )
+
+
+def matched_loop(plant: Any, controller: Any) -> tuple[UncertainSystem, dict[int, str]]:
+    """`returned_loop` of a plant and a controller, and the names of the channels to open it at.
+
+    Raises InputError as `loop_margins`.
+    """
+    G, K = _matched(plant, controller)
+    returned = returned_loop(G, K)
+    need_stable_loop(returned.nominal)
+    m, p = G.ninputs, G.noutputs
+    if m == p == 1 and not K.nstates and not K.elements:  # L alone: one place to open it
+        return returned, {m: "loop"}
+    return returned, dict(enumerate(_names(m, p)))
+
+
+def _matched(plant: Any, controller: Any) -> tuple[UncertainSystem, UncertainSystem]:
+    """Plant and controller; a number stands for as many channels as the plant has."""
+    G, K = uncertain(plant, "plant"), uncertain(controller, "controller")
+    constant = not K.nstates and not K.elements
+    if K.value.shape == (1, 1) and constant and G.ninputs == G.noutputs:
+        K = K * np.eye(G.ninputs)
+    need_matching(G, K)
+    return G, K
 
 
 def need_matching(plant: Any, controller: Any) -> None:

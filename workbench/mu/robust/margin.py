@@ -12,7 +12,7 @@ import numpy as np
 from workbench.certify.stable_system import StableSystem, angular_frequency, stable_system
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_count, need_positive, need_tolerance
-from workbench.mu.boxes.margin import box_margin
+from workbench.mu.boxes.margin import Growing, box_margin
 from workbench.mu.boxes.recentred import RealParameters
 from workbench.mu.frequency.attained import destabilised
 from workbench.mu.frequency.channels import analysed, even_channels
@@ -158,7 +158,7 @@ def _margin_of_parameters(
     import control
 
     given = RealParameters(stable, found.structure)
-    box = box_margin(given, tolerance, parts)
+    box = box_margin(given, Growing(len(given.places)), tolerance, parts)
     if box.values is None:
         return StabilityMargin(box.lower, math.inf, math.nan, None, None, box.parts)
     best = destabilised(stable, found.structure, given.perturbation(box.values))

@@ -1,0 +1,102 @@
+"""Gain and phase margins over a set of plants, against the margins of its members."""
+
+import control
+import numpy as np
+import pytest
+
+from workbench.errors import InputError
+from workbench.mu import classical_margins, loop_margins, set_margins
+from workbench.uncertainty import dynamics, real, ss, tf
+
+PID = control.ss(control.tf([0.3823, 2.303, 3], [1e-3, 1, 0]))
+
+
+def members(plant, controller, count=4):
+    """The loops of a grid of plants, ends included."""
+    names = list(plant.elements)
+    axes = [np.linspace(plant.elements[n].low, plant.elements[n].high, count) for n in names]
+    for values in np.stack(np.meshgrid(*axes), -1).reshape(-1, len(names)):
+        yield plant.at(**dict(zip(names, values, strict=True))) * controller
+
+
+def least(plant, controller):
+    """Least margins of the grid: gain falling and rising, phase [deg]."""
+    found = [classical_margins(loop) for loop in members(plant, controller)]
+    lows, highs = zip(*(one.gain for one in found), strict=True)
+    return max(lows), min(highs), min(one.phase for one in found)
+
+
+def agree(found, exact):
+    low, high, phase = exact
+    assert found.gain[0] >= low * (1 - 1e-9)
+    assert found.gain[1] <= high * (1 + 1e-9)
+    assert found.phase <= phase * (1 + 1e-9)
+    assert found.gain[0] == pytest.approx(found.gain_lost[0], abs=0.012)
+    assert found.phase == pytest.approx(found.phase_lost, rel=0.012)
+    assert found.phase_lost <= phase * (1 + 1e-6)
+
+
+def test_two_parameters_and_a_resonance():
+    k, d = real("k", 10, percent=30), real("d", 1.8, percent=40)
+    plant = tf([18], [1, d, k]) * control.ss(control.tf([1], [0.05, 1]))
+    found = set_margins(plant, PID)["input"]
+    exact = least(plant, PID)
+    agree(found, exact)
+    assert found.gain[1] == pytest.approx(found.gain_lost[1], rel=0.012)
+    assert found.gain[1] == pytest.approx(exact[1], rel=0.02)
+    assert found.phase == pytest.approx(exact[2], rel=0.02)
+    # The plant that is lost first is at the border of its set.
+    assert found.plants["rise"].keys() == {"k", "d"}
+    at_border = plant.at(**found.plants["rise"]) * PID
+    assert classical_margins(at_border).gain[1] == pytest.approx(found.gain_lost[1], rel=1e-4)
+
+
+def test_a_loop_that_is_lost_by_a_fall_of_its_gain():
+    a = real("a", 1, percent=50)
+    plant = ss([[a]], [[1]], [[1]], 0) * control.ss(control.tf([1], [0.1, 1]))
+    found = set_margins(plant, 4.0)["loop"]
+    agree(found, least(plant, 4.0))
+    assert found.gain_lost[0] == pytest.approx(1.5 / 4, rel=1e-6)
+    assert "for every plant" in repr(found)
+
+
+def test_disk_margins_are_within():
+    """A gain or a phase that a disk allows is allowed alone, too."""
+    k = real("k", 10, percent=30)
+    plant = tf([18], [1, 1.8, k])
+    disk = loop_margins(plant, PID).disks["input"]
+    found = set_margins(plant, PID)["input"]
+    assert found.gain[0] <= disk.gain[0] + 0.012
+    assert found.gain[1] >= disk.gain[1] * 0.98
+    assert found.phase >= disk.phase * 0.98
+
+
+def test_with_dynamics_the_proven_side_holds():
+    k = real("k", 10, percent=20)
+    plant = tf([18], [1, 1.8, k]) * (1 + 0.2 * dynamics("d", 1, 1))
+    alone = set_margins(tf([18], [1, 1.8, k]), PID)["input"]
+    found = set_margins(plant, PID, parts=120)["input"]
+    assert 0 < found.phase < alone.phase
+    assert 1 < found.gain[1] <= alone.gain[1]
+
+
+def test_two_channels_and_sampled_time():
+    a = real("a", 0.9, plus_minus=0.05)
+    plant = ss([[a, 0.1], [0, 0.8]], np.eye(2), np.eye(2), np.zeros((2, 2)), 0.1)
+    found = set_margins(plant, 0.3 * np.eye(2))
+    assert list(found) == ["input 1", "input 2", "output 1", "output 2"]
+    # z = a - 0.3 g in the first channel.
+    assert found["input 1"].gain_lost[1] == pytest.approx(1.85 / 0.3, rel=1e-5)
+    assert found["input 1"].gain[1] == pytest.approx(1.85 / 0.3, rel=0.012)
+
+
+def test_wrong_loops_are_refused():
+    k = real("k", 10, percent=20)
+    with pytest.raises(InputError, match="no uncertain real parameter"):
+        set_margins(control.tf([1], [1, 1]))
+    with pytest.raises(InputError, match="no uncertain real parameter"):
+        set_margins(control.tf([1], [1, 1]) * (1 + 0.1 * dynamics("d", 1, 1)))
+    with pytest.raises(InputError, match="unstable at the nominal"):
+        set_margins(tf([18], [1, 1.8, k]), -5.0)
+    with pytest.raises(InputError, match="parts is 0"):
+        set_margins(tf([18], [1, 1.8, k]), PID, parts=0)
