@@ -115,7 +115,7 @@ def _seen(responses: Responses) -> tuple[Responses, str]:
         )
     first, last = responses.frequency[start], responses.frequency[end - 1]
     text = (
-        "all that is measured, up to a tenth of the sampling rate"
+        "all that is given"
         if not hidden.any()
         else f"elsewhere a plant's {100 * CONFIDENCE:g} % region is wider than half its response"
     )

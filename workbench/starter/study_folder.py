@@ -85,6 +85,7 @@ def write_study(
     )
     responses = responses.within(0.0, UNDISTORTED / own)
     chosen = first_choices(responses, every, delay)
+    chosen.reasons["band"] += f"; records are used up to {UNDISTORTED:g} of their sampling rate"
     told: dict[str, Any] = {
         "plant": plant,
         "package": plant.lower().replace("-", "_"),
