@@ -23,9 +23,9 @@ WHOLE: tuple[Band, ...] = ((0.0, math.inf),)
 """All frequencies."""
 PROMISING = 0.98
 """Bounds below this are worth a proof on an interval."""
-COMPLEX_SHARE = 0.1
-"""Complex part of the parameters for which multipliers are chosen. Those of real parameters alone
-hold on far narrower intervals."""
+COMPLEX_SHARES = (0.1, 1e-3, 1e-6)
+"""Complex parts of the parameters for which multipliers are chosen, the first that serves. Those of
+real parameters alone hold on far narrower intervals; poles near the axis leave room for little."""
 ROUNDS = 3
 """Rounds in which the middles of what is open are bounded too."""
 MOST_GAPS = 12
@@ -45,15 +45,18 @@ def open_bands(
     first = plain(points)
     worst = first.M[int(np.argmax(first.upper))]
     bands = _covered(system, first, bands)
-    mixed = _with_real_blocks(system, structure)
-    for _ in range(ROUNDS):
-        if not bands or len(bands) > MOST_GAPS:
-            break
-        before = bands
-        for at in (plain, mixed):
-            if bands:
-                bands = _covered(system, at(np.unique([_middle(*one) for one in bands])), bands)
-        if bands == before:
+    for share in COMPLEX_SHARES:
+        mixed, before = _with_real_blocks(system, structure, share), bands
+        for _ in range(ROUNDS):
+            if not bands or len(bands) > MOST_GAPS:
+                return bands, worst
+            last = bands
+            for at in (plain, mixed):
+                if bands:
+                    bands = _covered(system, at(np.unique([_middle(*b) for b in bands])), bands)
+            if bands == last:
+                break
+        if bands != before:
             break
     return bands, worst
 
@@ -73,9 +76,9 @@ def _covered(
     return bands
 
 
-def _with_real_blocks(system: StableSystem, structure: Structure) -> BoundsAt:
+def _with_real_blocks(system: StableSystem, structure: Structure, share: float) -> BoundsAt:
     """Bounds whose multipliers hold for parameters with a complex part as well."""
-    larger, blocks = with_complex_part(system, structure, COMPLEX_SHARE)
+    larger, blocks = with_complex_part(system, structure, share)
     c, r = structure.columns, structure.rows
 
     def at(omega: RealArray) -> FrequencyBounds:

@@ -20,6 +20,8 @@ LARGEST = 1e6
 SMALLEST, SIZES = 1e-12, 121
 """Least size, as a share of the largest, at which the directions of the corners are tried first,
 and how many sizes."""
+NOTHING = 1e-15
+"""A size below which nothing is looked for."""
 DECISIONS = 4
 """Share of the parts that one size may take is one over this."""
 TRIED = 4
@@ -105,7 +107,7 @@ def box_margin(
             level = math.sqrt(search.lower * highest)
         elif undecided <= search.upper:
             level = (search.lower + highest) / 2
-        if level < largest * SMALLEST:
+        if level < NOTHING:
             break
         if not search.decide(level, parts // DECISIONS + 1):
             undecided = level

@@ -128,6 +128,7 @@ class _Question:
             structure = structure.with_performance(found.noutputs, found.ninputs)
         stable = stable_system(even_channels(plant, structure)[0])
         self.given = RealParameters(stable, structure)
+        self.response = stable.response(starting_grid(stable.poles))
         self.parameters = RealParameters(
             stable.channels(np.arange(c), np.arange(r)), found.structure
         )
@@ -158,13 +159,30 @@ class _Question:
         return (None if bands else False), part, effects
 
     def _changes(self, part: BoxPart) -> RealArray:
-        """Along how many edges of a part stability changes, for each parameter, by eigenvalues."""
+        """Along how many edges of a part the answer changes, for each parameter, in doubles."""
         signs = corner_signs(len(part.width))
-        bad = self.parameters.unstable(part.centre + signs * part.width)
+        values = part.centre + signs * part.width
+        bad = self.parameters.unstable(values)
+        if self.gain is not None:
+            bad = bad | (self._gains(values) > 1.0)
         changes = np.zeros(len(part.width))
         for j in range(min(len(part.width), int(np.log2(len(signs))))):
             changes[j] = np.count_nonzero(bad[signs[:, j] > 0] != bad[signs[:, j] < 0])
         return changes
+
+    def _gains(self, values: RealArray) -> RealArray:
+        """Largest gains (k,) at values (k, p), over the level, at frequencies of the nominal."""
+        c, r = self.parameters.structure.columns, self.parameters.structure.rows
+        M = self.response[None]
+        Delta = np.array([self.parameters.perturbation(one) for one in values])[:, None]
+        with np.errstate(all="ignore"):
+            loop = np.eye(c) - M[..., :c, :r] @ Delta
+            inner = Delta @ np.linalg.solve(
+                loop, np.broadcast_to(M[..., :c, r:], (*loop.shape[:-1], M.shape[-1] - r))
+            )
+            found = M[..., c:, r:] + M[..., c:, :r] @ inner
+        gains: RealArray = np.linalg.norm(found, 2, axis=(-2, -1)).max(axis=1)
+        return gains
 
     def _above(self, system: StableSystem) -> bool:
         """Whether some entry of all members is proven to be above 1 at one frequency.

@@ -57,23 +57,19 @@ class RealParameters:
             Delta[into, out] = value * np.eye(into.stop - into.start)
         return Delta
 
-    def state_matrices(self, values: RealArray) -> RealArray:
-        """The state matrices (k, n, n) at values (k, p); not finite where ill-posed."""
+    def unstable(self, values: RealArray) -> BoolArray:
+        """Which of the values (k, p) have a pole right of the axis or are ill-posed, in doubles.
+
+        Those with a negative det(I - D Delta) count too: on the way there from the nominal, where
+        it is 1, a pole went through infinity.
+        """
         A, B, C, D = self.system.A, self.system.B, self.system.C, self.system.D
         Delta = np.array([self.perturbation(one) for one in values])
         loop = np.eye(len(D)) - D @ Delta
-        regular = np.linalg.cond(loop) < 1 / EPS
-        loop[~regular] = np.eye(len(D))
-        found = A + B @ Delta @ np.linalg.solve(loop, np.broadcast_to(C, (len(values), *C.shape)))
-        found[~regular] = np.nan
-        result: RealArray = found
-        return result
-
-    def unstable(self, values: RealArray) -> BoolArray:
-        """Which of the values (k, p) have a pole right of the axis or are ill-posed, in doubles."""
-        A = self.state_matrices(values)
-        found: BoolArray = np.array(~np.isfinite(A).all(axis=(1, 2)))
-        poles = np.linalg.eigvals(A[~found])
+        found: BoolArray = ~((np.linalg.cond(loop) < 1 / EPS) & (np.linalg.det(loop) > 0))
+        Delta, loop = Delta[~found], loop[~found]
+        closed = np.linalg.solve(loop, np.broadcast_to(C, (len(loop), *C.shape)))
+        poles = np.linalg.eigvals(A + B @ Delta @ closed)
         found[~found] = (poles.real > 0).any(axis=1)
         return found
 

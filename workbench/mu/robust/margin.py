@@ -9,12 +9,14 @@ from typing import Any
 
 import numpy as np
 
+from workbench.certify.perturbed_loop import proven_at
+from workbench.certify.singularity import said
 from workbench.certify.stable_system import StableSystem, angular_frequency, stable_system
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_count, need_positive, need_tolerance
 from workbench.mu.boxes.margin import Growing, box_margin
 from workbench.mu.boxes.recentred import RealParameters
-from workbench.mu.frequency.attained import destabilised
+from workbench.mu.frequency.attained import Attained, destabilised
 from workbench.mu.frequency.channels import analysed, even_channels
 from workbench.mu.frequency.peak import Peak, peak
 from workbench.mu.robust.destabilising import destabilising
@@ -161,7 +163,11 @@ def _margin_of_parameters(
     box = box_margin(given, Growing(len(given.places)), tolerance, parts)
     if box.values is None:
         return StabilityMargin(box.lower, math.inf, math.nan, None, None, box.parts)
-    best = destabilised(stable, found.structure, given.perturbation(box.values))
+    Delta = given.perturbation(box.values)
+    best = destabilised(stable, found.structure, Delta)
+    if not best.value > 0:  # the loop may be singular at infinity, where no pole crosses the axis
+        singular = said(proven_at(stable, found.structure, Delta + 0j, math.inf))
+        best = Attained(singular, math.inf, Delta)
     if not best.value > 0:
         return StabilityMargin(box.lower, math.inf, math.nan, None, None, box.parts)
     worst = values_of(found, control.ss([], [], [], best.Delta.real))
