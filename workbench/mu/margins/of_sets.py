@@ -1,8 +1,8 @@
 """Gain and phase margins that every plant of a set keeps, by branch and bound.
 
 A disk margin lets gain and phase change together. Here the gain alone is a real factor, 1 + t or
-1 - t, and the phase alone is a factor (1 + j t) / (1 - j t) with t = tan(phi / 2): one more real
-parameter, beside those of the plant, which stay within their ranges.
+1 / (1 + t), and the phase alone is a factor (1 + j t) / (1 - j t) with t = tan(phi / 2): one more
+real parameter, beside those of the plant, which stay within their ranges.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ from workbench.structure import Block, Complex, Full, Real, Structure
 from workbench.systems.realisation import realisation
 from workbench.uncertainty.algebra.system import UncertainSystem
 
-LARGEST_RISE = 1e3
-"""Largest change of a gain that is looked for."""
+LARGEST_CHANGE = 1e3
+"""Largest t of a gain that is looked for."""
 LARGEST_TURN = 1e3
 """Largest t of a phase; it stands for 179.9 degrees."""
 
@@ -89,14 +89,14 @@ def set_margins(
 
     found = {}
     for k, name in channels.items():
-        rise = bounded(*_with_gain(loop, k, 1.0), LARGEST_RISE)
-        fall = bounded(*_with_gain(loop, k, -1.0), 1.0)
+        rise = bounded(*_with_rise(loop, k), LARGEST_CHANGE)
+        fall = bounded(*_with_fall(loop, k), LARGEST_CHANGE)
         turn = bounded(*_with_phase(loop, k), LARGEST_TURN)
         kinds = {"rise": rise, "fall": fall, "phase": turn}
         found[name] = SetMargins(
-            (1.0 - fall.lower, 1.0 + rise.lower),
+            (1.0 / (1.0 + fall.lower), 1.0 + rise.lower),
             math.degrees(2 * math.atan(turn.lower)),
-            (max(1.0 - fall.upper, 0.0), 1.0 + rise.upper),
+            (1.0 / (1.0 + fall.upper), 1.0 + rise.upper),
             math.degrees(2 * math.atan(turn.upper)) if turn.values is not None else math.inf,
             {kind: _plant(loop, one) for kind, one in kinds.items() if one.values is not None},
         )
@@ -112,14 +112,19 @@ def _channel(loop: UncertainSystem, channel: int) -> StateSpace:
     return realisation(parts, whole.dt)
 
 
-def _with_gain(loop: UncertainSystem, channel: int, sign: float) -> tuple[StateSpace, Structure]:
-    """The factor 1 + sign t in a channel: t times the signal is added."""
+def _with_rise(loop: UncertainSystem, channel: int) -> tuple[StateSpace, Structure]:
+    """The factor 1 + t in a channel: t times the signal is added."""
+    return _channel(loop, channel), Structure((*loop.structure, Real(1, "t")))
+
+
+def _with_fall(loop: UncertainSystem, channel: int) -> tuple[StateSpace, Structure]:
+    """The factor 1 / (1 + t) in a channel: t times what leaves it is taken away."""
     one = _channel(loop, channel)
     B, D = one.B.copy(), one.D.copy()
-    B[:, -1] *= sign
-    D[:, -1] *= sign
-    structure = Structure((*loop.structure, Real(1, "t")))
-    return realisation((one.A, B, one.C, D), one.dt), structure
+    B[:, -1] *= -1.0
+    D[:, -1] *= -1.0
+    D[-1, -1] -= 1.0
+    return realisation((one.A, B, one.C, D), one.dt), Structure((*loop.structure, Real(1, "t")))
 
 
 def _with_phase(loop: UncertainSystem, channel: int) -> tuple[StateSpace, Structure]:
