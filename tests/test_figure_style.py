@@ -55,3 +55,12 @@ def test_the_number_in_a_figures_name_is_its_caption():
     titled.suptitle("one record")
     assert figures.numbered(titled, "8.7", "A.1").get_suptitle() == "Figures 8.7, A.1\none record"
     assert figures.numbered(titled, "8.70").get_suptitle().startswith("Figure 8.70")
+
+
+def test_a_legend_is_no_wider_than_its_figure():
+    figure, (panel,) = figures.axes(size=(4.0, 3.0))
+    for k in range(6):
+        panel.plot([0, 1], [0, k], label=f"a controller with a long name, {k}")
+    figures.legend_below(figure, panel, 6)
+    (legend,) = figure.legends
+    assert legend.get_window_extent().width <= figure.bbox.width

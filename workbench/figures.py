@@ -167,9 +167,15 @@ def axis_label(values: Any, name: str) -> str:
 
 
 def legend_below(figure: Figure, source: Axes, columns: int = 4) -> None:
-    """A legend under the axes, where it covers no data."""
+    """A legend under the axes, where it covers no data, of as many columns as have room."""
     handles, labels = source.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=columns, frameon=False)
+    for count in range(columns, 0, -1):
+        legend = figure.legend(
+            handles, labels, loc="outside lower center", ncols=count, frameon=False
+        )
+        if count == 1 or legend.get_window_extent().width <= figure.bbox.width:
+            return
+        legend.remove()
 
 
 def along_batch(panel: Any, values: Any, labels: Any = None) -> None:
