@@ -6,6 +6,7 @@ import pytest
 
 from workbench.errors import InputError
 from workbench.mu import robust_stability
+from workbench.mu.boxes import recentred
 from workbench.uncertainty import dynamics, feedback, real, ss, tf
 
 
@@ -140,7 +141,8 @@ def test_a_damping_ratio_of_a_loop_with_several_modes():
     [
         ({"damping": 1.0}, "damping is 1.0"),
         ({"damping": "much"}, "damping is 'much'"),
-        ({"damping": 0.9}, "unstable at its nominal"),
+        ({"damping": 0.9}, r"nominal pole at .* has a damping of 0.5, and 0.9 is asked"),
+        ({"decay": 0.5}, r"nominal pole at .* decays at 0.5 1/s, and 0.5 1/s is asked"),
         ({"parts": 0}, "parts is 0"),
         ({"tolerance": -1.0}, "tolerance"),
     ],
@@ -148,6 +150,14 @@ def test_a_damping_ratio_of_a_loop_with_several_modes():
 def test_wrong_regions_are_refused(asked, words):
     with pytest.raises(InputError, match=words):
         robust_stability(tf([1], [1, real("c", 1, plus_minus=1), 1]), **asked)
+
+
+def test_corners_of_parts_contradict_a_false_proof(monkeypatch):
+    """Where every frequency is called excluded, unstable corners still bound the margin."""
+    monkeypatch.setattr(recentred, "open_bands", lambda system, structure, bands: ((), system.D))
+    c, percent = interval_polynomial(4, 2)
+    found = robust_stability(family(c, percent), 1e-2)
+    assert found.lower <= kharitonov(c, percent) * (1 + 1e-9)
 
 
 def test_damping_needs_numbers_in_continuous_time():

@@ -90,6 +90,9 @@ def loop_margins(
 ) -> LoopMargins:
     """Gain, phase, delay, modulus and disk margins of a loop, proven between grid points.
 
+    Of an uncertain plant the disks hold for all of its set, the others for the nominal; what gain
+    and phase alone every plant bears, `set_margins` says.
+
     Parameters
     ----------
     plant

@@ -129,10 +129,11 @@ def robust_stability(
     given = uncertain(system, "system")
     need_count("parts", parts)
     need_tolerance(tolerance)
+    analysed(given)
     asked = [with_decay(given, decay)] if decay or not damping else []
     if damping:
         asked.append(with_damping(given, damping))
-    margins = [_margin(analysed(one), tolerance, parts) for one in asked]
+    margins = [_margin(one, tolerance, parts) for one in asked]
     first = min(margins, key=lambda one: one.upper)
     return replace(first, lower=min(one.lower for one in margins))
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from workbench.arrays import Array, RealArray
 from workbench.errors import InputError
 from workbench.input_checks import is_real
 from workbench.uncertainty.algebra.delays import DelayElement
@@ -22,6 +23,9 @@ def with_decay(found: UncertainSystem, decay: float) -> UncertainSystem:
     if not decay:
         return found
     _need_numbers(found, "decay")
+    poles = found.nominal.poles()
+    rates = -np.log(np.abs(poles)) / found.dt if found.dt else -poles.real
+    _need_nominal(poles, rates, decay, "decays at {:.4g} 1/s, and {:g} 1/s")
     M, place = found.value.M.copy(), _states(found)
     if found.dt:
         M[place] *= math.exp(decay * found.dt)
@@ -45,6 +49,9 @@ def with_damping(found: UncertainSystem, damping: float) -> UncertainSystem:
             f"damping is for continuous time and the system has dt = {found.dt} s: its poles of "
             "one damping ratio lie on a spiral; give `decay`"
         )
+    poles = found.nominal.poles()
+    ratios = -poles.real / np.where(poles == 0, 1.0, np.abs(poles))
+    _need_nominal(poles, ratios, damping, "has a damping of {:.4g}, and {:g}")
     phi = math.asin(damping)
     turn = np.array([[math.cos(phi), math.sin(phi)], [-math.sin(phi), math.cos(phi)]])
     M, place = np.kron(found.value.M, np.eye(2)), _states(found)
@@ -67,3 +74,13 @@ def _need_numbers(found: UncertainSystem, asked: str) -> None:
                 f"{one.name} is dynamics, of which nothing is known left of the axis; {asked} is "
                 "for systems with uncertain numbers only"
             )
+
+
+def _need_nominal(poles: Array, found: RealArray, asked: float, words: str) -> None:
+    """Refuse a system whose nominal has a pole with less than what is asked for."""
+    if not found.size or found.min() > asked:
+        return
+    least = int(np.argmin(found))
+    raise InputError(
+        f"the nominal pole at {poles[least]:.6g} {words.format(found[least], asked)} is asked for"
+    )
