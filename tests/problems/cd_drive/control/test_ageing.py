@@ -82,6 +82,7 @@ def test_models_hold_their_members():
     np.testing.assert_allclose(nominal, exact, rtol=1e-9)
 
 
+@pytest.mark.slow  # a minute
 def test_more_uncertainty_never_lowers_the_peak():
     K = control.ss(controller("focus"))
     peaks = [
