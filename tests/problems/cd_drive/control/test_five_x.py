@@ -18,7 +18,7 @@ pytestmark = pytest.mark.slow  # the whole study is computed
 @pytest.fixture(scope="module")
 def study(covered):
     cover, answer = covered("focus", "stadium", "steps")
-    run = SimpleNamespace(data=cover.to_dataset(answer))
+    run = SimpleNamespace(data=cover.to_dataset(answer), task=cover)
     plant = synthesis_plant("focus", uncertainty("focus", run), 5.0)
     made = SimpleNamespace(answer=SimpleNamespace(K=hinf(plant).K))
     return FiveX("focus", run, made)

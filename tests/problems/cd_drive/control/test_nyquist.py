@@ -24,7 +24,7 @@ def solved(covered):
     runs = {}
     for shape, method in product(SHAPES, COVER_METHODS):
         cover, answer = covered("focus", shape, method)
-        runs[shape, method] = SimpleNamespace(data=cover.to_dataset(answer))
+        runs[shape, method] = SimpleNamespace(data=cover.to_dataset(answer), task=cover)
     study = Nyquist("focus", runs)
     return study, wb.solve(study)
 
