@@ -109,7 +109,7 @@ def test_decay_is_not_for_dynamics():
         robust_stability(system, decay=0.5)
     with pytest.raises(InputError, match="decay is -1"):
         robust_stability(system, decay=-1)
-    with pytest.raises(InputError, match="unstable at its nominal"):
+    with pytest.raises(InputError, match="decays at 1 1/s, and 2 1/s is asked for"):
         robust_stability(tf([1], [1, real("a", 1, percent=10)]), decay=2.0)
 
 
