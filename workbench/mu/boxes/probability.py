@@ -174,7 +174,7 @@ class _Question:
         """Largest gains (k,) at values (k, p), over the level, at frequencies of the nominal."""
         c, r = self.parameters.structure.columns, self.parameters.structure.rows
         M = self.response[None]
-        Delta = np.array([self.parameters.perturbation(one) for one in values])[:, None]
+        Delta = self.parameters.perturbation(values)[:, None]
         with np.errstate(all="ignore"):
             loop = np.eye(c) - M[..., :c, :r] @ Delta
             inner = Delta @ np.linalg.solve(

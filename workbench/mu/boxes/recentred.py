@@ -37,6 +37,16 @@ class Recentred:
         return open_bands(self.system, self.structure, bands)
 
 
+def real_perturbation(structure: Structure, values: RealArray) -> RealArray:
+    """The perturbation (..., r, c) of values (..., p) of the real blocks, with all others 0."""
+    Delta = np.zeros((*values.shape[:-1], structure.rows, structure.columns))
+    blocks = zip(structure, structure.row_slices, structure.column_slices, strict=True)
+    real = [(into, out) for block, into, out in blocks if isinstance(block, Real)]
+    for j, (into, out) in enumerate(real):
+        Delta[..., into, out] = values[..., j, None, None] * np.eye(into.stop - into.start)
+    return Delta
+
+
 @dataclass(frozen=True, eq=False)
 class RealParameters:
     """A stable system with a structure, and which of its blocks are real parameters."""
@@ -50,12 +60,8 @@ class RealParameters:
         return [k for k, block in enumerate(self.structure) if isinstance(block, Real)]
 
     def perturbation(self, values: RealArray) -> RealArray:
-        """The perturbation (r, c) of normalised values (p,), with all other blocks 0."""
-        Delta = np.zeros((self.structure.rows, self.structure.columns))
-        for value, k in zip(values, self.places, strict=True):
-            into, out = self.structure.row_slices[k], self.structure.column_slices[k]
-            Delta[into, out] = value * np.eye(into.stop - into.start)
-        return Delta
+        """The perturbation (..., r, c) of normalised values (..., p), with all other blocks 0."""
+        return real_perturbation(self.structure, values)
 
     def unstable(self, values: RealArray) -> BoolArray:
         """Which of the values (k, p) have a pole right of the axis or are ill-posed, in doubles.
@@ -64,7 +70,7 @@ class RealParameters:
         it is 1, a pole went through infinity.
         """
         A, B, C, D = self.system.A, self.system.B, self.system.C, self.system.D
-        Delta = np.array([self.perturbation(one) for one in values])
+        Delta = self.perturbation(values)
         loop = np.eye(len(D)) - D @ Delta
         found: BoolArray = ~((np.linalg.cond(loop) < 1 / EPS) & (np.linalg.det(loop) > 0))
         Delta, loop = Delta[~found], loop[~found]

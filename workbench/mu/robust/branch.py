@@ -27,6 +27,7 @@ from workbench.certify.balls import balls
 from workbench.certify.singularity import proven_bound, said
 from workbench.errors import InputError
 from workbench.input_checks import as_matrices, need_count
+from workbench.mu.boxes.recentred import real_perturbation
 from workbench.mu.lower.bound import lower_bound
 from workbench.mu.lower.methods import proposals
 from workbench.mu.upper.bound import upper_bound
@@ -173,7 +174,7 @@ class _Search:
     ) -> tuple[np.ndarray, np.ndarray]:
         """(I - M C)^-1 M R of each part, and whether its centre is regular (else M R)."""
         columns = len(self._M)
-        loop = np.eye(columns) - self._M @ self._perturbations(centres)
+        loop = np.eye(columns) - self._M @ real_perturbation(self._structure, centres)
         regular = np.linalg.cond(loop) < 1 / LEAST_RECIPROCAL_CONDITION
         loop[~regular] = np.eye(columns)
         return np.linalg.solve(loop, self._M * self._scale(widths, level)[:, None, :]), regular
@@ -185,14 +186,6 @@ class _Search:
             scale[:, self._structure.row_slices[k]] = widths[:, j, None]
         return scale
 
-    def _perturbations(self, centres: np.ndarray) -> np.ndarray:
-        """Delta at the centre of each part, with complex blocks 0."""
-        Delta = np.zeros((len(centres), self._structure.rows, self._structure.columns), complex)
-        for j, k in enumerate(self._real):
-            row, column = self._structure.row_slices[k], self._structure.column_slices[k]
-            Delta[:, row, column] = centres[:, j, None, None] * np.eye(row.stop - row.start)
-        return Delta
-
     def _lower_from(
         self, N: np.ndarray, centres: np.ndarray, widths: np.ndarray, level: float
     ) -> None:
@@ -201,7 +194,7 @@ class _Search:
             return
         found = proposals(N, self._structure, "power", self._options)
         shifted = self._scale(widths, level)[:, :, None] * found.Delta
-        Deltas = (self._perturbations(centres) + shifted)[found.value > 0]
+        Deltas = (real_perturbation(self._structure, centres) + shifted)[found.value > 0]
         sizes = np.linalg.norm(Deltas, 2, axis=(-2, -1))
         for k in np.argsort(sizes):
             if not 1 / sizes[k] > self.lower:

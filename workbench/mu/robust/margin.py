@@ -24,7 +24,7 @@ from workbench.mu.robust.regions import with_damping, with_decay
 from workbench.structure import Full, Real
 from workbench.systems.bilinear import bilinear_sampled
 from workbench.systems.realisation import realisation
-from workbench.uncertainty.algebra.system import UncertainSystem, uncertain
+from workbench.uncertainty.algebra.system import UncertainSystem
 
 PARTS = 4000
 """Most parts of a box of real parameters that are examined."""
@@ -126,10 +126,9 @@ def robust_stability(
         The system has no uncertain element, or is unstable at its nominal, or has a nominal pole
         outside the region asked for.
     """
-    given = uncertain(system, "system")
     need_count("parts", parts)
     need_tolerance(tolerance)
-    analysed(given)
+    given = analysed(system)
     asked = [with_decay(given, decay)] if decay or not damping else []
     if damping:
         asked.append(with_damping(given, damping))
