@@ -1,11 +1,15 @@
-"""Riccati equations solved by the stable subspace of their Hamiltonian."""
+"""Riccati equations solved by the stable subspace of their Hamiltonian, and coprime factors."""
 
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import LinAlgError, matrix_balance, schur
+from scipy.linalg import LinAlgError, matrix_balance, schur, solve_continuous_are
 
 from workbench.arrays import EPS, RealArray
+from workbench.errors import SolverError
+from workbench.heavy_types import StateSpace
+from workbench.systems.balancing import balanced
+from workbench.systems.realisation import realisation
 
 ASYMMETRY_TOLERANCE = 1e-4
 """Largest asymmetry of X1^T X2, relative to its largest entry. Rounding errors cause less than
@@ -78,3 +82,28 @@ def _balanced_solution(H: RealArray, half: RealArray) -> RealArray | None:
     if values[0] < -NEGATIVE_EIGENVALUE_TOLERANCE * max(values[-1], 0.0) - AXIS_ROUNDING * error:
         return None
     return X / half[:, None] / half
+
+
+def right_factors(P: StateSpace, name: str) -> StateSpace:
+    """[N; M] with P = N M^-1 and N~ N + M~ M = 1, both stable; P in continuous time.
+
+    Raises SolverError where there are none.
+    """
+    A, B, C = balanced(P.A, P.B, P.C)
+    D = P.D
+    R = np.eye(P.ninputs) + D.T @ D
+    try:
+        X = solve_continuous_are(A, B, C.T @ C, R, s=C.T @ D) if len(A) else np.zeros((0, 0))
+    except (np.linalg.LinAlgError, ValueError) as error:
+        raise SolverError(
+            f"{name} has no normalised coprime factors ({error}): is a mode on the imaginary axis "
+            "hidden, or moved by no input?"
+        ) from None
+    F = -np.linalg.solve(R, B.T @ X + D.T @ C)
+    values, V = np.linalg.eigh(R)
+    root = (V / np.sqrt(values)) @ V.T
+    both = np.vstack([C + D @ F, F]), np.vstack([D, np.eye(P.ninputs)]) @ root
+    found = realisation((A + B @ F, B @ root, *both), 0.0)
+    if len(A) and not found.poles().real.max() < 0:
+        raise SolverError(f"{name} has no normalised coprime factors: a pole is on the axis")
+    return found

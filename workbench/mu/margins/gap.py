@@ -13,12 +13,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.linalg import solve_continuous_are
 
 from workbench.certify.eigenvalues import pole_discs
 from workbench.certify.rounding import exact
 from workbench.certify.stable_system import angular_frequency
-from workbench.errors import InputError, SolverError
+from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_tolerance
 from workbench.mu.frequency.peak import peak
@@ -28,6 +27,7 @@ from workbench.systems.balancing import balanced, singular
 from workbench.systems.bilinear import bilinear_continuous
 from workbench.systems.conversion import as_system
 from workbench.systems.realisation import realisation
+from workbench.systems.riccati import right_factors
 from workbench.uncertainty.algebra.system import uncertain
 
 
@@ -123,31 +123,6 @@ def coprime_margin(plant: Any, controller: Any, tolerance: float = 1e-4) -> Copr
     whole = realisation((loop.A, loop.B, signs @ loop.C, signs @ loop.D + through), loop.dt or 0.0)
     found = peak(whole, Structure([Full(m + p, m + p)]), tolerance)
     return CoprimeMargin(1.0 / found.upper, 1.0 / found.lower, found.omega)
-
-
-def right_factors(P: StateSpace, name: str) -> StateSpace:
-    """[N; M] with P = N M^-1 and N~ N + M~ M = 1, both stable; P in continuous time.
-
-    Raises SolverError where there are none.
-    """
-    A, B, C = balanced(P.A, P.B, P.C)
-    D = P.D
-    R = np.eye(P.ninputs) + D.T @ D
-    try:
-        X = solve_continuous_are(A, B, C.T @ C, R, s=C.T @ D) if len(A) else np.zeros((0, 0))
-    except (np.linalg.LinAlgError, ValueError) as error:
-        raise SolverError(
-            f"{name} has no normalised coprime factors ({error}): is a mode on the imaginary axis "
-            "hidden, or moved by no input?"
-        ) from None
-    F = -np.linalg.solve(R, B.T @ X + D.T @ C)
-    values, V = np.linalg.eigh(R)
-    root = (V / np.sqrt(values)) @ V.T
-    both = np.vstack([C + D @ F, F]), np.vstack([D, np.eye(P.ninputs)]) @ root
-    found = realisation((A + B @ F, B @ root, *both), 0.0)
-    if len(A) and not found.poles().real.max() < 0:
-        raise SolverError(f"{name} has no normalised coprime factors: a pole is on the axis")
-    return found
 
 
 def _winds_not(G1: StateSpace, G2: StateSpace) -> bool | None:

@@ -18,11 +18,11 @@ from workbench.errors import SolverError
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_tolerance
 from workbench.mu import nu_gap
-from workbench.mu.margins.gap import right_factors
 from workbench.synthesis.hinf.riccati import central
 from workbench.systems.bilinear import bilinear_continuous
 from workbench.systems.conversion import as_system
 from workbench.systems.realisation import realisation, worst_pole
+from workbench.systems.riccati import right_factors
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,54 @@
+"""The smallest sets by Newton's method along geodesics, at all frequencies at once.
+
+With P = W_1^-1, S = W_2^-1 and M_k = P (E_k - Z) S, the set {Z + W_1 Delta W_2} contains E_k where
+|M_k| <= 1. A step changes P to exp(A) P, S to S exp(B) and Z to Z + P^-1 z S^-1, so that M_k becomes
+exp(A) (M_k - z) exp(B) with A and B Hermitian. The barrier -sum log det(I - M_k M_k^*) is convex
+along exp(t A), exp(t B): the norm of M_k and of each of its exterior powers is log-convex there, by
+Hadamard's three lines theorem. So is the size of the set; Newton's method with a fixed centre finds
+the global optimum. With a free centre it finds a local one of the volume, and the global one of the
+trace, which is convex in (W_1 W_1^*, W_2^* W_2, Z).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from workbench.executor import Context
+from workbench.program import Claim, method
+from workbench.solvers import Outcome
+from workbench.uncertainty.matrix_covers.newton import BarrierSets
+from workbench.uncertainty.matrix_covers.sets import MatrixSets
+
+FALL = 0.2
+"""Factor from one weight of the barrier to the next."""
+GAP_SHARE = 0.3
+"""Share of the tolerance at which the last barrier leaves the size of the sets."""
+
+
+@method(MatrixSets, "barrier", optimal=True)
+def _barrier(program: MatrixSets, context: Context) -> Claim:
+    """Interior-point method along geodesics, all frequencies at once."""
+    unit = 2.0 ** np.round(np.log2(np.abs(program.deviations).max(axis=(1, 2, 3), keepdims=True)))
+    state = BarrierSets(replace(program, deviations=program.deviations / unit))
+    count = state.constraints
+    goal = GAP_SHARE * context.options.accuracy * 2 * state.p * state.m / count
+    for mu in context.track(list(_weights(goal)), "barriers"):
+        state.minimise(mu)
+    found, unit = state.found(), unit[:, 0]
+    return (
+        replace(found, left=found.left * unit, centre=found.centre * unit),
+        Outcome.SOLVED,
+        "",
+    )
+
+
+def _weights(goal: float) -> Iterator[float]:
+    """Falling weights of the barrier, the last one the goal."""
+    mu = 1.0
+    while mu > goal:
+        yield mu
+        mu *= FALL
+    yield goal

@@ -1,0 +1,94 @@
+"""The sets of least trace by semidefinite programs, one for each frequency.
+
+Minimise tr L / p + tr R / m subject to [[L, E_k - Z], [., R]] >= 0, whose optimum is twice that of
+sqrt((tr L / p) (tr R / m)). The deviations are parameters: the program is compiled once.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from workbench.arrays import ComplexArray
+from workbench.executor import Context
+from workbench.program import Claim, conic_method
+from workbench.solvers import ConicSolver, Outcome, solve_conic
+from workbench.uncertainty.matrix_covers.multipliers import fitted
+from workbench.uncertainty.matrix_covers.sets import MatrixSets, finished
+from workbench.uncertainty.matrix_covers.shapes import Shape
+
+
+def _no_volume(program: MatrixSets) -> str | None:
+    """Why it is no cone program; None where it is."""
+    return "the volume is not convex in L and R; take barrier" if program.size == "volume" else None
+
+
+@conic_method(MatrixSets, optimal=False, unfit=_no_volume)
+def _conic(program: MatrixSets, context: Context, solver: ConicSolver) -> Claim:
+    """Semidefinite programs, one for each frequency."""
+    F, _, p, m = program.deviations.shape
+    N = program.deviations.shape[1] + p * m
+    with context.stating():
+        statement = _Statement(program, N)
+    P, S = np.zeros((F, p, p), complex), np.zeros((F, m, m), complex)
+    Z = np.zeros((F, p, m), complex)
+    outcome, said = Outcome.SOLVED, ""
+    for f in context.track(range(F), "frequencies"):
+        one, said = statement.solved(f, solver, context)
+        if statement.left.value is None:
+            return None, Outcome.FAILED, f"frequency number {f}: {said}"
+        outcome = outcome if one is Outcome.SOLVED else one
+        P[f], S[f], Z[f] = statement.answer()
+    weights = fitted(program, P, S, Z)
+    return finished(program, P, S, Z, weights), outcome, said
+
+
+class _Statement:
+    """The program of one frequency, with the deviations as parameters."""
+
+    def __init__(self, program: MatrixSets, N: int) -> None:
+        import cvxpy as cp
+
+        self.program = program
+        p, m = program.deviations.shape[2:]
+        self.left, self.right = _hermitian(p, program.left), _hermitian(m, program.right)
+        self.E = [cp.Parameter((p, m), complex=True) for _ in range(N)]
+        free = program.centre == "free"
+        self.centre = cp.Variable((p, m), complex=True) if free else cp.Constant(np.zeros((p, m)))
+        moving = program.deviations.shape[1]
+        self.blocks = []
+        for k, E in enumerate(self.E):
+            away = E - self.centre if k < moving else E
+            self.blocks.append(cp.bmat([[self.left, away], [away.H, self.right]]) >> 0)
+        size = cp.real(cp.trace(self.left)) / p + cp.real(cp.trace(self.right)) / m
+        self.problem = cp.Problem(cp.Minimize(size), self.blocks)
+
+    def solved(self, f: int, solver: ConicSolver, context: Context) -> tuple[Outcome, str]:
+        """Solve for the frequency of this number, in units of its channels."""
+        rows, columns = self.program.channel_sizes
+        self.unit = float(np.sqrt(rows[f].max() * columns[f].max()))
+        mean = self.program.deviations[f].mean(axis=0)
+        self.start = mean if self.program.centre == "free" else np.zeros_like(mean)
+        away = self.program.away(np.broadcast_to(self.start, (len(rows), *mean.shape)))[f]
+        for parameter, E in zip(self.E, away, strict=True):
+            parameter.value = E / self.unit
+        return solve_conic(self.problem, solver, context.options, context)
+
+    def answer(self) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+        """Inverse weights and centre of what was solved last."""
+        P = np.linalg.inv(np.linalg.cholesky(self.left.value) * self.unit)
+        S = np.linalg.inv(np.linalg.cholesky(self.right.value)).conj().T
+        Z = self.start + self.unit * np.asarray(self.centre.value)
+        return P, S, Z
+
+
+def _hermitian(n: int, shape: Shape) -> Any:
+    """Hermitian matrix of a shape, as CVXPY states it."""
+    import cvxpy as cp
+
+    if shape == "full":
+        return cp.Variable((n, n), hermitian=True)
+    if shape == "diagonal":
+        return cp.diag(cp.Variable(n))
+    return cp.Variable() * np.eye(n)

@@ -1,0 +1,341 @@
+"""Covers of sets of matrix responses: from plants and a nominal to weights on both sides of Delta."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, ClassVar, get_args
+
+import numpy as np
+
+from workbench.arrays import ComplexArray, RealArray
+from workbench.certificate import EVERY_FREQUENCY, THIS_SYSTEM, Check, worst
+from workbench.certify.norms import certified_norm
+from workbench.errors import InputError
+from workbench.fitting.samples import as_count
+from workbench.heavy_types import Dataset, Figure, StateSpace
+from workbench.program import Program
+from workbench.second_opinion.fits import decays
+from workbench.second_opinion.responses import plain_response, tried_frequencies
+from workbench.systems.conversion import as_system
+from workbench.systems.realisation import worst_pole
+from workbench.systems.storage import restored, stored
+from workbench.uncertainty.matrix_covers.figures import matrix_cover_figures
+from workbench.uncertainty.matrix_covers.forms import (
+    MatrixForm,
+    left_factors,
+    need_reached,
+    residuals,
+)
+from workbench.uncertainty.matrix_covers.model import MatrixModel
+from workbench.uncertainty.matrix_covers.responses import MatrixResponses, response_of
+from workbench.uncertainty.matrix_covers.sets import CONTAINED, FoundSets, MatrixSets
+from workbench.uncertainty.matrix_covers.shapes import Shape
+from workbench.uncertainty.matrix_covers.weights import inverse_weight
+
+REALISED = 1e-6
+"""Largest norm of Delta beyond 1 in the second opinion."""
+
+
+@dataclass(frozen=True, eq=False)
+class FoundCover:
+    """A model, and the smallest sets at each frequency that weights of any order could have."""
+
+    model: MatrixModel
+    least: FoundSets
+
+    @property
+    def lti(self) -> StateSpace:
+        """The nominal."""
+        return self.model.nominal
+
+
+@dataclass(frozen=True, eq=False)
+class MatrixCover(Program):
+    """Weights W_1 and W_2 of given orders such that a model contains every plant.
+
+    Parameters
+    ----------
+    responses
+        Responses of the plants.
+    nominal
+        A system of python-control.
+    form
+        Where Delta acts; see `workbench.uncertainty.matrix_covers.forms`.
+    left, right
+        Shapes of W_1 and W_2: ``"full"``, ``"diagonal"`` or ``"scalar"``. A scalar W_2 is 1, as its
+        size is that of W_1.
+    left_order, right_order
+        Number of poles for each channel of W_1 and of W_2.
+    floor
+        As for `MatrixSets`.
+
+    Raises
+    ------
+    InputError
+        Other data, or plants that the form does not reach.
+    """
+
+    responses: MatrixResponses
+    nominal: Any
+    form: MatrixForm = "additive"
+    left: Shape = field(default="diagonal", kw_only=True)
+    right: Shape = field(default="diagonal", kw_only=True)
+    left_order: int = field(default=2, kw_only=True)
+    right_order: int = field(default=2, kw_only=True)
+    floor: float = field(default=1e-3, kw_only=True)
+
+    default_method: ClassVar[str] = "steps"
+    headline: ClassVar[str] = "radius_mean"
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.responses, MatrixResponses):
+            kind = type(self.responses).__name__
+            raise InputError(f"responses must be MatrixResponses, not {kind}")
+        object.__setattr__(self, "nominal", as_system(self.nominal, "nominal"))
+        p, m = self.responses.values.shape[2:]
+        if (self.nominal.noutputs, self.nominal.ninputs) != (p, m):
+            raise InputError(
+                f"the nominal has {self.nominal.noutputs} outputs and {self.nominal.ninputs} "
+                f"inputs, the plants {p} and {m}"
+            )
+        if float(self.nominal.dt or 0.0) != self.responses.dt:
+            raise InputError(
+                f"the nominal has dt = {self.nominal.dt}, the responses {self.responses.dt}"
+            )
+        if self.form not in get_args(MatrixForm):
+            raise InputError(f"form is {self.form!r}; it must be one of {get_args(MatrixForm)}")
+        for name in ("left_order", "right_order"):
+            order = as_count(name, getattr(self, name))
+            object.__setattr__(self, name, order)
+            most = max(self.responses.omega.size // 2 - 1, 0)
+            if order > most:
+                raise InputError(
+                    f"{name} is {order}; {self.responses.omega.size} frequencies determine {most} "
+                    "at most"
+                )
+        _ = self.sets  # raises for what has no sets
+
+    @property
+    def quantifier(self) -> str:
+        F, N = self.responses.values.shape[:2]
+        return f"at the {F} given frequencies, for these {N} plants"
+
+    @property
+    def problem_size(self) -> float:
+        """Number of matrices to cover, at all frequencies together."""
+        return float(np.prod(self.responses.values.shape[:2]))
+
+    # --- the question -----------------------------------------------------------------------------
+
+    @property
+    def axis(self) -> RealArray:
+        """Frequencies (F,) of the bilinear plane [rad/s], in which sampled weights are fitted."""
+        omega, dt = self.responses.omega, self.responses.dt
+        return 2 / dt * np.tan(omega * dt / 2) if dt else omega
+
+    @cached_property
+    def deviations(self) -> ComplexArray:
+        """X (F, N, ., .) of every plant."""
+        return self._residuals(response_of)
+
+    def _residuals(self, response: Any) -> ComplexArray:
+        omega = self.responses.omega
+        factors = response(left_factors(self.nominal), omega) if self.form == "coprime" else None
+        found, left = residuals(
+            self.responses.values, response(self.nominal, omega), self.form, factors
+        )
+        places = [self.responses.place(f) for f in range(omega.size)]
+        need_reached(left, self.form, places, list(self.responses.plants))
+        return found
+
+    @cached_property
+    def sets(self) -> MatrixSets:
+        """The program of the smallest sets at each frequency."""
+        return MatrixSets(self.deviations, self.left, self.right, floor=self.floor)
+
+    @property
+    def everywhere(self) -> bool:
+        """Whether the plants are covered at every frequency: known, stable, and additive."""
+        systems = [*self.responses.known, self.nominal]
+        return (
+            self.form == "additive"
+            and bool(self.responses.known)
+            and all(worst_pole(each)[1] < 0 for each in systems)
+        )
+
+    def deltas(self, model: MatrixModel, response: Any = response_of) -> ComplexArray:
+        """Delta (F, N, ., .) of every plant."""
+        omega = self.responses.omega
+        X = self.deviations if response is response_of else self._residuals(response)
+        W_1, W_2 = response(model.W_1, omega), response(model.W_2, omega)
+        found: ComplexArray = np.linalg.solve(W_1[:, None], X) @ np.linalg.inv(W_2)[:, None]
+        return found
+
+    def known_deltas(self, model: MatrixModel) -> list[StateSpace]:
+        """Delta of every known plant, as systems."""
+        left, right = inverse_weight(model.W_1), inverse_weight(model.W_2)
+        return [left * (plant - self.nominal) * right for plant in self.responses.known]
+
+    # --- objective --------------------------------------------------------------------------------
+
+    def radii(self, model: MatrixModel) -> RealArray:
+        """Geometric mean (F,) of the radius of the model's sets in all directions."""
+        logs = [
+            np.linalg.slogdet(response_of(W, self.responses.omega))[1] / W.ninputs
+            for W in (model.W_1, model.W_2)
+        ]
+        return np.exp(logs[0] + logs[1])
+
+    def objective(self, answer: FoundCover) -> float:
+        """Mean of the logarithm of the radius over the logarithm of frequency."""
+        return float(self.responses.shares @ np.log(self.radii(answer.model)))
+
+    def objective_scale(self, answer: FoundCover) -> float:
+        """1: differences of logarithms are relative already."""
+        return 1.0
+
+    # --- the check --------------------------------------------------------------------------------
+
+    def checks(self, answer: FoundCover, tolerance: float) -> Sequence[Check]:
+        model = answer.model
+        if model.form != self.form:
+            raise InputError(f"the answer is {model.form}, asked for was {self.form}")
+        norms = np.linalg.norm(self.deltas(model), 2, axis=(2, 3))
+        value, where = worst(norms - 1, self.responses.numbered)
+        checks = [Check("containment", "norm of a Delta, less 1", value, CONTAINED, where)]
+        if self.everywhere:
+            bounds = [certified_norm(delta) - 1 for delta in self.known_deltas(model)]
+            value, where = worst(bounds, lambda i: f"plant {self.responses.plants[i[0]]}")
+            over = f"{EVERY_FREQUENCY}, for these {len(bounds)} plants"
+            statement = "proven bound of the norm of a Delta, less 1"
+            checks.append(Check("everywhere", statement, value, CONTAINED, where, over=over))
+        checks.append(self._nominal_check(model))
+        for name, shape, order in (
+            ("W_1", self.left, self.left_order),
+            ("W_2", self.right, self.right_order),
+        ):
+            W = getattr(model, name)
+            checks += [
+                Check(f"order of {name}", "number of states", W.nstates, order * W.ninputs),
+                self._left(f"{name} stable", W),
+                self._left(f"inverse of {name} stable", inverse_weight(W)),
+                Check(f"{name} {shape}", "largest entry that is not of its shape",
+                      self._off_shape(W, shape), 0.0, over=THIS_SYSTEM),
+            ]  # fmt: skip
+        return [*checks, *self.sets.checks(answer.least, tolerance)[:1]]
+
+    def _nominal_check(self, model: MatrixModel) -> Check:
+        omega = self.responses.omega
+        given = response_of(self.nominal, omega)
+        apart = np.abs(response_of(model.nominal, omega) - given).max(axis=(1, 2))
+        apart = apart / np.maximum(np.abs(given).max(axis=(1, 2)), np.finfo(float).tiny)
+        value, where = worst(apart, lambda i: f"at {self.responses.place(i[0])}")
+        return Check(
+            "nominal given", "distance from the given one, relative", value, CONTAINED, where
+        )
+
+    def _left(self, name: str, system: StateSpace) -> Check:
+        beyond = worst_pole(system)[1]
+        statement = "how far a pole is beyond the boundary of stability, negative"
+        return Check(name, statement, beyond, -np.finfo(float).tiny, over=THIS_SYSTEM)
+
+    def _off_shape(self, W: StateSpace, shape: Shape) -> float:
+        response = response_of(W, self.responses.omega)
+        if shape == "full":
+            return 0.0
+        unit = np.eye(W.ninputs)
+        off = response * (1 - unit)
+        if shape == "scalar":
+            off = response - response[:, :1, :1] * unit
+        return float(np.abs(off).max())
+
+    def second_opinion(self, answer: FoundCover) -> Sequence[Check]:
+        model = answer.model
+        found = [self._semidefinite(model), decays(model.W_1, "W_1 decays")]
+        found += [
+            decays(model.W_2, "W_2 decays"),
+            decays(inverse_weight(model.W_1), "inverse of W_1 decays"),
+            decays(inverse_weight(model.W_2), "inverse of W_2 decays"),
+        ]
+        if self.everywhere:
+            peaks = []
+            for delta in self.known_deltas(model):
+                tried = tried_frequencies(delta.poles(), float(delta.dt or 0.0))
+                peaks.append(np.linalg.norm(plain_response(delta, tried), 2, axis=(1, 2)).max())
+            value, where = worst(
+                np.array(peaks) - 1, lambda i: f"plant {self.responses.plants[i[0]]}"
+            )
+            statement = "largest norm of a Delta at frequencies tried, less 1"
+            found.append(Check("everywhere", statement, value, REALISED, where))
+        return found
+
+    def _semidefinite(self, model: MatrixModel) -> Check:
+        """Containment by the smallest eigenvalue of [[L, X], [X^*, R]], scaled to a unit diagonal."""
+        omega = self.responses.omega
+        W_1, W_2 = plain_response(model.W_1, omega), plain_response(model.W_2, omega)
+        L, R = W_1 @ _h(W_1), _h(W_2) @ W_2
+        X = self._residuals(plain_response)
+        N = X.shape[1]
+        L, R = (np.repeat(each[:, None], N, axis=1) for each in (L, R))
+        whole = np.concatenate(
+            [np.concatenate([L, X], axis=3), np.concatenate([_h(X), R], axis=3)], axis=2
+        )
+        root = np.sqrt(np.einsum("fkii->fki", whole).real)
+        whole = whole / root[..., None] / root[..., None, :]
+        least = np.linalg.eigvalsh(whole)[..., 0]
+        value, where = worst(-least, self.responses.numbered)
+        statement = "smallest eigenvalue of [[L, X], [X^*, R]] of unit diagonal, below zero"
+        return Check("semidefinite", statement, value, REALISED, where)
+
+    def metrics(self, answer: FoundCover) -> dict[str, float]:
+        radii, least = self.radii(answer.model), answer.least.radius
+        excess = np.log(radii / least)
+        norms = np.linalg.norm(self.deltas(answer.model), 2, axis=(2, 3))
+        shares = self.responses.shares
+        return {
+            "radius_mean": float(np.exp(shares @ np.log(radii))),
+            "radius_mean_least": float(np.exp(shares @ np.log(least))),
+            "inflation_mean": float(np.exp(shares @ excess)),
+            "inflation_peak": float(np.exp(excess.max())),
+            "least_gap": float(self.sets.excess(answer.least).max()),
+            "delta_mean_largest": float(shares @ norms.max(axis=1)),
+            "order_W1": answer.model.W_1.nstates,
+            "order_W2": answer.model.W_2.nstates,
+            "plants": norms.shape[1],
+        }
+
+    # --- datasets and figures ---------------------------------------------------------------------
+
+    def to_dataset(self, answer: FoundCover) -> Dataset:
+        import xarray as xr
+
+        model = answer.model
+        sets = self.sets.to_dataset(answer.least)
+        parts: dict[str, Any] = {}
+        for name in ("nominal", "W_1", "W_2"):
+            parts |= stored(name, getattr(model, name))
+        norms = np.linalg.norm(self.deltas(model), 2, axis=(2, 3))
+        text = {"units": "1", "long_name": "norm of Delta"}
+        parts["delta_norm"] = (("frequency", "sample"), norms, text)
+        parts["radius"] = (
+            "frequency", self.radii(model), {"units": "1", "long_name": "radius of the model"}
+        )  # fmt: skip
+        omega = ("frequency", self.responses.omega, {"units": "rad/s", "long_name": "frequency"})
+        plants = ("sample", list(self.responses.plants))
+        return xr.Dataset(parts | dict(sets.data_vars), coords={"omega": omega, "plant": plants})
+
+    def from_dataset(self, data: Dataset) -> FoundCover:
+        systems = (restored(data, name) for name in ("nominal", "W_1", "W_2"))
+        return FoundCover(MatrixModel(*systems, self.form), self.sets.from_dataset(data))
+
+    def figures(self, answer: FoundCover) -> dict[str, Figure]:
+        norms = np.linalg.norm(self.deltas(answer.model), 2, axis=(2, 3))
+        return matrix_cover_figures(
+            self.responses, answer.model, norms, self.radii(answer.model), answer.least.radius
+        )
+
+
+def _h(matrices: ComplexArray) -> ComplexArray:
+    return matrices.conj().swapaxes(-2, -1)

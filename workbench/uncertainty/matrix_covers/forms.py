@@ -1,0 +1,142 @@
+"""Forms of models with one Delta: where it acts, and what it is for a given plant.
+
+With X = W_1 Delta W_2 and the nominal G0, a model of a form contains the plants
+
+    additive          G0 + X                   inverse-additive   (I - G0 X)^-1 G0
+    input             G0 (I + X)               inverse-input      G0 (I - X)^-1
+    output            (I + X) G0               inverse-output     (I - X)^-1 G0
+    coprime           (M + X_M)^-1 (N + X_N)   with G0 = M^-1 N, N N~ + M M~ = I, X = [X_N, X_M]
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+
+from workbench.arrays import ComplexArray
+from workbench.errors import InputError
+from workbench.heavy_types import StateSpace
+from workbench.systems.bilinear import bilinear_continuous, bilinear_sampled
+from workbench.systems.realisation import realisation
+from workbench.systems.riccati import right_factors
+
+MatrixForm = Literal[
+    "additive",
+    "input",
+    "output",
+    "inverse-additive",
+    "inverse-input",
+    "inverse-output",
+    "coprime",
+]
+
+REACHED = 1e-8
+"""Largest part of a plant that no X of the form gives, relative to the plant."""
+
+
+def delta_shape(form: MatrixForm, p: int, m: int) -> tuple[int, int]:
+    """Rows and columns of X for plants of p outputs and m inputs."""
+    return {
+        "additive": (p, m),
+        "input": (m, m),
+        "output": (p, p),
+        "inverse-additive": (m, p),
+        "inverse-input": (m, m),
+        "inverse-output": (p, p),
+        "coprime": (p, m + p),
+    }[form]
+
+
+def interconnection(nominal: StateSpace, form: MatrixForm) -> StateSpace:
+    """System from (w, u) to (z, y) that is the model of a form where w = X z."""
+    A, B, C, D = nominal.A, nominal.B, nominal.C, nominal.D
+    p, m = D.shape
+    n = len(A)
+    Ip, Im, zero = np.eye(p), np.eye(m), np.zeros
+    if form == "coprime":
+        factors = left_factors(nominal)
+        H, root = factors.B[:, m:], np.linalg.inv(factors.D[:, m:])
+        # G0 in the states of its factors, and M^-1 = root - C (s I - A)^-1 H root
+        C = root @ factors.C
+        A, B, D = factors.A - H @ C, factors.B[:, :m] - H @ D, root @ factors.D[:, :m]
+        B_w, C_z, D_zw = -H @ root, np.vstack([zero((m, n)), -C]), np.vstack([zero((m, p)), -root])
+        D_zu, D_yw = np.vstack([Im, -D]), root
+    else:
+        before, after = (B, D), (zero((n, p)), Ip)  # X added to the input, to the output
+        B_w, D_yw = before if form in ("input", "inverse-additive", "inverse-input") else after
+        sees_input = form in ("additive", "input", "inverse-input")
+        C_z, D_zu = (zero((m, n)), Im) if sees_input else (C, D)
+        D_zw = {
+            "inverse-additive": D,
+            "inverse-input": Im,
+            "inverse-output": Ip,
+        }.get(form, zero((len(C_z), B_w.shape[1])))
+    return realisation(
+        (
+            A,
+            np.hstack([B_w, B]),
+            np.vstack([C_z, C]),
+            np.block([[D_zw, D_zu], [D_yw, D]]),
+        ),
+        float(nominal.dt or 0.0),
+    )
+
+
+def left_factors(nominal: StateSpace) -> StateSpace:
+    """[N, M] with G0 = M^-1 N and N N~ + M M~ = I, both stable, on the states of G0."""
+    period = float(nominal.dt or 0.0)
+    plane = bilinear_continuous(nominal) if period else nominal
+    right = right_factors(realisation((plane.A.T, plane.C.T, plane.B.T, plane.D.T), 0.0), "nominal")
+    left = realisation((right.A.T, right.C.T, right.B.T, right.D.T), 0.0)
+    return bilinear_sampled(left, period) if period else left
+
+
+def residuals(
+    values: ComplexArray, nominal: ComplexArray, form: MatrixForm, factors: ComplexArray | None
+) -> tuple[ComplexArray, ComplexArray]:
+    """X (F, N, ., .) of plants with responses (F, N, p, m), and what of each plant it leaves out.
+
+    Parameters
+    ----------
+    nominal
+        Responses (F, p, m) of G0.
+    factors
+        Responses (F, p, m + p) of [N, M]; for the form "coprime" only.
+
+    The second array (F, N) is the largest part of a plant that no X gives, relative to the plant:
+    it is not rounding only where G0 or the plant is not square, or singular. Where several X give
+    the plant, the smallest is returned.
+    """
+    G, G0 = values, nominal[:, None]
+    p, m = G.shape[-2:]
+    away = G - G0
+    if form == "coprime":
+        assert factors is not None
+        N, M = factors[:, None, :, :m], factors[:, None, :, m:]
+        seen = np.concatenate([np.broadcast_to(np.eye(m), (*G.shape[:2], m, m)), -G], axis=-2)
+        away = M @ G - N
+        X = away @ np.linalg.pinv(seen)
+        left = X @ seen - away
+    elif form == "additive":
+        return away, np.zeros(away.shape[:2])
+    else:
+        before = {"input": G0, "inverse-additive": G0, "inverse-input": G}.get(form)
+        after = {"output": G0, "inverse-additive": G, "inverse-output": G}.get(form)
+        X = away if before is None else np.linalg.pinv(before) @ away
+        X = X if after is None else X @ np.linalg.pinv(after)
+        left = (X if before is None else before @ X) @ (np.eye(m) if after is None else after)
+        left = left - away
+    size = np.linalg.norm(G, axis=(2, 3))
+    return X, np.linalg.norm(left, axis=(2, 3)) / np.where(size > 0, size, 1.0)
+
+
+def need_reached(left: ComplexArray, form: MatrixForm, where: list[str], plants: list[str]) -> None:
+    """Raise InputError for plants of which a part is left out, naming plant and frequency."""
+    worst = np.unravel_index(int(np.argmax(left)), left.shape)
+    if not left[worst] <= REACHED:
+        raise InputError(
+            f"the form {form!r} does not reach plant {plants[worst[1]]} at {where[worst[0]]}: "
+            f"{100 * left[worst]:.3g} % of it lies outside what the nominal can make; additive, "
+            "coprime, or a form at the other side contains it"
+        )

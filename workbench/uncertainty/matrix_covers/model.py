@@ -1,0 +1,110 @@
+"""A nominal with one Delta between weights on both sides."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, get_args
+
+import numpy as np
+
+from workbench.arrays import ComplexArray, RealArray
+from workbench.errors import InputError
+from workbench.heavy_types import StateSpace
+from workbench.structure import Full, Structure
+from workbench.systems.conversion import as_system
+from workbench.uncertainty.algebra.system import Algebraic
+from workbench.uncertainty.matrix_covers.forms import (
+    MatrixForm,
+    delta_shape,
+    interconnection,
+)
+from workbench.uncertainty.matrix_covers.responses import response_of
+
+
+@dataclass(frozen=True, eq=False)
+class MatrixModel(Algebraic):
+    """The plants of a form (see `workbench.uncertainty.matrix_covers.forms`) with |Delta| <= 1.
+
+    Parameters
+    ----------
+    nominal, W_1, W_2
+        Systems of python-control of one sampling time; X = W_1 Delta W_2.
+    form
+        Where X acts, such as ``"additive"`` or ``"inverse-output"``.
+    """
+
+    nominal: Any
+    W_1: Any
+    W_2: Any
+    form: MatrixForm = "additive"
+
+    def __post_init__(self) -> None:
+        if self.form not in get_args(MatrixForm):
+            raise InputError(f"form is {self.form!r}; it must be one of {get_args(MatrixForm)}")
+        for name in ("nominal", "W_1", "W_2"):
+            object.__setattr__(self, name, as_system(getattr(self, name), name))
+        rows, columns = delta_shape(self.form, self.nominal.noutputs, self.nominal.ninputs)
+        for name, size in (("W_1", rows), ("W_2", columns)):
+            W = getattr(self, name)
+            if (W.noutputs, W.ninputs) != (size, size):
+                raise InputError(
+                    f"{name} has {W.noutputs} outputs and {W.ninputs} inputs; the form "
+                    f"{self.form!r} needs {size} of each"
+                )
+            if float(W.dt or 0.0) != self.dt:
+                raise InputError(f"{name} has dt = {W.dt}, the nominal {self.nominal.dt}")
+
+    def __repr__(self) -> str:
+        orders = ", ".join(
+            f"{name} of order {getattr(self, name).nstates}" for name in ("W_1", "W_2")
+        )
+        return f"MatrixModel, {self.form}: nominal of order {self.nominal.nstates}, {orders}"
+
+    @property
+    def dt(self) -> float:
+        """Sampling time [s]; 0: continuous time."""
+        return float(self.nominal.dt or 0.0)
+
+    @property
+    def lti(self) -> StateSpace:
+        """The nominal."""
+        return self.nominal
+
+    @property
+    def structure(self) -> Structure:
+        """One full block Delta."""
+        return Structure((Full(self.W_1.ninputs, self.W_2.noutputs, name="Delta"),))
+
+    @cached_property
+    def system(self) -> StateSpace:
+        """System from (w, u) to (z, y), closed by w = Delta z."""
+        import control
+
+        core = interconnection(self.nominal, self.form)
+        unit = [control.ss([], [], [], np.eye(n), self.dt) for n in self.nominal.D.shape]
+        found = control.append(self.W_2, unit[0]) * core * control.append(self.W_1, unit[1])
+        return found
+
+    def entry_discs(self, omega: RealArray) -> tuple[ComplexArray, RealArray]:
+        """Centres and radii (F, p, m) of the discs that the entries of the plants fill.
+
+        Radii are infinite where some plant of the model has a pole on the axis. With D = W_2 X-loop
+        W_1 the matrices Delta (I - D Delta)^-1 are a ball of matrices of which the centre is
+        (I - D^* D)^-1 D^* (R. Redheffer, "On a certain linear fractional transformation", 1960).
+        """
+        r, c = self.W_1.ninputs, self.W_2.noutputs
+        H = response_of(self.system, omega)
+        D, z, y, G = H[:, :c, :r], H[:, :c, r:], H[:, c:, :r], H[:, c:, r:]
+        Dh = D.conj().swapaxes(-2, -1)
+        size = np.linalg.norm(D, 2, axis=(1, 2)) if D.size else np.zeros(len(H))
+        inside = size < 1
+        safe = np.where(inside[:, None, None], D, 0.0)
+        Dh = safe.conj().swapaxes(-2, -1)
+        left = np.linalg.inv(np.eye(r) - Dh @ safe)
+        right = np.linalg.inv(np.eye(c) - safe @ Dh)
+        centre = G + y @ left @ Dh @ z
+        rows = np.einsum("fij,fjk,fik->fi", y, left, y.conj()).real
+        columns = np.einsum("fji,fjk,fki->fi", z.conj(), right, z).real
+        radius = np.sqrt(np.maximum(rows[:, :, None] * columns[:, None], 0.0))
+        return centre, np.where(inside[:, None, None], radius, np.inf)

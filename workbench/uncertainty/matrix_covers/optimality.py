@@ -1,0 +1,140 @@
+"""Lower bounds on the size of sets, proven by weights of the singular vectors that touch them.
+
+Let M_k = P (E_k - Z) S have the singular values s_kj with vectors u_kj, v_kj, and let c_kj >= 0.
+
+*Volume, centre given.* For Hermitian A and B the functions log|M|, log|wedge^2 M|, ... of
+exp(A) M exp(B) are convex along geodesics. With c_k1 >= c_k2 >= ... every cover exp(A) P, S exp(B)
+has therefore
+
+    0 >= sum c_kj log s_kj + tr(A sum c_kj u_kj u_kj^*) + tr(B sum c_kj v_kj v_kj^*).
+
+If the two sums are m I and p I (John's condition for ellipsoids, here for both sides), this is a
+bound on m tr A + p tr B, by which the logarithm of the volume can fall. What is left of the two
+sums counts with the largest A and B that a smaller cover can have.
+
+*Trace.* The matrix [[L, E_k - Z], [., R]] with L = W_1 W_1^*, R = W_2^* W_2 is positive semidefinite
+for a cover, so its product with c_kj (P^* u, -S v)(P^* u, -S v)^* is not negative. If these products'
+sums over L and R are those of tr L / p + tr R / m, and the one over Z vanishes, what remains is a
+bound: linear programming duality.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workbench.arrays import ComplexArray, RealArray
+from workbench.uncertainty.matrix_covers.shapes import Shape, of_shape
+
+SMALLEST = 1e-300
+"""What stands for a singular value of zero in a logarithm."""
+
+
+def volume_excess(
+    M: ComplexArray,
+    weights: RealArray,
+    left: Shape,
+    right: Shape,
+    reach: tuple[RealArray, RealArray],
+) -> RealArray:
+    """How much smaller the logarithm of the radius (F,) might be than that of these sets.
+
+    Parameters
+    ----------
+    M
+        Deviations (F, N, p, m) in the units of the sets.
+    weights
+        c (F, N, min(p, m)).
+    reach
+        Bounds (F,) on the norms of A and of B of any smaller cover.
+    """
+    p, m = M.shape[-2:]
+    u, s, vh = np.linalg.svd(M, full_matrices=False)
+    c = np.minimum.accumulate(np.maximum(weights, 0.0), axis=-1)
+    c = c * (p * m / np.maximum(c.sum(axis=(1, 2), keepdims=True), SMALLEST))
+    off_left = of_shape(_sum(u, c) - m * np.eye(p), left)
+    off_right = of_shape(_sum(vh.conj().swapaxes(-2, -1), c) - p * np.eye(m), right)
+    room = -(c * np.log(np.maximum(s, SMALLEST))).sum(axis=(1, 2))
+    room = room + _nuclear(off_left) * reach[0] + _nuclear(off_right) * reach[1]
+    excess: RealArray = np.maximum(room, 0.0) / (p * m)
+    return excess
+
+
+def trace_bound(
+    away: ComplexArray,
+    moving: int,
+    P: ComplexArray,
+    S: ComplexArray,
+    weights: RealArray,
+    left: Shape,
+    right: Shape,
+    free: bool,
+) -> RealArray:
+    """Lower bound (F,) on sqrt((tr L / p) (tr R / m)) of every cover.
+
+    Parameters
+    ----------
+    away
+        What a cover contains (F, N, p, m), less its centre.
+    moving
+        How many of the N the centre is subtracted from.
+    P, S
+        Inverse weights of the cover.
+    weights
+        c (F, N, min(p, m)).
+    free
+        Whether the centre may be another one.
+    """
+    p, m = away.shape[-2:]
+    u, _, vh = np.linalg.svd(P[:, None] @ away @ S[:, None], full_matrices=False)
+    c = np.maximum(weights, 0.0)
+    x = _h(P)[:, None] @ u
+    y = S[:, None] @ _h(vh)
+    x = _normalised(x, c, left) / np.sqrt(p)
+    y = _normalised(y, c, right) / np.sqrt(m)
+    over_left = _largest(of_shape(_sum(x, c), left)) * p
+    over_right = _largest(of_shape(_sum(y, c), right)) * m
+    cross = (x * c[:, :, None]) @ _h(y)  # (F, N, p, m)
+    value = np.einsum("fkij,fkij->f", cross.conj(), away).real
+    if free:  # |Z' - Z| <= 2 * (largest radius of a cover that is not larger)
+        rest = np.linalg.svd(cross[:, :moving].sum(axis=1), compute_uv=False).sum(axis=-1)
+        known = np.linalg.norm(np.linalg.inv(P), axis=(1, 2))
+        known = known * np.linalg.norm(np.linalg.inv(S), axis=(1, 2))
+        value = value - 2 * rest * known
+    bound: RealArray = value / np.maximum(over_left, over_right)
+    return np.maximum(bound, 0.0)
+
+
+def _normalised(vectors: ComplexArray, c: RealArray, shape: Shape) -> ComplexArray:
+    """Vectors (F, N, n, r) changed by a matrix of the shape so that sum c x x^* is I, within it."""
+    if shape == "scalar":
+        mean = np.einsum("fii->f", _sum(vectors, c)).real / vectors.shape[-2]
+        return vectors / np.sqrt(np.maximum(mean, SMALLEST))[:, None, None, None]
+    diagonal = np.maximum(np.einsum("fii->fi", _sum(vectors, c)).real, SMALLEST)
+    vectors = vectors / np.sqrt(diagonal)[:, None, :, None]
+    if shape == "diagonal":
+        return vectors
+    values, turn = np.linalg.eigh(_sum(vectors, c))
+    root = (turn / np.sqrt(np.maximum(values, SMALLEST))[:, None]) @ _h(turn)
+    changed: ComplexArray = root[:, None] @ vectors
+    return changed
+
+
+def _sum(vectors: ComplexArray, c: RealArray) -> ComplexArray:
+    """sum c x x^* (F, n, n) of the columns x of vectors (F, N, n, r)."""
+    found: ComplexArray = ((vectors * c[:, :, None]) @ _h(vectors)).sum(axis=1)
+    return found
+
+
+def _nuclear(hermitian: ComplexArray) -> RealArray:
+    """Sum of the sizes of the eigenvalues (F,)."""
+    found: RealArray = np.abs(np.linalg.eigvalsh(hermitian)).sum(axis=-1)
+    return found
+
+
+def _largest(hermitian: ComplexArray) -> RealArray:
+    found: RealArray = np.linalg.eigvalsh(hermitian)[:, -1]
+    return found
+
+
+def _h(matrices: ComplexArray) -> ComplexArray:
+    return matrices.conj().swapaxes(-2, -1)

@@ -1,0 +1,140 @@
+"""Matrix responses of several plants on one grid of frequencies."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from workbench.arrays import ComplexArray, RealArray
+from workbench.errors import InputError
+from workbench.fitting.samples import as_frequencies
+from workbench.heavy_types import StateSpace
+from workbench.input_checks import as_array, as_list
+from workbench.systems.conversion import as_system
+from workbench.systems.frequency_response import frequency_response
+
+SAME_FREQUENCIES = 1e-9
+"""Largest relative difference of frequencies that count as the same."""
+
+
+@dataclass(frozen=True, eq=False)
+class MatrixResponses:
+    """Responses (F, N, p, m) of N plants with p outputs and m inputs.
+
+    Parameters
+    ----------
+    omega
+        Frequencies (F,) [rad/s], positive and rising; below half the sampling rate where there is
+        one.
+    values
+        Complex responses (F, N, p, m).
+    plants
+        Names of the plants; None: they are numbered.
+    dt
+        Sampling time [s]; 0: continuous time.
+    known
+        The plants as systems, where they are known; see `of_systems`.
+
+    Raises
+    ------
+    InputError
+        Other data.
+    """
+
+    omega: RealArray
+    values: ComplexArray
+    plants: Any = None
+    dt: float = 0.0
+    known: tuple[StateSpace, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "omega", as_frequencies(self.omega))
+        values = as_array(self.values, "values", dtype=complex)
+        if values.ndim != 4 or len(values) != self.omega.size or not values.size:
+            raise InputError(
+                f"responses of shape {values.shape} do not fit {self.omega.size} frequencies; "
+                "needed is (F, N, p, m): N plants with p outputs and m inputs"
+            )
+        bad = np.argwhere(~np.isfinite(values))
+        if bad.size:
+            f, k = bad[0][:2]
+            raise InputError(f"plant {k + 1} at {self.omega[f]:.6g} rad/s is not finite")
+        object.__setattr__(self, "values", values)
+        given = range(1, values.shape[1] + 1) if self.plants is None else self.plants
+        names = tuple(map(str, as_list(given, "plants")))
+        if len(names) != values.shape[1] or len(set(names)) < len(names):
+            raise InputError(f"plants are {names}; {values.shape[1]} different names are needed")
+        object.__setattr__(self, "plants", names)
+        if self.dt and self.omega[-1] * self.dt >= np.pi:
+            raise InputError(
+                f"omega goes up to {self.omega[-1]:.6g} rad/s; half the sampling rate is "
+                f"{np.pi / self.dt:.6g} rad/s"
+            )
+
+    @classmethod
+    def of_systems(cls, systems: Sequence[Any], omega: Any, plants: Any = None) -> MatrixResponses:
+        """Responses of systems of python-control; stable ones are then covered at every frequency.
+
+        Raises InputError for systems of different sizes or sampling times.
+        """
+        found = [
+            as_system(each, f"plant {k + 1}") for k, each in enumerate(as_list(systems, "systems"))
+        ]
+        if not found:
+            raise InputError("systems are none; one or more are needed")
+        kinds = {(each.noutputs, each.ninputs, float(each.dt or 0.0)) for each in found}
+        if len(kinds) > 1:
+            raise InputError(
+                "plants differ in (outputs, inputs, sampling time): "
+                + ", ".join(map(str, sorted(kinds)))
+            )
+        omega = as_frequencies(omega)
+        values = np.stack([response_of(each, omega) for each in found], axis=1)
+        return cls(omega, values, plants, float(found[0].dt or 0.0), tuple(found))
+
+    @classmethod
+    def of_measurements(cls, measured: Sequence[Any], plants: Any = None) -> MatrixResponses:
+        """Responses of FrequencyResponseData of python-control, all at the same frequencies."""
+        found = as_list(measured, "measured")
+        try:
+            omegas = [np.asarray(each.omega, dtype=float) for each in found]
+            values = [np.moveaxis(np.asarray(each.frdata), -1, 0) for each in found]
+        except AttributeError:
+            raise InputError("measured must be FrequencyResponseData of python-control") from None
+        for k, (omega, value) in enumerate(zip(omegas, values, strict=True)):
+            if omega.shape != omegas[0].shape or not np.allclose(
+                omega, omegas[0], rtol=SAME_FREQUENCIES, atol=0
+            ):
+                raise InputError(f"plant {k + 1} was measured at other frequencies than plant 1")
+            if value.shape != values[0].shape:
+                raise InputError(f"plant {k + 1} has another number of inputs or outputs")
+        return cls(omegas[0], np.stack(values, axis=1), plants, float(found[0].dt or 0.0))
+
+    @property
+    def shares(self) -> RealArray:
+        """Share (F,) of each frequency in the band, on a logarithmic scale; their sum is 1."""
+        if self.omega.size == 1:
+            return np.ones(1)
+        log = np.log(self.omega)
+        width = np.gradient(log)
+        found: RealArray = width / width.sum()
+        return found
+
+    def place(self, f: int) -> str:
+        """Name of a frequency, for messages."""
+        return f"{self.omega[f]:.6g} rad/s"
+
+    def numbered(self, index: tuple[int, ...]) -> str:
+        """Name of a frequency and a plant, for messages."""
+        return f"plant {self.plants[index[1]]} at {self.place(index[0])}"
+
+
+def response_of(system: StateSpace, omega: RealArray) -> ComplexArray:
+    """Response (F, p, m) of a system, on the imaginary axis or on the circle."""
+    s = np.exp(1j * omega * system.dt) if system.dt else 1j * omega
+    M = np.block([[system.A, system.B], [system.C, system.D]])
+    found: ComplexArray = frequency_response(M, system.nstates, s)
+    return found

@@ -1,0 +1,387 @@
+"""The smallest sets {Z + W_1 Delta W_2, |Delta| <= 1} that contain matrices, at each frequency.
+
+Their size is the geometric mean of the radius in all directions ("volume"; it does not depend on
+the units of the channels), or the root of tr W_1 W_1^* / p times tr W_2^* W_2 / m ("trace").
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import ClassVar, Literal, get_args
+
+import numpy as np
+
+from workbench.arrays import EPS, ComplexArray, RealArray
+from workbench.certificate import Check, worst
+from workbench.errors import InputError
+from workbench.heavy_types import Dataset
+from workbench.input_checks import as_array, need_numbers
+from workbench.program import Program
+from workbench.uncertainty.matrix_covers.optimality import SMALLEST, trace_bound, volume_excess
+from workbench.uncertainty.matrix_covers.shapes import Shape, of_shape
+
+Size = Literal["volume", "trace"]
+Centre = Literal["zero", "free"]
+
+CONTAINED = 1e-9
+"""Largest norm of a Delta beyond 1: rounding."""
+SQUARES_CONTAINED = 1e-7
+"""As CONTAINED, for the squares of the second opinion."""
+ALIKE = 64 * EPS
+"""Spread of deviations, relative to their size, that is rounding."""
+EQUILIBRATIONS = 30
+"""Rounds that find the sizes of rows and columns."""
+SHAPED = 1e-9
+"""Largest part of a weight that is not of its shape, relative."""
+
+
+@dataclass(frozen=True, eq=False)
+class FoundSets:
+    """Sets at F frequencies: centres Z, and weights W_1 and W_2.
+
+    Parameters
+    ----------
+    left, right
+        W_1 (F, p, p), lower triangular, and W_2 (F, m, m), upper triangular with determinant 1.
+    centre
+        Z (F, p, m).
+    weights
+        Weights (F, N + p m, min(p, m)) that prove that no set is smaller; see
+        `workbench.uncertainty.matrix_covers.optimality`. Zeros prove nothing.
+    """
+
+    left: ComplexArray
+    right: ComplexArray
+    centre: ComplexArray
+    weights: RealArray
+
+    @property
+    def radius(self) -> RealArray:
+        """Geometric mean (F,) of the radius in all directions."""
+        logs = [np.linalg.slogdet(W)[1] / W.shape[-1] for W in (self.left, self.right)]
+        return np.exp(logs[0] + logs[1])
+
+    def deltas(self, matrices: ComplexArray) -> ComplexArray:
+        """Delta (F, N, p, m) of each of the matrices (F, N, p, m)."""
+        P, S = np.linalg.inv(self.left), np.linalg.inv(self.right)
+        found: ComplexArray = P[:, None] @ (matrices - self.centre[:, None]) @ S[:, None]
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class MatrixSets(Program):
+    """The smallest sets Z + W_1 Delta W_2 with |Delta| <= 1 that contain N matrices.
+
+    Frequencies are independent of each other.
+
+    Parameters
+    ----------
+    deviations
+        Complex matrices (F, N, p, m).
+    left, right
+        Shapes of W_1 and W_2: ``"full"``, ``"diagonal"`` or ``"scalar"``.
+    centre
+        ``"zero"``, or ``"free"``: chosen with the weights.
+    size
+        ``"volume"`` or ``"trace"``. The optimum is global, but for the volume with a free centre.
+    floor
+        Every set contains changes of any single entry by this share of the product of the sizes of
+        its row and its column; otherwise sets of few matrices would be flat, and have no volume.
+
+    Raises
+    ------
+    InputError
+        Other data; deviations that are all alike at some frequency.
+    """
+
+    deviations: ComplexArray
+    left: Shape = "full"
+    right: Shape = "full"
+    centre: Centre = field(default="zero", kw_only=True)
+    size: Size = field(default="volume", kw_only=True)
+    floor: float = field(default=1e-3, kw_only=True)
+
+    default_method: ClassVar[str] = "barrier"
+    headline: ClassVar[str] = "radius_mean"
+
+    def __post_init__(self) -> None:
+        given = as_array(self.deviations, "deviations", dtype=complex)
+        if given.ndim != 4 or not given.size:
+            raise InputError(f"deviations must have shape (F, N, p, m), not {given.shape}")
+        bad = np.argwhere(~np.isfinite(given))
+        if bad.size:
+            raise InputError(f"deviations are not finite at index {tuple(bad[0].tolist())}")
+        object.__setattr__(self, "deviations", given)
+        for name, kind in (("left", Shape), ("right", Shape), ("centre", Centre), ("size", Size)):
+            value = getattr(self, name)
+            if value not in get_args(kind):
+                raise InputError(f"{name} is {value!r}; it must be one of {get_args(kind)}")
+        need_numbers(floor=self.floor)
+        if not 0 < self.floor < 1:
+            raise InputError(f"floor is {self.floor}; it must lie between 0 and 1")
+        reach = np.abs(given).max(axis=(1, 2, 3))
+        flat = np.abs(self._spread).max(axis=(1, 2, 3)) <= ALIKE * reach
+        if flat.any():
+            what = "alike" if self.centre == "free" else "zero"
+            raise InputError(
+                f"all deviations at frequency number {int(flat.argmax())} are {what}: there is "
+                "nothing to cover"
+            )
+
+    @property
+    def quantifier(self) -> str:
+        F, N = self.deviations.shape[:2]
+        return f"for these {N} matrices at each of {F} frequencies"
+
+    @property
+    def problem_size(self) -> float:
+        """Number of matrices to cover, at all frequencies together."""
+        return float(np.prod(self.deviations.shape[:2]))
+
+    # --- the question -----------------------------------------------------------------------------
+
+    @cached_property
+    def _spread(self) -> ComplexArray:
+        """Deviations (F, N, p, m) from where a centre can start."""
+        mean = self.deviations.mean(axis=1, keepdims=True)
+        return self.deviations - mean if self.centre == "free" else self.deviations
+
+    @cached_property
+    def channel_sizes(self) -> tuple[RealArray, RealArray]:
+        """Sizes of rows (F, p) and of columns (F, m): entries are at most their products.
+
+        They make the largest entry of each row and of each column 1 (D. Ruiz, "A scaling algorithm
+        to equilibrate both rows and columns norms in matrices", 2001).
+        """
+        entries = np.abs(self._spread).max(axis=1)
+        largest = entries.max(axis=(1, 2), keepdims=True)
+        entries = entries / largest
+        rows, columns = np.ones(entries.shape[:2]), np.ones(entries.shape[::2])
+        for _ in range(EQUILIBRATIONS):
+            scaled = entries / (rows[:, :, None] * columns[:, None])
+            for size, axis in ((rows, 2), (columns, 1)):
+                peak = np.sqrt(scaled.max(axis=axis))
+                size *= np.where(peak > 0, peak, 1.0)
+        for size, axis in ((rows, 2), (columns, 1)):
+            dead = entries.max(axis=axis) == 0
+            least = np.where(dead, np.inf, size).min(axis=1, keepdims=True)
+            size[:] = np.where(dead, self.floor * least, size)
+        scaled = entries / (rows[:, :, None] * columns[:, None])
+        return rows * scaled.max(axis=(1, 2))[:, None] * largest[:, 0], columns
+
+    @cached_property
+    def floors(self) -> ComplexArray:
+        """Changes (F, p m, p, m) of single entries that every set contains about its centre."""
+        rows, columns = self.channel_sizes
+        F, p, m = len(rows), rows.shape[1], columns.shape[1]
+        size = self.floor * rows[:, :, None] * columns[:, None]
+        unit = np.eye(p * m).reshape(p * m, p, m)
+        found: ComplexArray = (unit * size[:, None]).astype(complex)
+        return found.reshape(F, p * m, p, m)
+
+    def away(self, centre: ComplexArray) -> ComplexArray:
+        """What sets about a centre (F, p, m) contain: deviations from it, and the floor."""
+        return np.concatenate([self.deviations - centre[:, None], self.floors], axis=1)
+
+    def size_of(self, P: ComplexArray, S: ComplexArray) -> RealArray:
+        """2 p m times the logarithm of the size (F,) of sets with inverse weights P and S."""
+        p, m = self.deviations.shape[2:]
+        if self.size == "volume":
+            logs = m * np.linalg.slogdet(P)[1] + p * np.linalg.slogdet(S)[1]
+            return np.asarray(-2 * logs)
+        logs = [_log_norm(np.linalg.inv(W)) for W in (P, S)]
+        return np.asarray(2 * p * m * (logs[0] + logs[1] - np.log(p * m) / 2))
+
+    # --- objective --------------------------------------------------------------------------------
+
+    def sizes(self, answer: FoundSets) -> RealArray:
+        """Size (F,) of the sets: the geometric mean of the radius, or the root of the traces."""
+        p, m = self.deviations.shape[2:]
+        size = self.size_of(np.linalg.inv(answer.left), np.linalg.inv(answer.right))
+        return np.exp(size / (2 * p * m))
+
+    def objective(self, answer: FoundSets) -> float:
+        """Mean of the logarithm of the size over the frequencies."""
+        return float(np.log(self.sizes(answer)).mean())
+
+    def objective_scale(self, answer: FoundSets) -> float:
+        """1: differences of logarithms are relative already."""
+        return 1.0
+
+    def gap(self, answer: FoundSets) -> tuple[str, float] | None:
+        if self.size == "volume" and self.centre == "free":
+            return None
+        value = float(np.max(self.excess(answer)))
+        return "largest excess of the size over its proven lower bound, in logarithms", value
+
+    def excess(self, answer: FoundSets) -> RealArray:
+        """Largest distance (F,) of log size from the least one, by the answer's weights."""
+        unit = np.abs(answer.left).max(axis=(1, 2), keepdims=True)
+        P, S = np.linalg.inv(answer.left / unit), np.linalg.inv(answer.right)
+        away = self.away(answer.centre) / unit[:, None]
+        if self.size == "trace":
+            bound = trace_bound(
+                away,
+                self.deviations.shape[1],
+                P,
+                S,
+                answer.weights,
+                self.left,
+                self.right,
+                self.centre == "free",
+            )
+            p, m = away.shape[2:]
+            size = self.size_of(P, S) / (2 * p * m)
+            return np.asarray(size - np.log(np.maximum(bound, SMALLEST)))
+        M = P[:, None] @ away @ S[:, None]
+        return volume_excess(M, answer.weights, self.left, self.right, self._reach(P, S, unit))
+
+    def _reach(
+        self, P: ComplexArray, S: ComplexArray, unit: RealArray
+    ) -> tuple[RealArray, RealArray]:
+        """Bounds (F,) on the norms of the logarithms that lead from P, S to those of less volume.
+
+        In units of the channels the floor says |P e_i| |e_j^T S| <= 1 / floor; scale S so that its
+        largest row is 1. Then the norms are bounded, and with Hadamard's inequality, by the volume,
+        so are those of the inverses.
+        """
+        rows, columns = self.channel_sizes
+        rows = rows / unit[:, 0]
+        p, m = rows.shape[1], columns.shape[1]
+        P, S = P * rows[:, None], columns[:, :, None] * S
+        row = np.linalg.norm(S, axis=2).max(axis=1)[:, None, None]
+        P, S = P * row, S / row
+        volume = m * np.linalg.slogdet(P)[1] + p * np.linalg.slogdet(S)[1]
+        high = np.log(np.sqrt(p) / self.floor), np.log(np.sqrt(m))
+        low = (
+            volume / m - (p - 1) * high[0],
+            volume / p + m * np.log(self.floor) - (m - 1) * high[1],
+        )
+        found = []
+        for W, top, bottom in zip((P, S), high, low, strict=True):
+            s = np.log(np.linalg.svd(W, compute_uv=False))
+            found.append(np.maximum(np.abs(top - s[:, -1]), np.abs(s[:, 0] - bottom)))
+        return found[0], found[1]
+
+    # --- the check --------------------------------------------------------------------------------
+
+    def checks(self, answer: FoundSets, tolerance: float) -> Sequence[Check]:
+        deltas = answer.deltas(self.deviations)
+        norms = np.linalg.norm(deltas, 2, axis=(2, 3)) if np.isfinite(deltas).all() else np.nan
+        beyond = norms * (1 + self._rounding(answer)[:, None]) - 1
+        value, where = worst(beyond, self._place)
+        checks = [
+            Check("containment", "norm of a Delta, rounded up, less 1", value, CONTAINED, where)
+        ]
+        for name, W, shape in (("W_1", answer.left, self.left), ("W_2", answer.right, self.right)):
+            scaled = W / np.abs(W).max(axis=(1, 2), keepdims=True)
+            gram = scaled @ _h(scaled) if name == "W_1" else _h(scaled) @ scaled
+            off = np.abs(gram - of_shape(gram, shape)).max(axis=(1, 2))
+            value, where = worst(off, self._place)
+            statement = f"what is not {shape} of its square, relative"
+            checks.append(Check(f"{name} {shape}", statement, value, SHAPED, where))
+        if self.centre == "zero":
+            value, where = worst(np.abs(answer.centre), self._place)
+            checks.append(Check("centre", "size of a centre, zero", value, 0.0, where))
+        return checks
+
+    def _rounding(self, answer: FoundSets) -> RealArray:
+        """Relative error (F,) that rounding may make of a norm of Delta."""
+        total = np.zeros(len(answer.left))
+        for W, axis in ((answer.left, 2), (answer.right, 1)):
+            scaled = W / np.abs(W).max(axis=axis, keepdims=True)
+            total = total + W.shape[-1] * np.linalg.cond(scaled)
+        return 8 * EPS * total
+
+    def second_opinion(self, answer: FoundSets) -> Sequence[Check]:
+        import scipy.linalg
+
+        found = np.zeros(self.deviations.shape[:2])
+        unit = np.abs(answer.left).max(axis=(1, 2), keepdims=True)
+        squares = (answer.left / unit) @ _h(answer.left / unit), _h(answer.right) @ answer.right
+        away = (self.deviations - answer.centre[:, None]) / unit[:, None]
+        for f, (L, R) in enumerate(zip(*squares, strict=True)):
+            for k, E in enumerate(away[f]):
+                square = E @ scipy.linalg.cho_solve(scipy.linalg.cho_factor(R), _h(E))
+                found[f, k] = scipy.linalg.eigh(square, L, eigvals_only=True)[-1]
+        value, where = worst(found - 1, self._place)
+        statement = "largest eigenvalue of E R^-1 E^* beyond that of L = W_1 W_1^*, relative"
+        return [Check("eigenvalues", statement, value, SQUARES_CONTAINED, where)]
+
+    def _place(self, index: tuple[int, ...]) -> str:
+        of = f", matrix {index[1]}" if len(index) == 2 else ""
+        return f"at frequency number {index[0]}{of}"
+
+    def metrics(self, answer: FoundSets) -> dict[str, float]:
+        size = self.sizes(answer)
+        return {
+            "radius_mean": float(np.exp(np.log(answer.radius).mean())),
+            "size_mean": float(np.exp(np.log(size).mean())),
+            "size_peak": float(size.max()),
+            "frequencies": len(size),
+            "matrices": self.deviations.shape[1],
+        }
+
+    # --- datasets ---------------------------------------------------------------------------------
+
+    def to_dataset(self, answer: FoundSets) -> Dataset:
+        import xarray as xr
+
+        output, entering = ("frequency", "output", "output_"), ("frequency", "input", "input_")
+        variables = {
+            "deviations": (
+                ("frequency", "sample", "output", "input"),
+                self.deviations,
+                "deviations",
+            ),
+            "left": (output, answer.left, "left weight W_1"),
+            "right": (entering, answer.right, "right weight W_2"),
+            "centre": (("frequency", "output", "input"), answer.centre, "centre"),
+            "weights": (("frequency", "touching", "order"), answer.weights, "weights of the proof"),
+        }
+        return xr.Dataset(
+            {
+                name: (dims, values, {"units": "1", "long_name": text})
+                for name, (dims, values, text) in variables.items()
+            }
+        )
+
+    def from_dataset(self, data: Dataset) -> FoundSets:
+        return FoundSets(*(data[name].values for name in ("left", "right", "centre", "weights")))
+
+
+def finished(
+    program: MatrixSets, P: ComplexArray, S: ComplexArray, Z: ComplexArray, weights: RealArray
+) -> FoundSets:
+    """Sets with these inverse weights, made as large as their deviations and floor need."""
+    M = P[:, None] @ program.away(Z) @ S[:, None]
+    norm = np.linalg.norm(M, 2, axis=(2, 3)).max(axis=1)[:, None, None]
+    # W = T Q with T lower triangular for the left weight, W = Q T for the right one
+    left = _h(np.linalg.qr(_h(np.linalg.inv(P)))[1]) * norm
+    right = np.linalg.qr(np.linalg.inv(S))[1]
+    size = np.exp(np.linalg.slogdet(right)[1] / right.shape[-1])[:, None, None]
+    found = FoundSets(
+        left * size / _turn(left)[:, None], right / size / _turn(right)[:, :, None], Z, weights
+    )
+    beyond = program.checks(found, 0.0)[0].value
+    return replace(found, left=found.left * (1 + max(beyond, 0.0)))
+
+
+def _turn(triangular: ComplexArray) -> ComplexArray:
+    """Numbers (F, n) of size 1 that make the diagonal real."""
+    diagonal = np.einsum("fii->fi", triangular)
+    turn: ComplexArray = diagonal / np.abs(diagonal)
+    return turn
+
+
+def _log_norm(W: ComplexArray) -> RealArray:
+    """Logarithm of the root (F,) of the sum of squares, where the squares may overflow."""
+    peak = np.abs(W).max(axis=(1, 2), keepdims=True)
+    found: RealArray = np.log(peak[:, 0, 0]) + np.log(np.linalg.norm(W / peak, axis=(1, 2)))
+    return found
+
+
+def _h(matrices: ComplexArray) -> ComplexArray:
+    return matrices.conj().swapaxes(-2, -1)

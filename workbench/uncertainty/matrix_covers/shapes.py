@@ -1,0 +1,48 @@
+"""Shapes of weights, and the directions in which weights of a shape move.
+
+Weights of one shape are closed under products, inverses and powers, so the sets that they describe
+are joined by geodesics of the same shape.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+
+from workbench.arrays import ComplexArray
+
+Shape = Literal["full", "diagonal", "scalar"]
+"""Shape of a weight: any matrix, one function per channel, or one function for all."""
+
+
+def directions(shape: Shape, size: int) -> ComplexArray:
+    """Orthonormal Hermitian matrices (d, size, size) along which the logarithm of a weight moves.
+
+    There are size^2 for a full weight, size for a diagonal one, 1 for a scalar.
+    """
+    unit = np.eye(size, dtype=complex)
+    if shape == "scalar":
+        return unit[None] / np.sqrt(size)
+    found = [np.outer(unit[i], unit[i]) for i in range(size)]
+    if shape == "full":
+        for i in range(size):
+            for j in range(i):
+                for turn in (1.0, 1j):
+                    entry = turn * np.outer(unit[i], unit[j])
+                    found.append((entry + entry.conj().T) / np.sqrt(2))
+    return np.array(found)
+
+
+def of_shape(matrices: ComplexArray, shape: Shape) -> ComplexArray:
+    """Orthogonal projection of Hermitian matrices (..., n, n) on the directions of a shape."""
+    basis = directions(shape, matrices.shape[-1])
+    parts = np.einsum("dij,...ij->...d", basis.conj(), matrices).real
+    projected: ComplexArray = np.einsum("...d,dij->...ij", parts, basis)
+    return projected
+
+
+def entries(p: int, m: int) -> ComplexArray:
+    """Directions (2 p m, p, m) of a complex matrix: real and imaginary parts of its entries."""
+    unit = np.eye(p * m).reshape(p * m, p, m)
+    return np.concatenate([unit, 1j * unit])

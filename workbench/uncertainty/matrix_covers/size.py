@@ -1,0 +1,40 @@
+"""How the size of sets changes when their weights move along geodesics."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workbench.arrays import ComplexArray, RealArray
+from workbench.uncertainty.matrix_covers.sets import MatrixSets
+
+
+def size_derivatives(
+    program: MatrixSets, P: ComplexArray, S: ComplexArray, A: ComplexArray, B: ComplexArray
+) -> tuple[RealArray, RealArray]:
+    """Slope (f, a + b) and curvature (f, a + b, a + b) of `MatrixSets.size_of`.
+
+    P (f, p, p) and S (f, m, m) move to exp(t A) P and S exp(t B), along the directions A (a, p, p)
+    and B (b, m, m).
+    """
+    p, m = P.shape[-1], S.shape[-1]
+    n = len(A) + len(B)
+    if program.size == "volume":
+        traces = [m * np.einsum("dii->d", A).real, p * np.einsum("dii->d", B).real]
+        slope = np.tile(-2 * np.concatenate(traces), (len(P), 1))
+        return slope, np.zeros((len(P), n, n))
+    slopes, curvature = [], np.zeros((len(P), n, n))
+    place = 0
+    for inverse, basis, outer in ((P, A, False), (S, B, True)):
+        weight = np.linalg.inv(inverse)
+        adjoint = weight.conj().swapaxes(-2, -1)
+        gram = weight @ adjoint if outer else adjoint @ weight
+        gram = gram / np.einsum("fii->f", gram).real[:, None, None]
+        down = -2 * np.einsum("dij,fji->fd", basis, gram).real
+        bent = np.einsum("dij,ejk,fki->fde", basis, basis, gram).real
+        part = slice(place, place + len(basis))
+        curvature[:, part, part] = (
+            2 * (bent + bent.swapaxes(1, 2)) - down[:, :, None] * down[:, None]
+        )
+        slopes.append(down)
+        place += len(basis)
+    return p * m * np.concatenate(slopes, axis=1), p * m * curvature
