@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, ClassVar, get_args
+from typing import Any, ClassVar, Self, get_args
 
 import numpy as np
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.certificate import EVERY_FREQUENCY, THIS_SYSTEM, Check, worst
 from workbench.certify.norms import certified_norm
+from workbench.certify.stable_system import angular_frequency
 from workbench.errors import InputError
 from workbench.fitting.samples import as_count
 from workbench.heavy_types import Dataset, Figure, StateSpace
@@ -21,6 +22,7 @@ from workbench.second_opinion.responses import plain_response, tried_frequencies
 from workbench.systems.conversion import as_system
 from workbench.systems.realisation import worst_pole
 from workbench.systems.storage import restored, stored
+from workbench.uncertainty.covers.weights import between, beyond
 from workbench.uncertainty.matrix_covers.figures import matrix_cover_figures
 from workbench.uncertainty.matrix_covers.forms import (
     MatrixForm,
@@ -86,7 +88,7 @@ class MatrixCover(Program):
     right_order: int = field(default=2, kw_only=True)
     floor: float = field(default=1e-3, kw_only=True)
 
-    default_method: ClassVar[str] = "steps"
+    default_method: ClassVar[str] = "joint"
     headline: ClassVar[str] = "radius_mean"
 
     def __post_init__(self) -> None:
@@ -164,6 +166,13 @@ class MatrixCover(Program):
             and bool(self.responses.known)
             and all(worst_pole(each)[1] < 0 for each in systems)
         )
+
+    def refined(self) -> Self:
+        """The same program at further frequencies, also beyond, for plants that are known there."""
+        given = self.responses
+        axis = beyond(self.axis)
+        omega = angular_frequency(np.union1d(axis, between(axis)), given.dt)
+        return replace(self, responses=MatrixResponses.of_systems(given.known, omega, given.plants))
 
     def deltas(self, model: MatrixModel, response: Any = response_of) -> ComplexArray:
         """Delta (F, N, ., .) of every plant."""

@@ -7,30 +7,35 @@ least mean of tr R_f^-1 R, which is the slope of log det R at R_f.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
-from scipy.linalg import LinAlgError
 
 from workbench.arrays import ComplexArray, RealArray
-from workbench.errors import SolverError
 from workbench.executor import Context
 from workbench.fitting.rational import Rational
 from workbench.heavy_types import StateSpace
-from workbench.solvers import conic_solvers, solve_conic
-from workbench.systems.frequency_response import frequency_response
 from workbench.systems.realisation import realisation
-from workbench.systems.riccati import hamiltonian_solution
 from workbench.uncertainty.covers.weights import CONSTANT_DECADES, beyond, complex_weight
+from workbench.uncertainty.matrix_covers.semidefinite import least
 from workbench.uncertainty.matrix_covers.shapes import Shape
+from workbench.uncertainty.matrix_covers.squares import ShapedSquare
 
 MOST_FREQUENCIES = 80
 """Most frequencies of the semidefinite program."""
-LEAST_SQUARE = 1e-9
-"""Least square of a full weight in any direction, relative to the one asked for there."""
+
+
+@dataclass(frozen=True)
+class FittedWeight:
+    """A weight in continuous time, with the poles of each channel of a diagonal one, or of all."""
+
+    system: StateSpace
+    poles: list[ComplexArray]
 
 
 def right_weight(
     omega: RealArray, squares: ComplexArray, shape: Shape, order: int, context: Context
-) -> StateSpace:
+) -> FittedWeight:
     """Stable W (n, n) with a stable inverse and W^* W >= squares (F, n, n), in continuous time.
 
     Parameters
@@ -52,19 +57,31 @@ def right_weight(
         sizes = sizes.max(axis=1, keepdims=True)
     if shape != "full":
         fits = [_magnitude(omega, size, order, context) for size in sizes.T]
-        fits = fits * (n if shape == "scalar" else 1)
-        return control.append(*[fit.state_space() for fit in fits])
+        systems = [fit.state_space() for fit in fits] * (n if shape == "scalar" else 1)
+        return FittedWeight(control.append(*systems), [fit.poles for fit in fits])
     fit = _magnitude(omega, np.linalg.norm(sizes, axis=1), order, context)
     middles = np.geomspace(omega[0], omega[-1], order - fit.order + 2)[1:-1]
-    return _full(omega, squares, np.concatenate([fit.poles, -middles]), context)
+    poles = np.concatenate([fit.poles, -middles])
+    return FittedWeight(_full(omega, squares, poles, context), [poles])
 
 
 def left_weight(
     omega: RealArray, squares: ComplexArray, shape: Shape, order: int, context: Context
-) -> StateSpace:
+) -> FittedWeight:
     """As `right_weight`, with W W^* >= squares."""
-    W = right_weight(omega, squares.conj(), shape, order, context)
-    return realisation((W.A.T, W.C.T, W.B.T, W.D.T), 0.0)
+    found = right_weight(omega, squares.conj(), shape, order, context)
+    return FittedWeight(transposed(found.system), found.poles)
+
+
+def transposed(W: StateSpace) -> StateSpace:
+    """The system with the transposed transfer matrix."""
+    return realisation((W.A.T, W.C.T, W.B.T, W.D.T), float(W.dt or 0.0))
+
+
+def constant(gain: RealArray) -> StateSpace:
+    """A constant gain as a system."""
+    rows, columns = gain.shape
+    return realisation((np.zeros((0, 0)), np.zeros((0, columns)), np.zeros((rows, 0)), gain), 0.0)
 
 
 def inverse_weight(W: StateSpace) -> StateSpace:
@@ -84,74 +101,25 @@ def _full(
     omega: RealArray, squares: ComplexArray, poles: ComplexArray, context: Context
 ) -> StateSpace:
     """Spectral factor of the least H~ Q H over these poles that is above the squares."""
-    import cvxpy as cp
-
     n = squares.shape[-1]
-    unit = float(np.sqrt(omega[0] * omega[-1]))
-    chosen = np.unique(
-        np.linspace(0, omega.size - 1, min(omega.size, MOST_FREQUENCIES)).astype(int)
-    )
-    grid = beyond(omega[chosen]) / unit
-    ends = CONSTANT_DECADES
-    wanted = np.concatenate(
-        [
-            np.repeat(squares[:1].real, ends, axis=0),
-            squares[chosen],
-            np.repeat(squares[-1:].real, ends, axis=0),
-        ]
-    )
-    A, b = _states(poles / unit)
-    k = len(A)
-    psi = np.ones((len(grid), k + 1), complex)
-    if k:
-        M = np.block([[A, b], [np.eye(k), np.zeros((k, 1))]])
-        psi[:, :k] = frequency_response(M, k, 1j * grid)[:, :, 0]
-    # a basis that is orthonormal over the grid, in units of what is asked for
-    share = psi / np.sqrt(np.einsum("fii->f", wanted).real)[:, None]
-    T = np.linalg.inv(np.linalg.qr(np.vstack([share.real, share.imag]))[1]) * np.sqrt(len(grid))
-    psi = psi @ T
+    chosen = thinned(omega.size)
+    grid, wanted = beyond(omega[chosen]), lasting_squares(squares[chosen])
     roots = np.linalg.inv(np.linalg.cholesky(wanted)).conj().swapaxes(-2, -1)
-    H = np.einsum("fk,fij->fkij", psi, roots).reshape(len(grid), -1, n)
-    with context.stating():
-        Q = cp.Variable((H.shape[1], H.shape[1]), PSD=True)
-        inside = slice(ends, len(grid) - ends)
-        mean = np.einsum("fki,fli->kl", H[inside], H[inside].conj()).real / len(chosen)
-        limits = [h.conj().T @ Q @ h >> np.eye(n) for h in H]
-        problem = cp.Problem(cp.Minimize(cp.trace(mean @ Q)), limits)
-    solver = next(one for one in conic_solvers() if one.name == "clarabel")
-    _, said = solve_conic(problem, solver, context.options, context)
-    if Q.value is None:
-        raise SolverError(f"the weight over {k} poles has no semidefinite program: {said}")
-    S = np.kron(T, np.eye(n))
-    square = S @ Q.value @ S.T
-    square[-n:, -n:] += LEAST_SQUARE * np.linalg.norm(square[-n:, -n:]) * np.eye(n)
-    return _factor(np.kron(A, np.eye(n)) * unit, np.kron(b, np.eye(n)) * unit, square)
+    sizes = np.sqrt(np.einsum("fii->fi", wanted).real)
+    square = ShapedSquare(grid, sizes, "full", [poles])
+    coefficients, constant = square.at(np.arange(len(grid)), roots)
+    inside = np.zeros(len(grid))
+    inside[CONSTANT_DECADES:-CONSTANT_DECADES] = 1 / len(chosen)
+    limits = [(coefficients, constant - np.eye(n))]
+    return square.weight(least(square.slope(inside, roots), [square], limits, context))
 
 
-def _states(poles: ComplexArray) -> tuple[RealArray, RealArray]:
-    """A (k, k) and b (k, 1) whose states are all fractions over these poles."""
-    if not poles.size:
-        return np.zeros((0, 0)), np.zeros((0, 1))
-    system = Rational(np.array([]), poles, 1.0).state_space()
-    return system.A, system.B
+def thinned(count: int) -> np.ndarray:
+    """Numbers of at most MOST_FREQUENCIES of so many frequencies."""
+    return np.unique(np.linspace(0, count - 1, min(count, MOST_FREQUENCIES)).astype(int))
 
 
-def _factor(A: RealArray, B: RealArray, square: RealArray) -> StateSpace:
-    """Stable W with a stable inverse and W~ W = H~ square H, where H = [(s I - A)^-1 B; I].
-
-    Raises SolverError where the Riccati equation has no solution: a zero lies on the axis.
-    """
-    n = len(A)
-    Q, N, R = square[:n, :n], square[:n, n:], square[n:, n:]
-    inverse = np.linalg.inv(R)
-    closed = A - B @ inverse @ N.T
-    X = hamiltonian_solution(
-        np.block([[closed, -B @ inverse @ B.T], [-(Q - N @ inverse @ N.T), -closed.T]])
-    )
-    if X is None:
-        raise SolverError("the square of a weight has a zero on the imaginary axis")
-    try:
-        D = np.linalg.cholesky(R).T
-    except LinAlgError:
-        raise SolverError("the square of a weight is singular at infinity") from None
-    return realisation((A, B, D @ inverse @ (B.T @ X + N.T), D), 0.0)
+def lasting_squares(squares: ComplexArray) -> ComplexArray:
+    """Squares (F, n, n) continued as real constants at the frequencies of `beyond`."""
+    ends = [np.repeat(part.real, CONSTANT_DECADES, axis=0) for part in (squares[:1], squares[-1:])]
+    return np.concatenate([ends[0], squares, ends[1]])

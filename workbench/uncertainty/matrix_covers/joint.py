@@ -1,0 +1,161 @@
+"""Both weights of a cover together, over given poles: semidefinite programs one after the other.
+
+With the weights' squares L = W_1 W_1^~ and R = W_2^~ W_2 linear in unknowns, containment is
+
+    [[L, X_k], [X_k^*, R]] >= 0    at every frequency, for every plant,
+
+which is convex. The logarithm of the volume, m log det L + p log det R, is concave; its slope at the
+weights of the round before is minimised. Only plants near the boundary of the sets are constraints;
+those that come to lie outside are added.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workbench.arrays import ComplexArray, RealArray
+from workbench.executor import Context
+from workbench.heavy_types import StateSpace
+from workbench.uncertainty.covers.weights import CONSTANT_DECADES, beyond
+from workbench.uncertainty.matrix_covers.cover import MatrixCover
+from workbench.uncertainty.matrix_covers.responses import response_of
+from workbench.uncertainty.matrix_covers.semidefinite import Inequality, least
+from workbench.uncertainty.matrix_covers.squares import ShapedSquare
+from workbench.uncertainty.matrix_covers.weights import (
+    FittedWeight,
+    thinned,
+    transposed,
+)
+
+ROUNDS = 6
+"""Most slopes of the volume."""
+IMPROVEMENT = 2e-3
+"""Least fall of the mean logarithm of the radius for which there is another round."""
+NEAR = 0.8
+"""Norm of Delta, relative to the largest at its frequency, from which a plant is a constraint."""
+ADDITIONS = 6
+"""Most times that plants outside are added to the constraints of a round."""
+OUTSIDE = 1e-4
+"""Norm of Delta beyond 1 from which a plant counts as outside."""
+LASTING = 0.25
+"""Share of the former squares that stays beyond the given frequencies."""
+
+
+def smaller_weights(
+    program: MatrixCover, W_1: FittedWeight, W_2: FittedWeight, context: Context
+) -> tuple[StateSpace, StateSpace]:
+    """Weights of the bilinear plane over the poles of given ones, with smaller sets if possible.
+
+    Raises SolverError where a program has no answer.
+    """
+    fine = program.refined() if program.everywhere else program
+    band, omega = program.responses.omega[[0, -1]], fine.responses.omega
+    shares = fine.responses.shares * ((omega >= band[0]) & (omega <= band[1]))
+    shares = shares / shares.sum()
+    left, right = transposed(W_1.system), W_2.system
+    state, before = _Round(fine, left, right), np.inf
+    active = state.near() & np.isin(np.arange(fine.axis.size), thinned(fine.axis.size))[:, None]
+    for _ in context.track(range(ROUNDS), "joint weights"):
+        radius = float(shares @ state.log_radius())
+        if radius > before - IMPROVEMENT:
+            break
+        before = radius
+        for _ in range(ADDITIONS):
+            left, right = state.solved((W_1.poles, W_2.poles), active, shares, context)
+            found = _Round(fine, left, right)
+            outside = found.outside() & ~active
+            if not outside.any():
+                break
+            active |= outside
+        state = found
+        active |= state.near() & active.any(axis=1)[:, None]
+    return transposed(left), right
+
+
+class _Round:
+    """The program at weights of the round before; ``left`` is the transposed W_1."""
+
+    def __init__(self, program: MatrixCover, left: StateSpace, right: StateSpace) -> None:
+        self.program, self.grid = program, beyond(program.axis)
+        self.inside = slice(CONSTANT_DECADES, len(self.grid) - CONSTANT_DECADES)
+        self.W = response_of(left, self.grid), response_of(right, self.grid)
+        W_1, W_2 = self.W[0][self.inside].swapaxes(-2, -1), self.W[1][self.inside]
+        M = np.linalg.solve(W_1[:, None], program.deviations) @ np.linalg.inv(W_2)[:, None]
+        self.norms = np.linalg.norm(M, 2, axis=(2, 3))
+        self.scale = self.norms.max()
+        self.M = M / self.scale
+
+    def near(self) -> np.ndarray:
+        """Which plants (F, N) are near the boundary of the sets."""
+        found: np.ndarray = self.norms >= NEAR * self.norms.max(axis=1, keepdims=True)
+        return found
+
+    def outside(self) -> np.ndarray:
+        """Which plants (F, N) are outside, at frequencies where they are farther than beside them."""
+        beside = np.pad(self.norms, ((1, 1), (0, 0)), constant_values=-np.inf)
+        peak = (self.norms >= beside[:-2]) & (self.norms >= beside[2:])
+        found: np.ndarray = peak & (self.norms > 1 + OUTSIDE)
+        return found
+
+    def log_radius(self) -> RealArray:
+        """Logarithm of the mean radius (F,) of the sets, made so large that they contain all."""
+        logs = [np.linalg.slogdet(W[self.inside])[1] / W.shape[-1] for W in self.W]
+        return logs[0] + logs[1] + np.log(self.scale)
+
+    def solved(
+        self,
+        poles: tuple[list[ComplexArray], list[ComplexArray]],
+        active: np.ndarray,
+        shares: RealArray,
+        context: Context,
+    ) -> tuple[StateSpace, StateSpace]:
+        """Transposed W_1, and W_2, of the least slope of the volume."""
+        program = self.program
+        # both in units of the round before, of which the left one takes the scale
+        W = self.W[0] * self.scale, self.W[1]
+        roots = [np.linalg.inv(each) for each in W]
+        left, right = (
+            ShapedSquare(self.grid, np.linalg.norm(each, axis=1), shape, its)
+            for each, shape, its in zip(W, (program.left, program.right), poles, strict=True)
+        )
+        weight = np.zeros(len(self.grid))
+        weight[self.inside] = shares
+        slope = np.concatenate(
+            [
+                square.slope(weight / root.shape[-1], root)
+                for square, root in zip((left, right), roots, strict=True)
+            ]
+        )
+        numbers, plants = np.nonzero(active)
+        used, place = np.unique(numbers, return_inverse=True)
+        L, R = (
+            square.at(used + CONSTANT_DECADES, root[used + CONSTANT_DECADES])
+            for square, root in zip((left, right), roots, strict=True)
+        )
+        L = L[0].conj(), L[1].conj()
+        M = self.M[numbers, plants]
+        ends = np.r_[0:CONSTANT_DECADES, self.inside.stop : len(self.grid)]
+        limits = [_beside((L[0][place], L[1][place]), (R[0][place], R[1][place]), M)]
+        for square, root, before in ((left, roots[0], 0), (right, roots[1], len(left))):
+            coefficients, constant = square.at(ends, root[ends])
+            after = slope.size - before - len(square)
+            wide = np.pad(coefficients, ((0, 0), (before, after), (0, 0), (0, 0)))
+            limits.append((wide, constant - LASTING * np.eye(root.shape[-1])))
+        found = least(slope, [left, right], limits, context)
+        return left.weight(found[: len(left)]), right.weight(found[len(left) :])
+
+
+def _beside(L: Inequality, R: Inequality, M: ComplexArray) -> Inequality:
+    """[[L, M], [M^*, R]], with the unknowns of L before those of R."""
+    f, (p, m) = len(M), M.shape[1:]
+    a, b = L[0].shape[1], R[0].shape[1]
+    coefficients = np.zeros((f, a + b, p + m, p + m), complex)
+    coefficients[:, :a, :p, :p], coefficients[:, a:, p:, p:] = L[0], R[0]
+    constant = np.concatenate(
+        [np.concatenate([L[1], M], axis=2), np.concatenate([_h(M), R[1]], axis=2)], axis=1
+    )
+    return coefficients, constant
+
+
+def _h(matrices: ComplexArray) -> ComplexArray:
+    return matrices.conj().swapaxes(-2, -1)
