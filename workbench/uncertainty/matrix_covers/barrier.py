@@ -1,9 +1,9 @@
 """The smallest sets by Newton's method along geodesics, at all frequencies at once.
 
 With P = W_1^-1, S = W_2^-1 and M_k = P (E_k - Z) S, the set {Z + W_1 Delta W_2} contains E_k where
-|M_k| <= 1. A step changes P to exp(A) P, S to S exp(B) and Z to Z + P^-1 z S^-1, so that M_k becomes
-exp(A) (M_k - z) exp(B) with A and B Hermitian. The barrier -sum log det(I - M_k M_k^*) is convex
-along exp(t A), exp(t B): the norm of M_k and of each of its exterior powers is log-convex there, by
+|M_k| <= 1. A step changes P to exp(A) P, S to S exp(B) and Z to Z + P^-1 z S^-1, A and B Hermitian,
+so that M_k becomes exp(A) (M_k - z) exp(B). The barrier -sum log det(I - M_k M_k^*) is convex along
+exp(t A), exp(t B): the norm of M_k and of each of its exterior powers is log-convex there, by
 Hadamard's three lines theorem. So is the size of the set; Newton's method with a fixed centre finds
 the global optimum. With a free centre it finds a local one of the volume, and the global one of the
 trace, which is convex in (W_1 W_1^*, W_2^* W_2, Z).

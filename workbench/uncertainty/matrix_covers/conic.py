@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import ComplexArray
+from workbench.arrays import Array
 from workbench.executor import Context
 from workbench.program import Claim, conic_method
 from workbench.solvers import ConicSolver, Outcome, solve_conic
-from workbench.uncertainty.matrix_covers.multipliers import fitted
+from workbench.uncertainty.matrix_covers.multipliers import touching_multipliers
 from workbench.uncertainty.matrix_covers.sets import MatrixSets, finished
 from workbench.uncertainty.matrix_covers.shapes import Shape
 
@@ -40,7 +40,7 @@ def _conic(program: MatrixSets, context: Context, solver: ConicSolver) -> Claim:
             return None, Outcome.FAILED, f"frequency number {f}: {said}"
         outcome = outcome if one is Outcome.SOLVED else one
         P[f], S[f], Z[f] = statement.answer()
-    weights = fitted(program, P, S, Z)
+    weights = touching_multipliers(program, P, S, Z)
     return finished(program, P, S, Z, weights), outcome, said
 
 
@@ -75,7 +75,7 @@ class _Statement:
             parameter.value = E / self.unit
         return solve_conic(self.problem, solver, context.options, context)
 
-    def answer(self) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+    def answer(self) -> tuple[Array, Array, Array]:
         """Inverse weights and centre of what was solved last."""
         P = np.linalg.inv(np.linalg.cholesky(self.left.value) * self.unit)
         S = np.linalg.inv(np.linalg.cholesky(self.right.value)).conj().T

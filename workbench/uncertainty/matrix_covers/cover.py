@@ -1,4 +1,4 @@
-"""Covers of sets of matrix responses: from plants and a nominal to weights on both sides of Delta."""
+"""Covers of sets of matrix responses: from plants and a nominal to weights beside one Delta."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Self, get_args
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench.arrays import Array, RealArray
 from workbench.certificate import EVERY_FREQUENCY, THIS_SYSTEM, Check, worst
 from workbench.certify.norms import certified_norm
 from workbench.certify.stable_system import angular_frequency
@@ -31,9 +31,9 @@ from workbench.uncertainty.matrix_covers.forms import (
     residuals,
 )
 from workbench.uncertainty.matrix_covers.model import MatrixModel
-from workbench.uncertainty.matrix_covers.responses import MatrixResponses, response_of
+from workbench.uncertainty.matrix_covers.responses import MatrixResponses, system_response
 from workbench.uncertainty.matrix_covers.sets import CONTAINED, FoundSets, MatrixSets
-from workbench.uncertainty.matrix_covers.shapes import Shape
+from workbench.uncertainty.matrix_covers.shapes import Shape, adjoint
 from workbench.uncertainty.matrix_covers.weights import inverse_weight
 
 REALISED = 1e-6
@@ -46,6 +46,9 @@ class FoundCover:
 
     model: MatrixModel
     least: FoundSets
+
+    def __repr__(self) -> str:
+        return repr(self.model)
 
     @property
     def lti(self) -> StateSpace:
@@ -138,11 +141,11 @@ class MatrixCover(Program):
         return 2 / dt * np.tan(omega * dt / 2) if dt else omega
 
     @cached_property
-    def deviations(self) -> ComplexArray:
+    def deviations(self) -> Array:
         """X (F, N, ., .) of every plant."""
-        return self._residuals(response_of)
+        return self._residuals(system_response)
 
-    def _residuals(self, response: Any) -> ComplexArray:
+    def _residuals(self, response: Any) -> Array:
         omega = self.responses.omega
         factors = response(left_factors(self.nominal), omega) if self.form == "coprime" else None
         found, left = residuals(
@@ -174,12 +177,12 @@ class MatrixCover(Program):
         omega = angular_frequency(np.union1d(axis, between(axis)), given.dt)
         return replace(self, responses=MatrixResponses.of_systems(given.known, omega, given.plants))
 
-    def deltas(self, model: MatrixModel, response: Any = response_of) -> ComplexArray:
+    def deltas(self, model: MatrixModel, response: Any = system_response) -> Array:
         """Delta (F, N, ., .) of every plant."""
         omega = self.responses.omega
-        X = self.deviations if response is response_of else self._residuals(response)
+        X = self.deviations if response is system_response else self._residuals(response)
         W_1, W_2 = response(model.W_1, omega), response(model.W_2, omega)
-        found: ComplexArray = np.linalg.solve(W_1[:, None], X) @ np.linalg.inv(W_2)[:, None]
+        found: Array = np.linalg.solve(W_1[:, None], X) @ np.linalg.inv(W_2)[:, None]
         return found
 
     def known_deltas(self, model: MatrixModel) -> list[StateSpace]:
@@ -192,7 +195,7 @@ class MatrixCover(Program):
     def radii(self, model: MatrixModel) -> RealArray:
         """Geometric mean (F,) of the radius of the model's sets in all directions."""
         logs = [
-            np.linalg.slogdet(response_of(W, self.responses.omega))[1] / W.ninputs
+            np.linalg.slogdet(system_response(W, self.responses.omega))[1] / W.ninputs
             for W in (model.W_1, model.W_2)
         ]
         return np.exp(logs[0] + logs[1])
@@ -237,13 +240,12 @@ class MatrixCover(Program):
 
     def _nominal_check(self, model: MatrixModel) -> Check:
         omega = self.responses.omega
-        given = response_of(self.nominal, omega)
-        apart = np.abs(response_of(model.nominal, omega) - given).max(axis=(1, 2))
+        given = system_response(self.nominal, omega)
+        apart = np.abs(system_response(model.nominal, omega) - given).max(axis=(1, 2))
         apart = apart / np.maximum(np.abs(given).max(axis=(1, 2)), np.finfo(float).tiny)
         value, where = worst(apart, lambda i: f"at {self.responses.place(i[0])}")
-        return Check(
-            "nominal given", "distance from the given one, relative", value, CONTAINED, where
-        )
+        statement = "distance of its response from that of the given one, relative"
+        return Check("nominal given", statement, value, CONTAINED, where)
 
     def _left(self, name: str, system: StateSpace) -> Check:
         beyond = worst_pole(system)[1]
@@ -251,7 +253,7 @@ class MatrixCover(Program):
         return Check(name, statement, beyond, -np.finfo(float).tiny, over=THIS_SYSTEM)
 
     def _off_shape(self, W: StateSpace, shape: Shape) -> float:
-        response = response_of(W, self.responses.omega)
+        response = system_response(W, self.responses.omega)
         if shape == "full":
             return 0.0
         unit = np.eye(W.ninputs)
@@ -281,15 +283,15 @@ class MatrixCover(Program):
         return found
 
     def _semidefinite(self, model: MatrixModel) -> Check:
-        """Containment by the smallest eigenvalue of [[L, X], [X^*, R]], scaled to a unit diagonal."""
+        """Containment by the least eigenvalue of [[L, X], [X^*, R]], scaled to a unit diagonal."""
         omega = self.responses.omega
         W_1, W_2 = plain_response(model.W_1, omega), plain_response(model.W_2, omega)
-        L, R = W_1 @ _h(W_1), _h(W_2) @ W_2
+        L, R = W_1 @ adjoint(W_1), adjoint(W_2) @ W_2
         X = self._residuals(plain_response)
         N = X.shape[1]
         L, R = (np.repeat(each[:, None], N, axis=1) for each in (L, R))
         whole = np.concatenate(
-            [np.concatenate([L, X], axis=3), np.concatenate([_h(X), R], axis=3)], axis=2
+            [np.concatenate([L, X], axis=3), np.concatenate([adjoint(X), R], axis=3)], axis=2
         )
         root = np.sqrt(np.einsum("fkii->fki", whole).real)
         whole = whole / root[..., None] / root[..., None, :]
@@ -336,15 +338,12 @@ class MatrixCover(Program):
         return xr.Dataset(parts | dict(sets.data_vars), coords={"omega": omega, "plant": plants})
 
     def from_dataset(self, data: Dataset) -> FoundCover:
-        systems = (restored(data, name) for name in ("nominal", "W_1", "W_2"))
-        return FoundCover(MatrixModel(*systems, self.form), self.sets.from_dataset(data))
+        systems = {name: restored(data, name) for name in ("nominal", "W_1", "W_2")}
+        model = MatrixModel(**systems, form=self.form)
+        return FoundCover(model, self.sets.from_dataset(data))
 
     def figures(self, answer: FoundCover) -> dict[str, Figure]:
         norms = np.linalg.norm(self.deltas(answer.model), 2, axis=(2, 3))
         return matrix_cover_figures(
             self.responses, answer.model, norms, self.radii(answer.model), answer.least.radius
         )
-
-
-def _h(matrices: ComplexArray) -> ComplexArray:
-    return matrices.conj().swapaxes(-2, -1)

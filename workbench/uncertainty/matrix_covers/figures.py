@@ -8,7 +8,7 @@ from workbench import figures
 from workbench.arrays import RealArray
 from workbench.heavy_types import Figure
 from workbench.uncertainty.matrix_covers.model import MatrixModel
-from workbench.uncertainty.matrix_covers.responses import MatrixResponses, response_of
+from workbench.uncertainty.matrix_covers.responses import MatrixResponses, system_response
 
 MOST_DRAWN = 60
 """Most plants that are drawn."""
@@ -34,7 +34,7 @@ def magnitudes_figure(responses: MatrixResponses, model: MatrixModel) -> Figure:
     p, m = responses.values.shape[2:]
     figure, panels = figures.axes(p, m, size=(3.6 * m + 0.6, 2.5 * p + 1.0), sharex=True)
     frequency = responses.omega / (2 * np.pi)
-    nominal = response_of(model.nominal, responses.omega)
+    nominal = system_response(model.nominal, responses.omega)
     centre, radius = model.entry_discs(responses.omega)
     high = np.where(np.isfinite(radius), np.abs(centre) + radius, np.nan)
     low = np.where(np.isfinite(radius), np.maximum(np.abs(centre) - radius, 0.0), np.nan)

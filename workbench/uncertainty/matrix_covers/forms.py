@@ -14,7 +14,7 @@ from typing import Literal
 
 import numpy as np
 
-from workbench.arrays import ComplexArray
+from workbench.arrays import Array
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.systems.bilinear import bilinear_continuous, bilinear_sampled
@@ -93,8 +93,8 @@ def left_factors(nominal: StateSpace) -> StateSpace:
 
 
 def residuals(
-    values: ComplexArray, nominal: ComplexArray, form: MatrixForm, factors: ComplexArray | None
-) -> tuple[ComplexArray, ComplexArray]:
+    values: Array, nominal: Array, form: MatrixForm, factors: Array | None
+) -> tuple[Array, Array]:
     """X (F, N, ., .) of plants with responses (F, N, p, m), and what of each plant it leaves out.
 
     Parameters
@@ -109,7 +109,7 @@ def residuals(
     the plant, the smallest is returned.
     """
     G, G0 = values, nominal[:, None]
-    p, m = G.shape[-2:]
+    m = G.shape[-1]
     away = G - G0
     if form == "coprime":
         assert factors is not None
@@ -131,7 +131,7 @@ def residuals(
     return X, np.linalg.norm(left, axis=(2, 3)) / np.where(size > 0, size, 1.0)
 
 
-def need_reached(left: ComplexArray, form: MatrixForm, where: list[str], plants: list[str]) -> None:
+def need_reached(left: Array, form: MatrixForm, where: list[str], plants: list[str]) -> None:
     """Raise InputError for plants of which a part is left out, naming plant and frequency."""
     worst = np.unravel_index(int(np.argmax(left)), left.shape)
     if not left[worst] <= REACHED:

@@ -4,27 +4,28 @@ With the weights' squares L = W_1 W_1^~ and R = W_2^~ W_2 linear in unknowns, co
 
     [[L, X_k], [X_k^*, R]] >= 0    at every frequency, for every plant,
 
-which is convex. The logarithm of the volume, m log det L + p log det R, is concave; its slope at the
-weights of the round before is minimised. Only plants near the boundary of the sets are constraints;
-those that come to lie outside are added.
+which is convex. The logarithm of the volume, m log det L + p log det R, is concave; its slope at
+the weights of the round before is minimised. Only plants near the boundary of the sets are
+constraints; those that come to lie outside are added.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench.arrays import Array, RealArray
 from workbench.executor import Context
 from workbench.heavy_types import StateSpace
 from workbench.uncertainty.covers.weights import CONSTANT_DECADES, beyond
 from workbench.uncertainty.matrix_covers.cover import MatrixCover
-from workbench.uncertainty.matrix_covers.responses import response_of
+from workbench.uncertainty.matrix_covers.responses import system_response
 from workbench.uncertainty.matrix_covers.semidefinite import Inequality, least
+from workbench.uncertainty.matrix_covers.shapes import adjoint
 from workbench.uncertainty.matrix_covers.squares import ShapedSquare
 from workbench.uncertainty.matrix_covers.weights import (
     FittedWeight,
     thinned,
-    transposed,
+    transposed_system,
 )
 
 ROUNDS = 6
@@ -52,7 +53,7 @@ def smaller_weights(
     band, omega = program.responses.omega[[0, -1]], fine.responses.omega
     shares = fine.responses.shares * ((omega >= band[0]) & (omega <= band[1]))
     shares = shares / shares.sum()
-    left, right = transposed(W_1.system), W_2.system
+    left, right = transposed_system(W_1.system), W_2.system
     state, before = _Round(fine, left, right), np.inf
     active = state.near() & np.isin(np.arange(fine.axis.size), thinned(fine.axis.size))[:, None]
     for _ in context.track(range(ROUNDS), "joint weights"):
@@ -68,8 +69,8 @@ def smaller_weights(
                 break
             active |= outside
         state = found
-        active |= state.near() & active.any(axis=1)[:, None]
-    return transposed(left), right
+        active |= state.near() & active.any(axis=1, keepdims=True)
+    return transposed_system(left), right
 
 
 class _Round:
@@ -78,7 +79,7 @@ class _Round:
     def __init__(self, program: MatrixCover, left: StateSpace, right: StateSpace) -> None:
         self.program, self.grid = program, beyond(program.axis)
         self.inside = slice(CONSTANT_DECADES, len(self.grid) - CONSTANT_DECADES)
-        self.W = response_of(left, self.grid), response_of(right, self.grid)
+        self.W = system_response(left, self.grid), system_response(right, self.grid)
         W_1, W_2 = self.W[0][self.inside].swapaxes(-2, -1), self.W[1][self.inside]
         M = np.linalg.solve(W_1[:, None], program.deviations) @ np.linalg.inv(W_2)[:, None]
         self.norms = np.linalg.norm(M, 2, axis=(2, 3))
@@ -91,7 +92,7 @@ class _Round:
         return found
 
     def outside(self) -> np.ndarray:
-        """Which plants (F, N) are outside, at frequencies where they are farther than beside them."""
+        """Which plants (F, N) are outside, farther than at the frequencies beside."""
         beside = np.pad(self.norms, ((1, 1), (0, 0)), constant_values=-np.inf)
         peak = (self.norms >= beside[:-2]) & (self.norms >= beside[2:])
         found: np.ndarray = peak & (self.norms > 1 + OUTSIDE)
@@ -104,7 +105,7 @@ class _Round:
 
     def solved(
         self,
-        poles: tuple[list[ComplexArray], list[ComplexArray]],
+        poles: tuple[list[Array], list[Array]],
         active: np.ndarray,
         shares: RealArray,
         context: Context,
@@ -145,17 +146,13 @@ class _Round:
         return left.weight(found[: len(left)]), right.weight(found[len(left) :])
 
 
-def _beside(L: Inequality, R: Inequality, M: ComplexArray) -> Inequality:
+def _beside(L: Inequality, R: Inequality, M: Array) -> Inequality:
     """[[L, M], [M^*, R]], with the unknowns of L before those of R."""
     f, (p, m) = len(M), M.shape[1:]
     a, b = L[0].shape[1], R[0].shape[1]
     coefficients = np.zeros((f, a + b, p + m, p + m), complex)
     coefficients[:, :a, :p, :p], coefficients[:, a:, p:, p:] = L[0], R[0]
     constant = np.concatenate(
-        [np.concatenate([L[1], M], axis=2), np.concatenate([_h(M), R[1]], axis=2)], axis=1
+        [np.concatenate([L[1], M], axis=2), np.concatenate([adjoint(M), R[1]], axis=2)], axis=1
     )
     return coefficients, constant
-
-
-def _h(matrices: ComplexArray) -> ComplexArray:
-    return matrices.conj().swapaxes(-2, -1)

@@ -16,8 +16,9 @@ from workbench.systems.realisation import realisation
 from workbench.uncertainty.matrix_covers.cover import FoundCover, MatrixCover
 from workbench.uncertainty.matrix_covers.joint import smaller_weights
 from workbench.uncertainty.matrix_covers.model import MatrixModel
-from workbench.uncertainty.matrix_covers.responses import response_of
+from workbench.uncertainty.matrix_covers.responses import system_response
 from workbench.uncertainty.matrix_covers.sets import FoundSets, MatrixSets
+from workbench.uncertainty.matrix_covers.shapes import adjoint
 from workbench.uncertainty.matrix_covers.weights import (
     FittedWeight,
     constant,
@@ -42,7 +43,7 @@ def _steps(program: MatrixCover, context: Context) -> Claim:
 
 @method(MatrixCover, "joint", optimal=False)
 def _joint(program: MatrixCover, context: Context) -> Claim:
-    """Both weights together over the poles of "steps", by semidefinite programs; a local optimum."""
+    """Both weights together over the poles of "steps": semidefinite programs, a local optimum."""
     try:
         least, W_1, W_2 = _fitted(program, context)
         first = FoundCover(_reaching(program, W_1.system, W_2.system), least)
@@ -60,11 +61,11 @@ def _fitted(program: MatrixCover, context: Context) -> tuple[FoundSets, FittedWe
         n = least.right.shape[-1]
         W_2 = FittedWeight(constant(np.eye(n)), [np.array([])])
     else:
-        squares = least.right.conj().swapaxes(-2, -1) @ least.right
+        squares = adjoint(least.right) @ least.right
         W_2 = right_weight(program.axis, squares, program.right, program.right_order, context)
-    X = program.deviations @ np.linalg.inv(response_of(W_2.system, program.axis))[:, None]
+    X = program.deviations @ np.linalg.inv(system_response(W_2.system, program.axis))[:, None]
     rest = _sets(MatrixSets(X, program.left, "scalar", floor=program.floor), context)
-    squares = rest.left @ rest.left.conj().swapaxes(-2, -1)
+    squares = rest.left @ adjoint(rest.left)
     W_1 = left_weight(program.axis, squares, program.left, program.left_order, context)
     return least, W_1, W_2
 

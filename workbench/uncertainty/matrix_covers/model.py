@@ -8,7 +8,7 @@ from typing import Any, get_args
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench.arrays import Array, RealArray
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.structure import Full, Structure
@@ -19,7 +19,8 @@ from workbench.uncertainty.matrix_covers.forms import (
     delta_shape,
     interconnection,
 )
-from workbench.uncertainty.matrix_covers.responses import response_of
+from workbench.uncertainty.matrix_covers.responses import system_response
+from workbench.uncertainty.matrix_covers.shapes import adjoint
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,10 +57,8 @@ class MatrixModel(Algebraic):
                 raise InputError(f"{name} has dt = {W.dt}, the nominal {self.nominal.dt}")
 
     def __repr__(self) -> str:
-        orders = ", ".join(
-            f"{name} of order {getattr(self, name).nstates}" for name in ("W_1", "W_2")
-        )
-        return f"MatrixModel, {self.form}: nominal of order {self.nominal.nstates}, {orders}"
+        orders = [each.nstates for each in (self.nominal, self.W_1, self.W_2)]
+        return f"MatrixModel, {self.form}: nominal, W_1 and W_2 of orders {orders}"
 
     @property
     def dt(self) -> float:
@@ -86,7 +85,7 @@ class MatrixModel(Algebraic):
         found = control.append(self.W_2, unit[0]) * core * control.append(self.W_1, unit[1])
         return found
 
-    def entry_discs(self, omega: RealArray) -> tuple[ComplexArray, RealArray]:
+    def entry_discs(self, omega: RealArray) -> tuple[Array, RealArray]:
         """Centres and radii (F, p, m) of the discs that the entries of the plants fill.
 
         Radii are infinite where some plant of the model has a pole on the axis. With D = W_2 X-loop
@@ -94,13 +93,13 @@ class MatrixModel(Algebraic):
         (I - D^* D)^-1 D^* (R. Redheffer, "On a certain linear fractional transformation", 1960).
         """
         r, c = self.W_1.ninputs, self.W_2.noutputs
-        H = response_of(self.system, omega)
+        H = system_response(self.system, omega)
         D, z, y, G = H[:, :c, :r], H[:, :c, r:], H[:, c:, :r], H[:, c:, r:]
-        Dh = D.conj().swapaxes(-2, -1)
+        Dh = adjoint(D)
         size = np.linalg.norm(D, 2, axis=(1, 2)) if D.size else np.zeros(len(H))
         inside = size < 1
         safe = np.where(inside[:, None, None], D, 0.0)
-        Dh = safe.conj().swapaxes(-2, -1)
+        Dh = adjoint(safe)
         left = np.linalg.inv(np.eye(r) - Dh @ safe)
         right = np.linalg.inv(np.eye(c) - safe @ Dh)
         centre = G + y @ left @ Dh @ z

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import nnls
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench.arrays import Array, RealArray
 from workbench.uncertainty.matrix_covers.sets import MatrixSets
-from workbench.uncertainty.matrix_covers.shapes import directions, entries
+from workbench.uncertainty.matrix_covers.shapes import adjoint, directions, entry_directions
 from workbench.uncertainty.matrix_covers.size import size_derivatives
 
 CORRECTIONS = 10
@@ -16,8 +16,8 @@ TOUCHING = 1e-5
 """Distance of a norm from the largest one, relative, at which a set touches what it contains."""
 
 
-def balanced(
-    program: MatrixSets, P: ComplexArray, S: ComplexArray, Z: ComplexArray, weights: RealArray
+def balanced_multipliers(
+    program: MatrixSets, P: Array, S: Array, Z: Array, weights: RealArray
 ) -> RealArray:
     """Multipliers (F, N, r) changed so little that they meet the equations of a minimum.
 
@@ -35,7 +35,7 @@ def balanced(
     return _summed(steps.reshape(weights.shape))
 
 
-def fitted(program: MatrixSets, P: ComplexArray, S: ComplexArray, Z: ComplexArray) -> RealArray:
+def touching_multipliers(program: MatrixSets, P: Array, S: Array, Z: Array) -> RealArray:
     """Multipliers (F, N, r) that meet the equations of a minimum best, of what the sets touch."""
     equations, wanted, slack = _equations(program, P, S, Z)
     steps = np.zeros(slack.shape)
@@ -47,7 +47,7 @@ def fitted(program: MatrixSets, P: ComplexArray, S: ComplexArray, Z: ComplexArra
 
 
 def _equations(
-    program: MatrixSets, P: ComplexArray, S: ComplexArray, Z: ComplexArray
+    program: MatrixSets, P: Array, S: Array, Z: Array
 ) -> tuple[RealArray, RealArray, RealArray]:
     """Equations (F, d, N r) and right sides (F, d) of multipliers, and by how little none touches.
 
@@ -59,13 +59,13 @@ def _equations(
     A, B = directions(program.left, p), directions(program.right, m)
     M = P[:, None] @ program.away(Z) @ S[:, None]
     u, s, vh = np.linalg.svd(M, full_matrices=False)
-    v = vh.conj().swapaxes(-2, -1)
+    v = adjoint(vh)
     values = [
         np.einsum("fkir,dij,fkjr->fdkr", u.conj(), A, u).real,
         np.einsum("fkir,dij,fkjr->fdkr", v.conj(), B, v).real,
     ]
     if program.centre == "free":
-        across = np.einsum("fkir,dij,fkjr->fdkr", u.conj(), entries(p, m), v).real
+        across = np.einsum("fkir,dij,fkjr->fdkr", u.conj(), entry_directions(p, m), v).real
         across[:, :, moving:] = 0.0  # the floor moves with the centre
         values.append(across)
     equations = np.concatenate(values, axis=1).cumsum(axis=-1).reshape(F, -1, s[0].size)

@@ -10,10 +10,10 @@ from functools import cached_property
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
-from workbench.uncertainty.matrix_covers.multipliers import balanced
+from workbench.arrays import Array, RealArray
+from workbench.uncertainty.matrix_covers.multipliers import balanced_multipliers
 from workbench.uncertainty.matrix_covers.sets import FoundSets, MatrixSets, finished
-from workbench.uncertainty.matrix_covers.shapes import Shape, directions, entries
+from workbench.uncertainty.matrix_covers.shapes import Shape, adjoint, directions, entry_directions
 from workbench.uncertainty.matrix_covers.size import size_derivatives
 
 START = 0.5
@@ -21,10 +21,10 @@ START = 0.5
 STEPS = 60
 """Most Newton steps for one weight of the barrier."""
 DECREMENT = 1e-6
-"""Half the square of the Newton decrement, over the weight of the barrier, of the last step; after it
-the square is that of this number."""
+"""Half the square of the Newton decrement, over the barrier's weight, before the last step;
+after it the error is the square of that."""
 SAFE = 0.05
-"""Half the square of the decrement, over the weight of the barrier, below which a full step is taken."""
+"""Half the square of the decrement, over the barrier's weight, up to which full steps are taken."""
 LONGEST = 3.0
 """Longest step: logarithms of weights change by no more at once."""
 SHORTEST = 2.0**-30
@@ -44,7 +44,7 @@ class BarrierSets:
         self.A = directions(program.left, self.p)
         self.B = directions(program.right, self.m)
         free = program.centre == "free"
-        self.z = entries(self.p, self.m) if free else np.zeros((0, self.p, self.m), complex)
+        self.z = entry_directions(self.p, self.m)[: None if free else 0]
         self.Z = program.deviations.mean(axis=1) * float(free)
         rows, columns = program.channel_sizes
         self.P, self.S = _inverse(rows, program.left), _inverse(columns, program.right)
@@ -91,24 +91,24 @@ class BarrierSets:
         """Slope (f, d) and curvature (f, d, d) of size + mu * barrier along the directions."""
         M, A, B, z = self.M[at], self.A, self.B, self.z
         F, (a, b, c) = len(M), (len(A), len(B), len(z))
-        Mh = M.conj().swapaxes(-2, -1)
+        Mh = adjoint(M)
         S = np.linalg.inv(np.eye(self.p) - M @ Mh)
         AM = np.einsum("dij,fkjl->fdkil", A, M)
         MB = np.einsum("fkij,djl->fdkil", M, B)
         minus = np.zeros((F, c, self.N, self.p, self.m), complex)
         minus[:, :, : self.moving] = -z[None, :, None]
         first = np.concatenate([AM, MB, minus], axis=1)
-        root = np.linalg.cholesky(S).conj().swapaxes(-2, -1)  # S = root^* root
+        root = adjoint(np.linalg.cholesky(S))  # S = root^* root
         V = root[:, None] @ first
         SM = S @ M
         slope = 2 * np.einsum("fkij,fdkij->fd", SM.conj(), first).real
-        K = V @ (root @ M)[:, None].conj().swapaxes(-2, -1)
-        K = K + K.conj().swapaxes(-2, -1)
+        K = V @ adjoint((root @ M)[:, None])
+        K = K + adjoint(K)
         curvature = 2 * _gram(V, V) + _gram(K, K)
         # what the second derivatives of M add
         left = (SM @ Mh).sum(axis=1)
         right = (Mh @ SM).sum(axis=1)
-        C = SM[:, : self.moving].sum(axis=1).conj().swapaxes(-2, -1)
+        C = adjoint(SM[:, : self.moving].sum(axis=1))
         AA = np.einsum("dij,ejk,fki->fde", A, A, left).real
         BB = np.einsum("dij,ejk,fki->fde", B, B, right).real
         SMB = np.einsum("fkij,djl->fdkil", SM, B)
@@ -130,9 +130,9 @@ class BarrierSets:
         curvature[:, : a + b, : a + b] += size_curvature
         return slope, curvature
 
-    def _value(self, mu: float, P: ComplexArray, S: ComplexArray, M: ComplexArray) -> RealArray:
+    def _value(self, mu: float, P: Array, S: Array, M: Array) -> RealArray:
         """Size + mu * barrier (f,); infinite outside."""
-        Y = np.eye(self.p) - M @ _h(M)
+        Y = np.eye(self.p) - M @ adjoint(M)
         values = np.linalg.eigvalsh(Y)
         inside = (values > 0).all(axis=(1, 2))
         barrier = -np.log(np.where(values > 0, values, 1.0)).sum(axis=(1, 2))
@@ -158,9 +158,7 @@ class BarrierSets:
             length /= 2
         return ~todo
 
-    def _along(
-        self, at: np.ndarray, step: RealArray
-    ) -> tuple[ComplexArray, ComplexArray, ComplexArray, ComplexArray]:
+    def _along(self, at: np.ndarray, step: RealArray) -> tuple[Array, Array, Array, Array]:
         """Inverse weights, centres and deviations after a step."""
         a, b = len(self.A), len(self.B)
         left = _exp(np.einsum("fd,dij->fij", step[:, :a], self.A))
@@ -179,31 +177,27 @@ class BarrierSets:
     def found(self) -> FoundSets:
         """The sets, with the multipliers of the barrier's minimum as weights of a proof."""
         square = np.linalg.svd(self.M, compute_uv=False) ** 2
-        weights = balanced(self.program, self.P, self.S, self.Z, square / (1 - square))
+        weights = balanced_multipliers(self.program, self.P, self.S, self.Z, square / (1 - square))
         return finished(self.program, self.P, self.S, self.Z, weights)
 
 
-def _inverse(sizes: RealArray, shape: Shape) -> ComplexArray:
+def _inverse(sizes: RealArray, shape: Shape) -> Array:
     """Inverse weights (F, n, n) of a shape for channels of these sizes (F, n)."""
     if shape == "scalar":
         sizes = np.broadcast_to(sizes.max(axis=1, keepdims=True), sizes.shape)
-    found: ComplexArray = (np.eye(sizes.shape[1]) / sizes[:, None]).astype(complex)
+    found: Array = (np.eye(sizes.shape[1]) / sizes[:, None]).astype(complex)
     return found
 
 
-def _gram(first: ComplexArray, second: ComplexArray) -> RealArray:
+def _gram(first: Array, second: Array) -> RealArray:
     """Real inner products (f, d, e) of matrices (f, d, ...) and (f, e, ...)."""
     rows, columns = (each.reshape(*each.shape[:2], -1) for each in (first, second))
     found: RealArray = (rows.conj() @ columns.swapaxes(1, 2)).real
     return found
 
 
-def _h(matrices: ComplexArray) -> ComplexArray:
-    return matrices.conj().swapaxes(-2, -1)
-
-
-def _exp(hermitian: ComplexArray) -> ComplexArray:
+def _exp(hermitian: Array) -> Array:
     """Exponentials of Hermitian matrices (f, n, n)."""
     values, vectors = np.linalg.eigh(hermitian)
-    found: ComplexArray = (vectors * np.exp(values)[:, None]) @ _h(vectors)
+    found: Array = (vectors * np.exp(values)[:, None]) @ adjoint(vectors)
     return found

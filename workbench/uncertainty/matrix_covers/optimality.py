@@ -12,25 +12,25 @@ If the two sums are m I and p I (John's condition for ellipsoids, here for both 
 bound on m tr A + p tr B, by which the logarithm of the volume can fall. What is left of the two
 sums counts with the largest A and B that a smaller cover can have.
 
-*Trace.* The matrix [[L, E_k - Z], [., R]] with L = W_1 W_1^*, R = W_2^* W_2 is positive semidefinite
-for a cover, so its product with c_kj (P^* u, -S v)(P^* u, -S v)^* is not negative. If these products'
-sums over L and R are those of tr L / p + tr R / m, and the one over Z vanishes, what remains is a
-bound: linear programming duality.
+*Trace.* With L = W_1 W_1^* and R = W_2^* W_2 the matrix [[L, E_k - Z], [., R]] of a cover is
+positive semidefinite, so its product with c_kj (P^* u, -S v)(P^* u, -S v)^* is not negative. If the
+parts of the products' sum in L and R are tr L / p + tr R / m, and that in Z vanishes, what remains
+is a bound: duality of semidefinite programs.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
-from workbench.uncertainty.matrix_covers.shapes import Shape, of_shape
+from workbench.arrays import Array, RealArray
+from workbench.uncertainty.matrix_covers.shapes import Shape, adjoint, of_shape
 
 SMALLEST = 1e-300
 """What stands for a singular value of zero in a logarithm."""
 
 
 def volume_excess(
-    M: ComplexArray,
+    M: Array,
     weights: RealArray,
     left: Shape,
     right: Shape,
@@ -52,7 +52,7 @@ def volume_excess(
     c = np.minimum.accumulate(np.maximum(weights, 0.0), axis=-1)
     c = c * (p * m / np.maximum(c.sum(axis=(1, 2), keepdims=True), SMALLEST))
     off_left = of_shape(_sum(u, c) - m * np.eye(p), left)
-    off_right = of_shape(_sum(vh.conj().swapaxes(-2, -1), c) - p * np.eye(m), right)
+    off_right = of_shape(_sum(adjoint(vh), c) - p * np.eye(m), right)
     room = -(c * np.log(np.maximum(s, SMALLEST))).sum(axis=(1, 2))
     room = room + _nuclear(off_left) * reach[0] + _nuclear(off_right) * reach[1]
     excess: RealArray = np.maximum(room, 0.0) / (p * m)
@@ -60,10 +60,10 @@ def volume_excess(
 
 
 def trace_bound(
-    away: ComplexArray,
+    away: Array,
     moving: int,
-    P: ComplexArray,
-    S: ComplexArray,
+    P: Array,
+    S: Array,
     weights: RealArray,
     left: Shape,
     right: Shape,
@@ -87,13 +87,13 @@ def trace_bound(
     p, m = away.shape[-2:]
     u, _, vh = np.linalg.svd(P[:, None] @ away @ S[:, None], full_matrices=False)
     c = np.maximum(weights, 0.0)
-    x = _h(P)[:, None] @ u
-    y = S[:, None] @ _h(vh)
+    x = adjoint(P)[:, None] @ u
+    y = S[:, None] @ adjoint(vh)
     x = _normalised(x, c, left) / np.sqrt(p)
     y = _normalised(y, c, right) / np.sqrt(m)
     over_left = _largest(of_shape(_sum(x, c), left)) * p
     over_right = _largest(of_shape(_sum(y, c), right)) * m
-    cross = (x * c[:, :, None]) @ _h(y)  # (F, N, p, m)
+    cross = (x * c[:, :, None]) @ adjoint(y)  # (F, N, p, m)
     value = np.einsum("fkij,fkij->f", cross.conj(), away).real
     if free:  # |Z' - Z| <= 2 * (largest radius of a cover that is not larger)
         rest = np.linalg.svd(cross[:, :moving].sum(axis=1), compute_uv=False).sum(axis=-1)
@@ -104,7 +104,7 @@ def trace_bound(
     return np.maximum(bound, 0.0)
 
 
-def _normalised(vectors: ComplexArray, c: RealArray, shape: Shape) -> ComplexArray:
+def _normalised(vectors: Array, c: RealArray, shape: Shape) -> Array:
     """Vectors (F, N, n, r) changed by a matrix of the shape so that sum c x x^* is I, within it."""
     if shape == "scalar":
         mean = np.einsum("fii->f", _sum(vectors, c)).real / vectors.shape[-2]
@@ -114,27 +114,23 @@ def _normalised(vectors: ComplexArray, c: RealArray, shape: Shape) -> ComplexArr
     if shape == "diagonal":
         return vectors
     values, turn = np.linalg.eigh(_sum(vectors, c))
-    root = (turn / np.sqrt(np.maximum(values, SMALLEST))[:, None]) @ _h(turn)
-    changed: ComplexArray = root[:, None] @ vectors
+    root = (turn / np.sqrt(np.maximum(values, SMALLEST))[:, None]) @ adjoint(turn)
+    changed: Array = root[:, None] @ vectors
     return changed
 
 
-def _sum(vectors: ComplexArray, c: RealArray) -> ComplexArray:
+def _sum(vectors: Array, c: RealArray) -> Array:
     """sum c x x^* (F, n, n) of the columns x of vectors (F, N, n, r)."""
-    found: ComplexArray = ((vectors * c[:, :, None]) @ _h(vectors)).sum(axis=1)
+    found: Array = ((vectors * c[:, :, None]) @ adjoint(vectors)).sum(axis=1)
     return found
 
 
-def _nuclear(hermitian: ComplexArray) -> RealArray:
+def _nuclear(hermitian: Array) -> RealArray:
     """Sum of the sizes of the eigenvalues (F,)."""
     found: RealArray = np.abs(np.linalg.eigvalsh(hermitian)).sum(axis=-1)
     return found
 
 
-def _largest(hermitian: ComplexArray) -> RealArray:
+def _largest(hermitian: Array) -> RealArray:
     found: RealArray = np.linalg.eigvalsh(hermitian)[:, -1]
     return found
-
-
-def _h(matrices: ComplexArray) -> ComplexArray:
-    return matrices.conj().swapaxes(-2, -1)

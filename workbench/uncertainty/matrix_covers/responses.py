@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench.arrays import Array, RealArray
 from workbench.errors import InputError
 from workbench.fitting.samples import as_frequencies
 from workbench.heavy_types import StateSpace
@@ -45,7 +45,7 @@ class MatrixResponses:
     """
 
     omega: RealArray
-    values: ComplexArray
+    values: Array
     plants: Any = None
     dt: float = 0.0
     known: tuple[StateSpace, ...] = ()
@@ -92,7 +92,7 @@ class MatrixResponses:
                 + ", ".join(map(str, sorted(kinds)))
             )
         omega = as_frequencies(omega)
-        values = np.stack([response_of(each, omega) for each in found], axis=1)
+        values = np.stack([system_response(each, omega) for each in found], axis=1)
         return cls(omega, values, plants, float(found[0].dt or 0.0), tuple(found))
 
     @classmethod
@@ -132,9 +132,9 @@ class MatrixResponses:
         return f"plant {self.plants[index[1]]} at {self.place(index[0])}"
 
 
-def response_of(system: StateSpace, omega: RealArray) -> ComplexArray:
+def system_response(system: StateSpace, omega: RealArray) -> Array:
     """Response (F, p, m) of a system, on the imaginary axis or on the circle."""
     s = np.exp(1j * omega * system.dt) if system.dt else 1j * omega
     M = np.block([[system.A, system.B], [system.C, system.D]])
-    found: ComplexArray = frequency_response(M, system.nstates, s)
+    found: Array = frequency_response(M, system.nstates, s)
     return found

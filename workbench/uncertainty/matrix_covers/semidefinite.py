@@ -7,14 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.sparse import csr_array, vstack
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench.arrays import Array, RealArray
 from workbench.certify.cones.form import ConeFactor, ConeKind, ConicForm, triangle
 from workbench.conic.numeric import minimiser
 from workbench.errors import SolverError
 from workbench.executor import Context
 from workbench.uncertainty.matrix_covers.squares import ShapedSquare
 
-Inequality = tuple[ComplexArray, ComplexArray]
+Inequality = tuple[Array, Array]
 """Coefficients (f, unknowns, n, n) and constants (f, n, n) of Hermitian matrices that must be
 positive semidefinite."""
 
@@ -55,7 +55,7 @@ def least(
     return found
 
 
-def _real(hermitian: ComplexArray) -> RealArray:
+def _real(hermitian: Array) -> RealArray:
     """Hermitian matrices (..., n, n) as real symmetric ones of twice the size."""
     top = np.concatenate([hermitian.real, -hermitian.imag], axis=-1)
     bottom = np.concatenate([hermitian.imag, hermitian.real], axis=-1)

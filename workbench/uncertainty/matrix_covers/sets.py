@@ -13,14 +13,14 @@ from typing import ClassVar, Literal, get_args
 
 import numpy as np
 
-from workbench.arrays import EPS, ComplexArray, RealArray
+from workbench.arrays import EPS, Array, RealArray
 from workbench.certificate import Check, worst
 from workbench.errors import InputError
 from workbench.heavy_types import Dataset
 from workbench.input_checks import as_array, need_numbers
 from workbench.program import Program
 from workbench.uncertainty.matrix_covers.optimality import SMALLEST, trace_bound, volume_excess
-from workbench.uncertainty.matrix_covers.shapes import Shape, of_shape
+from workbench.uncertainty.matrix_covers.shapes import Shape, adjoint, of_shape
 
 Size = Literal["volume", "trace"]
 Centre = Literal["zero", "free"]
@@ -52,10 +52,16 @@ class FoundSets:
         `workbench.uncertainty.matrix_covers.optimality`. Zeros prove nothing.
     """
 
-    left: ComplexArray
-    right: ComplexArray
-    centre: ComplexArray
+    left: Array
+    right: Array
+    centre: Array
     weights: RealArray
+
+    def __repr__(self) -> str:
+        size = self.radius
+        return (
+            f"sets at {size.size} frequencies, of mean radius {size.min():.4g} to {size.max():.4g}"
+        )
 
     @property
     def radius(self) -> RealArray:
@@ -63,10 +69,10 @@ class FoundSets:
         logs = [np.linalg.slogdet(W)[1] / W.shape[-1] for W in (self.left, self.right)]
         return np.exp(logs[0] + logs[1])
 
-    def deltas(self, matrices: ComplexArray) -> ComplexArray:
+    def deltas(self, matrices: Array) -> Array:
         """Delta (F, N, p, m) of each of the matrices (F, N, p, m)."""
         P, S = np.linalg.inv(self.left), np.linalg.inv(self.right)
-        found: ComplexArray = P[:, None] @ (matrices - self.centre[:, None]) @ S[:, None]
+        found: Array = P[:, None] @ (matrices - self.centre[:, None]) @ S[:, None]
         return found
 
 
@@ -96,7 +102,7 @@ class MatrixSets(Program):
         Other data; deviations that are all alike at some frequency.
     """
 
-    deviations: ComplexArray
+    deviations: Array
     left: Shape = "full"
     right: Shape = "full"
     centre: Centre = field(default="zero", kw_only=True)
@@ -143,7 +149,7 @@ class MatrixSets(Program):
     # --- the question -----------------------------------------------------------------------------
 
     @cached_property
-    def _spread(self) -> ComplexArray:
+    def _spread(self) -> Array:
         """Deviations (F, N, p, m) from where a centre can start."""
         mean = self.deviations.mean(axis=1, keepdims=True)
         return self.deviations - mean if self.centre == "free" else self.deviations
@@ -172,20 +178,20 @@ class MatrixSets(Program):
         return rows * scaled.max(axis=(1, 2))[:, None] * largest[:, 0], columns
 
     @cached_property
-    def floors(self) -> ComplexArray:
+    def floors(self) -> Array:
         """Changes (F, p m, p, m) of single entries that every set contains about its centre."""
         rows, columns = self.channel_sizes
         F, p, m = len(rows), rows.shape[1], columns.shape[1]
         size = self.floor * rows[:, :, None] * columns[:, None]
         unit = np.eye(p * m).reshape(p * m, p, m)
-        found: ComplexArray = (unit * size[:, None]).astype(complex)
+        found: Array = (unit * size[:, None]).astype(complex)
         return found.reshape(F, p * m, p, m)
 
-    def away(self, centre: ComplexArray) -> ComplexArray:
+    def away(self, centre: Array) -> Array:
         """What sets about a centre (F, p, m) contain: deviations from it, and the floor."""
         return np.concatenate([self.deviations - centre[:, None], self.floors], axis=1)
 
-    def size_of(self, P: ComplexArray, S: ComplexArray) -> RealArray:
+    def size_of(self, P: Array, S: Array) -> RealArray:
         """2 p m times the logarithm of the size (F,) of sets with inverse weights P and S."""
         p, m = self.deviations.shape[2:]
         if self.size == "volume":
@@ -238,9 +244,7 @@ class MatrixSets(Program):
         M = P[:, None] @ away @ S[:, None]
         return volume_excess(M, answer.weights, self.left, self.right, self._reach(P, S, unit))
 
-    def _reach(
-        self, P: ComplexArray, S: ComplexArray, unit: RealArray
-    ) -> tuple[RealArray, RealArray]:
+    def _reach(self, P: Array, S: Array, unit: RealArray) -> tuple[RealArray, RealArray]:
         """Bounds (F,) on the norms of the logarithms that lead from P, S to those of less volume.
 
         In units of the channels the floor says |P e_i| |e_j^T S| <= 1 / floor; scale S so that its
@@ -277,7 +281,7 @@ class MatrixSets(Program):
         ]
         for name, W, shape in (("W_1", answer.left, self.left), ("W_2", answer.right, self.right)):
             scaled = W / np.abs(W).max(axis=(1, 2), keepdims=True)
-            gram = scaled @ _h(scaled) if name == "W_1" else _h(scaled) @ scaled
+            gram = scaled @ adjoint(scaled) if name == "W_1" else adjoint(scaled) @ scaled
             off = np.abs(gram - of_shape(gram, shape)).max(axis=(1, 2))
             value, where = worst(off, self._place)
             statement = f"what is not {shape} of its square, relative"
@@ -300,11 +304,14 @@ class MatrixSets(Program):
 
         found = np.zeros(self.deviations.shape[:2])
         unit = np.abs(answer.left).max(axis=(1, 2), keepdims=True)
-        squares = (answer.left / unit) @ _h(answer.left / unit), _h(answer.right) @ answer.right
+        squares = (
+            (answer.left / unit) @ adjoint(answer.left / unit),
+            adjoint(answer.right) @ answer.right,
+        )
         away = (self.deviations - answer.centre[:, None]) / unit[:, None]
         for f, (L, R) in enumerate(zip(*squares, strict=True)):
             for k, E in enumerate(away[f]):
-                square = E @ scipy.linalg.cho_solve(scipy.linalg.cho_factor(R), _h(E))
+                square = E @ scipy.linalg.cho_solve(scipy.linalg.cho_factor(R), adjoint(E))
                 found[f, k] = scipy.linalg.eigh(square, L, eigvals_only=True)[-1]
         value, where = worst(found - 1, self._place)
         statement = "largest eigenvalue of E R^-1 E^* beyond that of L = W_1 W_1^*, relative"
@@ -352,14 +359,12 @@ class MatrixSets(Program):
         return FoundSets(*(data[name].values for name in ("left", "right", "centre", "weights")))
 
 
-def finished(
-    program: MatrixSets, P: ComplexArray, S: ComplexArray, Z: ComplexArray, weights: RealArray
-) -> FoundSets:
+def finished(program: MatrixSets, P: Array, S: Array, Z: Array, weights: RealArray) -> FoundSets:
     """Sets with these inverse weights, made as large as their deviations and floor need."""
     M = P[:, None] @ program.away(Z) @ S[:, None]
     norm = np.linalg.norm(M, 2, axis=(2, 3)).max(axis=1)[:, None, None]
     # W = T Q with T lower triangular for the left weight, W = Q T for the right one
-    left = _h(np.linalg.qr(_h(np.linalg.inv(P)))[1]) * norm
+    left = adjoint(np.linalg.qr(adjoint(np.linalg.inv(P)))[1]) * norm
     right = np.linalg.qr(np.linalg.inv(S))[1]
     size = np.exp(np.linalg.slogdet(right)[1] / right.shape[-1])[:, None, None]
     found = FoundSets(
@@ -369,19 +374,15 @@ def finished(
     return replace(found, left=found.left * (1 + max(beyond, 0.0)))
 
 
-def _turn(triangular: ComplexArray) -> ComplexArray:
+def _turn(triangular: Array) -> Array:
     """Numbers (F, n) of size 1 that make the diagonal real."""
     diagonal = np.einsum("fii->fi", triangular)
-    turn: ComplexArray = diagonal / np.abs(diagonal)
+    turn: Array = diagonal / np.abs(diagonal)
     return turn
 
 
-def _log_norm(W: ComplexArray) -> RealArray:
+def _log_norm(W: Array) -> RealArray:
     """Logarithm of the root (F,) of the sum of squares, where the squares may overflow."""
     peak = np.abs(W).max(axis=(1, 2), keepdims=True)
     found: RealArray = np.log(peak[:, 0, 0]) + np.log(np.linalg.norm(W / peak, axis=(1, 2)))
     return found
-
-
-def _h(matrices: ComplexArray) -> ComplexArray:
-    return matrices.conj().swapaxes(-2, -1)

@@ -10,13 +10,13 @@ from typing import Literal
 
 import numpy as np
 
-from workbench.arrays import ComplexArray
+from workbench.arrays import Array
 
 Shape = Literal["full", "diagonal", "scalar"]
 """Shape of a weight: any matrix, one function per channel, or one function for all."""
 
 
-def directions(shape: Shape, size: int) -> ComplexArray:
+def directions(shape: Shape, size: int) -> Array:
     """Orthonormal Hermitian matrices (d, size, size) along which the logarithm of a weight moves.
 
     There are size^2 for a full weight, size for a diagonal one, 1 for a scalar.
@@ -34,15 +34,20 @@ def directions(shape: Shape, size: int) -> ComplexArray:
     return np.array(found)
 
 
-def of_shape(matrices: ComplexArray, shape: Shape) -> ComplexArray:
+def of_shape(matrices: Array, shape: Shape) -> Array:
     """Orthogonal projection of Hermitian matrices (..., n, n) on the directions of a shape."""
     basis = directions(shape, matrices.shape[-1])
     parts = np.einsum("dij,...ij->...d", basis.conj(), matrices).real
-    projected: ComplexArray = np.einsum("...d,dij->...ij", parts, basis)
+    projected: Array = np.einsum("...d,dij->...ij", parts, basis)
     return projected
 
 
-def entries(p: int, m: int) -> ComplexArray:
+def entry_directions(p: int, m: int) -> Array:
     """Directions (2 p m, p, m) of a complex matrix: real and imaginary parts of its entries."""
     unit = np.eye(p * m).reshape(p * m, p, m)
     return np.concatenate([unit, 1j * unit])
+
+
+def adjoint(matrices: Array) -> Array:
+    """Conjugate transposes of matrices (..., p, m)."""
+    return matrices.conj().swapaxes(-2, -1)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench.arrays import Array, RealArray
 from workbench.uncertainty.matrix_covers.sets import MatrixSets
+from workbench.uncertainty.matrix_covers.shapes import adjoint
 
 
 def size_derivatives(
-    program: MatrixSets, P: ComplexArray, S: ComplexArray, A: ComplexArray, B: ComplexArray
+    program: MatrixSets, P: Array, S: Array, A: Array, B: Array
 ) -> tuple[RealArray, RealArray]:
     """Slope (f, a + b) and curvature (f, a + b, a + b) of `MatrixSets.size_of`.
 
@@ -26,8 +27,8 @@ def size_derivatives(
     place = 0
     for inverse, basis, outer in ((P, A, False), (S, B, True)):
         weight = np.linalg.inv(inverse)
-        adjoint = weight.conj().swapaxes(-2, -1)
-        gram = weight @ adjoint if outer else adjoint @ weight
+        other = adjoint(weight)
+        gram = weight @ other if outer else other @ weight
         gram = gram / np.einsum("fii->f", gram).real[:, None, None]
         down = -2 * np.einsum("dij,fji->fd", basis, gram).real
         bent = np.einsum("dij,ejk,fki->fde", basis, basis, gram).real

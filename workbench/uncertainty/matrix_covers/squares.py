@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.linalg import LinAlgError
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench.arrays import Array, RealArray
 from workbench.certify.cones.form import triangle
 from workbench.errors import SolverError
 from workbench.fitting.rational import Rational
@@ -19,7 +19,7 @@ from workbench.heavy_types import StateSpace
 from workbench.systems.frequency_response import frequency_response
 from workbench.systems.realisation import realisation
 from workbench.systems.riccati import hamiltonian_solution
-from workbench.uncertainty.matrix_covers.shapes import Shape
+from workbench.uncertainty.matrix_covers.shapes import Shape, adjoint
 
 LEAST_SQUARE = 1e-4
 """Least square of a weight, relative to its mean; without it a zero may come to lie on the axis."""
@@ -38,7 +38,7 @@ class RationalSquare:
         Poles [rad/s] of every entry.
     """
 
-    def __init__(self, omega: RealArray, square: RealArray, poles: ComplexArray, n: int) -> None:
+    def __init__(self, omega: RealArray, square: RealArray, poles: Array, n: int) -> None:
         self.n, self.unit = n, float(np.sqrt(omega[0] * omega[-1]))
         self.A, self.b = _states(poles / self.unit)
         k = len(self.A)
@@ -58,7 +58,7 @@ class RationalSquare:
         """Number of unknowns."""
         return len(self.places)
 
-    def at(self, numbers: np.ndarray, roots: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+    def at(self, numbers: np.ndarray, roots: Array) -> tuple[Array, Array]:
         """root^* W~ W root at frequencies of these numbers (f,), for roots (f, n, m).
 
         The coefficients (f, unknowns, m, m) of the unknowns, and the constant part (f, m, m).
@@ -98,7 +98,7 @@ class ShapedSquare:
     """
 
     def __init__(
-        self, omega: RealArray, sizes: RealArray, shape: Shape, poles: Sequence[ComplexArray]
+        self, omega: RealArray, sizes: RealArray, shape: Shape, poles: Sequence[Array]
     ) -> None:
         self.shape, self.n = shape, sizes.shape[1]
         self.unit = np.exp(np.log(sizes).mean(axis=0))
@@ -116,7 +116,7 @@ class ShapedSquare:
         """Number of unknowns."""
         return sum(len(part) for part in self.parts)
 
-    def at(self, numbers: np.ndarray, roots: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+    def at(self, numbers: np.ndarray, roots: Array) -> tuple[Array, Array]:
         """As of `RationalSquare`."""
         roots = self.unit[:, None] * roots
         if self.shape == "full":
@@ -130,14 +130,14 @@ class ShapedSquare:
             gram = (
                 np.einsum("fi,fj->fij", row.conj(), row)
                 if self.shape == "diagonal"
-                else row.conj().swapaxes(-2, -1) @ row
+                else adjoint(row) @ row
             )
             each, least = part.at(numbers, one)
             found.append(each * gram[:, None])
             constant = constant + least * gram
         return np.concatenate(found, axis=1), np.asarray(constant)
 
-    def slope(self, weights: RealArray, roots: ComplexArray) -> RealArray:
+    def slope(self, weights: RealArray, roots: Array) -> RealArray:
         """Derivative of sum_f weights_f tr root_f^* W~ W root_f by the unknowns."""
         coefficients, _ = self.at(np.arange(len(weights)), roots)
         slope: RealArray = np.einsum("f,fkii->k", weights, coefficients).real
@@ -157,7 +157,7 @@ class ShapedSquare:
         return realisation((W.A, W.B * self.unit, W.C, W.D * self.unit), 0.0)
 
 
-def _states(poles: ComplexArray) -> tuple[RealArray, RealArray]:
+def _states(poles: Array) -> tuple[RealArray, RealArray]:
     """A (k, k) and b (k, 1) whose states are all fractions over these poles."""
     if not poles.size:
         return np.zeros((0, 0)), np.zeros((0, 1))
@@ -165,7 +165,7 @@ def _states(poles: ComplexArray) -> tuple[RealArray, RealArray]:
     return system.A, system.B
 
 
-def _factor(A: RealArray, B: RealArray, square: RealArray) -> StateSpace:
+def _factor(A: Array, B: Array, square: Array) -> StateSpace:
     """Stable W with a stable inverse and W~ W = H~ square H, where H = [(s I - A)^-1 B; I].
 
     Raises SolverError where the Riccati equation has no solution: a zero lies on the axis.
@@ -180,7 +180,7 @@ def _factor(A: RealArray, B: RealArray, square: RealArray) -> StateSpace:
     if X is None:
         raise SolverError("the square of a weight has a zero on the imaginary axis")
     try:
-        D = np.linalg.cholesky(R).T
+        D: Array = np.linalg.cholesky(R).T
     except LinAlgError:
         raise SolverError("the square of a weight is singular at infinity") from None
     return realisation((A, B, D @ inverse @ (B.T @ X + N.T), D), 0.0)

@@ -11,14 +11,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.arrays import ComplexArray, RealArray
+from workbench.arrays import Array, RealArray
 from workbench.executor import Context
 from workbench.fitting.rational import Rational
 from workbench.heavy_types import StateSpace
 from workbench.systems.realisation import realisation
 from workbench.uncertainty.covers.weights import CONSTANT_DECADES, beyond, complex_weight
 from workbench.uncertainty.matrix_covers.semidefinite import least
-from workbench.uncertainty.matrix_covers.shapes import Shape
+from workbench.uncertainty.matrix_covers.shapes import Shape, adjoint
 from workbench.uncertainty.matrix_covers.squares import ShapedSquare
 
 MOST_FREQUENCIES = 80
@@ -30,11 +30,11 @@ class FittedWeight:
     """A weight in continuous time, with the poles of each channel of a diagonal one, or of all."""
 
     system: StateSpace
-    poles: list[ComplexArray]
+    poles: list[Array]
 
 
 def right_weight(
-    omega: RealArray, squares: ComplexArray, shape: Shape, order: int, context: Context
+    omega: RealArray, squares: Array, shape: Shape, order: int, context: Context
 ) -> FittedWeight:
     """Stable W (n, n) with a stable inverse and W^* W >= squares (F, n, n), in continuous time.
 
@@ -66,14 +66,14 @@ def right_weight(
 
 
 def left_weight(
-    omega: RealArray, squares: ComplexArray, shape: Shape, order: int, context: Context
+    omega: RealArray, squares: Array, shape: Shape, order: int, context: Context
 ) -> FittedWeight:
     """As `right_weight`, with W W^* >= squares."""
     found = right_weight(omega, squares.conj(), shape, order, context)
-    return FittedWeight(transposed(found.system), found.poles)
+    return FittedWeight(transposed_system(found.system), found.poles)
 
 
-def transposed(W: StateSpace) -> StateSpace:
+def transposed_system(W: StateSpace) -> StateSpace:
     """The system with the transposed transfer matrix."""
     return realisation((W.A.T, W.C.T, W.B.T, W.D.T), float(W.dt or 0.0))
 
@@ -97,14 +97,12 @@ def _magnitude(omega: RealArray, size: RealArray, order: int, context: Context) 
     return complex_weight(omega, size, np.ones_like(size), order, context)
 
 
-def _full(
-    omega: RealArray, squares: ComplexArray, poles: ComplexArray, context: Context
-) -> StateSpace:
+def _full(omega: RealArray, squares: Array, poles: Array, context: Context) -> StateSpace:
     """Spectral factor of the least H~ Q H over these poles that is above the squares."""
     n = squares.shape[-1]
     chosen = thinned(omega.size)
     grid, wanted = beyond(omega[chosen]), lasting_squares(squares[chosen])
-    roots = np.linalg.inv(np.linalg.cholesky(wanted)).conj().swapaxes(-2, -1)
+    roots = adjoint(np.linalg.inv(np.linalg.cholesky(wanted)))
     sizes = np.sqrt(np.einsum("fii->fi", wanted).real)
     square = ShapedSquare(grid, sizes, "full", [poles])
     coefficients, constant = square.at(np.arange(len(grid)), roots)
@@ -119,7 +117,7 @@ def thinned(count: int) -> np.ndarray:
     return np.unique(np.linspace(0, count - 1, min(count, MOST_FREQUENCIES)).astype(int))
 
 
-def lasting_squares(squares: ComplexArray) -> ComplexArray:
+def lasting_squares(squares: Array) -> Array:
     """Squares (F, n, n) continued as real constants at the frequencies of `beyond`."""
     ends = [np.repeat(part.real, CONSTANT_DECADES, axis=0) for part in (squares[:1], squares[-1:])]
     return np.concatenate([ends[0], squares, ends[1]])
