@@ -32,7 +32,7 @@ from workbench.uncertainty.matrix_covers.forms import (
 )
 from workbench.uncertainty.matrix_covers.model import MatrixModel
 from workbench.uncertainty.matrix_covers.responses import MatrixResponses, system_response
-from workbench.uncertainty.matrix_covers.sets import CONTAINED, FoundSets, MatrixSets
+from workbench.uncertainty.matrix_covers.sets import CONTAINED, SHAPED, FoundSets, MatrixSets
 from workbench.uncertainty.matrix_covers.shapes import Shape, adjoint
 from workbench.uncertainty.matrix_covers.weights import inverse_weight
 
@@ -233,8 +233,8 @@ class MatrixCover(Program):
                 Check(f"order of {name}", "number of states", W.nstates, order * W.ninputs),
                 self._left(f"{name} stable", W),
                 self._left(f"inverse of {name} stable", inverse_weight(W)),
-                Check(f"{name} {shape}", "largest entry that is not of its shape",
-                      self._off_shape(W, shape), 0.0, over=THIS_SYSTEM),
+                Check(f"{name} {shape}", "largest entry that is not of its shape, relative",
+                      self._off_shape(W, shape), SHAPED, over=THIS_SYSTEM),
             ]  # fmt: skip
         return [*checks, *self.sets.checks(answer.least, tolerance)[:1]]
 
@@ -260,7 +260,7 @@ class MatrixCover(Program):
         off = response * (1 - unit)
         if shape == "scalar":
             off = response - response[:, :1, :1] * unit
-        return float(np.abs(off).max())
+        return float(np.abs(off).max() / np.abs(response).max())
 
     def second_opinion(self, answer: FoundCover) -> Sequence[Check]:
         model = answer.model

@@ -7,6 +7,7 @@ import numpy as np
 from workbench.certify.norms import certified_norm
 from workbench.errors import SolverError
 from workbench.executor import Context
+from workbench.fitting.rational import Rational
 from workbench.heavy_types import StateSpace
 from workbench.program import Claim, method
 from workbench.solution import solve
@@ -14,6 +15,7 @@ from workbench.solvers import Outcome
 from workbench.systems.bilinear import bilinear_sampled
 from workbench.systems.realisation import realisation
 from workbench.uncertainty.matrix_covers.cover import FoundCover, MatrixCover
+from workbench.uncertainty.matrix_covers.descent import descended
 from workbench.uncertainty.matrix_covers.joint import smaller_weights
 from workbench.uncertainty.matrix_covers.model import MatrixModel
 from workbench.uncertainty.matrix_covers.responses import system_response
@@ -21,7 +23,7 @@ from workbench.uncertainty.matrix_covers.sets import FoundSets, MatrixSets
 from workbench.uncertainty.matrix_covers.shapes import adjoint
 from workbench.uncertainty.matrix_covers.weights import (
     FittedWeight,
-    constant,
+    diagonal_weight,
     left_weight,
     right_weight,
 )
@@ -54,12 +56,33 @@ def _joint(program: MatrixCover, context: Context) -> Claim:
     return min(first, second, key=program.objective), Outcome.SOLVED, ""
 
 
+def _no_full_weight(program: MatrixCover) -> str | None:
+    """Why its weights have no sections; None where they have."""
+    full = "full" in (program.left, program.right)
+    return "a full weight has no sections to move; take joint" if full else None
+
+
+@method(MatrixCover, "descent", optimal=False, unfit=_no_full_weight)
+def _descent(program: MatrixCover, context: Context) -> Claim:
+    """Quasi-Newton descent over poles and zeros of both weights, from those of "steps"."""
+    try:
+        least, W_1, W_2 = _fitted(program, context)
+        first = FoundCover(_reaching(program, W_1.system, W_2.system), least)
+        found = descended(program, W_1.fits, W_2.fits, context)
+        sizes = program.deviations.shape[2:]
+        systems = [diagonal_weight(fits, n).system for fits, n in zip(found, sizes, strict=True)]
+        second = FoundCover(_reaching(program, *systems), least)
+    except SolverError as error:
+        return None, Outcome.FAILED, str(error)
+    return min(first, second, key=program.objective), Outcome.SOLVED, ""
+
+
 def _fitted(program: MatrixCover, context: Context) -> tuple[FoundSets, FittedWeight, FittedWeight]:
     """The smallest sets, and weights one after the other, in the bilinear plane."""
     least = _sets(program.sets, context)
     if program.right == "scalar":
         n = least.right.shape[-1]
-        W_2 = FittedWeight(constant(np.eye(n)), [np.array([])])
+        W_2 = diagonal_weight([Rational(np.array([]), np.array([]), 1.0)], n)
     else:
         squares = adjoint(least.right) @ least.right
         W_2 = right_weight(program.axis, squares, program.right, program.right_order, context)

@@ -27,10 +27,14 @@ MOST_FREQUENCIES = 80
 
 @dataclass(frozen=True)
 class FittedWeight:
-    """A weight in continuous time, with the poles of each channel of a diagonal one, or of all."""
+    """A weight in continuous time, with the poles of each channel of a diagonal one, or of all.
+
+    ``fits`` are the channels of a diagonal one, or the one of a scalar weight.
+    """
 
     system: StateSpace
     poles: list[Array]
+    fits: list[Rational]
 
 
 def right_weight(
@@ -49,20 +53,25 @@ def right_weight(
     SolverError
         No such weight was found.
     """
-    import control
-
     n = squares.shape[-1]
     sizes = np.sqrt(np.einsum("fii->fi", squares).real)
     if shape == "scalar":
         sizes = sizes.max(axis=1, keepdims=True)
     if shape != "full":
         fits = [_magnitude(omega, size, order, context) for size in sizes.T]
-        systems = [fit.state_space() for fit in fits] * (n if shape == "scalar" else 1)
-        return FittedWeight(control.append(*systems), [fit.poles for fit in fits])
+        return diagonal_weight(fits, n)
     fit = _magnitude(omega, np.linalg.norm(sizes, axis=1), order, context)
     middles = np.geomspace(omega[0], omega[-1], order - fit.order + 2)[1:-1]
     poles = np.concatenate([fit.poles, -middles])
-    return FittedWeight(_full(omega, squares, poles, context), [poles])
+    return FittedWeight(_full(omega, squares, poles, context), [poles], [])
+
+
+def diagonal_weight(fits: list[Rational], n: int) -> FittedWeight:
+    """The diagonal weight of n channels with these functions, or with the only one in each."""
+    import control
+
+    systems = [fit.state_space() for fit in fits] * (n if len(fits) == 1 else 1)
+    return FittedWeight(control.append(*systems), [fit.poles for fit in fits], fits)
 
 
 def left_weight(
@@ -70,18 +79,12 @@ def left_weight(
 ) -> FittedWeight:
     """As `right_weight`, with W W^* >= squares."""
     found = right_weight(omega, squares.conj(), shape, order, context)
-    return FittedWeight(transposed_system(found.system), found.poles)
+    return FittedWeight(transposed_system(found.system), found.poles, found.fits)
 
 
 def transposed_system(W: StateSpace) -> StateSpace:
     """The system with the transposed transfer matrix."""
     return realisation((W.A.T, W.C.T, W.B.T, W.D.T), float(W.dt or 0.0))
-
-
-def constant(gain: RealArray) -> StateSpace:
-    """A constant gain as a system."""
-    rows, columns = gain.shape
-    return realisation((np.zeros((0, 0)), np.zeros((0, columns)), np.zeros((rows, 0)), gain), 0.0)
 
 
 def inverse_weight(W: StateSpace) -> StateSpace:
