@@ -22,8 +22,13 @@ from workbench.solvers import Outcome
 from workbench.uncertainty.matrix_covers.newton import BarrierSets
 from workbench.uncertainty.matrix_covers.sets import MatrixSets
 
-FALL = 0.2
+FALL = 0.05
 """Factor from one weight of the barrier to the next."""
+DECREMENT = 1e-6
+"""Half the square of the Newton decrement, over the barrier's weight, before the last step of all;
+after it the error is the square of that."""
+NEAR_ENOUGH = 0.05
+"""The same for the barriers before the last one."""
 GAP_SHARE = 0.3
 """Share of the tolerance at which the last barrier leaves the size of the sets."""
 
@@ -36,7 +41,7 @@ def _barrier(program: MatrixSets, context: Context) -> Claim:
     count = state.constraints
     goal = GAP_SHARE * context.options.accuracy * 2 * state.p * state.m / count
     for mu in context.track(list(_weights(goal)), "barriers"):
-        state.minimise(mu)
+        state.minimise(mu, DECREMENT if mu == goal else NEAR_ENOUGH)
     found, unit = state.found(), unit[:, 0]
     return (
         replace(found, left=found.left * unit, centre=found.centre * unit),

@@ -236,7 +236,8 @@ class MatrixCover(Program):
                 Check(f"{name} {shape}", "largest entry that is not of its shape, relative",
                       self._off_shape(W, shape), SHAPED, over=THIS_SYSTEM),
             ]  # fmt: skip
-        return [*checks, *self.sets.checks(answer.least, tolerance)[:1]]
+        least = self.sets.checks(answer.least, tolerance)[0]
+        return [*checks, replace(least, name="smallest sets")]
 
     def _nominal_check(self, model: MatrixModel) -> Check:
         omega = self.responses.omega

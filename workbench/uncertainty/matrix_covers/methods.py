@@ -28,8 +28,10 @@ from workbench.uncertainty.matrix_covers.weights import (
     right_weight,
 )
 
-GAIN_MARGIN = 1e-10
-"""Relative excess of the final gain over the one needed."""
+GAIN_MARGIN = 1e-9
+"""Relative excess of a gain over the one needed."""
+MOST_RAISES = 8
+"""Most gains that are tried: the proven norm of a scaled system is not just scaled."""
 
 
 @method(MatrixCover, "steps", optimal=False)
@@ -111,9 +113,20 @@ def _reaching(program: MatrixCover, W_1: StateSpace, W_2: StateSpace) -> MatrixM
     if dt:
         W_1, W_2 = bilinear_sampled(W_1, dt), bilinear_sampled(W_2, dt)
     model = MatrixModel(program.nominal, W_1, W_2, program.form)
+    need = _need(program, model)
+    for _ in range(MOST_RAISES):
+        factor = need * (1 + GAIN_MARGIN)
+        W_1 = realisation((W_1.A, W_1.B, factor * W_1.C, factor * W_1.D), dt)
+        model = MatrixModel(program.nominal, W_1, W_2, program.form)
+        need = _need(program, model)
+        if need <= 1:
+            return model
+    raise SolverError(f"the cover still misses a plant by {need - 1:.3g}, relative")
+
+
+def _need(program: MatrixCover, model: MatrixModel) -> float:
+    """The largest norm of a Delta of the model, proven for every frequency where it can be."""
     need = float(np.linalg.norm(program.deltas(model), 2, axis=(2, 3)).max())
     if program.everywhere:
         need = max(need, *(certified_norm(delta) for delta in program.known_deltas(model)))
-    factor = need * (1 + GAIN_MARGIN)
-    grown = realisation((W_1.A, W_1.B, factor * W_1.C, factor * W_1.D), dt)
-    return MatrixModel(program.nominal, grown, W_2, program.form)
+    return need

@@ -20,9 +20,6 @@ START = 0.5
 """Largest norm of a deviation in the first sets."""
 STEPS = 60
 """Most Newton steps for one weight of the barrier."""
-DECREMENT = 1e-6
-"""Half the square of the Newton decrement, over the barrier's weight, before the last step;
-after it the error is the square of that."""
 SAFE = 0.05
 """Half the square of the decrement, over the barrier's weight, up to which full steps are taken."""
 LONGEST = 3.0
@@ -65,13 +62,13 @@ class BarrierSets:
         self.P = self.P * factor
         self.M = self.M * factor[:, None]
 
-    def minimise(self, mu: float) -> None:
-        """Newton steps until the barrier's minimum is found at every frequency."""
+    def minimise(self, mu: float, near: float) -> None:
+        """Newton steps until half the square of the decrement, over mu, was so near to 0."""
         active = np.arange(self.F)
         for _ in range(STEPS):
             step, decrement = self._newton(mu, active)
             moved = self._moved(mu, active, step, decrement)
-            active = active[moved & (decrement > DECREMENT * mu)]
+            active = active[moved & (decrement > near * mu)]
             if not active.size:
                 return
 
@@ -190,9 +187,12 @@ def _inverse(sizes: RealArray, shape: Shape) -> Array:
 
 
 def _gram(first: Array, second: Array) -> RealArray:
-    """Real inner products (f, d, e) of matrices (f, d, ...) and (f, e, ...)."""
-    rows, columns = (each.reshape(*each.shape[:2], -1) for each in (first, second))
-    found: RealArray = (rows.conj() @ columns.swapaxes(1, 2)).real
+    """Real inner products (f, d, e) of complex matrices (f, d, ...) and (f, e, ...)."""
+    rows, columns = (
+        np.ascontiguousarray(each.reshape(*each.shape[:2], -1)).view(float)
+        for each in (first, second)
+    )
+    found: RealArray = rows @ columns.swapaxes(1, 2)
     return found
 
 
