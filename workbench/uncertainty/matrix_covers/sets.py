@@ -158,7 +158,8 @@ class MatrixSets(Program):
     def channel_sizes(self) -> tuple[RealArray, RealArray]:
         """Sizes of rows (F, p) and of columns (F, m): entries are at most their products.
 
-        They make the largest entry of each row and of each column 1 (D. Ruiz, "A scaling algorithm
+        A channel without deviations counts as the smallest of the others. The sizes make the
+        largest entry of each row and of each column 1 (D. Ruiz, "A scaling algorithm
         to equilibrate both rows and columns norms in matrices", 2001).
         """
         entries = np.abs(self._spread).max(axis=1)
@@ -173,7 +174,7 @@ class MatrixSets(Program):
         for size, axis in ((rows, 2), (columns, 1)):
             dead = entries.max(axis=axis) == 0
             least = np.where(dead, np.inf, size).min(axis=1, keepdims=True)
-            size[:] = np.where(dead, self.floor * least, size)
+            size[:] = np.where(dead, least, size)
         scaled = entries / (rows[:, :, None] * columns[:, None])
         return rows * scaled.max(axis=(1, 2))[:, None] * largest[:, 0], columns
 
