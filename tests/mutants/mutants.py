@@ -238,6 +238,42 @@ MUTANTS = [
         result(lambda W: W.scaled(0.9)),
         "circle_cover",
     ),
+    Mutant(
+        "sets of matrices smaller",
+        "uncertainty.matrix_covers.newton:finished",
+        field("left", 0.99),
+        "matrix_sets",
+    ),
+    Mutant(
+        "sets of matrices of the next frequency",
+        "uncertainty.matrix_covers.newton:finished",
+        result(lambda f: replace(f, left=np.roll(f.left, 1, axis=0))),
+        "matrix_traces",
+    ),
+    Mutant(
+        "multipliers forgotten",
+        "uncertainty.matrix_covers.newton:balanced_multipliers",
+        times(0.0),
+        "matrix_sets",
+    ),
+    Mutant(
+        "deviations smaller",
+        "uncertainty.matrix_covers.sets:FoundSets.deltas",
+        times(1.01),
+        "matrix_sets",
+    ),
+    Mutant(
+        "the place of a Delta of a matrix cover",
+        "uncertainty.matrix_covers.model:interconnection",
+        system(lambda A, B, C, D: (A, B, -C, -D)),
+        "matrix_cover",
+    ),
+    Mutant(
+        "a matrix cover misses its plants",
+        "uncertainty.matrix_covers.methods:_need",
+        times(0.9),
+        "matrix_cover",
+    ),
 ]
 
 

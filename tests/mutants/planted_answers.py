@@ -146,6 +146,14 @@ COVERS = {
     "nominal 10 % too large": in_model("nominal", lambda R: R.scaled(1.1)),
 }
 
+SETS = {
+    "left 1 % too small": scaled("left", 0.99),
+    "right half": scaled("right", 0.5),
+    "left turned": lambda a: replace(a, left=a.left[..., ::-1, :]),
+    "not a number": scaled("left", np.nan),
+    "the next frequency's": lambda a: replace(a, left=np.roll(a.left, 1, axis=0)),
+}
+
 PLANTED: dict[str, dict[str, Wrong]] = {
     "circle": SHAPES,
     **{
@@ -227,6 +235,15 @@ PLANTED: dict[str, dict[str, Wrong]] = {
         "half": lambda R: R.scaled(0.5),
         "unstable": mirrored,
         "not minimum phase": mirrored_zeros,
+    },
+    "matrix_sets": SETS,
+    "matrix_traces": SETS | {"centre moved": shifted("centre", 0.1)},
+    "matrix_cover": {
+        "W_1 1 % too small": in_model("W_1", gain(0.99)),
+        "W_2 half": in_model("W_2", gain(0.5)),
+        "nominal 1 % too large": in_model("nominal", gain(1.01)),
+        "nominal of the other sign": in_model("nominal", gain(-1.0)),
+        "least sets smaller": lambda a: replace(a, least=scaled("left", 0.9)(a.least)),
     },
     "circle_cover": COVERS,
     "stadium_cover": COVERS

@@ -66,6 +66,8 @@ SMALL = {
         ),
         *("switching", "magnitude_fit", "circle_cover", "crest_factor", "state_space_fit"),
         "parameter_fit",
+        "matrix_traces",
+        "matrix_cover",
     )
 }
 

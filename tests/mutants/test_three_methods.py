@@ -32,6 +32,12 @@ MATHEMATICS = {
     | {"vector-fitting": "relocation of poles", "sb10yd": "least squares", "best": ""},
     "CircleCover": SOLVERS | {"steps": "a fit to centres", "joint": "quasi-Newton descent"},
     "StadiumCover": SOLVERS | {"steps": "a fit to centres", "joint": "quasi-Newton descent"},
+    "MatrixSets": SOLVERS | {"barrier": "interior points along geodesics"},
+    "MatrixCover": {
+        "steps": "linear programs and one semidefinite program",
+        "joint": "semidefinite programs for both weights",
+        "descent": "quasi-Newton descent over poles and zeros",
+    },
     "MuUpperBound": SOLVERS | {"ab13md": "a barrier", "fast": "balancing, interior points"},
     "MuLowerBound": NONLINEAR | {"power": "power iteration", "gain": "vertices", "best": ""},
     "HinfSynthesis": SOLVERS | {"riccati": "Riccati equations", "sb10ad": "Riccati equations"},

@@ -27,7 +27,14 @@ from workbench.structure import Complex, Full, Real, Structure
 from workbench.synthesis import HinfSynthesis, Mode, MuSynthesis, SwitchedStability
 from workbench.systems.connection import generalised_plant
 from workbench.systems.generalised_plant import GeneralisedPlant
-from workbench.uncertainty import CircleCover, Responses, StadiumCover
+from workbench.uncertainty import (
+    CircleCover,
+    MatrixCover,
+    MatrixResponses,
+    MatrixSets,
+    Responses,
+    StadiumCover,
+)
 
 
 class Solved(NamedTuple):
@@ -205,6 +212,22 @@ def parameter_fit() -> Program:
     return ParameterFit([datum], start)
 
 
+def matrix_sets() -> Program:
+    return MatrixSets(random_matrices(Structure([Full(2, 2)]), 14, 6).reshape(2, 7, 2, 2))
+
+
+def matrix_traces() -> Program:
+    matrices = matrix_sets().deviations
+    return MatrixSets(matrices, "diagonal", "full", size="trace", centre="free")
+
+
+def matrix_cover() -> Program:
+    gains = np.random.default_rng(7).uniform(0.8, 1.2, (4, 2, 2))
+    values = gains / (1 + 1j * OMEGA[:, None, None, None])
+    nominal = control.ss(-np.eye(2), np.eye(2), np.ones((2, 2)), np.zeros((2, 2)))
+    return MatrixCover(MatrixResponses(OMEGA, values), nominal, left_order=1, right_order=0)
+
+
 PROGRAMS = {
     make.__name__: make
     for make in (
@@ -212,12 +235,12 @@ PROGRAMS = {
         mu_lower_full,
         mu_lower_mixed, hinf, hinf_flexible, mu_synthesis, fault_filter, switching, response_fit,
         magnitude_fit, magnitude_cover, circle_cover, stadium_cover, crest_factor, state_space_fit,
-        parameter_fit,
+        parameter_fit, matrix_sets, matrix_traces, matrix_cover,
     )
 }  # fmt: skip
 
 
-QUICK_METHODS = {"circle_cover": "steps", "stadium_cover": "steps"}
+QUICK_METHODS = {"circle_cover": "steps", "stadium_cover": "steps", "matrix_cover": "steps"}
 """Methods that take the place of a slower default one."""
 
 

@@ -18,7 +18,7 @@ from workbench.fitting.samples import as_count
 from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.program import Program
 from workbench.second_opinion.fits import decays
-from workbench.second_opinion.responses import plain_response, tried_frequencies
+from workbench.second_opinion.responses import plain_response, tried_frequencies, upper_closed
 from workbench.systems.conversion import as_system
 from workbench.systems.realisation import worst_pole
 from workbench.systems.storage import restored, stored
@@ -37,7 +37,7 @@ from workbench.uncertainty.matrix_covers.shapes import Shape, adjoint
 from workbench.uncertainty.matrix_covers.weights import inverse_weight
 
 REALISED = 1e-6
-"""Largest norm of Delta beyond 1 in the second opinion."""
+"""Largest norm of Delta beyond 1, and distance of a plant, in the second opinion."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -265,7 +265,7 @@ class MatrixCover(Program):
 
     def second_opinion(self, answer: FoundCover) -> Sequence[Check]:
         model = answer.model
-        found = [self._semidefinite(model), decays(model.W_1, "W_1 decays")]
+        found = [self._semidefinite(model), self._made(model), decays(model.W_1, "W_1 decays")]
         found += [
             decays(model.W_2, "W_2 decays"),
             decays(inverse_weight(model.W_1), "inverse of W_1 decays"),
@@ -300,6 +300,19 @@ class MatrixCover(Program):
         value, where = worst(-least, self.responses.numbered)
         statement = "smallest eigenvalue of [[L, X], [X^*, R]] of unit diagonal, below zero"
         return Check("semidefinite", statement, value, REALISED, where)
+
+    def _made(self, model: MatrixModel) -> Check:
+        """The model, closed by each plant's Delta, is the plant."""
+        whole = plain_response(model.system, self.responses.omega)
+        deltas = self.deltas(model, plain_response)
+        made = np.stack([upper_closed(whole, deltas[:, k]) for k in range(deltas.shape[1])], axis=1)
+        given = self.responses.values
+        size = np.maximum(np.linalg.norm(given, axis=(2, 3)), np.finfo(float).tiny)
+        value, where = worst(
+            np.linalg.norm(made - given, axis=(2, 3)) / size, self.responses.numbered
+        )
+        statement = "distance of a plant from the model closed by its Delta, relative"
+        return Check("plants made", statement, value, REALISED, where)
 
     def metrics(self, answer: FoundCover) -> dict[str, float]:
         radii, least = self.radii(answer.model), answer.least.radius

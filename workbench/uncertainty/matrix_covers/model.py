@@ -13,7 +13,7 @@ from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.structure import Full, Structure
 from workbench.systems.conversion import as_system
-from workbench.uncertainty.algebra.system import Algebraic
+from workbench.uncertainty.algebra.system import Algebraic, UncertainSystem, uncertain
 from workbench.uncertainty.matrix_covers.forms import (
     MatrixForm,
     delta_shape,
@@ -21,6 +21,7 @@ from workbench.uncertainty.matrix_covers.forms import (
 )
 from workbench.uncertainty.matrix_covers.responses import system_response
 from workbench.uncertainty.matrix_covers.shapes import adjoint
+from workbench.uncertainty.matrix_covers.weights import inverse_weight
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +85,21 @@ class MatrixModel(Algebraic):
         unit = [control.ss([], [], [], np.eye(n), self.dt) for n in self.nominal.D.shape]
         found = control.append(self.W_2, unit[0]) * core * control.append(self.W_1, unit[1])
         return found
+
+    def delta_of(self, plant: Any) -> UncertainSystem:
+        """The Delta that makes a plant, an uncertain one too, of an additive model.
+
+        Where its worst gain (`workbench.mu.worst_case_gain`) is at most 1 and the plants are stable
+        where the nominal is, the model contains the whole family, at every frequency.
+
+        Raises InputError for another form: Delta there holds inverses of the nominal or the plant.
+        """
+        if self.form != "additive":
+            raise InputError(
+                f"the model is {self.form}; the Delta of a family needs an additive one"
+            )
+        before, after = inverse_weight(self.W_1), inverse_weight(self.W_2)
+        return uncertain(before) @ (uncertain(plant) - uncertain(self.nominal)) @ uncertain(after)
 
     def entry_discs(self, omega: RealArray) -> tuple[Array, RealArray]:
         """Centres and radii (F, p, m) of the discs that the entries of the plants fill.

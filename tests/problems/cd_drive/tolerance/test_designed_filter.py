@@ -93,7 +93,9 @@ def test_a_design_takes_the_least_error_at_which_it_leaks_little_enough(referenc
     error, filter_ = edge.design.function(edge)
     assert error == 0.6 and filter_.nstates <= 10
     tight = designed_filter("focus", *needs, draws=1, drive_count=0, leakage=1e-16)
-    with pytest.raises(SolverError, match=r"at most 1e-16 m .* errors of 0\.5, 0\.6, .*: allow more"):
+    with pytest.raises(
+        SolverError, match=r"at most 1e-16 m .* errors of 0\.5, 0\.6, .*: allow more"
+    ):
         tight.design.function(tight)
 
 
