@@ -33,7 +33,7 @@ from workbench.uncertainty.matrix_covers.forms import (
 from workbench.uncertainty.matrix_covers.model import MatrixModel
 from workbench.uncertainty.matrix_covers.responses import MatrixResponses, system_response
 from workbench.uncertainty.matrix_covers.sets import CONTAINED, SHAPED, FoundSets, MatrixSets
-from workbench.uncertainty.matrix_covers.shapes import Shape, adjoint
+from workbench.uncertainty.matrix_covers.shapes import Shape, ctranspose
 from workbench.uncertainty.matrix_covers.weights import inverse_weight
 
 REALISED = 1e-6
@@ -287,12 +287,13 @@ class MatrixCover(Program):
         """Containment by the least eigenvalue of [[L, X], [X^*, R]], scaled to a unit diagonal."""
         omega = self.responses.omega
         W_1, W_2 = plain_response(model.W_1, omega), plain_response(model.W_2, omega)
-        L, R = W_1 @ adjoint(W_1), adjoint(W_2) @ W_2
+        L, R = W_1 @ ctranspose(W_1), ctranspose(W_2) @ W_2
         X = self._residuals(plain_response)
         N = X.shape[1]
         L, R = (np.repeat(each[:, None], N, axis=1) for each in (L, R))
         whole = np.concatenate(
-            [np.concatenate([L, X], axis=3), np.concatenate([adjoint(X), R], axis=3)], axis=2
+            [np.concatenate([L, X], axis=3), np.concatenate([ctranspose(X), R], axis=3)],
+            axis=2,
         )
         root = np.sqrt(np.einsum("fkii->fki", whole).real)
         whole = whole / root[..., None] / root[..., None, :]

@@ -20,7 +20,7 @@ from workbench.uncertainty.covers.weights import CONSTANT_DECADES, beyond
 from workbench.uncertainty.matrix_covers.cover import MatrixCover
 from workbench.uncertainty.matrix_covers.responses import system_response
 from workbench.uncertainty.matrix_covers.semidefinite import Inequality, least
-from workbench.uncertainty.matrix_covers.shapes import adjoint
+from workbench.uncertainty.matrix_covers.shapes import ctranspose
 from workbench.uncertainty.matrix_covers.squares import ShapedSquare
 from workbench.uncertainty.matrix_covers.weights import (
     FittedWeight,
@@ -153,6 +153,7 @@ def _beside(L: Inequality, R: Inequality, M: Array) -> Inequality:
     coefficients = np.zeros((f, a + b, p + m, p + m), complex)
     coefficients[:, :a, :p, :p], coefficients[:, a:, p:, p:] = L[0], R[0]
     constant = np.concatenate(
-        [np.concatenate([L[1], M], axis=2), np.concatenate([adjoint(M), R[1]], axis=2)], axis=1
+        [np.concatenate([L[1], M], axis=2), np.concatenate([ctranspose(M), R[1]], axis=2)],
+        axis=1,
     )
     return coefficients, constant

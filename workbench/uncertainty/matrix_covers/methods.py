@@ -20,7 +20,7 @@ from workbench.uncertainty.matrix_covers.joint import smaller_weights
 from workbench.uncertainty.matrix_covers.model import MatrixModel
 from workbench.uncertainty.matrix_covers.responses import system_response
 from workbench.uncertainty.matrix_covers.sets import FoundSets, MatrixSets
-from workbench.uncertainty.matrix_covers.shapes import adjoint
+from workbench.uncertainty.matrix_covers.shapes import ctranspose
 from workbench.uncertainty.matrix_covers.weights import (
     FittedWeight,
     diagonal_weight,
@@ -86,11 +86,11 @@ def _fitted(program: MatrixCover, context: Context) -> tuple[FoundSets, FittedWe
         n = least.right.shape[-1]
         W_2 = diagonal_weight([Rational(np.array([]), np.array([]), 1.0)], n)
     else:
-        squares = adjoint(least.right) @ least.right
+        squares = ctranspose(least.right) @ least.right
         W_2 = right_weight(program.axis, squares, program.right, program.right_order, context)
     X = program.deviations @ np.linalg.inv(system_response(W_2.system, program.axis))[:, None]
     rest = _sets(MatrixSets(X, program.left, "scalar", floor=program.floor), context)
-    squares = rest.left @ adjoint(rest.left)
+    squares = rest.left @ ctranspose(rest.left)
     W_1 = left_weight(program.axis, squares, program.left, program.left_order, context)
     return least, W_1, W_2
 

@@ -20,7 +20,7 @@ from workbench.uncertainty.matrix_covers.forms import (
     interconnection,
 )
 from workbench.uncertainty.matrix_covers.responses import system_response
-from workbench.uncertainty.matrix_covers.shapes import adjoint
+from workbench.uncertainty.matrix_covers.shapes import ctranspose
 from workbench.uncertainty.matrix_covers.weights import inverse_weight
 
 
@@ -111,11 +111,11 @@ class MatrixModel(Algebraic):
         r, c = self.W_1.ninputs, self.W_2.noutputs
         H = system_response(self.system, omega)
         D, z, y, G = H[:, :c, :r], H[:, :c, r:], H[:, c:, :r], H[:, c:, r:]
-        Dh = adjoint(D)
+        Dh = ctranspose(D)
         size = np.linalg.norm(D, 2, axis=(1, 2)) if D.size else np.zeros(len(H))
         inside = size < 1
         safe = np.where(inside[:, None, None], D, 0.0)
-        Dh = adjoint(safe)
+        Dh = ctranspose(safe)
         left = np.linalg.inv(np.eye(r) - Dh @ safe)
         right = np.linalg.inv(np.eye(c) - safe @ Dh)
         centre = G + y @ left @ Dh @ z

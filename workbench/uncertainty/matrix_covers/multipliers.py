@@ -7,7 +7,11 @@ from scipy.optimize import nnls
 
 from workbench.arrays import Array, RealArray
 from workbench.uncertainty.matrix_covers.sets import MatrixSets
-from workbench.uncertainty.matrix_covers.shapes import adjoint, directions, entry_directions
+from workbench.uncertainty.matrix_covers.shapes import (
+    ctranspose,
+    directions,
+    entry_directions,
+)
 from workbench.uncertainty.matrix_covers.size import size_derivatives
 
 CORRECTIONS = 10
@@ -59,7 +63,7 @@ def _equations(
     A, B = directions(program.left, p), directions(program.right, m)
     M = P[:, None] @ program.away(Z) @ S[:, None]
     u, s, vh = np.linalg.svd(M, full_matrices=False)
-    v = adjoint(vh)
+    v = ctranspose(vh)
     values = [
         np.einsum("fkir,dij,fkjr->fdkr", u.conj(), A, u).real,
         np.einsum("fkir,dij,fkjr->fdkr", v.conj(), B, v).real,

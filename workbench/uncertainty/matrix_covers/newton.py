@@ -13,7 +13,12 @@ import numpy as np
 from workbench.arrays import Array, RealArray
 from workbench.uncertainty.matrix_covers.multipliers import balanced_multipliers
 from workbench.uncertainty.matrix_covers.sets import FoundSets, MatrixSets, finished
-from workbench.uncertainty.matrix_covers.shapes import Shape, adjoint, directions, entry_directions
+from workbench.uncertainty.matrix_covers.shapes import (
+    Shape,
+    ctranspose,
+    directions,
+    entry_directions,
+)
 from workbench.uncertainty.matrix_covers.size import size_derivatives
 
 START = 0.5
@@ -88,24 +93,24 @@ class BarrierSets:
         """Slope (f, d) and curvature (f, d, d) of size + mu * barrier along the directions."""
         M, A, B, z = self.M[at], self.A, self.B, self.z
         F, (a, b, c) = len(M), (len(A), len(B), len(z))
-        Mh = adjoint(M)
+        Mh = ctranspose(M)
         S = np.linalg.inv(np.eye(self.p) - M @ Mh)
         AM = np.einsum("dij,fkjl->fdkil", A, M)
         MB = np.einsum("fkij,djl->fdkil", M, B)
         minus = np.zeros((F, c, self.N, self.p, self.m), complex)
         minus[:, :, : self.moving] = -z[None, :, None]
         first = np.concatenate([AM, MB, minus], axis=1)
-        root = adjoint(np.linalg.cholesky(S))  # S = root^* root
+        root = ctranspose(np.linalg.cholesky(S))  # S = root^* root
         V = root[:, None] @ first
         SM = S @ M
         slope = 2 * np.einsum("fkij,fdkij->fd", SM.conj(), first).real
-        K = V @ adjoint((root @ M)[:, None])
-        K = K + adjoint(K)
+        K = V @ ctranspose((root @ M)[:, None])
+        K = K + ctranspose(K)
         curvature = 2 * _gram(V, V) + _gram(K, K)
         # what the second derivatives of M add
         left = (SM @ Mh).sum(axis=1)
         right = (Mh @ SM).sum(axis=1)
-        C = adjoint(SM[:, : self.moving].sum(axis=1))
+        C = ctranspose(SM[:, : self.moving].sum(axis=1))
         AA = np.einsum("dij,ejk,fki->fde", A, A, left).real
         BB = np.einsum("dij,ejk,fki->fde", B, B, right).real
         SMB = np.einsum("fkij,djl->fdkil", SM, B)
@@ -129,7 +134,7 @@ class BarrierSets:
 
     def _value(self, mu: float, P: Array, S: Array, M: Array) -> RealArray:
         """Size + mu * barrier (f,); infinite outside."""
-        Y = np.eye(self.p) - M @ adjoint(M)
+        Y = np.eye(self.p) - M @ ctranspose(M)
         values = np.linalg.eigvalsh(Y)
         inside = (values > 0).all(axis=(1, 2))
         barrier = -np.log(np.where(values > 0, values, 1.0)).sum(axis=(1, 2))
@@ -199,5 +204,5 @@ def _gram(first: Array, second: Array) -> RealArray:
 def _exp(hermitian: Array) -> Array:
     """Exponentials of Hermitian matrices (f, n, n)."""
     values, vectors = np.linalg.eigh(hermitian)
-    found: Array = (vectors * np.exp(values)[:, None]) @ adjoint(vectors)
+    found: Array = (vectors * np.exp(values)[:, None]) @ ctranspose(vectors)
     return found

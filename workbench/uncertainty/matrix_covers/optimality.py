@@ -23,7 +23,7 @@ from __future__ import annotations
 import numpy as np
 
 from workbench.arrays import Array, RealArray
-from workbench.uncertainty.matrix_covers.shapes import Shape, adjoint, of_shape
+from workbench.uncertainty.matrix_covers.shapes import Shape, ctranspose, of_shape
 
 SMALLEST = 1e-300
 """What stands for a singular value of zero in a logarithm."""
@@ -52,7 +52,7 @@ def volume_excess(
     c = np.minimum.accumulate(np.maximum(weights, 0.0), axis=-1)
     c = c * (p * m / np.maximum(c.sum(axis=(1, 2), keepdims=True), SMALLEST))
     off_left = of_shape(_sum(u, c) - m * np.eye(p), left)
-    off_right = of_shape(_sum(adjoint(vh), c) - p * np.eye(m), right)
+    off_right = of_shape(_sum(ctranspose(vh), c) - p * np.eye(m), right)
     room = -(c * np.log(np.maximum(s, SMALLEST))).sum(axis=(1, 2))
     room = room + _nuclear(off_left) * reach[0] + _nuclear(off_right) * reach[1]
     excess: RealArray = np.maximum(room, 0.0) / (p * m)
@@ -87,13 +87,13 @@ def trace_bound(
     p, m = away.shape[-2:]
     u, _, vh = np.linalg.svd(P[:, None] @ away @ S[:, None], full_matrices=False)
     c = np.maximum(weights, 0.0)
-    x = adjoint(P)[:, None] @ u
-    y = S[:, None] @ adjoint(vh)
+    x = ctranspose(P)[:, None] @ u
+    y = S[:, None] @ ctranspose(vh)
     x = _normalised(x, c, left) / np.sqrt(p)
     y = _normalised(y, c, right) / np.sqrt(m)
     over_left = _largest(of_shape(_sum(x, c), left)) * p
     over_right = _largest(of_shape(_sum(y, c), right)) * m
-    cross = (x * c[:, :, None]) @ adjoint(y)  # (F, N, p, m)
+    cross = (x * c[:, :, None]) @ ctranspose(y)  # (F, N, p, m)
     value = np.einsum("fkij,fkij->f", cross.conj(), away).real
     if free:  # |Z' - Z| <= 2 * (largest radius of a cover that is not larger)
         rest = np.linalg.svd(cross[:, :moving].sum(axis=1), compute_uv=False).sum(axis=-1)
@@ -114,14 +114,14 @@ def _normalised(vectors: Array, c: RealArray, shape: Shape) -> Array:
     if shape == "diagonal":
         return vectors
     values, turn = np.linalg.eigh(_sum(vectors, c))
-    root = (turn / np.sqrt(np.maximum(values, SMALLEST))[:, None]) @ adjoint(turn)
+    root = (turn / np.sqrt(np.maximum(values, SMALLEST))[:, None]) @ ctranspose(turn)
     changed: Array = root[:, None] @ vectors
     return changed
 
 
 def _sum(vectors: Array, c: RealArray) -> Array:
     """sum c x x^* (F, n, n) of the columns x of vectors (F, N, n, r)."""
-    found: Array = ((vectors * c[:, :, None]) @ adjoint(vectors)).sum(axis=1)
+    found: Array = ((vectors * c[:, :, None]) @ ctranspose(vectors)).sum(axis=1)
     return found
 
 

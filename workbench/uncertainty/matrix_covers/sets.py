@@ -20,7 +20,7 @@ from workbench.heavy_types import Dataset
 from workbench.input_checks import as_array, need_numbers
 from workbench.program import Program
 from workbench.uncertainty.matrix_covers.optimality import SMALLEST, trace_bound, volume_excess
-from workbench.uncertainty.matrix_covers.shapes import Shape, adjoint, of_shape
+from workbench.uncertainty.matrix_covers.shapes import Shape, ctranspose, of_shape
 
 Size = Literal["volume", "trace"]
 Centre = Literal["zero", "free"]
@@ -282,7 +282,7 @@ class MatrixSets(Program):
         ]
         for name, W, shape in (("W_1", answer.left, self.left), ("W_2", answer.right, self.right)):
             scaled = W / np.abs(W).max(axis=(1, 2), keepdims=True)
-            gram = scaled @ adjoint(scaled) if name == "W_1" else adjoint(scaled) @ scaled
+            gram = scaled @ ctranspose(scaled) if name == "W_1" else ctranspose(scaled) @ scaled
             off = np.abs(gram - of_shape(gram, shape)).max(axis=(1, 2))
             value, where = worst(off, self._place)
             statement = f"what is not {shape} of its square, relative"
@@ -306,13 +306,13 @@ class MatrixSets(Program):
         found = np.zeros(self.deviations.shape[:2])
         unit = np.abs(answer.left).max(axis=(1, 2), keepdims=True)
         squares = (
-            (answer.left / unit) @ adjoint(answer.left / unit),
-            adjoint(answer.right) @ answer.right,
+            (answer.left / unit) @ ctranspose(answer.left / unit),
+            ctranspose(answer.right) @ answer.right,
         )
         away = (self.deviations - answer.centre[:, None]) / unit[:, None]
         for f, (L, R) in enumerate(zip(*squares, strict=True)):
             for k, E in enumerate(away[f]):
-                square = E @ scipy.linalg.cho_solve(scipy.linalg.cho_factor(R), adjoint(E))
+                square = E @ scipy.linalg.cho_solve(scipy.linalg.cho_factor(R), ctranspose(E))
                 found[f, k] = scipy.linalg.eigh(square, L, eigvals_only=True)[-1]
         value, where = worst(found - 1, self._place)
         statement = "largest eigenvalue of E R^-1 E^* beyond that of L = W_1 W_1^*, relative"
@@ -365,7 +365,7 @@ def finished(program: MatrixSets, P: Array, S: Array, Z: Array, weights: RealArr
     M = P[:, None] @ program.away(Z) @ S[:, None]
     norm = np.linalg.norm(M, 2, axis=(2, 3)).max(axis=1)[:, None, None]
     # W = T Q with T lower triangular for the left weight, W = Q T for the right one
-    left = adjoint(np.linalg.qr(adjoint(np.linalg.inv(P)))[1]) * norm
+    left = ctranspose(np.linalg.qr(ctranspose(np.linalg.inv(P)))[1]) * norm
     right = np.linalg.qr(np.linalg.inv(S))[1]
     size = np.exp(np.linalg.slogdet(right)[1] / right.shape[-1])[:, None, None]
     found = FoundSets(

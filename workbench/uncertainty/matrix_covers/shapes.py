@@ -48,6 +48,6 @@ def entry_directions(p: int, m: int) -> Array:
     return np.concatenate([unit, 1j * unit])
 
 
-def adjoint(matrices: Array) -> Array:
+def ctranspose(matrices: Array) -> Array:
     """Conjugate transposes of matrices (..., p, m)."""
     return matrices.conj().swapaxes(-2, -1)

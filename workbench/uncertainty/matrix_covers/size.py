@@ -6,7 +6,7 @@ import numpy as np
 
 from workbench.arrays import Array, RealArray
 from workbench.uncertainty.matrix_covers.sets import MatrixSets
-from workbench.uncertainty.matrix_covers.shapes import adjoint
+from workbench.uncertainty.matrix_covers.shapes import ctranspose
 
 
 def size_derivatives(
@@ -27,7 +27,7 @@ def size_derivatives(
     place = 0
     for inverse, basis, outer in ((P, A, False), (S, B, True)):
         weight = np.linalg.inv(inverse)
-        other = adjoint(weight)
+        other = ctranspose(weight)
         gram = weight @ other if outer else other @ weight
         gram = gram / np.einsum("fii->f", gram).real[:, None, None]
         down = -2 * np.einsum("dij,fji->fd", basis, gram).real

@@ -19,7 +19,7 @@ from workbench.heavy_types import StateSpace
 from workbench.systems.frequency_response import frequency_response
 from workbench.systems.realisation import realisation
 from workbench.systems.riccati import hamiltonian_solution
-from workbench.uncertainty.matrix_covers.shapes import Shape, adjoint
+from workbench.uncertainty.matrix_covers.shapes import Shape, ctranspose
 
 LEAST_SQUARE = 1e-4
 """Least square of a weight, relative to its mean; without it a zero may come to lie on the axis."""
@@ -130,7 +130,7 @@ class ShapedSquare:
             gram = (
                 np.einsum("fi,fj->fij", row.conj(), row)
                 if self.shape == "diagonal"
-                else adjoint(row) @ row
+                else ctranspose(row) @ row
             )
             each, least = part.at(numbers, one)
             found.append(each * gram[:, None])

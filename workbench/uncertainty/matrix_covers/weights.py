@@ -18,7 +18,7 @@ from workbench.heavy_types import StateSpace
 from workbench.systems.realisation import realisation
 from workbench.uncertainty.covers.weights import CONSTANT_DECADES, beyond, complex_weight
 from workbench.uncertainty.matrix_covers.semidefinite import least
-from workbench.uncertainty.matrix_covers.shapes import Shape, adjoint
+from workbench.uncertainty.matrix_covers.shapes import Shape, ctranspose
 from workbench.uncertainty.matrix_covers.squares import ShapedSquare
 
 MOST_FREQUENCIES = 80
@@ -105,7 +105,7 @@ def _full(omega: RealArray, squares: Array, poles: Array, context: Context) -> S
     n = squares.shape[-1]
     chosen = thinned(omega.size)
     grid, wanted = beyond(omega[chosen]), lasting_squares(squares[chosen])
-    roots = adjoint(np.linalg.inv(np.linalg.cholesky(wanted)))
+    roots = ctranspose(np.linalg.inv(np.linalg.cholesky(wanted)))
     sizes = np.sqrt(np.einsum("fii->fi", wanted).real)
     square = ShapedSquare(grid, sizes, "full", [poles])
     coefficients, constant = square.at(np.arange(len(grid)), roots)
