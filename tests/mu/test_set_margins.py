@@ -20,20 +20,23 @@ def members(plant, controller, count=4):
 
 
 def least(plant, controller):
-    """Least margins of the grid: gain falling and rising, phase [deg]."""
+    """Least margins of the grid: gain falling and rising, phase [deg], delay [s]."""
     found = [classical_margins(loop) for loop in members(plant, controller)]
     lows, highs = zip(*(one.gain for one in found), strict=True)
-    return max(lows), min(highs), min(one.phase for one in found)
+    return max(lows), min(highs), min(one.phase for one in found), min(one.delay for one in found)
 
 
 def agree(found, exact):
-    low, high, phase = exact
+    low, high, phase, delay = exact
     assert found.gain[0] >= low * (1 - 1e-9)
     assert found.gain[1] <= high * (1 + 1e-9)
     assert found.phase <= phase * (1 + 1e-9)
     assert found.gain[0] == pytest.approx(found.gain_lost[0], rel=0.012, abs=0.002)
     assert found.phase == pytest.approx(found.phase_lost, rel=0.012)
     assert found.phase_lost <= phase * (1 + 1e-6)
+    assert found.delay <= delay * (1 + 1e-9)
+    assert found.delay == pytest.approx(found.delay_lost, rel=0.012)
+    assert found.delay_lost <= delay * (1 + 1e-6)
 
 
 def test_two_parameters_and_a_resonance():

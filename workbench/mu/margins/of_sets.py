@@ -1,8 +1,9 @@
-"""Gain and phase margins that every plant of a set keeps, by branch and bound.
+"""Gain, phase and delay margins that every plant of a set keeps, by branch and bound.
 
 A disk margin lets gain and phase change together. Here the gain alone is a real factor, 1 + t or
 1 / (1 + t), and the phase alone is a factor (1 + j t) / (1 - j t) with t = tan(phi / 2): one more
-real parameter, beside those of the plant, which stay within their ranges.
+real parameter, beside those of the plant, which stay within their ranges. A delay alone is a phase
+that grows with frequency (`workbench.mu.margins.set_delay`).
 """
 
 from __future__ import annotations
@@ -10,18 +11,21 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 
+from workbench.arrays import RealArray
 from workbench.certify.stable_system import stable_system
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_count, need_tolerance
 from workbench.mu.boxes.margin import BoxMargin, LastGrowing, box_margin
-from workbench.mu.boxes.recentred import RealParameters
+from workbench.mu.boxes.recentred import RealParameters, real_perturbation
 from workbench.mu.frequency.channels import even_channels
 from workbench.mu.margins.loop import matched_loop
+from workbench.mu.margins.set_delay import DelayBounds, delay_bounds, member_delay
 from workbench.structure import Block, Complex, Full, Real, Structure
 from workbench.systems.realisation import realisation
 from workbench.uncertainty.algebra.system import UncertainSystem
@@ -36,30 +40,34 @@ LARGEST_TURN = 1e3
 class SetMargins:
     """Margins of one channel that every plant of a set keeps.
 
-    The loops of all plants are stable for a gain between the ends of ``gain``, and for a phase up
-    to ``phase`` [deg] of either sign. Some plant is not at a gain outside ``gain_lost`` and at the
-    phase ``phase_lost`` (infinite, or 0 for a lower end, where none was found): ``plants`` has the
-    parameters of the plants that are lost first, by "rise", "fall" and "phase".
+    The loops of all plants are stable for a gain between the ends of ``gain``, for a phase up to
+    ``phase`` [deg] of either sign, and for a delay up to ``delay`` [s]. Some plant is not at a gain
+    outside ``gain_lost``, at the phase ``phase_lost`` and at the delay ``delay_lost`` (infinite, or
+    0 for a lower end, where none was found): ``plants`` has the parameters of the plants that are
+    lost first, by "rise", "fall", "phase" and "delay".
     """
 
     gain: tuple[float, float]
     phase: float
     gain_lost: tuple[float, float]
     phase_lost: float
+    delay: float
+    delay_lost: float
     plants: Mapping[str, Mapping[str, float]]
 
     def __repr__(self) -> str:
         (low, high), (lost_low, lost_high) = self.gain, self.gain_lost
         return (
-            f"SetMargins: gain {low:.4g} to {high:.4g}, phase {self.phase:.4g} degrees for every "
-            f"plant; lost at {lost_low:.4g} and {lost_high:.4g}, {self.phase_lost:.4g} degrees"
+            f"SetMargins: gain {low:.4g} to {high:.4g}, phase {self.phase:.4g} degrees, delay "
+            f"{self.delay:.4g} s for every plant; lost at {lost_low:.4g} and {lost_high:.4g}, "
+            f"{self.phase_lost:.4g} degrees, {self.delay_lost:.4g} s"
         )
 
 
 def set_margins(
     plant: Any, controller: Any = 1.0, *, tolerance: float = 1e-2, parts: int = 4000
 ) -> dict[str, SetMargins]:
-    """Gain and phase margins of each channel that every plant of an uncertain set keeps.
+    """Gain, phase and delay margins of each channel that every plant of an uncertain set keeps.
 
     Parameters
     ----------
@@ -82,9 +90,11 @@ def set_margins(
     if not loop.elements or not any(isinstance(block, Real) for block in loop.structure):
         raise InputError("the plant has no uncertain real parameter; `loop_margins` serves it")
 
+    def parameters(whole: StateSpace, structure: Structure) -> RealParameters:
+        return RealParameters(stable_system(even_channels(whole, structure)[0]), structure)
+
     def bounded(whole: StateSpace, structure: Structure, largest: float) -> BoxMargin:
-        stable = stable_system(even_channels(whole, structure)[0])
-        given = RealParameters(stable, structure)
+        given = parameters(whole, structure)
         return box_margin(given, LastGrowing(len(given.places)), tolerance, parts, largest)
 
     found = {}
@@ -92,12 +102,20 @@ def set_margins(
         rise = bounded(*_with_rise(loop, k), LARGEST_CHANGE)
         fall = bounded(*_with_fall(loop, k), LARGEST_CHANGE)
         turn = bounded(*_with_phase(loop, k), LARGEST_TURN)
-        kinds = {"rise": rise, "fall": fall, "phase": turn}
+        late = delay_bounds(
+            parameters(*_with_delay(loop, k)),
+            partial(_delay_of, loop, _channel(loop, k)),
+            tolerance,
+            parts,
+        )
+        kinds = {"rise": rise, "fall": fall, "phase": turn, "delay": late}
         found[name] = SetMargins(
             (1.0 / (1.0 + fall.lower), 1.0 + rise.lower),
             math.degrees(2 * math.atan(turn.lower)),
             (1.0 / (1.0 + fall.upper), 1.0 + rise.upper),
             math.degrees(2 * math.atan(turn.upper)) if turn.values is not None else math.inf,
+            late.lower,
+            late.upper,
             {kind: _plant(loop, one) for kind, one in kinds.items() if one.values is not None},
         )
     return found
@@ -128,20 +146,41 @@ def _with_fall(loop: UncertainSystem, channel: int) -> tuple[StateSpace, Structu
 
 
 def _with_phase(loop: UncertainSystem, channel: int) -> tuple[StateSpace, Structure]:
-    """The factor (1 + j t) / (1 - j t) in a channel, in real coordinates.
+    """The factor (1 + j t) / (1 - j t) in a channel: 2 w is added, with w = j t (v + w)."""
+    return _turned(loop, channel, np.eye(1))
 
-    Each signal is two, its real and its imaginary part, and j is a matrix J. What is added is
-    2 w with w = t J (v + w).
+
+def _with_delay(loop: UncertainSystem, channel: int) -> tuple[StateSpace, Structure]:
+    """The square of the factor of `_with_phase`: the second one turns what the first one gives."""
+    return _turned(loop, channel, np.array([[1.0, 0.0], [2.0, 1.0]]))
+
+
+def _turned(loop: UncertainSystem, channel: int, series: RealArray) -> tuple[StateSpace, Structure]:
+    """Factors in series, of which number i sees v + sum_k series[i, k] w_k.
+
+    Each signal is two, its real and its imaginary part, and j is a matrix J. What is added in the
+    channel is 2 sum w_k, with w_i = t J (v + ...).
     """
-    one = _channel(loop, channel)
-    A, B, C, D = (np.kron(part, np.eye(2)) for part in (one.A, one.B, one.C, one.D))
-    J = np.array([[0.0, -1.0], [1.0, 0.0]])
-    B[:, -2:] *= 2.0
-    D[:, -2:] *= 2.0
-    C[-2:], D[-2:] = J @ C[-2:], J @ D[-2:]
-    D[-2:, -2:] += J
-    structure = Structure((*(_doubled(block) for block in loop.structure), Real(2, "t")))
+    one, n = _channel(loop, channel), len(series)
+    into, out = np.ones((1, n)), np.ones((n, 1))
+    B = np.hstack([one.B[:, :-1], 2.0 * one.B[:, -1:] @ into])
+    C = np.vstack([one.C[:-1], out @ one.C[-1:]])
+    D = np.block(
+        [
+            [one.D[:-1, :-1], 2.0 * one.D[:-1, -1:] @ into],
+            [out @ one.D[-1:, :-1], 2.0 * out @ one.D[-1:, -1:] @ into + series],
+        ]
+    )
+    A, B, C, D = (np.kron(part, np.eye(2)) for part in (one.A, B, C, D))
+    turn = np.kron(np.eye(n), np.array([[0.0, -1.0], [1.0, 0.0]]))
+    C[-2 * n :], D[-2 * n :] = turn @ C[-2 * n :], turn @ D[-2 * n :]
+    structure = Structure((*(_doubled(block) for block in loop.structure), Real(2 * n, "t")))
     return realisation((A, B, C, D), one.dt), structure
+
+
+def _delay_of(loop: UncertainSystem, channel: StateSpace, values: RealArray) -> float:
+    """Delay margin [s] of the member with normalised values of the real parameters."""
+    return member_delay(channel, real_perturbation(loop.structure, values))
 
 
 def _doubled(block: Block) -> Block:
@@ -154,7 +193,7 @@ def _doubled(block: Block) -> Block:
     return Complex(2 * block.n, block.name)
 
 
-def _plant(loop: UncertainSystem, margin: BoxMargin) -> dict[str, float]:
+def _plant(loop: UncertainSystem, margin: BoxMargin | DelayBounds) -> dict[str, float]:
     """The plant's parameters in a perturbation, by name."""
     assert margin.values is not None
     real = [

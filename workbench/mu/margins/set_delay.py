@@ -1,0 +1,207 @@
+"""The delay that every plant of a set bears in a channel, by branch and bound over frequency too.
+
+At a frequency omega delays up to T turn the channel by angles up to omega T: the factor is
+((1 + j t) / (1 - j t))^2 with t = tan(omega T / 4), at most 1 where a full half turn is reached.
+Frequencies are cut into bands so narrow that t hardly changes along them. In real coordinates a
+phase stands for both signs, so that the delay is proven for a lead as well; a loop that bears less
+lead than lag is given too small a margin, and its bounds stay apart.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from workbench.arrays import RealArray
+from workbench.certify.stable_system import angular_frequency, bilinear_frequency
+from workbench.heavy_types import StateSpace
+from workbench.mu.boxes.bands import WHOLE, Band
+from workbench.mu.boxes.partition import BoxPart, Partition, corner_signs, effects_in
+from workbench.mu.boxes.recentred import RealParameters
+from workbench.mu.margins.classical import classical_margins
+from workbench.systems.realisation import realisation
+
+FIRST_PARTS = 24
+"""Parts of the box from which the frequencies are found at which some plant can be turned to -1."""
+STEP = 0.25
+"""Growth of the frequency along a band, relative, in units of the wanted distance of the bounds; t
+grows by at most pi / 2 times as much."""
+DECISIONS = 6
+"""Share of the parts that one delay may take is one over this."""
+WITHIN = 0.999
+"""Share of the wanted distance of the bounds that a delay is set for."""
+
+
+@dataclass(frozen=True, eq=False)
+class DelayBounds:
+    """Every plant bears delays up to ``lower`` [s]; that with ``values`` (p,) not ``upper``.
+
+    ``upper`` is infinite, and ``values`` None, where no plant is known that a delay destabilises.
+    """
+
+    lower: float
+    upper: float
+    values: RealArray | None
+
+
+def member_delay(channel: StateSpace, Delta: RealArray) -> float:
+    """Delay margin [s] of a member, from what is added in a channel to what returns there."""
+    rows, columns = Delta.shape
+    loop = np.linalg.inv(np.eye(columns) - channel.D[:columns, :rows] @ Delta)
+    B, C, D = channel.B, channel.C, channel.D
+    into, out = B[:, :rows] @ Delta @ loop, D[columns:, :rows] @ Delta @ loop
+    A = channel.A + into @ C[:columns]
+    b = B[:, rows:] + into @ D[:columns, rows:]
+    c = C[columns:] + out @ C[:columns]
+    d = D[columns:, rows:] + out @ D[:columns, rows:]
+    # -L / (1 + L) returns: the loop itself is minus that over 1 plus it
+    back = np.linalg.inv(np.eye(len(d)) + d)
+    opened = realisation((A - b @ back @ c, b @ back, -back @ c, -d @ back), channel.dt)
+    return float(classical_margins(opened).delay)
+
+
+def delay_bounds(
+    given: RealParameters,
+    delay_of: Callable[[RealArray], float],
+    gap: float,
+    parts: int,
+) -> DelayBounds:
+    """Bounds of the delay with upper / lower - 1 <= gap, or as close as the parts allow.
+
+    Parameters
+    ----------
+    given
+        The loop with the factor's t as its last real parameter.
+    delay_of
+        Delay margin [s] of the member with normalised values (p,) of the other parameters.
+    """
+    search = _DelaySearch(given, delay_of, gap, parts)
+    lower = 0.0
+    region = search.region()
+    if not region:
+        return DelayBounds(math.inf, math.inf, None)
+    undecided = math.inf
+    while search.left > 0:
+        highest = min(search.upper, undecided)
+        if not math.isfinite(highest):
+            highest = 2 * math.pi / search.frequency(region[0][0])
+        if highest <= (1 + gap) * lower:
+            break
+        level = highest / (1 + WITHIN * gap)
+        if undecided <= search.upper:
+            level = (lower + highest) / 2
+        if search.decide(level, region):
+            lower = level
+        elif search.upper > level:
+            undecided = level
+    return DelayBounds(min(lower, search.upper), search.upper, search.values)
+
+
+class _DelaySearch:
+    """The bounds so far, and how many parts may still be examined."""
+
+    def __init__(
+        self,
+        given: RealParameters,
+        delay_of: Callable[[RealArray], float],
+        gap: float,
+        parts: int,
+    ) -> None:
+        self.given, self.delay_of, self.gap, self.left = given, delay_of, gap, parts
+        self.share = parts // DECISIONS + 1
+        self.count = len(given.places)
+        self.upper, self.values = math.inf, None
+        for values in np.vstack([np.zeros(self.count - 1), corner_signs(self.count - 1)]):
+            self._seen(values)
+
+    def frequency(self, v: float) -> float:
+        """Frequency [rad/s] of one of the bilinear plane."""
+        return float(angular_frequency(v, self.given.system.period))
+
+    def _seen(self, values: RealArray) -> None:
+        """Lower the upper bound to the delay margin of a member."""
+        unstable = self.given.unstable(np.append(values, 0.0)[None])[0]
+        found = 0.0 if unstable else self.delay_of(values)
+        if found < self.upper:
+            self.upper, self.values = found, values.copy()
+
+    def _part(self, t: float, bands: tuple[Band, ...]) -> BoxPart:
+        centre, width = np.zeros(self.count), np.ones(self.count)
+        centre[-1] = width[-1] = t / 2
+        return BoxPart(centre, width, bands)
+
+    def region(self) -> list[Band]:
+        """Bands outside which no plant can be turned to -1, by any phase."""
+        partition, open_ = Partition(self._part(1.0, WHOLE)), []
+        for _ in range(FIRST_PARTS):
+            if not partition:
+                break
+            part = partition.pop()
+            left = self._examined(part)
+            if left is not None and left[0].bands and not partition.cut(*left):
+                open_.append(left[0])
+        while partition:
+            open_.append(partition.pop())
+        return _joined([band for part in open_ for band in part.bands])
+
+    def decide(self, delay: float, region: list[Band]) -> bool:
+        """Whether every plant is proven to bear a delay."""
+        budget = self.share
+        for low, high in self._cut(region, delay):
+            turn = min(self.frequency(high) * delay, math.pi) if math.isfinite(high) else math.pi
+            partition = Partition(self._part(math.tan(turn / 4), ((low, high),)))
+            while partition:
+                part = partition.pop()
+                budget -= 1
+                left = self._examined(part)
+                if left is None or not left[0].bands:
+                    continue
+                self._seen(part.centre[:-1])
+                if self.upper <= delay or budget <= 0 or not partition.cut(*left):
+                    return False
+        return True
+
+    def _examined(self, part: BoxPart) -> tuple[BoxPart, RealArray] | None:
+        """The part with the bands that stay open, and what matters in it."""
+        self.left -= 1
+        effects = np.zeros(self.count)
+        about = self.given.recentred(part)
+        if about is not None:
+            bands, response = about.open_bands(part.bands)
+            part, effects = replace(part, bands=bands), effects_in(response, self.given.structure)
+        return part, effects
+
+    def _cut(self, region: list[Band], delay: float) -> list[Band]:
+        """Bands along each of which t grows by less than a share of the gap."""
+        found: list[Band] = []
+        period = self.given.system.period
+        turned = math.pi / delay
+        for low, high in region:
+            start, end = (self.frequency(v) if math.isfinite(v) else math.inf for v in (low, high))
+            edges = [low]
+            top = min(end, turned)
+            if top > start:
+                start = max(start, top * 1e-6)
+                count = math.ceil(math.log(top / start) / (STEP * self.gap)) + 1
+                inner = np.geomspace(start, top, count)[1:]
+                edges += [float(v) for v in bilinear_frequency(inner, period)]
+            if end > turned:
+                edges.append(high)
+            edges[-1] = high if end <= turned else edges[-1]
+            found += pairwise(edges)
+        return found
+
+
+def _joined(bands: list[Band]) -> list[Band]:
+    """Bands that touch, as one."""
+    found: list[Band] = []
+    for low, high in sorted(bands):
+        if found and low <= found[-1][1]:
+            found[-1] = (found[-1][0], max(found[-1][1], high))
+        else:
+            found.append((low, high))
+    return found
