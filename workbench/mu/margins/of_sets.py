@@ -108,7 +108,12 @@ def set_margins(
             tolerance,
             parts,
         )
-        kinds = {"rise": rise, "fall": fall, "phase": turn, "delay": late}
+        kinds: dict[str, BoxMargin | DelayBounds] = {
+            "rise": rise,
+            "fall": fall,
+            "phase": turn,
+            "delay": late,
+        }
         found[name] = SetMargins(
             (1.0 / (1.0 + fall.lower), 1.0 + rise.lower),
             math.degrees(2 * math.atan(turn.lower)),

@@ -114,7 +114,8 @@ class _DelaySearch:
         self.given, self.delay_of, self.gap, self.left = given, delay_of, gap, parts
         self.share = parts // DECISIONS + 1
         self.count = len(given.places)
-        self.upper, self.values = math.inf, None
+        self.upper = math.inf
+        self.values: RealArray | None = None
         for values in np.vstack([np.zeros(self.count - 1), corner_signs(self.count - 1)]):
             self._seen(values)
 
