@@ -4,6 +4,7 @@ from workbench.systems.connection import generalised_plant
 from workbench.systems.generalised_plant import GeneralisedPlant
 from workbench.uncertainty.algebra.functions import (
     append,
+    block,
     complex_scalar,
     delay,
     dynamics,
@@ -58,6 +59,7 @@ __all__ = [
     "UncertainSystem",
     "UncertaintyModel",
     "append",
+    "block",
     "cheapest",
     "complex_scalar",
     "contains",

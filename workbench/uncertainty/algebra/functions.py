@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from scipy.linalg import block_diag as block_diagonal
 
 from workbench.errors import InputError
 from workbench.input_checks import as_list, is_real, need_count, need_numbers, need_positive
@@ -243,6 +244,39 @@ def append(*systems: Any) -> UncertainSystem:
     parts = [uncertain(one, f"system {k}") for k, one in enumerate(systems, start=1)]
     value = diagonal(*(part.value for part in parts))
     return UncertainSystem(value, combined_elements(parts), common_time(parts))
+
+
+def block(rows: Sequence[Sequence[Any]]) -> UncertainSystem:
+    """A system of blocks as `numpy.block` puts arrays together: [[a, b], [c, d]].
+
+    Blocks of a row have the same outputs, those of a column the same inputs. Each is a system or a
+    model of any kind, a number or an array; no element occurs more often than in the blocks.
+
+    Raises InputError for rows of different lengths, sizes or sampling times that do not fit.
+    """
+    given = [as_list(row, f"row {i}") for i, row in enumerate(as_list(rows, "rows"), start=1)]
+    lengths = {len(row) for row in given}
+    if len(lengths) != 1 or not lengths.pop():
+        raise InputError(f"rows have {[len(row) for row in given]} blocks; they need the same")
+    parts = [
+        [uncertain(one, f"block {i}, {j}") for j, one in enumerate(row, start=1)]
+        for i, row in enumerate(given, start=1)
+    ]
+    heights, widths = [row[0].noutputs for row in parts], [one.ninputs for one in parts[0]]
+    for i, row in enumerate(parts, start=1):
+        for j, one in enumerate(row, start=1):
+            if (one.noutputs, one.ninputs) != (heights[i - 1], widths[j - 1]):
+                raise InputError(
+                    f"block {i}, {j} has {one.noutputs} outputs and {one.ninputs} inputs; its row "
+                    f"has {heights[i - 1]} outputs, its column {widths[j - 1]} inputs"
+                )
+    flat = [one for row in parts for one in row]
+    whole = diagonal(*(one.value for one in flat))
+    outputs, inputs = whole.shape
+    enters = np.vstack([block_diagonal(*(np.eye(width) for width in widths))] * len(parts))
+    leaves = block_diagonal(*(np.hstack([np.eye(height)] * len(widths)) for height in heights))
+    value = linked(whole, np.zeros((inputs, outputs)), enters, leaves)
+    return UncertainSystem(value, combined_elements(flat), common_time(flat))
 
 
 def feedback(first: Any, second: Any = 1.0, sign: int = -1) -> UncertainSystem:

@@ -165,6 +165,11 @@ def lift(value: Any) -> LFT:
             f"an array of shape {array.shape} where a number or a matrix is needed; write a "
             "column as [[a], [b]], a row as [[a, b]]"
         )
+    if array.dtype == object and not array.ndim and array[()] is value:
+        raise InputError(
+            f"{type(value).__name__} is no number, matrix or uncertain value; systems are put "
+            "together by `block`"
+        )
     array = np.atleast_2d(array)
     if array.dtype != object:
         if array.dtype.kind not in "biuf":
