@@ -11,7 +11,16 @@ import workbench as wb
 from workbench.errors import InputError
 from workbench.mu import robust_stability, worst_case_gain
 from workbench.systems.bilinear import bilinear_sampled
-from workbench.uncertainty import MatrixCover, MatrixModel, MatrixResponses, feedback, real, tf
+from workbench.uncertainty import (
+    MatrixCover,
+    MatrixModel,
+    MatrixResponses,
+    MatrixSets,
+    central_nominal,
+    feedback,
+    real,
+    tf,
+)
 from workbench.uncertainty.matrix_covers.forms import MatrixForm, delta_shape
 from workbench.uncertainty.matrix_covers.responses import system_response
 
@@ -289,3 +298,22 @@ def test_a_nominal_that_is_a_plant_alone_leaves_nothing_to_cover():
     responses = MatrixResponses.of_systems([plant()], OMEGA)
     with pytest.raises(InputError, match="nothing to cover"):
         MatrixCover(responses, plant())
+
+
+@pytest.mark.parametrize("dt", [0.0, 0.02])
+def test_a_nominal_through_the_centres_leaves_hardly_larger_sets_than_free_centres(dt):
+    responses = measured(dt)
+    nominal = central_nominal(responses, 6)
+    assert nominal.nstates == 6
+    assert float(nominal.dt or 0.0) == dt
+    least = MatrixSets(responses.values, "diagonal", "diagonal", centre="free")
+    about = MatrixCover(responses, nominal).sets
+    radii = [wb.solve(program).answer.radius.mean() for program in (about, least)]
+    assert radii[0] <= 1.05 * radii[1]
+
+
+def test_a_nominal_needs_responses():
+    with pytest.raises(InputError, match="MatrixResponses"):
+        central_nominal(VALUES, 2)
+    with pytest.raises(InputError, match="alike"):
+        central_nominal(MatrixResponses.of_systems([plant(), plant()], OMEGA), 2)

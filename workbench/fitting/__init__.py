@@ -12,6 +12,7 @@ from workbench.fitting.response import best as response_best
 from workbench.fitting.response import conic as response_conic
 from workbench.fitting.response import nonlinear as response_nonlinear
 from workbench.fitting.response import vector_fitting
+from workbench.fitting.response.matrix_fit import fit_matrix_response
 from workbench.fitting.response.program import ResponseFit, fit_response
 
 __all__ = [
@@ -19,6 +20,7 @@ __all__ = [
     "Rational",
     "ResponseFit",
     "fit_magnitude",
+    "fit_matrix_response",
     "fit_response",
     "magnitude_best",
     "magnitude_conic",

@@ -34,6 +34,7 @@ from workbench.uncertainty.matrix_covers import conic as matrix_conic
 from workbench.uncertainty.matrix_covers import methods as matrix_methods
 from workbench.uncertainty.matrix_covers.cover import MatrixCover
 from workbench.uncertainty.matrix_covers.model import MatrixModel
+from workbench.uncertainty.matrix_covers.nominal import central_nominal
 from workbench.uncertainty.matrix_covers.responses import MatrixResponses
 from workbench.uncertainty.matrix_covers.sets import MatrixSets
 from workbench.uncertainty.parametric.members import members
@@ -60,6 +61,7 @@ __all__ = [
     "UncertaintyModel",
     "append",
     "block",
+    "central_nominal",
     "cheapest",
     "complex_scalar",
     "contains",

@@ -64,16 +64,16 @@ def starting_poles(program: ResponseFit) -> list[ComplexArray]:
     omega, order = program.active.omega, program.order
     if program.unstable_poles:
         return _unstable_starts(omega, order, program.unstable_poles)
-    starts = [_spread(omega, order)]
+    starts = [spread_poles(omega, order)]
     extra = min(EXTRA_POLES, 2 * omega.size - program.coefficients - 1)
     if order and extra > 0:
-        starts.append(_foremost(program, relocated(program, _spread(omega, order + extra))))
+        starts.append(_foremost(program, relocated(program, spread_poles(omega, order + extra))))
     return starts
 
 
 def _unstable_starts(omega: RealArray, order: int, count: int) -> list[ComplexArray]:
     """Real poles right of the axis at places over the band, with the others spread over it."""
-    others = _spread(omega, order - count)
+    others = spread_poles(omega, order - count)
     places = np.geomspace(omega[0], omega[-1], UNSTABLE_STARTS + 2)[1:-1]
     return [
         np.concatenate([others, place * (1 + 0.1 * np.arange(count))]).astype(complex)
@@ -95,7 +95,7 @@ def _ways_in(program: ResponseFit, poles: ComplexArray) -> list[Rational]:
     return [fit, next(other for other in fewer if other.is_minimum_phase)]
 
 
-def _spread(omega: RealArray, order: int) -> ComplexArray:
+def spread_poles(omega: RealArray, order: int) -> ComplexArray:
     """Poles spread over the logarithm of the frequencies, in lightly damped pairs."""
     low, high = np.log(omega[0]), np.log(omega[-1])
     pairs = np.exp(np.linspace(low, high, order // 2 + 2)[1:-1])
@@ -107,10 +107,10 @@ def _spread(omega: RealArray, order: int) -> ComplexArray:
 def _foremost(program: ResponseFit, poles: ComplexArray) -> ComplexArray:
     """The most important poles, as many as the order allows, by the size of partial fractions."""
     data = program.active
-    groups = _real_groups(poles)
-    columns = [_fractions(group, data.omega) for group in groups]
+    groups = real_groups(poles)
+    columns = [partial_fractions(group, data.omega) for group in groups]
     basis = data.weight[:, None] * np.hstack([*columns, np.ones((data.omega.size, 1))])
-    solution = _least_squares(
+    solution = blockwise_least_squares(
         real_over_imaginary(basis), real_over_imaginary(data.weight * data.response)
     )
     ends = np.cumsum([0, *(len(group) for group in groups)])
@@ -150,7 +150,7 @@ def relocated(program: ResponseFit, poles: ComplexArray) -> ComplexArray:
             moved = _sided(moved, program.unstable_poles)
         elif program.stable:
             moved = -np.abs(moved.real) + 1j * moved.imag
-        moved = _off_the_axis(moved, x)
+        moved = off_the_axis(moved, x)
         change = np.abs(np.sort_complex(moved) - np.sort_complex(poles)) / np.abs(moved)
         poles = moved
         if change.max(initial=0.0) < POLE_MOVEMENT:
@@ -167,8 +167,10 @@ def _relocate(
     and the new denominator. The numerator is projected out, and the sum of the values of
     denominator / present is fixed instead of its leading coefficient (relaxation).
     """
-    groups = _real_groups(poles)
-    fractions = np.hstack([*(_fractions(group, x) for group in groups), np.ones((x.size, 1))])
+    groups = real_groups(poles)
+    fractions = np.hstack(
+        [*(partial_fractions(group, x) for group in groups), np.ones((x.size, 1))]
+    )
     columns = real_over_imaginary(target[:, None] * fractions)
     columns -= basis @ (basis.T @ columns)
     weight = np.linalg.norm(target) / x.size
@@ -176,10 +178,10 @@ def _relocate(
     right = np.append(np.zeros(len(columns)), weight * x.size)
     size = np.linalg.norm(rows, axis=0)
     size[size == 0] = 1.0
-    solution = _least_squares(rows / size, right) / size
+    solution = blockwise_least_squares(rows / size, right) / size
     share, constant = solution[:-1], solution[-1]
     constant = np.copysign(max(abs(constant), 1e-8), constant)
-    matrix, column = _realisation(groups)
+    matrix, column = fractions_realisation(groups)
     return conjugate_pairs(np.linalg.eigvals(matrix - np.outer(column, share / constant)))
 
 
@@ -196,7 +198,7 @@ def _sided(poles: ComplexArray, count: int) -> ComplexArray:
     return conjugate_pairs(side * np.abs(poles.real) + 1j * poles.imag)
 
 
-def _off_the_axis(poles: ComplexArray, x: RealArray) -> ComplexArray:
+def off_the_axis(poles: ComplexArray, x: RealArray) -> ComplexArray:
     """Poles that are not on the axis, where their fractions are infinite."""
     tiny = 1e-12 * np.maximum(np.abs(poles), x[0])
     near = np.abs(poles.real) < tiny
@@ -204,13 +206,13 @@ def _off_the_axis(poles: ComplexArray, x: RealArray) -> ComplexArray:
     return np.where(near, away, poles)
 
 
-def _real_groups(poles: ComplexArray) -> list[ComplexArray]:
+def real_groups(poles: ComplexArray) -> list[ComplexArray]:
     """Groups of poles with real partial fractions: single real poles and conjugate pairs."""
     groups = [np.array([p]) for p in poles[poles.imag == 0]]
     return groups + [np.array([p, p.conjugate()]) for p in poles[poles.imag > 0]]
 
 
-def _fractions(group: ComplexArray, x: RealArray) -> ComplexArray:
+def partial_fractions(group: ComplexArray, x: RealArray) -> ComplexArray:
     """Partial fractions with real coefficients of a real pole or a conjugate pair, (F, 1 or 2)."""
     if group.size == 1:
         return 1 / (1j * x - group[0])[:, None]
@@ -218,7 +220,7 @@ def _fractions(group: ComplexArray, x: RealArray) -> ComplexArray:
     return np.column_stack([one + other, 1j * (one - other)])
 
 
-def _realisation(groups: list[ComplexArray]) -> tuple[RealArray, RealArray]:
+def fractions_realisation(groups: list[ComplexArray]) -> tuple[RealArray, RealArray]:
     """A and b of a system whose states are the partial fractions."""
     from scipy.linalg import block_diag
 
@@ -231,7 +233,7 @@ def _realisation(groups: list[ComplexArray]) -> tuple[RealArray, RealArray]:
     return block_diag(*blocks), np.concatenate([np.zeros(0), *entries])
 
 
-def _least_squares(rows: RealArray, right: RealArray) -> RealArray:
+def blockwise_least_squares(rows: RealArray, right: RealArray) -> RealArray:
     """Least-squares solution by QR decompositions of blocks, then of their triangles, and so on.
 
     The blocks are so small that each uses one thread: on a tall matrix the threads of a

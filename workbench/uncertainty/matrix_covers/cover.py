@@ -136,9 +136,8 @@ class MatrixCover(Program):
 
     @property
     def axis(self) -> RealArray:
-        """Frequencies (F,) of the bilinear plane [rad/s], in which sampled weights are fitted."""
-        omega, dt = self.responses.omega, self.responses.dt
-        return 2 / dt * np.tan(omega * dt / 2) if dt else omega
+        """Frequencies (F,) of the bilinear plane [rad/s], in which weights are fitted."""
+        return self.responses.axis
 
     @cached_property
     def deviations(self) -> Array:

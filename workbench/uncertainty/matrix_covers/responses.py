@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from workbench.arrays import Array, RealArray
+from workbench.certify.stable_system import bilinear_frequency
 from workbench.errors import InputError
 from workbench.fitting.samples import as_frequencies
 from workbench.heavy_types import StateSpace
@@ -112,6 +113,11 @@ class MatrixResponses:
             if value.shape != values[0].shape:
                 raise InputError(f"plant {k + 1} has another number of inputs or outputs")
         return cls(omegas[0], np.stack(values, axis=1), plants, float(found[0].dt or 0.0))
+
+    @property
+    def axis(self) -> RealArray:
+        """Frequencies (F,) of the bilinear plane [rad/s], in which sampled systems are fitted."""
+        return np.asarray(bilinear_frequency(self.omega, self.dt))
 
     @property
     def shares(self) -> RealArray:

@@ -1,0 +1,36 @@
+"""A nominal for a set of matrix responses: a system of a given order through their centres."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workbench.errors import InputError, SolverError
+from workbench.fitting.response.matrix_fit import fit_matrix_response
+from workbench.heavy_types import StateSpace
+from workbench.solution import solve
+from workbench.systems.bilinear import bilinear_sampled
+from workbench.uncertainty.matrix_covers.responses import MatrixResponses
+from workbench.uncertainty.matrix_covers.sets import MatrixSets
+
+
+def central_nominal(responses: MatrixResponses, order: int) -> StateSpace:
+    """The stable system of an order nearest to the centres of the smallest additive sets.
+
+    At each frequency the centre is that of the set of least trace with diagonal weights, a convex
+    program; an error counts relative to the size of the set in its entry.
+
+    Raises
+    ------
+    InputError
+        All plants are alike at some frequency, or the frequencies are too few for the order.
+    """
+    if not isinstance(responses, MatrixResponses):
+        raise InputError(f"responses must be MatrixResponses, not {type(responses).__name__}")
+    sets = MatrixSets(responses.values, "diagonal", "diagonal", centre="free", size="trace")
+    found = solve(sets)
+    if found.answer is None:
+        raise SolverError(f"centres: {found.message}")
+    left, right = (np.einsum("fii->fi", W).real for W in (found.answer.left, found.answer.right))
+    weight = 1 / (left[:, :, None] * right[:, None])
+    nominal = fit_matrix_response(responses.axis, found.answer.centre, order, weight)
+    return bilinear_sampled(nominal, responses.dt) if responses.dt else nominal
