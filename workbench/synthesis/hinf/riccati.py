@@ -21,8 +21,9 @@ from workbench.systems.norms import norm
 from workbench.systems.realisation import Matrices
 from workbench.systems.standard_plant import StandardPlant
 
-LEVEL_RISE_MULTIPLES = (1.0, 3.0, 10.0, 30.0, 100.0, 1000.0)
-"""Multiples of the tolerance by which the level is raised until the loop holds it."""
+LEVEL_RISE_MULTIPLES = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 7.0, 10.0, 30.0, 100.0, 1000.0)
+"""Multiples of the tolerance by which the level is raised until the loop holds it. Rounding decides
+which of near levels do, so that many are tried."""
 LEVEL_ROUNDING = 1e-6
 """Share by which rounding errors may lift the norm of a loop above its level."""
 
