@@ -15,7 +15,7 @@ from workbench.program import Claim, method
 from workbench.solvers import Outcome
 from workbench.synthesis.hinf.levels import CANCELLED_SHARE, level_ends, without_control
 from workbench.synthesis.hinf.program import CLAIM_TOLERANCE, HinfController, HinfSynthesis
-from workbench.synthesis.hinf.riccati import InfeasibleError, central_of
+from workbench.synthesis.hinf.riccati import MANY_RISES, InfeasibleError, central_of
 from workbench.systems.bilinear import to_sampled
 from workbench.systems.norms import norm
 from workbench.systems.realisation import Matrices, realisation
@@ -78,7 +78,7 @@ def _riccati(program: HinfSynthesis, context: Context) -> Claim:
     """Two Riccati equations and bisection of the level; K is made 1e-3 above the least level."""
     try:
         # Half of the distance is for the interval of the least level, half for the step above it.
-        found = central_of(program.scaled, distance(context) / 2, program.gamma)
+        found = central_of(program.scaled, distance(context) / 2, program.gamma, MANY_RISES)
     except InfeasibleError as error:
         return None, Outcome.INFEASIBLE, str(error)
     except SolverError as error:

@@ -21,9 +21,11 @@ from workbench.systems.norms import norm
 from workbench.systems.realisation import Matrices
 from workbench.systems.standard_plant import StandardPlant
 
-LEVEL_RISE_MULTIPLES = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 7.0, 10.0, 30.0, 100.0, 1000.0)
-"""Multiples of the tolerance by which the level is raised until the loop holds it. Rounding decides
-which of near levels do, so that many are tried."""
+LEVEL_RISE_MULTIPLES = (1.0, 3.0, 10.0, 30.0, 100.0, 1000.0)
+"""Multiples of the tolerance by which the level is raised until the loop holds it."""
+MANY_RISES = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 7.0, 10.0, 30.0, 100.0, 1000.0)
+"""The same where the least level counts more than time: rounding decides which of near levels are
+held."""
 LEVEL_ROUNDING = 1e-6
 """Share by which rounding errors may lift the norm of a loop above its level."""
 
@@ -87,14 +89,20 @@ def central(
     return central_of(normalised_plant(plant), tolerance, gamma)
 
 
-def central_of(normal: Scaled, tolerance: float, gamma: float | None = None) -> Central:
-    """The central controller, as by `central`, of a plant that is scaled already."""
+def central_of(
+    normal: Scaled,
+    tolerance: float,
+    gamma: float | None = None,
+    rises: tuple[float, ...] = LEVEL_RISE_MULTIPLES,
+) -> Central:
+    """The central controller, as by `central`, of a plant that is scaled already.
+
+    ``rises`` are the multiples of the tolerance by which the least level is raised.
+    """
     plant = normal.plant
     if gamma is None:
         low, best = least_level(plant, tolerance)
-        return _made(
-            normal, [best.gamma * (1.0 + tolerance * k) for k in LEVEL_RISE_MULTIPLES], low
-        )
+        return _made(normal, [best.gamma * (1.0 + tolerance * k) for k in rises], low)
     gamma = min(gamma, LARGEST_LEVEL)
     level = level_at(plant, gamma)
     if level is None or not level.feasible:
