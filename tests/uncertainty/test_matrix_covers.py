@@ -245,6 +245,7 @@ def test_an_answer_comes_back_from_its_dataset_and_has_figures():
     assert program.certify(back, 1e-6).valid
     assert set(program.figures(back)) == {"magnitudes", "radius", "deltas"}
     assert "inverse-output" in repr(answer)
+    assert len(answer.model.plot().axes) == 4
 
 
 def test_a_cover_too_small_is_refused():

@@ -23,7 +23,11 @@ from workbench.systems.conversion import as_system
 from workbench.systems.realisation import worst_pole
 from workbench.systems.storage import restored, stored
 from workbench.uncertainty.covers.weights import between, beyond
-from workbench.uncertainty.matrix_covers.figures import matrix_cover_figures
+from workbench.uncertainty.matrix_covers.figures import (
+    deltas_figure,
+    magnitudes_figure,
+    radius_figure,
+)
 from workbench.uncertainty.matrix_covers.forms import (
     MatrixForm,
     left_factors,
@@ -358,6 +362,11 @@ class MatrixCover(Program):
 
     def figures(self, answer: FoundCover) -> dict[str, Figure]:
         norms = np.linalg.norm(self.deltas(answer.model), 2, axis=(2, 3))
-        return matrix_cover_figures(
-            self.responses, answer.model, norms, self.radii(answer.model), answer.least.radius
-        )
+        omega, model = self.responses.omega, answer.model
+        nominal = system_response(model.nominal, omega)
+        discs = model.entry_discs(omega)
+        return {
+            "magnitudes": magnitudes_figure(omega, nominal, *discs, self.responses.values),
+            "radius": radius_figure(self.responses, self.radii(model), answer.least.radius),
+            "deltas": deltas_figure(self.responses, norms),
+        }

@@ -9,11 +9,15 @@ from typing import Any, get_args
 import numpy as np
 
 from workbench.arrays import Array, RealArray
+from workbench.certify.stable_system import angular_frequency
 from workbench.errors import InputError
-from workbench.heavy_types import StateSpace
+from workbench.heavy_types import Figure, StateSpace
 from workbench.structure import Full, Structure
+from workbench.systems.bilinear import bilinear_continuous
 from workbench.systems.conversion import as_system
+from workbench.systems.frequency_grid import frequencies_of
 from workbench.uncertainty.algebra.system import Algebraic, UncertainSystem, uncertain
+from workbench.uncertainty.matrix_covers.figures import magnitudes_figure
 from workbench.uncertainty.matrix_covers.forms import (
     MatrixForm,
     delta_shape,
@@ -22,6 +26,9 @@ from workbench.uncertainty.matrix_covers.forms import (
 from workbench.uncertainty.matrix_covers.responses import system_response
 from workbench.uncertainty.matrix_covers.shapes import ctranspose
 from workbench.uncertainty.matrix_covers.weights import inverse_weight
+
+DRAWN = 200
+"""Frequencies of a figure, beside those that the poles ask for."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,6 +107,15 @@ class MatrixModel(Algebraic):
             )
         before, after = inverse_weight(self.W_1), inverse_weight(self.W_2)
         return uncertain(before) @ (uncertain(plant) - uncertain(self.nominal)) @ uncertain(after)
+
+    def plot(self) -> Figure:
+        """Bode magnitudes of the entries, with the band of the model's plants."""
+        plane = bilinear_continuous(self.system) if self.dt else self.system
+        grid = frequencies_of(plane)
+        grid = np.union1d(grid, np.geomspace(grid[0], grid[-1], DRAWN))
+        omega = angular_frequency(grid, self.dt)
+        response = system_response(self.nominal, omega)
+        return magnitudes_figure(omega, response, *self.entry_discs(omega))
 
     def entry_discs(self, omega: RealArray) -> tuple[Array, RealArray]:
         """Centres and radii (F, p, m) of the discs that the entries of the plants fill.
