@@ -19,23 +19,24 @@ def magnitudes_figure(
     """Bode magnitudes, a panel for each output and input, with the band of a model's plants.
 
     ``nominal`` (F, p, m) is the nominal's response, ``centre`` and ``radius`` are those of the
-    entries' discs, ``values`` (F, N, p, m) the responses of plants.
+    entries' discs, ``values`` (F, N, p, m) the responses of plants. The band is cut a decade beyond
+    the lines; it reaches that far where the model's plants have no bound.
     """
     p, m = nominal.shape[1:]
     figure, panels = figures.axes(p, m, size=(3.6 * m + 0.6, 2.5 * p + 1.0), sharex=True)
-    frequency, bounded = omega / (2 * np.pi), np.isfinite(radius)
-    high = np.where(bounded, np.abs(centre) + radius, np.nan)
-    low = np.where(bounded, np.maximum(np.abs(centre) - radius, 0.0), np.nan)
+    frequency = omega / (2 * np.pi)
+    high, low = np.abs(centre) + radius, np.abs(centre) - radius
     for (i, j), panel in zip(np.ndindex(p, m), panels, strict=True):
         lines = np.abs(nominal[:, i, j])[:, None]
         if values is not None:
             lines = np.column_stack([lines, np.abs(values[:, :MOST_DRAWN, i, j])])
         lines = np.where(lines > 0, lines, np.nan)
-        bottom = np.nanmin(lines) / 10 if np.isfinite(lines).any() else 1e-300
+        known = np.isfinite(lines).any()
+        bottom, top = (np.nanmin(lines) / 10, np.nanmax(lines) * 10) if known else (1e-300, 1.0)
         panel.fill_between(
             frequency,
-            np.maximum(low[:, i, j], bottom),
-            np.maximum(high[:, i, j], bottom),
+            np.clip(low[:, i, j], bottom, top),
+            np.clip(high[:, i, j], bottom, top),
             color=figures.SKY,
             alpha=0.3,
             linewidth=0,
