@@ -228,6 +228,16 @@ def test_unstable_plants_are_covered_where_they_are_measured():
         solved(program)
 
 
+def test_a_known_plant_with_other_unstable_poles_is_refused_where_no_stable_delta_makes_it():
+    s = control.tf("s")
+    stable, unstable = control.ss(1 / (s + 0.1)), control.ss(1 / (s - 0.1))
+    responses = MatrixResponses.of_systems([stable, unstable], OMEGA, plants=["one", "two"])
+    for form in ("additive", "input", "output"):
+        with pytest.raises(InputError, match="plant two has 1 unstable poles, the nominal 0"):
+            MatrixCover(responses, stable, form)
+    solved(MatrixCover(responses, stable, "coprime", left_order=1, right_order=1))
+
+
 def test_measured_data_of_python_control():
     omega = np.geomspace(0.1, 10, 12)
     data = [control.frd(each, omega, smooth=False) for each in family(3)]

@@ -44,6 +44,10 @@ REALISED = 1e-6
 """Largest norm of Delta beyond 1, and distance of a plant, in the second opinion."""
 
 
+KEEPING_SIDES: tuple[MatrixForm, ...] = ("additive", "input", "output")
+"""Forms of which all plants have as many unstable poles as the nominal."""
+
+
 @dataclass(frozen=True, eq=False)
 class FoundCover:
     """A model, and the smallest sets at each frequency that weights of any order could have."""
@@ -124,7 +128,21 @@ class MatrixCover(Program):
                     f"{name} is {order}; {self.responses.omega.size} frequencies determine {most} "
                     "at most"
                 )
+        self._need_sides()
         _ = self.sets  # raises for what has no sets
+
+    def _need_sides(self) -> None:
+        """Raise InputError for a known plant that no stable Delta of the form makes."""
+        if self.form not in KEEPING_SIDES:
+            return
+        wanted = _unstable(self.nominal)
+        for name, plant in zip(self.responses.plants, self.responses.known, strict=False):
+            if _unstable(plant) != wanted:
+                raise InputError(
+                    f"plant {name} has {_unstable(plant)} unstable poles, the nominal {wanted}: no "
+                    f"stable Delta of the form {self.form!r} makes one of the other; coprime or "
+                    "inverse forms do"
+                )
 
     @property
     def quantifier(self) -> str:
@@ -370,3 +388,9 @@ class MatrixCover(Program):
             "radius": radius_figure(self.responses, self.radii(model), answer.least.radius),
             "deltas": deltas_figure(self.responses, norms),
         }
+
+
+def _unstable(system: StateSpace) -> int:
+    """Number of poles outside the region of stability, or on its boundary."""
+    poles = system.poles()
+    return int((np.abs(poles) >= 1.0).sum() if system.dt else (poles.real >= 0.0).sum())
