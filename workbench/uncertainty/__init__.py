@@ -29,14 +29,14 @@ from workbench.uncertainty.covers.orientation import (
 )
 from workbench.uncertainty.covers.stadium_cover import StadiumCover
 from workbench.uncertainty.covers.steps import CoverSteps
-from workbench.uncertainty.matrix_covers import barrier as matrix_barrier
-from workbench.uncertainty.matrix_covers import conic as matrix_conic
 from workbench.uncertainty.matrix_covers import methods as matrix_methods
 from workbench.uncertainty.matrix_covers.cover import MatrixCover
 from workbench.uncertainty.matrix_covers.model import MatrixModel
 from workbench.uncertainty.matrix_covers.nominal import central_nominal
 from workbench.uncertainty.matrix_covers.responses import MatrixResponses
-from workbench.uncertainty.matrix_covers.sets import MatrixSets
+from workbench.uncertainty.matrix_sets import barrier as matrix_barrier
+from workbench.uncertainty.matrix_sets import conic as matrix_conic
+from workbench.uncertainty.matrix_sets.sets import MatrixSets
 from workbench.uncertainty.parametric.members import members
 from workbench.uncertainty.parametric.model import ParametricModel, parametric
 from workbench.uncertainty.parametric.parameters import Parameter, levels, samples, vertices

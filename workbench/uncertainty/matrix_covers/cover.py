@@ -18,11 +18,18 @@ from workbench.fitting.samples import as_count
 from workbench.heavy_types import Dataset, Figure, StateSpace
 from workbench.program import Program
 from workbench.second_opinion.fits import decays
-from workbench.second_opinion.responses import plain_response, tried_frequencies, upper_closed
+from workbench.second_opinion.responses import plain_response
 from workbench.systems.conversion import as_system
 from workbench.systems.realisation import worst_pole
 from workbench.systems.storage import restored, stored
 from workbench.uncertainty.covers.weights import between, beyond
+from workbench.uncertainty.matrix_covers.checks_of_model import (
+    off_shape,
+    plants_made,
+    semidefinite,
+    stays_stable,
+    tried_everywhere,
+)
 from workbench.uncertainty.matrix_covers.figures import (
     deltas_figure,
     magnitudes_figure,
@@ -36,13 +43,9 @@ from workbench.uncertainty.matrix_covers.forms import (
 )
 from workbench.uncertainty.matrix_covers.model import MatrixModel
 from workbench.uncertainty.matrix_covers.responses import MatrixResponses, system_response
-from workbench.uncertainty.matrix_covers.sets import CONTAINED, SHAPED, FoundSets, MatrixSets
-from workbench.uncertainty.matrix_covers.shapes import Shape, ctranspose
 from workbench.uncertainty.matrix_covers.weights import inverse_weight
-
-REALISED = 1e-6
-"""Largest norm of Delta beyond 1, and distance of a plant, in the second opinion."""
-
+from workbench.uncertainty.matrix_sets.sets import CONTAINED, SHAPED, FoundSets, MatrixSets
+from workbench.uncertainty.matrix_sets.shapes import Shape
 
 KEEPING_SIDES: tuple[MatrixForm, ...] = ("additive", "input", "output")
 """Forms of which all plants have as many unstable poles as the nominal."""
@@ -250,13 +253,14 @@ class MatrixCover(Program):
             ("W_2", self.right, self.right_order),
         ):
             W = getattr(model, name)
+            off = off_shape(system_response(W, self.responses.omega), shape)
+            statement = "largest entry that is not of its shape, relative"
             checks += [
                 Check(f"order of {name}", "number of states", W.nstates, order * W.ninputs),
-                self._left(f"{name} stable", W),
-                self._left(f"inverse of {name} stable", inverse_weight(W)),
-                Check(f"{name} {shape}", "largest entry that is not of its shape, relative",
-                      self._off_shape(W, shape), SHAPED, over=THIS_SYSTEM),
-            ]  # fmt: skip
+                stays_stable(f"{name} stable", W),
+                stays_stable(f"inverse of {name} stable", inverse_weight(W)),
+                Check(f"{name} {shape}", statement, off, SHAPED, over=THIS_SYSTEM),
+            ]
         least = self.sets.checks(answer.least, tolerance)[0]
         return [*checks, replace(least, name="smallest sets")]
 
@@ -269,72 +273,20 @@ class MatrixCover(Program):
         statement = "distance of its response from that of the given one, relative"
         return Check("nominal given", statement, value, CONTAINED, where)
 
-    def _left(self, name: str, system: StateSpace) -> Check:
-        beyond = worst_pole(system)[1]
-        statement = "how far a pole is beyond the boundary of stability, negative"
-        return Check(name, statement, beyond, -np.finfo(float).tiny, over=THIS_SYSTEM)
-
-    def _off_shape(self, W: StateSpace, shape: Shape) -> float:
-        response = system_response(W, self.responses.omega)
-        if shape == "full":
-            return 0.0
-        unit = np.eye(W.ninputs)
-        off = response * (1 - unit)
-        if shape == "scalar":
-            off = response - response[:, :1, :1] * unit
-        return float(np.abs(off).max() / np.abs(response).max())
-
     def second_opinion(self, answer: FoundCover) -> Sequence[Check]:
-        model = answer.model
-        found = [self._semidefinite(model), self._made(model), decays(model.W_1, "W_1 decays")]
-        found += [
+        model, responses = answer.model, self.responses
+        X = self._residuals(plain_response)
+        found = [
+            semidefinite(responses, X, model),
+            plants_made(responses, self.deltas(model, plain_response), model),
+            decays(model.W_1, "W_1 decays"),
             decays(model.W_2, "W_2 decays"),
             decays(inverse_weight(model.W_1), "inverse of W_1 decays"),
             decays(inverse_weight(model.W_2), "inverse of W_2 decays"),
         ]
         if self.everywhere:
-            peaks = []
-            for delta in self.known_deltas(model):
-                tried = tried_frequencies(delta.poles(), float(delta.dt or 0.0))
-                peaks.append(np.linalg.norm(plain_response(delta, tried), 2, axis=(1, 2)).max())
-            value, where = worst(
-                np.array(peaks) - 1, lambda i: f"plant {self.responses.plants[i[0]]}"
-            )
-            statement = "largest norm of a Delta at frequencies tried, less 1"
-            found.append(Check("everywhere", statement, value, REALISED, where))
+            found.append(tried_everywhere(responses, self.known_deltas(model)))
         return found
-
-    def _semidefinite(self, model: MatrixModel) -> Check:
-        """Containment by the least eigenvalue of [[L, X], [X^*, R]], scaled to a unit diagonal."""
-        omega = self.responses.omega
-        W_1, W_2 = plain_response(model.W_1, omega), plain_response(model.W_2, omega)
-        L, R = W_1 @ ctranspose(W_1), ctranspose(W_2) @ W_2
-        X = self._residuals(plain_response)
-        N = X.shape[1]
-        L, R = (np.repeat(each[:, None], N, axis=1) for each in (L, R))
-        whole = np.concatenate(
-            [np.concatenate([L, X], axis=3), np.concatenate([ctranspose(X), R], axis=3)],
-            axis=2,
-        )
-        root = np.sqrt(np.einsum("fkii->fki", whole).real)
-        whole = whole / root[..., None] / root[..., None, :]
-        least = np.linalg.eigvalsh(whole)[..., 0]
-        value, where = worst(-least, self.responses.numbered)
-        statement = "smallest eigenvalue of [[L, X], [X^*, R]] of unit diagonal, below zero"
-        return Check("semidefinite", statement, value, REALISED, where)
-
-    def _made(self, model: MatrixModel) -> Check:
-        """The model, closed by each plant's Delta, is the plant."""
-        whole = plain_response(model.system, self.responses.omega)
-        deltas = self.deltas(model, plain_response)
-        made = np.stack([upper_closed(whole, deltas[:, k]) for k in range(deltas.shape[1])], axis=1)
-        given = self.responses.values
-        size = np.maximum(np.linalg.norm(given, axis=(2, 3)), np.finfo(float).tiny)
-        value, where = worst(
-            np.linalg.norm(made - given, axis=(2, 3)) / size, self.responses.numbered
-        )
-        statement = "distance of a plant from the model closed by its Delta, relative"
-        return Check("plants made", statement, value, REALISED, where)
 
     def metrics(self, answer: FoundCover) -> dict[str, float]:
         radii, least = self.radii(answer.model), answer.least.radius

@@ -20,13 +20,13 @@ from workbench.uncertainty.covers.weights import CONSTANT_DECADES, beyond
 from workbench.uncertainty.matrix_covers.cover import MatrixCover
 from workbench.uncertainty.matrix_covers.responses import system_response
 from workbench.uncertainty.matrix_covers.semidefinite import Inequality, least
-from workbench.uncertainty.matrix_covers.shapes import ctranspose
 from workbench.uncertainty.matrix_covers.squares import ShapedSquare
 from workbench.uncertainty.matrix_covers.weights import (
     FittedWeight,
     thinned,
     transposed_system,
 )
+from workbench.uncertainty.matrix_sets.shapes import ctranspose
 
 ROUNDS = 6
 """Most slopes of the volume."""

@@ -19,14 +19,14 @@ from workbench.uncertainty.matrix_covers.descent import descended
 from workbench.uncertainty.matrix_covers.joint import smaller_weights
 from workbench.uncertainty.matrix_covers.model import MatrixModel
 from workbench.uncertainty.matrix_covers.responses import system_response
-from workbench.uncertainty.matrix_covers.sets import FoundSets, MatrixSets
-from workbench.uncertainty.matrix_covers.shapes import ctranspose
 from workbench.uncertainty.matrix_covers.weights import (
     FittedWeight,
     diagonal_weight,
     left_weight,
     right_weight,
 )
+from workbench.uncertainty.matrix_sets.sets import FoundSets, MatrixSets
+from workbench.uncertainty.matrix_sets.shapes import ctranspose
 
 GAIN_MARGIN = 1e-9
 """Relative excess of a gain over the one needed."""

@@ -24,8 +24,8 @@ from workbench.uncertainty.matrix_covers.forms import (
     interconnection,
 )
 from workbench.uncertainty.matrix_covers.responses import system_response
-from workbench.uncertainty.matrix_covers.shapes import ctranspose
 from workbench.uncertainty.matrix_covers.weights import inverse_weight
+from workbench.uncertainty.matrix_sets.shapes import ctranspose
 
 DRAWN = 200
 """Frequencies of a figure, beside those that the poles ask for."""

@@ -19,7 +19,7 @@ from workbench.heavy_types import StateSpace
 from workbench.systems.frequency_response import frequency_response
 from workbench.systems.realisation import realisation
 from workbench.systems.riccati import hamiltonian_solution
-from workbench.uncertainty.matrix_covers.shapes import Shape, ctranspose
+from workbench.uncertainty.matrix_sets.shapes import Shape, ctranspose
 
 LEAST_SQUARE = 1e-4
 """Least square of a weight, relative to its mean; without it a zero may come to lie on the axis."""

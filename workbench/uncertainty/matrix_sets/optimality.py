@@ -23,7 +23,7 @@ from __future__ import annotations
 import numpy as np
 
 from workbench.arrays import Array, RealArray
-from workbench.uncertainty.matrix_covers.shapes import Shape, ctranspose, of_shape
+from workbench.uncertainty.matrix_sets.shapes import Shape, ctranspose, of_shape
 
 SMALLEST = 1e-300
 """What stands for a singular value of zero in a logarithm."""
@@ -57,6 +57,39 @@ def volume_excess(
     room = room + _nuclear(off_left) * reach[0] + _nuclear(off_right) * reach[1]
     excess: RealArray = np.maximum(room, 0.0) / (p * m)
     return excess
+
+
+def farthest(
+    P: Array, S: Array, channels: tuple[RealArray, RealArray], floor: float
+) -> tuple[RealArray, RealArray]:
+    """Bounds (F,) on the norms of A and of B that lead from P, S to inverse weights of less volume.
+
+    Parameters
+    ----------
+    channels, floor
+        Every cover contains changes of single entries by floor times the sizes of row (F, p) and
+        column (F, m).
+
+    In units of the channels the floor says |P e_i| |e_j^T S| <= 1 / floor; scale S so that its
+    largest row is 1. Then the norms are bounded, and with Hadamard's inequality, by the volume, so
+    are those of the inverses.
+    """
+    rows, columns = channels
+    p, m = rows.shape[1], columns.shape[1]
+    P, S = P * rows[:, None], columns[:, :, None] * S
+    row = np.linalg.norm(S, axis=2).max(axis=1)[:, None, None]
+    P, S = P * row, S / row
+    volume = m * np.linalg.slogdet(P)[1] + p * np.linalg.slogdet(S)[1]
+    high = np.log(np.sqrt(p) / floor), np.log(np.sqrt(m))
+    low = (
+        volume / m - (p - 1) * high[0],
+        volume / p + m * np.log(floor) - (m - 1) * high[1],
+    )
+    found = []
+    for W, top, bottom in zip((P, S), high, low, strict=True):
+        s = np.log(np.linalg.svd(W, compute_uv=False))
+        found.append(np.maximum(np.abs(top - s[:, -1]), np.abs(s[:, 0] - bottom)))
+    return found[0], found[1]
 
 
 def trace_bound(

@@ -19,8 +19,8 @@ import numpy as np
 from workbench.executor import Context
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
-from workbench.uncertainty.matrix_covers.newton import BarrierSets
-from workbench.uncertainty.matrix_covers.sets import MatrixSets
+from workbench.uncertainty.matrix_sets.newton import BarrierSets
+from workbench.uncertainty.matrix_sets.sets import MatrixSets
 
 FALL = 0.05
 """Factor from one weight of the barrier to the next."""

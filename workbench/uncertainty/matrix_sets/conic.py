@@ -14,9 +14,9 @@ from workbench.arrays import Array
 from workbench.executor import Context
 from workbench.program import Claim, conic_method
 from workbench.solvers import ConicSolver, Outcome, solve_conic
-from workbench.uncertainty.matrix_covers.multipliers import touching_multipliers
-from workbench.uncertainty.matrix_covers.sets import MatrixSets, finished
-from workbench.uncertainty.matrix_covers.shapes import Shape
+from workbench.uncertainty.matrix_sets.multipliers import touching_multipliers
+from workbench.uncertainty.matrix_sets.sets import MatrixSets, finished
+from workbench.uncertainty.matrix_sets.shapes import Shape
 
 
 def _no_volume(program: MatrixSets) -> str | None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from workbench.arrays import Array, RealArray
-from workbench.uncertainty.matrix_covers.sets import MatrixSets
-from workbench.uncertainty.matrix_covers.shapes import ctranspose
+from workbench.uncertainty.matrix_sets.sets import MatrixSets
+from workbench.uncertainty.matrix_sets.shapes import ctranspose
 
 
 def size_derivatives(

@@ -6,13 +6,13 @@ import numpy as np
 from scipy.optimize import nnls
 
 from workbench.arrays import Array, RealArray
-from workbench.uncertainty.matrix_covers.sets import MatrixSets
-from workbench.uncertainty.matrix_covers.shapes import (
+from workbench.uncertainty.matrix_sets.sets import MatrixSets
+from workbench.uncertainty.matrix_sets.shapes import (
     ctranspose,
     directions,
     entry_directions,
 )
-from workbench.uncertainty.matrix_covers.size import size_derivatives
+from workbench.uncertainty.matrix_sets.size import size_derivatives
 
 CORRECTIONS = 10
 """Corrections of the multipliers."""

@@ -11,15 +11,15 @@ from functools import cached_property
 import numpy as np
 
 from workbench.arrays import Array, RealArray
-from workbench.uncertainty.matrix_covers.multipliers import balanced_multipliers
-from workbench.uncertainty.matrix_covers.sets import FoundSets, MatrixSets, finished
-from workbench.uncertainty.matrix_covers.shapes import (
+from workbench.uncertainty.matrix_sets.multipliers import balanced_multipliers
+from workbench.uncertainty.matrix_sets.sets import FoundSets, MatrixSets, finished
+from workbench.uncertainty.matrix_sets.shapes import (
     Shape,
     ctranspose,
     directions,
     entry_directions,
 )
-from workbench.uncertainty.matrix_covers.size import size_derivatives
+from workbench.uncertainty.matrix_sets.size import size_derivatives
 
 START = 0.5
 """Largest norm of a deviation in the first sets."""

@@ -19,8 +19,14 @@ from workbench.errors import InputError
 from workbench.heavy_types import Dataset
 from workbench.input_checks import as_array, need_numbers
 from workbench.program import Program
-from workbench.uncertainty.matrix_covers.optimality import SMALLEST, trace_bound, volume_excess
-from workbench.uncertainty.matrix_covers.shapes import Shape, ctranspose, of_shape
+from workbench.uncertainty.matrix_sets.channels import equilibrated
+from workbench.uncertainty.matrix_sets.optimality import (
+    SMALLEST,
+    farthest,
+    trace_bound,
+    volume_excess,
+)
+from workbench.uncertainty.matrix_sets.shapes import Shape, ctranspose, of_shape
 
 Size = Literal["volume", "trace"]
 Centre = Literal["zero", "free"]
@@ -31,8 +37,6 @@ SQUARES_CONTAINED = 1e-7
 """As CONTAINED, for the squares of the second opinion."""
 ALIKE = 64 * EPS
 """Spread of deviations, relative to their size, that is rounding."""
-EQUILIBRATIONS = 30
-"""Rounds that find the sizes of rows and columns."""
 SHAPED = 1e-9
 """Largest part of a weight that is not of its shape, relative."""
 
@@ -49,7 +53,7 @@ class FoundSets:
         Z (F, p, m).
     weights
         Weights (F, N + p m, min(p, m)) that prove that no set is smaller; see
-        `workbench.uncertainty.matrix_covers.optimality`. Zeros prove nothing.
+        `workbench.uncertainty.matrix_sets.optimality`. Zeros prove nothing.
     """
 
     left: Array
@@ -127,8 +131,8 @@ class MatrixSets(Program):
         need_numbers(floor=self.floor)
         if not 0 < self.floor < 1:
             raise InputError(f"floor is {self.floor}; it must lie between 0 and 1")
-        reach = np.abs(given).max(axis=(1, 2, 3))
-        flat = np.abs(self._spread).max(axis=(1, 2, 3)) <= ALIKE * reach
+        size = np.abs(given).max(axis=(1, 2, 3))
+        flat = np.abs(self._spread).max(axis=(1, 2, 3)) <= ALIKE * size
         if flat.any():
             what = "alike" if self.centre == "free" else "zero"
             raise InputError(
@@ -156,27 +160,8 @@ class MatrixSets(Program):
 
     @cached_property
     def channel_sizes(self) -> tuple[RealArray, RealArray]:
-        """Sizes of rows (F, p) and of columns (F, m): entries are at most their products.
-
-        A channel without deviations counts as the smallest of the others. The sizes make the
-        largest entry of each row and of each column 1 (D. Ruiz, "A scaling algorithm
-        to equilibrate both rows and columns norms in matrices", 2001).
-        """
-        entries = np.abs(self._spread).max(axis=1)
-        largest = entries.max(axis=(1, 2), keepdims=True)
-        entries = entries / largest
-        rows, columns = np.ones(entries.shape[:2]), np.ones(entries.shape[::2])
-        for _ in range(EQUILIBRATIONS):
-            scaled = entries / (rows[:, :, None] * columns[:, None])
-            for size, axis in ((rows, 2), (columns, 1)):
-                peak = np.sqrt(scaled.max(axis=axis))
-                size *= np.where(peak > 0, peak, 1.0)
-        for size, axis in ((rows, 2), (columns, 1)):
-            dead = entries.max(axis=axis) == 0
-            least = np.where(dead, np.inf, size).min(axis=1, keepdims=True)
-            size[:] = np.where(dead, least, size)
-        scaled = entries / (rows[:, :, None] * columns[:, None])
-        return rows * scaled.max(axis=(1, 2))[:, None] * largest[:, 0], columns
+        """Sizes of rows (F, p) and of columns (F, m): entries are at most their products."""
+        return equilibrated(np.abs(self._spread).max(axis=1))
 
     @cached_property
     def floors(self) -> Array:
@@ -243,32 +228,9 @@ class MatrixSets(Program):
             size = self.size_of(P, S) / (2 * p * m)
             return np.asarray(size - np.log(np.maximum(bound, SMALLEST)))
         M = P[:, None] @ away @ S[:, None]
-        return volume_excess(M, answer.weights, self.left, self.right, self._reach(P, S, unit))
-
-    def _reach(self, P: Array, S: Array, unit: RealArray) -> tuple[RealArray, RealArray]:
-        """Bounds (F,) on the norms of the logarithms that lead from P, S to those of less volume.
-
-        In units of the channels the floor says |P e_i| |e_j^T S| <= 1 / floor; scale S so that its
-        largest row is 1. Then the norms are bounded, and with Hadamard's inequality, by the volume,
-        so are those of the inverses.
-        """
         rows, columns = self.channel_sizes
-        rows = rows / unit[:, 0]
-        p, m = rows.shape[1], columns.shape[1]
-        P, S = P * rows[:, None], columns[:, :, None] * S
-        row = np.linalg.norm(S, axis=2).max(axis=1)[:, None, None]
-        P, S = P * row, S / row
-        volume = m * np.linalg.slogdet(P)[1] + p * np.linalg.slogdet(S)[1]
-        high = np.log(np.sqrt(p) / self.floor), np.log(np.sqrt(m))
-        low = (
-            volume / m - (p - 1) * high[0],
-            volume / p + m * np.log(self.floor) - (m - 1) * high[1],
-        )
-        found = []
-        for W, top, bottom in zip((P, S), high, low, strict=True):
-            s = np.log(np.linalg.svd(W, compute_uv=False))
-            found.append(np.maximum(np.abs(top - s[:, -1]), np.abs(s[:, 0] - bottom)))
-        return found[0], found[1]
+        room = farthest(P, S, (rows / unit[:, 0], columns), self.floor)
+        return volume_excess(M, answer.weights, self.left, self.right, room)
 
     # --- the check --------------------------------------------------------------------------------
 

@@ -1,0 +1,33 @@
+"""Sizes of the channels of matrices."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workbench.arrays import RealArray
+
+EQUILIBRATIONS = 30
+"""Rounds that find the sizes."""
+
+
+def equilibrated(entries: RealArray) -> tuple[RealArray, RealArray]:
+    """Sizes of rows (F, p) and of columns (F, m) of which products are at least entries (F, p, m).
+
+    They make the largest entry of each row and of each column 1 (D. Ruiz, "A scaling algorithm to
+    equilibrate both rows and columns norms in matrices", 2001). A channel without entries counts as
+    the smallest of the others.
+    """
+    largest = entries.max(axis=(1, 2), keepdims=True)
+    entries = entries / largest
+    rows, columns = np.ones(entries.shape[:2]), np.ones(entries.shape[::2])
+    for _ in range(EQUILIBRATIONS):
+        scaled = entries / (rows[:, :, None] * columns[:, None])
+        for size, axis in ((rows, 2), (columns, 1)):
+            peak = np.sqrt(scaled.max(axis=axis))
+            size *= np.where(peak > 0, peak, 1.0)
+    for size, axis in ((rows, 2), (columns, 1)):
+        dead = entries.max(axis=axis) == 0
+        least = np.where(dead, np.inf, size).min(axis=1, keepdims=True)
+        size[:] = np.where(dead, least, size)
+    scaled = entries / (rows[:, :, None] * columns[:, None])
+    return rows * scaled.max(axis=(1, 2))[:, None] * largest[:, 0], columns
