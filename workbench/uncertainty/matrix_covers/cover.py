@@ -194,12 +194,21 @@ class MatrixCover(Program):
             and all(worst_pole(each)[1] < 0 for each in systems)
         )
 
-    def refined(self) -> Self:
-        """The same program at further frequencies, also beyond, for plants that are known there."""
+    def for_fits(self) -> tuple[Self, RealArray]:
+        """The program at the frequencies of a fit, and the shares (F,) of these in the objective.
+
+        Plants that are known at every frequency have further ones, also beyond the given band,
+        where they do not count.
+        """
         given = self.responses
+        if not self.everywhere:
+            return self, given.shares
         axis = beyond(self.axis)
         omega = angular_frequency(np.union1d(axis, between(axis)), given.dt)
-        return replace(self, responses=MatrixResponses.of_systems(given.known, omega, given.plants))
+        responses = MatrixResponses.of_systems(given.known, omega, given.plants)
+        inside = (omega >= given.omega[0]) & (omega <= given.omega[-1])
+        shares = responses.shares * inside
+        return replace(self, responses=responses), shares / shares.sum()
 
     def deltas(self, model: MatrixModel, response: Any = system_response) -> Array:
         """Delta (F, N, ., .) of every plant."""

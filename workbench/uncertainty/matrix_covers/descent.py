@@ -38,10 +38,7 @@ def descended(
 
     One weight for all channels stands alone in its list.
     """
-    fine = program.refined() if program.everywhere else program
-    band, omega = program.responses.omega[[0, -1]], fine.responses.omega
-    shares = fine.responses.shares * ((omega >= band[0]) & (omega <= band[1]))
-    shares = shares / shares.sum()
+    fine, shares = program.for_fits()
     sides = [_Side(fine.axis, fits) for fits in (left, right)]
     X = _outermost(fine.deviations, [side.logs(side.start)[0] for side in sides])
     start = np.concatenate([side.start for side in sides])

@@ -49,10 +49,7 @@ def smaller_weights(
 
     Raises SolverError where a program has no answer.
     """
-    fine = program.refined() if program.everywhere else program
-    band, omega = program.responses.omega[[0, -1]], fine.responses.omega
-    shares = fine.responses.shares * ((omega >= band[0]) & (omega <= band[1]))
-    shares = shares / shares.sum()
+    fine, shares = program.for_fits()
     left, right = transposed_system(W_1.system), W_2.system
     state, before = _Round(fine, left, right), np.inf
     active = state.near() & np.isin(np.arange(fine.axis.size), thinned(fine.axis.size))[:, None]

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+
 import numpy as np
 
 from workbench.certify.norms import certified_norm
@@ -37,25 +40,13 @@ MOST_RAISES = 8
 @method(MatrixCover, "steps", optimal=False)
 def _steps(program: MatrixCover, context: Context) -> Claim:
     """The smallest sets, then W_2 above theirs, then W_1 above the smallest sets with that W_2."""
-    try:
-        least, W_1, W_2 = _fitted(program, context)
-        model = _reaching(program, W_1.system, W_2.system)
-    except SolverError as error:
-        return None, Outcome.FAILED, str(error)
-    return FoundCover(model, least), Outcome.SOLVED, ""
+    return _improved(program, context, None)
 
 
 @method(MatrixCover, "joint", optimal=False)
 def _joint(program: MatrixCover, context: Context) -> Claim:
     """Both weights together over the poles of "steps": semidefinite programs, a local optimum."""
-    try:
-        least, W_1, W_2 = _fitted(program, context)
-        first = FoundCover(_reaching(program, W_1.system, W_2.system), least)
-        found = smaller_weights(program, W_1, W_2, context)
-        second = FoundCover(_reaching(program, *found), least)
-    except SolverError as error:
-        return None, Outcome.FAILED, str(error)
-    return min(first, second, key=program.objective), Outcome.SOLVED, ""
+    return _improved(program, context, partial(smaller_weights, program, context=context))
 
 
 def _no_full_weight(program: MatrixCover) -> str | None:
@@ -67,15 +58,32 @@ def _no_full_weight(program: MatrixCover) -> str | None:
 @method(MatrixCover, "descent", optimal=False, unfit=_no_full_weight)
 def _descent(program: MatrixCover, context: Context) -> Claim:
     """Quasi-Newton descent over poles and zeros of both weights, from those of "steps"."""
+
+    def moved(W_1: FittedWeight, W_2: FittedWeight) -> tuple[StateSpace, StateSpace]:
+        left, right = descended(program, W_1.fits, W_2.fits, context)
+        rows, columns = program.deviations.shape[2:]
+        return diagonal_weight(left, rows).system, diagonal_weight(right, columns).system
+
+    return _improved(program, context, moved)
+
+
+Improvement = Callable[[FittedWeight, FittedWeight], tuple[StateSpace, StateSpace]]
+"""Function of both weights, in the bilinear plane, that gives others there."""
+
+
+def _improved(program: MatrixCover, context: Context, improvement: Improvement | None) -> Claim:
+    """The cover by "steps", or the one with other weights where that is smaller."""
     try:
         least, W_1, W_2 = _fitted(program, context)
         first = FoundCover(_reaching(program, W_1.system, W_2.system), least)
-        found = descended(program, W_1.fits, W_2.fits, context)
-        sizes = program.deviations.shape[2:]
-        systems = [diagonal_weight(fits, n).system for fits, n in zip(found, sizes, strict=True)]
-        second = FoundCover(_reaching(program, *systems), least)
     except SolverError as error:
         return None, Outcome.FAILED, str(error)
+    if improvement is None:
+        return first, Outcome.SOLVED, ""
+    try:
+        second = FoundCover(_reaching(program, *improvement(W_1, W_2)), least)
+    except SolverError as error:
+        return first, Outcome.SOLVED, f"as by steps: {error}"
     return min(first, second, key=program.objective), Outcome.SOLVED, ""
 
 
