@@ -328,3 +328,15 @@ def test_a_nominal_needs_responses():
         central_nominal(VALUES, 2)
     with pytest.raises(InputError, match="alike"):
         central_nominal(MatrixResponses.of_systems([plant(), plant()], OMEGA), 2)
+
+
+@pytest.mark.parametrize("method", ["steps", "joint", "descent"])
+def test_entries_that_do_not_change_are_covered_to_the_floor(method):
+    """Weights that only reached the plants would vanish there, and their sets be flat."""
+    base, values = system_response(plant(), OMEGA), measured().values.copy()
+    values[:, :, 0, 1], values[:, :, 1] = base[:, None, 0, 1], base[:, None, 1]
+    responses = MatrixResponses(OMEGA, values)
+    program = MatrixCover(responses, plant(), left_order=2, right_order=2)
+    metrics = program.metrics(solved(program, method))
+    assert 1 - 1e-6 <= metrics["inflation_mean"] <= 1.3
+    assert metrics["radius_mean_least"] > 1e-4

@@ -184,6 +184,12 @@ class MatrixCover(Program):
         """The program of the smallest sets at each frequency."""
         return MatrixSets(self.deviations, self.left, self.right, floor=self.floor)
 
+    @cached_property
+    def covered(self) -> Array:
+        """X of every plant, and the floor: what weights are fitted to."""
+        rows, columns = self.deviations.shape[2:]
+        return self.sets.away(np.zeros((len(self.deviations), rows, columns)))
+
     @property
     def everywhere(self) -> bool:
         """Whether the plants are covered at every frequency: known, stable, and additive."""

@@ -40,7 +40,7 @@ def descended(
     """
     fine, shares = program.for_fits()
     sides = [_Side(fine.axis, fits) for fits in (left, right)]
-    X = _outermost(fine.deviations, [side.logs(side.start)[0] for side in sides])
+    X = _outermost(fine.covered, [side.logs(side.start)[0] for side in sides])
     start = np.concatenate([side.start for side in sides])
     ends = np.cumsum([side.start.size for side in sides])
 

@@ -96,7 +96,7 @@ def _fitted(program: MatrixCover, context: Context) -> tuple[FoundSets, FittedWe
     else:
         squares = ctranspose(least.right) @ least.right
         W_2 = right_weight(program.axis, squares, program.right, program.right_order, context)
-    X = program.deviations @ np.linalg.inv(system_response(W_2.system, program.axis))[:, None]
+    X = program.covered @ np.linalg.inv(system_response(W_2.system, program.axis))[:, None]
     rest = _sets(MatrixSets(X, program.left, "scalar", floor=program.floor), context)
     squares = rest.left @ ctranspose(rest.left)
     W_1 = left_weight(program.axis, squares, program.left, program.left_order, context)
@@ -134,7 +134,9 @@ def _reaching(program: MatrixCover, W_1: StateSpace, W_2: StateSpace) -> MatrixM
 
 def _need(program: MatrixCover, model: MatrixModel) -> float:
     """The largest norm of a Delta of the model, proven for every frequency where it can be."""
-    need = float(np.linalg.norm(program.deltas(model), 2, axis=(2, 3)).max())
+    W_1, W_2 = (system_response(W, program.responses.omega) for W in (model.W_1, model.W_2))
+    deltas = np.linalg.solve(W_1[:, None], program.covered) @ np.linalg.inv(W_2)[:, None]
+    need = float(np.linalg.norm(deltas, 2, axis=(2, 3)).max())
     if program.everywhere:
         need = max(need, *(certified_norm(delta) for delta in program.known_deltas(model)))
     return need
