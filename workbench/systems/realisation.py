@@ -48,3 +48,9 @@ def realisation(matrices: Matrices, dt: float, **labels: Any) -> StateSpace:
     import control
 
     return control.StateSpace(*matrices, dt, remove_useless_states=False, **labels)
+
+
+def transposed_system(system: StateSpace) -> StateSpace:
+    """The system with the transposed transfer matrix, with every state kept."""
+    A, B, C, D = system.A, system.B, system.C, system.D
+    return realisation((A.T, C.T, B.T, D.T), float(system.dt or 0.0))

@@ -14,14 +14,12 @@ from scipy.optimize import least_squares
 
 from workbench.arrays import Array, ComplexArray, RealArray
 from workbench.errors import InputError
-from workbench.fitting.rational import conjugate_pairs
 from workbench.fitting.response.numerator import real_over_imaginary
 from workbench.fitting.response.vector_fitting import (
-    blockwise_least_squares,
-    fractions_realisation,
     off_the_axis,
     partial_fractions,
     real_groups,
+    relocated_poles,
     spread_poles,
 )
 from workbench.fitting.samples import as_count, as_frequencies
@@ -94,15 +92,7 @@ def _relocated(x: RealArray, values: Array, weight: RealArray, order: int) -> Co
             columns = real_over_imaginary(target[:, None] * fractions)
             rows.append(columns - basis @ (basis.T @ columns))
         scale = np.linalg.norm(targets) / len(x)
-        rows.append((scale * fractions.real.sum(axis=0))[None])
-        stacked = np.vstack(rows)
-        right = np.append(np.zeros(len(stacked) - 1), scale * len(x))
-        size = np.linalg.norm(stacked, axis=0)
-        size[size == 0] = 1.0
-        solution = blockwise_least_squares(stacked / size, right) / size
-        constant = np.copysign(max(abs(solution[-1]), 1e-8), solution[-1])
-        A, b = fractions_realisation(groups)
-        moved = conjugate_pairs(np.linalg.eigvals(A - np.outer(b, solution[:-1] / constant)))
+        moved = relocated_poles(np.vstack(rows), scale, fractions, groups)
         poles = off_the_axis(-np.abs(moved.real) + 1j * moved.imag, x)
     return poles
 

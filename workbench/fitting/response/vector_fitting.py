@@ -110,7 +110,7 @@ def _foremost(program: ResponseFit, poles: ComplexArray) -> ComplexArray:
     groups = real_groups(poles)
     columns = [partial_fractions(group, data.omega) for group in groups]
     basis = data.weight[:, None] * np.hstack([*columns, np.ones((data.omega.size, 1))])
-    solution = blockwise_least_squares(
+    solution = _least_squares(
         real_over_imaginary(basis), real_over_imaginary(data.weight * data.response)
     )
     ends = np.cumsum([0, *(len(group) for group in groups)])
@@ -173,15 +173,25 @@ def _relocate(
     )
     columns = real_over_imaginary(target[:, None] * fractions)
     columns -= basis @ (basis.T @ columns)
-    weight = np.linalg.norm(target) / x.size
+    return relocated_poles(columns, np.linalg.norm(target) / x.size, fractions, groups)
+
+
+def relocated_poles(
+    columns: RealArray, weight: Any, fractions: ComplexArray, groups: list[ComplexArray]
+) -> ComplexArray:
+    """The zeros of the denominator with the least error ``columns`` times its coefficients.
+
+    ``fractions`` (F, k + 1) are those of the present poles and 1; their sum of values, times the
+    weight, is fixed (relaxation).
+    """
     rows = np.vstack([columns, weight * fractions.real.sum(axis=0)])
-    right = np.append(np.zeros(len(columns)), weight * x.size)
+    right = np.append(np.zeros(len(columns)), weight * len(fractions))
     size = np.linalg.norm(rows, axis=0)
     size[size == 0] = 1.0
-    solution = blockwise_least_squares(rows / size, right) / size
+    solution = _least_squares(rows / size, right) / size
     share, constant = solution[:-1], solution[-1]
     constant = np.copysign(max(abs(constant), 1e-8), constant)
-    matrix, column = fractions_realisation(groups)
+    matrix, column = _realisation(groups)
     return conjugate_pairs(np.linalg.eigvals(matrix - np.outer(column, share / constant)))
 
 
@@ -220,7 +230,7 @@ def partial_fractions(group: ComplexArray, x: RealArray) -> ComplexArray:
     return np.column_stack([one + other, 1j * (one - other)])
 
 
-def fractions_realisation(groups: list[ComplexArray]) -> tuple[RealArray, RealArray]:
+def _realisation(groups: list[ComplexArray]) -> tuple[RealArray, RealArray]:
     """A and b of a system whose states are the partial fractions."""
     from scipy.linalg import block_diag
 
@@ -233,7 +243,7 @@ def fractions_realisation(groups: list[ComplexArray]) -> tuple[RealArray, RealAr
     return block_diag(*blocks), np.concatenate([np.zeros(0), *entries])
 
 
-def blockwise_least_squares(rows: RealArray, right: RealArray) -> RealArray:
+def _least_squares(rows: RealArray, right: RealArray) -> RealArray:
     """Least-squares solution by QR decompositions of blocks, then of their triangles, and so on.
 
     The blocks are so small that each uses one thread: on a tall matrix the threads of a

@@ -26,7 +26,7 @@ from workbench.structure import Full, Structure
 from workbench.systems.balancing import balanced, singular
 from workbench.systems.bilinear import bilinear_continuous
 from workbench.systems.conversion import as_system
-from workbench.systems.realisation import realisation
+from workbench.systems.realisation import realisation, transposed_system
 from workbench.systems.riccati import right_factors
 from workbench.uncertainty.algebra.system import uncertain
 
@@ -89,7 +89,9 @@ def nu_gap(first: Any, second: Any, tolerance: float = 1e-4) -> NuGap:
     if period:
         P1, P2 = bilinear_continuous(P1), bilinear_continuous(P2)
     G1, G2 = right_factors(P1, "first"), right_factors(P2, "second")
-    left = _transposed(right_factors(_transposed(P2), "second"))  # [N2 M2] from the left
+    left = transposed_system(
+        right_factors(transposed_system(P2), "second")
+    )  # [N2 M2] from the left
     p, m = P1.noutputs, P1.ninputs
     # N2 M1 - M2 N1, the first from the left
     turn = np.block([[np.zeros((m, p)), np.eye(m)], [-np.eye(p), np.zeros((p, m))]])
@@ -141,7 +143,3 @@ def _winds_not(G1: StateSpace, G2: StateSpace) -> bool | None:
     if not (right | left).all():
         return None
     return int(right.sum()) == G2.nstates
-
-
-def _transposed(G: StateSpace) -> StateSpace:
-    return realisation((G.A.T, G.C.T, G.B.T, G.D.T), 0.0)

@@ -129,7 +129,7 @@ def loop_margins(
         groups["all"] = dict(enumerate(names))
     scalar = G * K if m == p == 1 else None
     loops = {
-        name: scalar.nominal if scalar is not None else _opened(nominal, k)
+        name: scalar.nominal if scalar is not None else opened_channel(nominal, k)
         for k, name in channels.items()
     }
 
@@ -207,7 +207,7 @@ def _names(inputs: int, outputs: int) -> list[str]:
     ]
 
 
-def _opened(returned: UncertainSystem, channel: int) -> StateSpace:
+def opened_channel(returned: UncertainSystem, channel: int) -> StateSpace:
     """L of a channel, from S - 1: the other channels stay closed."""
     closed = returned[[channel], [channel]].nominal
     # v = (S - 1) q = -L (v + q), so L = -(S - 1) / S, by positive feedback of what is returned.

@@ -22,13 +22,14 @@ from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.input_checks import need_count, need_tolerance
 from workbench.mu.boxes.margin import BoxMargin, LastGrowing, box_margin
-from workbench.mu.boxes.recentred import RealParameters, real_perturbation
+from workbench.mu.boxes.recentred import RealParameters
 from workbench.mu.frequency.channels import even_channels
-from workbench.mu.margins.loop import matched_loop
-from workbench.mu.margins.set_delay import DelayBounds, delay_bounds, member_delay
+from workbench.mu.margins.classical import classical_margins
+from workbench.mu.margins.loop import matched_loop, opened_channel
+from workbench.mu.margins.set_delay import DelayBounds, delay_bounds
 from workbench.structure import Block, Complex, Full, Real, Structure
 from workbench.systems.realisation import realisation
-from workbench.uncertainty.algebra.system import UncertainSystem
+from workbench.uncertainty.algebra.system import UncertainSystem, uncertain
 
 LARGEST_CHANGE = 1e3
 """Largest t of a gain that is looked for."""
@@ -104,7 +105,7 @@ def set_margins(
         turn = bounded(*_with_phase(loop, k), LARGEST_TURN)
         late = delay_bounds(
             parameters(*_with_delay(loop, k)),
-            partial(_delay_of, loop, _channel(loop, k)),
+            partial(_delay_of, loop, k),
             tolerance,
             parts,
         )
@@ -121,7 +122,11 @@ def set_margins(
             math.degrees(2 * math.atan(turn.upper)) if turn.values is not None else math.inf,
             late.lower,
             late.upper,
-            {kind: _plant(loop, one) for kind, one in kinds.items() if one.values is not None},
+            {
+                kind: _plant(loop, one.values)
+                for kind, one in kinds.items()
+                if one.values is not None
+            },
         )
     return found
 
@@ -183,9 +188,10 @@ def _turned(loop: UncertainSystem, channel: int, series: RealArray) -> tuple[Sta
     return realisation((A, B, C, D), one.dt), structure
 
 
-def _delay_of(loop: UncertainSystem, channel: StateSpace, values: RealArray) -> float:
+def _delay_of(loop: UncertainSystem, channel: int, values: RealArray) -> float:
     """Delay margin [s] of the member with normalised values of the real parameters."""
-    return member_delay(channel, real_perturbation(loop.structure, values))
+    member = uncertain(loop.at(**_plant(loop, values)))
+    return float(classical_margins(opened_channel(member, channel)).delay)
 
 
 def _doubled(block: Block) -> Block:
@@ -198,12 +204,11 @@ def _doubled(block: Block) -> Block:
     return Complex(2 * block.n, block.name)
 
 
-def _plant(loop: UncertainSystem, margin: BoxMargin | DelayBounds) -> dict[str, float]:
+def _plant(loop: UncertainSystem, values: RealArray) -> dict[str, float]:
     """The plant's parameters in a perturbation, by name."""
-    assert margin.values is not None
     real = [
         one
         for one, block in zip(loop.elements.values(), loop.structure, strict=True)
         if isinstance(block, Real)
     ]
-    return {one.name: float(one.value(v)) for one, v in zip(real, margin.values, strict=False)}
+    return {one.name: float(one.value(v)) for one, v in zip(real, values, strict=False)}

@@ -18,12 +18,9 @@ import numpy as np
 
 from workbench.arrays import RealArray
 from workbench.certify.stable_system import angular_frequency, bilinear_frequency
-from workbench.heavy_types import StateSpace
 from workbench.mu.boxes.bands import WHOLE, Band
 from workbench.mu.boxes.partition import BoxPart, Partition, corner_signs, effects_in
 from workbench.mu.boxes.recentred import RealParameters
-from workbench.mu.margins.classical import classical_margins
-from workbench.systems.realisation import realisation
 
 FIRST_PARTS = 24
 """Parts of the box from which the frequencies are found at which some plant can be turned to -1."""
@@ -46,22 +43,6 @@ class DelayBounds:
     lower: float
     upper: float
     values: RealArray | None
-
-
-def member_delay(channel: StateSpace, Delta: RealArray) -> float:
-    """Delay margin [s] of a member, from what is added in a channel to what returns there."""
-    rows, columns = Delta.shape
-    loop = np.linalg.inv(np.eye(columns) - channel.D[:columns, :rows] @ Delta)
-    B, C, D = channel.B, channel.C, channel.D
-    into, out = B[:, :rows] @ Delta @ loop, D[columns:, :rows] @ Delta @ loop
-    A = channel.A + into @ C[:columns]
-    b = B[:, rows:] + into @ D[:columns, rows:]
-    c = C[columns:] + out @ C[:columns]
-    d = D[columns:, rows:] + out @ D[:columns, rows:]
-    # -L / (1 + L) returns: the loop itself is minus that over 1 plus it
-    back = np.linalg.inv(np.eye(len(d)) + d)
-    opened = realisation((A - b @ back @ c, b @ back, -back @ c, -d @ back), channel.dt)
-    return float(classical_margins(opened).delay)
 
 
 def delay_bounds(

@@ -45,7 +45,7 @@ from workbench.uncertainty.matrix_covers.model import MatrixModel
 from workbench.uncertainty.matrix_covers.responses import MatrixResponses, system_response
 from workbench.uncertainty.matrix_covers.weights import inverse_weight
 from workbench.uncertainty.matrix_sets.sets import CONTAINED, SHAPED, FoundSets, MatrixSets
-from workbench.uncertainty.matrix_sets.shapes import Shape
+from workbench.uncertainty.matrix_sets.shapes import Shape, between_weights
 
 KEEPING_SIDES: tuple[MatrixForm, ...] = ("additive", "input", "output")
 """Forms of which all plants have as many unstable poles as the nominal."""
@@ -221,8 +221,7 @@ class MatrixCover(Program):
         omega = self.responses.omega
         X = self.deviations if response is system_response else self._residuals(response)
         W_1, W_2 = response(model.W_1, omega), response(model.W_2, omega)
-        found: Array = np.linalg.solve(W_1[:, None], X) @ np.linalg.inv(W_2)[:, None]
-        return found
+        return between_weights(W_1, X, W_2)
 
     def known_deltas(self, model: MatrixModel) -> list[StateSpace]:
         """Delta of every known plant, as systems."""

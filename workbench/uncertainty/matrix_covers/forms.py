@@ -18,7 +18,7 @@ from workbench.arrays import Array
 from workbench.errors import InputError
 from workbench.heavy_types import StateSpace
 from workbench.systems.bilinear import bilinear_continuous, bilinear_sampled
-from workbench.systems.realisation import realisation
+from workbench.systems.realisation import realisation, transposed_system
 from workbench.systems.riccati import right_factors
 
 MatrixForm = Literal[
@@ -87,8 +87,7 @@ def left_factors(nominal: StateSpace) -> StateSpace:
     """[N, M] with G0 = M^-1 N and N N~ + M M~ = I, both stable, on the states of G0."""
     period = float(nominal.dt or 0.0)
     plane = bilinear_continuous(nominal) if period else nominal
-    right = right_factors(realisation((plane.A.T, plane.C.T, plane.B.T, plane.D.T), 0.0), "nominal")
-    left = realisation((right.A.T, right.C.T, right.B.T, right.D.T), 0.0)
+    left = transposed_system(right_factors(transposed_system(plane), "the nominal"))
     return bilinear_sampled(left, period) if period else left
 
 

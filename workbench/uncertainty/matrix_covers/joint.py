@@ -16,17 +16,14 @@ import numpy as np
 from workbench.arrays import Array, RealArray
 from workbench.executor import Context
 from workbench.heavy_types import StateSpace
+from workbench.systems.realisation import transposed_system
 from workbench.uncertainty.covers.weights import CONSTANT_DECADES, beyond
 from workbench.uncertainty.matrix_covers.cover import MatrixCover
 from workbench.uncertainty.matrix_covers.responses import system_response
 from workbench.uncertainty.matrix_covers.semidefinite import Inequality, least
 from workbench.uncertainty.matrix_covers.squares import ShapedSquare
-from workbench.uncertainty.matrix_covers.weights import (
-    FittedWeight,
-    thinned,
-    transposed_system,
-)
-from workbench.uncertainty.matrix_sets.shapes import ctranspose
+from workbench.uncertainty.matrix_covers.weights import FittedWeight, thinned
+from workbench.uncertainty.matrix_sets.shapes import between_weights, ctranspose
 
 ROUNDS = 6
 """Most slopes of the volume."""
@@ -78,7 +75,7 @@ class _Round:
         self.inside = slice(CONSTANT_DECADES, len(self.grid) - CONSTANT_DECADES)
         self.W = system_response(left, self.grid), system_response(right, self.grid)
         W_1, W_2 = self.W[0][self.inside].swapaxes(-2, -1), self.W[1][self.inside]
-        M = np.linalg.solve(W_1[:, None], program.covered) @ np.linalg.inv(W_2)[:, None]
+        M = between_weights(W_1, program.covered, W_2)
         self.norms = np.linalg.norm(M, 2, axis=(2, 3))
         self.scale = self.norms.max()
         self.M = M / self.scale

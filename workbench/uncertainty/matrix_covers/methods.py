@@ -29,7 +29,7 @@ from workbench.uncertainty.matrix_covers.weights import (
     right_weight,
 )
 from workbench.uncertainty.matrix_sets.sets import FoundSets, MatrixSets
-from workbench.uncertainty.matrix_sets.shapes import ctranspose
+from workbench.uncertainty.matrix_sets.shapes import between_weights, ctranspose
 
 GAIN_MARGIN = 1e-9
 """Relative excess of a gain over the one needed."""
@@ -135,7 +135,7 @@ def _reaching(program: MatrixCover, W_1: StateSpace, W_2: StateSpace) -> MatrixM
 def _need(program: MatrixCover, model: MatrixModel) -> float:
     """The largest norm of a Delta of the model, proven for every frequency where it can be."""
     W_1, W_2 = (system_response(W, program.responses.omega) for W in (model.W_1, model.W_2))
-    deltas = np.linalg.solve(W_1[:, None], program.covered) @ np.linalg.inv(W_2)[:, None]
+    deltas = between_weights(W_1, program.covered, W_2)
     need = float(np.linalg.norm(deltas, 2, axis=(2, 3)).max())
     if program.everywhere:
         need = max(need, *(certified_norm(delta) for delta in program.known_deltas(model)))

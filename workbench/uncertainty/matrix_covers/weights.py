@@ -15,7 +15,7 @@ from workbench.arrays import Array, RealArray
 from workbench.executor import Context
 from workbench.fitting.rational import Rational
 from workbench.heavy_types import StateSpace
-from workbench.systems.realisation import realisation
+from workbench.systems.realisation import realisation, transposed_system
 from workbench.uncertainty.covers.weights import CONSTANT_DECADES, beyond, complex_weight
 from workbench.uncertainty.matrix_covers.semidefinite import least
 from workbench.uncertainty.matrix_covers.squares import ShapedSquare
@@ -80,11 +80,6 @@ def left_weight(
     """As `right_weight`, with W W^* >= squares."""
     found = right_weight(omega, squares.conj(), shape, order, context)
     return FittedWeight(transposed_system(found.system), found.poles, found.fits)
-
-
-def transposed_system(W: StateSpace) -> StateSpace:
-    """The system with the transposed transfer matrix."""
-    return realisation((W.A.T, W.C.T, W.B.T, W.D.T), float(W.dt or 0.0))
 
 
 def inverse_weight(W: StateSpace) -> StateSpace:

@@ -171,10 +171,7 @@ class BarrierSets:
         if len(self.z):
             Z = Z + np.linalg.solve(P, z) @ np.linalg.inv(S)
         P, S = left @ P, S @ right
-        away = np.concatenate(
-            [self.program.deviations[at] - Z[:, None], self.program.floors[at]], axis=1
-        )
-        return P, S, Z, P[:, None] @ away @ S[:, None]
+        return P, S, Z, P[:, None] @ self.program.away(Z, at) @ S[:, None]
 
     def found(self) -> FoundSets:
         """The sets, with the multipliers of the barrier's minimum as weights of a proof."""

@@ -173,9 +173,12 @@ class MatrixSets(Program):
         found: Array = (unit * size[:, None]).astype(complex)
         return found.reshape(F, p * m, p, m)
 
-    def away(self, centre: Array) -> Array:
-        """What sets about a centre (F, p, m) contain: deviations from it, and the floor."""
-        return np.concatenate([self.deviations - centre[:, None], self.floors], axis=1)
+    def away(self, centre: Array, at: np.ndarray | slice = slice(None)) -> Array:
+        """What sets about a centre (f, p, m) contain: deviations from it, and the floor.
+
+        ``at`` are the numbers (f,) of frequencies; else it is all of them.
+        """
+        return np.concatenate([self.deviations[at] - centre[:, None], self.floors[at]], axis=1)
 
     def size_of(self, P: Array, S: Array) -> RealArray:
         """2 p m times the logarithm of the size (F,) of sets with inverse weights P and S."""

@@ -51,3 +51,9 @@ def entry_directions(p: int, m: int) -> Array:
 def ctranspose(matrices: Array) -> Array:
     """Conjugate transposes of matrices (..., p, m)."""
     return matrices.conj().swapaxes(-2, -1)
+
+
+def between_weights(left: Array, X: Array, right: Array) -> Array:
+    """W_1^-1 X W_2^-1 (F, N, p, m) of matrices X (F, N, p, m), for W_1 (F, p, p), W_2 (F, m, m)."""
+    found: Array = np.linalg.solve(left[:, None], X) @ np.linalg.inv(right)[:, None]
+    return found
