@@ -19,6 +19,8 @@ import numpy as np
 from workbench.executor import Context
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
+from workbench.uncertainty.matrix_sets.loop import loop_in_unit
+from workbench.uncertainty.matrix_sets.multipliers import balanced
 from workbench.uncertainty.matrix_sets.newton import BarrierSets
 from workbench.uncertainty.matrix_sets.sets import MatrixSets
 
@@ -37,17 +39,18 @@ GAP_SHARE = 0.3
 def _barrier(program: MatrixSets, context: Context) -> Claim:
     """Interior-point method along geodesics, all frequencies at once."""
     unit = 2.0 ** np.round(np.log2(np.abs(program.deviations).max(axis=(1, 2, 3), keepdims=True)))
-    state = BarrierSets(replace(program, deviations=program.deviations / unit))
+    scaled = replace(program, deviations=program.deviations / unit)
+    if program.loop is not None:  # X / unit closes the same loops as X
+        rows = program.deviations.shape[2]
+        scaled = replace(scaled, loop=loop_in_unit(program.loop, unit[:, 0], rows))
+    state = BarrierSets(scaled)
     count = state.constraints
     goal = GAP_SHARE * context.options.accuracy * 2 * state.p * state.m / count
     for mu in context.track(list(_weights(goal)), "barriers"):
         state.minimise(mu, DECREMENT if mu == goal else NEAR_ENOUGH)
     found, unit = state.found(), unit[:, 0]
-    return (
-        replace(found, left=found.left * unit, centre=found.centre * unit),
-        Outcome.SOLVED,
-        "",
-    )
+    found = replace(found, left=found.left * unit, centre=found.centre * unit)
+    return balanced(program, found), Outcome.SOLVED, ""
 
 
 def _weights(goal: float) -> Iterator[float]:

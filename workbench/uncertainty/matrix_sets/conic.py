@@ -14,14 +14,16 @@ from workbench.arrays import Array
 from workbench.executor import Context
 from workbench.program import Claim, conic_method
 from workbench.solvers import ConicSolver, Outcome, solve_conic
-from workbench.uncertainty.matrix_sets.multipliers import touching_multipliers
-from workbench.uncertainty.matrix_sets.sets import MatrixSets, finished
+from workbench.uncertainty.matrix_sets.finish import finished
+from workbench.uncertainty.matrix_sets.multipliers import touching
+from workbench.uncertainty.matrix_sets.sets import MatrixSets
 from workbench.uncertainty.matrix_sets.shapes import Shape
 
 
 def _no_volume(program: MatrixSets) -> str | None:
     """Why it is no cone program; None where it is."""
-    return "the volume is not convex in L and R; take barrier" if program.size == "volume" else None
+    fit = program.size == "trace"
+    return None if fit else f"the {program.size} is not convex in L and R; take barrier"
 
 
 @conic_method(MatrixSets, optimal=False, unfit=_no_volume)
@@ -40,8 +42,8 @@ def _conic(program: MatrixSets, context: Context, solver: ConicSolver) -> Claim:
             return None, Outcome.FAILED, f"frequency number {f}: {said}"
         outcome = outcome if one is Outcome.SOLVED else one
         P[f], S[f], Z[f] = statement.answer()
-    weights = touching_multipliers(program, P, S, Z)
-    return finished(program, P, S, Z, weights), outcome, said
+    none = np.zeros((F, N, min(p, m)))
+    return touching(program, finished(program, P, S, Z, none)), outcome, said
 
 
 class _Statement:

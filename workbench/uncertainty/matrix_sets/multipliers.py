@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.optimize import nnls
 
 from workbench.arrays import Array, RealArray
-from workbench.uncertainty.matrix_sets.sets import MatrixSets
+from workbench.uncertainty.matrix_sets.loop import loop_directions
+from workbench.uncertainty.matrix_sets.optimality import InUnits
+from workbench.uncertainty.matrix_sets.sets import FoundSets, MatrixSets
 from workbench.uncertainty.matrix_sets.shapes import (
     ctranspose,
     directions,
@@ -20,39 +24,66 @@ TOUCHING = 1e-5
 """Distance of a norm from the largest one, relative, at which a set touches what it contains."""
 
 
-def balanced_multipliers(
-    program: MatrixSets, P: Array, S: Array, Z: Array, weights: RealArray
-) -> RealArray:
-    """Multipliers (F, N, r) changed so little that they meet the equations of a minimum.
+def balanced(program: MatrixSets, found: FoundSets) -> FoundSets:
+    """The sets with multipliers changed so little that they meet the equations of a minimum.
 
     A solver leaves an error in them, which is larger the nearer its sets come to what they contain.
     The change is the least relative to the multipliers.
     """
-    equations, wanted, _ = _equations(program, P, S, Z)
-    steps = -np.diff(weights, axis=-1, append=0.0).reshape(len(wanted), -1)
+    within = program.in_units(found)
+    equations, wanted, _ = _equations(program, within)
+    steps = _steps_of(found.weights).reshape(len(wanted), -1)
+    count = steps.shape[1]
+    if found.of_loop is not None:
+        steps = np.concatenate([steps, _steps_of(found.of_loop[:, 2:])], axis=1)
     reached = np.einsum("fdk,fk->fd", equations, steps)
-    steps = steps * (wanted.max(axis=1) / reached.max(axis=1))[:, None]
+    steps = steps * (np.abs(wanted).max(axis=1) / np.abs(reached).max(axis=1))[:, None]
     for _ in range(CORRECTIONS):
         reached = np.einsum("fdk,fk->fd", equations, steps)
         change = np.linalg.pinv(equations * steps[:, None]) @ (wanted - reached)[..., None]
         steps = steps * np.maximum(1 + change[..., 0], 0.0)
-    return _summed(steps.reshape(weights.shape))
+    found = replace(found, weights=_summed(steps[:, :count].reshape(found.weights.shape)))
+    if found.of_loop is None:
+        return found
+    of_loop = np.concatenate([found.of_loop[:, :2], _summed(steps[:, count:])], axis=1)
+    return replace(found, of_loop=of_loop)
 
 
-def touching_multipliers(program: MatrixSets, P: Array, S: Array, Z: Array) -> RealArray:
-    """Multipliers (F, N, r) that meet the equations of a minimum best, of what the sets touch."""
-    equations, wanted, slack = _equations(program, P, S, Z)
+def _with_loop(
+    program: MatrixSets, equations: RealArray, wanted: RealArray, K: Array
+) -> tuple[RealArray, RealArray]:
+    """Equations and right sides with those of the loop's level and scaling, and its unknowns."""
+    p, m = program.deviations.shape[2:]
+    A, B = directions(program.left, p), directions(program.right, m)
+    left, right = loop_directions(K.shape[1:], A, B)
+    u, _, vh = np.linalg.svd(K, full_matrices=False)
+    v = ctranspose(vh)
+    columns = np.einsum("fir,dij,fjr->fdr", u.conj(), left, u).real
+    columns += np.einsum("fir,dij,fjr->fdr", v.conj(), right, v).real
+    more = len(left) - equations.shape[1]
+    padding = ((0, 0), (0, more), (0, 0))
+    found = np.concatenate([np.pad(equations, padding), columns.cumsum(axis=-1)], axis=2)
+    wanted = np.pad(wanted, padding[:2])
+    wanted[:, equations.shape[1]] = -2.0 * p * m
+    return found, wanted
+
+
+def _steps_of(weights: RealArray) -> RealArray:
+    """Falls of multipliers from one singular value to the next smaller one."""
+    return -np.diff(weights, axis=-1, append=0.0)
+
+
+def touching(program: MatrixSets, found: FoundSets) -> FoundSets:
+    """The sets with multipliers that meet the equations best, of what the sets touch."""
+    equations, wanted, slack = _equations(program, program.in_units(found))
     steps = np.zeros(slack.shape)
     for f, (columns, target) in enumerate(zip(equations, wanted, strict=True)):
         active = slack[f] <= TOUCHING
         steps[f, active] = nnls(columns[:, active], target)[0]
-    F, N, p, m = len(P), program.deviations.shape[1], len(P[0]), len(S[0])
-    return _summed(steps.reshape(F, N + p * m, min(p, m)))
+    return replace(found, weights=_summed(steps.reshape(found.weights.shape)))
 
 
-def _equations(
-    program: MatrixSets, P: Array, S: Array, Z: Array
-) -> tuple[RealArray, RealArray, RealArray]:
+def _equations(program: MatrixSets, within: InUnits) -> tuple[RealArray, RealArray, RealArray]:
     """Equations (F, d, N r) and right sides (F, d) of multipliers, and by how little none touches.
 
     The unknowns are the steps of the multipliers from one singular value to the next smaller one,
@@ -61,8 +92,7 @@ def _equations(
     """
     F, moving, p, m = program.deviations.shape
     A, B = directions(program.left, p), directions(program.right, m)
-    M = P[:, None] @ program.away(Z) @ S[:, None]
-    u, s, vh = np.linalg.svd(M, full_matrices=False)
+    u, s, vh = np.linalg.svd(within.M, full_matrices=False)
     v = ctranspose(vh)
     values = [
         np.einsum("fkir,dij,fkjr->fdkr", u.conj(), A, u).real,
@@ -73,10 +103,12 @@ def _equations(
         across[:, :, moving:] = 0.0  # the floor moves with the centre
         values.append(across)
     equations = np.concatenate(values, axis=1).cumsum(axis=-1).reshape(F, -1, s[0].size)
-    slope, _ = size_derivatives(program, P, S, A, B)
+    slope, _ = size_derivatives(program, within.P, within.S, A, B)
     wanted = np.zeros(equations.shape[:2])
     wanted[:, : slope.shape[1]] = -slope
     slack = 1 - s / s.max(axis=(1, 2), keepdims=True)
+    if within.K is not None:
+        equations, wanted = _with_loop(program, equations, wanted, within.K)
     return equations, wanted, slack.reshape(F, -1)
 
 

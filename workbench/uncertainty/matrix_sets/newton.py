@@ -6,13 +6,16 @@ with A and B Hermitian: P to exp(A) P, S to S exp(B), Z to Z + P^-1 z S^-1.
 
 from __future__ import annotations
 
+from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
 
 from workbench.arrays import Array, RealArray
-from workbench.uncertainty.matrix_sets.multipliers import balanced_multipliers
-from workbench.uncertainty.matrix_sets.sets import FoundSets, MatrixSets, finished
+from workbench.uncertainty.matrix_sets.finish import finished
+from workbench.uncertainty.matrix_sets.log_det import log_det_derivatives, log_det_value
+from workbench.uncertainty.matrix_sets.loop import LoopBarrier, loop_level
+from workbench.uncertainty.matrix_sets.sets import FoundSets, MatrixSets
 from workbench.uncertainty.matrix_sets.shapes import (
     Shape,
     ctranspose,
@@ -35,41 +38,71 @@ FLAT = 1e-15
 """Least curvature, relative to the largest: what is less is rounding."""
 
 
+@dataclass
+class Point:
+    """Inverse weights P and S, centres Z, what is contained M, and loops K with their scalings.
+
+    The first axis of each array is frequency. Without a loop K is empty.
+    """
+
+    P: Array
+    S: Array
+    Z: Array
+    M: Array
+    gamma: RealArray
+    delta: RealArray
+    K: Array
+
+    def __getitem__(self, at: np.ndarray) -> Point:
+        return Point(*(getattr(self, each.name)[at] for each in fields(self)))
+
+    def put(self, at: np.ndarray, other: Point) -> None:
+        """Replace what stands at these frequencies."""
+        for each in fields(self):
+            getattr(self, each.name)[at] = getattr(other, each.name)
+
+
 class BarrierSets:
     """Inverse weights and centres at all frequencies, moved by Newton steps."""
 
     def __init__(self, program: MatrixSets) -> None:
         self.program = program
-        self.F, self.moving, self.p, self.m = program.deviations.shape
-        self.N = self.moving + self.p * self.m
-        self.constraints = self.N * min(self.p, self.m)
+        F, self.moving, self.p, self.m = program.deviations.shape
         self.A = directions(program.left, self.p)
         self.B = directions(program.right, self.m)
         free = program.centre == "free"
         self.z = entry_directions(self.p, self.m)[: None if free else 0]
-        self.Z = program.deviations.mean(axis=1) * float(free)
+        self.plain = len(self.A) + len(self.B) + len(self.z)
+        Z = program.deviations.mean(axis=1) * float(free)
         rows, columns = program.channel_sizes
-        self.P, self.S = _inverse(rows, program.left), _inverse(columns, program.right)
-        self.M = self.P[:, None] @ program.away(self.Z) @ self.S[:, None]
-        self._scale_to(START)
+        P, S = _inverse(rows, program.left), _inverse(columns, program.right)
+        M = P[:, None] @ program.away(Z) @ S[:, None]
+        factor = (START / np.linalg.norm(M, 2, axis=(-2, -1)).max(axis=1))[:, None, None]
+        P, M = P * factor, M * factor[:, None]
+        self.loop = None
+        gamma, delta, K = np.zeros(F), np.zeros(F), np.zeros((F, 0, 0), complex)
+        if program.loop is not None:
+            self.loop = LoopBarrier(program.loop, self.A, self.B)
+            gamma, delta = loop_level(program.loop, P, S)
+            gamma = gamma - np.log(START)
+            K = self.loop.at(slice(None), P, S, gamma, delta)
+        self.point = Point(P, S, Z, M, gamma, delta, K)
+        self.count = self.plain + (self.loop.count if self.loop else 0)
+        self.constraints = M.shape[1] * min(self.p, self.m) + min(K.shape[1:])
 
     @cached_property
     def _idle(self) -> RealArray:
         """Projection (d, d) on the direction that makes W_1 larger and W_2 as much smaller."""
         traces = [np.einsum("dii->d", self.A).real, -np.einsum("dii->d", self.B).real]
-        direction = np.concatenate([*traces, np.zeros(len(self.z))])
+        rest = np.zeros(self.count - len(self.A) - len(self.B))
+        if self.loop is not None and self.loop.performing:
+            rest[-1] = -1.0
+        direction = np.concatenate([*traces, rest])
         return np.outer(direction, direction) / (direction @ direction)
-
-    def _scale_to(self, norm: float) -> None:
-        """Scale the sets so that the largest norm of a deviation is this one."""
-        largest = np.linalg.norm(self.M, 2, axis=(-2, -1)).max(axis=1)
-        factor = (norm / largest)[:, None, None]
-        self.P = self.P * factor
-        self.M = self.M * factor[:, None]
 
     def minimise(self, mu: float, near: float) -> None:
         """Newton steps until half the square of the decrement, over mu, was so near to 0."""
-        active = np.arange(self.F)
+        active = np.arange(len(self.point.P))
         for _ in range(STEPS):
             step, decrement = self._newton(mu, active)
             moved = self._moved(mu, active, step, decrement)
@@ -91,93 +124,78 @@ class BarrierSets:
 
     def _derivatives(self, mu: float, at: np.ndarray) -> tuple[RealArray, RealArray]:
         """Slope (f, d) and curvature (f, d, d) of size + mu * barrier along the directions."""
-        M, A, B, z = self.M[at], self.A, self.B, self.z
-        F, (a, b, c) = len(M), (len(A), len(B), len(z))
-        Mh = ctranspose(M)
-        S = np.linalg.inv(np.eye(self.p) - M @ Mh)
-        AM = np.einsum("dij,fkjl->fdkil", A, M)
-        MB = np.einsum("fkij,djl->fdkil", M, B)
-        minus = np.zeros((F, c, self.N, self.p, self.m), complex)
-        minus[:, :, : self.moving] = -z[None, :, None]
-        first = np.concatenate([AM, MB, minus], axis=1)
-        root = ctranspose(np.linalg.cholesky(S))  # S = root^* root
-        V = root[:, None] @ first
-        SM = S @ M
-        slope = 2 * np.einsum("fkij,fdkij->fd", SM.conj(), first).real
-        K = V @ ctranspose((root @ M)[:, None])
-        K = K + ctranspose(K)
-        curvature = 2 * _gram(V, V) + _gram(K, K)
-        # what the second derivatives of M add
-        left = (SM @ Mh).sum(axis=1)
-        right = (Mh @ SM).sum(axis=1)
-        C = ctranspose(SM[:, : self.moving].sum(axis=1))
-        AA = np.einsum("dij,ejk,fki->fde", A, A, left).real
-        BB = np.einsum("dij,ejk,fki->fde", B, B, right).real
-        SMB = np.einsum("fkij,djl->fdkil", SM, B)
-        AB = 2 * _gram(AM, SMB)
-        Az = -2 * np.einsum("fij,djk,eki->fde", C, A, z).real
-        zB = -2 * np.einsum("fij,eik,dkj->fde", C.swapaxes(-2, -1), z, B).real
-        more = np.zeros_like(curvature)
-        more[:, :a, :a] = AA + AA.swapaxes(1, 2)
-        more[:, a : a + b, a : a + b] = BB + BB.swapaxes(1, 2)
-        more[:, :a, a : a + b] = AB
-        more[:, :a, a + b :] = Az
-        more[:, a : a + b, a + b :] = zB
-        more[:, a : a + b, :a] = AB.swapaxes(1, 2)
-        more[:, a + b :, :a] = Az.swapaxes(1, 2)
-        more[:, a + b :, a : a + b] = zB.swapaxes(1, 2)
-        size_slope, size_curvature = size_derivatives(self.program, self.P[at], self.S[at], A, B)
-        slope, curvature = mu * slope, mu * (curvature + more)
-        slope[:, : a + b] += size_slope
-        curvature[:, : a + b, : a + b] += size_curvature
+        here = self.point[at]
+        of_sets, n = log_det_derivatives(here.M, self.A, self.B, self.z, self.moving), self.plain
+        slope, curvature = np.zeros((len(at), self.count)), np.zeros((len(at),) + (self.count,) * 2)
+        slope[:, :n], curvature[:, :n, :n] = mu * of_sets[0], mu * of_sets[1]
+        if self.loop is not None:
+            of_loop = self.loop.derivatives(here.K)
+            slope += mu * of_loop[0]
+            curvature += mu * of_loop[1]
+            slope[:, n] += 2 * self.p * self.m
+        size_slope, size_curvature = size_derivatives(self.program, here.P, here.S, self.A, self.B)
+        weights = size_slope.shape[1]
+        slope[:, :weights] += size_slope
+        curvature[:, :weights, :weights] += size_curvature
         return slope, curvature
 
-    def _value(self, mu: float, P: Array, S: Array, M: Array) -> RealArray:
+    def _value(self, mu: float, point: Point) -> RealArray:
         """Size + mu * barrier (f,); infinite outside."""
-        Y = np.eye(self.p) - M @ ctranspose(M)
-        values = np.linalg.eigvalsh(Y)
-        inside = (values > 0).all(axis=(1, 2))
-        barrier = -np.log(np.where(values > 0, values, 1.0)).sum(axis=(1, 2))
-        return np.where(inside, self.program.size_of(P, S) + mu * barrier, np.inf)
+        barrier = log_det_value(point.M)
+        level = point.gamma if self.loop is not None else None
+        if self.loop is not None:
+            barrier = barrier + log_det_value(point.K[:, None])
+        return self.program.size_of(point.P, point.S, level) + mu * barrier
 
     def _moved(
         self, mu: float, at: np.ndarray, step: RealArray, decrement: RealArray
     ) -> np.ndarray:
         """Go along the steps as far as the value falls; where it still did (f,)."""
-        before = self._value(mu, self.P[at], self.S[at], self.M[at])
+        before = self._value(mu, self.point[at])
         todo, length = np.ones(len(at), bool), 1.0
         while todo.any() and length >= SHORTEST:
             here = at[todo]
-            P, S, Z, M = self._along(here, length * step[todo])
-            value = self._value(mu, P, S, M)
+            point = self._along(here, length * step[todo])
+            value = self._value(mu, point)
             fallen = value <= before[todo] - 0.2 * length * decrement[todo]
             # near the minimum the value's rounding hides the fall, and full steps are safe
             fallen |= np.isfinite(value) & (decrement[todo] <= SAFE * mu)
-            chosen = here[fallen]
-            self.P[chosen], self.S[chosen] = P[fallen], S[fallen]
-            self.Z[chosen], self.M[chosen] = Z[fallen], M[fallen]
+            self.point.put(here[fallen], point[fallen])
             todo[np.flatnonzero(todo)[fallen]] = False
             length /= 2
         return ~todo
 
-    def _along(self, at: np.ndarray, step: RealArray) -> tuple[Array, Array, Array, Array]:
-        """Inverse weights, centres and deviations after a step."""
+    def _along(self, at: np.ndarray, step: RealArray) -> Point:
+        """Inverse weights, centres, deviations and loops after a step."""
         a, b = len(self.A), len(self.B)
         left = _exp(np.einsum("fd,dij->fij", step[:, :a], self.A))
         right = _exp(np.einsum("fd,dij->fij", step[:, a : a + b], self.B))
-        z = np.einsum("fd,dij->fij", step[:, a + b :], self.z)
-        P, S = self.P[at], self.S[at]
-        Z = self.Z[at]
+        z = np.einsum("fd,dij->fij", step[:, a + b : self.plain], self.z)
+        here = self.point[at]
+        P, S, Z = here.P, here.S, here.Z
         if len(self.z):
             Z = Z + np.linalg.solve(P, z) @ np.linalg.inv(S)
         P, S = left @ P, S @ right
-        return P, S, Z, P[:, None] @ self.program.away(Z, at) @ S[:, None]
+        M = P[:, None] @ self.program.away(Z, at) @ S[:, None]
+        if self.loop is None:
+            return Point(P, S, Z, M, here.gamma, here.delta, here.K)
+        more = step[:, self.plain :]
+        gamma = here.gamma + more[:, 0]
+        delta = here.delta + (more[:, 1] if self.loop.performing else 0.0)
+        return Point(P, S, Z, M, gamma, delta, self.loop.at(at, P, S, gamma, delta))
 
     def found(self) -> FoundSets:
-        """The sets, with the multipliers of the barrier's minimum as weights of a proof."""
-        square = np.linalg.svd(self.M, compute_uv=False) ** 2
-        weights = balanced_multipliers(self.program, self.P, self.S, self.Z, square / (1 - square))
-        return finished(self.program, self.P, self.S, self.Z, weights)
+        """The sets, with the multipliers of the barrier's minimum."""
+        here = self.point
+        of_loop = None if self.loop is None else (here.delta, _multipliers(here.K))
+        return finished(self.program, here.P, here.S, here.Z, _multipliers(here.M), of_loop)
+
+
+def _multipliers(M: Array) -> RealArray:
+    """Multipliers (..., r) of singular values of matrices (..., p, m) in the barrier's minimum."""
+    square = np.linalg.svd(M, compute_uv=False) ** 2
+    found: RealArray = square / (1 - square)
+    return found
 
 
 def _inverse(sizes: RealArray, shape: Shape) -> Array:
@@ -185,16 +203,6 @@ def _inverse(sizes: RealArray, shape: Shape) -> Array:
     if shape == "scalar":
         sizes = np.broadcast_to(sizes.max(axis=1, keepdims=True), sizes.shape)
     found: Array = (np.eye(sizes.shape[1]) / sizes[:, None]).astype(complex)
-    return found
-
-
-def _gram(first: Array, second: Array) -> RealArray:
-    """Real inner products (f, d, e) of complex matrices (f, d, ...) and (f, e, ...)."""
-    rows, columns = (
-        np.ascontiguousarray(each.reshape(*each.shape[:2], -1)).view(float)
-        for each in (first, second)
-    )
-    found: RealArray = rows @ columns.swapaxes(1, 2)
     return found
 
 

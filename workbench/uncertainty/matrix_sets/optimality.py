@@ -20,6 +20,8 @@ is a bound: duality of semidefinite programs.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from workbench.arrays import Array, RealArray
@@ -27,6 +29,24 @@ from workbench.uncertainty.matrix_sets.shapes import Shape, ctranspose, of_shape
 
 SMALLEST = 1e-300
 """What stands for a singular value of zero in a logarithm."""
+
+
+@dataclass(frozen=True)
+class InUnits:
+    """What is proven from, in units of the sets.
+
+    P (F, p, p) and S (F, m, m) are inverse weights, ``away`` (F, N, p, m) is what is contained and
+    M (F, N, p, m) = P away S. ``channels`` are the sizes of rows (F, p) and columns (F, m),
+    ``loop`` (F, m + q, p + r) the loop and K the same between the weights.
+    """
+
+    P: Array
+    S: Array
+    away: Array
+    M: Array
+    channels: tuple[RealArray, RealArray]
+    loop: Array | None
+    K: Array | None
 
 
 def volume_excess(
@@ -54,13 +74,17 @@ def volume_excess(
     off_left = of_shape(_sum(u, c) - m * np.eye(p), left)
     off_right = of_shape(_sum(ctranspose(vh), c) - p * np.eye(m), right)
     room = -(c * np.log(np.maximum(s, SMALLEST))).sum(axis=(1, 2))
-    room = room + _nuclear(off_left) * reach[0] + _nuclear(off_right) * reach[1]
+    room = room + nuclear(off_left) * reach[0] + nuclear(off_right) * reach[1]
     excess: RealArray = np.maximum(room, 0.0) / (p * m)
     return excess
 
 
 def farthest(
-    P: Array, S: Array, channels: tuple[RealArray, RealArray], floor: float
+    P: Array,
+    S: Array,
+    channels: tuple[RealArray, RealArray],
+    floor: float,
+    least: RealArray | None = None,
 ) -> tuple[RealArray, RealArray]:
     """Bounds (F,) on the norms of A and of B that lead from P, S to inverse weights of less volume.
 
@@ -69,6 +93,8 @@ def farthest(
     channels, floor
         Every cover contains changes of single entries by floor times the sizes of row (F, p) and
         column (F, m).
+    least
+        Least m log|det P| + p log|det S| (F,) of those inverse weights; None: that of P and S.
 
     In units of the channels the floor says |P e_i| |e_j^T S| <= 1 / floor; scale S so that its
     largest row is 1. Then the norms are bounded, and with Hadamard's inequality, by the volume, so
@@ -79,7 +105,11 @@ def farthest(
     P, S = P * rows[:, None], columns[:, :, None] * S
     row = np.linalg.norm(S, axis=2).max(axis=1)[:, None, None]
     P, S = P * row, S / row
-    volume = m * np.linalg.slogdet(P)[1] + p * np.linalg.slogdet(S)[1]
+    units = m * np.log(rows).sum(axis=1) + p * np.log(columns).sum(axis=1)
+    if least is None:
+        volume = m * np.linalg.slogdet(P)[1] + p * np.linalg.slogdet(S)[1]
+    else:
+        volume = least + units
     high = np.log(np.sqrt(p) / floor), np.log(np.sqrt(m))
     low = (
         volume / m - (p - 1) * high[0],
@@ -158,7 +188,7 @@ def _sum(vectors: Array, c: RealArray) -> Array:
     return found
 
 
-def _nuclear(hermitian: Array) -> RealArray:
+def nuclear(hermitian: Array) -> RealArray:
     """Sum of the sizes of the eigenvalues (F,)."""
     found: RealArray = np.abs(np.linalg.eigvalsh(hermitian)).sum(axis=-1)
     return found

@@ -1,15 +1,16 @@
 """The smallest sets {Z + W_1 Delta W_2, |Delta| <= 1} that contain matrices, at each frequency.
 
 Their size is the geometric mean of the radius in all directions ("volume"; it does not depend on
-the units of the channels), or the root of tr W_1 W_1^* / p times tr W_2^* W_2 / m ("trace").
+the units of the channels), the root of tr W_1 W_1^* / p times tr W_2^* W_2 / m ("trace"), or the mu
+of a loop that they perturb, times a small power of the radius ("mu").
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import ClassVar, Literal, get_args
+from typing import Any, ClassVar, Literal, get_args
 
 import numpy as np
 
@@ -20,15 +21,24 @@ from workbench.heavy_types import Dataset
 from workbench.input_checks import as_array, need_numbers
 from workbench.program import Program
 from workbench.uncertainty.matrix_sets.channels import equilibrated
+from workbench.uncertainty.matrix_sets.loop import (
+    VOLUME_SHARE,
+    loop_in_unit,
+    loop_level,
+    mu_excess,
+    need_loop,
+    scaled_loop,
+)
 from workbench.uncertainty.matrix_sets.optimality import (
     SMALLEST,
+    InUnits,
     farthest,
     trace_bound,
     volume_excess,
 )
 from workbench.uncertainty.matrix_sets.shapes import Shape, ctranspose, of_shape
 
-Size = Literal["volume", "trace"]
+Size = Literal["volume", "trace", "mu"]
 Centre = Literal["zero", "free"]
 
 CONTAINED = 1e-9
@@ -54,12 +64,16 @@ class FoundSets:
     weights
         Weights (F, N + p m, min(p, m)) that prove that no set is smaller; see
         `workbench.uncertainty.matrix_sets.optimality`. Zeros prove nothing.
+    of_loop
+        What the proof needs beside them for sets of least mu, (F, 2 + rank); see
+        `workbench.uncertainty.matrix_sets.loop`.
     """
 
     left: Array
     right: Array
     centre: Array
     weights: RealArray
+    of_loop: RealArray | None = None
 
     def __repr__(self) -> str:
         size = self.radius
@@ -95,10 +109,14 @@ class MatrixSets(Program):
     centre
         ``"zero"``, or ``"free"``: chosen with the weights.
     size
-        ``"volume"`` or ``"trace"``. The optimum is global, but for the volume with a free centre.
+        ``"volume"``, ``"trace"`` or ``"mu"``. The optimum is global, but for the volume with a free
+        centre.
     floor
         Every set contains changes of any single entry by this share of the product of the sizes of
         its row and its column; otherwise sets of few matrices would be flat, and have no volume.
+    loop
+        For the size ``"mu"``: responses (F, m + q, p + r) from (u, w) to (y, z) of a loop that
+        u = X y closes, with the matrices X of the sets; z and w are its performance, of any size.
 
     Raises
     ------
@@ -112,6 +130,7 @@ class MatrixSets(Program):
     centre: Centre = field(default="zero", kw_only=True)
     size: Size = field(default="volume", kw_only=True)
     floor: float = field(default=1e-3, kw_only=True)
+    loop: Any = field(default=None, kw_only=True)
 
     default_method: ClassVar[str] = "barrier"
     headline: ClassVar[str] = "radius_mean"
@@ -139,6 +158,17 @@ class MatrixSets(Program):
                 f"all deviations at frequency number {int(flat.argmax())} are {what}: there is "
                 "nothing to cover"
             )
+        self._need_loop()
+
+    def _need_loop(self) -> None:
+        """Raise InputError for a loop without its size, a size without its loop, and others."""
+        if (self.size == "mu") != (self.loop is not None):
+            raise InputError('the size "mu" and a loop go together: give both or none')
+        if self.loop is None:
+            return
+        if self.centre == "free":
+            raise InputError('sets of the size "mu" are about a nominal: their centre is "zero"')
+        object.__setattr__(self, "loop", need_loop(self.loop, self.deviations.shape))
 
     @property
     def quantifier(self) -> str:
@@ -180,13 +210,19 @@ class MatrixSets(Program):
         """
         return np.concatenate([self.deviations[at] - centre[:, None], self.floors[at]], axis=1)
 
-    def size_of(self, P: Array, S: Array) -> RealArray:
-        """2 p m times the logarithm of the size (F,) of sets with inverse weights P and S."""
+    def size_of(self, P: Array, S: Array, level: RealArray | None = None) -> RealArray:
+        """2 p m times the logarithm of the size (F,) of sets with inverse weights P and S.
+
+        ``level`` (F,) is log mu of the loop where that is known.
+        """
         p, m = self.deviations.shape[2:]
-        if self.size == "volume":
-            logs = m * np.linalg.slogdet(P)[1] + p * np.linalg.slogdet(S)[1]
-            return np.asarray(-2 * logs)
-        logs = [_log_norm(np.linalg.inv(W)) for W in (P, S)]
+        if self.size != "trace":
+            logs = -2 * (m * np.linalg.slogdet(P)[1] + p * np.linalg.slogdet(S)[1])
+            if self.size == "volume":
+                return np.asarray(logs)
+            level = loop_level(self.loop, P, S)[0] if level is None else level
+            return np.asarray(2 * p * m * level + VOLUME_SHARE * logs)
+        logs = [_log_root(np.linalg.inv(W)) for W in (P, S)]
         return np.asarray(2 * p * m * (logs[0] + logs[1] - np.log(p * m) / 2))
 
     # --- objective --------------------------------------------------------------------------------
@@ -211,29 +247,41 @@ class MatrixSets(Program):
         value = float(np.max(self.excess(answer)))
         return "largest excess of the size over its proven lower bound, in logarithms", value
 
-    def excess(self, answer: FoundSets) -> RealArray:
-        """Largest distance (F,) of log size from the least one, by the answer's weights."""
+    def in_units(self, answer: FoundSets) -> InUnits:
+        """What sets contain, and the loop, in units of the sets from which their proof starts."""
         unit = np.abs(answer.left).max(axis=(1, 2), keepdims=True)
         P, S = np.linalg.inv(answer.left / unit), np.linalg.inv(answer.right)
+        rows, columns = self.channel_sizes
+        loop = K = None
+        if answer.of_loop is not None:
+            P = P * np.exp(answer.of_loop[:, 0])[:, None, None]
+            loop = loop_in_unit(self.loop, unit, len(P[0]))
+            K = scaled_loop(loop, P, S, answer.of_loop[:, 1])
         away = self.away(answer.centre) / unit[:, None]
+        M = P[:, None] @ away @ S[:, None]
+        return InUnits(P, S, away, M, (rows / unit[:, 0], columns), loop, K)
+
+    def excess(self, answer: FoundSets) -> RealArray:
+        """Largest distance (F,) of log size from the least one, by the answer's weights."""
+        within, shapes = self.in_units(answer), (self.left, self.right)
+        P, S = within.P, within.S
         if self.size == "trace":
             bound = trace_bound(
-                away,
+                within.away,
                 self.deviations.shape[1],
                 P,
                 S,
                 answer.weights,
-                self.left,
-                self.right,
+                *shapes,
                 self.centre == "free",
             )
-            p, m = away.shape[2:]
+            p, m = self.deviations.shape[2:]
             size = self.size_of(P, S) / (2 * p * m)
             return np.asarray(size - np.log(np.maximum(bound, SMALLEST)))
-        M = P[:, None] @ away @ S[:, None]
-        rows, columns = self.channel_sizes
-        room = farthest(P, S, (rows / unit[:, 0], columns), self.floor)
-        return volume_excess(M, answer.weights, self.left, self.right, room)
+        if self.size == "mu":
+            return mu_excess(within, answer.weights, answer.of_loop, shapes, self.floor)
+        reach = farthest(P, S, within.channels, self.floor)
+        return volume_excess(within.M, answer.weights, *shapes, reach)
 
     # --- the check --------------------------------------------------------------------------------
 
@@ -289,13 +337,19 @@ class MatrixSets(Program):
 
     def metrics(self, answer: FoundSets) -> dict[str, float]:
         size = self.sizes(answer)
-        return {
+        return self._mu(answer) | {
             "radius_mean": float(np.exp(np.log(answer.radius).mean())),
             "size_mean": float(np.exp(np.log(size).mean())),
             "size_peak": float(size.max()),
             "frequencies": len(size),
             "matrices": self.deviations.shape[1],
         }
+
+    def _mu(self, answer: FoundSets) -> dict[str, float]:
+        if self.loop is None:
+            return {}
+        level, _ = loop_level(self.loop, np.linalg.inv(answer.left), np.linalg.inv(answer.right))
+        return {"mu_peak": float(np.exp(level.max())), "mu_mean": float(np.exp(level.mean()))}
 
     # --- datasets ---------------------------------------------------------------------------------
 
@@ -314,6 +368,8 @@ class MatrixSets(Program):
             "centre": (("frequency", "output", "input"), answer.centre, "centre"),
             "weights": (("frequency", "touching", "order"), answer.weights, "weights of the proof"),
         }
+        if answer.of_loop is not None:
+            variables["of_loop"] = (("frequency", "of_loop_"), answer.of_loop, "proof of the loop")
         return xr.Dataset(
             {
                 name: (dims, values, {"units": "1", "long_name": text})
@@ -322,32 +378,11 @@ class MatrixSets(Program):
         )
 
     def from_dataset(self, data: Dataset) -> FoundSets:
-        return FoundSets(*(data[name].values for name in ("left", "right", "centre", "weights")))
+        names = ("left", "right", "centre", "weights", "of_loop")
+        return FoundSets(*(data[name].values for name in names if name in data))
 
 
-def finished(program: MatrixSets, P: Array, S: Array, Z: Array, weights: RealArray) -> FoundSets:
-    """Sets with these inverse weights, made as large as their deviations and floor need."""
-    M = P[:, None] @ program.away(Z) @ S[:, None]
-    norm = np.linalg.norm(M, 2, axis=(2, 3)).max(axis=1)[:, None, None]
-    # W = T Q with T lower triangular for the left weight, W = Q T for the right one
-    left = ctranspose(np.linalg.qr(ctranspose(np.linalg.inv(P)))[1]) * norm
-    right = np.linalg.qr(np.linalg.inv(S))[1]
-    size = np.exp(np.linalg.slogdet(right)[1] / right.shape[-1])[:, None, None]
-    found = FoundSets(
-        left * size / _turn(left)[:, None], right / size / _turn(right)[:, :, None], Z, weights
-    )
-    beyond = program.checks(found, 0.0)[0].value
-    return replace(found, left=found.left * (1 + max(beyond, 0.0)))
-
-
-def _turn(triangular: Array) -> Array:
-    """Numbers (F, n) of size 1 that make the diagonal real."""
-    diagonal = np.einsum("fii->fi", triangular)
-    turn: Array = diagonal / np.abs(diagonal)
-    return turn
-
-
-def _log_norm(W: Array) -> RealArray:
+def _log_root(W: Array) -> RealArray:
     """Logarithm of the root (F,) of the sum of squares, where the squares may overflow."""
     peak = np.abs(W).max(axis=(1, 2), keepdims=True)
     found: RealArray = np.log(peak[:, 0, 0]) + np.log(np.linalg.norm(W / peak, axis=(1, 2)))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from workbench.arrays import Array, RealArray
+from workbench.uncertainty.matrix_sets.loop import VOLUME_SHARE
 from workbench.uncertainty.matrix_sets.sets import MatrixSets
 from workbench.uncertainty.matrix_sets.shapes import ctranspose
 
@@ -12,16 +13,17 @@ from workbench.uncertainty.matrix_sets.shapes import ctranspose
 def size_derivatives(
     program: MatrixSets, P: Array, S: Array, A: Array, B: Array
 ) -> tuple[RealArray, RealArray]:
-    """Slope (f, a + b) and curvature (f, a + b, a + b) of `MatrixSets.size_of`.
+    """Slope (f, a + b) and curvature (f, a + b, a + b) of `MatrixSets.size_of`, mu given.
 
     P (f, p, p) and S (f, m, m) move to exp(t A) P and S exp(t B), along the directions A (a, p, p)
     and B (b, m, m).
     """
     p, m = P.shape[-1], S.shape[-1]
     n = len(A) + len(B)
-    if program.size == "volume":
+    if program.size != "trace":
         traces = [m * np.einsum("dii->d", A).real, p * np.einsum("dii->d", B).real]
-        slope = np.tile(-2 * np.concatenate(traces), (len(P), 1))
+        share = VOLUME_SHARE if program.size == "mu" else 1.0
+        slope = np.tile(-2 * share * np.concatenate(traces), (len(P), 1))
         return slope, np.zeros((len(P), n, n))
     slopes, curvature = [], np.zeros((len(P), n, n))
     place = 0

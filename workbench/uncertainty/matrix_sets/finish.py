@@ -1,0 +1,48 @@
+"""Sets from inverse weights: made as large as what they contain, with triangular weights."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from workbench.arrays import Array, RealArray
+from workbench.uncertainty.matrix_sets.sets import FoundSets, MatrixSets
+from workbench.uncertainty.matrix_sets.shapes import ctranspose
+
+
+def finished(
+    program: MatrixSets,
+    P: Array,
+    S: Array,
+    Z: Array,
+    weights: RealArray,
+    of_loop: tuple[RealArray, RealArray] | None = None,
+) -> FoundSets:
+    """Sets with these inverse weights, made as large as their deviations and floor need.
+
+    ``of_loop`` are the scaling (F,) of a loop and its multipliers (F, rank).
+    """
+    M = P[:, None] @ program.away(Z) @ S[:, None]
+    norm = np.linalg.norm(M, 2, axis=(2, 3)).max(axis=1)[:, None, None]
+    # W = T Q with T lower triangular for the left weight, W = Q T for the right one
+    left = ctranspose(np.linalg.qr(ctranspose(np.linalg.inv(P)))[1]) * norm
+    right = np.linalg.qr(np.linalg.inv(S))[1]
+    size = np.exp(np.linalg.slogdet(right)[1] / right.shape[-1])[:, None, None]
+    found = FoundSets(
+        left * size / _turn(left)[:, None], right / size / _turn(right)[:, :, None], Z, weights
+    )
+    beyond = 1 + max(program.checks(found, 0.0)[0].value, 0.0)
+    if of_loop is not None:
+        delta, multipliers = of_loop
+        factor = np.log(norm[:, 0, 0] * beyond)
+        parts = (factor[:, None], (delta + np.log(size[:, 0, 0]))[:, None], multipliers)
+        found = replace(found, of_loop=np.concatenate(parts, axis=1))
+    return replace(found, left=found.left * beyond)
+
+
+def _turn(triangular: Array) -> Array:
+    """Numbers (F, n) of size 1 that make the diagonal real."""
+    diagonal = np.einsum("fii->fi", triangular)
+    turn: Array = diagonal / np.abs(diagonal)
+    return turn

@@ -1,0 +1,269 @@
+"""What sets cost a loop: its structured singular value at each frequency.
+
+A loop N = [[N_11, N_12], [N_21, N_22]] leads from (u, w) to (y, z), where u = X y closes it and z
+and w are its performance. With X = W_1 Delta W_2 its mu, for Delta and the block of performance, is
+
+    min over delta of |K|,    K = diag(W_2, e^-delta) N diag(W_1, e^delta),
+
+exactly, as two complex blocks need no more than this scaling. log |K| is convex where the inverse
+weights move to exp(A) W_1^-1 and W_2^-1 exp(B) and delta along a line, by the three lines theorem,
+so that sets of the least mu are a global optimum too.
+
+*Proof of the optimum.* In exp(A) W_1^-1, W_2^-1 exp(B), delta + e every cover has
+
+    log |K'| >= sum e_j log s_j(K) + sum e_j (u_j^* L u_j + v_j^* R v_j),
+    L = diag(-B, -e),  R = diag(-A, e),
+
+for weights e_1 >= e_2 >= ... of sum 1. With what `workbench.uncertainty.matrix_sets.optimality`
+says of the volume and of what is contained the parts in A, B and e cancel; what is left of them
+counts with the farthest cover that costs no more.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from workbench.arrays import Array, RealArray
+from workbench.errors import InputError
+from workbench.input_checks import as_array
+from workbench.uncertainty.matrix_sets.log_det import log_det_derivatives
+from workbench.uncertainty.matrix_sets.optimality import SMALLEST, InUnits, farthest, nuclear
+from workbench.uncertainty.matrix_sets.shapes import Shape, ctranspose, of_shape
+
+VOLUME_SHARE = 1e-3
+"""Share of the volume beside mu: the least mu alone leaves open what the loop does not see."""
+HALVINGS = 60
+"""Steps that find a scaling: each leaves 0.62 of the interval."""
+REFINEMENTS = 3
+"""Newton steps after them."""
+
+
+def need_loop(given: Any, deviations: tuple[int, ...]) -> Array:
+    """Responses of a loop (F, m + q, p + r) beside deviations (F, N, p, m), or InputError."""
+    F, _, p, m = deviations
+    loop = as_array(given, "loop", dtype=complex)
+    enough = loop.ndim == 3 and len(loop) == F and loop.shape[1] >= m and loop.shape[2] >= p
+    if not enough or (loop.shape[1] == m) != (loop.shape[2] == p):
+        raise InputError(
+            f"loop must have shape (F, m + q, p + r) = ({F}, {m} + q, {p} + r), with q and r both "
+            f"0 or neither, not {loop.shape}"
+        )
+    bad = np.argwhere(~np.isfinite(loop))
+    if bad.size:
+        raise InputError(f"loop is not finite at index {tuple(bad[0].tolist())}")
+    if loop.shape[1:] == (m, p):
+        blind = (loop == 0).all(axis=(1, 2))
+    else:
+        blind = (loop[:, :m, p:] == 0).all(axis=(1, 2)) | (loop[:, m:, :p] == 0).all(axis=(1, 2))
+    if blind.any():
+        raise InputError(
+            f"the loop at frequency number {int(blind.argmax())} does not lead from w through X to "
+            "z: no set costs it anything"
+        )
+    return loop
+
+
+def loop_in_unit(loop: Array, unit: Array, p: int) -> Array:
+    """The loops that matrices X / unit close like X closes the given ones; unit (F, 1, 1)."""
+    found = np.array(loop)
+    found[:, :, :p] *= unit
+    return found
+
+
+class LoopBarrier:
+    """The term -log det(I - K K^*) for loops e^-gamma K; gamma and delta move with the weights.
+
+    The directions are those of the weights, A (a, p, p) and B (b, m, m), then gamma and, if the
+    loop has performance, delta.
+    """
+
+    def __init__(self, loop: Array, A: Array, B: Array) -> None:
+        self.loop = loop
+        p, m = A.shape[-1], B.shape[-1]
+        self.performing = loop.shape[1:] != (m, p)
+        self.count = 1 + self.performing
+        self.left, self.right = loop_directions(loop.shape[1:], A, B)
+
+    def at(
+        self, at: np.ndarray | slice, P: Array, S: Array, gamma: RealArray, delta: RealArray
+    ) -> Array:
+        """The scaled loops at frequencies of the numbers ``at``."""
+        return np.exp(-gamma)[:, None, None] * scaled_loop(self.loop[at], P, S, delta)
+
+    def derivatives(self, K: Array) -> tuple[RealArray, RealArray]:
+        """Slope (f, d) and curvature (f, d, d) along the directions."""
+        n, none = len(self.left), np.zeros((0, *K.shape[1:]))
+        slope, curvature = log_det_derivatives(K[:, None], self.left, self.right, none, 0)
+        both = curvature.reshape(len(K), 2, n, 2, n).sum(axis=(1, 3))
+        return slope[:, :n] + slope[:, n:], both
+
+
+def loop_directions(shape: tuple[int, ...], A: Array, B: Array) -> tuple[Array, Array]:
+    """L (d, m + q, m + q) and R (d, p + r, p + r) by which K moves to exp(L) K exp(R)."""
+    a, b, p, m = len(A), len(B), A.shape[-1], B.shape[-1]
+    performing = shape != (m, p)
+    count = a + b + 1 + performing
+    left = np.zeros((count, shape[0], shape[0]), complex)
+    right = np.zeros((count, shape[1], shape[1]), complex)
+    right[:a, :p, :p] = -A
+    left[a : a + b, :m, :m] = -B
+    left[a + b] = -np.eye(shape[0])
+    if performing:
+        left[-1, m:, m:] = -np.eye(shape[0] - m)
+        right[-1, p:, p:] = np.eye(shape[1] - p)
+    return left, right
+
+
+def scaled_loop(loop: Array, P: Array, S: Array, delta: RealArray) -> Array:
+    """K (F, m + q, p + r) of loops N, inverse weights P (F, p, p) and S (F, m, m), and scalings."""
+    p, m = P.shape[-1], S.shape[-1]
+    K = np.array(loop, complex)
+    up, down = np.exp(delta)[:, None, None], np.exp(-delta)[:, None, None]
+    K[:, :m] = np.linalg.solve(S, K[:, :m])
+    K[:, :, :p] = K[:, :, :p] @ np.linalg.inv(P)
+    K[:, :m, p:] *= up
+    K[:, m:, :p] *= down
+    return K
+
+
+def loop_level(loop: Array, P: Array, S: Array) -> tuple[RealArray, RealArray]:
+    """log mu (F,) of the loops with sets of these inverse weights, and the scalings delta (F,)."""
+    p, m = P.shape[-1], S.shape[-1]
+    K = scaled_loop(loop, P, S, np.zeros(len(P)))
+    if K.shape[1:] == (m, p):
+        return log_norm(K), np.zeros(len(P))
+    across = [log_norm(K[:, :m, p:]), log_norm(K[:, m:, :p])]
+    inner = np.maximum(log_norm(K[:, :m, :p]), log_norm(K[:, m:, p:]))
+    middle = (across[1] - across[0]) / 2
+    # where one of the blocks across is larger than the bound at the middle, delta is no optimum
+    least = np.maximum(sum(across) / 2, inner)
+    room = np.log(2.0) + np.maximum(least, inner) - sum(across) / 2
+    low, high = middle - room, middle + room
+    golden = (np.sqrt(5) - 1) / 2
+
+    def value(delta: RealArray) -> RealArray:
+        return log_norm(_turned(K, p, m, delta))
+
+    inside = [high - golden * (high - low), low + golden * (high - low)]
+    values = [value(each) for each in inside]
+    for _ in range(HALVINGS):
+        left = values[0] < values[1]
+        low, high = np.where(left, low, inside[0]), np.where(left, inside[1], high)
+        new = np.where(left, high - golden * (high - low), low + golden * (high - low))
+        found = value(new)
+        inside = [np.where(left, new, inside[1]), np.where(left, inside[0], new)]
+        values = [np.where(left, found, values[1]), np.where(left, values[0], found)]
+    delta = np.where(values[0] < values[1], inside[0], inside[1])
+    return value(delta), delta
+
+
+def _turned(K: Array, p: int, m: int, delta: RealArray) -> Array:
+    K = K.copy()
+    K[:, :m, p:] *= np.exp(delta)[:, None, None]
+    K[:, m:, :p] *= np.exp(-delta)[:, None, None]
+    return K
+
+
+def log_norm(matrices: Array) -> RealArray:
+    """Logarithm (F,) of the largest singular value; of nothing that of SMALLEST."""
+    if not matrices[0].size:
+        return np.full(len(matrices), np.log(SMALLEST))
+    return np.log(np.maximum(np.linalg.norm(matrices, 2, axis=(1, 2)), SMALLEST))
+
+
+def mu_excess(
+    within: InUnits, weights: RealArray, proof: RealArray, shapes: tuple[Shape, Shape], floor: float
+) -> RealArray:
+    """How much smaller log mu + VOLUME_SHARE log radius (F,) might be than that of these sets.
+
+    Parameters
+    ----------
+    within
+        Sets, smaller than those of the answer by a factor.
+    weights
+        c (F, N, min(p, m)).
+    proof
+        The logarithm of the factor, delta, and the weights e of the loop, (F, 2 + rank).
+    floor
+        As for `workbench.uncertainty.matrix_sets.optimality.farthest`.
+    """
+    P, S, M, K, loop = within.P, within.S, within.M, within.K, within.loop
+    assert K is not None and loop is not None
+    p, m = M.shape[-2:]
+    factor, delta, e = proof[:, 0], proof[:, 1], np.maximum(proof[:, 2:], 0.0)
+    whole = P * np.exp(-factor)[:, None, None]
+    size = loop_level(loop, whole, S)[0] + VOLUME_SHARE * _log_radius(whole, S)
+    e = np.minimum.accumulate(e, axis=-1)
+    total = np.maximum(e.sum(axis=1), SMALLEST)
+    e = e / total[:, None]
+    c = np.minimum.accumulate(np.maximum(weights, 0.0), axis=-1) / total[:, None, None]
+
+    U, s, Vh = np.linalg.svd(K, full_matrices=False)
+    u, t, vh = np.linalg.svd(M, full_matrices=False)
+    left = _gram(U, e)  # sum e u u^*
+    right = _gram(ctranspose(Vh), e)
+    off_left = _gram(u, c).sum(axis=1) - right[:, :p, :p] - np.eye(p) * (VOLUME_SHARE / p)
+    off_right = _gram(ctranspose(vh), c).sum(axis=1) - left[:, :m, :m]
+    off_right = off_right - np.eye(m) * (VOLUME_SHARE / m)
+    off_delta = np.einsum("fii->f", right[:, p:, p:]) - np.einsum("fii->f", left[:, m:, m:])
+
+    bound = (e * np.log(np.maximum(s, SMALLEST))).sum(axis=1) + VOLUME_SHARE * _log_radius(P, S)
+    bound = bound + (c * np.log(np.maximum(t, SMALLEST))).sum(axis=(1, 2))
+    reach = _reach(loop, P, S, delta, within.channels, floor, size)
+    bound = bound - nuclear(of_shape(off_left, shapes[0])) * reach[0]
+    bound = bound - nuclear(of_shape(off_right, shapes[1])) * reach[1]
+    bound = bound - np.abs(off_delta) * reach[2]
+    return np.maximum(size - bound, 0.0)
+
+
+def _reach(
+    loop: Array,
+    P: Array,
+    S: Array,
+    delta: RealArray,
+    channels: tuple[RealArray, RealArray],
+    floor: float,
+    size: RealArray,
+) -> tuple[RealArray, RealArray, RealArray]:
+    """Bounds (F,) on the norms of A and of B, and on |e|, of covers that cost no more.
+
+    In units of the channels the norms of P and S have a product of at most sqrt(p m) / floor, as
+    every cover contains the floor, and S has rows of at most 1, the largest of that size. That
+    bounds mu from below, and by what is left of the size the radius from above; with both, delta.
+    """
+    rows, columns = channels
+    p, m = rows.shape[1], columns.shape[1]
+    unit = np.array(loop, complex)
+    unit[:, :m] *= columns[:, :, None]
+    unit[:, :, :p] *= rows[:, None]
+    inner = log_norm(unit[:, :m, :p]), log_norm(unit[:, m:, p:])
+    across = log_norm(unit[:, :m, p:]), log_norm(unit[:, m:, :p])
+    thin = np.log(floor) - np.log(p * m) / 2
+    least_mu = np.maximum(inner[0] + thin, inner[1])
+    least_mu = np.maximum(least_mu, (sum(across) + thin) / 2)
+    high = (size - least_mu) / VOLUME_SHARE
+    found = farthest(P, S, channels, floor, -p * m * high)
+    if loop.shape[1:] == (m, p):
+        return *found, np.zeros(len(P))
+    low = np.log(floor) + np.log(rows).mean(axis=1) + np.log(columns).mean(axis=1)
+    most_mu = size - VOLUME_SHARE * low
+    row = np.log(np.linalg.norm(columns[:, :, None] * S, axis=2).max(axis=1))
+    delta = delta - row  # that of the same sets with rows of S of at most 1
+    top = most_mu + np.log(m) / 2 - across[0]
+    bottom = across[1] - most_mu - np.log(p) / 2 + np.log(floor)
+    return *found, np.maximum(np.abs(top - delta), np.abs(delta - bottom))
+
+
+def _log_radius(P: Array, S: Array) -> RealArray:
+    """Logarithm (F,) of the geometric mean of the radius of sets with these inverse weights."""
+    logs = [np.linalg.slogdet(W)[1] / W.shape[-1] for W in (P, S)]
+    found: RealArray = -(logs[0] + logs[1])
+    return found
+
+
+def _gram(vectors: Array, c: RealArray) -> Array:
+    """sum c x x^* (..., n, n) of the columns x of vectors (..., n, r)."""
+    found: Array = (vectors * c[..., None, :]) @ ctranspose(vectors)
+    return found
