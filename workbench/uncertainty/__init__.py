@@ -31,6 +31,7 @@ from workbench.uncertainty.covers.stadium_cover import StadiumCover
 from workbench.uncertainty.covers.steps import CoverSteps
 from workbench.uncertainty.matrix_covers import methods as matrix_methods
 from workbench.uncertainty.matrix_covers.cover import MatrixCover
+from workbench.uncertainty.matrix_covers.loop import MatrixCoverForLoop
 from workbench.uncertainty.matrix_covers.model import MatrixModel
 from workbench.uncertainty.matrix_covers.nominal import central_nominal
 from workbench.uncertainty.matrix_covers.responses import MatrixResponses
@@ -49,6 +50,7 @@ __all__ = [
     "CoverSteps",
     "GeneralisedPlant",
     "MatrixCover",
+    "MatrixCoverForLoop",
     "MatrixModel",
     "MatrixResponses",
     "MatrixSets",

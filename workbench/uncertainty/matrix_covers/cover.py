@@ -184,6 +184,11 @@ class MatrixCover(Program):
         """The program of the smallest sets at each frequency."""
         return MatrixSets(self.deviations, self.left, self.right, floor=self.floor)
 
+    def sets_beside(self, W_2: Array) -> MatrixSets:
+        """The program of the smallest sets with W_2 (F, ., .) given, for what W_1 has to do."""
+        X = self.covered @ np.linalg.inv(W_2)[:, None]
+        return MatrixSets(X, self.left, "scalar", floor=self.floor)
+
     @cached_property
     def covered(self) -> Array:
         """X of every plant, and the floor: what weights are fitted to."""

@@ -4,7 +4,9 @@ Each weight is a product of sections s^2 + a s + b and s + c over others like th
 coefficients: stable, with a stable inverse. The mean logarithm of the radius is a sum of those of
 the weights' sizes; so is what containment adds, the largest log |W_1^-1 X W_2^-1|, of which the
 slope by log |w_i| is -|u_i|^2 and by log |w_j| is -|v_j|^2 with its singular vectors u and v. The
-largest is replaced by a soft one that hardens.
+largest is replaced by a soft one that hardens. With a loop the largest log mu over frequency takes
+the place of most of the radius; its slopes are the other way about, |v_i|^2 and |u_j|^2 of the
+scaled loop.
 """
 
 from __future__ import annotations
@@ -20,6 +22,8 @@ from workbench.arrays import Array, ComplexArray, RealArray
 from workbench.executor import Context
 from workbench.fitting.rational import Rational, conjugate_pairs
 from workbench.uncertainty.matrix_covers.cover import MatrixCover
+from workbench.uncertainty.matrix_covers.loop import MatrixCoverForLoop
+from workbench.uncertainty.matrix_sets.loop import VOLUME_SHARE, loop_level, scaled_loop
 
 HARDNESS = (30.0, 100.0, 300.0, 1000.0, 3000.0)
 """Factors of the logarithms in the soft maximum, one after the other."""
@@ -43,6 +47,9 @@ def descended(
     X = _outermost(fine.covered, [side.logs(side.start)[0] for side in sides])
     start = np.concatenate([side.start for side in sides])
     ends = np.cumsum([side.start.size for side in sides])
+    of_loop = None
+    if isinstance(program, MatrixCoverForLoop):
+        of_loop = _LoopCost(program, left, right)
 
     def value(x: RealArray, hardness: float) -> tuple[float, RealArray]:
         parts = np.split(x, ends[:-1])
@@ -55,13 +62,24 @@ def descended(
             np.einsum("fk,fki->fi", soft, np.abs(u[..., 0]) ** 2),
             np.einsum("fk,fki->fi", soft, np.abs(vh[..., 0, :]) ** 2),
         ]
-        total = logsumexp(largest) / hardness
+        raised = logsumexp(largest) / hardness  # of W_1, until the model contains the plants
+        total, share = raised, 1.0
+        if of_loop is not None:
+            logs = [side.logs(part) for side, part in zip(of_loop.sides, parts, strict=True)]
+            level, grips, of_raise = of_loop(logs[0][0] + raised, logs[1][0], hardness)
+            share = VOLUME_SHARE
+            total = level + share * raised
         gradient = []
-        for (log, slope), grip in zip(found, pull, strict=True):
-            total = total + shares @ log.mean(axis=1)
-            counts = grip if log.shape == grip.shape else grip.sum(axis=1, keepdims=True)
-            weights = shares[:, None] / log.shape[1] - counts
-            gradient.append(np.einsum("fi,fid->d", weights, slope))
+        for side, ((log, slope), grip) in enumerate(zip(found, pull, strict=True)):
+            total = total + share * shares @ log.mean(axis=1)
+            weights = share * shares[:, None] / log.shape[1]
+            scale = share if of_loop is None else share + of_raise
+            weights = weights - scale * _for_channels(grip, log)
+            rise = np.einsum("fi,fid->d", weights, slope)
+            if of_loop is not None:
+                log, slope = logs[side]
+                rise += np.einsum("fi,fid->d", _for_channels(grips[side], log), slope)
+            gradient.append(rise)
         return float(total), np.concatenate(gradient)
 
     x = start
@@ -73,6 +91,46 @@ def descended(
             ).x
     found = [side.fits(part) for side, part in zip(sides, np.split(x, ends[:-1]), strict=True)]
     return found[0], found[1]
+
+
+def _for_channels(grip: RealArray, log: RealArray) -> RealArray:
+    """Slopes (F, n) by the logarithms (F, n) of all channels, or (F, 1) of one for all."""
+    found: RealArray = grip if log.shape == grip.shape else grip.sum(axis=1, keepdims=True)
+    return found
+
+
+class _LoopCost:
+    """The largest log mu of the program's loop over the given frequencies, softened."""
+
+    def __init__(
+        self, program: MatrixCoverForLoop, left: Sequence[Rational], right: Sequence[Rational]
+    ) -> None:
+        self.loop = program.loop_response
+        self.sides = [_Side(program.axis, fits) for fits in (left, right)]
+        self.m, self.p = program.deviations.shape[3], program.deviations.shape[2]
+
+    def __call__(
+        self, left: RealArray, right: RealArray, hardness: float
+    ) -> tuple[float, list[RealArray], float]:
+        """Value, slopes (F, p) and (F, m) by the logarithms of the weights, and by that of W_1.
+
+        ``left`` and ``right`` are the logarithms (F, .).
+        """
+        P, S = (_diagonals(np.exp(-log), n) for log, n in ((left, self.p), (right, self.m)))
+        level, delta = loop_level(self.loop, P, S)
+        u, _, vh = np.linalg.svd(scaled_loop(self.loop, P, S, delta), full_matrices=False)
+        soft = softmax(level * hardness)[:, None]
+        grips = [
+            soft * np.abs(vh[:, 0, : self.p]) ** 2,
+            soft * np.abs(u[:, : self.m, 0]) ** 2,
+        ]
+        return float(logsumexp(level * hardness) / hardness), grips, float(grips[0].sum())
+
+
+def _diagonals(values: RealArray, size: int) -> Array:
+    """Diagonal matrices (F, size, size) of values (F, size), or (F, 1) for all."""
+    found: Array = np.eye(size) * np.broadcast_to(values, (len(values), size))[:, None]
+    return found
 
 
 def _outermost(X: Array, logs: Sequence[RealArray]) -> Array:

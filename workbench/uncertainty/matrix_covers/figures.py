@@ -54,11 +54,22 @@ def magnitudes_figure(
 
 def radius_figure(responses: MatrixResponses, radii: RealArray, least: RealArray) -> Figure:
     """Mean radius of the model's sets, and the least that any weights could have."""
+    return _beside_least(responses, radii, least, "geometric mean of the radius")
+
+
+def mu_figure(responses: MatrixResponses, mu: RealArray, least: RealArray) -> Figure:
+    """The loop's mu with the model, and the least that any weights could give."""
+    return _beside_least(responses, mu, least, "$\\mu$ of the loop")
+
+
+def _beside_least(
+    responses: MatrixResponses, found: RealArray, least: RealArray, text: str
+) -> Figure:
     figure, (panel,) = figures.axes()
     frequency = responses.omega / (2 * np.pi)
-    panel.plot(frequency, radii, color=figures.BLUE, label="weights of the given orders")
+    panel.plot(frequency, found, color=figures.BLUE, label="weights of the given orders")
     panel.plot(frequency, least, ":", color=figures.BLACK, label="least at each frequency")
-    figures.label(panel, "frequency [Hz]", "geometric mean of the radius", log="xy")
+    figures.label(panel, "frequency [Hz]", text, log="xy")
     figures.legend_below(figure, panel)
     return figure
 

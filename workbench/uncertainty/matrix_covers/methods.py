@@ -20,6 +20,7 @@ from workbench.systems.realisation import realisation
 from workbench.uncertainty.matrix_covers.cover import FoundCover, MatrixCover
 from workbench.uncertainty.matrix_covers.descent import descended
 from workbench.uncertainty.matrix_covers.joint import smaller_weights
+from workbench.uncertainty.matrix_covers.loop import MatrixCoverForLoop
 from workbench.uncertainty.matrix_covers.model import MatrixModel
 from workbench.uncertainty.matrix_covers.responses import system_response
 from workbench.uncertainty.matrix_covers.weights import (
@@ -43,7 +44,13 @@ def _steps(program: MatrixCover, context: Context) -> Claim:
     return _improved(program, context, None)
 
 
-@method(MatrixCover, "joint", optimal=False)
+def _for_loop(program: MatrixCover) -> str | None:
+    """Why its objective is none of weights alone; None where it is."""
+    for_loop = isinstance(program, MatrixCoverForLoop)
+    return "joint makes sets small, and not the mu of a loop; take descent" if for_loop else None
+
+
+@method(MatrixCover, "joint", optimal=False, unfit=_for_loop)
 def _joint(program: MatrixCover, context: Context) -> Claim:
     """Both weights together over the poles of "steps": semidefinite programs, a local optimum."""
     return _improved(program, context, partial(smaller_weights, program, context=context))
@@ -74,17 +81,30 @@ Improvement = Callable[[FittedWeight, FittedWeight], tuple[StateSpace, StateSpac
 def _improved(program: MatrixCover, context: Context, improvement: Improvement | None) -> Claim:
     """The cover by "steps", or the one with other weights where that is smaller."""
     try:
-        least, W_1, W_2 = _fitted(program, context)
-        first = FoundCover(_reaching(program, W_1.system, W_2.system), least)
+        first, W_1, W_2 = _first(program, context)
     except SolverError as error:
         return None, Outcome.FAILED, str(error)
     if improvement is None:
         return first, Outcome.SOLVED, ""
     try:
-        second = FoundCover(_reaching(program, *improvement(W_1, W_2)), least)
+        second = FoundCover(_reaching(program, *improvement(W_1, W_2)), first.least)
     except SolverError as error:
         return first, Outcome.SOLVED, f"as by steps: {error}"
     return min(first, second, key=program.objective), Outcome.SOLVED, ""
+
+
+def _first(program: MatrixCover, context: Context) -> tuple[FoundCover, FittedWeight, FittedWeight]:
+    """The cover by "steps", and its weights in the bilinear plane.
+
+    Sets of least mu may change fast along frequency where the loop does not mind. So for a loop
+    weights are also fitted to the smallest sets, and the better ones taken.
+    """
+    least, W_1, W_2 = _fitted(program, context)
+    found = [(FoundCover(_reaching(program, W_1.system, W_2.system), least), W_1, W_2)]
+    if isinstance(program, MatrixCoverForLoop):
+        _, W_1, W_2 = _fitted(program.without_loop(), context)
+        found.append((FoundCover(_reaching(program, W_1.system, W_2.system), least), W_1, W_2))
+    return min(found, key=lambda one: program.objective(one[0]))
 
 
 def _fitted(program: MatrixCover, context: Context) -> tuple[FoundSets, FittedWeight, FittedWeight]:
@@ -96,8 +116,7 @@ def _fitted(program: MatrixCover, context: Context) -> tuple[FoundSets, FittedWe
     else:
         squares = ctranspose(least.right) @ least.right
         W_2 = right_weight(program.axis, squares, program.right, program.right_order, context)
-    X = program.covered @ np.linalg.inv(system_response(W_2.system, program.axis))[:, None]
-    rest = _sets(MatrixSets(X, program.left, "scalar", floor=program.floor), context)
+    rest = _sets(program.sets_beside(system_response(W_2.system, program.axis)), context)
     squares = rest.left @ ctranspose(rest.left)
     W_1 = left_weight(program.axis, squares, program.left, program.left_order, context)
     return least, W_1, W_2

@@ -16,6 +16,7 @@ from workbench.structure import Full, Structure
 from workbench.systems.bilinear import bilinear_continuous
 from workbench.systems.conversion import as_system
 from workbench.systems.frequency_grid import frequencies_of
+from workbench.systems.realisation import realisation
 from workbench.uncertainty.algebra.system import Algebraic, UncertainSystem, uncertain
 from workbench.uncertainty.matrix_covers.figures import magnitudes_figure
 from workbench.uncertainty.matrix_covers.forms import (
@@ -63,6 +64,18 @@ class MatrixModel(Algebraic):
                 )
             if float(W.dt or 0.0) != self.dt:
                 raise InputError(f"{name} has dt = {W.dt}, the nominal {self.nominal.dt}")
+
+    @classmethod
+    def unweighted(cls, nominal: Any, form: MatrixForm = "additive") -> MatrixModel:
+        """The model with weights of 1, around which a loop is built that weights shall suit."""
+        nominal = as_system(nominal, "nominal")
+        sizes = delta_shape(form, nominal.noutputs, nominal.ninputs)
+        dt = float(nominal.dt or 0.0)
+        empty = np.zeros((0, 0))
+        W_1, W_2 = (
+            realisation((empty, np.zeros((0, n)), np.zeros((n, 0)), np.eye(n)), dt) for n in sizes
+        )
+        return cls(nominal, W_1, W_2, form)
 
     def __repr__(self) -> str:
         orders = [each.nstates for each in (self.nominal, self.W_1, self.W_2)]

@@ -278,8 +278,10 @@ class MatrixSets(Program):
             p, m = self.deviations.shape[2:]
             size = self.size_of(P, S) / (2 * p * m)
             return np.asarray(size - np.log(np.maximum(bound, SMALLEST)))
-        if self.size == "mu":
+        if answer.of_loop is not None:
             return mu_excess(within, answer.weights, answer.of_loop, shapes, self.floor)
+        if self.size == "mu":
+            return np.full(len(P), np.inf)  # nothing is proven without the loop's part
         reach = farthest(P, S, within.channels, self.floor)
         return volume_excess(within.M, answer.weights, *shapes, reach)
 
@@ -345,10 +347,14 @@ class MatrixSets(Program):
             "matrices": self.deviations.shape[1],
         }
 
+    def log_mu(self, answer: FoundSets) -> RealArray:
+        """Logarithm (F,) of the loop's mu with these sets."""
+        return loop_level(self.loop, np.linalg.inv(answer.left), np.linalg.inv(answer.right))[0]
+
     def _mu(self, answer: FoundSets) -> dict[str, float]:
         if self.loop is None:
             return {}
-        level, _ = loop_level(self.loop, np.linalg.inv(answer.left), np.linalg.inv(answer.right))
+        level = self.log_mu(answer)
         return {"mu_peak": float(np.exp(level.max())), "mu_mean": float(np.exp(level.mean()))}
 
     # --- datasets ---------------------------------------------------------------------------------

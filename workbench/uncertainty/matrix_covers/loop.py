@@ -1,0 +1,122 @@
+"""Covers for a loop: weights that make the peak of its mu small, and not the sets."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+
+from workbench.arrays import Array, RealArray
+from workbench.errors import InputError
+from workbench.heavy_types import Figure
+from workbench.structure import Full
+from workbench.systems.realisation import worst_pole
+from workbench.uncertainty.algebra.system import UncertainSystem
+from workbench.uncertainty.matrix_covers.cover import FoundCover, MatrixCover
+from workbench.uncertainty.matrix_covers.figures import mu_figure
+from workbench.uncertainty.matrix_covers.forms import delta_shape
+from workbench.uncertainty.matrix_covers.model import MatrixModel
+from workbench.uncertainty.matrix_covers.responses import system_response
+from workbench.uncertainty.matrix_sets.loop import VOLUME_SHARE, loop_level
+from workbench.uncertainty.matrix_sets.sets import MatrixSets
+
+
+@dataclass(frozen=True, eq=False)
+class MatrixCoverForLoop(MatrixCover):
+    """A `MatrixCover` that costs a loop the least mu.
+
+    Parameters
+    ----------
+    loop
+        A stable uncertain system around `MatrixModel.unweighted(nominal, form)`, such as
+        ``W * feedback(1, model * K)``.
+    performance
+        Whether the inputs and outputs of the loop count; otherwise its stability alone does.
+
+    The weights are a local optimum; the sets at each frequency, which have the least mu that
+    weights of any order could have, are a global one.
+    """
+
+    loop: Any = field(kw_only=True)
+    performance: bool = field(default=True, kw_only=True)
+
+    default_method: ClassVar[str] = "descent"
+    headline: ClassVar[str] = "mu_peak"
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.performance, bool):
+            raise InputError(f"performance is {self.performance!r}; it must be True or False")
+        super().__post_init__()
+
+    @cached_property
+    def loop_response(self) -> Array:
+        """Responses (F, ., .) of the loop that X closes; raises InputError for another loop."""
+        size = delta_shape(self.form, self.nominal.noutputs, self.nominal.ninputs)
+        _need_loop(self.loop, size, self.responses.dt)
+        response = system_response(self.loop.system, self.responses.omega)
+        rows, columns = self.deviations.shape[2:]
+        return response if self.performance else response[:, :columns, :rows]
+
+    @property
+    def sets(self) -> MatrixSets:
+        return MatrixSets(
+            self.deviations,
+            self.left,
+            self.right,
+            size="mu",
+            floor=self.floor,
+            loop=self.loop_response,
+        )
+
+    def sets_beside(self, W_2: Array) -> MatrixSets:
+        n = W_2.shape[-1]
+        loop = self.loop_response
+        loop = np.concatenate([W_2 @ loop[:, :n], loop[:, n:]], axis=1)
+        X = self.covered @ np.linalg.inv(W_2)[:, None]
+        return MatrixSets(X, self.left, "scalar", size="mu", floor=self.floor, loop=loop)
+
+    def without_loop(self) -> MatrixCover:
+        """The program of small sets, for the same plants."""
+        names = [each.name for each in fields(MatrixCover)]
+        return MatrixCover(**{name: getattr(self, name) for name in names})
+
+    def log_mu(self, model: MatrixModel) -> RealArray:
+        """Logarithm (F,) of the loop's mu with the model's sets."""
+        omega = self.responses.omega
+        inverses = [np.linalg.inv(system_response(W, omega)) for W in (model.W_1, model.W_2)]
+        return loop_level(self.loop_response, *inverses)[0]
+
+    def objective(self, answer: FoundCover) -> float:
+        """Logarithm of the largest mu, and VOLUME_SHARE times the mean one of the radius."""
+        return float(self.log_mu(answer.model).max()) + VOLUME_SHARE * super().objective(answer)
+
+    def metrics(self, answer: FoundCover) -> dict[str, float]:
+        logs = self.log_mu(answer.model), self.sets.log_mu(answer.least)
+        peak, least = (float(np.exp(each.max())) for each in logs)
+        return {"mu_peak": peak, "mu_peak_least": least} | super().metrics(answer)
+
+    def figures(self, answer: FoundCover) -> dict[str, Figure]:
+        logs = self.log_mu(answer.model), self.sets.log_mu(answer.least)
+        mu = mu_figure(self.responses, *(np.exp(each) for each in logs))
+        return {"mu": mu} | super().figures(answer)
+
+
+def _need_loop(given: Any, size: tuple[int, int], dt: float) -> None:
+    """Raise InputError for what is no stable loop that one block of a size closes."""
+    if not isinstance(given, UncertainSystem):
+        raise InputError(f"loop must be an uncertain system, not {type(given).__name__}")
+    blocks = list(given.structure) if given.elements else []
+    fits = len(blocks) == 1 and isinstance(blocks[0], Full)
+    if not fits or (blocks[0].rows, blocks[0].columns) != size:
+        raise InputError(
+            f"loop must hold one full block of {size[0]} x {size[1]}, that of "
+            f"MatrixModel.unweighted(nominal, form), once; it has {blocks or 'none'}"
+        )
+    system = given.system
+    if float(system.dt or 0.0) != dt:
+        raise InputError(f"loop has dt = {system.dt}, the responses {dt}")
+    pole, beyond = worst_pole(system)
+    if beyond >= 0:
+        raise InputError(f"the loop around the nominal is unstable: it has a pole at {pole:.6g}")
