@@ -37,6 +37,7 @@ MATHEMATICS = {
         "steps": "linear programs and one semidefinite program",
         "joint": "semidefinite programs for both weights",
         "descent": "quasi-Newton descent over poles and zeros",
+        "evolution": "a population",
     },
     "MuUpperBound": SOLVERS | {"ab13md": "a barrier", "fast": "balancing, interior points"},
     "MuLowerBound": NONLINEAR | {"power": "power iteration", "gain": "vertices", "best": ""},
@@ -77,6 +78,7 @@ MATHEMATICS = {
     },
 }
 """What each method is, by Program; a combination of other methods counts as nothing of its own."""
+MATHEMATICS["MatrixCoverForLoop"] = MATHEMATICS["MatrixCover"]
 MATHEMATICS["MixedSensitivity"] = MATHEMATICS["HinfSynthesis"]
 
 

@@ -18,7 +18,7 @@ from workbench.solvers import Outcome
 from workbench.systems.bilinear import bilinear_sampled
 from workbench.systems.realisation import realisation
 from workbench.uncertainty.matrix_covers.cover import FoundCover, MatrixCover
-from workbench.uncertainty.matrix_covers.descent import descended
+from workbench.uncertainty.matrix_covers.descent import descended, evolved
 from workbench.uncertainty.matrix_covers.joint import smaller_weights
 from workbench.uncertainty.matrix_covers.loop import MatrixCoverForLoop
 from workbench.uncertainty.matrix_covers.model import MatrixModel
@@ -59,19 +59,32 @@ def _joint(program: MatrixCover, context: Context) -> Claim:
 def _no_full_weight(program: MatrixCover) -> str | None:
     """Why its weights have no sections; None where they have."""
     full = "full" in (program.left, program.right)
-    return "a full weight has no sections to move; take joint" if full else None
+    return "a full weight has no sections to move; take steps or joint" if full else None
 
 
 @method(MatrixCover, "descent", optimal=False, unfit=_no_full_weight)
 def _descent(program: MatrixCover, context: Context) -> Claim:
     """Quasi-Newton descent over poles and zeros of both weights, from those of "steps"."""
+    return _improved(program, context, partial(_moved, program, descended, context))
 
-    def moved(W_1: FittedWeight, W_2: FittedWeight) -> tuple[StateSpace, StateSpace]:
-        left, right = descended(program, W_1.fits, W_2.fits, context)
-        rows, columns = program.deviations.shape[2:]
-        return diagonal_weight(left, rows).system, diagonal_weight(right, columns).system
 
-    return _improved(program, context, moved)
+@method(MatrixCover, "evolution", optimal=False, unfit=_no_full_weight)
+def _evolution(program: MatrixCover, context: Context) -> Claim:
+    """A population of poles and zeros of both weights about those of "steps"."""
+    return _improved(program, context, partial(_moved, program, evolved, context))
+
+
+def _moved(
+    program: MatrixCover,
+    search: Callable[..., tuple[list[Rational], list[Rational]]],
+    context: Context,
+    W_1: FittedWeight,
+    W_2: FittedWeight,
+) -> tuple[StateSpace, StateSpace]:
+    """The weights that a search over their poles and zeros finds."""
+    left, right = search(program, W_1.fits, W_2.fits, context)
+    rows, columns = program.deviations.shape[2:]
+    return diagonal_weight(left, rows).system, diagonal_weight(right, columns).system
 
 
 Improvement = Callable[[FittedWeight, FittedWeight], tuple[StateSpace, StateSpace]]

@@ -20,7 +20,7 @@ from workbench.executor import Context
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
 from workbench.uncertainty.matrix_sets.loop import loop_in_unit
-from workbench.uncertainty.matrix_sets.multipliers import balanced
+from workbench.uncertainty.matrix_sets.multipliers import with_balanced_multipliers
 from workbench.uncertainty.matrix_sets.newton import BarrierSets
 from workbench.uncertainty.matrix_sets.sets import MatrixSets
 
@@ -50,7 +50,7 @@ def _barrier(program: MatrixSets, context: Context) -> Claim:
         state.minimise(mu, DECREMENT if mu == goal else NEAR_ENOUGH)
     found, unit = state.found(), unit[:, 0]
     found = replace(found, left=found.left * unit, centre=found.centre * unit)
-    return balanced(program, found), Outcome.SOLVED, ""
+    return with_balanced_multipliers(program, found), Outcome.SOLVED, ""
 
 
 def _weights(goal: float) -> Iterator[float]:

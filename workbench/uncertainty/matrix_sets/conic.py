@@ -15,7 +15,7 @@ from workbench.executor import Context
 from workbench.program import Claim, conic_method
 from workbench.solvers import ConicSolver, Outcome, solve_conic
 from workbench.uncertainty.matrix_sets.finish import finished
-from workbench.uncertainty.matrix_sets.multipliers import touching
+from workbench.uncertainty.matrix_sets.multipliers import with_touching_multipliers
 from workbench.uncertainty.matrix_sets.sets import MatrixSets
 from workbench.uncertainty.matrix_sets.shapes import Shape
 
@@ -43,7 +43,7 @@ def _conic(program: MatrixSets, context: Context, solver: ConicSolver) -> Claim:
         outcome = outcome if one is Outcome.SOLVED else one
         P[f], S[f], Z[f] = statement.answer()
     none = np.zeros((F, N, min(p, m)))
-    return touching(program, finished(program, P, S, Z, none)), outcome, said
+    return with_touching_multipliers(program, finished(program, P, S, Z, none)), outcome, said
 
 
 class _Statement:

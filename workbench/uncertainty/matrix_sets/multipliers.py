@@ -24,7 +24,7 @@ TOUCHING = 1e-5
 """Distance of a norm from the largest one, relative, at which a set touches what it contains."""
 
 
-def balanced(program: MatrixSets, found: FoundSets) -> FoundSets:
+def with_balanced_multipliers(program: MatrixSets, found: FoundSets) -> FoundSets:
     """The sets with multipliers changed so little that they meet the equations of a minimum.
 
     A solver leaves an error in them, which is larger the nearer its sets come to what they contain.
@@ -73,7 +73,7 @@ def _steps_of(weights: RealArray) -> RealArray:
     return -np.diff(weights, axis=-1, append=0.0)
 
 
-def touching(program: MatrixSets, found: FoundSets) -> FoundSets:
+def with_touching_multipliers(program: MatrixSets, found: FoundSets) -> FoundSets:
     """The sets with multipliers that meet the equations best, of what the sets touch."""
     equations, wanted, slack = _equations(program, program.in_units(found))
     steps = np.zeros(slack.shape)

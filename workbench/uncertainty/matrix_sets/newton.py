@@ -39,7 +39,7 @@ FLAT = 1e-15
 
 
 @dataclass
-class Point:
+class SetsAt:
     """Inverse weights P and S, centres Z, what is contained M, and loops K with their scalings.
 
     The first axis of each array is frequency. Without a loop K is empty.
@@ -53,10 +53,10 @@ class Point:
     delta: RealArray
     K: Array
 
-    def __getitem__(self, at: np.ndarray) -> Point:
-        return Point(*(getattr(self, each.name)[at] for each in fields(self)))
+    def __getitem__(self, at: np.ndarray) -> SetsAt:
+        return SetsAt(*(getattr(self, each.name)[at] for each in fields(self)))
 
-    def put(self, at: np.ndarray, other: Point) -> None:
+    def put(self, at: np.ndarray, other: SetsAt) -> None:
         """Replace what stands at these frequencies."""
         for each in fields(self):
             getattr(self, each.name)[at] = getattr(other, each.name)
@@ -86,7 +86,7 @@ class BarrierSets:
             gamma, delta = loop_level(program.loop, P, S)
             gamma = gamma - np.log(START)
             K = self.loop.at(slice(None), P, S, gamma, delta)
-        self.point = Point(P, S, Z, M, gamma, delta, K)
+        self.point = SetsAt(P, S, Z, M, gamma, delta, K)
         self.count = self.plain + (self.loop.count if self.loop else 0)
         self.constraints = M.shape[1] * min(self.p, self.m) + min(K.shape[1:])
 
@@ -139,7 +139,7 @@ class BarrierSets:
         curvature[:, :weights, :weights] += size_curvature
         return slope, curvature
 
-    def _value(self, mu: float, point: Point) -> RealArray:
+    def _value(self, mu: float, point: SetsAt) -> RealArray:
         """Size + mu * barrier (f,); infinite outside."""
         barrier = log_det_value(point.M)
         level = point.gamma if self.loop is not None else None
@@ -165,7 +165,7 @@ class BarrierSets:
             length /= 2
         return ~todo
 
-    def _along(self, at: np.ndarray, step: RealArray) -> Point:
+    def _along(self, at: np.ndarray, step: RealArray) -> SetsAt:
         """Inverse weights, centres, deviations and loops after a step."""
         a, b = len(self.A), len(self.B)
         left = _exp(np.einsum("fd,dij->fij", step[:, :a], self.A))
@@ -178,11 +178,11 @@ class BarrierSets:
         P, S = left @ P, S @ right
         M = P[:, None] @ self.program.away(Z, at) @ S[:, None]
         if self.loop is None:
-            return Point(P, S, Z, M, here.gamma, here.delta, here.K)
+            return SetsAt(P, S, Z, M, here.gamma, here.delta, here.K)
         more = step[:, self.plain :]
         gamma = here.gamma + more[:, 0]
         delta = here.delta + (more[:, 1] if self.loop.performing else 0.0)
-        return Point(P, S, Z, M, gamma, delta, self.loop.at(at, P, S, gamma, delta))
+        return SetsAt(P, S, Z, M, gamma, delta, self.loop.at(at, P, S, gamma, delta))
 
     def found(self) -> FoundSets:
         """The sets, with the multipliers of the barrier's minimum."""
