@@ -137,7 +137,7 @@ def test_structure():
         ((NOMINAL, W_C, W_R, "inverse"), "form is 'inverse'; it must be one of"),
         ((NOMINAL, W_C, W_R, None), "form is None"),
         ((control.ss([], [], [], np.eye(2)), W_C), "SISO"),
-        ((NOMINAL, control.tf([1.0], [1.0, 0.5], 0.1)), "continuous-time"),
+        ((NOMINAL, control.tf([1.0], [1.0, 0.5], 0.1)), "W_c has dt = 0.1; 0.0"),
         ((NOMINAL, None), "W_c is needed"),
         ((None, W_C), "nominal is needed"),
     ],

@@ -50,8 +50,8 @@ def excess_over_radius(
 
 def given_nominal(nominal: Rational, given: Rational, responses: Responses) -> Check:
     """Check that the nominal is the one that was given."""
-    response = given.response(responses.omega)
-    apart = np.abs(nominal.response(responses.omega) - response)
+    response = given.response(responses.axis)
+    apart = np.abs(nominal.response(responses.axis) - response)
     apart = apart / np.maximum(np.abs(response), np.finfo(float).tiny)
     value, where = worst(apart, lambda i: f"at {responses.place(i[0])}")
     statement = "distance of its response from that of the given one, relative"

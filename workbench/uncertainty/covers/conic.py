@@ -68,7 +68,7 @@ def _best_numerator(
     """
     import cvxpy as cp
 
-    omega, shares = program.responses.omega, program.responses.shares
+    omega, shares = program.responses.axis, program.responses.shares
     points, response = outermost(program.points), near.response(omega)
     unit = np.abs(response) if program.form == "multiplicative" else program.unit
     scale = float(np.sqrt(omega[0] * omega[-1]))

@@ -19,7 +19,7 @@ from workbench.arrays import ComplexArray, RealArray
 from workbench.certificate import Check, worst
 from workbench.errors import InputError
 from workbench.executor import Context
-from workbench.fitting.rational import Rational, from_system
+from workbench.fitting.rational import Rational
 from workbench.fitting.response.program import right_check
 from workbench.fitting.samples import as_count
 from workbench.geometry import Circle, NarrowestStadium, Stadium
@@ -43,6 +43,7 @@ from workbench.uncertainty.covers.model import UncertaintyModel, contains
 from workbench.uncertainty.covers.sets import Form, corners, deviations, kept
 from workbench.uncertainty.covers.steps import CoverSteps
 from workbench.uncertainty.covers.weights import damped, resolved, share_of_size
+from workbench.uncertainty.responses.plane import plane_function
 from workbench.uncertainty.responses.plants import Responses
 from workbench.uncertainty.responses.regions import estimates, with_regions
 
@@ -106,8 +107,9 @@ class UncertaintyCover(Program):
             object.__setattr__(self, "responses", with_regions(self.responses, self.confidence))
         if self.form not in get_args(Form):
             raise InputError(f"form is {self.form!r}; it must be one of {get_args(Form)}")
-        if self.nominal is not None and not isinstance(self.nominal, Rational):
-            object.__setattr__(self, "nominal", from_system(self.nominal))
+        if self.nominal is not None:
+            nominal = plane_function(self.nominal, "the given nominal", self.responses.dt)
+            object.__setattr__(self, "nominal", nominal)
         object.__setattr__(self, "order", as_count("order", self.order))
         if self.zeros is None:
             object.__setattr__(self, "zeros", self.order)
@@ -197,7 +199,7 @@ class UncertaintyCover(Program):
 
     def away(self, nominal: Rational, points: ComplexArray) -> ComplexArray:
         """Deviations (F, N) of the points from a nominal."""
-        response = nominal.response(self.responses.omega)
+        response = nominal.response(self.responses.axis)
         return deviations(points, response, self.form, self.responses)
 
     @cached_property
@@ -213,12 +215,12 @@ class UncertaintyCover(Program):
     def away_scale(self, nominal: Rational) -> RealArray:
         """Size (F,) of plants plus nominal, in the units of the deviations."""
         size = np.abs(self.points).max(axis=1)
-        response = np.abs(nominal.response(self.responses.omega))
+        response = np.abs(nominal.response(self.responses.axis))
         return size / response + 1 if self.form == "multiplicative" else size + response
 
     def realisable(self, nominal: Rational) -> Rational:
         """Nominal with poles so far left that those of its realisation are stable too."""
-        return nominal if self.nominal is not None else damped(nominal, self.responses.omega)
+        return nominal if self.nominal is not None else damped(nominal, self.responses.axis)
 
     def finished(
         self,
@@ -232,7 +234,7 @@ class UncertaintyCover(Program):
         # Between few frequencies known plants tell more: how narrow a resonance may be, how wide
         # the sets are.
         fine = self if self.leave_out else self.refined()
-        omega = fine.responses.omega
+        omega = fine.responses.axis
         W_r = None if W_r is None else damped(resolved(W_r, omega), omega)
         W_c = covering_weight(
             fine.responses,
@@ -246,7 +248,7 @@ class UncertaintyCover(Program):
             not self.leave_out,
             context,
         )
-        model = UncertaintyModel(nominal, W_c, W_r, self.form)
+        model = UncertaintyModel(nominal, W_c, W_r, self.form, dt=self.responses.dt)
         second = self.second_set(self.away(nominal, self.points))
         return CoverSteps(model, first, second, third)
 
@@ -398,9 +400,8 @@ class UncertaintyCover(Program):
     def from_dataset(self, data: Dataset) -> CoverSteps:
         from workbench.uncertainty.covers.storage import rational, shape
 
-        model = UncertaintyModel(
-            rational(data, "nominal"), rational(data, "W_c"), rational(data, "W_r"), self.form
-        )
+        parts = [rational(data, name) for name in ("nominal", "W_c", "W_r")]
+        model = UncertaintyModel(parts[0], parts[1], parts[2], self.form, self.responses.dt)
         first: Circle | Stadium = shape(data, "first")
         if self.shape == "circle":
             first = Circle(first.center, first.radius)

@@ -13,6 +13,7 @@ import numpy as np
 from workbench.arrays import ComplexArray, RealArray
 from workbench.certificate import Check
 from workbench.certify.known_plants.containment import Excess, escapes, largest_excess
+from workbench.certify.stable_system import angular_frequency
 from workbench.errors import SolverError
 from workbench.executor import Context
 from workbench.fitting.rational import Rational
@@ -27,6 +28,7 @@ from workbench.uncertainty.covers.weights import (
     complex_weight,
     needed_radius,
 )
+from workbench.uncertainty.responses.plane import realised
 from workbench.uncertainty.responses.plants import Responses
 
 SMALL_EXCESS = 1e-3
@@ -84,7 +86,7 @@ def covering_weight(
         radius = radius + rounding * (size + 2 * (1 if form == "multiplicative" else G))
         return radius, np.maximum(size, radius)
 
-    omega = responses.omega
+    omega = responses.axis
     radius, extent = needed(omega, away)
     plants = list(responses.known_plants.values())
     if not everywhere or not plants:
@@ -117,9 +119,9 @@ def covering_weight(
         grid = found
     excess = largest_excess(*sets, W_c, W_r, multiplicative=multiplicative)
     if not np.isfinite(excess.value):
-        name = list(responses.known_plants)[excess.plant]
+        name, place = list(responses.known_plants)[excess.plant], _place(excess, responses.dt)
         raise SolverError(
-            f"no weight covers plant {name} {_place(excess)}, where its deviation has no bound: "
+            f"no weight covers plant {name} {place}, where its deviation has no bound: "
             "the nominal needs as many poles more than zeros as the plants have, and no zero "
             "on the imaginary axis"
         )
@@ -140,20 +142,21 @@ def containment_check(model: UncertaintyModel, responses: Responses) -> Check:
         "proven bound on the distance of a plant beyond its set, relative to the radius",
         excess.value,
         CONTAINMENT_TOLERANCE,
-        f"{_place(excess)}, by {list(plants)[excess.plant]}",
+        f"{_place(excess, responses.dt)}, by {list(plants)[excess.plant]}",
         over=f"at every frequency, for these {len(plants)} plants",
     )
 
 
 def sampled_containment(model: UncertaintyModel, responses: Responses) -> Check:
     """Second opinion on `containment_check`: realisations on a dense grid, by support functions."""
-    systems = model.systems()
-    plants = {name: plant.state_space() for name, plant in responses.known_plants.items()}
-    poles = [system.poles() for system in (*systems.values(), *plants.values())]
-    zeros = model.nominal.zeros
-    dense = tried_frequencies(np.concatenate([*poles, zeros]))
-    spread = np.geomspace(responses.omega[0] / 10, responses.omega[-1] * 10, SAMPLED_FREQUENCIES)
-    omega = np.union1d(dense[(dense > 0) & np.isfinite(dense)], spread)
+    systems, known = model.systems(), responses.known_plants
+    plants = {name: realised(plant, responses.dt) for name, plant in known.items()}
+    functions = [model.nominal, model.W_c, *([] if model.W_r is None else [model.W_r])]
+    poles = [function.poles for function in (*functions, *known.values())]
+    dense = tried_frequencies(np.concatenate([*poles, model.nominal.zeros]))
+    spread = np.geomspace(responses.axis[0] / 10, responses.axis[-1] * 10, SAMPLED_FREQUENCIES)
+    axis = np.union1d(dense[(dense > 0) & np.isfinite(dense)], spread)
+    omega = angular_frequency(axis, responses.dt)
     values = np.stack([plain_response(plant, omega)[:, 0, 0] for plant in plants.values()], axis=1)
     excess = excess_over_radius(systems, model.form, omega, values)
     excess = np.where(np.isnan(excess), np.inf, excess)
@@ -168,7 +171,6 @@ def sampled_containment(model: UncertaintyModel, responses: Responses) -> Check:
     )
 
 
-def _place(excess: Excess) -> str:
-    if np.isinf(excess.omega):
-        return "at infinite frequency"
-    return f"at {excess.omega / (2 * np.pi):.6g} Hz"
+def _place(excess: Excess, dt: float) -> str:
+    omega = angular_frequency(excess.omega, dt)
+    return "at infinite frequency" if np.isinf(omega) else f"at {omega / (2 * np.pi):.6g} Hz"

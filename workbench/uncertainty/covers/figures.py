@@ -35,7 +35,7 @@ def cover_figures(
 def nominal_figure(responses: Responses, answer: CoverSteps) -> Figure:
     """Bode plot of the nominal among the plants and the centres of the first set."""
     figure, (top, bottom) = figures.axes(2, 1, size=(7.0, 6.0), sharex=True)
-    fit = answer.model.nominal.response(responses.omega)
+    fit = answer.model.nominal.response(responses.axis)
     values = np.where(responses.present, responses.values, np.nan)
     turn = figures.phase(fit)
     for axes, of in ((top, np.abs), (bottom, lambda z: turn + np.angle(z / fit, deg=True))):
@@ -63,7 +63,7 @@ def complex_weight_figure(responses: Responses, answer: CoverSteps) -> Figure:
         axes.plot(
             responses.frequency, answer.third.radius, ":", color=figures.ORANGE, label="third set"
         )
-    fit = np.abs(answer.model.W_c.response(responses.omega))
+    fit = np.abs(answer.model.W_c.response(responses.axis))
     label = f"$|W_c|$, order {answer.model.W_c.order}"
     axes.plot(responses.frequency, fit, color=figures.BLUE, label=label)
     figures.label(axes, y=f"radius [{_unit(responses, answer)}]", log="y")
@@ -74,7 +74,7 @@ def complex_weight_figure(responses: Responses, answer: CoverSteps) -> Figure:
 def real_weight_figure(responses: Responses, answer: CoverSteps) -> Figure:
     """Half-length and orientation, calculated and fitted (figures 5.14 and 5.15)."""
     figure, (top, bottom) = figures.axes(2, 1, size=(7.0, 6.0), sharex=True)
-    fit = answer.model.W_r.response(responses.omega)
+    fit = answer.model.W_r.response(responses.axis)
     label = f"$W_r$, order {answer.model.W_r.order}"
     for name, sets, colour in (
         ("second set", answer.second, figures.BLACK),

@@ -71,7 +71,7 @@ class SmallSets:
     def __call__(self, vector: RealArray, power: int) -> tuple[float, RealArray]:
         """Mean square size with norms of a given power over the plants, and its gradient."""
         of_nominal, of_weight = self.split(vector)
-        omega, shares = self.program.responses.omega, self.program.responses.shares
+        omega, shares = self.program.responses.axis, self.program.responses.shares
         nominal, slope = _evaluated(self.nominal, of_nominal, omega)
         unit = self.program.unit[:, None]
         if self.program.form == "multiplicative":
@@ -100,7 +100,7 @@ class SmallSets:
 
     def _beyond(self, of_weight: RealArray) -> tuple[ComplexArray, ComplexArray]:
         """The real weight beyond the frequencies, its squares' sum a mean square, and slopes."""
-        omega, unit = self.program.responses.omega, self.program.unit
+        omega, unit = self.program.responses.axis, self.program.unit
         decades = 10.0 ** np.arange(1, BEYOND_DECADES + 1)
         far = np.concatenate([omega[0] / decades, omega[-1] * decades])
         size = np.repeat([unit[0], unit[-1]], BEYOND_DECADES) * np.sqrt(far.size)
@@ -122,7 +122,7 @@ def smallest_sets(
     takes quasi-Newton steps on the coefficients of quadratic factors, and approaches the maximum
     over the plants by norms of rising power. The answer is a local optimum.
     """
-    omega = program.responses.omega
+    omega = program.responses.axis
     band = float(omega[0]), float(omega[-1])
     moving: FactoredRational | ComplexArray = nominal.response(omega)
     if program.nominal is None:

@@ -17,8 +17,9 @@ import numpy as np
 
 from workbench import figures
 from workbench.arrays import RealArray
+from workbench.certify.stable_system import bilinear_frequency
 from workbench.errors import InputError
-from workbench.fitting.rational import Rational, from_system
+from workbench.fitting.rational import Rational
 from workbench.geometry import Stadium
 from workbench.geometry.cover import CONTAINMENT_TOLERANCE
 from workbench.heavy_types import Figure, StateSpace
@@ -26,9 +27,11 @@ from workbench.structure import Complex as ComplexScalar
 from workbench.structure import Real as RealScalar
 from workbench.structure import Structure
 from workbench.systems.connection import generalised_plant
+from workbench.systems.conversion import as_system
 from workbench.systems.frequency_grid import frequencies_of
 from workbench.uncertainty.algebra.system import Algebraic
 from workbench.uncertainty.covers.sets import Form
+from workbench.uncertainty.responses.plane import plane_function, realised
 from workbench.uncertainty.responses.plants import Responses
 
 
@@ -39,16 +42,19 @@ class UncertaintyModel(Algebraic):
     Parameters
     ----------
     nominal, W_c, W_r
-        Each a `Rational` or a SISO continuous-time system of python-control. W_r = None gives
-        circles.
+        Each a SISO system of python-control, or a `Rational`, of a sampled model one of the
+        bilinear plane (see `workbench.uncertainty.responses.plane`). W_r = None gives circles.
     form
         ``"multiplicative"`` or ``"additive"``.
+    dt
+        Sampling time [s]; 0: continuous time; None: that of the nominal.
     """
 
     nominal: Any  # all three are Rational after construction
     W_c: Any
     W_r: Any = None
     form: Form = "multiplicative"
+    dt: Any = None  # a float after construction
 
     def __post_init__(self) -> None:
         if self.form not in get_args(Form):
@@ -57,11 +63,12 @@ class UncertaintyModel(Algebraic):
             given = getattr(self, name)
             if given is None and name != "W_r":
                 raise InputError(f"{name} is needed; only W_r may be None")
-            if given is not None and not isinstance(given, Rational):
-                try:
-                    object.__setattr__(self, name, from_system(given))
-                except InputError as error:
-                    raise InputError(f"{name}: {error}") from None
+            if given is None:
+                continue
+            if self.dt is None:
+                own = None if isinstance(given, Rational) else as_system(given, name).dt
+                object.__setattr__(self, "dt", float(own or 0.0))
+            object.__setattr__(self, name, plane_function(given, name, self.dt))
 
     def __repr__(self) -> str:
         weights = " and ".join(
@@ -72,14 +79,15 @@ class UncertaintyModel(Algebraic):
         right = int((self.nominal.poles.real > 0).sum())
         unstable = f", {right} poles right of the axis" if right else ""
         order = self.nominal.order
-        return f"UncertaintyModel, {self.form}: nominal of order {order}{unstable}; {weights}"
+        kind = f"{self.form}, sampled every {self.dt:.6g} s" if self.dt else self.form
+        return f"UncertaintyModel, {kind}: nominal of order {order}{unstable}; {weights}"
 
     @property
     def lti(self) -> StateSpace:
         """The nominal."""
         import control
 
-        return control.ss(self.nominal.state_space(), inputs="u", outputs="f")
+        return control.ss(realised(self.nominal, self.dt), inputs="u", outputs="f")
 
     @property
     def structure(self) -> Structure:
@@ -92,7 +100,7 @@ class UncertaintyModel(Algebraic):
     def systems(self) -> dict[str, StateSpace]:
         """``G``, ``W_c`` and, for a mixed model, ``W_r`` as python-control systems."""
         rationals = {"G": self.nominal, "W_c": self.W_c, "W_r": self.W_r}
-        return {name: r.state_space() for name, r in rationals.items() if r is not None}
+        return {name: realised(r, self.dt) for name, r in rationals.items() if r is not None}
 
     @cached_property
     def system(self) -> StateSpace:
@@ -123,11 +131,13 @@ class UncertaintyModel(Algebraic):
 
     def sizes(self, omega: RealArray) -> tuple[RealArray, RealArray]:
         """Radius (F,) and half-length (F,) of the model's sets, in the units of the weights."""
+        omega = bilinear_frequency(omega, self.dt)
         length = np.zeros(np.shape(omega)) if self.W_r is None else np.abs(self.W_r.response(omega))
         return np.abs(self.W_c.response(omega)), length
 
     def shapes(self, omega: RealArray) -> Stadium:
         """Sets of the model's plants at frequencies (F,) [rad/s], in the Nyquist plane."""
+        omega = bilinear_frequency(omega, self.dt)
         nominal = self.nominal.response(omega)
         size = nominal if self.form == "multiplicative" else np.ones_like(nominal)
         radius = np.abs(size * self.W_c.response(omega))
@@ -137,7 +147,7 @@ class UncertaintyModel(Algebraic):
     def plot(self) -> Figure:
         """The nominal's magnitude with that of all plants of the model, and the weights."""
         figure, (top, bottom) = figures.axes(2, 1, size=(7.0, 6.0), sharex=True)
-        omega = frequencies_of(self.nominal.state_space())
+        omega = frequencies_of(realised(self.nominal, self.dt))
         frequency, sets = omega / (2 * np.pi), self.shapes(omega)
         reach = sets.radius + sets.half_length
         size = np.abs(sets.center)
@@ -200,7 +210,7 @@ def contains(model: UncertaintyModel, responses: Responses, leave_out: int = 0) 
     leave_out
         Number of points that may lie outside at each frequency.
     """
-    s = 1j * responses.omega.astype(np.longdouble)
+    s = 1j * responses.axis.astype(np.longdouble)
     nominal = _value(model.nominal, s)
     size = nominal if model.form == "multiplicative" else np.ones_like(nominal)
     radius = np.abs(size * _value(model.W_c, s))[:, None]

@@ -25,7 +25,7 @@ def warn_of_unstable(program: UncertaintyCover, context: Context) -> None:
     """Warn where a nominal with poles right of the axis fits the plants' mean far better."""
     if program.nominal is not None or program.unstable_poles or not program.order:
         return
-    omega, mean = program.responses.omega, mean_response(program.responses.points)
+    omega, mean = program.responses.axis, mean_response(program.responses.points)
 
     def error(count: int) -> float:
         """Largest relative error of the best fit with so many poles right of the axis."""

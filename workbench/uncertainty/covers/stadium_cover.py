@@ -62,13 +62,13 @@ class StadiumCover(UncertaintyCover):
         return stadiums_about_nominal(away)
 
     def third_set(self, away: ComplexArray, W_r: Rational | None = None) -> Stadium:
-        omega = self.responses.omega
+        omega = self.responses.axis
         if W_r is None:
             return stadiums_about_nominal(away, self.orientation(omega, away))
         return stadiums_about_nominal(away, np.angle(W_r.response(omega)))
 
     def real_weight(self, third: Stadium, context: Context) -> Rational:
-        omega = self.responses.omega
+        omega = self.responses.axis
         return real_weight(omega, third, self.real_order, self.minimum_phase, context)
 
     def checks(self, answer: CoverSteps, tolerance: float) -> Sequence[Check]:

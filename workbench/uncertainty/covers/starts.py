@@ -31,7 +31,7 @@ def through(
     """
     if program.nominal is not None:
         return program.nominal
-    omega, order, zeros = program.responses.omega, program.order, program.zeros
+    omega, order, zeros = program.responses.axis, program.order, program.zeros
     size = np.maximum(
         first.radius + first.half_length, STARTING_MIN_RELATIVE_SIZE * np.abs(response)
     )
@@ -67,5 +67,5 @@ def real_weights(program: StadiumCover, nominal: Rational, context: Context) -> 
     size = third.radius + STARTING_HALF_LENGTH_SHARE * third.half_length
     weight = 1 / np.maximum(size, STARTING_MIN_RELATIVE_SIZE * (size.max() or 1.0))
     for minimum_phase in (True,) if program.minimum_phase else (True, False):
-        omega, order = program.responses.omega, program.real_order
+        omega, order = program.responses.axis, program.real_order
         yield fitted(held(omega, end, weight, order, minimum_phase), context)

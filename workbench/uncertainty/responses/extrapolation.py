@@ -54,6 +54,7 @@ def widened(responses: Responses, content: float) -> Responses:
         np.hstack([responses.values, corners]),
         np.hstack([responses.present, np.ones(corners.shape, bool)]),
         [*responses.plants, *(f"predicted {k + 1}" for k in range(POLYGON_CORNERS))],
+        dt=responses.dt,
         unit=responses.unit,
         assumption=(
             "at each frequency the plants are drawn independently from one bivariate normal "

@@ -12,17 +12,22 @@ import numpy as np
 
 from workbench import figures
 from workbench.arrays import ComplexArray, RealArray
+from workbench.certify.stable_system import angular_frequency, bilinear_frequency
 from workbench.errors import InputError
-from workbench.fitting.rational import Rational, from_system
+from workbench.fitting.rational import Rational
 from workbench.heavy_types import DataArray, Figure, FrequencyResponseData
 from workbench.identification.responses.periodic import ResponseEstimate
 from workbench.input_checks import as_list, need_numbers
 from workbench.systems.frequency_grid import starting_grid
 from workbench.uncertainty.responses import measured
+from workbench.uncertainty.responses.checked import (
+    as_omega,
+    known_functions,
+    need_below_nyquist,
+    plain_values,
+    variances,
+)
 from workbench.uncertainty.responses.measured import Channel
-
-KNOWN_RESPONSE_TOLERANCE = 1e-6
-"""Largest distance of a given response from that of the known plant, relative to it."""
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -40,6 +45,8 @@ class Responses:
         needed at every frequency.
     plants
         Names of the N plants; None: they are numbered.
+    dt
+        Sampling time [s] of sampled plants; 0: continuous ones.
     unit
         Unit of the responses, for labels.
     assumption
@@ -48,7 +55,8 @@ class Responses:
     known
         The N plants as systems, where they are known at every frequency: stable SISO systems of
         python-control or `Rational`s, None for a plant that was only measured. Covers contain
-        these at every frequency, between the given ones too.
+        these at every frequency, between the given ones too. Sampled ones are kept as functions
+        of the bilinear plane.
     variance
         E|error|^2 of the responses (F, N), or a number for all; None: they count as exact.
     degrees
@@ -70,6 +78,7 @@ class Responses:
     values: ComplexArray
     present: np.ndarray
     plants: tuple[str, ...]
+    dt: float
     unit: str
     assumption: str
     known: tuple[Rational | None, ...]
@@ -86,6 +95,7 @@ class Responses:
         plants: Any = None,
         *,
         frequency: Any = None,
+        dt: float = 0.0,
         unit: str = "1",
         assumption: str = "",
         known: Any = None,
@@ -94,12 +104,13 @@ class Responses:
         read: str = "",
         confidence: float | None = None,
     ) -> None:
-        omega = _frequencies(omega, frequency)
+        omega = as_omega(omega, frequency)
+        need_below_nyquist(omega, dt)
         if values is None:
             raise InputError(
                 "values are needed: complex responses of shape (F, N), a column for each plant"
             )
-        values = np.asarray(_plain(values))
+        values = np.asarray(plain_values(values))
         if values.dtype.kind not in "iufc":
             raise InputError(f"responses must be numbers, they have type {values.dtype}")
         if values.ndim != 2 or len(values) != omega.size:
@@ -124,6 +135,7 @@ class Responses:
             "values": values.astype(complex),
             "present": present,
             "plants": names,
+            "dt": dt,
             "unit": unit,
             "assumption": assumption,
             "read": read,
@@ -139,9 +151,9 @@ class Responses:
                 f"only {present[few.argmax()].sum()} plant was measured at "
                 f"{self.place(int(few.argmax()))}: two or more are needed at every frequency"
             )
-        object.__setattr__(self, "known", self._checked(tuple(known or ())))
+        object.__setattr__(self, "known", known_functions(self, tuple(known or ())))
         for name, value in zip(
-            ("variance", "degrees"), self._spread(variance, degrees), strict=True
+            ("variance", "degrees"), variances(self, variance, degrees), strict=True
         ):
             object.__setattr__(self, name, value)
 
@@ -165,7 +177,7 @@ class Responses:
         input, output
             The channel of plants with several, by name or by number from 0.
         names
-            ``plants``, ``unit``, ``assumption`` and ``known`` of `Responses`.
+            ``plants``, ``dt``, ``unit``, ``assumption`` and ``known`` of `Responses`.
 
         Raises
         ------
@@ -220,7 +232,7 @@ class Responses:
             Whether the input was held from sample to sample, and the response is that of the plant
             without this hold; above some 0.6 of half the sampling frequency it is distorted.
         names
-            ``plants``, ``unit``, ``assumption`` and ``known`` of `Responses`.
+            ``plants``, ``dt``, ``unit``, ``assumption`` and ``known`` of `Responses`.
 
         Raises
         ------
@@ -252,57 +264,6 @@ class Responses:
         curves = dict(zip(self.plants, values.T, strict=True))
         return figures.bode_plot(self.frequency, curves, self.unit, f"{len(curves)} plants")
 
-    def _checked(self, known: tuple[Any, ...]) -> tuple[Rational | None, ...]:
-        """The known plants as functions; raises `InputError` for those that cannot be."""
-        if known and len(known) != len(self.plants):
-            raise InputError(f"{len(known)} known systems for {len(self.plants)} plants")
-        found = tuple(
-            plant if plant is None or isinstance(plant, Rational) else from_system(plant)
-            for plant in known
-        )
-        for i, plant in enumerate(found):
-            if plant is None:
-                continue
-            if not plant.is_stable:
-                raise InputError(
-                    f"plant {self.plants[i]} is unstable, its poles are {plant.poles}: no set of a "
-                    "stable nominal and stable weights contains it"
-                )
-            apart = np.abs(plant.response(self.omega) / self.values[:, i] - 1)
-            apart = np.where(self.present[:, i], apart, 0.0)
-            k = int(np.argmax(np.where(np.isnan(apart), np.inf, apart)))
-            if not apart[k] <= KNOWN_RESPONSE_TOLERANCE:
-                raise InputError(
-                    f"the known plant {self.plants[i]} has another response at {self.place(k)}: "
-                    f"it is {apart[k]:.3g} off, relative"
-                )
-        return found
-
-    def _spread(self, variance: Any, degrees: Any) -> tuple[RealArray | None, RealArray]:
-        """Variances (F, N) and degrees of freedom (N,), or an `InputError`."""
-        shape = self.values.shape
-        freedom = np.broadcast_to(np.asarray(degrees, float), (shape[1],)).copy()
-        if not (freedom > 0).all():
-            raise InputError(f"degrees is {degrees!r}; it must be positive")
-        if variance is None:
-            return None, freedom
-        try:
-            found = np.broadcast_to(np.asarray(variance, float), shape).copy()
-        except ValueError:
-            raise InputError(
-                f"variance of shape {np.shape(variance)} does not fit responses of shape {shape}"
-            ) from None
-        bad = self.present & ~(np.isfinite(found) & (found >= 0))
-        if bad.any():
-            k, i = (int(j) for j in np.argwhere(bad)[0])
-            raise InputError(
-                f"the variance of plant {self.plants[i]} is {found[k, i]} at {self.place(k)}; it "
-                "must be finite and not negative"
-            )
-        if self.known_plants:
-            raise InputError("a plant that is known has no variance: give known or variance")
-        return found, freedom
-
     @property
     def known_plants(self) -> dict[str, Rational]:
         """The plants that are known at every frequency, by name."""
@@ -331,6 +292,11 @@ class Responses:
     def frequency(self) -> RealArray:
         """Frequencies (F,) [Hz]."""
         return self.omega / (2 * np.pi)
+
+    @property
+    def axis(self) -> RealArray:
+        """Frequencies (F,) of the bilinear plane [rad/s], in which sampled plants are fitted."""
+        return np.asarray(bilinear_frequency(self.omega, self.dt))
 
     @property
     def shares(self) -> RealArray:
@@ -377,10 +343,11 @@ class Responses:
         if len(known) < len(self.plants):
             return self
         poles = np.concatenate([plant.poles for plant in known])
-        more = starting_grid(poles)
+        more = angular_frequency(starting_grid(poles), self.dt)
         more = more[(more > self.omega[0]) & (more < self.omega[-1])]
         omega = np.union1d(self.omega, more)
-        values = np.stack([plant.response(omega) for plant in known], axis=1)
+        axis = bilinear_frequency(omega, self.dt)
+        values = np.stack([plant.response(axis) for plant in known], axis=1)
         given = np.searchsorted(omega, self.omega)
         values[given] = np.where(self.present, self.values, values[given])
         present = np.ones(values.shape, bool)
@@ -407,43 +374,6 @@ class Responses:
             coords={"frequency": ("frequency", self.frequency, axis), "plant": list(self.plants)},
             attrs={"units": self.unit, "long_name": "response"},
         )
-
-
-def _frequencies(omega: Any, frequency: Any) -> RealArray:
-    """Angular frequencies (F,) [rad/s] from either; raises `InputError` for other data."""
-    if (omega is None) == (frequency is None):
-        raise InputError("give the frequencies once: omega= in rad/s, or frequency= in Hz")
-    name, unit = ("omega", "rad/s") if frequency is None else ("frequency", "Hz")
-    try:
-        given = np.asarray(omega if frequency is None else frequency, dtype=float)
-    except (TypeError, ValueError):
-        raise InputError(f"{name} must be real numbers of shape (F,)") from None
-    if given.ndim != 1 or given.size < 2:
-        raise InputError(
-            f"{name} of shape {given.shape}: two frequencies or more are needed, shape (F,)"
-        )
-    bad = ~(np.isfinite(given) & (given > 0))
-    if bad.any():
-        raise InputError(f"{name}[{bad.argmax()}] is {given[bad.argmax()]}; it must be positive")
-    steps = np.diff(given) <= 0
-    if steps.any():
-        k = int(steps.argmax())
-        kind = "repeated" if given[k] == given[k + 1] else "not increasing"
-        raise InputError(
-            f"{name}[{k}] = {given[k]:.6g} and {name}[{k + 1}] = {given[k + 1]:.6g} {unit} are "
-            f"{kind}: sort the frequencies and keep each once"
-        )
-    return given if frequency is None else 2 * np.pi * given
-
-
-def _plain(values: Any) -> Any:
-    """The values, where they are no systems; raises `InputError` that says where those go."""
-    each = values if isinstance(values, list | tuple) else [values]
-    if any(hasattr(one, "frdata") for one in each):
-        raise InputError("values are frequency responses of python-control: Responses.from_frd")
-    if any(hasattr(one, "radius") and hasattr(one, "variance") for one in each):
-        raise InputError("values are estimates of responses: Responses.from_estimates")
-    return values
 
 
 def filled(values: ComplexArray, present: np.ndarray) -> ComplexArray:

@@ -1,0 +1,38 @@
+"""Sampled systems of one channel as functions of the bilinear plane, and back.
+
+The function at j v is the sampled system at omega, with v = 2 / T tan(omega T / 2) for the sampling
+time T [s]. Circles, orders and stability are the same in both.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from workbench.errors import InputError
+from workbench.fitting.rational import Rational, from_system
+from workbench.heavy_types import StateSpace
+from workbench.systems.bilinear import bilinear_continuous, bilinear_sampled
+
+
+def plane_function(given: Any, name: str, dt: float | None) -> Rational:
+    """A system of one channel, or a `Rational` of the plane, as a function of the plane.
+
+    ``dt`` is the sampling time [s] that it must have; None: any. Raises InputError otherwise.
+    """
+    import control
+
+    if isinstance(given, Rational):
+        return given
+    own = float(getattr(given, "dt", None) or 0.0)
+    if dt is not None and own != dt and hasattr(given, "poles"):
+        raise InputError(f"{name} has dt = {own}; {dt} is needed")
+    try:
+        return from_system(bilinear_continuous(control.ss(given)) if own else given)
+    except InputError as error:
+        raise InputError(f"{name}: {error}") from None
+
+
+def realised(function: Rational, dt: float) -> StateSpace:
+    """The system, sampled every ``dt`` [s] unless that is 0, that a function of the plane is."""
+    system = function.state_space()
+    return bilinear_sampled(system, dt) if dt else system
