@@ -10,6 +10,7 @@ from workbench.synthesis.hinf.loop_shaping import LoopShaping
 from workbench.synthesis.hinf.mixed_sensitivity import MixedSensitivity
 from workbench.synthesis.hinf.program import HinfController, HinfSynthesis, hinf
 from workbench.synthesis.implementation import implementation_methods
+from workbench.synthesis.implementation.aliases import SampledRobustness, sampled_robustness
 from workbench.synthesis.implementation.discretise import discretised
 from workbench.synthesis.implementation.export import export, load_controller
 from workbench.synthesis.implementation.fixed_point import FixedCascade, FixedPoint, fixed_point
@@ -100,6 +101,7 @@ __all__ = [
     "SampledConditions",
     "SampledMargins",
     "SampledPlant",
+    "SampledRobustness",
     "Sections",
     "SingleLoops",
     "SwitchedBox",
@@ -132,6 +134,7 @@ __all__ = [
     "reduce_order",
     "regularised",
     "sampled_conditions",
+    "sampled_robustness",
     "second_order_sections",
     "switched_loop",
     "switching_conic",

@@ -43,7 +43,9 @@ class StabilityMargin:
     parameters, and dynamics as systems (None where no perturbation was found, and ``upper`` is
     infinite). Above 1 the system is stable for all of its uncertainty. ``peak`` is the peak of mu
     that this rests on; where all elements are real there is none, but a number of ``parts`` of
-    their box (see `workbench.mu.boxes`).
+    their box (see `workbench.mu.boxes`). With a sampling time ``dt`` [s] all of this is about the
+    sampled system, whose perturbations are sampled with it: for a continuous plant under a sampled
+    controller see `workbench.synthesis.sampled_robustness`.
     """
 
     lower: float
@@ -52,6 +54,7 @@ class StabilityMargin:
     worst: Mapping[str, Any] | None
     peak: Peak | None
     parts: int = 0
+    dt: float = 0.0
 
     def __repr__(self) -> str:
         verdict = "not decided for all of its uncertainty"
@@ -67,6 +70,8 @@ class StabilityMargin:
             order = getattr(value, "nstates", None)
             shown = f"{value:.6g}" if order is None else f"a system of order {order}"
             lines.append(f"  worst {name}: {shown}")
+        if self.dt:
+            lines.append(f"  at the samples, every {self.dt:.6g} s; perturbations are sampled too")
         return "\n".join(lines)
 
 
@@ -134,7 +139,7 @@ def robust_stability(
         asked.append(with_damping(given, damping))
     margins = [_margin(one, tolerance, parts) for one in asked]
     first = min(margins, key=lambda one: one.upper)
-    return replace(first, lower=min(one.lower for one in margins))
+    return replace(first, lower=min(one.lower for one in margins), dt=given.dt or 0.0)
 
 
 def _margin(found: UncertainSystem, tolerance: float, parts: int) -> StabilityMargin:

@@ -98,10 +98,7 @@ def sampled_conditions(
     if plant.dt:
         raise InputError(f"the plant is sampled (dt = {plant.dt}); give the continuous plant")
     need_positive(sample_time, "sample_time")
-    if K.dt not in (None, True) and not math.isclose(K.dt, sample_time):
-        raise InputError(
-            f"K has dt = {K.dt}; it must be sampled every {sample_time} s, as discretised() does"
-        )
+    need_same_time(K, sample_time)
     need_fitting(K, plant)
     need_delay(delay)
     sampled_K = realisation((K.A, K.B, K.C, K.D), sample_time)
@@ -145,6 +142,14 @@ def need_delay(delay: float) -> None:
     if not (is_real(delay) and 0.0 <= delay <= LONGEST_DELAY):
         raise InputError(
             f"delay is {delay!r}; it must be a number of samples from 0 to {LONGEST_DELAY}"
+        )
+
+
+def need_same_time(K: StateSpace, sample_time: float) -> None:
+    """Raise InputError for a controller that is sampled at another rate, or not at all."""
+    if K.dt not in (None, True) and not math.isclose(K.dt, sample_time):
+        raise InputError(
+            f"K has dt = {K.dt}; it must be sampled every {sample_time} s, as discretised() does"
         )
 
 

@@ -28,7 +28,7 @@ from workbench.uncertainty.covers.weights import (
     complex_weight,
     needed_radius,
 )
-from workbench.uncertainty.responses.plane import realised
+from workbench.uncertainty.responses.plane import from_plane
 from workbench.uncertainty.responses.plants import Responses
 
 SMALL_EXCESS = 1e-3
@@ -150,7 +150,7 @@ def containment_check(model: UncertaintyModel, responses: Responses) -> Check:
 def sampled_containment(model: UncertaintyModel, responses: Responses) -> Check:
     """Second opinion on `containment_check`: realisations on a dense grid, by support functions."""
     systems, known = model.systems(), responses.known_plants
-    plants = {name: realised(plant, responses.dt) for name, plant in known.items()}
+    plants = {name: from_plane(plant, responses.dt) for name, plant in known.items()}
     functions = [model.nominal, model.W_c, *([] if model.W_r is None else [model.W_r])]
     poles = [function.poles for function in (*functions, *known.values())]
     dense = tried_frequencies(np.concatenate([*poles, model.nominal.zeros]))

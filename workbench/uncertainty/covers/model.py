@@ -31,7 +31,7 @@ from workbench.systems.conversion import as_system
 from workbench.systems.frequency_grid import frequencies_of
 from workbench.uncertainty.algebra.system import Algebraic
 from workbench.uncertainty.covers.sets import Form
-from workbench.uncertainty.responses.plane import plane_function, realised
+from workbench.uncertainty.responses.plane import from_plane, plane_function
 from workbench.uncertainty.responses.plants import Responses
 
 
@@ -87,7 +87,7 @@ class UncertaintyModel(Algebraic):
         """The nominal."""
         import control
 
-        return control.ss(realised(self.nominal, self.dt), inputs="u", outputs="f")
+        return control.ss(from_plane(self.nominal, self.dt), inputs="u", outputs="f")
 
     @property
     def structure(self) -> Structure:
@@ -100,7 +100,7 @@ class UncertaintyModel(Algebraic):
     def systems(self) -> dict[str, StateSpace]:
         """``G``, ``W_c`` and, for a mixed model, ``W_r`` as python-control systems."""
         rationals = {"G": self.nominal, "W_c": self.W_c, "W_r": self.W_r}
-        return {name: realised(r, self.dt) for name, r in rationals.items() if r is not None}
+        return {name: from_plane(r, self.dt) for name, r in rationals.items() if r is not None}
 
     @cached_property
     def system(self) -> StateSpace:
@@ -147,7 +147,7 @@ class UncertaintyModel(Algebraic):
     def plot(self) -> Figure:
         """The nominal's magnitude with that of all plants of the model, and the weights."""
         figure, (top, bottom) = figures.axes(2, 1, size=(7.0, 6.0), sharex=True)
-        omega = frequencies_of(realised(self.nominal, self.dt))
+        omega = frequencies_of(from_plane(self.nominal, self.dt))
         frequency, sets = omega / (2 * np.pi), self.shapes(omega)
         reach = sets.radius + sets.half_length
         size = np.abs(sets.center)

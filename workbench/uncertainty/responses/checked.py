@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -11,9 +11,6 @@ from workbench.errors import InputError
 from workbench.fitting.rational import Rational
 from workbench.input_checks import need_numbers
 from workbench.uncertainty.responses.plane import plane_function
-
-if TYPE_CHECKING:
-    from workbench.uncertainty.responses.plants import Responses
 
 KNOWN_RESPONSE_TOLERANCE = 1e-6
 """Largest distance of a given response from that of the known plant, relative to it."""
@@ -52,7 +49,7 @@ def plain_values(values: Any) -> Any:
     if any(hasattr(one, "frdata") for one in each):
         raise InputError("values are frequency responses of python-control: Responses.from_frd")
     if any(hasattr(one, "radius") and hasattr(one, "variance") for one in each):
-        raise InputError("values are estimates of responses: Responses.from_estimates")
+        raise InputError("values are estimates of responses: Any.from_estimates")
     return values
 
 
@@ -68,7 +65,7 @@ def need_below_nyquist(omega: RealArray, dt: Any) -> None:
         )
 
 
-def known_functions(responses: Responses, known: tuple[Any, ...]) -> tuple[Rational | None, ...]:
+def known_functions(responses: Any, known: tuple[Any, ...]) -> tuple[Rational | None, ...]:
     """The known plants as functions; raises `InputError` for those that cannot be."""
     plants = responses.plants
     if known and len(known) != len(plants):
@@ -96,9 +93,7 @@ def known_functions(responses: Responses, known: tuple[Any, ...]) -> tuple[Ratio
     return found
 
 
-def variances(
-    responses: Responses, variance: Any, degrees: Any
-) -> tuple[RealArray | None, RealArray]:
+def variances(responses: Any, variance: Any, degrees: Any) -> tuple[RealArray | None, RealArray]:
     """Variances (F, N) and degrees of freedom (N,), or an `InputError`."""
     shape = responses.values.shape
     freedom = np.broadcast_to(np.asarray(degrees, float), (shape[1],)).copy()

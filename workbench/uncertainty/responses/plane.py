@@ -32,7 +32,7 @@ def plane_function(given: Any, name: str, dt: float | None) -> Rational:
         raise InputError(f"{name}: {error}") from None
 
 
-def realised(function: Rational, dt: float) -> StateSpace:
+def from_plane(function: Rational, dt: float) -> StateSpace:
     """The system, sampled every ``dt`` [s] unless that is 0, that a function of the plane is."""
     system = function.state_space()
     return bilinear_sampled(system, dt) if dt else system
