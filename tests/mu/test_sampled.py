@@ -83,12 +83,12 @@ def test_the_destabilising_perturbation_is_sampled_and_puts_poles_on_the_circle(
 def test_worst_cases_are_kept(period):
     system = loop()
     sampled = bilinear_sampled(system, period)
-    one, other = (worst_case_gain(each, STRUCTURE) for each in (system, sampled))
-    assert other.upper == pytest.approx(one.upper, rel=1e-6)
+    one, other = (worst_case_gain(each, STRUCTURE, 1e-5) for each in (system, sampled))
+    assert other.upper == pytest.approx(one.upper, rel=2e-5)
     assert other.lower == pytest.approx(one.lower, rel=1e-4)
     whole = STRUCTURE.with_performance(1, 1)
-    found = skewed_peak(sampled, whole, ["k", "delta"], 1e-2)
-    assert found.upper == pytest.approx(one.upper, rel=1e-6)
+    found = skewed_peak(sampled, whole, ["k", "delta"], 1e-5)
+    assert found.upper == pytest.approx(one.upper, rel=2e-5)
     M = sampled(np.exp(1j * found.omega * period))
     assert np.linalg.svd(np.eye(3) - M @ found.Delta)[1][-1] < 1e-7
 

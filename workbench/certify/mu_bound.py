@@ -12,6 +12,7 @@ and columns of beta^2 D_r - A and bounds the error of every entry, so it also wo
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -27,7 +28,9 @@ ACCEPTED_ROUNDING = 1e-9
 SAID_ALLOWANCES = 1.125
 """Allowances in a bound that is said: rounding takes up far less than an eighth of one."""
 BISECTIONS = 45
-"""Bisections of beta^2 on a logarithmic scale."""
+"""Most bisections of beta^2 on a logarithmic scale."""
+SHARPNESS = 2.0**-42
+"""Relative width of the interval of beta^2 at which its bisection ends."""
 
 
 def structured(
@@ -134,7 +137,14 @@ def _certified(
         if doubtful.any():
             square = np.array(square)
             square[doubtful] = np.minimum(
-                square[doubtful], _searched(A[doubtful], spread[doubtful], R[doubtful], allowances)
+                square[doubtful],
+                _searched(
+                    A[doubtful],
+                    spread[doubtful],
+                    R[doubtful],
+                    allowances,
+                    (top[doubtful], error[doubtful]),
+                ),
             )
         value = np.sqrt(square) * (1 + 8 * EPS) * again * size
     return np.where(proper & np.isfinite(value), value, np.inf)
@@ -182,35 +192,70 @@ def _largest(
 
 
 def _searched(
-    A: ComplexArray, spread: NDArray[np.float64], R: ComplexArray, allowances: float
+    A: ComplexArray,
+    spread: NDArray[np.float64],
+    R: ComplexArray,
+    allowances: float,
+    near: tuple[NDArray[np.float64], NDArray[np.float64]],
 ) -> NDArray[np.float64]:
-    """Nearly the least t with a proof of t R - A > 0 despite rounding; infinite without any."""
+    """Nearly the least t with a proof of t R - A > 0 despite rounding; infinite without any.
+
+    ``near`` (F,) are a guess and how far it may be off; the search starts there, or anywhere.
+    """
     count = 4 * (2 * A.shape[-1] + 8)
 
-    def holds(t: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Whether t R - A > 0 is proven."""
-        scaled = t[:, None, None] * R
-        bound = spread + count * (np.abs(scaled) + np.abs(A))
+    def holds(t: NDArray[np.float64], at: NDArray[np.intp]) -> NDArray[np.bool_]:
+        """Whether t R - A > 0 is proven, for t (f,) and the numbers of the matrices (f,)."""
+        scaled = t[:, None, None] * R[at]
+        bound = spread[at] + count * (np.abs(scaled) + np.abs(A[at]))
         root = np.where(_diagonal(bound) > 0, _diagonal(bound) / count, 1.0) ** -0.5
-        S = (scaled - A) * root[:, :, None] * root[:, None, :]
+        S = (scaled - A[at]) * root[:, :, None] * root[:, None, :]
         S = np.where(np.isfinite(S), S, 0.0)
         rounding = EPS * (_norm(bound * root[:, :, None] * root[:, None, :]) + count * _norm(S))
-        return np.linalg.eigvalsh(S)[:, 0] > allowances * rounding
+        return np.asarray(np.linalg.eigvalsh(S)[:, 0] > allowances * rounding)
 
-    high = np.full(len(A), 2.0**-100)
-    found = holds(np.zeros(len(A)))
-    low = np.where(found, -1.0, 0.0)
-    high[found] = 0.0
-    for _ in range(25):  # each multiplies by 2^8, from 2^-100 to 2^100
-        found = found | holds(high)
-        low = np.where(found, low, high)
-        high = np.where(found, high, 256.0 * high)
-    low, top = np.maximum(low, high / 256.0), high
+    guess, off = near
+    low, high = guess - 2 * off, guess + 2 * off
+    every = np.arange(len(A))
+    close = np.flatnonzero((off > 0) & (low > 0))
+    close = close[holds(high[close], close)]
+    close = close[~holds(low[close], close)]
+    found = np.zeros(len(A), bool)
+    found[close] = True
+    rest = every[~found]
+    low[rest], high[rest], found[rest] = _bracketed(lambda t, at: holds(t, rest[at]), rest.size)
     for _ in range(BISECTIONS):
-        middle = np.sqrt(low * high)
-        passed = holds(middle)
-        low, high = np.where(passed, low, middle), np.where(passed, middle, high)
-    return np.where(found, np.where(top > 0, high, 0.0), np.inf)
+        open_ = np.flatnonzero(found & (high - low > SHARPNESS * high))
+        if not open_.size:
+            break
+        middle = np.sqrt(low[open_] * high[open_])
+        passed = holds(middle, open_)
+        low[open_] = np.where(passed, low[open_], middle)
+        high[open_] = np.where(passed, middle, high[open_])
+    return np.where(found, high, np.inf)
+
+
+def _bracketed(
+    holds: Callable[[NDArray[np.float64], NDArray[np.intp]], NDArray[np.bool_]], count: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+    """Bounds (F,), a factor 2^8 apart, of the least t at which a test holds, and where it does.
+
+    They lie from 2^-100 to 2^100; both are 0 where the test holds at 0.
+    """
+    low, high = np.full(count, 2.0**-108), np.full(count, 2.0**-100)
+    every = np.arange(count)
+    zero = holds(np.zeros(count), every) if count else np.zeros(0, bool)
+    low[zero] = high[zero] = 0.0
+    found = zero.copy()
+    for _ in range(26):
+        left = every[~found]
+        if not left.size:
+            break
+        passed = holds(high[left], left)
+        found[left] = passed
+        more = left[~passed]
+        low[more], high[more] = high[more], 256.0 * high[more]
+    return low, high, found
 
 
 def _hermitian(matrix: ComplexArray) -> ComplexArray:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Callable
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from functools import cache
 from typing import Any, TypeVar
 
-from threadpoolctl import threadpool_limits
+from threadpoolctl import ThreadpoolController
 
 T = TypeVar("T")
 
@@ -24,6 +26,12 @@ class InProcess(Executor):
         return future
 
 
+@cache
+def _controller(scipy: bool) -> ThreadpoolController:
+    """What limits the threads of BLAS, which takes long to find; SciPy brings one of its own."""
+    return ThreadpoolController()
+
+
 class Threads(ThreadPoolExecutor):
     """Runs tasks in threads of the caller's process, for compiled code that lets others run.
 
@@ -32,7 +40,7 @@ class Threads(ThreadPoolExecutor):
 
     def __init__(self, workers: int | None = None) -> None:
         super().__init__(os.cpu_count() if workers is None else workers)
-        self._limits = threadpool_limits(1, "blas")
+        self._limits = _controller("scipy.linalg" in sys.modules).limit(limits=1, user_api="blas")
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         super().shutdown(wait, cancel_futures=cancel_futures)

@@ -47,7 +47,7 @@ def _ab13md(program: MuUpperBound, context: Context) -> Claim:
         full = values[..., None] * np.eye(structure.rows)
         return full.reshape(program.M.shape).astype(complex)
 
-    answer = proved(program, diagonal(D), diagonal(D), diagonal(G))
+    answer = proved(program.M, program.structure, diagonal(D), diagonal(D), diagonal(G))
     with np.errstate(all="ignore"):
         above = np.nanmax(answer.value.ravel() / claimed, initial=1.0) - 1.0
     message = (

@@ -16,6 +16,23 @@ WARM_START_RISES = (1.0, 1.1, 1.3)
 
 
 @compiled
+def balanced_batch(
+    batch: np.ndarray, pattern: Pattern, M: np.ndarray, E: np.ndarray, scale: np.ndarray
+) -> None:
+    """Set M (F, c, r) to E batch E^-1 / scale, balanced; E (F, N) and scale (F,) are powers of two.
+
+    A scale of 0 stands for a matrix whose bound is 0.
+    """
+    for f in range(len(batch)):
+        M[f] = batch[f]
+        E[f] = 1.0
+        scale[f] = _unit(M[f])
+        if scale[f] > 0.0:
+            norm = balance(pattern, M[f], E[f])
+            scale[f] = scale[f] * _unit(M[f]) if norm > NILPOTENT_NORM else 0.0
+
+
+@compiled
 def solve_each(
     batch: np.ndarray,
     pattern: Pattern,

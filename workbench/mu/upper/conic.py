@@ -119,7 +119,9 @@ def _conic(program: MuUpperBound, context: Context, solver: ConicSolver) -> Clai
         ends = E[:, None] * E
         D[i] *= ends
         G[i] *= ends * size
-    answer = proved(program, *_shaped(program, expanded_multipliers(pattern, D, G)))
+    answer = proved(
+        program.M, program.structure, *_shaped(program, expanded_multipliers(pattern, D, G))
+    )
     return answer, worst, message
 
 

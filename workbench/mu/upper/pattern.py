@@ -16,6 +16,7 @@ import numpy as np
 
 from workbench.arrays import ComplexArray
 from workbench.compiled import compiled
+from workbench.mu.upper.lanes.state import Places
 from workbench.structure import Full, Real, Structure
 
 DIAGONAL, RE, IM = 0, 1, 2
@@ -103,6 +104,18 @@ def pattern_of(structure: Structure) -> Pattern:
         np.array(growing, complex),
         size,
     )
+
+
+def diagonal_places(pattern: Pattern) -> Places | None:
+    """Where multipliers stand that are all diagonal; None where a scalar is repeated."""
+    if (pattern.kind != DIAGONAL).any():
+        return None
+    real = pattern.row[pattern.skew]
+    row, column = (
+        np.array([np.flatnonzero(side == k)[0] for k in real], dtype=np.int64)
+        for side in (pattern.left, pattern.right)
+    )
+    return Places(pattern.left, pattern.right, row, column, pattern.size)
 
 
 def expanded_multipliers(

@@ -40,6 +40,13 @@ class UpperBound:
     G: ComplexArray
     Delta: ComplexArray | None = None
 
+    def reshaped(self, batch: tuple[int, ...]) -> UpperBound:
+        """The bounds of one axis over a batch of this shape."""
+        value = self.value.reshape(batch)
+        parts = (self.D_left, self.D_right, self.G)
+        D_left, D_right, G = (part.reshape(*batch, *part.shape[1:]) for part in parts)
+        return UpperBound(value, D_left, D_right, G)
+
 
 @dataclass(frozen=True, eq=False)
 class MuUpperBound(Program):
@@ -204,11 +211,15 @@ class MuUpperBound(Program):
 
 
 def proved(
-    program: MuUpperBound, D_left: ComplexArray, D_right: ComplexArray, G: ComplexArray
+    M: ComplexArray,
+    structure: Structure,
+    D_left: ComplexArray,
+    D_right: ComplexArray,
+    G: ComplexArray,
 ) -> UpperBound:
     """The upper bounds that multipliers prove on any processor; claims of a method do not count."""
-    multipliers = structured(program.structure, D_left, D_right, G)
-    value = certified_bound(program.M, program.structure, *multipliers, allowances=SAID_ALLOWANCES)
+    multipliers = structured(structure, D_left, D_right, G)
+    value = certified_bound(M, structure, *multipliers, allowances=SAID_ALLOWANCES)
     return UpperBound(value, *multipliers)
 
 

@@ -1,0 +1,152 @@
+"""Eight matrices at a time: the arithmetic, and the same bounds as one matrix at a time."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from workbench.mu import MuUpperBound, upper_bound
+from workbench.mu.upper import fast
+from workbench.mu.upper.lanes import algebra
+from workbench.mu.upper.lanes.simd import LANES
+from workbench.mu.upper.pattern import diagonal_places, pattern_of
+from workbench.structure import Complex, Full, Real, Structure
+
+
+def drawn(*shape, seed=0):
+    real, imaginary = np.random.default_rng(seed).normal(size=(2, *shape))
+    return real + 1j * imaginary
+
+
+def laid(matrices):
+    """Matrices (LANES, rows, columns) as a flat array of lanes."""
+    moved = np.moveaxis(matrices, 0, -1)
+    return np.ascontiguousarray(np.stack([moved.real, moved.imag], axis=-2)).ravel()
+
+
+def read(lanes, rows, columns):
+    parts = np.moveaxis(lanes.reshape(rows, columns, 2, LANES), -1, 0)
+    return parts[..., 0] + 1j * parts[..., 1]
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 4, 7])
+def test_the_arithmetic_is_that_of_numpy(n):
+    A, B = drawn(2, LANES, n, n + 1), drawn(LANES, n + 1, n)
+    out = laid(np.zeros((LANES, n, n), complex))
+    algebra.product(laid(A[0]), laid(B), out, n, n + 1, n)
+    np.testing.assert_allclose(read(out, n, n), A[0] @ B, rtol=1e-13, atol=1e-13)
+    square, Z = drawn(LANES, n, n), drawn(LANES, n, n, seed=1)
+    Z = Z + Z.conj().mT
+    algebra.twice_hermitian_part(laid(square), laid(Z), out, n)
+    both = square @ Z
+    np.testing.assert_allclose(read(out, n, n), both + both.conj().mT, rtol=1e-12, atol=1e-12)
+    S = square @ square.conj().mT + np.eye(n)
+    algebra.hermitian_product(laid(square), laid(square), out, n, n)
+    np.testing.assert_allclose(read(out, n, n), S - np.eye(n), rtol=1e-12, atol=1e-12)
+    L, work, held = np.zeros_like(out), np.zeros_like(out), np.ones(LANES, bool)
+    algebra.cholesky(laid(S), L, n, held)
+    algebra.inverse_of_factored(L, work, out, n)
+    assert held.all()
+    np.testing.assert_allclose(read(out, n, n) @ S, np.broadcast_to(np.eye(n), S.shape), atol=1e-10)
+    S[3] -= 2 * np.linalg.eigvalsh(S[3])[0] * np.eye(n)
+    algebra.cholesky(laid(S), L, n, held)
+    assert not held[3] and held.sum() == LANES - 1
+
+
+@pytest.mark.parametrize("m", [1, 2, 5, 8])
+def test_real_systems_are_solved(m):
+    H, b = np.random.default_rng(m).normal(size=(2, LANES, m, m))
+    H, b = H @ H.mT + np.eye(m), b[:, :, 0]
+    x, pivots = np.zeros(m * LANES), np.zeros(m * LANES)
+    lower = np.moveaxis(H, 0, -1).flatten()
+    algebra.real_cholesky(lower, pivots, m)
+    algebra.real_cholesky_solve(lower, pivots, b.T.flatten(), x, m)
+    expected = np.linalg.solve(H, b[..., None])[..., 0]
+    np.testing.assert_allclose(x.reshape(m, LANES).T, expected, rtol=1e-9)
+
+
+def one_at_a_time(M, structure, monkeypatch):
+    with monkeypatch.context() as patch:
+        patch.setattr(fast, "diagonal_places", lambda pattern: None)
+        return upper_bound(M, structure).value
+
+
+STRUCTURES = {
+    "complex": (Complex(1),) * 5,
+    "real": (Real(1),) * 4,
+    "full": (Full(2, 2), Full(2, 2)),
+    "not square": (Full(1, 3), Complex(1), Full(2, 1), Real(1)),
+    "mixed": (Real(1), Complex(1), Full(2, 2), Real(1)),
+    "one": (Full(3, 3),),
+}
+
+
+@pytest.mark.parametrize("name", STRUCTURES)
+@pytest.mark.parametrize("count", [1, 7, 8, 21])
+def test_bounds_are_those_of_one_matrix_at_a_time(name, count, monkeypatch):
+    structure = Structure(STRUCTURES[name])
+    M = drawn(count, structure.columns, structure.rows, seed=count)
+    expected = one_at_a_time(M, structure, monkeypatch)
+    np.testing.assert_allclose(upper_bound(M, structure).value, expected, rtol=1e-6)
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    st.lists(
+        st.sampled_from([Real(1), Complex(1), Full(2, 2), Full(1, 2)]), min_size=1, max_size=5
+    ),
+    st.integers(0, 10_000),
+    st.floats(-6, 6),
+)
+def test_bounds_of_graded_matrices_are_least(blocks, seed, decades):
+    structure = Structure(tuple(blocks))
+    rng = np.random.default_rng(seed)
+    M = drawn(9, structure.columns, structure.rows, seed=seed)
+    rows, columns = (10 ** (decades * rng.uniform(-1, 1, (9, size))) for size in M.shape[1:])
+    M = rows[:, :, None] * M * columns[:, None]
+    found = upper_bound(M, structure).value
+    with pytest.MonkeyPatch.context() as patch:
+        expected = one_at_a_time(M, structure, patch)
+    assert (found <= expected * (1 + 1e-5) + 1e-12 * np.abs(M).max((1, 2))).all()
+
+
+def test_hard_matrices_beside_easy_ones_leave_these_alone():
+    structure = Structure((Real(1), Complex(1), Real(1), Complex(1)))
+    M = drawn(16, 4, 4)
+    alone = upper_bound(M, structure).value
+    hard = M.copy()
+    hard[1] = 0.0
+    hard[4] = np.triu(np.ones((4, 4)), 1)  # nilpotent
+    hard[6] = np.diag([1.0, 1e-200, 1e5, 0.0])
+    hard[9] *= 1e-300
+    hard[10] *= 1e150
+    hard[13] = 1j * np.eye(4)
+    found = upper_bound(hard, structure).value
+    easy = np.setdiff1d(np.arange(16), [1, 4, 6, 9, 10, 13])
+    np.testing.assert_allclose(found[easy], alone[easy], rtol=1e-9)
+    assert found[1] == 0.0 and found[4] <= 1e-7
+    assert found[6] == pytest.approx(1e5, rel=1e-6)
+    assert found[9] == pytest.approx(1e-300 * alone[9], rel=1e-6)
+    assert found[10] == pytest.approx(1e150 * alone[10], rel=1e-6)
+    assert found[13] == pytest.approx(1.0, rel=1e-6)
+
+
+def test_an_answer_does_not_depend_on_the_size_of_its_batch():
+    structure = Structure((Complex(1),) * 4)
+    M = drawn(403, 4, 4)
+    whole = upper_bound(M, structure).value
+    parts = [upper_bound(part, structure).value for part in (M[:13], M[13:])]
+    np.testing.assert_allclose(np.concatenate(parts), whole, rtol=1e-12)
+
+
+def test_repeated_scalars_have_no_diagonal_multipliers():
+    assert diagonal_places(pattern_of(Structure((Complex(2),)))) is None
+    places = diagonal_places(pattern_of(Structure((Full(2, 1), Real(1), Complex(1), Real(1)))))
+    assert places.row.tolist() == [1, 3] and places.column.tolist() == [2, 4]
+
+
+def test_certificates_hold():
+    import workbench as wb
+
+    structure = Structure((Real(1), Complex(1), Full(2, 2)))
+    assert wb.solve(MuUpperBound(drawn(30, 4, 4), structure)).certificate.holds
