@@ -31,6 +31,8 @@ BISECTIONS = 45
 """Most bisections of beta^2 on a logarithmic scale."""
 SHARPNESS = 2.0**-42
 """Relative width of the interval of beta^2 at which its bisection ends."""
+WIDENING = 2.0**8
+"""Factor of the distance from a guess to the next one that is tried."""
 
 
 def structured(
@@ -143,7 +145,7 @@ def _certified(
                     spread[doubtful],
                     R[doubtful],
                     allowances,
-                    (top[doubtful], error[doubtful]),
+                    top[doubtful],
                 ),
             )
         value = np.sqrt(square) * (1 + 8 * EPS) * again * size
@@ -196,11 +198,11 @@ def _searched(
     spread: NDArray[np.float64],
     R: ComplexArray,
     allowances: float,
-    near: tuple[NDArray[np.float64], NDArray[np.float64]],
+    guess: NDArray[np.float64],
 ) -> NDArray[np.float64]:
     """Nearly the least t with a proof of t R - A > 0 despite rounding; infinite without any.
 
-    ``near`` (F,) are a guess and how far it may be off; the search starts there, or anywhere.
+    The search starts at a guess (F,), or anywhere.
     """
     count = 4 * (2 * A.shape[-1] + 8)
 
@@ -214,15 +216,8 @@ def _searched(
         rounding = EPS * (_norm(bound * root[:, :, None] * root[:, None, :]) + count * _norm(S))
         return np.asarray(np.linalg.eigvalsh(S)[:, 0] > allowances * rounding)
 
-    guess, off = near
-    low, high = guess - 2 * off, guess + 2 * off
-    every = np.arange(len(A))
-    close = np.flatnonzero((off > 0) & (low > 0))
-    close = close[holds(high[close], close)]
-    close = close[~holds(low[close], close)]
-    found = np.zeros(len(A), bool)
-    found[close] = True
-    rest = every[~found]
+    low, high, found = _around(holds, guess)
+    rest = np.flatnonzero(~found)
     low[rest], high[rest], found[rest] = _bracketed(lambda t, at: holds(t, rest[at]), rest.size)
     for _ in range(BISECTIONS):
         open_ = np.flatnonzero(found & (high - low > SHARPNESS * high))
@@ -235,8 +230,34 @@ def _searched(
     return np.where(found, high, np.inf)
 
 
+Test = Callable[[NDArray[np.float64], NDArray[np.intp]], NDArray[np.bool_]]
+"""Whether a t (f,) is proven for the matrices of some numbers (f,)."""
+
+
+def _around(
+    holds: Test, guess: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+    """Bounds (F,) of the least t at which a test holds, near a guess, and where they were found."""
+    low, high, found = np.zeros_like(guess), np.zeros_like(guess), np.zeros(len(guess), bool)
+    left = np.flatnonzero(guess > 0)
+    below = holds(guess[left], left)
+    for side, numbers in ((-1, left[below]), (1, left[~below])):
+        last, share = guess.copy(), SHARPNESS
+        while numbers.size and share < 1.0:
+            t = guess[numbers] * (1 + side * share)
+            passed = holds(t, numbers)
+            inside = passed == (side > 0)  # between the last t and this one the test changes
+            now = numbers[inside]
+            found[now] = True
+            ends = last[now], t[inside]
+            low[now], high[now] = ends if side > 0 else ends[::-1]
+            last[numbers] = t
+            numbers, share = numbers[~inside], WIDENING * share
+    return low, high, found
+
+
 def _bracketed(
-    holds: Callable[[NDArray[np.float64], NDArray[np.intp]], NDArray[np.bool_]], count: int
+    holds: Test, count: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
     """Bounds (F,), a factor 2^8 apart, of the least t at which a test holds, and where it does.
 

@@ -9,7 +9,7 @@ import numpy as np
 from workbench.arrays import Array, ComplexArray, RealArray
 from workbench.executor import Context
 from workbench.mu.upper.batch import balanced_batch, solve_each
-from workbench.mu.upper.lanes.batch import solve_lanes
+from workbench.mu.upper.lanes.path import follow_paths
 from workbench.mu.upper.pattern import (
     Pattern,
     diagonal_places,
@@ -29,6 +29,9 @@ t = beta^2, so the bound beta is twice as accurate."""
 SPOILT_BOUND_RATIO = 1 + 1e-6
 """A bound above this multiple of the largest singular value is spoilt by rounding."""
 
+POWER_STEPS = 3
+"""Steps of the power iteration for the largest singular value."""
+
 _pattern = lru_cache(maxsize=32)(pattern_of)
 
 
@@ -42,7 +45,7 @@ def _solved(pattern: Pattern, accuracy: float, M: ComplexArray) -> tuple[Array, 
         scaled, E, scale = np.empty_like(M), np.empty((count, pattern.size)), np.empty(count)
         balanced_batch(M, pattern, scaled, E, scale)
         d, g = np.empty((count, pattern.size)), np.empty((count, places.row.size))
-        solve_lanes(scaled, places, accuracy, d, g, gaps, iterations)
+        follow_paths(scaled, places, accuracy, d, g, gaps, iterations)
         every, real = np.arange(pattern.size), pattern.row[pattern.skew]
         with np.errstate(all="ignore"):  # what is not finite proves nothing
             D[:, every, every] = d * E * E
@@ -105,9 +108,15 @@ def _fast(program: MuUpperBound, context: Context) -> Claim:
 
 def _above_norm(value: RealArray, M: ComplexArray) -> np.ndarray:
     """Where bounds (F,) are above the largest singular value of M (F, c, r): spoilt by rounding."""
-    # that is at least the Frobenius norm over the root of the rank, which is quick to compute
     size = np.abs(M).max(axis=(1, 2), initial=np.finfo(float).tiny)
     value, M = value / size, M / size[:, None, None]
-    spoilt = value > np.linalg.norm(M, axis=(1, 2)) / np.sqrt(min(M.shape[1:]))
+    # a quick bound of that from below, by power iteration from the largest row
+    vector = np.take_along_axis(M, np.abs(M).sum(axis=2).argmax(axis=1)[:, None, None], axis=1)
+    vector = vector.conj().mT
+    for _ in range(POWER_STEPS):
+        image = M @ vector
+        vector = M.conj().mT @ image
+        vector /= np.maximum(np.linalg.norm(vector, axis=1, keepdims=True), np.finfo(float).tiny)
+    spoilt = value > np.linalg.norm(M @ vector, axis=(1, 2))
     spoilt[spoilt] = value[spoilt] > SPOILT_BOUND_RATIO * np.linalg.norm(M[spoilt], 2, axis=(1, 2))
     return spoilt

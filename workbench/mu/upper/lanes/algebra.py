@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.compiled import kernel
+from workbench.compiled import unchecked_kernel
 from workbench.mu.upper.lanes.simd import (
     LANES,
     TILE,
@@ -31,7 +31,7 @@ UNSEEN_PIVOT = 1e100
 """Pivot used for an unknown without influence on H; its step then becomes zero."""
 
 
-@kernel
+@unchecked_kernel
 def product(
     A: np.ndarray, B: np.ndarray, C: np.ndarray, rows: int, inner: int, columns: int
 ) -> None:
@@ -48,7 +48,7 @@ def product(
                         set_product(C, c, 0, A, p * inner, 0, 1, B, q, 0, columns, inner)
 
 
-@kernel
+@unchecked_kernel
 def hermitian_product(A: np.ndarray, B: np.ndarray, C: np.ndarray, rows: int, inner: int) -> None:
     """C = A B^H where that is Hermitian, of A and B (rows, inner)."""
     for i in range(0, rows, TILE):
@@ -63,7 +63,7 @@ def hermitian_product(A: np.ndarray, B: np.ndarray, C: np.ndarray, rows: int, in
     fill_upper_half(C, rows)
 
 
-@kernel
+@unchecked_kernel
 def twice_hermitian_part(X: np.ndarray, Z: np.ndarray, C: np.ndarray, n: int) -> None:
     """C = X Z + (X Z)^H for a Hermitian Z."""
     for i in range(0, n, TILE):
@@ -80,7 +80,7 @@ def twice_hermitian_part(X: np.ndarray, Z: np.ndarray, C: np.ndarray, n: int) ->
     fill_upper_half(C, n)
 
 
-@kernel
+@unchecked_kernel
 def fill_upper_half(C: np.ndarray, n: int) -> None:
     """Fill the upper half of a Hermitian C."""
     for i in range(n):
@@ -88,7 +88,7 @@ def fill_upper_half(C: np.ndarray, n: int) -> None:
             set_conjugate(C, j * n + i, C, i * n + j)
 
 
-@kernel
+@unchecked_kernel
 def cholesky(A: np.ndarray, L: np.ndarray, n: int, held: np.ndarray) -> None:
     """L = the lower Cholesky factor of A; ``held`` (LANES,) becomes False where A is not > 0."""
     for i in range(n):
@@ -110,7 +110,7 @@ def cholesky(A: np.ndarray, L: np.ndarray, n: int, held: np.ndarray) -> None:
                     L[start + LANES + w] = 1.0 / root
 
 
-@kernel
+@unchecked_kernel
 def inverse_of_factored(L: np.ndarray, work: np.ndarray, X: np.ndarray, n: int) -> None:
     """X = (L L^H)^-1 from what `cholesky` leaves; ``work`` receives the lower half of L^-1."""
     for j in range(n):
@@ -131,7 +131,7 @@ def inverse_of_factored(L: np.ndarray, work: np.ndarray, X: np.ndarray, n: int) 
     fill_upper_half(X, n)
 
 
-@kernel
+@unchecked_kernel
 def real_cholesky(H: np.ndarray, pivots: np.ndarray, m: int) -> None:
     """Replace the lower half of a real H >= 0 by its Cholesky factor; ``pivots`` are reciprocals.
 
@@ -153,7 +153,7 @@ def real_cholesky(H: np.ndarray, pivots: np.ndarray, m: int) -> None:
             pivots[i * LANES + w] = 1.0 / root
 
 
-@kernel
+@unchecked_kernel
 def real_cholesky_solve(
     L: np.ndarray, pivots: np.ndarray, b: np.ndarray, x: np.ndarray, m: int
 ) -> None:

@@ -1,13 +1,13 @@
 """The method of `workbench.mu.upper.path` for eight matrices at once, with diagonal multipliers.
 
-A lane whose path is lost, or ends early, is left to the method for one matrix.
+A path that is lost is left to the method for one matrix.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from workbench.compiled import compiled, kernel
+from workbench.compiled import unchecked, unchecked_kernel
 from workbench.mu.upper.lanes.algebra import (
     cholesky,
     fill_upper_half,
@@ -18,7 +18,7 @@ from workbench.mu.upper.lanes.algebra import (
     twice_hermitian_part,
 )
 from workbench.mu.upper.lanes.simd import LANES, set_real_product, set_scaled, set_sum
-from workbench.mu.upper.lanes.state import Lanes, Places
+from workbench.mu.upper.lanes.state import Lanes, Numbers, Places, numbers, room_for
 from workbench.mu.upper.lanes.system import (
     add_diagonal,
     between_M,
@@ -35,148 +35,215 @@ LOST_STEP = 0.1
 """A step shorter than this means that the path is lost."""
 BOUNDARY_SHARE = 0.95
 """Share of the distance to the boundary that a step covers."""
-PREDICTOR_TRIALS, CORRECTOR_TRIALS = 2, 6
-"""Halvings that find the longest step of the predictor and of the corrector."""
+PREDICTOR_TRIALS, CORRECTOR_TRIALS = 2, 5
+"""Trials that find the longest step of the predictor and of the corrector."""
+FALL = 0.6
+"""Factor from one trial to the next until one holds; then the interval is halved."""
 STEP_HALVINGS = 20
 """Most halvings of a step until S and D are positive definite after it."""
 ITERATIONS = 40
-"""Most iterations."""
+"""Most iterations of one path."""
+START = 1.05
+"""First t over the square of the Frobenius norm."""
 
 
-@compiled
-def follow_eight(
-    places: Places, lanes: Lanes, t: np.ndarray, accuracy: float, gaps: np.ndarray, used: np.ndarray
+@unchecked
+def follow_paths(
+    batch: np.ndarray,
+    places: Places,
+    accuracy: float,
+    D: np.ndarray,
+    G: np.ndarray,
+    gaps: np.ndarray,
+    iterations: np.ndarray,
 ) -> None:
-    """Follow the paths of ``lanes.M`` from D = 1, G = 0 and t (LANES,), above their squared norms.
+    """D (F, N) and G (F, q) at the ends of the paths of matrices (F, c, r), from D = 1 and G = 0.
 
-    t, ``lanes.x``, the gaps and the numbers of iterations ``used`` (LANES,) are those of the ends;
-    a gap above the accuracy means that the path did not reach its end.
+    ``gaps`` (F,) are as in `workbench.mu.upper.path.follow`; infinite where a path was lost.
     """
-    r, N = places.right.size, places.blocks
-    m = N + places.row.size
-    every, two = 2 * r * r, 2 * LANES
-    nothing = NEGLIGIBLE_T * t
-    held, active = np.ones(LANES, np.bool_), np.ones(LANES, np.bool_)
-    primal, dual, none = np.zeros(LANES), np.zeros(LANES), np.zeros(LANES)
-    dt, rho, along, bb = np.zeros(LANES), np.zeros(LANES), np.zeros(LANES), np.zeros(LANES)
-    schur, center, ahead = np.zeros(LANES), np.zeros(LANES), np.zeros(LANES)
-    S, Z, dS, dZ, Si = lanes.S, lanes.Z, lanes.dS, lanes.dZ, lanes.S_inverse
-    x, dx, W, dW, M = lanes.x, lanes.dx, lanes.W, lanes.dW, lanes.M
-    number = lanes.number
-    x[: N * LANES] = 1.0
-    x[N * LANES :] = 0.0
-    gaps[:] = np.inf
-    used[:] = 0
-    inequality(places, M, t, x, lanes.MX, S)
-    cholesky(S, lanes.L, r, held)
-    for w in range(LANES):
-        active[w] = active[w] and held[w]
-    for iteration in range(ITERATIONS):
+    r = places.right.size
+    lanes, rest = room_for(places), numbers()
+    S, Z, Si = lanes.S, lanes.Z, lanes.S_inverse
+    waiting = 0
+    while waiting < len(batch) or rest.active.any():
+        # Eight paths begin together: near their ends most steps are long, and few trials are made.
+        if not rest.active.any():
+            for w in range(min(LANES, len(batch) - waiting)):
+                _load(places, lanes, rest, batch[waiting], w)
+                rest.matrix[w] = waiting
+                waiting += 1
+            cholesky(S, lanes.L, r, rest.held)
         inverse_of_factored(lanes.L, lanes.work, Si, r)
-        if iteration == 0:
-            for w in range(LANES):
-                along[w] = 1.0 / _trace(places, Si, x, w)
-            set_scaled(Z, 0, along, 0, Si, 0, every)
-            for k in range(N):
-                for w in range(LANES):
-                    W[k * LANES + w] = along[w] / x[k * LANES + w]
-        set_real_product(number, 0, 0, S, 0, 0, 1, Z, 0, 0, 1, every)
-        set_real_product(number, 1, 0, x, 0, 0, 1, W, 0, 0, 1, N)
-        _newton_system(places, lanes, t, along, bb, schur)
-        moving = False
         for w in range(LANES):
-            inside = number[w] + number[LANES + w]
-            if active[w]:
-                gaps[w] = inside / (t[w] * _trace(places, Z, x, w))
-                used[w] = iteration
-            dt[w] = max(-1.0 / schur[w], -LARGEST_FALL * t[w])
-            if active[w] and gaps[w] <= accuracy and -dt[w] <= accuracy * t[w]:
-                active[w] = False
-            if not active[w]:
-                dt[w] = 0.0
-            moving = moving or active[w]
-            rho[w] = -dt[w] * along[w]
-        if not moving:
-            return
-
-        # the predictor
-        for k in range(m):
-            for w in range(LANES):
-                e = k * LANES + w
-                dx[e] = -dt[w] * lanes.toward_u[e] - rho[w] * lanes.toward_b[e]
-        _direction(places, lanes, t, dt)
-        _reach(places, lanes, S, dS, x, dx, dt, PREDICTOR_TRIALS, primal, held)
-        _reach(places, lanes, Z, dZ, W, dW, none, PREDICTOR_TRIALS, dual, held)
-        set_real_product(number, 2, 0, dS, 0, 0, 1, Z, 0, 0, 1, every)
-        set_real_product(number, 3, 0, S, 0, 0, 1, dZ, 0, 0, 1, every)
-        set_real_product(number, 4, 0, dS, 0, 0, 1, dZ, 0, 0, 1, every)
-        set_real_product(number, 5, 0, dx, 0, 0, 1, W, 0, 0, 1, N)
-        set_real_product(number, 6, 0, x, 0, 0, 1, dW, 0, 0, 1, N)
-        set_real_product(number, 7, 0, dx, 0, 0, 1, dW, 0, 0, 1, N)
+            if rest.active[w] and rest.used[w] == 0:
+                _centre(places, lanes, w)
+        set_real_product(lanes.number, 0, 0, S, 0, 0, 1, Z, 0, 0, 1, 2 * r * r)
+        set_real_product(lanes.number, 1, 0, lanes.x, 0, 0, 1, lanes.W, 0, 0, 1, places.blocks)
+        _newton_system(places, lanes, rest)
         for w in range(LANES):
-            p, q = primal[w], dual[w]
-            now = number[w] + number[LANES + w]
-            first = number[2 * LANES + w] + number[5 * LANES + w]
-            other = number[3 * LANES + w] + number[6 * LANES + w]
-            both = number[4 * LANES + w] + number[7 * LANES + w]
-            second = dt[w] * (_trace(places, Z, dx, w) + q * _trace(places, dZ, dx, w))
-            left = (now + p * first + q * other + p * q * both + p * p * second) / now
-            center[w] = max(min(left, 1.0), 0.0) ** 3 * now / (r + N)
-
-        _correct(places, lanes, t, dt, rho, center, along, bb, schur)
+            inside = lanes.number[w] + lanes.number[LANES + w]
+            gap = inside / (rest.t[w] * _trace(places, Z, lanes.x, w))
+            rest.dt[w] = max(-1.0 / rest.schur[w], -LARGEST_FALL * rest.t[w])
+            near = gap <= accuracy and -rest.dt[w] <= accuracy * rest.t[w]
+            if rest.active[w] and (near or rest.used[w] >= ITERATIONS):
+                _end(places, lanes, rest, gap, w, D, G, gaps, iterations)
+            if not rest.active[w]:
+                rest.dt[w] = 0.0
+            rest.rho[w] = -rest.dt[w] * rest.along[w]
+        _predict(places, lanes, rest)
+        _correct(places, lanes, rest)
+        _advance(places, lanes, rest)
         for w in range(LANES):
-            if not active[w]:
-                dt[w] = 0.0
-        _reach(places, lanes, S, dS, x, dx, dt, CORRECTOR_TRIALS, primal, held)
-        _reach(places, lanes, Z, dZ, W, dW, none, CORRECTOR_TRIALS, dual, held)
-        for w in range(LANES):
-            if active[w] and t[w] + primal[w] * dt[w] < -nothing[w]:
-                primal[w] = (t[w] + nothing[w]) / -dt[w]
-            if active[w] and not (min(primal[w], dual[w]) >= LOST_STEP):
-                active[w] = False  # lost: the gap stays what it is
-                gaps[w] = np.inf
-            if not active[w]:
-                primal[w] = dual[w] = 0.0
-                center[w] = 0.0
-        for _ in range(STEP_HALVINGS):  # S is not linear in the step, and rounds
-            for w in range(LANES):
-                held[w] = True
-                ahead[w] = t[w] + primal[w] * dt[w] if active[w] else t[w]
-            for k in range(m):
-                for w in range(LANES):
-                    e = k * LANES + w
-                    lanes.trial[e] = x[e] + (primal[w] * dx[e] if active[w] else 0.0)
-                    if k < N and not lanes.trial[e] > 0.0:
-                        held[w] = False
-            inequality(places, M, ahead, lanes.trial, lanes.MX, S)
-            cholesky(S, lanes.L, r, held)
-            failed = False
-            for w in range(LANES):
-                if active[w] and not held[w]:
-                    primal[w] *= 0.5
-                    failed = True
-            if not failed:
-                break
-        for w in range(LANES):
-            if active[w] and not held[w]:
-                active[w], gaps[w], primal[w], dual[w] = False, np.inf, 0.0, 0.0
-        x[:] = lanes.trial
-        t[:] = ahead
-        for e in range(Z.size // two):  # a lane that is done has steps that may not be numbers
-            for w in range(LANES):
-                if active[w]:
-                    Z[e * two + w] += dual[w] * dZ[e * two + w]
-                    Z[e * two + LANES + w] += dual[w] * dZ[e * two + LANES + w]
-        for k in range(N):
-            for w in range(LANES):
-                if active[w]:
-                    W[k * LANES + w] += dual[w] * dW[k * LANES + w]
-        for w in range(LANES):
-            if active[w] and t[w] <= nothing[w]:
-                active[w], gaps[w], used[w] = False, 0.0, iteration + 1
+            if rest.active[w]:
+                rest.used[w] += 1
+                if rest.lost[w]:
+                    _end(places, lanes, rest, np.inf, w, D, G, gaps, iterations)
+                elif rest.t[w] <= rest.nothing[w]:
+                    _end(places, lanes, rest, 0.0, w, D, G, gaps, iterations)
 
 
-@kernel
+@unchecked_kernel
+def _load(places: Places, lanes: Lanes, rest: Numbers, M: np.ndarray, w: int) -> None:
+    """Start the path of a matrix (c, r) in a lane: D = 1, G = 0, S = t - M^H M > 0."""
+    c, r = M.shape
+    square = 0.0
+    for i in range(c):
+        for j in range(r):
+            entry, at = M[i, j], (i * r + j) * 2 * LANES
+            lanes.M[at + w], lanes.M[at + LANES + w] = entry.real, entry.imag
+            square += entry.real**2 + entry.imag**2
+    for k in range(lanes.x.size // LANES):
+        lanes.x[k * LANES + w] = 1.0 if k < places.blocks else 0.0
+    t = START * square
+    for a in range(r):
+        for b in range(r):
+            total = t + 0.0j if a == b else 0.0j
+            for i in range(c):
+                total -= np.conj(M[i, a]) * M[i, b]
+            at = (a * r + b) * 2 * LANES
+            lanes.S[at + w], lanes.S[at + LANES + w] = total.real, total.imag
+    rest.t[w], rest.nothing[w] = t, NEGLIGIBLE_T * t
+    rest.used[w], rest.active[w], rest.lost[w] = 0, True, False
+
+
+@unchecked_kernel
+def _centre(places: Places, lanes: Lanes, w: int) -> None:
+    """Multipliers as if the point lay in the centre: Z = mu S^-1, W = mu D^-1, <Z, D_r> = 1."""
+    r = places.right.size
+    mu = 1.0 / _trace(places, lanes.S_inverse, lanes.x, w)
+    for e in range(2 * r * r):
+        lanes.Z[e * LANES + w] = mu * lanes.S_inverse[e * LANES + w]
+    for k in range(places.blocks):
+        lanes.W[k * LANES + w] = mu / lanes.x[k * LANES + w]
+
+
+@unchecked_kernel
+def _end(
+    places: Places,
+    lanes: Lanes,
+    rest: Numbers,
+    gap: float,
+    w: int,
+    D: np.ndarray,
+    G: np.ndarray,
+    gaps: np.ndarray,
+    iterations: np.ndarray,
+) -> None:
+    """Write down where the path of a lane has ended."""
+    N, f = places.blocks, rest.matrix[w]
+    for k in range(N):
+        D[f, k] = lanes.x[k * LANES + w]
+    for k in range(places.row.size):
+        G[f, k] = lanes.x[(N + k) * LANES + w]
+    gaps[f], iterations[f] = gap, rest.used[w]
+    rest.active[w] = False
+
+
+@unchecked_kernel
+def _predict(places: Places, lanes: Lanes, rest: Numbers) -> None:
+    """The predictor's step, and how far from the boundary the corrector should aim."""
+    r, N = places.right.size, places.blocks
+    every, number = 2 * r * r, lanes.number
+    S, Z, dS, dZ = lanes.S, lanes.Z, lanes.dS, lanes.dZ
+    x, dx, W, dW = lanes.x, lanes.dx, lanes.W, lanes.dW
+    for start in range(0, dx.size, LANES):
+        for w in range(LANES):
+            e = start + w
+            dx[e] = -rest.dt[w] * lanes.toward_u[e] - rest.rho[w] * lanes.toward_b[e]
+    _direction(places, lanes, rest)
+    room = (lanes.V, lanes.L, number)
+    _reach(places, room, S, dS, x, dx, rest.dt, dx, PREDICTOR_TRIALS, rest.primal, rest.held)
+    _reach(places, room, Z, dZ, W, dW, rest.none, dx, PREDICTOR_TRIALS, rest.dual, rest.held)
+    set_real_product(number, 2, 0, dS, 0, 0, 1, Z, 0, 0, 1, every)
+    set_real_product(number, 3, 0, S, 0, 0, 1, dZ, 0, 0, 1, every)
+    set_real_product(number, 4, 0, dS, 0, 0, 1, dZ, 0, 0, 1, every)
+    set_real_product(number, 5, 0, dx, 0, 0, 1, W, 0, 0, 1, N)
+    set_real_product(number, 6, 0, x, 0, 0, 1, dW, 0, 0, 1, N)
+    set_real_product(number, 7, 0, dx, 0, 0, 1, dW, 0, 0, 1, N)
+    for w in range(LANES):
+        p, q = rest.primal[w], rest.dual[w]
+        now = number[w] + number[LANES + w]
+        first = number[2 * LANES + w] + number[5 * LANES + w]
+        other = number[3 * LANES + w] + number[6 * LANES + w]
+        both = number[4 * LANES + w] + number[7 * LANES + w]
+        second = rest.dt[w] * (_trace(places, Z, dx, w) + q * _trace(places, dZ, dx, w))
+        left = (now + p * first + q * other + p * q * both + p * p * second) / now
+        rest.center[w] = max(min(left, 1.0), 0.0) ** 3 * now / (r + N)
+
+
+@unchecked_kernel
+def _advance(places: Places, lanes: Lanes, rest: Numbers) -> None:
+    """Go as far as the corrector's step leads; ``rest.lost`` tells whose step is too short."""
+    r, N = places.right.size, places.blocks
+    Z, dZ, x, dx, W, dW = lanes.Z, lanes.dZ, lanes.x, lanes.dx, lanes.W, lanes.dW
+    t, dt, primal, dual, active = rest.t, rest.dt, rest.primal, rest.dual, rest.active
+    for w in range(LANES):
+        if not active[w]:
+            dt[w] = 0.0
+    room = (lanes.V, lanes.L, lanes.number)
+    _reach(places, room, lanes.S, lanes.dS, x, dx, dt, dx, CORRECTOR_TRIALS, primal, rest.held)
+    _reach(places, room, Z, dZ, W, dW, rest.none, dx, CORRECTOR_TRIALS, dual, rest.held)
+    for w in range(LANES):
+        if active[w] and t[w] + primal[w] * dt[w] < -rest.nothing[w]:
+            primal[w] = (t[w] + rest.nothing[w]) / -dt[w]  # any t < 0 will do
+        rest.lost[w] = not (min(primal[w], dual[w]) >= LOST_STEP)
+    for _ in range(STEP_HALVINGS):  # S is not linear in the step, and rounds
+        for w in range(LANES):
+            goes = active[w] and not rest.lost[w]
+            primal[w], dual[w] = (primal[w], dual[w]) if goes else (0.0, 0.0)
+            rest.held[w] = True
+            rest.ahead[w] = t[w] + primal[w] * dt[w]
+        for start in range(0, x.size, LANES):
+            for w in range(LANES):
+                e = start + w
+                lanes.trial[e] = x[e] + primal[w] * dx[e] if primal[w] > 0.0 else x[e]
+                if e < N * LANES and not lanes.trial[e] > 0.0:
+                    rest.held[w] = False
+        inequality(places, lanes.M, rest.ahead, lanes.trial, lanes.MX, lanes.S)
+        cholesky(lanes.S, lanes.L, r, rest.held)
+        failed = False
+        for w in range(LANES):
+            if primal[w] > 0.0 and not rest.held[w]:
+                primal[w] *= 0.5
+                failed = True
+        if not failed:
+            break
+    for w in range(LANES):
+        if primal[w] > 0.0 and not rest.held[w]:
+            rest.lost[w], dual[w] = True, 0.0
+        t[w] = rest.ahead[w]
+    for e in range(x.size):
+        x[e] = lanes.trial[e]
+    # a lane that is done has steps that may not be numbers
+    for start in range(0, Z.size, LANES):
+        for w in range(LANES):
+            Z[start + w] += dual[w] * dZ[start + w] if dual[w] > 0.0 else 0.0
+    for start in range(0, W.size, LANES):
+        for w in range(LANES):
+            W[start + w] += dual[w] * dW[start + w] if dual[w] > 0.0 else 0.0
+
+
+@unchecked_kernel
 def _trace(places: Places, X: np.ndarray, x: np.ndarray, w: int) -> float:
     """<X, D_r> of a lane, d being the first unknowns."""
     r, total = places.right.size, 0.0
@@ -185,19 +252,13 @@ def _trace(places: Places, X: np.ndarray, x: np.ndarray, w: int) -> float:
     return total
 
 
-@kernel
-def _newton_system(
-    places: Places,
-    lanes: Lanes,
-    t: np.ndarray,
-    along: np.ndarray,
-    bb: np.ndarray,
-    schur: np.ndarray,
-) -> None:
+@unchecked_kernel
+def _newton_system(places: Places, lanes: Lanes, rest: Numbers) -> None:
     """H, factored, u = F*(V) and b, H^-1 u and H^-1 b, F*(S^-1) in ``pull``, and three numbers."""
     c, r, N = places.left.size, places.right.size, places.blocks
     m = N + places.row.size
     M, Si, Z, V, number = lanes.M, lanes.S_inverse, lanes.Z, lanes.V, lanes.number
+    t, along, bb, schur = rest.t, rest.along, rest.bb, rest.schur
     between_M(places, M, Si, lanes.T_M, lanes.T_C)
     inequality_adjoint(places, M, t, Si, lanes.T_M, lanes.pull)
     between_M(places, M, Z, lanes.U_M, lanes.U_C)
@@ -225,7 +286,7 @@ def _newton_system(
         schur[w] = max(left, 1e-14 * curvature)
 
 
-@kernel
+@unchecked_kernel
 def _columns_scaled(places: Places, A: np.ndarray, x: np.ndarray, X: np.ndarray) -> None:
     """X = A D_r."""
     r = places.right.size
@@ -235,16 +296,16 @@ def _columns_scaled(places: Places, A: np.ndarray, x: np.ndarray, X: np.ndarray)
             set_scaled(X, e, x, places.right[j], A, e, 2)
 
 
-@kernel
-def _direction(places: Places, lanes: Lanes, t: np.ndarray, dt: np.ndarray) -> None:
+@unchecked_kernel
+def _direction(places: Places, lanes: Lanes, rest: Numbers) -> None:
     """Change of S by dt and the unknowns' step and, to first order, of Z and W."""
     r, N = places.right.size, places.blocks
     dS, dx = lanes.dS, lanes.dx
-    inequality(places, lanes.M, t, dx, lanes.MX, dS)
+    inequality(places, lanes.M, rest.t, dx, lanes.MX, dS)
     for j in range(r):
         at, of = (j * r + j) * 2 * LANES, places.right[j] * LANES
         for w in range(LANES):
-            dS[at + w] += dt[w] * lanes.x[of + w]
+            dS[at + w] += rest.dt[w] * lanes.x[of + w]
     product(lanes.S_inverse, dS, lanes.work, r, r, r)
     twice_hermitian_part(lanes.work, lanes.Z, lanes.dZ, r)
     for e in range(2 * r * r * LANES):
@@ -253,23 +314,14 @@ def _direction(places: Places, lanes: Lanes, t: np.ndarray, dt: np.ndarray) -> N
         lanes.dW[e] = -lanes.W[e] - dx[e] * lanes.W[e] / lanes.x[e]
 
 
-@kernel
-def _correct(
-    places: Places,
-    lanes: Lanes,
-    t: np.ndarray,
-    dt: np.ndarray,
-    rho: np.ndarray,
-    center: np.ndarray,
-    along: np.ndarray,
-    bb: np.ndarray,
-    schur: np.ndarray,
-) -> None:
+@unchecked_kernel
+def _correct(places: Places, lanes: Lanes, rest: Numbers) -> None:
     """The corrector's dt and step, after the predictor's."""
     c, r, N = places.left.size, places.right.size, places.blocks
     m = N + places.row.size
     M, Si, Z, Q, V = lanes.M, lanes.S_inverse, lanes.Z, lanes.Q, lanes.V
     dS, dZ, dx, x, number = lanes.dS, lanes.dZ, lanes.dx, lanes.x, lanes.number
+    t, dt, rho, center = rest.t, rest.dt, rest.rho, rest.center
     # 2 Q = S^-1 (dS dZ + dt dD_r Z) and its conjugate transpose
     for i in range(r):
         for j in range(r):
@@ -313,15 +365,15 @@ def _correct(
     set_real_product(number, 13, 0, lanes.u, 0, 0, 1, lanes.other, 0, 0, 1, m)
     for w in range(LANES):
         level, target = number[12 * LANES + w], number[11 * LANES + w]
-        change = (target - number[13 * LANES + w] + along[w] * level) / schur[w]
+        change = (target - number[13 * LANES + w] + rest.along[w] * level) / rest.schur[w]
         dt[w] = max(change, -LARGEST_FALL * t[w])
-        rho[w] = (level / bb[w] if bb[w] > 0.0 else 0.0) - dt[w] * along[w]
+        rho[w] = (level / rest.bb[w] if rest.bb[w] > 0.0 else 0.0) - dt[w] * rest.along[w]
     for k in range(m):
         for w in range(LANES):
             e = k * LANES + w
             step = lanes.other[e] - dt[w] * lanes.toward_u[e]
             dx[e] = step - rho[w] * lanes.toward_b[e]
-    _direction(places, lanes, t, dt)
+    _direction(places, lanes, rest)
     for e in range(r * r):
         for w in range(LANES):
             a = e * two + w
@@ -333,25 +385,27 @@ def _correct(
             lanes.dW[e] += center[w] / x[e] - lanes.second[e]
 
 
-@kernel
+@unchecked_kernel
 def _reach(
     places: Places,
-    lanes: Lanes,
+    room: tuple[np.ndarray, np.ndarray, np.ndarray],
     A: np.ndarray,
     first: np.ndarray,
     v: np.ndarray,
     dv: np.ndarray,
     dt: np.ndarray,
+    dx: np.ndarray,
     trials: int,
     low: np.ndarray,
     held: np.ndarray,
 ) -> None:
     """Steps ``low`` (LANES,) after which A + a first + a^2 dt dD_r and v + a dv are still positive.
 
-    They are BOUNDARY_SHARE of the longest ones up to 1; ``lanes.number`` and V are work space.
+    They are BOUNDARY_SHARE of the longest ones up to 1; ``room`` is for two matrices and single
+    numbers.
     """
-    r, step = places.right.size, lanes.number[14 * LANES : 15 * LANES]
-    high = lanes.number[15 * LANES :]
+    trial, L, number = room
+    r, step, high = places.right.size, number[14 * LANES : 15 * LANES], number[15 * LANES :]
     for w in range(LANES):
         longest = 1.0 / BOUNDARY_SHARE
         for k in range(places.blocks):
@@ -360,14 +414,14 @@ def _reach(
                 longest = -v[e] / dv[e] if dv[e] < 0.0 else 0.0
         low[w], high[w], step[w] = 0.0, longest, longest
     for _ in range(trials):
-        set_sum(lanes.V, 0, A, 0, step, 0, first, 0, 2 * r * r)
+        set_sum(trial, 0, A, 0, step, 0, first, 0, 2 * r * r)
         for j in range(r):
             at, of = (j * r + j) * 2 * LANES, places.right[j] * LANES
             for w in range(LANES):
-                lanes.V[at + w] += step[w] ** 2 * dt[w] * lanes.dx[of + w]
+                trial[at + w] += step[w] ** 2 * dt[w] * dx[of + w]
         for w in range(LANES):
             held[w] = True
-        cholesky(lanes.V, lanes.L, r, held)
+        cholesky(trial, L, r, held)
         found = True
         for w in range(LANES):
             if held[w]:
@@ -376,7 +430,7 @@ def _reach(
                 high[w] = step[w]
             found = found and low[w] == high[w]
             if low[w] < high[w]:
-                step[w] = 0.5 * (low[w] + high[w])
+                step[w] = 0.5 * (low[w] + high[w]) if low[w] > 0.0 else FALL * high[w]
         if found:
             break
     for w in range(LANES):

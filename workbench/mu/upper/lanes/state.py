@@ -109,3 +109,52 @@ def room_for(places: Places) -> Lanes:
         np.zeros(m * LANES),
         np.zeros(16 * LANES),
     )
+
+
+class Numbers(NamedTuple):
+    """One number for each lane (LANES,): of the point, of the step, and what becomes of its path.
+
+    ``none`` stays zero; ``matrix`` is the number of the matrix, ``used`` counts its iterations.
+    """
+
+    t: np.ndarray
+    nothing: np.ndarray
+    dt: np.ndarray
+    rho: np.ndarray
+    along: np.ndarray
+    bb: np.ndarray
+    schur: np.ndarray
+    center: np.ndarray
+    primal: np.ndarray
+    dual: np.ndarray
+    ahead: np.ndarray
+    none: np.ndarray
+    held: np.ndarray
+    active: np.ndarray
+    lost: np.ndarray
+    matrix: np.ndarray
+    used: np.ndarray
+
+
+@compiled
+def numbers() -> Numbers:
+    """Zeros for eight lanes, none of which has a matrix."""
+    return Numbers(
+        np.ones(LANES),
+        np.zeros(LANES),
+        np.zeros(LANES),
+        np.zeros(LANES),
+        np.zeros(LANES),
+        np.zeros(LANES),
+        np.zeros(LANES),
+        np.zeros(LANES),
+        np.zeros(LANES),
+        np.zeros(LANES),
+        np.zeros(LANES),
+        np.zeros(LANES),
+        np.zeros(LANES, np.bool_),
+        np.zeros(LANES, np.bool_),
+        np.zeros(LANES, np.bool_),
+        np.zeros(LANES, np.int64),
+        np.zeros(LANES, np.int64),
+    )

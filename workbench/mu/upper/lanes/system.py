@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.compiled import kernel
+from workbench.compiled import unchecked_kernel
 from workbench.mu.upper.lanes.algebra import fill_upper_half, hermitian_product, product
 from workbench.mu.upper.lanes.simd import (
     LANES,
@@ -17,7 +17,7 @@ from workbench.mu.upper.lanes.simd import (
 from workbench.mu.upper.lanes.state import Lanes, Places
 
 
-@kernel
+@unchecked_kernel
 def inequality(
     places: Places, M: np.ndarray, t: np.ndarray, x: np.ndarray, scaled: np.ndarray, S: np.ndarray
 ) -> None:
@@ -57,7 +57,7 @@ def inequality(
     fill_upper_half(S, r)
 
 
-@kernel
+@unchecked_kernel
 def inequality_adjoint(
     places: Places, M: np.ndarray, t: np.ndarray, X: np.ndarray, MX: np.ndarray, y: np.ndarray
 ) -> None:
@@ -82,7 +82,7 @@ def inequality_adjoint(
             y[to + w] = 2.0 * MX[at + LANES + w]
 
 
-@kernel
+@unchecked_kernel
 def add_diagonal(places: Places, X: np.ndarray, y: np.ndarray) -> None:
     """Add the diagonal of X (r, r) to y, block by block."""
     r = places.right.size
@@ -92,7 +92,7 @@ def add_diagonal(places: Places, X: np.ndarray, y: np.ndarray) -> None:
             y[to + w] += X[at + w]
 
 
-@kernel
+@unchecked_kernel
 def between_M(
     places: Places, M: np.ndarray, X: np.ndarray, MX: np.ndarray, MXM: np.ndarray
 ) -> None:
@@ -102,7 +102,7 @@ def between_M(
     hermitian_product(MX, M, MXM, c, r)
 
 
-@kernel
+@unchecked_kernel
 def newton_matrix(places: Places, t: np.ndarray, lanes: Lanes) -> None:
     """H[k, l] = Re trace(F_k S^-1 F_l Z) + (d_k^-1 w_k where k = l), F_k the derivatives of S.
 
@@ -146,7 +146,7 @@ def newton_matrix(places: Places, t: np.ndarray, lanes: Lanes) -> None:
             H[to + w] += lanes.W[k * LANES + w] / lanes.x[k * LANES + w]
 
 
-@kernel
+@unchecked_kernel
 def _skew_row(places: Places, t: np.ndarray, lanes: Lanes, k: int) -> None:
     """The row of H of the k-th real scalar, to its diagonal."""
     c, r, N = places.left.size, places.right.size, places.blocks
