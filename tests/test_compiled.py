@@ -1,4 +1,4 @@
-"""Compiled code is kept on disk, and never outlives the source of its room."""
+"""Compiled code is kept on disk, and never outlives the source that it is made from."""
 
 import subprocess
 import sys
@@ -59,10 +59,24 @@ def test_compiled_code_is_reused_until_any_file_of_its_room_changes(room):
 
 
 @pytest.mark.slow
-def test_a_new_file_in_the_room_compiles_anew(room):
+def test_files_that_nothing_imports_compile_nothing_anew(room):
     call(room)
-    (room / "other.py").touch()
+    (room / "other.py").write_text("from room.outer import outer\n")
+    assert call(room) == (31.0, 1)
+
+
+@pytest.mark.slow
+def test_a_change_in_another_room_is_seen_and_so_is_one_behind_it(room):
+    below = room / "below"
+    below.mkdir()
+    (below / "__init__.py").touch()
+    (below / "factor.py").write_text("TEN = 10.0\n")
+    inner = INNER.replace("\n\n@", "\nfrom room.below.factor import TEN\n\n@", 1)
+    (room / "inner.py").write_text(inner.format("TEN * x"))
     assert call(room) == (31.0, 0)
+    assert call(room) == (31.0, 1)
+    (below / "factor.py").write_text("TEN = 30.00\n")
+    assert call(room) == (91.0, 0)
 
 
 @pytest.mark.slow

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import re
 import sys
 from collections.abc import Callable
 from contextlib import AbstractContextManager, ExitStack
@@ -16,9 +17,9 @@ def compiled(function: Callable[..., Any]) -> Any:
 
     While it runs, other threads of Python do.
 
-    A compiled function may call compiled functions of its own room only. Numba looks for changes
-    in the function's own file alone; a change in a sibling that it calls would go unseen and old
-    code would run. So the stamp it compares covers every file of the room.
+    Numba looks for changes in the function's own file alone; a change in a function that it calls,
+    or in a constant, would go unseen and old code would run. So the stamp it compares covers every
+    file of the package that the function's file imports, and those that these import.
 
     What is kept names the module it came from. The registry imports problem files under a package
     of its own, which no other process can import by name; what it compiles is kept apart.
@@ -52,6 +53,8 @@ def unchecked_kernel(function: Callable[..., Any]) -> Any:
 Watcher = Callable[[str, int, int], AbstractContextManager[None]]
 """Given the name of a function that is compiled, how many of its room are, and how many it has."""
 _watchers: list[Watcher] = []
+_IMPORT = re.compile(r"^from[ \t]+(\.*)([\w.]*)[ \t]+import\b", re.MULTILINE)
+"""Statements that import names from a module of the package; dots, and its name."""
 _functions: dict[str, int] = {}
 """Number of compiled functions of each room."""
 
@@ -105,13 +108,37 @@ def _kept(function: Callable[..., Any], options: dict[str, Any]) -> Any:
     name, package = kept._impl.filename_base, function.__module__.partition(".")[0]
     if sys.modules[package].__spec__ is None:
         name = f"{package}.{name}"
-    stamp = _stamp(Path(inspect.getfile(function)).parent)
+    file = Path(inspect.getfile(function))
+    stamp = _stamp(file, file.parents[function.__module__.count(".")], package)
     kept._cache_file = type(kept._cache_file)(kept._cache_path, name, stamp)
     return dispatcher
 
 
 @cache
-def _stamp(room: Path) -> tuple[tuple[str, int, int], ...]:
-    """Name, time of change and size of every source file of a room."""
-    stats = ((file.name, file.stat()) for file in sorted(room.glob("*.py")))
+def _stamp(file: Path, root: Path, package: str) -> tuple[tuple[str, int, int], ...]:
+    """Name, time of change and size of a file and of all that it imports of its package."""
+    reached, waiting = set(), [file]
+    while waiting:
+        one = waiting.pop()
+        if one not in reached:
+            reached.add(one)
+            waiting += _imported(one, root, package)
+    stats = ((str(one.relative_to(root)), one.stat()) for one in sorted(reached))
     return tuple((name, stat.st_mtime_ns, stat.st_size) for name, stat in stats)
+
+
+@cache
+def _imported(file: Path, root: Path, package: str) -> tuple[Path, ...]:
+    """Files of the package from which a file imports names; of a room all of them."""
+    found: list[Path] = []
+    for dots, module in _IMPORT.findall(file.read_text(encoding="utf-8")):
+        parts = module.split(".") if module else []
+        if not dots and parts[0] != package:
+            continue
+        folder = file.parents[len(dots) - 1] if dots else root
+        place = folder.joinpath(*parts)
+        if place.is_dir():
+            found += sorted(place.glob("*.py"))
+        elif place.with_suffix(".py").is_file():
+            found.append(place.with_suffix(".py"))
+    return tuple(found)
