@@ -7,7 +7,9 @@ from functools import lru_cache, partial
 import numpy as np
 
 from workbench.arrays import Array, ComplexArray, RealArray
+from workbench.certify.mu_bound import certified_bound
 from workbench.executor import Context
+from workbench.mu.upper.alone import alone, closed_form
 from workbench.mu.upper.batch import balanced_batch, solve_each
 from workbench.mu.upper.lanes.path import follow_paths
 from workbench.mu.upper.pattern import (
@@ -20,6 +22,7 @@ from workbench.mu.upper.program import MuUpperBound, proved
 from workbench.mu.upper.recentred import recentred
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
+from workbench.structure import Structure
 
 THREAD_MATRICES = 200
 """Matrices that one thread takes at a time."""
@@ -35,7 +38,9 @@ POWER_STEPS = 3
 _pattern = lru_cache(maxsize=32)(pattern_of)
 
 
-def _solved(pattern: Pattern, accuracy: float, M: ComplexArray) -> tuple[Array, ...]:
+def _solved(
+    structure: Structure, pattern: Pattern, accuracy: float, M: ComplexArray
+) -> tuple[Array, ...]:
     """Multipliers D and G, gaps and numbers of iterations of matrices M (B, c, r)."""
     count = len(M)
     D, G = np.zeros((2, count, pattern.size, pattern.size), complex)
@@ -51,6 +56,10 @@ def _solved(pattern: Pattern, accuracy: float, M: ComplexArray) -> tuple[Array, 
             D[:, every, every] = d * E * E
             G[:, real, real] = g * E[:, real] * E[:, real] * scale[:, None]
         gaps[scale == 0] = np.inf
+    elif alone(structure):
+        first_D, first_G, mu = closed_form(M, structure)
+        exact = certified_bound(M, structure, first_D, first_D, first_G) <= (1 + accuracy) * mu
+        D[exact], G[exact], gaps[exact] = first_D[exact], first_G[exact], 0.0
     rest = np.flatnonzero(~(gaps <= accuracy))
     if rest.size:  # each is warm-started from the one before
         found = D[rest], G[rest], gaps[rest], iterations[rest]
@@ -63,7 +72,8 @@ def _solved(pattern: Pattern, accuracy: float, M: ComplexArray) -> tuple[Array, 
 def _fast(program: MuUpperBound, context: Context) -> Claim:
     """Osborne's balancing and a compiled primal-dual interior-point method, all M at once.
 
-    Where no scalar is repeated eight matrices are worked on by each instruction.
+    Where no scalar is repeated eight matrices are worked on by each instruction; one repeated
+    scalar alone has a closed form.
     """
     structure = program.structure
     with context.stating():
@@ -75,7 +85,7 @@ def _fast(program: MuUpperBound, context: Context) -> Claim:
     accuracy = PATH_ACCURACY_SHARE * context.options.accuracy
     chunks = [slice(start, start + THREAD_MATRICES) for start in range(0, count, THREAD_MATRICES)]
 
-    solve = partial(_solved, pattern, accuracy)
+    solve = partial(_solved, structure, pattern, accuracy)
     found = context.spread(solve, [batch[chunk] for chunk in chunks], "upper bounds")
     for chunk, one in zip(chunks, found, strict=True):
         D[chunk], G[chunk], gaps[chunk], iterations[chunk] = one
