@@ -102,6 +102,31 @@ def _wanted(omega: RealArray, bound: RealArray) -> RealArray:
     return middle
 
 
+def with_peak(found: FrequencyBounds, bounds_at: BoundsAt) -> FrequencyBounds:
+    """The bounds, and some at the vertices of parabolas through the largest one and those beside.
+
+    A bound a little above the true peak is then proven at once, on the whole band.
+    """
+    for _ in range(PEAK_STEPS):
+        k = int(np.argmax(found.upper))
+        near = slice(max(k - 1, 0), k + 2)
+        with np.errstate(all="ignore"):
+            x, y = np.log(found.omega[near]), np.log(found.upper[near])
+            slopes = np.diff(y) / np.diff(x)
+            fall = -np.diff(slopes)
+            vertex = (x[:-2] + x[1:-1] + slopes[:-1] * (x[2:] - x[:-2]) / fall) / 2
+        if len(x) < 3 or not (np.isfinite(vertex).all() and (fall > 0).all()):
+            break
+        low, high = x[0] + (x[1] - x[0]) / 8, x[2] - (x[2] - x[1]) / 8
+        if abs(vertex[0] - x[1]) < PEAK_SHARPNESS:
+            break
+        found = found.joined(bounds_at(np.exp(np.clip(vertex, low, high))))
+    return found
+
+
+PEAK_STEPS, PEAK_SHARPNESS = 12, 1e-7
+"""Most parabolas, and the change of log omega that ends them."""
+
 NEGLIGIBLE_BOUND = 1e-9
 """Bounds below this, absolute and as a share of the response, are not resolved further."""
 

@@ -97,9 +97,9 @@ def static_discs(
             F = W1 @ B + W2 @ D
             P = W1 @ upper + W2 @ G - F @ (back @ G)
             found = pencil_discs(P, W1 @ V1)
-            if discs is nothing or found.doubtful(sharp) < discs.doubtful(sharp):
-                discs = found
-            if not discs.doubtful(sharp):
+            better = discs is nothing or found.doubtful(sharp) < discs.doubtful(sharp)
+            discs = found if better else discs
+            if not (better and discs.doubtful(sharp)):
                 break
             V = V @ np.linalg.eig(P.mid)[1]
             V = V / np.linalg.norm(V, axis=0)

@@ -50,6 +50,9 @@ END_MARGIN = 1e-3
 """Share of the distance to each end that an interval gives up, so that another machine, whose
 discs differ a little, proves the same interval."""
 
+WORTHWHILE = 0.05
+"""Gain of an interval, as a share of its length, for which better coordinates are looked for."""
+
 Multipliers = Sequence[Array]
 """D_left (c, c), D_right (r, r) and G (r, c)."""
 
@@ -276,8 +279,21 @@ def _nearest(discs: Discs, omega: float, half: float) -> tuple[float, float, boo
         return 0.0, max(float(last.max(initial=0.0)), 0.0), doubt
     if ((first <= 0) & (last >= 0)).any():
         return 0.0, 0.0, doubt
-    below, above = -last[last < 0], first[first > 0]
-    return float(below.min(initial=half)), float(above.min(initial=half)), doubt
+    above, below = (_end(*ends, half) for ends in ((first, last), (-last, -first)))
+    doubt = doubt and (above[1] or below[1])
+    return below[0], above[0], doubt
+
+
+def _end(first: Array, last: Array, half: float) -> tuple[float, bool]:
+    """Where an interval from 0 ends at the nearest of others, and whether a point ends it later.
+
+    Others than a large one would end it soon after too, or the large one is hardly wider than far.
+    """
+    ahead = first > 0
+    first, last = first[ahead], last[ahead]
+    end = float(first.min(initial=half))
+    middle = float(np.minimum((first + last) / 2, half).min(initial=half))
+    return end, middle > end * (1 + WORTHWHILE)
 
 
 def _fixed_discs(form: _Form, omega: float) -> Discs:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from workbench.arrays import RealArray
-from workbench.certify.cover import BandCover, FrequencyBounds, refined_bounds
+from workbench.certify.cover import BandCover, FrequencyBounds, refined_bounds, with_peak
 from workbench.certify.mu_bound import certified_bound
 from workbench.certify.stable_system import stable_system
 from workbench.heavy_types import StateSpace
@@ -40,6 +40,7 @@ def certified_norm(loop: StateSpace) -> float:
         )
 
     found = refined_bounds(bounds_at, system.poles).joined(bounds_at(np.array([0.0, np.inf])))
+    found = with_peak(found, bounds_at)
     cover = BandCover(system, bounds_at, NORM_TOLERANCE, found)
     cover.complete(INTERVALS_BEFORE_COARSENING)
     return cover.proven

@@ -13,7 +13,7 @@ from workbench.arrays import Array, ComplexArray, RealArray
 from workbench.structure import Full, Real, Structure
 
 REAL_SHARE = 1e-10
-"""Imaginary part, relative to the norm, below which an eigenvalue may be real."""
+"""Imaginary part of an eigenvalue, relative to its size, below which it counts as real."""
 
 
 def alone(structure: Structure) -> bool:
@@ -34,7 +34,7 @@ def closed_form(M: ComplexArray, structure: Structure) -> tuple[Array, Array, Re
     g = np.zeros_like(mu)
     with np.errstate(all="ignore"):
         if isinstance(next(iter(structure)), Real):
-            near = np.abs(values.imag) <= REAL_SHARE
+            near = np.abs(values.imag) <= REAL_SHARE * mu
             mu = np.where(near, mu, 0.0)
             beta = mu.max(axis=1, keepdims=True)
             g = np.maximum(np.abs(values) ** 2 - beta**2, 0.0) / values.imag
