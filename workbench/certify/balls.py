@@ -13,11 +13,16 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from flint import acb, acb_mat, arb
+from flint import acb, acb_mat, arb, ctx
 
 from workbench.arrays import Array
-from workbench.certify.rounding import Enclosure
+from workbench.certify.rounding import TINY, UPWARD, Enclosure, exact
 from workbench.certify.stable_system import StableSystem
+
+FEWEST_REFINED = 30
+"""Fewest states whose response is refined; fewer ones are eliminated in balls."""
+LARGEST_DEFECT = 2.0**-10
+"""Largest error of an inverse in doubles, by which a solution is refined."""
 
 Matrix = acb_mat
 """A matrix of complex balls."""
@@ -106,9 +111,43 @@ def response_of(system: StableSystem, omega: float) -> Matrix | None:
     A, B, C, D = map(enclosed, (system.source or system).enclosures)
     if math.isinf(omega) or not len(system.A):
         return D
+    quick = _refined(system.source or system, omega) if omega else None
+    if quick is not None:
+        return D + C * quick
     try:
         if omega == 0.0:  # real arithmetic keeps the response exactly real
             return acb_mat(D.real - C.real * A.real.solve(B.real))
         return D + C * (acb(0, float(omega)) * identity(len(system.A)) - A).solve(B)
     except ZeroDivisionError:
         return None
+
+
+def _refined(system: StableSystem, omega: float) -> Matrix | None:
+    """(j omega I - A)^-1 B by refinement with an inverse in doubles, in the precision at work.
+
+    For Y near the inverse, E = 1 - Y (j omega I - A) with rows of sum at most theta < 1 and the
+    residual R of X, the error of X is at most Z + theta max(Z) / (1 - theta), Z = |Y| |R|. None
+    where that does not lead to the precision.
+    """
+    A, B = system.enclosures[:2]
+    n = len(A.mid)
+    if n < FEWEST_REFINED or A.rad.any() or B.rad.any():
+        return None
+    M = exact(1j * omega * np.eye(n)) - A
+    try:
+        Y = np.linalg.inv(M.mid)
+    except np.linalg.LinAlgError:
+        return None
+    E = exact(np.eye(n)) - exact(Y) @ M
+    theta = float(((np.abs(E.mid) + E.rad) * UPWARD).sum(axis=1).max()) * UPWARD
+    if not theta < LARGEST_DEFECT:
+        return None
+    a, b, inverse = balls(A.mid), balls(B.mid), balls(Y)
+    s = acb(0, float(omega))
+    X = inverse * b
+    for _ in range(math.ceil(-ctx.prec / math.log2(theta + TINY)) + 1):
+        X = (X + inverse * (b - (X * s - a * X))).mid()
+    R = doubles(b - (X * s - a * X))
+    Z = np.abs(Y) @ (np.abs(R.mid) + R.rad) * UPWARD**4
+    error = (Z + theta * Z.max(axis=0) / (1 - theta)) * UPWARD**4 + TINY
+    return X + enclosed(Enclosure(np.zeros(error.shape, complex), error))
