@@ -1,11 +1,13 @@
 """The local polynomial method: unbiased, with variances that mean what they say."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
 from workbench.errors import InputError
-from workbench.identification.responses.local_polynomial import local_polynomial
+from workbench.identification.responses.local_polynomial import line_frequencies, local_polynomial
 
 
 def record(samples, noise, rng):
@@ -59,3 +61,33 @@ def test_covariance_is_hermitian_and_ordered_by_rows():
 def test_bad_bands(keywords):
     with pytest.raises(InputError, match="lines"):
         local_polynomial(*record(400, 0.1, np.random.default_rng(0)), **keywords)
+
+
+def test_chosen_lines_are_those_of_the_whole():
+    u, y = record(40_000, 0.1, np.random.default_rng(3))  # more lines than are held at once
+    whole = local_polynomial(u, y)
+    at = np.array([1, 2, 77, 8192, 8193, 19_999])
+    some = local_polynomial(u, y, at=at)
+    assert line_frequencies(40_000)[at - 1] == pytest.approx(some.frequency, rel=1e-15)
+    for name in ("frequency", "response", "covariance", "noise"):
+        np.testing.assert_allclose(getattr(some, name), getattr(whole, name)[at - 1], rtol=1e-9)
+
+
+def test_a_long_record_takes_little_more_memory_than_its_spectra():
+    rng = np.random.default_rng(4)
+    u = rng.normal(size=(400_000, 1))
+    y = lfilter([0.5], [1.0, -0.5], u, axis=0)
+    tracemalloc.start()
+    local_polynomial(u, y, at=np.array([5, 50, 500]))
+    held = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert held <= 8 * (u.nbytes + y.nbytes)
+
+
+@pytest.mark.parametrize(
+    "at", [[], [0, 1], [1, 1], [3, 2], [1.5], [1, 200], "all", [[1, 2]], [True, False]]
+)
+def test_bad_lines_are_named(at):
+    u, y = record(400, 0.1, np.random.default_rng(5))
+    with pytest.raises(InputError, match="from 1 to 199"):
+        local_polynomial(u, y, at=at)

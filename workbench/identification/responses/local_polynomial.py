@@ -50,10 +50,21 @@ class LocalPolynomial:
         return result
 
 
+LINES_AT_ONCE = 8192
+"""Lines whose bands are held at once."""
+
+
 def local_polynomial(
-    u: ArrayLike, y: ArrayLike, degree: int = 2, lines: int | None = None
+    u: ArrayLike,
+    y: ArrayLike,
+    degree: int = 2,
+    lines: int | None = None,
+    *,
+    at: ArrayLike | None = None,
 ) -> LocalPolynomial:
-    """Response from u (N, nu) to y (N, ny) at every line of the record between 0 and 1/2.
+    """Response from u (N, nu) to y (N, ny) at lines of the record between 0 and 1/2.
+
+    Beside the record, its spectra and the result it takes a memory that does not grow with N.
 
     Parameters
     ----------
@@ -62,28 +73,70 @@ def local_polynomial(
     lines
         Number of lines of a band; by default eight more than the unknowns. More lines lower the
         variance but blur resonances.
+    at
+        Numbers (F,) of the lines, rising, from 1 to the last one below 1/2; None: all of them.
 
     Raises
     ------
     InputError
         The same as for `checked_record`; too few lines in the band for its unknowns, or in the
-        record for the band.
+        record for the band; or numbers that are not such lines.
     """
     u, y = checked_record(u, y)
     samples, nu = u.shape
     unknowns = (degree + 1) * (nu + 1)
     width = unknowns + 8 if lines is None else lines
-    spectra = [np.fft.rfft(x - x.mean(axis=0), axis=0) / np.sqrt(samples) for x in (u, y)]
     # Leave out line 0, the mean, which is removed, and the last line of an even record, a real one.
-    U, Y = (spectrum[1 : (samples + 1) // 2] for spectrum in spectra)
+    U, Y = (_spectrum(x)[1 : (samples + 1) // 2] for x in (u, y))
     if width <= unknowns or width > len(U):
         raise InputError(
             f"bands of {width} lines in a record that has {len(U)}: more than {unknowns} are "
             f"needed for {nu} inputs and degree {degree}; take a longer record or a lower degree"
         )
-    first = np.clip(np.arange(len(U)) - width // 2, 0, len(U) - width)
+    chosen = np.arange(len(U)) if at is None else _numbers(at, len(U)) - 1
+    size = Y.shape[1] * nu
+    response = np.empty((chosen.size, Y.shape[1], nu), complex)
+    covariance = np.empty((chosen.size, size, size), complex)
+    noise = np.empty((chosen.size, Y.shape[1], Y.shape[1]), complex)
+    for start in range(0, chosen.size, LINES_AT_ONCE):
+        part = slice(start, start + LINES_AT_ONCE)
+        response[part], covariance[part], noise[part] = _at_lines(U, Y, chosen[part], degree, width)
+    return LocalPolynomial((chosen + 1) / samples, response, covariance, noise)
+
+
+def line_frequencies(samples: int) -> RealArray:
+    """Frequencies [cycles/sample] of all lines of a record at which `local_polynomial` works."""
+    return np.arange(1, (samples + 1) // 2) / samples
+
+
+def _spectrum(x: RealArray) -> ComplexArray:
+    """Transform (lines, channels) of a record without its mean, scaled by 1/sqrt(N)."""
+    found = np.empty((len(x) // 2 + 1, x.shape[1]), complex)
+    for k, channel in enumerate(x.T):  # one channel at a time, since each is copied
+        found[:, k] = np.fft.rfft(channel - channel.mean())
+    found /= np.sqrt(len(x))
+    return found
+
+
+def _numbers(at: ArrayLike, last: int) -> np.ndarray:
+    """Rising whole numbers from 1 to the last line, or an InputError."""
+    given = np.asarray(at)
+    whole = given.ndim == 1 and given.size and np.issubdtype(given.dtype, np.integer)
+    if not whole or given[0] < 1 or given[-1] > last or (np.diff(given) <= 0).any():
+        raise InputError(
+            f"at must be rising whole numbers of lines, (F,), from 1 to {last}, not {at!r:.60}"
+        )
+    return given
+
+
+def _at_lines(
+    U: ComplexArray, Y: ComplexArray, chosen: np.ndarray, degree: int, width: int
+) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+    """Responses, their covariances and noise covariances at lines of these numbers (F,), from 0."""
+    nu, unknowns = U.shape[1], (degree + 1) * (U.shape[1] + 1)
+    first = np.clip(chosen - width // 2, 0, len(U) - width)
     band = first[:, None] + np.arange(width)
-    offset = (band - np.arange(len(U))[:, None]) / width
+    offset = (band - chosen[:, None]) / width
     powers = offset[..., None] ** np.arange(degree + 1)
     columns = np.concatenate([U[band], np.ones((*band.shape, 1))], axis=2)
     regressors = (powers[..., None] * columns[:, :, None]).reshape(*band.shape, unknowns)
@@ -98,9 +151,4 @@ def local_polynomial(
     spread = inverse @ inverse.conj().swapaxes(1, 2)
     covariance = np.einsum("fij,fkl->fikjl", noise, spread)
     size = Y.shape[1] * nu
-    return LocalPolynomial(
-        np.arange(1, len(U) + 1) / samples,
-        theta[:, :nu].swapaxes(1, 2),
-        covariance.reshape(len(U), size, size),
-        noise,
-    )
+    return theta[:, :nu].swapaxes(1, 2), covariance.reshape(len(chosen), size, size), noise

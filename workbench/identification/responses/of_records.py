@@ -13,7 +13,10 @@ import numpy as np
 from workbench.arrays import IntegerArray, RealArray
 from workbench.errors import InputError
 from workbench.identification.experiments.quality import checked_record
-from workbench.identification.responses.local_polynomial import local_polynomial
+from workbench.identification.responses.local_polynomial import (
+    line_frequencies,
+    local_polynomial,
+)
 from workbench.identification.responses.periodic import ResponseEstimate, from_periods
 
 SHORTEST_PERIOD = 16
@@ -122,12 +125,15 @@ def _arbitrary(
 ) -> tuple[list[ResponseEstimate], str]:
     """Responses by local polynomials, from records cut to one length."""
     found: list[ResponseEstimate] = []
+    frequency = line_frequencies(length)
+    at = _thinned(np.arange(1, frequency.size + 1), most, frequency)
+    freedom = 2.0 * (LOCAL_LINES - 2 * (LOCAL_DEGREE + 1))
     for u, y in pairs:
-        local = local_polynomial(u[-length:, None], y[-length:, None], LOCAL_DEGREE, LOCAL_LINES)
-        chosen = _thinned(np.arange(local.frequency.size), most, local.frequency)
-        freedom = 2.0 * (LOCAL_LINES - 2 * (LOCAL_DEGREE + 1))
-        estimate = local.response[chosen], local.variance[chosen], freedom
-        found.append(ResponseEstimate(local.frequency[chosen] * rate, *estimate))
+        record = u[-length:, None], y[-length:, None]
+        local = local_polynomial(*record, LOCAL_DEGREE, LOCAL_LINES, at=at)
+        found.append(
+            ResponseEstimate(local.frequency * rate, local.response, local.variance, freedom)
+        )
     cut = ", cut to one length" if len({len(u) for u, _ in pairs}) > 1 else ""
     lines = found[0].frequency.size
     return found, f"no common period; local polynomials at {lines} lines of {length} samples{cut}"
