@@ -26,6 +26,21 @@ def certified_norm(loop: StateSpace) -> float:
     these multipliers prove the bound cover the band from 0 to infinity, or to half the sampling
     rate.
     """
+    parts = [np.asarray(part, dtype=float) for part in (loop.A, loop.B, loop.C, loop.D)]
+    key = (*(part.tobytes() for part in parts), parts[3].shape, loop.dt)
+    if key not in _norms:  # checks and second opinions ask for the norm of the same loop
+        if len(_norms) >= MOST_KEPT:
+            _norms.pop(next(iter(_norms)))
+        _norms[key] = _certified_norm(loop)
+    return _norms[key]
+
+
+MOST_KEPT = 16
+"""Most norms that are kept."""
+_norms: dict[tuple[object, ...], float] = {}
+
+
+def _certified_norm(loop: StateSpace) -> float:
     block = Structure([Full(loop.ninputs, loop.noutputs)])
     system = stable_system(loop, sampled=True)
     c, r = system.D.shape

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
+import scipy.linalg
 from numpy.typing import ArrayLike
 
 from workbench.arrays import Array, BoolArray, RealArray
@@ -33,6 +34,10 @@ WELL_DAMPED = 0.1
 """Damping ratio from which discs up to a tenth of the distance from the axis are taken."""
 HALF_PI = np.pi / 2 * (1 - 1e-15)
 """Half an angle from which a frequency counts as half the sampling rate."""
+FEWEST_STATES, FEWEST_SUBSTITUTED = 60, 4
+"""Fewest states, and frequencies, for which responses are computed in Schur's coordinates."""
+LARGEST_SPREAD = 1e5
+"""Largest entry of A over its smallest pole there."""
 LARGEST_BLUR = 1e-8
 """Largest error of an entry of modal coordinates, relative to the largest entry of its matrix. The
 basis of a cluster of many poles, as of a Laguerre filter, proves where they are, and no more."""
@@ -124,10 +129,37 @@ class StableSystem:
         n = len(self.A)
         step = max(CHUNK_ENTRIES // max(n * n, 1), 1)
         finite = np.flatnonzero(np.isfinite(points))
+        triangular = self._triangular if finite.size >= FEWEST_SUBSTITUTED else None
         for part in np.split(finite, range(step, len(finite), step)):
+            if triangular is not None:
+                T, B, C = triangular
+                result[part] += C @ _substituted(T, B, 1j * points[part])
+                continue
             resolvent = 1j * points[part, None, None] * np.eye(n) - self.A
             result[part] += self.C @ np.linalg.solve(resolvent, self.B.astype(complex))
         return result
+
+    @cached_property
+    def _triangular(self) -> tuple[Array, Array, Array] | None:
+        """A, B and C in Schur's coordinates; None for few states, or for ones that differ widely.
+
+        There an elimination keeps digits of small states that an orthogonal basis would lose.
+        """
+        sizes = np.abs(self.poles)
+        if len(self.A) < FEWEST_STATES or not sizes.min() * LARGEST_SPREAD > np.abs(self.A).max():
+            return None
+        T, Q = scipy.linalg.schur(self.A.astype(complex), output="complex")
+        return T, Q.conj().T @ self.B, self.C @ Q
+
+
+def _substituted(T: Array, B: Array, s: Array) -> Array:
+    """(s I - T)^-1 B (F, n, r) of an upper triangular T (n, n), for s (F,)."""
+    (n, r), F = B.shape, len(s)
+    X = np.empty((n, F, r), complex)
+    for i in reversed(range(n)):
+        beside = (T[i, i + 1 :] @ X[i + 1 :].reshape(n - 1 - i, F * r)).reshape(F, r)
+        X[i] = (B[i] + beside) / (s - T[i, i])[:, None]
+    return np.moveaxis(X, 0, 1)
 
 
 def _picked(matrix: Enclosure, rows: Any, columns: Any) -> Enclosure:
