@@ -98,6 +98,7 @@ def test_thinned_widened_and_stored_responses_keep_their_sampling_time():
     assert back.model.dt == T
     assert "sampled every 0.05 s" in repr(back.model)
     assert program.figures(answer)
+    assert back.model.plot().axes[0].lines[0].get_xdata().max() <= 0.5 / T
 
 
 @pytest.mark.parametrize(

@@ -148,6 +148,7 @@ class UncertaintyModel(Algebraic):
         """The nominal's magnitude with that of all plants of the model, and the weights."""
         figure, (top, bottom) = figures.axes(2, 1, size=(7.0, 6.0), sharex=True)
         omega = frequencies_of(from_plane(self.nominal, self.dt))
+        omega = omega[np.isfinite(bilinear_frequency(omega, self.dt))]
         frequency, sets = omega / (2 * np.pi), self.shapes(omega)
         reach = sets.radius + sets.half_length
         size = np.abs(sets.center)
