@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from workbench.mu import MuUpperBound, upper_bound
-from workbench.mu.upper.alone import alone
+from workbench.mu.upper.alone import is_alone
 from workbench.solution import solve
 from workbench.structure import Complex, Full, Real, Structure
 
@@ -58,6 +58,6 @@ def test_bounds_of_hard_matrices_are_proven_and_above_mu(name, kind):
 
 
 def test_only_one_repeated_scalar_is_alone():
-    assert alone(Structure((Real(2),))) and alone(Structure((Complex(3),)))
+    assert is_alone(Structure((Real(2),))) and is_alone(Structure((Complex(3),)))
     for blocks in ((Real(1),), (Full(2, 2),), (Real(2), Complex(1))):
-        assert not alone(Structure(blocks))
+        assert not is_alone(Structure(blocks))

@@ -36,8 +36,9 @@ from workbench.study import Study
 SAME_NUMBER = 1e-9
 """Relative difference at which recomputed numbers count as the stored ones."""
 
-CHECKED = 1e-2
-"""Part of a check's limit within which recomputed values of the check count as the stored one."""
+CHECKED = 2e-2
+"""Part of a check's limit within which recomputed values of the check count as the stored one: a
+bound that is proven anew may be another one within its tolerance."""
 
 DECIDED = 1e-4
 """The same as part of the distance between value and limit, such as that of a pole, which rounds as

@@ -12,7 +12,7 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.certify.agreement import need_agreement
-from workbench.certify.cover import BandCover, CertifiedInterval, refined_bounds, with_peak
+from workbench.certify.cover import BandCover, CertifiedInterval, refined_bounds
 from workbench.certify.proofs.peak_proof import PeakProof
 from workbench.certify.stable_system import StableSystem, bilinear_frequency, stable_system
 from workbench.errors import InputError
@@ -152,7 +152,6 @@ def covered(
     """The band covered by intervals with multipliers, and how that ended; see `BandCover`."""
     at = partial(bounds_at, stable, structure)
     found = refined_bounds(at, stable.poles).joined(at(np.array(band))).within(*band)
-    found = with_peak(found, at)
     # Without G: over frequency these multipliers of real scalars change less.
     real = any(isinstance(block, Real) for block in structure)
     plain = partial(bounds_at, stable, structure.complexified()) if real else None

@@ -16,7 +16,7 @@ REAL_SHARE = 1e-10
 """Imaginary part of an eigenvalue, relative to its size, below which it counts as real."""
 
 
-def alone(structure: Structure) -> bool:
+def is_alone(structure: Structure) -> bool:
     """Whether the structure is one scalar that is repeated."""
     blocks = list(structure)
     return len(blocks) == 1 and not isinstance(blocks[0], Full) and blocks[0].rows > 1

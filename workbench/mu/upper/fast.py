@@ -9,7 +9,7 @@ import numpy as np
 from workbench.arrays import Array, ComplexArray, RealArray
 from workbench.certify.mu_bound import certified_bound
 from workbench.executor import Context
-from workbench.mu.upper.alone import alone, closed_form
+from workbench.mu.upper.alone import closed_form, is_alone
 from workbench.mu.upper.batch import balanced_batch, solve_each
 from workbench.mu.upper.lanes.path import follow_paths
 from workbench.mu.upper.pattern import (
@@ -56,7 +56,7 @@ def _solved(
             D[:, every, every] = d * E * E
             G[:, real, real] = g * E[:, real] * E[:, real] * scale[:, None]
         gaps[scale == 0] = np.inf
-    elif alone(structure):
+    elif is_alone(structure):
         first_D, first_G, mu = closed_form(M, structure)
         exact = certified_bound(M, structure, first_D, first_D, first_G) <= (1 + accuracy) * mu
         D[exact], G[exact], gaps[exact] = first_D[exact], first_G[exact], 0.0

@@ -33,21 +33,21 @@ static inline void controller_step(controller_state *state, const controller_rea
     const controller_real x1 = state->x[1];
     const controller_real x2 = state->x[2];
     const controller_real x3 = state->x[3];
-    u[0] = -447.49817f * x0 - 205.21968f * x1 + 226.95782f * x2 - 0.61959517f * x3 + 10.209892f * y[0];
-    state->x[0] = 1.07720914e-32f * x0 - 0.006143449f * y[0];
-    state->x[1] = 1.3354452e-19f * x1 + 0.005940707f * y[0];
-    state->x[2] = 5.074233e-09f * x2 - 0.033510737f * y[0];
-    state->x[3] = 0.9998937f * x3 - 0.046181876f * y[0];
+    u[0] = -428.79254f * x0 - 196.64127f * x1 + 217.47092f * x2 - 0.593696f * x3 + 10.209892f * y[0];
+    state->x[0] = 1.0772216e-32f * x0 - 0.0064114495f * y[0];
+    state->x[1] = 1.3354195e-19f * x1 + 0.006199849f * y[0];
+    state->x[2] = 5.0742264e-09f * x2 - 0.034972616f * y[0];
+    state->x[3] = 0.9998937f * x3 - 0.0481965f * y[0];
 }
 
 /* The state from which a step answers the measurements y with the controls u: no bump. */
 static inline void controller_start(controller_state *state, const controller_real y[1],
                                 const controller_real u[1])
 {
-    state->x[0] = -0.002575114f * y[0] - 1.305267e-05f * u[0];
-    state->x[1] = 0.0075771217f * y[0] - 5.985867e-06f * u[0];
-    state->x[2] = -0.03532049f * y[0] + 6.6199277e-06f * u[0];
-    state->x[3] = 2.890621f * y[0] - 1.6001223f * u[0];
+    state->x[0] = -0.002687452f * y[0] - 1.362207e-05f * u[0];
+    state->x[1] = 0.007907649f * y[0] - 6.2469862e-06f * u[0];
+    state->x[2] = -0.03686132f * y[0] + 6.908712e-06f * u[0];
+    state->x[3] = 3.0167243f * y[0] - 1.6699256f * u[0];
 }
 
 #endif
