@@ -59,7 +59,7 @@ class MatrixCoverForLoop(MatrixCover):
         rows, columns = self.deviations.shape[2:]
         return response if self.performance else response[:, :columns, :rows]
 
-    @property
+    @cached_property
     def sets(self) -> MatrixSets:
         return MatrixSets(
             self.deviations,

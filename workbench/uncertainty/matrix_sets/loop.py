@@ -29,15 +29,19 @@ from workbench.arrays import Array, RealArray
 from workbench.errors import InputError
 from workbench.input_checks import as_array
 from workbench.uncertainty.matrix_sets.log_det import log_det_derivatives
-from workbench.uncertainty.matrix_sets.optimality import SMALLEST, InUnits, farthest, nuclear
+from workbench.uncertainty.matrix_sets.optimality import (
+    SMALLEST,
+    InUnits,
+    farthest,
+    nuclear,
+    sum_of_dyads,
+)
 from workbench.uncertainty.matrix_sets.shapes import Shape, ctranspose, of_shape
 
 VOLUME_SHARE = 1e-3
 """Share of the volume beside mu: the least mu alone leaves open what the loop does not see."""
 HALVINGS = 60
 """Steps that find a scaling: each leaves 0.62 of the interval."""
-REFINEMENTS = 3
-"""Newton steps after them."""
 
 
 def need_loop(given: Any, deviations: tuple[int, ...]) -> Array:
@@ -120,12 +124,9 @@ def scaled_loop(loop: Array, P: Array, S: Array, delta: RealArray) -> Array:
     """K (F, m + q, p + r) of loops N, inverse weights P (F, p, p) and S (F, m, m), and scalings."""
     p, m = P.shape[-1], S.shape[-1]
     K = np.array(loop, complex)
-    up, down = np.exp(delta)[:, None, None], np.exp(-delta)[:, None, None]
     K[:, :m] = np.linalg.solve(S, K[:, :m])
     K[:, :, :p] = K[:, :, :p] @ np.linalg.inv(P)
-    K[:, :m, p:] *= up
-    K[:, m:, :p] *= down
-    return K
+    return _turned(K, p, m, delta)
 
 
 def loop_level(loop: Array, P: Array, S: Array) -> tuple[RealArray, RealArray]:
@@ -137,9 +138,8 @@ def loop_level(loop: Array, P: Array, S: Array) -> tuple[RealArray, RealArray]:
     across = [log_norm(K[:, :m, p:]), log_norm(K[:, m:, :p])]
     inner = np.maximum(log_norm(K[:, :m, :p]), log_norm(K[:, m:, p:]))
     middle = (across[1] - across[0]) / 2
-    # where one of the blocks across is larger than the bound at the middle, delta is no optimum
-    least = np.maximum(sum(across) / 2, inner)
-    room = np.log(2.0) + np.maximum(least, inner) - sum(across) / 2
+    # no block is larger than the norm, which at the middle is at most twice the largest one
+    room = np.log(2.0) + np.maximum(inner - sum(across) / 2, 0.0)
     low, high = middle - room, middle + room
     golden = (np.sqrt(5) - 1) / 2
 
@@ -160,6 +160,7 @@ def loop_level(loop: Array, P: Array, S: Array) -> tuple[RealArray, RealArray]:
 
 
 def _turned(K: Array, p: int, m: int, delta: RealArray) -> Array:
+    """K (F, m + q, p + r) with its blocks across scaled by e^delta and e^-delta."""
     K = K.copy()
     K[:, :m, p:] *= np.exp(delta)[:, None, None]
     K[:, m:, :p] *= np.exp(-delta)[:, None, None]
@@ -202,10 +203,10 @@ def mu_excess(
 
     U, s, Vh = np.linalg.svd(K, full_matrices=False)
     u, t, vh = np.linalg.svd(M, full_matrices=False)
-    left = _gram(U, e)  # sum e u u^*
-    right = _gram(ctranspose(Vh), e)
-    off_left = _gram(u, c).sum(axis=1) - right[:, :p, :p] - np.eye(p) * (VOLUME_SHARE / p)
-    off_right = _gram(ctranspose(vh), c).sum(axis=1) - left[:, :m, :m]
+    left = sum_of_dyads(U[:, None], e[:, None])
+    right = sum_of_dyads(ctranspose(Vh)[:, None], e[:, None])
+    off_left = sum_of_dyads(u, c) - right[:, :p, :p] - np.eye(p) * (VOLUME_SHARE / p)
+    off_right = sum_of_dyads(ctranspose(vh), c) - left[:, :m, :m]
     off_right = off_right - np.eye(m) * (VOLUME_SHARE / m)
     off_delta = np.einsum("fii->f", right[:, p:, p:]) - np.einsum("fii->f", left[:, m:, m:])
 
@@ -260,10 +261,4 @@ def _log_radius(P: Array, S: Array) -> RealArray:
     """Logarithm (F,) of the geometric mean of the radius of sets with these inverse weights."""
     logs = [np.linalg.slogdet(W)[1] / W.shape[-1] for W in (P, S)]
     found: RealArray = -(logs[0] + logs[1])
-    return found
-
-
-def _gram(vectors: Array, c: RealArray) -> Array:
-    """sum c x x^* (..., n, n) of the columns x of vectors (..., n, r)."""
-    found: Array = (vectors * c[..., None, :]) @ ctranspose(vectors)
     return found

@@ -71,8 +71,8 @@ def volume_excess(
     u, s, vh = np.linalg.svd(M, full_matrices=False)
     c = np.minimum.accumulate(np.maximum(weights, 0.0), axis=-1)
     c = c * (p * m / np.maximum(c.sum(axis=(1, 2), keepdims=True), SMALLEST))
-    off_left = of_shape(_sum(u, c) - m * np.eye(p), left)
-    off_right = of_shape(_sum(ctranspose(vh), c) - p * np.eye(m), right)
+    off_left = of_shape(sum_of_dyads(u, c) - m * np.eye(p), left)
+    off_right = of_shape(sum_of_dyads(ctranspose(vh), c) - p * np.eye(m), right)
     room = -(c * np.log(np.maximum(s, SMALLEST))).sum(axis=(1, 2))
     room = room + nuclear(off_left) * reach[0] + nuclear(off_right) * reach[1]
     excess: RealArray = np.maximum(room, 0.0) / (p * m)
@@ -154,8 +154,8 @@ def trace_bound(
     y = S[:, None] @ ctranspose(vh)
     x = _normalised(x, c, left) / np.sqrt(p)
     y = _normalised(y, c, right) / np.sqrt(m)
-    over_left = _largest(of_shape(_sum(x, c), left)) * p
-    over_right = _largest(of_shape(_sum(y, c), right)) * m
+    over_left = _largest(of_shape(sum_of_dyads(x, c), left)) * p
+    over_right = _largest(of_shape(sum_of_dyads(y, c), right)) * m
     cross = (x * c[:, :, None]) @ ctranspose(y)  # (F, N, p, m)
     value = np.einsum("fkij,fkij->f", cross.conj(), away).real
     if free:  # |Z' - Z| <= 2 * (largest radius of a cover that is not larger)
@@ -170,19 +170,19 @@ def trace_bound(
 def _normalised(vectors: Array, c: RealArray, shape: Shape) -> Array:
     """Vectors (F, N, n, r) changed by a matrix of the shape so that sum c x x^* is I, within it."""
     if shape == "scalar":
-        mean = np.einsum("fii->f", _sum(vectors, c)).real / vectors.shape[-2]
+        mean = np.einsum("fii->f", sum_of_dyads(vectors, c)).real / vectors.shape[-2]
         return vectors / np.sqrt(np.maximum(mean, SMALLEST))[:, None, None, None]
-    diagonal = np.maximum(np.einsum("fii->fi", _sum(vectors, c)).real, SMALLEST)
+    diagonal = np.maximum(np.einsum("fii->fi", sum_of_dyads(vectors, c)).real, SMALLEST)
     vectors = vectors / np.sqrt(diagonal)[:, None, :, None]
     if shape == "diagonal":
         return vectors
-    values, turn = np.linalg.eigh(_sum(vectors, c))
+    values, turn = np.linalg.eigh(sum_of_dyads(vectors, c))
     root = (turn / np.sqrt(np.maximum(values, SMALLEST))[:, None]) @ ctranspose(turn)
     changed: Array = root[:, None] @ vectors
     return changed
 
 
-def _sum(vectors: Array, c: RealArray) -> Array:
+def sum_of_dyads(vectors: Array, c: RealArray) -> Array:
     """sum c x x^* (F, n, n) of the columns x of vectors (F, N, n, r)."""
     found: Array = ((vectors * c[:, :, None]) @ ctranspose(vectors)).sum(axis=1)
     return found

@@ -322,7 +322,7 @@ def _correct(places: Places, lanes: Lanes, rest: Numbers) -> None:
     M, Si, Z, Q, V = lanes.M, lanes.S_inverse, lanes.Z, lanes.Q, lanes.V
     dS, dZ, dx, x, number = lanes.dS, lanes.dZ, lanes.dx, lanes.x, lanes.number
     t, dt, rho, center = rest.t, rest.dt, rest.rho, rest.center
-    # 2 Q = S^-1 (dS dZ + dt dD_r Z) and its conjugate transpose
+    # Q is the Hermitian part of S^-1 (dS dZ + dt dD_r Z)
     for i in range(r):
         for j in range(r):
             e, of = (i * r + j) * 2 * LANES, places.right[i] * LANES
