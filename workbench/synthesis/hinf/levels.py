@@ -32,8 +32,8 @@ MOST_LEVELS, INTERPOLATED_LEVELS = 80, 8
 """Most levels tried, and the number of levels after which every other one halves the interval."""
 PROBED_SHARES = (0.65, 0.8, 0.9, 0.95, 0.97, 0.98, 0.99, 0.995, 0.998)
 """Shares of the least level found that are tried again, since rounding may hide feasible levels."""
-
-
+MOST_SECANT_STEPS, SECANT_REACH = 25, 1.1
+"""Most steps of the secant method, and the largest factor of one step."""
 NEAR_SHARES = (0.04, 0.08, 0.12)
 """Shares of the tolerance above an infeasible level at which it is tried again."""
 
@@ -74,19 +74,57 @@ def least_level(plant: StandardPlant, tolerance: float) -> tuple[float, Level]:
         best = level_at(plant, high)
     else:
         raise SolverError(f"no level up to gamma = {high:.3g} is feasible, numerically")
-    low, best = _bisected(plant, low, best, tolerance)
+    low, below, best = _bisected(plant, low, best, tolerance)
+    if below is not None:  # X and Y exist, and their coupling rules out every lower level
+        return low, best
     # Rounding errors may hide slow modes, and thereby make a feasible level look infeasible.
     for share in PROBED_SHARES:
         level = level_at(plant, share * best.gamma) if share * best.gamma > floor else None
         if level is not None and level.feasible:
-            low, best = _bisected(plant, floor, level, tolerance)
+            low, _, best = _bisected(plant, floor, level, tolerance)
     return low, best
+
+
+def level_from(plant: StandardPlant, guess: float, tolerance: float) -> Level | None:
+    """The level with a coupling of 1, found from a guess by the secant method; None: not found.
+
+    Levels without X and Y, or with a coupling above 1, bound it from below, others from above.
+    """
+    gamma, low, high = guess, 0.0, math.inf
+    last: Level | None = None
+    for _ in range(MOST_SECANT_STEPS):
+        level = level_at(plant, gamma)
+        if level is None or not level.coupling > 0.0:
+            low = new = gamma
+        else:
+            if level.feasible:
+                high = gamma
+            else:
+                low = gamma
+            alone = last is None or last.coupling == level.coupling
+            new = gamma * math.sqrt(level.coupling) if alone else _root(last or level, level)
+            if abs(new - gamma) <= tolerance * gamma:
+                return level
+            last = level
+        if not low < new < high:
+            new = math.sqrt(low * high) if high < math.inf else SECANT_REACH * low
+        gamma = min(max(new, gamma / SECANT_REACH), gamma * SECANT_REACH)
+    return None
+
+
+def _root(one: Level, other: Level) -> float:
+    """The level at which the inverse of the coupling is 1; it is nearly linear in gamma."""
+    a, b = 1.0 / one.coupling - 1.0, 1.0 / other.coupling - 1.0
+    return one.gamma - (other.gamma - one.gamma) * a / (b - a)
 
 
 def _bisected(
     plant: StandardPlant, low: float, best: Level, tolerance: float
-) -> tuple[float, Level]:
-    """A level at which no controller was found, and a feasible level close above it."""
+) -> tuple[float, Level | None, Level]:
+    """A level at which no controller was found, and a feasible level close above it.
+
+    Between them stands the lower level with its X and Y, None where there are none.
+    """
     below: Level | None = None
     step = 0
     while best.gamma > (1.0 + tolerance) * low and step < MOST_LEVELS:
@@ -97,7 +135,7 @@ def _bisected(
         else:
             low, below = trial, level
         step += 1
-    return low, best
+    return low, below, best
 
 
 def _level_near(plant: StandardPlant, gamma: float, tolerance: float) -> Level | None:
@@ -121,11 +159,8 @@ def _between(low: float, below: Level | None, best: Level, tolerance: float, ste
     middle = math.sqrt(low * high)
     if below is None or best.coupling <= 0.0 or (step > INTERPOLATED_LEVELS and step % 2):
         return middle
-    # The inverse of the coupling depends nearly linearly on gamma.
-    a, b = 1.0 / below.coupling - 1.0, 1.0 / best.coupling - 1.0
-    root = low - (high - low) * a / (b - a)
     inside = 1.0 + tolerance / 4
-    return min(max(root, low * inside), high / inside)
+    return min(max(_root(below, best), low * inside), high / inside)
 
 
 def level_ends(plant: StandardPlant) -> tuple[float, float]:

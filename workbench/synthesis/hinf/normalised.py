@@ -25,8 +25,8 @@ SINGULAR_CONDITION = 1e12
 class Scaled:
     """A continuous plant with D12 = [0; I], D21 = [0 I], D22 = 0, and with scaled states and time.
 
-    u = control u_s, y_s = measurement (y - D22 u) and t_s = rate t. z_s and w_s are rotations of z
-    and w, so that the norm is the same. ``given`` is the original plant.
+    u = control u_s, y_s = measurement (y - D22 u) and t_s = rate t. z = turn_z z_s and w = turn_w
+    w_s are rotations, so that the norm is the same. ``given`` is the original plant.
     """
 
     given: StandardPlant
@@ -34,6 +34,8 @@ class Scaled:
     control: RealArray
     measurement: RealArray
     rate: float
+    turn_z: RealArray
+    turn_w: RealArray
 
     def controller(self, K: Matrices) -> Matrices:
         """A controller of the scaled plant as one of the original plant.
@@ -84,7 +86,7 @@ def normalised_plant(plant: StandardPlant) -> Scaled:
     root = math.sqrt(rate)
     A, B, C = A / rate, B / root, C / root
     normal = replace(plant, A=A, B=B, C=C, D=D)
-    return Scaled(plant, normal, control, measurement.T, rate)
+    return Scaled(plant, normal, control, measurement.T, rate, turn_z, turn_w)
 
 
 def _normalising(D12: RealArray, name: str) -> tuple[RealArray, RealArray]:

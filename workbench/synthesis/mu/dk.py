@@ -9,7 +9,7 @@ bound. Since gamma depends on K, it moves only a share of the way in each round.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -28,6 +28,7 @@ from workbench.structure import Structure
 from workbench.synthesis.hinf.riccati import central
 from workbench.synthesis.mu.program import MuSynthesis
 from workbench.synthesis.mu.rounds import Iterate, packed, unpacked
+from workbench.synthesis.mu.scaled_plant import GAMMA_FUNCTION, Round, level_descent, scaled_plant
 from workbench.synthesis.mu.scaling_fit import ScalingFit, worth
 from workbench.synthesis.mu.scalings import Scalings
 from workbench.systems.frequency_grid import frequencies_of
@@ -49,8 +50,6 @@ LEAST_GAMMA, LEAST_WEIGHT = 0.05, 0.05
 """Least gamma asked for, and least weight of a frequency in the fit of gamma."""
 TARGET_REACHED = "reached the target"
 """Message of an iteration that ends at its target."""
-EXTRAPOLATIONS = (1.0, 3.0, 7.0, 15.0, 31.0)
-"""Multiples of the last change of D by which D is moved farther on trial."""
 REFERENCE_FLOOR = 0.5
 """Scalings need not follow the bound where it is below this share of its peak."""
 
@@ -69,44 +68,25 @@ class LoopResponse:
         return cls(omega, response(system, omega))
 
 
-@dataclass(frozen=True, eq=False)
-class Round:
-    """Scalings of a round: ``D`` for each block, ``gamma`` for all outputs but the measurements.
-
-    ``target`` is the logarithm of the wanted gamma at log frequencies ``at``.
-    """
-
-    D: tuple[Scalings, RealArray]
-    gamma: RealArray
-    at: RealArray
-    target: RealArray
-
-    @property
-    def parameters(self) -> dict[str, RealArray]:
-        """Parameters of the scalings by name, with gamma where there is one."""
-        return {"D": self.D[1]} | ({"gamma": self.gamma} if self.gamma.any() else {})
-
-
 @dataclass(eq=False)
 class DKState:
     """State of an iteration after a number of rounds tried.
 
-    ``before`` are the scalings of the last controller, ``used`` those fitted to its loop, and
-    ``well`` those fitted to the loop of the best controller. ``blend`` is the share of the way that
+    ``used`` are the scalings fitted to the last loop, and ``well`` those fitted to the loop of the
+    best controller. ``blend`` is the share of the way that
     gamma moves in a round.
     """
 
     blend: float
     tried: int = 0
     history: list[Iterate] = field(default_factory=list)
-    before: Round | None = None
     used: Round | None = None
     well: Round | None = None
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """The whole state as arrays by name, for a checkpoint."""
         found = {"blend": np.array(self.blend), "tried": np.array(self.tried)}
-        for name in ("before", "used", "well"):
+        for name in ("used", "well"):
             one: Round | None = getattr(self, name)
             if one is not None:
                 parts = {"D": one.D[1], "gamma": one.gamma, "at": one.at, "target": one.target}
@@ -117,17 +97,13 @@ class DKState:
     def restored(cls, arrays: Mapping[str, NDArray[Any]]) -> DKState:
         """The state that `arrays` gave."""
         rounds: list[Round | None] = []
-        for name in ("before", "used", "well"):
+        for name in ("used", "well"):
             if f"{name}_D" not in arrays:
                 rounds.append(None)
                 continue
             D, *rest = (arrays[f"{name}_{part}"] for part in ("D", "gamma", "at", "target"))
             rounds.append(Round((Scalings.of(D), D), *rest))
         return cls(float(arrays["blend"]), int(arrays["tried"]), unpacked(arrays), *rounds)
-
-
-GAMMA_FUNCTION = Scalings(1, 2)
-"""Function that represents gamma of the (mu, D)-K iteration: a gain and two biquads."""
 
 
 @method(MuSynthesis, "mu-dk", optimal=False, accuracy=ANY_ACCURACY_ALIKE)
@@ -150,7 +126,7 @@ def iterated(program: MuSynthesis, context: Context, blend: float) -> Claim:
     for tried in context.rounds(MOST_ROUNDS, "mu synthesis", now.tried):
         if K is None:
             try:
-                K, level, now.used = _best_step(program, now.before, now.used)
+                K, level, now.used = _best_step(program, now.used)
             except (SolverError, InputError) as error:
                 said, K = f"its H-infinity step failed: {error}", None
         loop = None if K is None else _loop(program, K)
@@ -159,14 +135,13 @@ def iterated(program: MuSynthesis, context: Context, blend: float) -> Claim:
             if now.well is None or now.blend < 0.1 * GAMMA_SHARE:
                 break
             # go back to the scalings of the best controller and continue more slowly
-            now.used, now.blend, now.before, K = now.well, now.blend / 2, None, None
+            now.used, now.blend, K = now.well, now.blend / 2, None
             continue
         mixed = upper_bound(loop.M, program.closed).value
         peak = float(mixed.max())
         reached = program.reaching(K, peak, (*now.history, Iterate(peak, level, np.nan, K)))
         if reached is not None:
             return reached, Outcome.SOLVED, TARGET_REACHED
-        now.before = now.used
         now.used, missed = _scalings(program, loop, mixed, now.used, now.blend)
         if not now.history or peak < min(each.peak for each in now.history):
             now.well = now.used
@@ -192,30 +167,20 @@ def _loop(program: MuSynthesis, K: StateSpace) -> LoopResponse | None:
     return LoopResponse.of(system) if stability_of(system).holds else None
 
 
-def _best_step(
-    program: MuSynthesis, before: Round | None, now: Round | None
-) -> tuple[StateSpace, float, Round | None]:
+def _best_step(program: MuSynthesis, now: Round | None) -> tuple[StateSpace, float, Round | None]:
     """The controller of least level, its level and its scalings.
 
-    D is used as it is and moved farther in the direction of its last change, because the
-    alternation may be slow and a K step takes little time compared with a D step.
+    D is used as the fit to the last loop left it, and where the level descends from there.
     """
-    candidates = [now]
-    if before is not None and now is not None and before.D[0] == now.D[0]:
-        scalings, x = now.D
-        change = x - before.D[1]
-        candidates += [replace(now, D=(scalings, x + share * change)) for share in EXTRAPOLATIONS]
     K, level = k_step(program, now)
-    best = K, level, now
-    for candidate in candidates[1:]:
-        try:
-            K, level = k_step(program, candidate)
-        except (SolverError, InputError):
-            break
-        if level >= best[1]:
-            break
-        best = K, level, candidate
-    return best
+    if now is None:
+        return K, level, None
+    lower = level_descent(program.plant, now)
+    try:
+        better = k_step(program, lower)
+    except (SolverError, InputError):
+        return K, level, now
+    return (*better, lower) if better[1] < level else (K, level, now)
 
 
 def k_step(program: MuSynthesis, used: Round | None) -> tuple[StateSpace, float]:
@@ -223,7 +188,7 @@ def k_step(program: MuSynthesis, used: Round | None) -> tuple[StateSpace, float]
     import control
 
     plant = program.plant
-    system = plant.system if used is None else _scaled(program, used)
+    system = plant.system if used is None else scaled_plant(plant, used).system
     made = central(
         system.A, system.B, system.C, system.D, plant.controls, plant.measurements, LEVEL_TOLERANCE
     )
@@ -281,30 +246,3 @@ def d_step(
     gains = np.median((logs[:, :blocks] - logs[:, blocks:]).T[:, high], axis=1)
     start = before or (Scalings(blocks, 0), gains[:, None])
     return worth(ScalingFit.of(structure, loop.omega, loop.M, reference), start)
-
-
-def _scaled(program: MuSynthesis, used: Round) -> StateSpace:
-    """The plant with D at the perturbation outputs, D^-1 at the perturbation inputs, and gamma.
-
-    Gamma multiplies all outputs except the measurements.
-    """
-    import control
-
-    assert program.structure is not None
-    scalings, x = used.D
-    pairs = zip(program.structure, scalings.systems(x), strict=True)
-    inverses = zip(program.structure, scalings.systems(scalings.inverse(x)), strict=True)
-    out = [d for block, d in pairs for _ in range(block.columns)]
-    into = [d for block, d in inverses for _ in range(block.rows)]
-    system = program.plant.system
-    one = control.ss([], [], [], [[1.0]])
-    left = control.append(*out, *[one] * (system.noutputs - len(out)))
-    right = control.append(*into, *[one] * (system.ninputs - len(into)))
-    found = left * system * right
-    if not used.gamma.any():
-        return found
-    (gamma,) = GAMMA_FUNCTION.systems(used.gamma)
-    measurements = program.plant.measurements
-    return (
-        control.append(*[gamma] * (system.noutputs - measurements), *[one] * measurements) * found
-    )

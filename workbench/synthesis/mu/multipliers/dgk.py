@@ -26,7 +26,6 @@ from workbench.solvers import Outcome
 from workbench.structure import Full, Structure
 from workbench.synthesis.mu.biquads import FrequencyRange
 from workbench.synthesis.mu.dk import (
-    EXTRAPOLATIONS,
     MOST_ROUNDS,
     PATIENCE,
     SETTLED_FALL,
@@ -38,6 +37,9 @@ from workbench.synthesis.mu.multipliers.functions import Multipliers
 from workbench.synthesis.mu.multipliers.k_step import dgk_k_step
 from workbench.synthesis.mu.program import MuSynthesis
 from workbench.synthesis.mu.rounds import Iterate, packed, unpacked
+
+EXTRAPOLATIONS = (1.0, 3.0, 7.0, 15.0, 31.0)
+"""Multiples of the last change of the multipliers by which they are moved farther on trial."""
 
 
 @method(MuSynthesis, "dk", optimal=False, accuracy=ANY_ACCURACY_ALIKE)

@@ -28,6 +28,7 @@ from workbench.solvers import Options, Outcome
 from workbench.structure import Structure
 from workbench.synthesis.mu.families import Family, Modal
 from workbench.synthesis.mu.program import PEAK_TOLERANCE, MuSynthesis
+from workbench.synthesis.mu.quasi_newton import updated_hessian
 from workbench.synthesis.mu.rounds import Iterate, packed, unpacked
 from workbench.synthesis.mu.shippable import Shippable
 from workbench.synthesis.mu.structured.starts import found_starts
@@ -268,7 +269,7 @@ def _minimised(
             omega, bound = problem.curve(problem.stable_loop(x))
             radius, hessian = FIRST_RADIUS, np.zeros_like(hessian)
             continue
-        hessian = _updated(hessian, found.x - x, found.turned)
+        hessian = updated_hessian(hessian, found.x - x, found.turned)
         radius = found.next_radius
         x, omega, bound = found.x, *found.curve
         history.append(problem.iterate(x, bound))
@@ -382,17 +383,3 @@ def _step(
     ).solve()
     found = np.array(solution.x)
     return found[:n], float(found[n]), np.maximum(np.array(solution.z)[: len(value)], 0.0)
-
-
-def _updated(hessian: RealArray, step: RealArray, change: RealArray) -> RealArray:
-    """Powell's damped BFGS update of a Hessian by a step and the change of the gradient."""
-    along = hessian @ step
-    curved, seen = float(step @ along), float(step @ change)
-    if curved <= 0.0:
-        return np.outer(change, change) / seen if seen > 0 else hessian
-    share = 1.0 if seen >= 0.2 * curved else 0.8 * curved / (curved - seen)
-    blend = share * change + (1 - share) * along
-    update: RealArray = (
-        np.outer(blend, blend) / float(step @ blend) - np.outer(along, along) / curved
-    )
-    return hessian + update

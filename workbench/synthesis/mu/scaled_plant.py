@@ -1,0 +1,147 @@
+"""Plants scaled by functions of frequency, and the descent of their least level by the scalings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from workbench.arrays import EPS, RealArray
+from workbench.errors import InputError, SolverError
+from workbench.synthesis.hinf.levels import least_level, level_from
+from workbench.synthesis.hinf.normalised import normalised_plant
+from workbench.synthesis.hinf.worst_signals import worst_densities
+from workbench.synthesis.mu.quasi_newton import updated_hessian
+from workbench.synthesis.mu.scalings import Scalings
+from workbench.systems.generalised_plant import GeneralisedPlant
+from workbench.systems.standard_plant import standard_plant
+
+GAMMA_FUNCTION = Scalings(1, 2)
+"""Function that represents gamma of the (mu, D)-K iteration: a gain and two biquads."""
+DESCENT_LEVEL_TOLERANCE = 1e-6
+"""Relative tolerance of the levels that a descent compares."""
+DESCENT_START_TOLERANCE = 1e-3
+"""Relative tolerance of the first level, from which the next ones are found."""
+MOST_DESCENT_STEPS, LEAST_DESCENT_FALL = 60, 1e-5
+"""Most steps of a descent, and the fall of the logarithm of the level by which a step must pay."""
+FIRST_DESCENT_STEP, LARGEST_DESCENT_STEP = 0.3, 1.0
+"""Length of the first step, and largest change of a parameter in a step."""
+DESCENT_SHARES = tuple(0.4**k for k in range(7))
+"""Shares of a step that are tried in turn."""
+SUFFICIENT_FALL = 1e-3
+"""Share of the promised fall that a step must bring."""
+
+
+@dataclass(frozen=True, eq=False)
+class Round:
+    """Scalings of a round: ``D`` for each block, ``gamma`` for all outputs but the measurements.
+
+    ``target`` is the logarithm of the wanted gamma at log frequencies ``at``.
+    """
+
+    D: tuple[Scalings, RealArray]
+    gamma: RealArray
+    at: RealArray
+    target: RealArray
+
+    @property
+    def parameters(self) -> dict[str, RealArray]:
+        """Parameters of the scalings by name, with gamma where there is one."""
+        return {"D": self.D[1]} | ({"gamma": self.gamma} if self.gamma.any() else {})
+
+
+def scaled_plant(plant: GeneralisedPlant, used: Round) -> GeneralisedPlant:
+    """The plant with D at the perturbation outputs, D^-1 at the perturbation inputs, and gamma.
+
+    Gamma multiplies all outputs except the measurements.
+    """
+    import control
+
+    assert plant.structure is not None
+    scalings, x = used.D
+    pairs = zip(plant.structure, scalings.systems(x), strict=True)
+    inverses = zip(plant.structure, scalings.systems(scalings.inverse(x)), strict=True)
+    out = [d for block, d in pairs for _ in range(block.columns)]
+    into = [d for block, d in inverses for _ in range(block.rows)]
+    system = plant.system
+    one = control.ss([], [], [], [[1.0]])
+    left = control.append(*out, *[one] * (system.noutputs - len(out)))
+    right = control.append(*into, *[one] * (system.ninputs - len(into)))
+    found = left * system * right
+    if used.gamma.any():
+        (gamma,) = GAMMA_FUNCTION.systems(used.gamma)
+        rest = plant.measurements
+        found = control.append(*[gamma] * (system.noutputs - rest), *[one] * rest) * found
+    return replace(plant, system=found)
+
+
+def level_descent(plant: GeneralisedPlant, used: Round) -> Round:
+    """Scalings of less level, found from those given by a quasi-Newton descent.
+
+    The level of the next controller is a smooth function of the parameters of D, whose gradient
+    costs no more than the level itself (see `worst_signals`). D-K iteration alone descends in
+    single directions and stops where the bound of its loop is flat over frequency.
+    """
+    scalings, x = used.D
+    low, high = scalings.limits(np.exp(used.at))
+    flat = np.clip(x.ravel(), low, high)
+    now = _slope(plant, used, flat, None)
+    curvature = None
+    for _ in range(MOST_DESCENT_STEPS):
+        if now is None:
+            break
+        value, gradient = now
+        free = (flat > low) | (gradient < 0.0)
+        free &= (flat < high) | (gradient > 0.0)
+        step = np.zeros_like(flat)
+        if curvature is None:
+            step[free] = -FIRST_DESCENT_STEP * gradient[free] / np.linalg.norm(gradient[free])
+        else:
+            step[free] = -np.linalg.solve(curvature[np.ix_(free, free)], gradient[free])
+        step *= min(1.0, LARGEST_DESCENT_STEP / float(np.abs(step).max(initial=EPS)))
+        for share in DESCENT_SHARES:
+            trial = np.clip(flat + share * step, low, high)
+            promised = -float(gradient @ (trial - flat))
+            new = _slope(plant, used, trial, np.exp(value))
+            if new is not None and new[0] < value - SUFFICIENT_FALL * promised:
+                break
+        else:
+            break
+        change, bend = trial - flat, new[1] - gradient
+        fall, flat, now = value - new[0], trial, new
+        if curvature is None:
+            curvature = np.eye(len(flat)) * float(np.linalg.norm(bend) / np.linalg.norm(change))
+        curvature = updated_hessian(curvature, change, bend)
+        if fall < LEAST_DESCENT_FALL:
+            break
+
+    return replace(used, D=(scalings, flat.reshape(x.shape)))
+
+
+def _slope(
+    plant: GeneralisedPlant, used: Round, flat: RealArray, guess: float | None
+) -> tuple[float, RealArray] | None:
+    """The logarithm of the least level, near a guess, and its gradient by the parameters of D.
+
+    None where no level is found.
+    """
+    assert plant.structure is not None
+    scalings, x = used.D
+    D, omega = flat.reshape(x.shape), np.exp(used.at)
+    try:
+        normal = normalised_plant(
+            standard_plant(scaled_plant(plant, replace(used, D=(scalings, D))))
+        )
+        if guess is None:
+            guess = least_level(normal.plant, DESCENT_START_TOLERANCE)[1].gamma
+    except (InputError, SolverError):
+        return None
+    level = level_from(normal.plant, guess, DESCENT_LEVEL_TOLERANCE)
+    if level is None:
+        return None
+    w, z = worst_densities(normal, level, omega)
+    _, slope = scalings.log_magnitude(D, omega)
+    blocks = zip(plant.structure.row_slices, plant.structure.column_slices, strict=True)
+    share = np.array([z[:, out].sum(axis=1) - w[:, into].sum(axis=1) for into, out in blocks])
+    gradient = np.trapezoid(slope * share[:, None], omega, axis=-1)
+    return float(np.log(level.gamma)), gradient.ravel()
