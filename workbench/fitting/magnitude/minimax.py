@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from workbench.arrays import ComplexArray, RealArray
 from workbench.executor import Context
 from workbench.fitting.magnitude.differential_correction import CorrectionStep, minimax
+from workbench.fitting.magnitude.dual_simplex import DualSimplex
 from workbench.fitting.magnitude.program import MagnitudeFit
 from workbench.program import Claim, method
 from workbench.solvers import Outcome
 
 MAX_EXCHANGE_ROUNDS = 12
-"""Most solutions of one step's linear program; each adds the rows that the last answer violated."""
+"""Most solutions of one step's linear program; each adds the signs that the last answer violated."""
+LARGEST_CHANGE = 1e6
+"""Largest change of a coefficient of N or D in a step; D has the mean 1, and N is of its size."""
 
 
 @method(MagnitudeFit, "minimax", optimal=True)
@@ -23,69 +25,54 @@ def _minimax(program: MagnitudeFit, context: Context) -> Claim:
 
 
 def linear_program(step: CorrectionStep) -> tuple[RealArray, RealArray, float] | None:
-    """Answer of a step by the linear solver HiGHS.
+    """Answer of a step by the dual simplex method.
 
-    Only some rows are used at first; the violated ones, and positivity between the data where it
-    fails, are added in rounds.
+    Positivity between the data is added in rounds, where it fails. The variables are the changes of
+    N and D, that of D within the plane of constant mean, and t.
     """
-    from scipy.optimize import linprog
-
     n = step.mean.size
     bases = (step.numerator, step.denominator)
-    rows = np.vstack(
-        [
-            np.column_stack([-step.upper, step.upper_slope]),
-            np.column_stack([-step.lower, step.lower_slope]),
-        ]
-    )
+    plane = np.linalg.qr(step.mean[:, None], mode="complete")[0][:, 1:]
+    center = step.numerator.columns.mean(axis=0), step.mean / (step.mean @ step.mean)
+
+    def rows_of(rows: RealArray) -> tuple[RealArray, RealArray]:
+        """Rows on the variables, and right sides, from rows on N, D and t that are to be <= 0."""
+        of_N, of_D = rows[:, :n], rows[:, n:-1]
+        moved = np.column_stack([of_N, of_D @ plane, rows[:, -1]])
+        return moved, -(of_N @ center[0] + of_D @ center[1])
+
     signs = [
         _beside(row, side)
         for side, basis in enumerate(bases)
         for row in (basis.at_zero, basis.at_infinity, *basis(_undamped(basis.roots)))
     ]
-    current = np.concatenate([b.columns.mean(axis=0) for b in bases] + [[0.0]])
-    held = _peaks(rows @ current, len(step.upper))
-    held[:: max(1, len(rows) // (8 * n))] = True
-    cost = np.append(np.zeros(2 * n), -1.0)
-    bounds = [(None, None)] * (2 * n) + [(None, 1.0)]
+    rows = np.vstack(
+        [
+            np.column_stack([-step.upper, step.upper_slope]),
+            np.column_stack([-step.lower, step.lower_slope]),
+            -np.array(signs),
+        ]
+    )
+    gain = np.append(np.zeros(2 * n - 1), 1.0)
+    simplex = DualSimplex(gain, LARGEST_CHANGE)
+    simplex.add(gain[None], np.ones(1))  # t <= 1: no error is negative
+    simplex.add(*rows_of(rows))
     best = None
     for _ in range(MAX_EXCHANGE_ROUNDS):
-        used = np.vstack([rows[held], -np.array(signs)])
-        answer = linprog(
-            cost,
-            A_ub=used,
-            b_ub=np.zeros(len(used)),
-            A_eq=np.concatenate([np.zeros(n), step.mean, [0.0]])[None],
-            b_eq=[1.0],
-            bounds=bounds,
-            method="highs-ds",
-            options={"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10},
-        )
-        if answer.x is None:
-            return best
-        beyond = rows @ answer.x
-        missed = _peaks(beyond, len(step.upper)) & (beyond > 1e-9) & ~held
-        found = answer.x[:n], answer.x[n:-1]
+        y = simplex.solve()
+        if y is None:
+            break
+        found = center[0] + y[:n], center[1] + plane @ y[n:-1]
+        best = (*found, float(y[-1]))
         added = [
             _beside(row, side)
             for side, basis in enumerate(bases)
             for row in basis(basis.negative(found[side]))
         ]
-        best = (*found, float(answer.x[-1]))
-        if not (added or missed.any()):
+        if not added:
             break
-        held |= missed
-        signs += added
+        simplex.add(*rows_of(-np.array(added)))
     return best
-
-
-def _peaks(values: RealArray, split: int) -> NDArray[np.bool_]:
-    """Mask of the local maxima of values, in the parts before and after ``split`` separately."""
-    peaks = np.zeros(values.size, dtype=bool)
-    for part in (slice(None, split), slice(split, None)):
-        v = np.concatenate([[-np.inf], values[part], [-np.inf]])
-        peaks[part] = (v[1:-1] >= v[:-2]) & (v[1:-1] >= v[2:])
-    return peaks
 
 
 def _undamped(roots: ComplexArray) -> RealArray:
