@@ -29,6 +29,8 @@ UNDAMPED_RATIO = 1e-5
 """Damping ratio below which a root may be moved onto the imaginary axis."""
 COVER_VALLEY_SAMPLES = 10
 """Samples in each interval of the data in the search for the lowest points of a cover."""
+ZOOMS = 14
+"""Fourfold magnifications about each of these points: then it is found to rounding."""
 
 
 @dataclass(frozen=True)
@@ -215,9 +217,12 @@ def _valleys(omega: RealArray, ratio: object) -> RealArray:
     )
     r = ratio(np.exp(fine))  # type: ignore[operator]
     low = np.flatnonzero((r[1:-1] <= r[:-2]) & (r[1:-1] <= r[2:]))
-    a, b = fine[low], fine[low + 2]
-    for _ in range(45):  # ternary search
-        c, d = a + (b - a) / 3, b - (b - a) / 3
-        left = ratio(np.exp(c)) < ratio(np.exp(d))  # type: ignore[operator]
-        a, b = np.where(left, a, c), np.where(left, d, b)
-    return np.exp((a + b) / 2)
+    at, width = fine[low + 1], np.maximum(fine[low + 1] - fine[low], fine[low + 2] - fine[low + 1])
+    start, end = fine[low], fine[low + 2]
+    for _ in range(ZOOMS):
+        around = np.clip(
+            at[:, None] + width[:, None] * np.linspace(-1, 1, 9), start[:, None], end[:, None]
+        )
+        lowest = ratio(np.exp(around.ravel())).reshape(around.shape).argmin(axis=1)  # type: ignore[operator]
+        at, width = around[np.arange(at.size), lowest], width / 4
+    return np.exp(at)

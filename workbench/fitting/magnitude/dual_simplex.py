@@ -16,8 +16,10 @@ from workbench.compiled import unchecked
 
 ROW_TOLERANCE = 1e-11
 """Largest violation of a row of unit length that counts as none."""
-PIVOT_TOLERANCE = 1e-11
+PIVOT_TOLERANCE = 1e-9
 """Smallest share of a working row in the entering one that counts as a pivot."""
+MULTIPLIER_ROUNDING = 1e-13
+"""Rounding errors of the multipliers of the working rows, relative to the largest."""
 PIVOTS_PER_VARIABLE = 60
 """Most pivots for each variable; more are a sign of cycling."""
 PIVOTS_BETWEEN_INVERSIONS = 20
@@ -50,20 +52,19 @@ class DualSimplex:
         self._right = np.concatenate([self._right, right / size])
 
     def solve(self) -> RealArray | None:
-        """The optimum (n,); None where no point meets the rows, or rounding hides it."""
-        y, solved = _pivoted(self._rows, self._right, self._gain, self._working)
-        return y if solved else None
+        """The optimum (n,); None where no point meets the rows, or rounding hides it.
 
-    @property
-    def bounded(self) -> bool:
-        """Whether the box does not hold the last optimum."""
-        count = self._gain.size
-        held = self._working[self._working < 2 * count]
-        if not held.size:
-            return True
-        multipliers = np.linalg.solve(self._rows[self._working].T, self._gain)
-        most = np.abs(multipliers).max()
-        return bool(np.abs(multipliers[self._working < 2 * count]).max() <= 1e-9 * most)
+        The pivots go on from the last optimum; where rounding spoils that, they start anew.
+        """
+        for working in (self._working, np.arange(self._gain.size)):
+            try:
+                y, solved = _pivoted(self._rows, self._right, self._gain, working)
+            except np.linalg.LinAlgError:
+                continue
+            if solved:
+                self._working = working
+                return np.asarray(y)
+        return None
 
 
 @unchecked
@@ -85,12 +86,16 @@ def _pivoted(
                 return y, True
         else:
             share = rows[enters] @ inverse
-            leaves, least, pivot = -1, np.inf, 0.0
+            # Harris: of the rows that may leave, to rounding, the one of the largest pivot does.
+            small = MULTIPLIER_ROUNDING * np.abs(multipliers).max()
+            most = np.inf
             for k in range(count):
                 if share[k] > PIVOT_TOLERANCE:
-                    ratio = max(multipliers[k], 0.0) / share[k]
-                    if ratio < least or (ratio == least and share[k] > pivot):
-                        leaves, least, pivot = k, ratio, share[k]
+                    most = min(most, (max(multipliers[k], 0.0) + small) / share[k])
+            leaves, pivot = -1, 0.0
+            for k in range(count):
+                if share[k] > max(PIVOT_TOLERANCE, pivot) and multipliers[k] <= most * share[k]:
+                    leaves, pivot = k, share[k]
             if leaves < 0:
                 return y, False
             working[leaves] = enters

@@ -13,9 +13,11 @@ because c_0 may vanish, as in vector fitting (Gustavsen and Semlyen, IEEE Trans.
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import eigvals
+from scipy.linalg import LinAlgError
+from scipy.linalg.lapack import dggev
 
 from workbench.arrays import ComplexArray, RealArray
+from workbench.compiled import compiled, unchecked
 from workbench.fitting.rational import conjugate_pairs
 
 NODE_DISTANCE = 0.03
@@ -28,6 +30,13 @@ ROOT_RANGE = 1e5
 """Largest factor by which roots may lie below or above the band; others change |W| by 1e-10."""
 ROOT_DAMPING = 1e-7
 """Smallest damping ratio of roots; it changes |W| by 1e-8 at frequencies a relative 1e-3 apart."""
+
+POLISHING_STEPS = 8
+"""Most steps of Newton's method for each zero."""
+POLISHING_REACH = 0.3
+"""Largest step that is taken, relative to the zero."""
+POLISHING_END = 1e-14
+"""Step, relative to the zero, after which none follows."""
 
 
 class SquaredBasis:
@@ -63,33 +72,16 @@ class SquaredBasis:
 
     def zeros(self, coefficients: RealArray) -> ComplexArray:
         """Zeros (n,) in x [(rad/s)^2] of the polynomial with given coefficients."""
-        c, upper = self._inverse @ coefficients, np.flatnonzero(self.nodes.imag > 0)
-        size = np.abs(self.nodes) ** 2
-        middle = np.exp(np.mean(np.log(size))) if size.size else 1.0
-        xi, grade = -(self.nodes**2) / middle, np.sqrt(size / middle)
-        # pairs as real blocks [[a, b], [-b, a]] with input [2, 0]: zeros come in exact pairs
-        state, inputs, outputs = np.diag(xi.real), np.ones(xi.size), c[1:].copy()
-        state[upper, upper + 1], state[upper + 1, upper] = xi.imag[upper], -xi.imag[upper]
-        inputs[upper], inputs[upper + 1] = 2, 0
-        outputs[upper], outputs[upper + 1] = c[1:][upper] / 2, c[1:][upper + 1] / 2
-        residues = outputs.astype(complex)
-        residues[upper] += 1j * outputs[upper + 1]
-        residues[upper + 1] = residues[upper].conjugate()
-        # a graded pencil: zeros stay accurate beside very large or infinite ones
-        pencil = np.block(
-            [
-                [state / grade[:, None], (inputs / grade)[:, None]],
-                [outputs[None] * grade**2, np.atleast_2d(c[0])],
-            ]
-        )
-        zeros = eigvals(pencil, np.diag(np.append(1 / grade, 0.0)))
-        far = (ROOT_RANGE * NODE_RANGE) ** 2 * np.abs(xi).max(initial=1.0)
-        zeros = zeros[np.isfinite(zeros) & (np.abs(zeros) < far)]
-        real, pairs = zeros[zeros.imag == 0].real + 0j, zeros[zeros.imag > 0]
-        real = _polished(real, xi, c[0], residues * grade**2).real + 0j
-        pairs = _polished(pairs, xi, c[0], residues * grade**2)
-        beyond = np.full(xi.size - real.size - 2 * pairs.size, -far, dtype=complex)
-        return np.asarray(np.concatenate([real, pairs, pairs.conj(), beyond]) * middle)
+        pencil, descriptor, far, middle = _pencil(self.nodes, self._inverse @ coefficients)
+        real, imaginary, share, _, _, _, info = dggev(pencil, descriptor, 0, 0)
+        if info > 0:
+            raise LinAlgError("the zeros of a polynomial do not converge")
+        found = _near(real, imaginary, share, far)
+        poles, constant, residues = _secular(self.nodes, self._inverse @ coefficients)
+        pairs = _polished(found[found.imag > 0], poles, constant, residues)
+        single = _polished(found[found.imag == 0], poles, constant, residues).real
+        beyond = np.full(self.nodes.size - single.size - 2 * pairs.size, -far)
+        return np.concatenate([single, pairs, pairs.conj(), beyond]) * middle
 
     def negative(self, coefficients: RealArray) -> RealArray:
         """Frequencies [rad/s] at which a combination is negative, one for each such interval."""
@@ -102,17 +94,11 @@ class SquaredBasis:
 
     def _fractions(self, omega: RealArray) -> RealArray:
         """Q / P times 1 and the real partial fractions of the nodes, (len(omega), n + 1)."""
-        x = omega[:, None] ** 2
-        size = np.abs(self.nodes) ** 2
-        parts = size / (x + self.nodes**2)
-        columns = np.where(self.nodes.imag < 0, parts.imag, parts.real)
-        columns[:, self.nodes.imag > 0] = parts.real[:, self.nodes.imag > 0]
-        return self.relative(omega)[:, None] * np.column_stack([np.ones(omega.size), columns])
+        return np.asarray(_fractions(self.nodes, self.roots, omega))
 
     def relative(self, omega: RealArray) -> RealArray:
         """Q / P at frequencies [rad/s]."""
-        x = omega[:, None] ** 2
-        return np.asarray(np.prod((x + self.nodes**2) / (x + self.roots**2), axis=1).real)
+        return np.asarray(_fractions(self.nodes, self.roots, omega)[:, 0])
 
 
 def stable_roots(zeros: ComplexArray, omega: RealArray) -> ComplexArray:
@@ -166,21 +152,110 @@ def _apart(roots: ComplexArray, low: float, high: float) -> ComplexArray:
     return np.array(nodes, dtype=complex)
 
 
+@unchecked
+def _fractions(nodes: ComplexArray, roots: ComplexArray, omega: RealArray) -> RealArray:
+    """Q / P times 1 and the real partial fractions of the nodes, (F, n + 1)."""
+    values = np.empty((omega.size, nodes.size + 1))
+    for i in range(omega.size):
+        x, relative = omega[i] ** 2, complex(1.0)
+        for k in range(nodes.size):
+            relative *= (x + nodes[k] ** 2) / (x + roots[k] ** 2)
+        values[i, 0] = relative.real
+        for k in range(nodes.size):
+            part = (nodes[k].real ** 2 + nodes[k].imag ** 2) / (x + nodes[k] ** 2)
+            values[i, k + 1] = relative.real * (part.imag if nodes[k].imag < 0 else part.real)
+    return values
+
+
+@compiled
+def _middle(nodes: ComplexArray) -> float:
+    """Geometric mean of the squared sizes of the nodes; 1 without nodes."""
+    return float(np.exp(2 * np.mean(np.log(np.abs(nodes))))) if nodes.size else 1.0
+
+
+@compiled
+def _pencil(nodes: ComplexArray, c: RealArray) -> tuple[RealArray, RealArray, float, float]:
+    """Pencil (n + 1, n + 1) and descriptor of the zeros in x / middle, their reach, and middle.
+
+    The pencil is graded: zeros stay accurate beside very large or infinite ones. Pairs are real
+    blocks [[a, b], [-b, a]] with input [2, 0], so that zeros come in exact pairs.
+    """
+    count, middle = nodes.size, _middle(nodes)
+    pencil, descriptor = np.zeros((count + 1, count + 1)), np.zeros((count + 1, count + 1))
+    far = 1.0
+    for k in range(count):
+        xi, grade = -(nodes[k] ** 2) / middle, np.abs(nodes[k]) / np.sqrt(middle)
+        far = max(far, np.abs(xi))
+        below = nodes[k].imag < 0
+        pencil[k, k], descriptor[k, k] = xi.real / grade, 1 / grade
+        pencil[k, count] = (0.0 if below else 2.0 if nodes[k].imag > 0 else 1.0) / grade
+        pencil[count, k] = c[k + 1] * grade**2 / (1.0 if nodes[k].imag == 0 else 2.0)
+        if nodes[k].imag > 0:
+            pencil[k, k + 1], pencil[k + 1, k] = xi.imag / grade, -xi.imag / grade
+    pencil[count, count] = c[0]
+    return pencil, descriptor, (ROOT_RANGE * NODE_RANGE) ** 2 * far, middle
+
+
+@compiled
+def _secular(nodes: ComplexArray, c: RealArray) -> tuple[ComplexArray, float, ComplexArray]:
+    """Poles (n,), constant and residues (n,) of the polynomial over Q, in x / middle."""
+    middle = _middle(nodes)
+    residues = np.empty(nodes.size, dtype=np.complex128)
+    for k in range(nodes.size):
+        size = np.abs(nodes[k]) ** 2 / middle
+        if nodes[k].imag == 0:
+            residues[k] = c[k + 1] * size
+        elif nodes[k].imag > 0:
+            residues[k] = (c[k + 1] + 1j * c[k + 2]) / 2 * size
+            residues[k + 1] = residues[k].conjugate()
+    return -(nodes**2) / middle, c[0], residues
+
+
+@unchecked
+def _near(real: RealArray, imaginary: RealArray, share: RealArray, far: float) -> ComplexArray:
+    """The finite eigenvalues (real + j imaginary) / share whose size is below ``far``."""
+    values = np.empty(real.size, dtype=np.complex128)
+    count = 0
+    for k in range(real.size):
+        if np.hypot(real[k], imaginary[k]) < far * np.abs(share[k]):
+            values[count] = complex(real[k] / share[k], imaginary[k] / share[k])
+            count += 1
+    return values[:count]
+
+
+@unchecked
 def _polished(
     zeros: ComplexArray, xi: ComplexArray, constant: float, residues: ComplexArray
 ) -> ComplexArray:
-    """Zeros of prod(x - xi) (constant + sum(residues / (x - xi))), refined by Newton's method."""
-    for _ in range(8):
-        with np.errstate(all="ignore"):
-            away = 1 / (zeros[:, None] - xi)
-            value = constant + away @ residues
-            correction = 1 / (away.sum(axis=1) - (away**2 @ residues) / value)
-            usable = np.isfinite(correction) & (np.abs(correction) < 0.3 * np.abs(zeros))
-        correction = np.where(usable, correction, 0)
-        zeros = zeros - correction
-        if np.all(np.abs(correction) <= 1e-14 * np.abs(zeros)):
-            break
-    return zeros
+    """Zeros of prod(x - xi) (constant + sum(residues / (x - xi))), refined by Newton's method.
+
+    Real zeros stay real.
+    """
+    found = zeros.copy()
+    for i in range(found.size):
+        x = found[i]
+        for _ in range(POLISHING_STEPS):
+            value, slope, whole = complex(constant), complex(0.0), complex(0.0)
+            for k in range(xi.size):
+                if x == xi[k]:
+                    break
+                away = 1 / (x - xi[k])
+                value += residues[k] * away
+                slope += residues[k] * away**2
+                whole += away
+            turned = whole * value - slope
+            if turned == 0 or (x == xi).any():
+                break
+            step = value / turned
+            if zeros[i].imag == 0:
+                step = complex(step.real)
+            if not np.abs(step) < POLISHING_REACH * np.abs(x):  # not finite either
+                break
+            x -= step
+            if np.abs(step) <= POLISHING_END * np.abs(x):
+                break
+        found[i] = x
+    return found
 
 
 def _unit(row: RealArray) -> RealArray:
