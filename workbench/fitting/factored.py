@@ -10,20 +10,21 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from workbench.arrays import ComplexArray, RealArray
+from workbench.fitting.factored_values import LARGEST_LOGARITHM, factored_values
 from workbench.fitting.rational import Rational
 
 MIN_STARTING_COEFFICIENT = 1e-9
 """Smallest starting coefficient on a logarithmic scale, relative to the largest of its factor."""
 INFINITE_ROOT = 1e-30
 """Leading coefficient, relative to the largest of its factor, below which a root is infinite."""
-LARGEST_LOGARITHM = 40.0
-"""Largest |logarithm| of a coefficient; beyond it the root is far from all data."""
 MISSING_ZERO_FACTOR = 1e3
 """Start of zeros that the function lacks: this many times the band's highest frequency [rad/s]."""
 
@@ -149,33 +150,30 @@ class FactoredRational:
             real, imaginary = real * u - imaginary * v, real * v + imaginary * u
         return real, imaginary
 
+    @cached_property
+    def table(self) -> tuple[RealArray, RealArray, NDArray[np.bool_], NDArray[np.bool_], int]:
+        """The factors as `factored_values` takes them, after the parameters and frequencies."""
+        parts = self.parts
+        return (
+            np.array([part.level for part in parts], dtype=float),
+            np.array([part.coefficients for part in parts], dtype=float).reshape(-1, 3),
+            np.array([[p in part.moving for p in range(3)] for part in parts]).reshape(-1, 3) != 0,
+            np.array([part.positive for part in parts]) != 0,
+            len(self.numerators),
+        )
+
     def response(self, vector: RealArray, omega: RealArray) -> ComplexArray:
         """Values (F,) at frequencies (F,) [rad/s]."""
-        real, imaginary = self.products(vector, omega)
-        return real + 1j * imaginary * np.ones(omega.size)
+        return self.values(vector, omega)[0]
 
     def slopes(self, vector: RealArray, omega: RealArray) -> ComplexArray:
         """Derivatives (F, P) of the values with respect to the parameters."""
-        count = len(self.numerators)
-        factors, powers = [], []
-        for part, moved in zip(self.parts, self._split(vector), strict=True):
-            c = np.array(part.at(moved))
-            x = omega / part.level
-            power = np.column_stack([np.ones(x.size, dtype=complex), 1j * x, -x * x])
-            factors.append(power @ c)
-            moving = list(part.moving)
-            powers.append(power[:, moving] * (c[moving] if part.positive else 1.0))
-        bottom = np.prod(factors[count:], axis=0) * np.ones(omega.size)
-        bare = np.prod(factors[:count], axis=0) / bottom
-        columns = []
-        for i, power in enumerate(powers):
-            if i < count:  # a numerator factor may be zero: leave it out instead of dividing by it
-                others = [factor for k, factor in enumerate(factors[:count]) if k != i]
-                outer = vector[-1] * np.prod(others, axis=0) / bottom
-            else:
-                outer = -vector[-1] * bare / factors[i]
-            columns.append(outer[:, None] * power)
-        return np.hstack([*columns, bare[:, None]])
+        return self.values(vector, omega)[1]
+
+    def values(self, vector: RealArray, omega: RealArray) -> tuple[ComplexArray, ComplexArray]:
+        """Values (F,) at frequencies (F,) [rad/s], and their derivatives (F, P)."""
+        values, slopes = factored_values(vector, omega, *self.table)
+        return values, slopes
 
     def rational(self, vector: RealArray) -> Rational:
         """The function at given parameters, by its roots and gain."""

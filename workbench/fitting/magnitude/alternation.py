@@ -122,19 +122,24 @@ def _alternation(deviation: RealArray, needed: int) -> tuple[float, np.ndarray]:
     size = np.abs(deviation[places])
     levels = np.unique(size[np.isfinite(size)])
 
-    def runs(level: float) -> list[np.ndarray]:
-        kept = places[size >= level]
-        if not kept.size:
-            return []
-        return np.split(kept, np.flatnonzero(np.diff(np.sign(deviation[kept]))) + 1)
+    signs = np.sign(deviation[places])
+
+    def starts(level: float) -> np.ndarray:
+        """Indices of places, of the first of each run of one sign at or above a level."""
+        kept = np.flatnonzero(size >= level)
+        turns = np.flatnonzero(signs[kept[1:]] != signs[kept[:-1]]) + 1
+        return kept[np.concatenate([np.zeros(min(kept.size, 1), dtype=int), turns])]
 
     low, high = -1, levels.size - 1  # invariant: levels[low] is reached, levels[high + 1] is not
     while low < high:
         middle = (low + high + 1) // 2
-        low, high = (middle, high) if len(runs(levels[middle])) >= needed else (low, middle - 1)
+        low, high = (middle, high) if starts(levels[middle]).size >= needed else (low, middle - 1)
     if low < 0:
         return 0.0, np.zeros(0, dtype=int)
-    tops = [run[np.argmax(np.abs(deviation[run]))] for run in runs(levels[low])]
+    firsts = starts(levels[low])
+    runs = zip(firsts, np.append(firsts[1:], places.size), strict=True)
+    # Up to the next run no place of the other sign is as large, and only those of this sign count.
+    tops = [places[a + np.argmax(np.where(signs[a:b] == signs[a], size[a:b], 0.0))] for a, b in runs]
     return float(levels[low]), np.array(tops)
 
 

@@ -86,7 +86,8 @@ class _Point:
     def __init__(self, program: ResponseFit, form: FactoredRational, vector: RealArray) -> None:
         data = program.active
         self.program, self.form, self.vector = program, form, vector
-        self.error = data.weight * (form.response(vector, data.omega) - data.response)
+        values, self._slopes = form.values(vector, data.omega)
+        self.error = data.weight * (values - data.response)
         peak = float(np.abs(self.error).max())
         self.peak = peak if np.isfinite(peak) else np.inf
 
@@ -94,7 +95,7 @@ class _Point:
     def slopes(self) -> ComplexArray:
         """Derivatives (F, P) of the weighted errors with respect to the parameters."""
         data = self.program.active
-        return data.weight[:, None] * self.form.slopes(self.vector, data.omega)
+        return data.weight[:, None] * self._slopes
 
     def square(self, weight: RealArray) -> float:
         """Sum of squared errors, each multiplied by a weight (F,) before squaring."""

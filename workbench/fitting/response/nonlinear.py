@@ -9,7 +9,7 @@ import numpy as np
 from workbench.accuracy import AccuracyRange
 from workbench.arrays import ComplexArray, RealArray
 from workbench.executor import Context
-from workbench.fitting.factored import LARGEST_LOGARITHM
+from workbench.fitting.factored_values import LARGEST_LOGARITHM
 from workbench.fitting.rational import Rational
 from workbench.fitting.response.conic import best_numerator, not_convex
 from workbench.fitting.response.least_peak import factored
