@@ -28,6 +28,7 @@ from workbench.fitting.factored import FactoredRational
 from workbench.fitting.rational import Rational
 from workbench.fitting.reach import within_reach
 from workbench.uncertainty.covers.cover import HALF_LENGTH_WEIGHT, UncertaintyCover
+from workbench.uncertainty.covers.set_sizes import mean_square_size
 
 NORM_POWERS = (8, 32, 128)
 """Powers p of the p-norms that replace the maximum over the plants, one after the other."""
@@ -73,30 +74,28 @@ class SmallSets:
         of_nominal, of_weight = self.split(vector)
         omega, shares = self.program.responses.axis, self.program.responses.shares
         nominal, slope = _evaluated(self.nominal, of_nominal, omega)
-        unit = self.program.unit[:, None]
-        if self.program.form == "multiplicative":
-            away = self.points / nominal[:, None] - 1
-            slopes = -(1 + away)[..., None] * (slope / nominal[:, None])[:, None, :]
-        else:
-            away = (self.points - nominal[:, None]) / unit
-            step = -(slope / unit)[:, None, :]
-            slopes = np.broadcast_to(step, (*away.shape, slope.shape[1]))
+        unit = self.program.unit
+        end, turn = np.zeros(omega.size, dtype=complex), np.zeros((omega.size, 0), dtype=complex)
+        if self.W_r is not None:
+            end, turn = _evaluated(self.W_r, of_weight, omega)
+            end, turn = end / unit, turn / unit[:, None]
+        value, gradient = mean_square_size(
+            self.points,
+            nominal,
+            slope,
+            end,
+            turn,
+            unit,
+            shares,
+            self.program.form == "multiplicative",
+            HALF_LENGTH_WEIGHT,
+            power,
+        )
         if self.W_r is None:
-            radius, rise = _norm(away, slopes, power)
-            return float(shares @ radius**2), 2 * (shares * radius) @ rise
-        end, turn = _evaluated(self.W_r, of_weight, omega)
-        end, turn = end / unit[:, 0], turn / unit
-        square = np.maximum(np.abs(end) ** 2, np.finfo(float).tiny)
-        along = np.clip((away * end[:, None].conj()).real / square[:, None], -1, 1)
-        beside = away - along * end[:, None]
-        slopes = np.concatenate([slopes, -along[..., None] * turn[:, None, :]], axis=2)
-        radius, rise = _norm(beside, slopes, power)
-        gradient = 2 * (shares * radius) @ rise
-        gradient[of_nominal.size :] += 2 * HALF_LENGTH_WEIGHT * ((shares * end.conj()) @ turn).real
-        cost = float(shares @ (radius**2 + HALF_LENGTH_WEIGHT * square))
+            return value, gradient
         out, turn = self._beyond(of_weight)
         gradient[of_nominal.size :] += 2 * BEYOND * (out.conj() @ turn).real
-        return cost + BEYOND * float((np.abs(out) ** 2).sum()), gradient
+        return value + BEYOND * float((np.abs(out) ** 2).sum()), gradient
 
     def _beyond(self, of_weight: RealArray) -> tuple[ComplexArray, ComplexArray]:
         """The real weight beyond the frequencies, its squares' sum a mean square, and slopes."""
@@ -166,21 +165,8 @@ def _evaluated(
 ) -> tuple[ComplexArray, ComplexArray]:
     """Values (F,) and derivatives (F, P) at given parameters; P is 0 for a fixed response."""
     if isinstance(of, FactoredRational):
-        return of.response(vector, omega), of.slopes(vector, omega)
+        return of.values(vector, omega)
     return of, np.zeros((omega.size, 0), dtype=complex)
-
-
-def _norm(values: ComplexArray, slopes: ComplexArray, power: int) -> tuple[RealArray, RealArray]:
-    """p-norms (F,) over the plants of complex values (F, N), and their derivatives (F, P).
-
-    ``slopes`` (F, N, P) are the derivatives of the values.
-    """
-    size = np.maximum(np.abs(values), np.finfo(float).tiny)
-    most = size.max(axis=1, keepdims=True)
-    share = size / most
-    norm = (share**power).sum(axis=1, keepdims=True) ** (1 / power)
-    weight = (share / norm) ** (power - 1) * values.conj() / size
-    return (most * norm)[:, 0], np.einsum("fn,fnp->fp", weight, slopes).real
 
 
 def outermost(points: ComplexArray) -> ComplexArray:
